@@ -30,8 +30,8 @@ from signorini_fx.results.certificate.certificate import Certificate, judged
 from signorini_fx.results.certificate.contact_nodes import ContactSide
 from signorini_fx.results.certificate.equilibrium import Balance
 from signorini_fx.results.certificate.promised_law import Law, PreviousStep, Tractions
-from signorini_fx.results.certificate.sliding_claim import SlidingClaim, sliding_claim
-from signorini_fx.results.certificate.sliding_claim_in_space import sliding_claim_in_space
+from signorini_fx.results.certificate.sliding_claim import SlidingClaim
+from signorini_fx.results.certificate.sliding_claim_in_space import SpaceSlidingClaim
 from signorini_fx.results.certificate.supports import PrescribedNodes
 from signorini_fx.results.certificate.surface_quadrature import SurfaceQuadrature
 from signorini_fx.results.mechanics import SolidBody
@@ -153,9 +153,9 @@ def mechanics_at(
         points = sides.points, sides.unable, sides.held, sides.reach
         facets, factor = (linear.forms.facets[number], linear.forms.masters[number]), data[number].shape.factor
         surfaces = sides.slave.surface, sides.master.surface
-        claim = sliding_claim if dim == 2 else sliding_claim_in_space
+        kind = SlidingClaim if dim == 2 else SpaceSlidingClaim
         allowed = linear.contact[number].reach
-        claims[number] = claim(space, surfaces, points, facets, ends, factor, allowed, pair.certified)
+        claims[number] = kind.of(space, surfaces, points, facets, ends, factor, allowed, pair.certified)
     forces = residual.reshape(-1, dim)
     nothing = np.zeros_like(forces)
     known = nothing if lost is None else lost.reshape(-1, dim)

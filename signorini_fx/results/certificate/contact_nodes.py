@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
@@ -71,7 +72,7 @@ class ContactNodes:
         spread: of each contact boundary, how its test functions meet the shape functions, ``NodalForces.products``,
             None for a pair; None where points do not average.
         counts: number of points of each contact boundary.
-        claims: of each contact boundary, see ``ContactSide``; None where all foundations are rigid.
+        claims: of the pairs of bodies, by the numbers of their contact boundaries, see ``ContactSide``.
         boundaries: all of them, see ``SurfaceQuadrature.facets``.
         across: e, the unit vector across which friction has a ratio to that along, shape (n, d); None: it has none.
         ratio: r, of the friction along e, shape (n,).
@@ -88,7 +89,7 @@ class ContactNodes:
     shear: Nodal
     spread: list[Any] | None
     counts: list[int]
-    claims: list[Claim | SlidingClaim | None] | None = None
+    claims: Mapping[int, Claim | SlidingClaim] = field(default_factory=dict)
     boundaries: tuple[Any, ...] = ()
     across: Nodal | None = None
     ratio: Nodal | None = None
@@ -164,7 +165,7 @@ class ContactNodes:
         nodes, *remaining = (np.concatenate(column) for column in zip(*columns, strict=True))
         weight, normal, gap, bound, bilateral, pressure, shear = remaining
         held = spread or None
-        claims = [side.claim for side in sides] if any(side.claim is not None for side in sides) else None
+        claims = {number: side.claim for number, side in enumerate(sides) if side.claim is not None}
         boundaries = tuple(side.boundary for side in sides)
         contact_nodes = cls(
             forces, nodes, weight, normal, gap, bound, bilateral, pressure, shear, held, counts, claims, boundaries
@@ -202,7 +203,7 @@ class ContactNodes:
         the latter as a vector, shape (n, d).
         """
         relative = self._at(displacements)
-        for claim, part in self._paired():
+        for claim, part in self._paired:
             relative[part] = claim.relative(displacements[: self.evaluation.owned])
         for motion in rigid:
             points = self.part(*motion.body.parts)
@@ -232,7 +233,7 @@ class ContactNodes:
             of_node: the piece that each owned node is in.
         """
         opposite = np.full(self.nodes.size, -1, dtype=np.int64)
-        for claim, part in self._paired():
+        for claim, part in self._paired:
             opposite[part] = claim.on_other_side(of_node)
         return of_node[self.nodes], opposite
 
@@ -269,7 +270,7 @@ class ContactNodes:
         rigid foundation, length, shape (n,), from displacements of shape (owned nodes, d).
         """
         magnitudes = np.zeros(self.nodes.size)
-        for claim, part in self._paired():
+        for claim, part in self._paired:
             magnitudes[part] = np.linalg.norm(claim.terms(owned), axis=1)
         return magnitudes
 
@@ -278,7 +279,7 @@ class ContactNodes:
         (m, d), and the area that a node stands for, shape (m,); a node of two boundaries is there twice.
         """
         traction = self.traction
-        groups = [claim.forces(traction[part], self.evaluation.owned) for claim, part in self._paired()]
+        groups = [claim.forces(traction[part], self.evaluation.owned) for claim, part in self._paired]
         if self.spread is None:
             alone = self._of_one_body()
             groups.append((self.nodes[alone], (self.weight[:, None] * traction)[alone], self.weight[alone]))
@@ -330,7 +331,7 @@ class ContactNodes:
         movable = (
             supports.left(vectors, self.nodes) if self.spread is None else vectors * self._any_of(supports.movable())
         )
-        for claim, part in self._paired():
+        for claim, part in self._paired:
             movable[part] = vectors[part] * claim.moved(supports.movable())
         return movable
 
@@ -341,7 +342,7 @@ class ContactNodes:
             supports: what is prescribed.
             y: displacements of the owned nodes relative to the largest one, shape (owned nodes, d).
         """
-        if self.claims is None:
+        if not self.claims:
             return 0.0
         from signorini_fx.results.certificate.paired_sides import defect, not_held, not_integrated
         from signorini_fx.results.certificate.sliding_claim import SlidingClaim
@@ -357,33 +358,32 @@ class ContactNodes:
                 not_held(claim, held, y),
                 not_integrated(claim, self.evaluation, held, self._others(number)),
             )
-            for number, claim in enumerate(self.claims)
-            if claim is not None
+            for number, claim in self.claims.items()
         )
 
     def _others(self, number: int) -> list[npt.NDArray[np.int32]]:
         """The facets of contacts that own a node which they share with a pair: rigid foundations, and pairs before."""
-        assert self.claims is not None
-        first = [k for k, claim in enumerate(self.claims) if claim is None or k < number]
-        return [self.evaluation.facets(self.boundaries[k]) for k in first if k != number]
+        first = [k for k in range(len(self.boundaries)) if k < number or (k > number and k not in self.claims)]
+        return [self.evaluation.facets(self.boundaries[k]) for k in first]
 
     @property
     def shear_across(self) -> Nodal:
         """The shear across planes of symmetry, of which there is none, stress, shape (n, d)."""
         across = np.zeros_like(self.shear)
-        for claim, part in self._paired():
+        for claim, part in self._paired:
             across[part] = np.einsum("nij,nj->ni", claim.across, self.shear[part])
         return across
 
+    @cached_property
     def _paired(self) -> list[tuple[Claim | SlidingClaim, slice]]:
         """The pairs of bodies, and which points are theirs."""
-        listed = zip(self.claims or [], self.parts(), strict=False)
-        return [(claim, part) for claim, part in listed if claim is not None]
+        parts = self.parts()
+        return [(claim, parts[number]) for number, claim in self.claims.items()]
 
     def _of_one_body(self) -> npt.NDArray[np.bool_]:
         """The points on a rigid foundation, shape (n,)."""
         on_rigid = np.ones(self.nodes.size, dtype=bool)
-        for _, part in self._paired():
+        for _, part in self._paired:
             on_rigid[part] = False
         return on_rigid
 

@@ -16,7 +16,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -463,6 +463,45 @@ class SlidingClaim:
     nominal: bool = False
     followed: None = None
     displaced: ClassVar[bool] = True
+    kind_of_chain: ClassVar[type[Chain]] = Chain
+
+    @classmethod
+    def of(
+        cls,
+        space: fem.FunctionSpace,
+        sides: tuple[PairSurface, PairSurface],
+        points: tuple[Numbers, npt.NDArray[np.bool_], HeldSides, float],
+        facets: tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]],
+        ends: tuple[fem.Function, fem.Function | None],
+        factor: Array | None,
+        allowed: float | None,
+        memory: PairMemory,
+    ) -> Self:
+        """The second opinion on a pair; collective.
+
+        Args:
+            space: of the displacement.
+            sides: slave and master.
+            points: nodes of the slave with points, those that cannot carry one, those of both sides that supports hold,
+                and the reach.
+            facets: of both sides, owned, local numbers.
+            ends: displacements now and at the beginning of the step; None: none.
+            factor: by what the problem says that areas are multiplied, at all nodes of this rank, shape (nodes,); None:
+                1.
+            allowed: the reach that the problem names, length; None: the usual one.
+            memory: see ``SlidingClaim``.
+        """
+        chains = cls.kind_of_chain.of(space, facets[0], factor), cls.kind_of_chain.of(space, facets[1])
+        surface = replace(sides[0], measure=None if factor is None else chains[0].measure)
+        names, dim = np.concatenate([chain.nodes for chain in chains]), space.mesh.geometry.dim
+        owned = space.dofmap.index_map.size_local
+        now, begun = (
+            np.zeros((names.size, dim))
+            if function is None
+            else from_owners(function.x.array.reshape(-1, dim)[:owned], names, space.mesh.comm)
+            for function in ends
+        )
+        return cls(space, surface, sides[1], chains, *points, *facets, (now, begun), allowed, memory)
 
     @property
     def comm(self) -> MPI.Comm:
@@ -503,11 +542,11 @@ class SlidingClaim:
 
     @property
     def across(self) -> Array:
-        """Projectors onto the directions across planes of symmetry at the points, in which nothing slides, shape (n, 2,
-        2).
+        """Projectors onto the directions across planes of symmetry at the points, in which nothing slides, shape (n, d,
+        d).
         """
         if self.surface.across is None:
-            return np.zeros((self._mine.size, 2, 2))
+            return np.zeros((self._mine.size, *2 * self.surface.x.shape[1:]))
         return np.asarray(self.surface.across[self.carriers[self._mine]])
 
     def in_planes(self, nodes: Numbers, vectors: Array) -> Array:
@@ -942,52 +981,3 @@ def _rings(chain: Chain, facets: Numbers, places: Array, areas: Array) -> Array:
     sums = np.zeros(chain.nodes.size)
     np.add.at(sums, chain.facets[facets], areas[:, None] * np.abs(_hats(places, chain.width)))
     return sums
-
-
-def at_ends(
-    space: fem.FunctionSpace, both: tuple[Chain, Chain], ends: tuple[fem.Function, fem.Function | None]
-) -> tuple[Array, Array]:
-    """Displacements at the nodes of both sides, those of the slave first, lengths, shapes (m, d); collective.
-
-    Args:
-        space: of the displacement.
-        both: the sides.
-        ends: displacements now and at the beginning of the step; None: none.
-    """
-    names, dim = np.concatenate([chain.nodes for chain in both]), space.mesh.geometry.dim
-    owned = space.dofmap.index_map.size_local
-    now, begun = (
-        np.zeros((names.size, dim))
-        if function is None
-        else from_owners(function.x.array.reshape(-1, dim)[:owned], names, space.mesh.comm)
-        for function in ends
-    )
-    return now, begun
-
-
-def sliding_claim(
-    space: fem.FunctionSpace,
-    sides: tuple[PairSurface, PairSurface],
-    points: tuple[Numbers, npt.NDArray[np.bool_], HeldSides, float],
-    facets: tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]],
-    ends: tuple[fem.Function, fem.Function | None],
-    factor: Array | None,
-    allowed: float | None,
-    memory: PairMemory,
-) -> SlidingClaim:
-    """The second opinion on a pair; collective.
-
-    Args:
-        space: of the displacement.
-        sides: slave and master.
-        points: nodes of the slave with points, those that cannot carry one, those of both sides that supports hold, and
-            the reach.
-        facets: of both sides, owned, local numbers.
-        ends: displacements now and at the beginning of the step; None: none.
-        factor: by what the problem says that areas are multiplied, at all nodes of this rank, shape (nodes,); None: 1.
-        allowed: the reach that the problem names, length; None: the usual one.
-        memory: see ``SlidingClaim``.
-    """
-    both = Chain.of(space, facets[0], factor), Chain.of(space, facets[1])
-    surface = replace(sides[0], measure=None if factor is None else both[0].measure)
-    return SlidingClaim(space, surface, sides[1], both, *points, *facets, at_ends(space, both, ends), allowed, memory)

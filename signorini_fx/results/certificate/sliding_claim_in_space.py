@@ -13,9 +13,9 @@ What the solver says of the undeformed sides is tried by ``undeformed_sides``.  
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -27,8 +27,6 @@ from scipy.spatial.transform import Rotation
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.averages import from_owners
 from signorini_fx.mechanics.assembly.mesh_entities import facet_entities, node_positions
-from signorini_fx.mechanics.pairs.dual_functions import HeldSides
-from signorini_fx.mechanics.pairs.pair_side import PairSurface
 from signorini_fx.results.certificate.common_polygons import (
     common_polygons,
     near_lines,
@@ -40,11 +38,9 @@ from signorini_fx.results.certificate.sliding_claim import (
     POINTS_OF_AREAS,
     Chain,
     LookedAt,
-    PairMemory,
     Rays,
     SeenSides,
     SlidingClaim,
-    at_ends,
 )
 from signorini_fx.results.certificate.taken_functions import times_rows
 from signorini_fx.tuned import COMPLEX_STEP, FACING_SIDES, NO_PART, SAME_LENGTH, SAME_PLACE_IN_CELL
@@ -259,19 +255,14 @@ def _seen_from_facets(
 class SpaceSlidingClaim(SlidingClaim):
     """A pair of sides in space as the certificate sees it, see ``SlidingClaim``."""
 
+    kind_of_chain: ClassVar[type[Chain]] = Sheet
+
     @cached_property
     def _sheets(self) -> tuple[Sheet, Sheet]:
         slave, master = self.chains
         assert isinstance(slave, Sheet)
         assert isinstance(master, Sheet)
         return slave, master
-
-    @property
-    def across(self) -> Array:
-        """See ``SlidingClaim``, shape (n, 3, 3)."""
-        if self.surface.across is None:
-            return np.zeros((self._mine.size, 3, 3))
-        return np.asarray(self.surface.across[self.carriers[self._mine]])
 
     def relative(self, owned: Array) -> Array:
         """See ``SlidingClaim``, from displacements of shape (owned nodes, 3), shape (n, 3)."""
@@ -545,32 +536,3 @@ def _rotations_of(arms: Array, undeformed: Array, areas: Array, row: Numbers, co
         matrix[:, k, 3] = matrix[:, 3, k] = moments[:, (k + 2) % 3, (k + 1) % 3] - moments[:, (k + 1) % 3, (k + 2) % 3]
     matrix[:, 3, 3] = trace
     return Rotation.from_quat(np.linalg.eigh(matrix)[1][..., -1])
-
-
-def sliding_claim_in_space(
-    space: fem.FunctionSpace,
-    sides: tuple[PairSurface, PairSurface],
-    points: tuple[Numbers, npt.NDArray[np.bool_], HeldSides, float],
-    facets: tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]],
-    ends: tuple[fem.Function, fem.Function | None],
-    factor: Array | None,
-    allowed: float | None,
-    memory: PairMemory,
-) -> SpaceSlidingClaim:
-    """The second opinion on a pair in space; collective.
-
-    Args:
-        space: of the displacement.
-        sides: slave and master.
-        points: nodes of the slave with points, those that cannot carry one, those of both sides that supports hold, and
-            the reach.
-        facets: of both sides, owned, local numbers.
-        ends: displacements now and at the beginning of the step; None: none.
-        factor: by what the problem says that areas are multiplied, at all nodes of this rank, shape (nodes,); None: 1.
-        allowed: the reach that the problem names, length; None: the usual one.
-        memory: see ``SlidingClaim``.
-    """
-    sheets = Sheet.of(space, facets[0], factor), Sheet.of(space, facets[1])
-    surface = replace(sides[0], measure=None if factor is None else sheets[0].measure)
-    displacements = at_ends(space, sheets, ends)
-    return SpaceSlidingClaim(space, surface, sides[1], sheets, *points, *facets, displacements, allowed, memory)
