@@ -31,6 +31,7 @@ from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.rigid.mesh_levels import MeshLevel
 from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodyMotion
+from signorini_fx.mechanics.statement.changes import changed
 from signorini_fx.mechanics.statement.effect import Force, InitialStrain
 from signorini_fx.mechanics.statement.expressions import sample
 from signorini_fx.mechanics.statement.statement import Statement
@@ -38,7 +39,6 @@ from signorini_fx.records import History, Status, Timings
 from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.results.certificate.promised_law import Law, Tractions
 from signorini_fx.results.mechanics import StatedBody
-from signorini_fx.scenes.changes import changed
 from signorini_fx.scenes.hierarchy import coarser_scenes
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import as_scene, parse_scene

@@ -9,10 +9,10 @@ from pydantic import BaseModel
 
 from signorini_fx.errors import SceneError
 from signorini_fx.mechanics.laws.protocol import FrictionLaw
+from signorini_fx.mechanics.statement.changes import PATH, way_of
 from signorini_fx.mechanics.statement.effect import Load, Resistance, is_zero
 from signorini_fx.mechanics.statement.expressions import Expression
 from signorini_fx.mechanics.statement.statement import Statement
-from signorini_fx.scenes.changes import PATH, PATH_PART
 from signorini_fx.tuned import DIFFERENCE_STEP
 
 _EXAMPLE = "such as contact[0].friction.coefficient, material[0].young, or traction[0], a load as a whole"
@@ -92,7 +92,7 @@ def load_of(statement: Statement, path: str) -> Load | None:
 def _way(path: str) -> list[str | int]:
     if not PATH.fullmatch(path):
         raise SceneError([(path, f"is no path of an entry, {_EXAMPLE}")])
-    return [int(number) if number else name for name, number in PATH_PART.findall(path)]
+    return way_of(path)
 
 
 def _single_entry(value: Any, key: str | int) -> Any:

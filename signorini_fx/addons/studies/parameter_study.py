@@ -16,10 +16,10 @@ import numpy as np
 
 from signorini_fx.errors import SceneError
 from signorini_fx.machine.csv_text import write_csv
+from signorini_fx.mechanics.statement.changes import Changes, parsed_change
 from signorini_fx.mechanics.statement.units import labelled
 from signorini_fx.records import Status
 from signorini_fx.results.solution import Solution
-from signorini_fx.scenes.changes import Changes, parsed_change
 from signorini_fx.tuned import ZERO_IN_SOLUTION
 
 # The figures of a row.

@@ -12,7 +12,7 @@ from signorini_fx import __version__
 from signorini_fx.errors import shortened
 from signorini_fx.machine import terminal
 from signorini_fx.machine.launcher import started_as_root
-from signorini_fx.scenes.changes import parsed_change
+from signorini_fx.mechanics.statement.changes import parsed_change
 from signorini_fx.scenes.cli.exit_codes import EXIT_BAD_INPUT
 
 # Mesh files that are read.

@@ -14,7 +14,7 @@ from signorini_fx.errors import SceneError
 # Path of an entry, as messages name it -> its value.
 Changes = Mapping[str, Any]
 PATH = re.compile(r"[A-Za-z_]\w*(\[\d{1,9}\])?(\.[A-Za-z_]\w*(\[\d{1,9}\])?)*")
-PATH_PART = re.compile(r"([A-Za-z_]\w*)|\[(\d+)\]")
+_PATH_PART = re.compile(r"([A-Za-z_]\w*)|\[(\d+)\]")
 
 
 def parsed_change(text: str) -> tuple[str, Any]:
@@ -33,6 +33,11 @@ def parsed_change(text: str) -> tuple[str, Any]:
         return path, value_text.strip()
 
 
+def way_of(path: str) -> list[str | int]:
+    """The keys and numbers in lists that a path leads through."""
+    return [int(number) if number else name for name, number in _PATH_PART.findall(path)]
+
+
 def changed(data: Any, changes: Changes) -> Any:
     """A scene as plain data, or a ``Scene``, of which plain data are made on the way, with other entries; tables on the
     way that it does not have are made.
@@ -41,8 +46,7 @@ def changed(data: Any, changes: Changes) -> Any:
         SceneError: a path leads through an entry that is no table, or to a place that a list does not have.
     """
     for path, value in changes.items():
-        way: list[str | int] = [int(number) if number else name for name, number in PATH_PART.findall(path)]
-        data = _with(data, way, value, "")
+        data = _with(data, way_of(path), value, "")
     return data
 
 
