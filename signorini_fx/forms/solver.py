@@ -384,9 +384,9 @@ class FormSolver:
         last, modulus = self._last_modulus
         if parallel.any_rank(self.space.mesh.comm, fingerprint != last):
             if law is None or forms.weighted:
-                measures = (getattr(contact, "measure", None) for contact in forms.contact)
-                measure = next((measure for measure in measures if measure is not None), None)
-                modulus = modulus_of_energy(self._bilinear_form(), self.space, measure)
+                measures = {getattr(contact, "measure", None) for contact in forms.contact} - {None}
+                alone = len(measures) < 2  # of several none is known to be that of the energy
+                modulus = modulus_of_energy(self._bilinear_form(), self.space, *measures) if alone else None
             else:
                 modulus = natural_modulus(law, self.space)
             self._last_modulus = fingerprint, modulus

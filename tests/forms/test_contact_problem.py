@@ -565,6 +565,23 @@ def test_compiled_forms_need_a_function():
     assert u.x.array == pytest.approx(expected, abs=1e-13)
 
 
+@pytest.mark.parametrize("second", [2.0, 5.0])
+def test_the_unit_of_gamma_has_no_first_foundation(second):
+    """Where foundations have different measures none of them tells Young's modulus; it is known where all have one."""
+    block = Block()
+    wall, x = forms.side(block.mesh, 0, 3.0), ufl.SpatialCoordinate(block.mesh)[0]
+    y, z = ufl.TrialFunction(block.V), ufl.TestFunction(block.V)
+    a = (2.0 + x) * 1000.0 * ufl.inner(ufl.sym(ufl.grad(y)), ufl.sym(ufl.grad(z))) * ufl.dx
+    ends = [Foundation(block.bottom, measure=2.0 + x), Foundation(wall, gap=1.0, measure=second + x)]
+    moduli = []
+    for contact in (ends, ends[::-1]):
+        problem = ContactProblem(a, block.L, block.bcs, contact)
+        problem.solve()
+        moduli.append(problem.assembled.scales.modulus)
+    assert moduli[0] == pytest.approx(moduli[1], rel=1e-12)
+    assert (moduli[0] == pytest.approx(1000.0, rel=1e-12)) is (second == 2.0)
+
+
 @pytest.mark.parametrize("weight", [None, 2 * np.pi], ids=["plain", "weighted"])
 def test_the_modulus_of_forms_is_that_of_their_energy(weight):
     """Without a stress gamma is in units of Young's modulus of the stiffest cell, as that of scenes is."""
