@@ -528,7 +528,7 @@ def test_fixed_distances_turn_with_both_sides(dim, part):
     scene.move(*[0.0] * dim)
     (pair,) = scene.problem.linear.pairs.values()
     # Planes of symmetry do not turn.
-    sides = [replace(side.surface, across=None) for side in (pair.sides.slave, pair.sides.master)]
+    sides = [replace(side.surface, across=0.0 * side.surface.across) for side in (pair.sides.slave, pair.sides.master)]
     found, held, turn = [], pair.sides.held, turn_of(0.7, dim)
     for rotation in (np.eye(dim), turn):
         moved = [side.displaced(side.x @ rotation.T - side.x) for side in sides]

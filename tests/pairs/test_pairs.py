@@ -140,7 +140,7 @@ def test_parallelograms_and_other_quadrilaterals():
     wanted /= wanted.sum(axis=1, keepdims=True)
     np.testing.assert_allclose(found.master.toarray(), wanted[found.nodes], rtol=0, atol=1e-13)
     for moved in (0, 1):  # a node of one side in its plane: the facets around it are parallelograms no more
-        sides = [PairSurface(one.nodes, one.x.copy(), one.functions, one.sign) for one in (slave, master)]
+        sides = [PairSurface(one.nodes, one.x.copy(), one.functions, one.sign, one.across) for one in (slave, master)]
         middle = np.linalg.norm(sides[moved].x - sides[moved].x.mean(axis=0), axis=1).argmin()
         sides[moved].x[middle, 2] += 0.02
         assert space_overlap(*sides, 1.0, np.arange(16)).at.shape[1] == 33

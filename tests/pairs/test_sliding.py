@@ -14,7 +14,7 @@ def chain(x, sign, degree=1):
     first = np.arange(0, len(x) - degree, degree)
     nodes = np.column_stack((first, first + degree, first + 1))[:, : degree + 1]
     places = np.array([[0.0], [1.0], [0.5]])[: degree + 1]
-    return PairSurface(nodes, x, Lagrange(places), np.full(len(nodes), sign))
+    return PairSurface(nodes, x, Lagrange(places), np.full(len(nodes), sign), np.zeros((len(x), 2, 2)))
 
 
 class Dent:

@@ -26,7 +26,7 @@ def sheet(kind, counts, low, high, up):
     if kind == "triangle":
         nodes = np.concatenate((nodes[:, [0, 1, 3]], nodes[:, [0, 3, 2]]))
         sign = np.concatenate((sign, sign))
-    return PairSurface(nodes, x, Lagrange(PLACES[: nodes.shape[1]]), sign)
+    return PairSurface(nodes, x, Lagrange(PLACES[: nodes.shape[1]]), sign, np.zeros((len(x), 3, 3)))
 
 
 class Dent:

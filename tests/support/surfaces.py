@@ -16,7 +16,7 @@ def curve(element, count, place, outward):
     first = degree * np.arange(count)
     nodes = first[:, None] + ([0, 1] if degree == 1 else [0, 2, 1])
     places = np.array([[0.0], [1.0], [0.5]][: degree + 1])
-    return _outward(PairSurface(nodes, x, Lagrange(places), np.ones(count)), outward)
+    return _outward(PairSurface(nodes, x, Lagrange(places), np.ones(count), np.zeros((len(x), 2, 2))), outward)
 
 
 def grid(x, y, cells, z=0.0):
@@ -64,7 +64,7 @@ def sheet(element, counts, place, outward, shift=0.0, bent=False):
         for at in squares
     ]
     nodes = np.concatenate(nodes)
-    return _outward(PairSurface(nodes, x, Lagrange(places), np.ones(len(nodes))), outward)
+    return _outward(PairSurface(nodes, x, Lagrange(places), np.ones(len(nodes)), np.zeros((len(x), 3, 3))), outward)
 
 
 def _outward(surface, outward):
@@ -73,7 +73,7 @@ def _outward(surface, outward):
     every = np.arange(len(surface.nodes))
     normals = surface.normals(every, np.tile(middle, (len(every), 1, 1)))[:, 0]
     sign = np.sign(normals @ np.asarray(outward, dtype=float))
-    return PairSurface(surface.nodes, surface.x, surface.functions, sign)
+    return PairSurface(surface.nodes, surface.x, surface.functions, sign, surface.across)
 
 
 def both(element, other, curved, counts=(5, 7), overhang=0.0, dimension=2, bent=False):

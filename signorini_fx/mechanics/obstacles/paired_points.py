@@ -88,7 +88,8 @@ class PairedSide:
         names, positions, signs = (parallel.gather_rows(mesh.comm, rows) for rows in (names, positions, sign))
         nodes, first, numbers = np.unique(names, return_index=True, return_inverse=True)
         x = np.array(positions.reshape(-1, dim)[first], dtype=np.float64)
-        surface = PairSurface(numbers.reshape(names.shape).astype(np.int64), x, Lagrange(places), signs)
+        none = np.zeros((len(x), dim, dim))
+        surface = PairSurface(numbers.reshape(names.shape).astype(np.int64), x, Lagrange(places), signs, none)
         return cls(surface, nodes.astype(np.int64), facets)
 
 
@@ -320,7 +321,6 @@ class PairedSides:
     @property
     def across(self) -> Array:
         """Projectors onto the directions across planes of symmetry at the points, shape (n, d, d)."""
-        assert self.slave.surface.across is not None
         return np.asarray(self.slave.surface.across[self.coupling.nodes])
 
     @property
@@ -329,7 +329,6 @@ class PairedSides:
         planes = dict[int, Array]()
         for side in (self.slave, self.master):
             across = side.surface.across
-            assert across is not None
             planes |= {int(side.nodes[k]): across[k] for k in np.flatnonzero(across.any(axis=(1, 2)))}
         return planes
 

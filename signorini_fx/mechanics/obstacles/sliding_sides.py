@@ -171,9 +171,7 @@ class SlidingSides:
     @cached_property
     def across(self) -> Array:
         """Projectors onto the directions across planes of symmetry at the points, shape (n, d, d)."""
-        planes = self.slave.surface.across
-        assert planes is not None
-        return np.asarray(planes[self.points])
+        return np.asarray(self.slave.surface.across[self.points])
 
     def _sliding(self, coupling: SlidingCoupling) -> Array:
         """Tangents without what they have across planes of symmetry, as nothing slides there, shape (n, d, d - 1)."""

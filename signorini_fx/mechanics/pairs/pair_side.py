@@ -132,8 +132,7 @@ class PairSurface:
         x: positions of all nodes, length, shape (N, d).
         functions: of each facet.
         sign: +1 where the outward normal is (dx/ds x dx/dt), in the plane dx/ds turned clockwise; else -1, shape (f,).
-        across: projectors onto the directions across planes of symmetry at all nodes, shape (N, d, d); None: there are
-            none.
+        across: projectors onto the directions across planes of symmetry at all nodes, shape (N, d, d).
         measure: by what areas are multiplied, at all nodes, between which it is interpolated, shape (N,); None: 1.
         undeformed: positions of all nodes of which areas are, where ``x`` are those of a deformed body, length, shape
             (N, d); None: those of ``x``.
@@ -145,7 +144,7 @@ class PairSurface:
     x: Array
     functions: Lagrange
     sign: Array
-    across: Array | None = None
+    across: Array
     measure: Array | None = None
     undeformed: Array | None = None
     of_nodes: dict[str, Any] = field(default_factory=dict, repr=False, compare=False)
@@ -278,8 +277,7 @@ class PairSurface:
         """Vectors at some nodes, shape (m, d), without what they have across planes of symmetry, and of length one;
         zero where they are.
         """
-        if self.across is not None:
-            vectors = vectors - np.einsum("nij,nj->ni", self.across[nodes], vectors)
+        vectors = vectors - np.einsum("nij,nj->ni", self.across[nodes], vectors)
         size = np.linalg.norm(vectors, axis=1, keepdims=True)
         return np.divide(vectors, size, out=np.zeros_like(vectors), where=size > 0)
 

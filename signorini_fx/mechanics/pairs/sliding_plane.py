@@ -336,8 +336,8 @@ def _turned_by_facets(side: PairSurface) -> Array:
     facing = side.normals(facets, np.broadcast_to(at, (len(facets), *at.shape)))
     np.add.at(moments, side.nodes, np.einsum("qk,fqd->fkd", functions, facing))
     size = np.linalg.norm(moments, axis=1)
-    held = np.zeros(len(size), dtype=bool) if side.across is None else side.across.any(axis=(1, 2))
-    factor = np.divide(-1.0, size, out=np.zeros_like(size), where=(size > 0) & ~held)[side.nodes] * side.sign[:, None]
+    turns = (size > 0) & ~side.across.any(axis=(1, 2))
+    factor = np.divide(-1.0, size, out=np.zeros_like(size), where=turns)[side.nodes] * side.sign[:, None]
     angles = np.asarray((factor[:, :, None] * products)[..., None] * normals[side.nodes][:, :, None])
     side.of_places["turned_by_facets"] = angles
     return angles

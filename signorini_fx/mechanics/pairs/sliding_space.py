@@ -440,9 +440,7 @@ def turned_normals_in_space(side: PairSurface) -> sp.csr_array:
     sums = np.zeros((count, 3))
     normal = np.cross(along[0], along[1]) * side.sign[:, None, None]
     np.add.at(sums, side.nodes, np.einsum("qk,fqd->fkd", values, normal))
-    within = np.tile(np.eye(3), (count, 1, 1))
-    if side.across is not None:
-        within = within - side.across
+    within = np.eye(3) - side.across
     size = np.linalg.norm(np.einsum("nij,nj->ni", within, sums), axis=1)
     inverse = np.divide(1.0, size, out=np.zeros(count), where=size > 0)
     normals = side.nodal_normals

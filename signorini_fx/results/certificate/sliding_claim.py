@@ -545,8 +545,6 @@ class SlidingClaim:
         """Projectors onto the directions across planes of symmetry at the points, in which nothing slides, shape (n, d,
         d).
         """
-        if self.surface.across is None:
-            return np.zeros((self._mine.size, *2 * self.surface.x.shape[1:]))
         return np.asarray(self.surface.across[self.carriers[self._mine]])
 
     def in_planes(self, nodes: Numbers, vectors: Array) -> Array:
@@ -636,8 +634,6 @@ class SlidingClaim:
     @property
     def _in_plane(self) -> npt.NDArray[np.bool_]:
         """Which nodes of the slave are in planes of symmetry, shape (N,)."""
-        if self.surface.across is None:
-            return np.zeros(self.chains[0].nodes.size, dtype=bool)
         return np.asarray(self.surface.across.any(axis=(1, 2)))
 
     @property
@@ -697,10 +693,8 @@ class SlidingClaim:
         count = slave.nodes.size
         x, y = slave.x + values[:count], master.x + values[count:]
         side = surface.displaced(values[:count])
-        own_normals = slave.normals(x)
+        own_normals = side.in_planes(slave.normals(x), np.arange(count))
         other_normals = self.other_surface.in_planes(master.normals(y), np.arange(len(y)))
-        if surface.across is not None:
-            own_normals = side.in_planes(own_normals, np.arange(count))
         ways, rays = own_normals, Rays.none()
         partners: tuple[Numbers, Numbers] = rays.facet, rays.over
         for turn in range(2):

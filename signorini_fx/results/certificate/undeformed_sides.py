@@ -197,16 +197,15 @@ def error_of_sides(claim: SlidingClaim, held: Array, supports: PrescribedNodes, 
     for k, (side, surface, flags) in enumerate(
         zip(sides, (claim.surface, claim.other_surface), (claim.held.slave, claim.held.master), strict=True)
     ):
-        across: Array = np.zeros_like(side.loose) if surface.across is None else surface.across
         in_order = sides if k == 0 else sides[::-1]
         required, allowed = (
             planes_of_symmetry(in_order, components if k == 0 else components[::-1], radial)
             for components, radial in ((rests, (at_slave, at_master)[k]), (fixed, (at_slave, perhaps)[k]))
         )
-        planes = np.einsum("nii->ni", across) > 0.5
+        planes = np.einsum("nii->ni", surface.across) > 0.5
         agreements.append(bool((planes | ~required).all() and (allowed | ~planes).all()))
-        worst = max(worst, float(np.max(np.abs(across - planes[:, :, None] * np.eye(planes.shape[1])))))
-        agreements.append(np.array_equal(flags, side.held(across)))
+        worst = max(worst, float(np.max(np.abs(surface.across - planes[:, :, None] * np.eye(planes.shape[1])))))
+        agreements.append(np.array_equal(flags, side.held(surface.across)))
         if loose is not None:
             worst = max(worst, float(np.max(np.abs(loose[k] - side.loose))))
     return parallel.global_max(claim.comm, worst if all(agreements) else max(1.0, worst))
