@@ -56,7 +56,7 @@ def cellwise_stiffness(statement: Statement, tagged: TaggedMesh) -> CellwiseStif
     """
     if all(material.isotropic for material in statement.material):
         return None
-    kinematics, plane = statement.kinematics_in(tagged.dimension), statement.material[0].hypothesis == "plane stress"
+    kinematics = statement.kinematics_in(tagged.dimension)
     columns, rows = (list(map(PAIRS.index, pairs)) for pairs in (kinematics.pairs, kinematics.stressed))
     across = [k for k in range(len(PAIRS)) if k not in columns]
     moduli, free = (
@@ -95,7 +95,7 @@ def cellwise_stiffness(statement: Statement, tagged: TaggedMesh) -> CellwiseStif
             continue
         stress = turned @ (material.stiffness[:, :3] @ np.array(material.free_strain))
         stiffness, free_stress = whole[:, rows][:, :, columns], stress[:, rows]
-        if plane:
+        if kinematics.directions == 2:
             stiffness = np.linalg.inv(np.linalg.inv(whole)[:, rows][:, :, columns])
             held = whole[:, rows][:, :, across] @ np.linalg.inv(whole[:, across][:, :, across])
             free_stress = free_stress - np.einsum("nij,nj->ni", held, stress[:, across])
