@@ -49,20 +49,22 @@ class StatesOnPath:
     """
 
     forces: NonlinearForces
-    _path: tuple[fem.Function, ...] = ()
+    _path: tuple[tuple[fem.Function, float], ...] = ()
     _states: Mapping[int, Array] | None = None
 
-    def after(self, path: Sequence[fem.Function]) -> Mapping[int, Array]:
+    def after(self, path: Sequence[tuple[fem.Function, float]]) -> Mapping[int, Array]:
         """Those at the end of load steps.
 
         Args:
-            path: the displacements of all of them, the first one first; none: before the first one.
+            path: the displacements of all of them, the first one first, with their places in the lists of factors;
+                none: before the first one.
         """
         count = len(self._path)
-        if self._states is None or count > len(path) or any(a is not b for a, b in zip(self._path, path, strict=False)):
+        pairs = zip(self._path, path, strict=False)
+        if self._states is None or count > len(path) or any(a is not b for (a, _), (b, _) in pairs):
             count, self._states = 0, self.forces.unstrained()
-        for displacement in path[count:]:
-            self._states = self.forces.advanced(displacement, self._states)
+        for displacement, step in path[count:]:
+            self._states = self.forces.advanced(displacement, self._states, step)
         self._path = tuple(path)
         return self._states
 
@@ -84,16 +86,16 @@ class NonlinearStresses(RawStresses):
     plastic: Array | None = field(kw_only=True)
 
     @classmethod
-    def of(cls, model: Model, states: StatesOnPath, path: Sequence[fem.Function]) -> NonlinearStresses:
+    def of(cls, model: Model, states: StatesOnPath, path: Sequence[tuple[fem.Function, float]]) -> NonlinearStresses:
         """That at the end of a load step; collective.
 
         Args:
             model: the body.
             states: of its materials.
-            path: the displacements of the load steps up to this one.
+            path: of the load steps up to this one, see ``StatesOnPath``.
         """
-        y, forces, kinematics = path[-1], states.forces, model.statement.kinematics_in(model.tagged.dimension)
-        at_points = forces.cauchy(y, states.after(path[:-1]))
+        forces, kinematics, (y, step) = states.forces, model.statement.kinematics_in(model.tagged.dimension), path[-1]
+        at_points = forces.cauchy(y, states.after(path[:-1]), step)
         plastic = forces.plastic_strain(states.after(path))
         mesh, degree, dim = y.function_space.mesh, y.function_space.element.basix_element.degree, kinematics.dimension
         tensor = fem.Function(fem.functionspace(mesh, ("DG", degree - 1, (3, 3))), name="stress")

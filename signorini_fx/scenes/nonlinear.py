@@ -7,7 +7,7 @@ that it is at small strains.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, ClassVar
@@ -19,7 +19,7 @@ from dolfinx import fem
 
 from signorini_fx.errors import FormError, SceneError
 from signorini_fx.forms.nonlinear.at_solution import linearised_at
-from signorini_fx.forms.nonlinear.displaced_certificate import ResidualMechanics
+from signorini_fx.forms.nonlinear.displaced_certificate import DisplacementsAtPlaces, ResidualMechanics
 from signorini_fx.forms.nonlinear.moving_shapes import fitting, not_driven
 from signorini_fx.forms.nonlinear.newton import SecondOpinion
 from signorini_fx.forms.nonlinear.problem import NonlinearContactProblem
@@ -38,6 +38,7 @@ from signorini_fx.mechanics.statement.expressions import sample
 from signorini_fx.mechanics.statement.rigid_motion import COMPONENTS, Prescribed
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.records import Finding, History, Inventory, Status, Timings
+from signorini_fx.results.certificate.nodal_forces import NodalForces
 from signorini_fx.results.certificate.nonlinear_forces import NonlinearForces
 from signorini_fx.results.certificate.supports import PrescribedNodes
 from signorini_fx.results.nonlinear_stresses import NonlinearStresses, StatesOnPath
@@ -94,6 +95,8 @@ def linear_body(scene: Scene, comm: mpi4py.MPI.Comm, timings: Timings) -> Model:
     check_fits(scene.statement, tagged)
     model = prepare(at_rest(scene.statement), tagged, timings, path_step=-1)
     refuse_beforehand(model)
+    if scene.statement.finite_strains:
+        _refuse_shrunk(model)
     if model.turned is not None:
         number = next(k for k, support in enumerate(scene.statement.displacement) if support.normal is not None)
         reason = "along no axis is not possible yet with a nonlinear material: turn the mesh, or take bilateral contact"
@@ -236,10 +239,11 @@ class ProblemOfScene(NonlinearContactProblem):
             self._held, self.linear.bcs = _conditions(held)
         forces, values = np.zeros(self.model.fixed.size), np.zeros_like(self.u.x.array)
         for factor, load in self.model.applied_at(path_step):
-            forces += factor * load.forces
+            if not load.balanced:  # initial strains are in the residual
+                forces += factor * load.forces
             values += factor * load.prescribed.x.array
         self._solver.residual.loads = forces
-        self.body.pressures.move_to(path_step)
+        self.body.move_to(path_step)
         for function, dofs in self._held:
             function.x.array[:] = values[dofs]
         self._move(self.statement.placed(path_step))
@@ -361,7 +365,7 @@ class OpinionOfScene(SecondOpinion):
             for points in problem.body.points
             if points.material is material
         }
-        internal = self.anew.of_body(problem.u, states)
+        internal = self.anew.of_body(problem.u, states, problem.path_step)
         followers = self.anew.of_followers(problem.u, problem.path_step)
         return np.asarray(internal - (self.anew.external(problem.path_step) + followers)).ravel()
 
@@ -386,11 +390,12 @@ class OpinionOfScene(SecondOpinion):
             places = [entry.place if entry.holds_at(path_step) else None for entry in entries]
             return PrescribedNodes.of(anew, path_step, 1.0), places
 
-        def stresses(model: Model, path: Sequence[fem.Function]) -> NonlinearStresses:
+        def stresses(model: Model, path: DisplacementsAtPlaces) -> NonlinearStresses:
             return NonlinearStresses.of(model, self.states, path)
 
         finite = self.problem.statement.finite_strains
-        return replace(mechanics, loads=loads, supports=supports, displaced=finite, stresses=stresses)
+        says = replace(mechanics, loads=loads, supports=supports, displaced=finite, stresses=stresses)
+        return replace(says, place=problem.path_step)
 
 
 def _with_sides_of(statement: Statement, body: Statement) -> Statement:
@@ -398,6 +403,23 @@ def _with_sides_of(statement: Statement, body: Statement) -> Statement:
     sides = [{"boundary": entry.boundary, "against": entry.against} for entry in body.contact]
     contact = [entry.model_copy(update=side) for entry, side in zip(statement.contact, sides, strict=True)]
     return statement.changed(contact=tuple(contact))
+
+
+def _refuse_shrunk(model: Model) -> None:
+    """Refuse temperatures by which lengths of a body would shrink to nothing; collective.
+
+    Raises:
+        SceneError: there are some.
+    """
+    forces = NodalForces.on(model)
+    for step in range(model.statement.steps):
+        strain, degree = forces.strain(step, 1.0)
+        if strain is None:
+            return
+        shrunk = any((strain(part) <= -1).any() for part, _ in forces.cells(degree))
+        if parallel.any_rank(model.comm, shrunk):
+            reason = "must be less: it would shrink the body to nothing or less, by change times expansion <= -1"
+            raise SceneError([("temperature", reason)])
 
 
 def _refuse_turning(statement: Statement, dimension: int) -> None:

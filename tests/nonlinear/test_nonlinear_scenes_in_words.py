@@ -61,10 +61,6 @@ REFUSED = {
     },
     "fluid: changes as the body moves": {"fluid": {"boundary": "left", "level": 1.0, "weight": 1.0}},
     "springs: is not possible yet": {"springs": {"boundary": "left", "normal": 1.0}},
-    "temperature: is not possible yet": {
-        "temperature": {"change": 1.0},
-        "material": RUBBER | {"expansion": 1e-5},
-    },
     "displacement.rotation: is a small one": {
         "displacement": {"boundary": "bottom", "x": 0.0, "y": 0.0, "rotation": 0.1}
     },

@@ -39,6 +39,8 @@ from signorini_fx.results.resultants import ActingForces, NamedForces
 from signorini_fx.results.stresses import RawStresses
 
 Array = npt.NDArray[np.float64]
+# Of load steps, the first one first, each with its place in the lists of factors.
+DisplacementsAtPlaces = Sequence[tuple[fem.Function, float]]
 
 
 @dataclass(frozen=True)
@@ -56,6 +58,7 @@ class ResidualMechanics:
         stresses: gives the stress at the end of a load step from the displacements of those up to it; None: the
             residual alone knows it.
         displaced: whether moments balance at the displaced points: at small strains they do at the undeformed ones.
+        place: in the lists of factors.
     """
 
     forces: Balance
@@ -65,7 +68,8 @@ class ResidualMechanics:
     loads: Callable[[float], Sequence[NamedForces]] = lambda step: ()
     supports: Callable[[float], tuple[PrescribedNodes, Sequence[str | None]]] | None = None
     displaced: bool = True
-    stresses: Callable[[Model, Sequence[fem.Function]], RawStresses] | None = None
+    stresses: Callable[[Model, DisplacementsAtPlaces], RawStresses] | None = None
+    place: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,9 +92,9 @@ class ResidualBody(SolidBody):
         """See ``SolidBody``: of the materials of a scene."""
         if self.at_end.stresses is None:
             return "only the residual knows the stresses of a nonlinear body: evaluate its own expression"
-        path = [displacement for displacement, _ in self.at_steps]
-        last = next((number for number, displacement in enumerate(path) if displacement is y), None)
-        return self.at_end.stresses(self, [y] if last is None else path[: last + 1])
+        path = [(displacement, mechanics.place) for displacement, mechanics in self.at_steps]
+        last = next((number for number, (displacement, _) in enumerate(path) if displacement is y), None)
+        return self.at_end.stresses(self, [(y, self.at_end.place)] if last is None else path[: last + 1])
 
     def balance(self, y: fem.Function, step: float) -> Balance:
         """See ``SolidBody``."""

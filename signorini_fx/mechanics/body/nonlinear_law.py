@@ -4,11 +4,14 @@
 
 The mean stress may be integrated with fewer points (selective reduced integration, see ``moduli.reduced_degree``): of
 finite strains the energy of the volume J, of small strains kappa tr(epsilon) I.
+
+A temperature by which the body expands freely by s in all directions leaves of the deformation F = (1 + s) F_e the
+elastic part, whose energy is per volume after the expansion, (1 + s)^3 W(F_e), and of small strains epsilon - s I.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -23,6 +26,7 @@ from signorini_fx.mechanics.assembly.quadrature import strain_degree
 from signorini_fx.mechanics.elasticity.moduli import reduced_degree
 from signorini_fx.mechanics.kinematics.protocol import Kinematics, position
 from signorini_fx.mechanics.loads.follower_pressure import FollowerPressures, without_followers
+from signorini_fx.mechanics.loads.initial_strains import initial_strain
 from signorini_fx.mechanics.materials.nonlinear import PathDependent, growth
 from signorini_fx.mechanics.materials.protocol import PAIRS
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
@@ -66,11 +70,12 @@ class MaterialPoints:
     Attributes:
         material: it.
         cells: that are made of it, c of them.
-        strain: from the displacement of now, at the q points of each cell, components ``pairs``, of shear twice
-            epsilon_ij.
+        strain: from the displacement of now, less that of the temperature, at the q points of each cell, components
+            ``strained``, of shear twice epsilon_ij.
+        strained: the components that may not be zero, as places in ``PAIRS``.
         stress: the deviatoric stress, components ``pairs``.
         tangent: its derivative by the strain.
-        pairs: the components, as places in ``PAIRS``.
+        pairs: the components that do work, as places in ``PAIRS``.
         begun: the state at the end of the last load step, shape (c, q, numbers).
         current: the state at the displacement of now.
     """
@@ -78,6 +83,7 @@ class MaterialPoints:
     material: PathDependent
     cells: Cells
     strain: fem.Expression
+    strained: list[int]
     stress: fem.Function
     tangent: fem.Function
     pairs: list[int]
@@ -90,8 +96,8 @@ class MaterialPoints:
     def update(self) -> None:
         """Stress, tangent and state at the displacement of now, from the state of the last load step."""
         domain, (cells, points, numbers) = self.stress.function_space.mesh, self.begun.shape
-        values = np.asarray(self.strain.eval(domain, self.cells)).reshape(cells * points, len(self.pairs))
-        strain = tensors(values, self.pairs)
+        values = np.asarray(self.strain.eval(domain, self.cells)).reshape(cells * points, len(self.strained))
+        strain = tensors(values, self.strained)
         stress, tangent, state = self.material.respond(strain, self.begun.reshape(-1, numbers))
         self.current = state.reshape(self.begun.shape)
         rows = [[*PAIRS[pair]] for pair in self.pairs]
@@ -124,12 +130,19 @@ class BodyResidual:
         tangent: its derivative where that is not the one of UFL; None: it is.
         points: of the materials with a state.
         pressures: those that follow the body.
+        heat: takes the free expansion to a place in the lists of factors.
     """
 
     form: Any
     tangent: Any | None
     points: tuple[MaterialPoints, ...]
     pressures: FollowerPressures
+    heat: Callable[[float], None]
+
+    def move_to(self, step: float) -> None:
+        """Take the pressures and the temperature of a place in the lists of factors."""
+        self.pressures.move_to(step)
+        self.heat(step)
 
     def update(self) -> None:
         """Before anything is assembled at another displacement."""
@@ -157,6 +170,7 @@ def body_residual(statement: Statement, tagged: TaggedMesh, u: fem.Function) -> 
     parts = [*enumerate(cells), *enumerate(cells, len(cells))]
     measure = ufl.Measure("dx", domain=space.mesh, subdomain_data=parts)
     around = kinematics.measure(position(u))
+    free, heat = initial_strain(statement, tagged, space, 0)
     v, du = ufl.TestFunction(space), ufl.TrialFunction(space)
     energies, forms, tangents, points = [], [], [], []
     for number, (material, owned) in enumerate(zip(statement.material, cells, strict=True)):
@@ -164,22 +178,27 @@ def body_residual(statement: Statement, tagged: TaggedMesh, u: fem.Function) -> 
         if reduced is not None:
             volume = measure(number + len(cells), metadata={"quadrature_degree": reduced})
         if material.finite:
-            change = kinematics.gradient(u)
-            energies.append(material.shape_energy_by_change(change) * around * shape)
+            change, expanded = kinematics.gradient(u), around
+            if free is not None:
+                change, expanded = (change - free * ufl.Identity(3)) / (1 + free), (1 + free) ** 3 * around
+            energies.append(material.shape_energy_by_change(change) * expanded * shape)
             if material.splits:
-                energies.append(material.volume_energy_by_change(growth(change)) * around * volume)
+                energies.append(material.volume_energy_by_change(growth(change)) * expanded * volume)
             continue
         bulk, shear = _constants(material)
-        work = bulk * ufl.tr(_small(kinematics, u)) * ufl.tr(_small(kinematics, v)) * around * volume
+        strain = _small(kinematics, u)
+        if free is not None:
+            strain -= free * ufl.Identity(3)
+        work = bulk * ufl.tr(strain) * ufl.tr(_small(kinematics, v)) * around * volume
         change = bulk * ufl.tr(_small(kinematics, du)) * ufl.tr(_small(kinematics, v)) * around * volume
         if isinstance(material, PathDependent):
-            state = _points(material, owned, kinematics, u, full)
+            state = _points(material, owned, kinematics, space, strain, full)
             points.append(state)
             tested, tried = (_components(_small(kinematics, y), state.pairs) for y in (v, du))
             work = ufl.inner(state.stress, tested) * around * shape + work
             change = ufl.inner(ufl.dot(state.tangent, tried), tested) * around * shape + change
         else:
-            work += 2 * shear * ufl.inner(ufl.dev(_small(kinematics, u)), _small(kinematics, v)) * around * shape
+            work += 2 * shear * ufl.inner(ufl.dev(strain), _small(kinematics, v)) * around * shape
             change += 2 * shear * ufl.inner(ufl.dev(_small(kinematics, du)), _small(kinematics, v)) * around * shape
         forms.append(work)
         tangents.append(change)
@@ -189,7 +208,7 @@ def body_residual(statement: Statement, tagged: TaggedMesh, u: fem.Function) -> 
     if pressures.form is not None:
         forms.append(pressures.form)
     tangent = sum(tangents[1:], tangents[0]) if points else None
-    return BodyResidual(sum(forms[1:], forms[0]), tangent, tuple(points), pressures)
+    return BodyResidual(sum(forms[1:], forms[0]), tangent, tuple(points), pressures, heat)
 
 
 def _constants(material: Any) -> tuple[float, float]:
@@ -210,18 +229,19 @@ def _components(strain: Any, pairs: Sequence[int]) -> Any:
 
 
 def _points(
-    material: PathDependent, cells: Cells, kinematics: Kinematics, u: fem.Function, degree: int
+    material: PathDependent, cells: Cells, kinematics: Kinematics, space: fem.FunctionSpace, strain: Any, degree: int
 ) -> MaterialPoints:
-    """The points of one material; collective."""
-    mesh = u.function_space.mesh
+    """The points of one material, with a strain in UFL; collective."""
+    mesh = space.mesh
     name = mesh.topology.cell_name()
     pairs = sorted(PAIRS.index((min(pair), max(pair))) for pair in kinematics.pairs)
+    strained = sorted({*pairs, PAIRS.index((2, 2))})  # where the temperature strains it in any case
     count = len(pairs)
     rule, _ = basix.make_quadrature(getattr(basix.CellType, name), degree)
     stress, tangent = (
         fem.Function(fem.functionspace(mesh, basix.ufl.quadrature_element(name, shape, degree=degree)))
         for shape in ((count,), (count, count))
     )
-    strain = fem.Expression(_components(_small(kinematics, u), pairs), rule)
+    at_points = fem.Expression(_components(strain, strained), rule)
     begun = np.zeros((cells.size, len(rule), material.state_size))
-    return MaterialPoints(material, cells, strain, stress, tangent, pairs, begun)
+    return MaterialPoints(material, cells, at_points, strained, stress, tangent, pairs, begun)

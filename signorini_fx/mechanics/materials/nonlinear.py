@@ -73,7 +73,6 @@ class NonlinearMaterial(Material):
             "springs": _NOT_YET,
             "preload": _NOT_YET,
             "rotation": _MOVED,
-            "initial strain": _NOT_YET,
         },
         "finite strain": {
             "prescribed rotation": "is a small one, which a body at finite strains does not know: give x and y as "
@@ -92,7 +91,7 @@ class NonlinearMaterial(Material):
     def at_rest(self) -> LinearElastic:
         """The linear material that it is at small strains, from which scales and quadratures follow."""
         shear, bulk = self.constants_at_rest
-        shared = ("hypothesis", "density", "region")
+        shared = ("hypothesis", "density", "expansion", "region")
         return LinearElastic(
             young=9 * bulk * shear / (3 * bulk + shear),
             poisson=(3 * bulk - 2 * shear) / (2 * (3 * bulk + shear)),
@@ -243,7 +242,7 @@ class PathDependent(NonlinearMaterial):
         """The deviatoric stress, its derivative by the strain, and the new state, from the state of the last load step.
 
         Args:
-            strain: shape (n, 3, 3).
+            strain: less that of the temperature, shape (n, 3, 3).
             state: shape (n, ``state_size``).
 
         Returns:

@@ -2,6 +2,9 @@
 
 As of ``nodal_forces`` no form and no matrix of the solver enters.  Both sides share the rules of quadrature, and of
 materials with a state that of the last load step.
+
+Where the temperature would stretch all lengths of a body by b, forces per undeformed area are b^2 times those of the
+deformation F / b, as the areas on which this has them are b^2 times as large.
 """
 
 from __future__ import annotations
@@ -72,18 +75,19 @@ class NonlinearForces(NodalForces):
             self._made_of[cells], self._place[cells] = number, np.arange(cells.size)
         self._states: Mapping[int, Array] = {}
 
-    def of_body(self, displacement: fem.Function, states: Mapping[int, Array]) -> Array:
+    def of_body(self, displacement: fem.Function, states: Mapping[int, Array], step: float) -> Array:
         """The work of the stress with unit displacements, forces, shape (owned nodes, d); collective.
 
         Args:
             displacement: y, length.
             states: of the materials with a state, by their numbers, at the end of the last load step, shape (c, q,
                 numbers), in the order of their cells.
+            step: a place in the lists of factors.
         """
         y, self._states = displacement.x.array.reshape(-1, self.dimension), states
-        degree = max(1, self.degree)
-        total = self._part_of_work(y, degree, self._of_shape, None)[0]
-        total += self._part_of_work(y, self._reduced or degree, self._of_volume, None)[0]
+        degree, (free, _) = max(1, self.degree), self.strain(step, 1.0)
+        total = self._part_of_work(y, degree, self._of_shape, free)[0]
+        total += self._part_of_work(y, self._reduced or degree, self._of_volume, free)[0]
         return self.over_ranks(total)
 
     def of_followers(self, displacement: fem.Function, step: float, effects: Sequence[Any] | None = None) -> Array:
@@ -106,32 +110,33 @@ class NonlinearForces(NodalForces):
                 np.add.at(total[:, : self.across], self.cell_nodes[part.cells], part.table.shape.T @ pressed)
         return self.over_ranks(total)
 
-    def cauchy(self, displacement: fem.Function, states: Mapping[int, Array]) -> PointStress:
+    def cauchy(self, displacement: fem.Function, states: Mapping[int, Array], step: float) -> PointStress:
         """The Cauchy stress at the points of quadrature; for the arguments see ``of_body``.
 
         A mean stress that is integrated with fewer points is the polynomial through them.
         """
         y, self._states = displacement.x.array.reshape(-1, self.dimension), states
         points, weights = basix.make_quadrature(self.cell_type, max(1, self.degree))
-        x, shape = self._cauchy_of_part(y, points, shape=True)
+        x, shape = self._cauchy_of_part(y, points, step, shape=True)
         if self._reduced is None:
-            return PointStress(points, weights, x, shape + self._cauchy_of_part(y, points, shape=False)[1])
+            return PointStress(points, weights, x, shape + self._cauchy_of_part(y, points, step, shape=False)[1])
         fewer, their_weights = basix.make_quadrature(self.cell_type, self._reduced)
-        mean = self._cauchy_of_part(y, fewer, shape=False)[1]
+        mean = self._cauchy_of_part(y, fewer, step, shape=False)[1]
         between = _between(self.cell_type, self._shapes.degree - 1, fewer, their_weights, points)
         return PointStress(points, weights, x, shape + np.einsum("pq,cqij->cpij", between, mean))
 
-    def advanced(self, displacement: fem.Function, states: Mapping[int, Array]) -> dict[int, Array]:
+    def advanced(self, displacement: fem.Function, states: Mapping[int, Array], step: float) -> dict[int, Array]:
         """The states at the end of a load step from those at its begin; for the arguments see ``of_body``."""
         y, new = displacement.x.array.reshape(-1, self.dimension), {key: np.empty_like(s) for key, s in states.items()}
         if not states:
             return new
         points, _ = basix.make_quadrature(self.cell_type, max(1, self.degree))
+        free, _ = self.strain(step, 1.0)
         for part, gradient, _, _ in self.gradients(y, points):
-            change = _in_space(gradient)
+            every = _strain_of(_in_space(gradient), None if free is None else free(part))
             for number, begun in states.items():
                 inside, material = self._made_of[part.cells] == number, self.materials[number]
-                rows, strain = self._place[part.cells[inside]], (change + change.swapaxes(-1, -2))[inside] / 2
+                rows, strain = self._place[part.cells[inside]], every[inside]
                 state = begun[rows].reshape(-1, material.state_size)
                 new[number][rows] = material.respond(strain.reshape(-1, 3, 3), state)[2].reshape(begun[rows].shape)
         return new
@@ -160,14 +165,15 @@ class NonlinearForces(NodalForces):
                 total[inside] = reached.reshape(state.shape[:2])[self._place[inside]]
         return total
 
-    def _cauchy_of_part(self, y: Array, points: Array, *, shape: bool) -> tuple[Array, Array]:
+    def _cauchy_of_part(self, y: Array, points: Array, step: float, *, shape: bool) -> tuple[Array, Array]:
         """The places, and the Cauchy stress of the shape, or of the volume, shape (c, q, 3, 3)."""
         places: list[Array] = [np.zeros((0, len(points), self.across))]
         stresses: list[Array] = [np.zeros((0, len(points), 3, 3))]
         finite = any(isinstance(material, Hyperelastic) for material in self.materials)
+        free, _ = self.strain(step, 1.0)
         for part, gradient, _, _ in self.gradients(y, points):
             change = _in_space(gradient)
-            stress = self._by_material(part.cells, change, shape=shape)
+            stress = self._by_material(part.cells, change, None if free is None else free(part), shape=shape)
             if finite:
                 deformed = np.eye(3) + change
                 stress = stress @ deformed.swapaxes(-1, -2) / np.linalg.det(deformed)[..., None, None]
@@ -176,25 +182,25 @@ class NonlinearForces(NodalForces):
         return np.concatenate(places), np.concatenate(stresses)
 
     def _of_shape(self, cells: Indices, gradient: Array, initial: Array | None) -> tuple[Array, float]:
-        return _in_mesh(self._by_material(cells, _in_space(gradient), shape=True), len(gradient)), 0.0
+        return _in_mesh(self._by_material(cells, _in_space(gradient), initial, shape=True), len(gradient)), 0.0
 
     def _of_volume(self, cells: Indices, gradient: Array, initial: Array | None) -> tuple[Array, float]:
-        return _in_mesh(self._by_material(cells, _in_space(gradient), shape=False), len(gradient)), 0.0
+        return _in_mesh(self._by_material(cells, _in_space(gradient), initial, shape=False), len(gradient)), 0.0
 
-    def _by_material(self, cells: Indices, change: Array, *, shape: bool) -> Array:
-        """The stress of the shape, or of the volume, from the gradient of the displacement, shapes (c, q, 3, 3); of
-        finite strains the first Piola-Kirchhoff one.
+    def _by_material(self, cells: Indices, change: Array, free: Array | None, *, shape: bool) -> Array:
+        """The stress of the shape, or of the volume, from the gradient of the displacement, shapes (c, q, 3, 3), and
+        from free expansions, shape (c, q); of finite strains the first Piola-Kirchhoff one.
         """
         stress = np.zeros_like(change)
         for number, material in enumerate(self.materials):
             inside = self._made_of[cells] == number
             if not inside.any():
                 continue
-            part, points = change[inside], change.shape[1]
+            part, points, expansion = change[inside], change.shape[1], None if free is None else free[inside]
             if isinstance(material, Hyperelastic):
-                stress[inside] = _finite(material, part, shape=shape)
+                stress[inside] = _finite(material, part, expansion, shape=shape)
                 continue
-            strain = (part + part.swapaxes(-1, -2)) / 2
+            strain = _strain_of(part, expansion)
             linear = material.at_rest
             if not shape:
                 mean = np.trace(strain, axis1=-2, axis2=-1)[..., None, None]
@@ -246,8 +252,20 @@ def _between(cell_type: basix.CellType, degree: int, points: Array, weights: Arr
     return np.asarray(element.tabulate(0, wanted)[0, :, :, 0] @ coefficients)
 
 
-def _finite(material: Hyperelastic, change: Array, *, shape: bool) -> Array:
-    """The first Piola-Kirchhoff stress of the shape, or of the volume, from grad u, shape (..., 3, 3)."""
+def _strain_of(change: Array, free: Array | None) -> Array:
+    """The linearised strain, shape (..., 3, 3), without a free expansion, shape (...)."""
+    strain = (change + change.swapaxes(-1, -2)) / 2
+    return strain if free is None else strain - free[..., None, None] * np.eye(3)
+
+
+def _finite(material: Hyperelastic, change: Array, free: Array | None, *, shape: bool) -> Array:
+    """The first Piola-Kirchhoff stress of the shape, or of the volume, from grad u, shape (..., 3, 3), and from a free
+    expansion, shape (...).
+    """
+    if free is not None:
+        stretch = 1 + free[..., None, None]
+        elastic = (change - free[..., None, None] * np.eye(3)) / stretch
+        return np.asarray(stretch**2 * _finite(material, elastic, None, shape=shape))
     if shape:
         return material.shape_stress_by_change(change)
     growth, inverse = growth_at(change), inverse_transposed(np.eye(3) + change)

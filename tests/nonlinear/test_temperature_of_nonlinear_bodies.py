@@ -1,0 +1,288 @@
+"""Nonlinear bodies that expand as they become warmer: closed forms, CalculiX, the linear limit, ranks and restart."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from dolfinx import mesh as dmesh
+from mpi4py import MPI
+from scipy.optimize import brentq
+from support.nonlinear_scenes import LAWS, force, indented, material
+from test_nonlinear_scenes import energy_of_stretches
+from test_restart_of_nonlinear_bodies import assert_same, interrupted
+
+from signorini_fx import ConvergenceError, SceneError, Status, solve
+from signorini_fx.mechanics.mesh.tagged import generate_mesh
+from signorini_fx.results.certificate.nonlinear_forces import NonlinearForces
+from signorini_fx.scenes.reading import parse_scene
+
+IN_SPACE = [name for name in LAWS if name != "ogden"]
+SIDES = [{"boundary": side, key: 0.0} for side, key in (("left", "x"), ("front", "y"), ("bottom", "z"))]
+EXPANSION = 1e-2
+
+
+def but_slow(names, *quick):
+    """All names, of which a few are tried by `make test`."""
+    return [name if name in quick else pytest.param(name, marks=pytest.mark.slow) for name in names]
+
+
+def cube(law, change, *further_supports, **further):
+    """A cube on rollers without anything else."""
+    size = {"length": 1.0, "width": 1.0, "height": 1.0, "nx": 2, "ny": 2, "nz": 2}
+    scene = {
+        "mesh": {"generator": "box", "parameters": size},
+        "material": law | {"expansion": EXPANSION},
+        "temperature": {"change": change},
+        "displacement": [*SIDES, *further_supports],
+    }
+    return parse_scene(scene | further)
+
+
+def stresses(solution):
+    """The Cauchy stress at the points of quadrature at the ends of load steps."""
+    return [solution.at(step).stress.at_points.stress for step in solution.steps]
+
+
+@pytest.mark.parametrize("name", but_slow(IN_SPACE, "mooney-rivlin", "j2"))
+@pytest.mark.parametrize("change", [30.0, -20.0])
+def test_free_expansion(name, change):
+    """A cube becomes larger by the expansion, far from small, and no stress arises."""
+    solution = solve(cube(material(name), change, solver={"largest_deformation": 1.0}), MPI.COMM_SELF)
+    assert solution.status is Status.CONVERGED
+    x = solution.model.space.tabulate_dof_coordinates()
+    expected = EXPANSION * change * x
+    assert np.abs(solution.displacement.x.array.reshape(-1, 3) - expected).max() < 1e-13
+    assert np.abs(stresses(solution)[-1]).max() < 1e-11 * 100.0
+
+
+@pytest.mark.parametrize("name", but_slow(["mooney-rivlin", "ogden"], "ogden"))
+@pytest.mark.parametrize("degree", [1, 2])
+def test_free_expansion_of_revolution(name, degree):
+    """A cylinder of which the mesh is a section, with quadratic elements too."""
+    size = {"length": 1.0, "height": 1.0, "nx": 3, "ny": 3}
+    scene = {
+        "mesh": {"generator": "rectangle", "parameters": size},
+        "material": material(name, hypothesis="axisymmetric", expansion=EXPANSION),
+        "temperature": {"change": "30 * t"},
+        "element": {"degree": degree},
+        "displacement": {"boundary": "bottom", "y": 0.0},
+        "load_steps": {"times": [0.5, 1.0]},
+    }
+    solution = solve(parse_scene(scene), MPI.COMM_SELF)
+    for step, stress, share in zip(solution.steps, stresses(solution), (0.15, 0.3), strict=True):
+        expected = share * solution.model.space.tabulate_dof_coordinates()[:, :2]
+        assert np.abs(step.displacement.x.array.reshape(-1, 2) - expected).max() < 1e-13
+        assert np.abs(stress).max() < 1e-11 * 100.0
+
+
+def held_bar(name, expansion):
+    """The force per undeformed area along a bar of fixed length that may become thicker, and its stretch across.
+
+    Energies per undeformed volume are (1 + s)^3 W(stretches / (1 + s)); this is minimal across the bar, and its
+    derivative by the stretch along it is the force.
+    """
+    energy, grown = energy_of_stretches(name), 1 + expansion
+
+    def stored(along, across):
+        return grown**3 * energy(along / grown, across / grown, across / grown)
+
+    def slope(of, at, step=1e-5):
+        return (of(at + step) - of(at - step)) / (2 * step)
+
+    across = brentq(lambda b: slope(lambda a: stored(1.0, a), b), 0.6 * grown, 1.8 * grown, xtol=1e-14)
+    return slope(lambda along: stored(along, across), 1.0), across
+
+
+@pytest.mark.parametrize("name", but_slow([name for name in IN_SPACE if name != "j2"], "neo-hooke"))
+@pytest.mark.parametrize("volumetric", ["full", "reduced"])
+def test_a_bar_that_is_held(name, volumetric):
+    """It presses on what holds its ends, in two steps of which the second cools it."""
+    if (name, volumetric) == ("saint-venant-kirchhoff", "reduced"):
+        pytest.skip("it has no energy of the volume alone")
+    end = {"boundary": "right", "x": 0.0}
+    scene = cube(
+        material(name),
+        "25 * t if t <= 1 else 25 - 40 * (t - 1)",
+        end,
+        load_steps={"times": [1.0, 2.0]},
+        element={"volumetric": volumetric},
+    )
+    solution = solve(scene, MPI.COMM_SELF)
+    x = solution.model.space.tabulate_dof_coordinates()
+    changes, tried = {1.0: 25.0, 2.0: -15.0}, 0  # other steps are halves of these
+    for step, cauchy in zip(solution.steps, stresses(solution), strict=True):
+        if step.time not in changes:
+            continue
+        nominal, across = held_bar(name, EXPANSION * changes[step.time])
+        moved = step.displacement.x.array.reshape(-1, 3)[:, 1:]
+        assert np.abs(moved - (across - 1) * x[:, 1:]).max() < 1e-7
+        assert cauchy[..., 0, 0] == pytest.approx(nominal / across**2, rel=1e-6)
+        cauchy[..., 0, 0] = 0.0
+        assert np.abs(cauchy).max() < 1e-8 * abs(nominal)
+        tried += 1
+    assert tried == 2
+
+
+def test_a_bar_that_yields():
+    """In one direction: the yield stress is reached, hardens, and leaves tension as the bar is cold again."""
+    young, first, slope = 100.0, 1.0, 20.0
+    law = {"law": "j2", "young": young, "poisson": 0.3, "yield_stress": first, "hardening": slope}
+    times = {"times": [0.5, 1.0, 2.0]}
+    solution = solve(cube(law, "4 * min(t, 2 - t)", {"boundary": "right", "x": 0.0}, load_steps=times), MPI.COMM_SELF)
+    expansions = EXPANSION * np.array([2.0, 4.0])
+    plastic = (young * expansions - first) / (young + slope)
+    back = (young * plastic[-1] - first - slope * plastic[-1]) / (young + slope)
+    assert back > 0  # it yields in tension, too
+    expected = [*(-young * (expansions - plastic)), young * (plastic[-1] - back)]
+    for stress, wanted in zip(stresses(solution), expected, strict=True):
+        assert stress[..., 0, 0] == pytest.approx(wanted, rel=1e-9)
+
+
+def test_regions_and_nodal_values(tmp_path):
+    """Two halves of a bar between walls, one that expands and one that is heated: without Poisson's effect each
+    becomes longer as the force says.
+    """
+    tagged = generate_mesh(
+        "box", {"length": 2.0, "width": 1.0, "height": 1.0, "nx": 4, "ny": 2, "nz": 2}, MPI.COMM_SELF
+    )
+    cells = np.arange(16, dtype=np.int32)
+    left = dmesh.compute_midpoints(tagged.mesh, 3, cells)[:, 0] < 1.0
+    tags = dmesh.meshtags(tagged.mesh, 3, cells, np.where(left, 1, 2).astype(np.int32))
+    tagged = replace(tagged, cell_tags=tags, regions={"one": 1, "two": 2})
+    points = np.array([[x, y, z] for x in (-1.0, 3.0) for y in (-1.0, 2.0) for z in (-1.0, 2.0)])
+    table = np.column_stack((points, 4.0 + 0 * points[:, 0]))
+    np.savetxt(tmp_path / "heat.csv", table, delimiter=",", header="x,y,z,change", comments="")
+    law = material("j2", poisson=0.0)
+    scene = {
+        "mesh": tagged,
+        "material": [law | {"region": "one", "expansion": 0.002}, law | {"region": "two", "expansion": 0.001}],
+        "temperature": [{"file": str(tmp_path / "heat.csv")}, {"change": 3.0, "region": "two", "factors": [1.0, 2.0]}],
+        "displacement": [
+            *SIDES,
+            *({"boundary": side, key: 0.0} for side, key in zip(("right", "back", "top"), "xyz", strict=True)),
+        ],
+        "load_steps": {"times": [1.0, 2.0]},
+    }
+    solution = solve(parse_scene(scene), MPI.COMM_SELF)
+    for step, stress, extra in zip(solution.steps, stresses(solution), (3.0, 6.0), strict=True):
+        free = np.array([0.008, 0.001 * (4.0 + extra)])
+        assert stress[..., 0, 0] == pytest.approx(-100.0 * free.mean(), rel=1e-9)
+        middle = np.isclose(solution.model.space.tabulate_dof_coordinates()[:, 0], 1.0)
+        moved = step.displacement.x.array.reshape(-1, 3)[middle, 0]
+        assert moved == pytest.approx(free[0] - free.mean(), rel=1e-9)
+
+
+def between_walls(law, change, **further):
+    """A bar whose ends are held in all directions."""
+    size = {"length": 2.0, "width": 1.0, "height": 1.0, "nx": 4, "ny": 2, "nz": 2, "cell": "hexahedron"}
+    scene = {
+        "mesh": {"generator": "box", "parameters": size},
+        "material": law | {"expansion": EXPANSION},
+        "element": {"volumetric": "full"},
+        "temperature": {"change": change},
+        "displacement": [{"boundary": side, "x": 0.0, "y": 0.0, "z": 0.0} for side in ("left", "right")],
+    }
+    return solve(parse_scene(scene | further), MPI.COMM_SELF)
+
+
+def at_middle(solution, step):
+    """The displacement of the node in the middle of the top and back edge."""
+    x = solution.model.space.tabulate_dof_coordinates()
+    return step.displacement.x.array.reshape(-1, 3)[np.argmin(np.abs(x - 1.0).sum(axis=1))]
+
+
+CALCULIX = {
+    "neo-hooke, isochoric": ((0.0, 0.2 - 5.929271e-2, 0.2 - 5.929271e-2), -31.87052),
+    "mooney-rivlin": ((0.0, 0.2 - 6.208236e-2, 0.2 - 6.208236e-2), -32.48046),
+}
+
+
+@pytest.mark.parametrize("name", but_slow(CALCULIX, "mooney-rivlin"))
+def test_calculix_squeezes_a_larger_bar(name):
+    """What a bar becomes that is warmer all over is what a larger one becomes that is squeezed to the same places:
+    CalculiX 2.20, C3D8 on the same cells, larger by 1.2, by prescribed displacements.  Its own *EXPANSION takes alpha
+    T from grad u, which is another material at finite strains.
+    """
+    solution, (moved, push) = between_walls(material(name), 20.0), CALCULIX[name]
+    assert at_middle(solution, solution.steps[-1]) == pytest.approx(np.array(moved), abs=1e-8)
+    assert solution.resultants.of("right").force[0] == pytest.approx(push, rel=1e-6)
+
+
+def test_metal_of_calculix():
+    """Displacements of CalculiX 2.20 with *PLASTIC, *EXPANSION and *TEMPERATURE, which differ from node to node, in two
+    load steps in which more and more of the bar yields.
+    """
+    law = {"law": "j2", "young": 100.0, "poisson": 0.3, "yield_stress": 0.5, "hardening": [[0.1, 1.5]]}
+    solution = between_walls(law, "0.5 * (1 + x[0]) * t", load_steps={"times": [0.5, 1.0]})
+    expected = [(-1.860600e-3, 3.728933e-3, 3.728933e-3), (-4.114901e-3, 8.300234e-3, 8.300234e-3)]
+    for step, moved in zip(solution.steps, expected, strict=True):
+        assert at_middle(solution, step) == pytest.approx(np.array(moved), abs=2e-9)
+
+
+def warm(law, change, **further):
+    """``indented`` of a body that becomes warmer, here more than there."""
+    return indented(law | {"expansion": 1e-3}, temperature={"change": change}, **further)
+
+
+@pytest.mark.parametrize("name", but_slow(LAWS, "neo-hooke"))
+def test_small_changes_are_those_of_the_linear_scene(name):
+    """To first order in the strain, with a temperature that is linear in the place."""
+    change, exact = "1e-3 * (1 + x[0] - 2 * x[1]) * t", {"solver": {"algorithm": "alm"}}
+    solution = solve(warm(material(name), change, depth=1e-6, **exact), MPI.COMM_SELF)
+    rest = solution.statement.material[0].at_rest
+    linear = solve(warm({"young": rest.young, "poisson": rest.poisson}, change, depth=1e-6, **exact), MPI.COMM_SELF)
+    cold = solve(indented(material(name), depth=1e-6, **exact), MPI.COMM_SELF)
+    for mine, theirs, without in zip(solution.steps, linear.steps, cold.steps, strict=True):
+        assert np.abs(force(mine) - force(theirs)).max() < 5e-5 * np.abs(force(theirs)).max()
+        assert np.abs(force(mine) - force(without)).max() > 0.1 * np.abs(force(theirs)).max()
+    mine, theirs = solution.displacement.x.array, linear.displacement.x.array
+    assert np.abs(mine - theirs).max() < 2e-5 * np.abs(theirs).max()
+
+
+HOT = {"neo-hooke": "120 * t * x[1]", "j2": "20 * t * x[1]"}
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("name", but_slow(HOT, "neo-hooke"))
+def test_ranks(name):
+    """Forces are those of one rank."""
+    law = material(name, **({"yield_stress": 5.0, "hardening": 10.0} if name == "j2" else {}))
+    scene = warm(law, HOT[name], element={"volumetric": "reduced"})
+    several, alone = solve(scene, MPI.COMM_WORLD), solve(scene, MPI.COMM_SELF)
+    for mine, theirs in zip(several.steps, alone.steps, strict=True):
+        assert force(mine) == pytest.approx(force(theirs), rel=1e-7)
+    assert several.stress.largest().value == pytest.approx(alone.stress.largest().value, rel=1e-7)
+
+
+@pytest.mark.parametrize("name", HOT)
+def test_restart(name, tmp_path):
+    """A run that is continued ends as one that was not interrupted, with the state of the warm metal."""
+    law = material(name, **({"yield_stress": 5.0, "hardening": 10.0} if name == "j2" else {}))
+    scene = warm(law, HOT[name], load_steps={"times": [1.0, 2.0], "steps": 2}, cells=(6, 3))
+    reference = solve(scene, MPI.COMM_SELF)
+    interrupted(scene, MPI.COMM_SELF, tmp_path, 3)
+    again = solve(scene, MPI.COMM_SELF, checkpoint=tmp_path, restart=True)
+    assert_same(again, reference, 1e-9)
+    for mine, theirs in zip(stresses(again), stresses(reference), strict=True):
+        assert np.abs(mine - theirs).max() < 1e-9 * np.abs(theirs).max()
+
+
+def test_the_certificate_expands_by_its_own_formula(monkeypatch):
+    """Another expansion of the second opinion, or none, is no equilibrium."""
+    scene = cube(material("neo-hooke"), 20.0, {"boundary": "right", "x": 0.0})
+    assert solve(scene, MPI.COMM_SELF).certificate.holds
+    strain = NonlinearForces.strain
+    for share in (0.0, 1.001):
+
+        def other(forces, step, scale, share=share):
+            return strain(forces, step, scale * share)
+
+        monkeypatch.setattr(NonlinearForces, "strain", other)
+        with pytest.raises(ConvergenceError, match="certificate does not hold"):
+            solve(scene, MPI.COMM_SELF)
+
+
+def test_what_would_shrink_to_nothing_is_refused():
+    """By the temperature of any load step."""
+    with pytest.raises(SceneError, match="temperature: must be less: it would shrink the body to nothing"):
+        solve(cube(material("neo-hooke"), "-60 * t", load_steps={"times": [1.0, 2.0]}), MPI.COMM_SELF)
