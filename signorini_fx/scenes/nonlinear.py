@@ -33,7 +33,7 @@ from signorini_fx.mechanics.materials.trial import check_materials
 from signorini_fx.mechanics.mesh.tagged import check_fits
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.obstacles.scene_contact import foundations_of
-from signorini_fx.mechanics.statement.effect import Force
+from signorini_fx.mechanics.statement.effect import Force, Resistance
 from signorini_fx.mechanics.statement.expressions import sample
 from signorini_fx.mechanics.statement.rigid_motion import COMPONENTS, Prescribed
 from signorini_fx.mechanics.statement.statement import Statement
@@ -366,6 +366,7 @@ class OpinionOfScene(SecondOpinion):
             if points.material is material
         }
         internal = self.anew.of_body(problem.u, states, problem.path_step)
+        internal += self.anew.resisted(problem.u.x.array.reshape(-1, self.anew.dimension))
         followers = self.anew.of_followers(problem.u, problem.path_step)
         return np.asarray(internal - (self.anew.external(problem.path_step) + followers)).ravel()
 
@@ -376,10 +377,13 @@ class OpinionOfScene(SecondOpinion):
     def loaded(self, mechanics: ResidualMechanics) -> ResidualMechanics:
         """See ``SecondOpinion``."""
         anew, problem = self.anew, self.problem
+        displacements = problem.u.x.array.reshape(-1, anew.dimension)
         followers = [
             (load.where, "pressure", anew.of_followers(problem.u, problem.path_step, effects=[load]))
             for load in problem.body.pressures.effects
         ]
+        springs = [effect for effect in anew.statement.of(Resistance) if effect.acts]
+        followers += [(effect.where, effect.label, -anew.resisted(displacements, [effect])) for effect in springs]
 
         def loads(path_step: float) -> list[NamedForces]:
             acting = [load for load in anew.statement.of(Force) if load.acts]

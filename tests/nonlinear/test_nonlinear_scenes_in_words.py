@@ -60,7 +60,7 @@ REFUSED = {
         "contact": contact(friction={"law": "coulomb", "coefficient": "0.1*t"})
     },
     "fluid: changes as the body moves": {"fluid": {"boundary": "left", "level": 1.0, "weight": 1.0}},
-    "springs: is not possible yet": {"springs": {"boundary": "left", "normal": 1.0}},
+    "links: is not possible yet": {"links": {"file": "links.csv", "stiffness": 1.0}},
     "displacement.rotation: is a small one": {
         "displacement": {"boundary": "bottom", "x": 0.0, "y": 0.0, "rotation": 0.1}
     },

@@ -1,5 +1,7 @@
 """The work of the stress of nonlinear materials on a mesh: the residual of a body, and the state at its points.
 
+Springs of a boundary are part of it: their forces follow the displacement, along the normal of the undeformed boundary.
+
     F(u; v) = sum over the materials of the derivative of their energies, or of the integral of sigma : epsilon(v).
 
 The mean stress may be integrated with fewer points (selective reduced integration, see ``moduli.reduced_degree``): of
@@ -22,15 +24,19 @@ import numpy.typing as npt
 import ufl
 from dolfinx import fem
 
+from signorini_fx.mechanics.assembly.mesh_entities import measure as surface_measure
 from signorini_fx.mechanics.assembly.quadrature import strain_degree
 from signorini_fx.mechanics.elasticity.moduli import reduced_degree
 from signorini_fx.mechanics.kinematics.protocol import Kinematics, position
-from signorini_fx.mechanics.loads.follower_pressure import FollowerPressures, without_followers
+from signorini_fx.mechanics.loads.follower_pressure import FollowerPressures, following, without_followers
 from signorini_fx.mechanics.loads.initial_strains import initial_strain
+from signorini_fx.mechanics.loads.load_vectors import FormCoefficients
 from signorini_fx.mechanics.materials.nonlinear import PathDependent, growth
 from signorini_fx.mechanics.materials.protocol import PAIRS
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
+from signorini_fx.mechanics.statement.effect import Resistance
 from signorini_fx.mechanics.statement.statement import Statement
+from signorini_fx.records import Inventory
 
 Array = npt.NDArray[np.float64]
 Cells = npt.NDArray[np.int32]
@@ -204,9 +210,16 @@ def body_residual(statement: Statement, tagged: TaggedMesh, u: fem.Function) -> 
         tangents.append(change)
     if energies:
         forms.append(ufl.derivative(sum(energies[1:], energies[0]), u, v))
-    pressures = FollowerPressures.of(statement, tagged, u)
+    springs = [effect for effect in statement.of(Resistance) if effect.acts]
+    on = FormCoefficients(statement, tagged, space, Inventory())
+    ds = surface_measure(space.mesh, [tagged.facets(effect.where) for effect in (*following(statement), *springs)], {})
+    pressures = FollowerPressures.of(statement, on, u, ds)
     if pressures.form is not None:
         forms.append(pressures.form)
+    for number, effect in enumerate(springs, len(pressures.effects) + 1):
+        part = ds(number, metadata={"quadrature_degree": effect.degree(statement.element.degree)})
+        forms.append(ufl.inner(effect.reaction(u, on), v) * around * part)
+        tangents.append(ufl.inner(effect.reaction(du, on), v) * around * part)
     tangent = sum(tangents[1:], tangents[0]) if points else None
     return BodyResidual(sum(forms[1:], forms[0]), tangent, tuple(points), pressures, heat)
 

@@ -15,14 +15,11 @@ import numpy as np
 import ufl
 from dolfinx import fem
 
-from signorini_fx.mechanics.assembly.mesh_entities import measure
 from signorini_fx.mechanics.kinematics import CARTESIAN
 from signorini_fx.mechanics.kinematics.axisymmetric import AXISYMMETRIC
 from signorini_fx.mechanics.kinematics.protocol import Kinematics, position
 from signorini_fx.mechanics.loads.load_vectors import FormCoefficients
-from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.statement.statement import Statement
-from signorini_fx.records import Inventory
 
 
 def follower_pressure(pressure: Any, u: fem.Function, *, axisymmetric: bool = False) -> Any:
@@ -92,13 +89,11 @@ class FollowerPressures:
     on: FormCoefficients
 
     @classmethod
-    def of(cls, statement: Statement, tagged: TaggedMesh, u: fem.Function) -> FollowerPressures:
-        """Those of a statement at the displacement ``u``."""
-        space, effects, mesh = u.function_space, following(statement), u.function_space.mesh
-        on = FormCoefficients(statement, tagged, space, Inventory())
+    def of(cls, statement: Statement, on: FormCoefficients, u: fem.Function, ds: Any) -> FollowerPressures:
+        """Those of a statement at the displacement ``u``; ``ds(1)`` and so on are integrals over their boundaries."""
+        effects, mesh = following(statement), u.function_space.mesh
         factors = [fem.Constant(mesh, np.float64(0.0)) for _ in effects]
-        kinematics, v = statement.kinematics_in(tagged.dimension), ufl.TestFunction(space)
-        ds, around = measure(mesh, [tagged.facets(effect.where) for effect in effects], {}), kinematics.measure
+        kinematics, v, around = on.kinematics, ufl.TestFunction(u.function_space), on.kinematics.measure
         works = [
             -ufl.inner(_traction(factor * on.value(effect.pressure), u, kinematics), v)
             * around(position(u))

@@ -70,7 +70,7 @@ class NonlinearMaterial(Material):
             "soft contact": "soft contact is for linear materials: leave 'overclosure' out",
             "friction in time": "friction that depends on the time is not possible yet with a nonlinear material",
             "fluid": _MOVED,
-            "springs": _NOT_YET,
+            "links": _NOT_YET,
             "preload": _NOT_YET,
             "rotation": _MOVED,
         },

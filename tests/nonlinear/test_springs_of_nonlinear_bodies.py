@@ -1,0 +1,123 @@
+"""Nonlinear bodies on springs: closed forms, the linear limit, ranks, resultants, and the certificate."""
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+from scipy.optimize import root
+from support.nonlinear_scenes import force, indented, material
+from test_nonlinear_scenes import energy_of_stretches
+
+from signorini_fx import ConvergenceError, SceneError, solve
+from signorini_fx.mechanics.effects.springs import Springs
+from signorini_fx.scenes.reading import parse_scene
+
+STIFFNESS = 80.0
+
+
+def cube(law, springs, comm=MPI.COMM_SELF, **further):
+    """A unit cube that may slide on two of its sides, and that springs hold at others."""
+    size = {"length": 1.0, "width": 1.0, "height": 1.0, "nx": 2, "ny": 2, "nz": 2}
+    scene = {
+        "mesh": {"generator": "box", "parameters": size},
+        "material": law,
+        "springs": springs,
+        "displacement": [{"boundary": "front", "y": 0.0}, {"boundary": "left", "x": 0.0}],
+    }
+    return solve(parse_scene(scene | further), comm)
+
+
+def squeezed(name, pressure, expansion=0.0):
+    """The stretches along and across a block under a pressure on its deformed ends, in energies of stretches."""
+    energy, grown = energy_of_stretches(name), 1 + expansion
+
+    def stored(along, across):
+        return grown**3 * energy(along / grown, across / grown, across / grown)
+
+    def unbalanced(stretches, step=1e-5):
+        along, across = stretches
+        pull = (stored(along + step, across) - stored(along - step, across)) / (2 * step)
+        aside = (stored(along, across + step) - stored(along, across - step)) / (2 * step)
+        return pull + pressure * across**2, aside
+
+    solved = root(unbalanced, (grown, grown), tol=1e-13)
+    assert np.abs(unbalanced(solved.x)).max() < 1e-9
+    return solved.x
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("keys", [{"z": STIFFNESS}, {"normal": STIFFNESS}])
+def test_a_warm_cube_under_a_pressure_that_follows_it(keys):
+    """The springs below carry the pressure on the top, which is larger the wider this is; both are on sides that move,
+    and the cube becomes warmer.
+    """
+    name, pressure, expansion = "mooney-rivlin", 15.0, 0.05
+    solution = cube(
+        material(name, expansion=0.01),
+        {"boundary": "bottom", **keys},
+        MPI.COMM_WORLD,
+        traction={"boundary": "top", "pressure": pressure, "factors": [0.5, 1.0]},
+        temperature={"change": 5.0},
+        load_steps={"times": [1.0, 2.0]},
+    )
+    x, dim = solution.model.space.tabulate_dof_coordinates(), 3
+    for step, share in zip(solution.steps, (0.5, 1.0), strict=True):
+        along, across = squeezed(name, share * pressure, expansion)
+        sunk = share * pressure * across**2 / STIFFNESS
+        moved = step.displacement.x.array.reshape(-1, dim)
+        assert np.abs(moved[:, 2] - ((along - 1) * x[:, 2] - sunk)).max() < 1e-7
+        assert np.abs(moved[:, 0] - (across - 1) * x[:, 0]).max() < 1e-7
+        carried = solution.at(step).resultants.of("bottom").force
+        assert carried == pytest.approx([0.0, 0.0, share * pressure * across**2], abs=1e-6)
+
+
+def test_metal_on_springs():
+    """It yields as its pull says, and springs along its end keep that from becoming thinner."""
+    law = {"law": "j2", "young": 100.0, "poisson": 0.3, "yield_stress": 1.0, "hardening": 20.0}
+    free = [{"boundary": "front", "y": 0.0}, {"boundary": "bottom", "z": 0.0}]
+    pull = {"boundary": "right", "x": 2.0}
+    smooth, rough = (
+        cube(law, {"boundary": "left", "normal": STIFFNESS, **along}, displacement=free, traction=pull)
+        for along in ({}, {"tangential": 2 * STIFFNESS})
+    )
+    x = smooth.model.space.tabulate_dof_coordinates()
+    moved, held = (solution.displacement.x.array.reshape(-1, 3) for solution in (smooth, rough))
+    strain = 2.0 / 100.0 + (2.0 - 1.0) / 20.0
+    assert moved[:, 0] == pytest.approx(2.0 / STIFFNESS + strain * x[:, 0], rel=1e-9)
+    end = np.isclose(x[:, 0], 0.0)
+    assert np.abs(held[end, 1:]).max() < 0.5 * np.abs(moved[end, 1:]).max()
+    assert rough.resultants.of("left").force[0] == pytest.approx(-2.0, rel=1e-9)
+
+
+@pytest.mark.parametrize("name", ["neo-hooke", pytest.param("j2", marks=pytest.mark.slow)])
+def test_small_loads_are_those_of_the_linear_scene(name):
+    """With contact and friction, on springs instead of the ground."""
+    exact = {"solver": {"algorithm": "alm"}, "displacement": [{"boundary": "left", "x": 0.0}]}
+    exact["springs"] = [{"boundary": "bottom", "normal": 300.0, "tangential": "50 * (1 + x[0])"}]
+    solution = solve(indented(material(name), depth=1e-6, **exact), MPI.COMM_SELF)
+    rest = solution.statement.material[0].at_rest
+    linear = solve(indented({"young": rest.young, "poisson": rest.poisson}, depth=1e-6, **exact), MPI.COMM_SELF)
+    held = solve(indented(material(name), depth=1e-6, solver={"algorithm": "alm"}), MPI.COMM_SELF)
+    for mine, theirs, other in zip(solution.steps, linear.steps, held.steps, strict=True):
+        assert force(mine) == pytest.approx(force(theirs), rel=5e-5)
+        assert abs(force(mine)[1]) < 0.95 * abs(force(other)[1])
+    mine, theirs = solution.displacement.x.array, linear.displacement.x.array
+    assert np.abs(mine - theirs).max() < 2e-5 * np.abs(theirs).max()
+
+
+def test_the_certificate_knows_them_by_their_own_formula(monkeypatch):
+    """Other springs of the second opinion are no equilibrium."""
+    scene = {"traction": {"boundary": "top", "z": -5.0}}
+    assert cube(material("neo-hooke"), {"boundary": "bottom", "z": STIFFNESS}, **scene).certificate.holds
+    reaction = Springs.reaction_at
+    monkeypatch.setattr(Springs, "reaction_at", lambda springs, at: 1.001 * reaction(springs, at))
+    with pytest.raises(ConvergenceError, match="certificate does not hold"):
+        cube(material("neo-hooke"), {"boundary": "bottom", "z": STIFFNESS}, **scene)
+
+
+def test_links_are_refused(tmp_path):
+    """They were left out of the residual and of its certificate."""
+    table = "link,x,y,z,cx,cy,cz\n1,1.0,1.0,1.0,1.0,0.0,0.0\n1,1.0,0.0,0.0,-1.0,0.0,0.0\n"
+    (tmp_path / "links.csv").write_text(table, encoding="utf-8")
+    links = {"file": str(tmp_path / "links.csv"), "stiffness": 1e4}
+    with pytest.raises(SceneError, match="links: is not possible yet with a nonlinear material"):
+        cube(material("neo-hooke"), {"boundary": "bottom", "z": STIFFNESS}, links=links)
