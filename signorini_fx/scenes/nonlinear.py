@@ -138,10 +138,11 @@ class ProblemOfScene(NonlinearContactProblem):
         masters = {k: facets[entry.against] for k, entry in enumerate(statement.contact) if entry.against is not None}
         _refuse_turning(statement, tagged.dimension)
         drives = _drives_at(statement, tagged.dimension, -1.0)
-        contact = [
-            replace(entry, shape=drives[k]) if k in drives else entry
-            for k, entry in enumerate(foundations_of(statement.placed(0), on, masters))
-        ]
+        begins = foundations_of(statement.placed(0), on, masters)
+        contact = [replace(entry, shape=drives[k]) if k in drives else entry for k, entry in enumerate(begins)]
+        timed = [k for k, entry in enumerate(statement.contact) if entry.friction.timed]
+        for k in timed:
+            contact[k] = replace(contact[k], friction=_at_its_time(contact[k].friction))
         u = fem.Function(space, name="displacement")
         body = body_residual(statement, tagged, u)
         held, bcs = _conditions(model)
@@ -300,11 +301,14 @@ class ProblemOfScene(NonlinearContactProblem):
             moving.settled = moving.shape
 
     def _move(self, statement: Statement) -> None:
-        """Put the foundations where they are in a statement, and take its gaps."""
+        """Put the foundations where they are in a statement, and take its gaps and friction."""
+        foundations = self.linear.foundations
         for number, entry in enumerate(statement.contact):
             if self.statement.contact[number].gap_timed:
                 gap = entry.gap if isinstance(entry.gap, float) else partial(sample, entry.gap)
                 self.linear.give_gap(number, gap)
+            if self.statement.contact[number].friction.timed:
+                foundations.give_friction(number, _at_its_time(entry.friction))
         dimension = self.model.tagged.dimension
         placed = {number: moving for number, moving in self.shapes.items() if not moving.driven}
         for number, moving in placed.items():
@@ -407,6 +411,11 @@ def _with_sides_of(statement: Statement, body: Statement) -> Statement:
     sides = [{"boundary": entry.boundary, "against": entry.against} for entry in body.contact]
     contact = [entry.model_copy(update=side) for entry, side in zip(statement.contact, sides, strict=True)]
     return statement.changed(contact=tuple(contact))
+
+
+def _at_its_time(friction: Any) -> Any:
+    """A friction law at a time, with functions of the place alone in place of expressions of the time."""
+    return friction.with_values(lambda _, value: partial(sample, value) if getattr(value, "timed", False) else value)
 
 
 def _refuse_shrunk(model: Model) -> None:

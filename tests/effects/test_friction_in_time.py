@@ -73,6 +73,28 @@ def test_only_the_fall_makes_a_block_at_rest_slide():
     assert pull(solve(dragged(law, (1.0, 1.0, 1.0)), COMM)) == pytest.approx([0.2, 0.2, 0.1], rel=1e-6)
 
 
+NONLINEAR = [{"law": "neo-hooke"}, {"law": "j2", "yield_stress": 5.0}]
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("law", NONLINEAR)
+def test_a_nonlinear_body(law):
+    """Of a body that is rubber, or metal that does not yield here: coefficients that grow and fall while it is dragged,
+    a fall that lets it relax, and steps between the times of the factors.
+    """
+    material = {"material": {"young": 1000.0, "poisson": 0.0} | law}
+    grows = dragged(coulomb("0.1 if t < 1.5 else 0.6 - 0.1*t"), more=material)
+    assert pull(solve(grows, COMM)) == pytest.approx([0.1, 0.4, 0.3], rel=1e-6)
+    falls = dragged(coulomb("0.2 if t < 1.5 else 0.5 if t < 2.5 else 0.1"), (1.0, 1.0, 1.0), more=material)
+    assert pull(solve(falls, COMM)) == pytest.approx([0.2, 0.2, 0.1], rel=1e-6)
+    between = dragged(
+        {"law": "tresca", "bound": "t*x[0]"},
+        (1.0, 2.0),
+        more=material | {"load_steps": {"steps": 2, "times": [1.0, 2.0]}},
+    )
+    assert pull(solve(between, COMM)) == pytest.approx([2.0 * t / (PRESS * AREA) for t in (1.0, 1.5, 2.0)], rel=1e-6)
+
+
 def test_place_and_time():
     """Of a Tresca bound t x the integral over the length is 2 t, whatever the pressure."""
     law = {"law": "tresca", "bound": "t*x[0]"}
@@ -127,15 +149,45 @@ def test_bad_values(friction, more, message):
         ({"law": "tresca", "bound": "t*x[0]"}, lambda t, pressing: 2.0 * t),
     ],
 )
-def test_a_foundation_that_moves_while_its_friction_changes(friction, wanted):
+@pytest.mark.parametrize("law", [{}, {"law": "neo-hooke"}, {"law": "j2", "yield_stress": 2.0, "hardening": 100.0}])
+def test_a_foundation_that_moves_while_its_friction_changes(friction, wanted, law):
     """The foundation slides below the block in every step: friction is what the bound of its own time allows."""
     plane = {"shape": "plane", "point": [0.0, 0.0], "normal": [0.0, 1.0], "shift": ["-0.05*t", "1e-3"]}
     still = [{"boundary": "top", "x": 0.0, "y": 0.0}]
     contact = {"boundary": "bottom", "foundation": plane, "friction": friction}
     more = {"displacement": still, "traction": [], "contact": contact, "load_steps": {"times": [1.0, 2.0, 3.0]}}
+    more |= {"material": {"young": 1000.0, "poisson": 0.0} | law}
     solution = solve(dragged(friction, more=more), COMM)
     assert solution.status is Status.CONVERGED
-    for t, step in zip((1.0, 2.0, 3.0), solution.steps, strict=True):
+    assert {1.0, 2.0, 3.0} <= {step.time for step in solution.steps}  # and halves of steps in which metal yields
+    for step in solution.steps:
         (_, pressing), (along, _) = step.contact.forces
         assert pressing > 0.0
-        assert -along == pytest.approx(wanted(t, pressing), rel=1e-7)
+        assert -along == pytest.approx(wanted(step.time, pressing), rel=1e-7)
+
+
+@pytest.mark.parametrize("law", NONLINEAR)
+def test_nonlinear_bodies_that_slide_on_each_other(law):
+    """The upper one slides in every step: friction is what the coefficient of its own time allows."""
+    sizes = {"lower": (2.0, 8, [0.0, 0.0]), "upper": (1.0, 5, [0.2, 0.5])}
+    bodies = [
+        {
+            "name": name,
+            "mesh": {"generator": "rectangle", "parameters": {"length": length, "height": 0.5, "nx": count, "ny": 2}},
+            "shift": shift,
+        }
+        for name, (length, count, shift) in sizes.items()
+    ]
+    held = {"boundary": "lower.bottom", "x": 0.0, "y": 0.0}
+    scene = {
+        "body": bodies,
+        "material": {"young": 1000.0, "poisson": 0.0} | law,
+        "displacement": [held, {"boundary": "upper.top", "x": "0.1*t", "y": -2e-3}],
+        "contact": {"boundary": "upper.bottom", "against": "lower.top", "friction": coulomb("0.1*t")},
+        "load_steps": {"times": [1.0, 2.0, 3.0]},
+    }
+    solution = solve(parse_scene(scene), MPI.COMM_SELF)
+    assert solution.status is Status.CONVERGED
+    for step in solution.steps:
+        (_, pressing), (along, _) = step.contact.forces
+        assert -along == pytest.approx(0.1 * step.time * pressing, rel=1e-5)  # normals are turned by 1e-3

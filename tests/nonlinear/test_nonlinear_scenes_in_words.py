@@ -56,9 +56,6 @@ REFUSED = {
         },
         "load_steps": {},
     },
-    "contact.friction: friction that depends on the time": {
-        "contact": contact(friction={"law": "coulomb", "coefficient": "0.1*t"})
-    },
     "fluid: changes as the body moves": {"fluid": {"boundary": "left", "level": 1.0, "weight": 1.0}},
     "links: is not possible yet": {"links": {"file": "links.csv", "stiffness": 1.0}},
     "displacement.rotation: is a small one": {

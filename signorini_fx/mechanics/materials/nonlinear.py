@@ -68,7 +68,6 @@ class NonlinearMaterial(Material):
             "statement of uniqueness": "a nonlinear body may have several solutions: nothing proves that it has one",
             "statement of an error bound": "a nonlinear body has no guaranteed bound",
             "soft contact": "soft contact is for linear materials: leave 'overclosure' out",
-            "friction in time": "friction that depends on the time is not possible yet with a nonlinear material",
             "fluid": _MOVED,
             "links": _NOT_YET,
             "preload": _NOT_YET,

@@ -239,9 +239,15 @@ class Foundations:
 
     def give_gap(self, number: int, value: Any) -> None:
         """Another gap of a contact, or of a pair by geometry another allowance: a number or a callable."""
+        self._change(number, **{"allowance" if self._contact[number].by_geometry else "gap": value})
+
+    def give_friction(self, number: int, friction: FrictionLaw) -> None:
+        """Another friction law of a contact that has one."""
+        self._change(number, friction=friction)
+
+    def _change(self, number: int, **values: Any) -> None:
         contact = list(self._contact)
-        key = "allowance" if contact[number].by_geometry else "gap"
-        contact[number] = replace(contact[number], **{key: value})
+        contact[number] = replace(contact[number], **values)
         self._contact = contact
 
     def settle(self) -> None:
