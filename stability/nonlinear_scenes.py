@@ -5,11 +5,12 @@
 
 The judge is in NumPy and shares nothing with the package but the mesh and the displacements that it looks at.  Its
 elastic bodies have energies of the three principal stretches, whose stresses are U diag(dW/dl) V^T of the singular
-value decomposition of F and derivatives by a complex step; its metal is integrated along the load steps that are
-there, by bisection of the yield condition.  Of each load step that is called converged it looks at equilibrium, gaps,
-signs, friction and its direction, whether forces that are reported are those that it finds, whether a tool that a force
-moves is in balance, and of elastic bodies without friction whether the second derivative of the energy is positive.
-Several ranks must end as one rank alone, with its displacements and forces.  Counts are added to a table.
+value decomposition of F and derivatives by a complex step, after division of the stretches by those of a temperature;
+its metal is integrated along the load steps that are there, by bisection of the yield condition.  Of each load step
+that is called converged it looks at equilibrium, gaps, signs, friction and its direction, whether forces that are
+reported are those that it finds, whether a tool that a force moves is in balance, and of elastic bodies without
+friction whether the second derivative of the energy is positive. Several ranks must end as one rank alone, with its
+displacements and forces.  Counts are added to a table.
 """
 
 from __future__ import annotations
@@ -68,6 +69,7 @@ _DEGREES_OF_REVOLUTION = {
 _NEAR, _SMALL = {"alm": 1e-6, "auto": 1e-4}, 1e-6
 _SAME_ON_RANKS = 1e-8  # displacements and forces of several ranks and of one, relative to the largest
 _SIDES = 600  # unknowns up to which the second derivative is looked at
+_EXPANSION = 2e-5  # per temperature
 
 
 @dataclass(frozen=True)
@@ -93,6 +95,8 @@ class RandomScene:
         pull: dead traction on the right side at the last step, stress, shape (d,).
         volumetric: how the energy of the volume is integrated.
         algorithm: of the solver.
+        warmth: free expansion at each load step at the origin, and its growth along each axis over the size of the
+            block, shape (steps, 1 + d); zeros: the temperature stays.
     """
 
     kind: str
@@ -113,6 +117,7 @@ class RandomScene:
     pull: Array
     volumetric: str
     algorithm: str
+    warmth: Array
 
     @classmethod
     def drawn(cls, seed: int) -> RandomScene:
@@ -157,7 +162,11 @@ class RandomScene:
             pull[1:] = 0.0
         linear_simplex = degree == 1 and cell in ("triangle", "tetrahedron")
         reduced = not linear_simplex and law["law"] != "saint-venant-kirchhoff" and rng.random() < 0.3
-        begin = float(rng.choice([0.4, 1.0, 7.0]))
+        begin, algorithm = float(rng.choice([0.4, 1.0, 7.0])), str(rng.choice(["alm", "auto"]))
+        warmth, heated = np.zeros((len(shares), 1 + dim)), rng.random() < 0.35  # drawn last: others stay what they were
+        if heated:
+            paths = [shares, np.linspace(0, 1, len(shares) + 1)[1:], np.ones(len(shares))]
+            warmth[:] = np.outer(paths[rng.integers(3)], rng.uniform(-0.1, 0.1, 1 + dim) * (0.02 if small else 1.0))
         return cls(
             kind,
             law,
@@ -176,7 +185,8 @@ class RandomScene:
             friction,
             pull,
             "reduced" if reduced else "full",
-            str(rng.choice(["alm", "auto"])),
+            algorithm,
+            warmth,
         )
 
     @property
@@ -211,7 +221,14 @@ class RandomScene:
         factors = np.linspace(0, 1, len(self.times) + 1)[1:].tolist()
         tractions = [{"boundary": "right", **dict(zip(self.axes, self.pull.tolist(), strict=True)), "factors": factors}]
         law = self.law if dim == 3 else self.law | {"hypothesis": self.kind}
-        return {
+        heat: dict[str, Any] = {}
+        if self.warmth.any():
+            law = law | {"expansion": _EXPANSION}
+            terms = [f"({self._of_time(self.warmth[:, 0] / _EXPANSION)})"]
+            for axis, size in enumerate(self.sizes.tolist()):
+                terms.append(f"({self._of_time(self.warmth[:, 1 + axis] / _EXPANSION / size)}) * x[{axis}]")
+            heat = {"temperature": {"change": " + ".join(terms)}}
+        return heat | {
             "mesh": {"generator": "box" if dim == 3 else "rectangle", "parameters": parameters},
             "material": law,
             "element": {"degree": self.degree, "volumetric": self.volumetric},
@@ -302,14 +319,17 @@ def volume_energy(law: dict[str, Any], stretches: npt.NDArray[Any]) -> Any:
     return (bulk - 2 * mu / 3) / 2 * np.log(volume) ** 2
 
 
-def stress_of(energy: Callable[[dict[str, Any], Any], Any], law: dict[str, Any], gradient: Array) -> Array:
-    """The first Piola-Kirchhoff stress, shape (..., 3, 3)."""
+def stress_of(
+    energy: Callable[[dict[str, Any], Any], Any], law: dict[str, Any], gradient: Array, free: Array | float = 0.0
+) -> Array:
+    """The first Piola-Kirchhoff stress, shape (..., 3, 3), from a gradient and the free expansion, shape (...)."""
     left, stretches, right = np.linalg.svd(gradient)
+    grown = np.asarray(1.0 + free)[..., None]
     slopes = np.zeros_like(stretches)
     for axis in range(3):
         aside = stretches.astype(np.complex128)
         aside[..., axis] += 1e-30j
-        slopes[..., axis] = energy(law, aside).imag / 1e-30
+        slopes[..., axis] = (grown[..., 0] ** 3 * energy(law, aside / grown)).imag / 1e-30
     return np.asarray((left * slopes[..., None, :]) @ right)
 
 
@@ -429,13 +449,20 @@ class Judge:
         """The smallest change of volume at the points."""
         return float(np.linalg.det(np.eye(3) + self._gradient(u, self._rules[0])).min())
 
-    def internal(self, u: Array) -> tuple[Array, Metal | None]:
-        """Forces of the body, shape (n, d), and the state of a metal afterwards."""
+    def expansion(self, warmth: Array, rule: tuple[Array, Array, Array]) -> Array:
+        """The free expansion at the points of a rule, shape (c, q); ``warmth``: of now, see ``RandomScene``."""
+        places = np.einsum("cqk,cki->cqi", rule[2], self.x[self.cells])
+        return np.asarray(warmth[0] + places / self.scene.sizes @ warmth[1:])
+
+    def internal(self, u: Array, warmth: Array) -> tuple[Array, Metal | None]:
+        """Forces of the body, shape (n, d), and the state of a metal afterwards; ``warmth``: see ``expansion``."""
         law, (full, other) = self.scene.law, self._rules
         changes = [self._gradient(u, rule) for rule in (full, other)]
+        free = [self.expansion(warmth, rule) for rule in (full, other)]
         if self._metal is None:
-            parts = zip((shape_energy, volume_energy), changes, (full, other), strict=True)
-            return sum(self._work(stress_of(w, law, np.eye(3) + change), rule) for w, change, rule in parts), None
+            parts = zip((shape_energy, volume_energy), changes, free, (full, other), strict=True)
+            return sum(self._work(stress_of(w, law, np.eye(3) + change, s), rule) for w, change, s, rule in parts), None
+        changes = [change - s[..., None, None] * np.eye(3) for change, s in zip(changes, free, strict=True)]
         strain = ((changes[0] + changes[0].swapaxes(2, 3)) / 2).reshape(-1, 3, 3)
         deviator, state = self._metal.deviator(strain)
         bulk = law["young"] / 3 / (1 - 2 * law["poisson"])
@@ -491,7 +518,8 @@ class Judge:
         size, faults = scene.sizes.max(), list[str]()
         if self._metal is None and self.least_volume(u) <= 0:
             return ["turned inside out"]
-        inner, state = self.internal(u)
+        warmth = scene.between(step.time, scene.warmth)
+        inner, state = self.internal(u, warmth)
         at = np.array([0.0, *scene.times])
         forces = inner - self.loads(float(np.interp(step.time, at, np.linspace(0, 1, len(at)))))
         fixed, (gap, normal) = self.fixed(), self.away(u, step.moved)
@@ -538,7 +566,7 @@ class Judge:
                 faults.append(f"the tool is out of balance: {step.force[-1]:.6g} of {-wanted:.6g}")
         elastic = self._metal is None and scene.friction["law"] == "none" and scene.push is None
         if elastic and 0 < (~fixed).sum() <= _SIDES and not faults:
-            faults += self._unstable(u, (known, normal, pressing), gap, scale)
+            faults += self._unstable(u, warmth, (known, normal, pressing), gap, scale)
         self._metal = state
         return faults
 
@@ -574,7 +602,7 @@ class Judge:
                 faults.append(f"friction along the slip: cosine {cosine.max():.2f}")
         return faults
 
-    def _unstable(self, u: Array, at: tuple[Any, ...], gap: Array, scale: float) -> list[str]:
+    def _unstable(self, u: Array, warmth: Array, at: tuple[Any, ...], gap: Array, scale: float) -> list[str]:
         """Whether the energy has no minimum on the displacements that contact and supports leave, without friction."""
         known, normal, pressing = at
         pressed = np.flatnonzero(known & (pressing > 1e-5 * scale))
@@ -584,7 +612,7 @@ class Judge:
         for column in range(count * dim):
             aside = np.zeros(count * dim)
             aside[column] = step
-            ahead, behind = (self.internal(u + sign * aside.reshape(-1, dim))[0] for sign in (1, -1))
+            ahead, behind = (self.internal(u + sign * aside.reshape(-1, dim), warmth)[0] for sign in (1, -1))
             matrix[:, column] = (ahead - behind).ravel() / (2 * step)
         if self.scene.shape != "plane":
             for node in pressed:  # the force turns with the foundation's normal
@@ -745,6 +773,7 @@ def main(count: int, first: int = 0, table: Path | None = None) -> int:
         wrong[law, end] += bool(faults)
         if comm.rank == 0 and (faults or end != "converged"):
             kind = f"{scene.kind}, {law}, {scene.shape}, {scene.friction['law']}, {scene.algorithm}"
+            kind += ", heated" * bool(scene.warmth.any())
             print(f"seed {seed}: {kind}: {end}: {'; '.join(faults[:3])} {said}", flush=True)
     if comm.rank == 0:
         print(f"{count} scenes on {comm.size} ranks, {wrong.total()} wrong, {time.process_time() - begun:.0f} s")
