@@ -383,8 +383,12 @@ class OpinionOfScene(SecondOpinion):
         anew, problem = self.anew, self.problem
         displacements = problem.u.x.array.reshape(-1, anew.dimension)
         followers = [
-            (load.where, "pressure", anew.of_followers(problem.u, problem.path_step, effects=[load]))
-            for load in problem.body.pressures.effects
+            (
+                load.where,
+                load.label if load.carried else "pressure",
+                anew.of_followers(problem.u, problem.path_step, effects=[load]),
+            )
+            for load in problem.body.followers.effects
         ]
         springs = [effect for effect in anew.statement.of(Resistance) if effect.acts]
         followers += [(effect.where, effect.label, -anew.resisted(displacements, [effect])) for effect in springs]

@@ -28,7 +28,7 @@ from signorini_fx.mechanics.assembly.mesh_entities import measure as surface_mea
 from signorini_fx.mechanics.assembly.quadrature import strain_degree
 from signorini_fx.mechanics.elasticity.moduli import reduced_degree
 from signorini_fx.mechanics.kinematics.protocol import Kinematics, position
-from signorini_fx.mechanics.loads.follower_pressure import FollowerPressures, following, without_followers
+from signorini_fx.mechanics.loads.follower_pressure import Followers, following, without_followers
 from signorini_fx.mechanics.loads.initial_strains import initial_strain
 from signorini_fx.mechanics.loads.load_vectors import FormCoefficients
 from signorini_fx.mechanics.materials.nonlinear import PathDependent, growth
@@ -135,19 +135,19 @@ class BodyResidual:
         form: F(u; .), UFL.
         tangent: its derivative where that is not the one of UFL; None: it is.
         points: of the materials with a state.
-        pressures: those that follow the body.
+        followers: the loads that follow the body.
         heat: takes the free expansion to a place in the lists of factors.
     """
 
     form: Any
     tangent: Any | None
     points: tuple[MaterialPoints, ...]
-    pressures: FollowerPressures
+    followers: Followers
     heat: Callable[[float], None]
 
     def move_to(self, step: float) -> None:
-        """Take the pressures and the temperature of a place in the lists of factors."""
-        self.pressures.move_to(step)
+        """Take the loads that follow the body and the temperature of a place in the lists of factors."""
+        self.followers.move_to(step)
         self.heat(step)
 
     def update(self) -> None:
@@ -173,7 +173,8 @@ def body_residual(statement: Statement, tagged: TaggedMesh, u: fem.Function) -> 
     reduced = volume_degree(statement, tagged)
     cells = [cells_of(material, statement, tagged) for material in statement.material]
     # Each rule has cells of its own number: FFCx 0.9 compiles one of one point beside another one wrongly.
-    parts = [*enumerate(cells), *enumerate(cells, len(cells))]
+    every = np.arange(tagged.mesh.topology.index_map(tagged.mesh.topology.dim).size_local, dtype=np.int32)
+    parts = [*enumerate(cells), *enumerate(cells, len(cells)), (2 * len(cells), every)]
     measure = ufl.Measure("dx", domain=space.mesh, subdomain_data=parts)
     around = kinematics.measure(position(u))
     free, heat = initial_strain(statement, tagged, space, 0)
@@ -213,15 +214,15 @@ def body_residual(statement: Statement, tagged: TaggedMesh, u: fem.Function) -> 
     springs = [effect for effect in statement.of(Resistance) if effect.acts]
     on = FormCoefficients(statement, tagged, space, Inventory())
     ds = surface_measure(space.mesh, [tagged.facets(effect.where) for effect in (*following(statement), *springs)], {})
-    pressures = FollowerPressures.of(statement, on, u, ds)
-    if pressures.form is not None:
-        forms.append(pressures.form)
-    for number, effect in enumerate(springs, len(pressures.effects) + 1):
+    followers = Followers.of(statement, tagged, u, ds, measure(2 * len(cells)))
+    if followers.form is not None:
+        forms.append(followers.form)
+    for number, effect in enumerate(springs, len(following(statement)) + 1):
         part = ds(number, metadata={"quadrature_degree": effect.degree(statement.element.degree)})
         forms.append(ufl.inner(effect.reaction(u, on), v) * around * part)
         tangents.append(ufl.inner(effect.reaction(du, on), v) * around * part)
     tangent = sum(tangents[1:], tangents[0]) if points else None
-    return BodyResidual(sum(forms[1:], forms[0]), tangent, tuple(points), pressures, heat)
+    return BodyResidual(sum(forms[1:], forms[0]), tangent, tuple(points), followers, heat)
 
 
 def _constants(material: Any) -> tuple[float, float]:

@@ -12,7 +12,8 @@ from signorini_fx.mechanics.statement.values import Direction, TimedValue, Vecto
 
 
 class Rotation(Force):
-    """Centrifugal force rho omega^2 r of a body that rotates steadily, in the frame that rotates with it.
+    """Centrifugal force rho omega^2 r of a body that rotates steadily, in the frame that rotates with it; r is the
+    displaced radius where materials know finite strains.
 
     Attributes:
         speed: angular speed omega, radians / time.
@@ -23,6 +24,7 @@ class Rotation(Force):
     """
 
     vectors: ClassVar[tuple[str, ...]] = ("about", "axis")
+    carried: ClassVar[bool] = True
 
     speed: TimedValue
     about: Vector | None = None

@@ -3,6 +3,8 @@
 Per undeformed area it is, by Nanson's formula, the traction -p cof(F) N with cof(F) = J F^-T.  Its tangent has a part
 that is not symmetric where p differs from place to place, or where the boundary that it acts on ends at an edge that is
 not held (K. Schweizerhof, E. Ramm, Comput. Struct. 18 (1984) 1099-1114).
+
+Centrifugal forces follow the body, too: they are those of the displaced places, and the mass stays what it was.
 """
 
 from __future__ import annotations
@@ -19,7 +21,10 @@ from signorini_fx.mechanics.kinematics import CARTESIAN
 from signorini_fx.mechanics.kinematics.axisymmetric import AXISYMMETRIC
 from signorini_fx.mechanics.kinematics.protocol import Kinematics, position
 from signorini_fx.mechanics.loads.load_vectors import FormCoefficients
+from signorini_fx.mechanics.mesh.tagged import TaggedMesh
+from signorini_fx.mechanics.statement.effect import Force
 from signorini_fx.mechanics.statement.statement import Statement
+from signorini_fx.records import Inventory
 
 
 def follower_pressure(pressure: Any, u: fem.Function, *, axisymmetric: bool = False) -> Any:
@@ -56,8 +61,33 @@ def following(statement: Statement) -> list[Any]:
     return [effect for effect in statement.effects.get("traction", ()) if follows(statement, effect)]
 
 
+def carried_loads(statement: Statement) -> list[Any]:
+    """The forces of a statement in the body that are those of displaced places."""
+    forces = statement.of(Force) if statement.finite_strains else []
+    return [force for force in forces if force.carried and force.acts]
+
+
+@dataclass(frozen=True)
+class _DisplacedCoefficients(FormCoefficients):
+    """Values of a scene at material points, ``position`` at displaced ones."""
+
+    displacement: fem.Function
+
+    @property
+    def position(self) -> Any:
+        """X + u."""
+        return super().position + self.displacement
+
+
 def without_followers(statement: Statement) -> Statement:
-    """The same without pressures that follow the body."""
+    """The same without pressures and centrifugal forces that follow the body."""
+    if carried_loads(statement):
+        kept = {
+            key: tuple(effect for effect in entries if not getattr(effect, "carried", False))
+            for key, entries in statement.effects.items()
+        }
+        changed = {key: entries for key, entries in kept.items() if len(entries) < len(statement.effects[key])}
+        statement = statement.changed(**changed)
     if not following(statement):
         return statement
     tractions = (
@@ -73,12 +103,12 @@ def degree_of(effect: Any, element: int) -> int:
 
 
 @dataclass(frozen=True)
-class FollowerPressures:
-    """The pressures of a scene that follow its body.
+class Followers:
+    """The loads of a scene that follow its body.
 
     Attributes:
         form: their work with a test function, negative as in a residual, UFL; None: there is none.
-        effects: the tractions.
+        effects: the tractions with a pressure, and centrifugal forces.
         factors: their load factors of now.
         on: gives their values at a time.
     """
@@ -89,16 +119,27 @@ class FollowerPressures:
     on: FormCoefficients
 
     @classmethod
-    def of(cls, statement: Statement, on: FormCoefficients, u: fem.Function, ds: Any) -> FollowerPressures:
-        """Those of a statement at the displacement ``u``; ``ds(1)`` and so on are integrals over their boundaries."""
-        effects, mesh = following(statement), u.function_space.mesh
+    def of(cls, statement: Statement, tagged: TaggedMesh, u: fem.Function, ds: Any, dx: Any) -> Followers:
+        """Those of a statement at the displacement ``u``; ``ds(1)`` and so on are integrals over the boundaries of
+        pressures, ``dx`` that over the body.
+        """
+        pressures, carried, mesh = following(statement), carried_loads(statement), u.function_space.mesh
+        effects, element = [*pressures, *carried], statement.element.degree
+        on = _DisplacedCoefficients(statement, tagged, u.function_space, Inventory(), u)
         factors = [fem.Constant(mesh, np.float64(0.0)) for _ in effects]
         kinematics, v, around = on.kinematics, ufl.TestFunction(u.function_space), on.kinematics.measure
         works = [
             -ufl.inner(_traction(factor * on.value(effect.pressure), u, kinematics), v)
             * around(position(u))
-            * ds(number, metadata={"quadrature_degree": degree_of(effect, statement.element.degree)})
-            for number, (effect, factor) in enumerate(zip(effects, factors, strict=True), start=1)
+            * ds(number, metadata={"quadrature_degree": degree_of(effect, element)})
+            for number, (effect, factor) in enumerate(zip(pressures, factors, strict=False), start=1)
+        ]
+        works += [
+            -factor
+            * ufl.inner(effect.density(on), v)
+            * around(position(u))
+            * dx(metadata={"quadrature_degree": effect.degree(element)})
+            for effect, factor in zip(carried, factors[len(pressures) :], strict=True)
         ]
         return cls(sum(works[1:], works[0]) if works else None, effects, factors, on)
 

@@ -71,7 +71,6 @@ class NonlinearMaterial(Material):
             "fluid": _MOVED,
             "links": _NOT_YET,
             "preload": _NOT_YET,
-            "rotation": _MOVED,
         },
         "finite strain": {
             "prescribed rotation": "is a small one, which a body at finite strains does not know: give x and y as "
@@ -214,6 +213,9 @@ class Hyperelastic(NonlinearMaterial):
             if hasattr(traction.pressure, "ufl_shape"):
                 reason = "follows the body at finite strains: give a number, an expression or a callable, not UFL"
                 yield ("traction", row, "pressure"), reason
+        for row, rotation in enumerate(statement.effects.get("rotation", ())):
+            if rotation.jumps:
+                yield ("rotation", row, "speed"), f"that jumps from place to place {_NOT_YET} at finite strains"
         for other, beside in enumerate(statement.material):
             if not beside.finite:
                 cure = "give law = 'saint-venant-kirchhoff', which has the constants of a linear one"

@@ -260,6 +260,8 @@ class Force(Load):
     """Force per volume or area."""
 
     density_tells_all: ClassVar[bool] = True
+    # Whether at finite strains its density is that of the place to which a point has moved.
+    carried: ClassVar[bool] = False
 
     live: bool = True
 

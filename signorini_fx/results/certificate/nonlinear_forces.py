@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import basix
@@ -19,7 +20,7 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from signorini_fx.mechanics.body.nonlinear_law import at_rest, cells_of, volume_degree
-from signorini_fx.mechanics.loads.follower_pressure import degree_of, following
+from signorini_fx.mechanics.loads.follower_pressure import carried_loads, degree_of, following
 from signorini_fx.mechanics.materials.nonlinear import (
     Hyperelastic,
     PathDependent,
@@ -28,8 +29,10 @@ from signorini_fx.mechanics.materials.nonlinear import (
     inverse_transposed,
 )
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
+from signorini_fx.mechanics.statement.effect import Force
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.results.certificate.nodal_forces import NodalForces
+from signorini_fx.results.certificate.quadrature_points import QuadraturePoints
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int32]
@@ -91,17 +94,21 @@ class NonlinearForces(NodalForces):
         return self.over_ranks(total)
 
     def of_followers(self, displacement: fem.Function, step: float, effects: Sequence[Any] | None = None) -> Array:
-        """The forces of pressures that follow the body, by the tangents of its deformed facets, shape (owned nodes, d);
-        collective.
+        """The forces of pressures that follow the body, by the tangents of its deformed facets, and centrifugal ones at
+        displaced places, shape (owned nodes, d); collective.
 
         Args:
             displacement: y, length.
             step: a place in the lists of factors.
-            effects: of the tractions; None: all.
+            effects: some of these loads; None: all.
         """
         y, total = displacement.x.array.reshape(-1, self.dimension), self.zero()
-        for effect in following(self._following) if effects is None else effects:
+        every = [*following(self._following), *carried_loads(self._following)]
+        for effect in every if effects is None else effects:
             factor, current = self._following.now(effect, step)
+            if effect.carried:
+                total += factor * self._integral(current, partial(_at_displaced_points, current), y)
+                continue
             points, weights = basix.make_quadrature(self._facet, degree_of(effect, self.statement.element.degree))
             for part in self._facets(self.facets(effect.where), points, weights, moved=y):
                 at = self.positions(part) + part.table.shape @ y[self.cell_nodes[part.cells], : self.across]
@@ -212,6 +219,20 @@ class NonlinearForces(NodalForces):
             else:
                 stress[inside] = deviator(material.stress_at(strain))
         return stress
+
+
+class _DisplacedPoints(QuadraturePoints):
+    """Points of quadrature, ``position`` where they have moved to."""
+
+    @property
+    def position(self) -> Array:
+        """X + u, shape (f, q, d)."""
+        return super().position + self.displacement
+
+
+def _at_displaced_points(load: Force, at: QuadraturePoints) -> Array:
+    """The density of a load where points have moved to."""
+    return load.density_at(_DisplacedPoints(**vars(at)))
 
 
 def _in_space(gradient: Array) -> Array:

@@ -1,0 +1,127 @@
+"""Centrifugal forces on nonlinear bodies: those of the displaced radius at finite strains."""
+
+import numpy as np
+import pytest
+import ufl
+from dolfinx import fem
+from dolfinx import mesh as dmesh
+from mpi4py import MPI
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
+from support.nonlinear_bodies import LAME, MU
+from support.nonlinear_scenes import material
+
+from signorini_fx import ConvergenceError, solve
+from signorini_fx.forms.named_parts import tagged_mesh
+from signorini_fx.mechanics.effects.rotation import Rotation
+from signorini_fx.scenes.reading import parse_scene
+
+YOUNG, POISSON = MU * (3 * LAME + 2 * MU) / (LAME + MU), LAME / 2 / (LAME + MU)
+RUBBER = {"law": "neo-hooke", "young": YOUNG, "poisson": POISSON}
+INSIDE, OUTSIDE = 1.0, 2.0
+
+
+def ring(law, speed, comm=MPI.COMM_SELF, **further):
+    """A ring in plane strain that rotates about its axis, as a body of revolution whose length does not change."""
+    size = [[INSIDE, 0.0], [OUTSIDE, 0.1]]
+    mesh = dmesh.create_rectangle(comm, size, [16, 1], dmesh.CellType.quadrilateral)
+    ends = {
+        name: dmesh.locate_entities_boundary(mesh, 1, lambda x, at=at: np.isclose(x[1], at))
+        for name, at in (("bottom", 0.0), ("top", 0.1))
+    }
+    scene = {
+        "mesh": tagged_mesh(mesh, ends),
+        "material": law | {"hypothesis": "axisymmetric", "density": 2.0},
+        "element": {"degree": 2},
+        "displacement": [{"boundary": name, "y": 0.0} for name in ends],
+        "rotation": {"speed": speed, "axis": [0.0, 1.0]},
+    }
+    return solve(parse_scene(scene | further), comm)
+
+
+def radius_of_inside(speed):
+    """By radial equilibrium of the deformed ring: d P_R / dR + (P_R - P_Theta) / R + rho omega^2 r = 0, with the
+    stresses P_R = mu (a - 1 / a) + Lambda ln J / a and P_Theta likewise of the stretches a = dr / dR and b = r / R.
+    """
+
+    def nominal(a, b):
+        return MU * (a - 1 / a) + LAME * np.log(a * b) / a, MU * (b - 1 / b) + LAME * np.log(a * b) / b
+
+    def slope(R, y):
+        r, radial = y
+        a = brentq(lambda a: nominal(a, r / R)[0] - radial, 0.05, 5.0, xtol=1e-15)
+        return [a, (nominal(a, r / R)[1] - radial) / R - 2.0 * speed**2 * r]
+
+    def at_outside(r):
+        return solve_ivp(slope, (INSIDE, OUTSIDE), [r, 0.0], rtol=1e-10, atol=1e-12).y[1, -1]
+
+    return brentq(at_outside, 1.0, 2.0, xtol=1e-11)
+
+
+def moved(solution, step):
+    """The displacement of the inside along the radius, on one rank."""
+    x = solution.model.space.tabulate_dof_coordinates()
+    return step.displacement.x.array.reshape(-1, 2)[np.isclose(x[:, 0], INSIDE), 0].mean()
+
+
+def test_a_ring_of_rubber():
+    """Its radius grows, and the force with it, over two load steps, one of which is at three quarters of the last
+    square of the speed.
+    """
+    speed = 0.35 * np.sqrt(MU / 2.0)
+    solution = ring(RUBBER, speed, rotation={"speed": speed, "axis": [0.0, 1.0], "factors": [0.75, 1.0]})
+    for step, share in zip(solution.steps, (0.75, 1.0), strict=True):
+        expected = radius_of_inside(np.sqrt(share) * speed) - INSIDE
+        assert moved(solution, step) == pytest.approx(expected, rel=2e-6)
+    assert moved(solution, solution.steps[-1]) > 0.1
+
+
+@pytest.mark.parametrize("name", ["neo-hooke", "j2"])
+def test_small_speeds_are_those_of_the_linear_scene(name):
+    """At small strains the forces are those of the undeformed radius; both are the same to first order."""
+    law = material(name)
+    solution = ring(law, "1e-3 * t", load_steps={"times": [1.0]})
+    linear = ring({key: law[key] for key in ("young", "poisson")}, "1e-3 * t", load_steps={"times": [1.0]})
+    wanted = linear.displacement.x.array
+    assert np.abs(wanted).max() > 1e-9
+    assert np.abs(solution.displacement.x.array - wanted).max() < 1e-5 * np.abs(wanted).max()
+
+
+@pytest.mark.mpi
+def test_a_block_off_the_axis():
+    """In space about an axis that is no edge of the block: the reactions are the mass times the square of the speed
+    times the distance of the deformed centre of mass from the axis.
+    """
+    speed, comm = 2.0, MPI.COMM_WORLD
+    size = {"length": 1.0, "width": 0.5, "height": 0.5, "nx": 4, "ny": 2, "nz": 2}
+    scene = {
+        "mesh": {"generator": "box", "parameters": size},
+        "material": material("mooney-rivlin", density=1.5),
+        "displacement": {"boundary": "left", "x": 0.0, "y": 0.0, "z": 0.0},
+        "rotation": {"speed": speed, "axis": [0.0, 1.0, 1.0], "about": [-0.5, 0.2, 0.0]},
+    }
+    solution = solve(parse_scene(scene), comm)
+    mesh, u = solution.model.space.mesh, solution.displacement
+    place = ufl.SpatialCoordinate(mesh) + u
+    moments = [fem.assemble_scalar(fem.form(place[k] * ufl.dx(metadata={"quadrature_degree": 4}))) for k in range(3)]
+    volume = 0.25
+    centre = np.array([comm.allreduce(moment) for moment in moments]) / volume
+    along = np.array([0.0, 1.0, 1.0]) / np.sqrt(2)
+    arm = centre - np.array([-0.5, 0.2, 0.0])
+    pull = 1.5 * volume * speed**2 * (arm - along * (arm @ along))
+    assert solution.resultants.of("left").force == pytest.approx(-pull, rel=1e-9)
+    assert abs(centre[0] - 0.5) > 1e-3
+
+
+def test_the_certificate_takes_displaced_places(monkeypatch):
+    """Those of the undeformed body are no equilibrium."""
+    speed = 0.3 * np.sqrt(MU / 2.0)
+    assert ring(RUBBER, speed).certificate.holds
+    density = Rotation.density_at
+
+    def undeformed(load, at):
+        return density(load, at) - (at.density * at.value(load.speed) ** 2)[..., None] * at.displacement * [1.0, 0.0]
+
+    monkeypatch.setattr(Rotation, "density_at", undeformed)
+    with pytest.raises(ConvergenceError, match="certificate does not hold"):
+        ring(RUBBER, speed)
