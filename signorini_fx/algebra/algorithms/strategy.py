@@ -348,7 +348,7 @@ def _coulomb(task: Task, start: Start, law: PointFriction) -> Outcome:
             law,
             multipliers,
             first_sets,
-            tolerance=s.tolerance,
+            tolerance=max(s.tolerance, start.law_tolerance),
             max_outer=s.max_outer_iterations,
             augmentation=augmentation_on(task, newton) if s.algorithm == "alm" else None,
             damping=damping,

@@ -21,7 +21,7 @@ from dolfinx import fem
 
 from signorini_fx.algebra.algorithms.strategy import solve_task
 from signorini_fx.algebra.algorithms.task import Outcome, Start
-from signorini_fx.algebra.contact.active_sets import ActiveSets
+from signorini_fx.algebra.contact.active_sets import ActiveSets, classify, keep_closed
 from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.algebra.linalg.condensed import CondensedSystem
@@ -46,6 +46,7 @@ from signorini_fx.forms.nonlinear.moving_shapes import (
     spin_at,
 )
 from signorini_fx.forms.nonlinear.moving_tools import DisplacedRigidBodies, MovingTools, RelativeStiffness
+from signorini_fx.forms.nonlinear.predicted_sets import StepChange
 from signorini_fx.forms.nonlinear.residual import Residual
 from signorini_fx.forms.nonlinear.retained_points import RetainedPoints
 from signorini_fx.forms.nonlinear.undeformed_pairs import held_between, turned_forces, turned_gaps
@@ -72,7 +73,7 @@ from signorini_fx.mechanics.rigid.rigid_bodies import Drive, RigidBodies, RigidB
 from signorini_fx.mechanics.scales import Scales
 from signorini_fx.records import Status
 from signorini_fx.results.certificate.promised_law import Law
-from signorini_fx.results.solution import ConvergenceError
+from signorini_fx.results.solution import ConvergenceError, StepResult
 from signorini_fx.results.step_frames import LastSolution
 from signorini_fx.tuned import (
     DAMPING_GROWTH,
@@ -82,6 +83,7 @@ from signorini_fx.tuned import (
     SLOW_INCREMENT,
     SMALL_INCREMENT,
     SMALL_PASS,
+    SPARED_PASS,
 )
 
 Array = npt.NDArray[np.float64]
@@ -232,12 +234,15 @@ class LinearisedProblem(FormSolver):
         curvature: what the shapes add to the tangent.
         symmetric: whether the tangent has been symmetric so far.
         residual: F at the displacement of now, less the loads; None: it has not been assembled yet.
+        law_tolerance, sets_tolerance: see ``Start``, of the next solve.
         passed_on: what the increment changes of the forces of shears as partners shift, shape (owned dofs,): see
             ``solve``.
     """
 
     symmetric = True
     residual: Array | None = None
+    law_tolerance = sets_tolerance = 0.0
+    _last_change: StepChange | None = None  # what the last load step has changed
     passed_on: Array | None = None
     _backward: Sequence[JointStiffness] = ()  # what symmetry has added for the turning of normals of kept partners
     _retained: RetainedPoints
@@ -414,6 +419,9 @@ class LinearisedProblem(FormSolver):
         """See ``FormSolver``; slips of points that stick are linearised as their tangent planes turn."""
         state = self._state
         begun = self._from_pairs(super().begin_step())
+        begun = self._with_first_sets(begun) if begun.multipliers is None else self._with_predicted_sets(begun)
+        if self.settings.algorithm in ("auto", "ssn"):
+            begun = replace(begun, law_tolerance=self.law_tolerance, sets_tolerance=self.sets_tolerance)
         boundary, tools, origin = self.boundary, self.moving_tools, begun.data.slip_origin
         places = self.places[boundary.nodes] - tools.at_points(boundary)
         way = self._way()
@@ -439,6 +447,47 @@ class LinearisedProblem(FormSolver):
             return self.places[nodes]
         earlier = previous.displacement.x.array.reshape(-1, dim)[nodes]
         return np.asarray(self.places[nodes] - earlier - (0.0 if previous.moved is None else previous.moved))
+
+    def _with_first_sets(self, begun: Start) -> Start:
+        """With contact where shapes are inside a body that nothing has touched, if they are anywhere; collective."""
+        if self._solution is not None or self.task.motions.count:
+            return begun
+        inside = keep_closed(begun.data.distance < -self.scales.coordinate_error, begun.data)
+        if not parallel.any_rank(self.space.mesh.comm, bool(inside.any())):
+            return begun
+        return replace(begun, sets=ActiveSets.of(inside, np.zeros_like(begun.data.mu_hat)))
+
+    def _with_predicted_sets(self, begun: Start) -> Start:
+        """With the sets of a load step without a solution so far that goes on as the last one did; collective."""
+        change, previous, comm = self._last_change, self.previous_step, self.space.mesh.comm
+        solved = self._solution is not None and self._solution.step == begun.step
+        loose = self.rigid.bodies or self.task.motions.count or self.task.rest is not None
+        if change is None or previous is None or solved or loose:
+            return begun
+        if parallel.any_rank(comm, change.pressure.size != self.boundary.size):
+            return begun
+        at, (fixed, values) = self._at.x.array, self.prescribed
+        supported = fixed[: self.elastic.fixed.size]
+        ways = (values - at)[: supported.size][supported]
+        share = change.goes_on(comm, supported, ways, previous.moved)
+        if share == 0.0:
+            return begun
+
+        def traces(further: Array) -> tuple[Array, Array]:
+            moved = fem.Function(self.space)
+            moved.x.array[:] = np.where(fixed, values, at + further)
+            system = self.task.system
+            return system.contact.traces(system.unknowns(self.elastic.unknowns(moved)))
+
+        far = None if self.elastic.far is None else self.elastic.far[0]
+        return replace(begun, sets=change.sets_after(share, begun, self.boundary, traces, far))
+
+    def advance(self) -> None:
+        """See ``FormSolver``."""
+        previous = self.previous_step
+        super().advance()
+        assert self._last is not None
+        self._last_change = StepChange.between(previous, self._last.before)
 
     def _from_pairs(self, begun: Start) -> Start:
         """With the slips of pairs counted from where their step has begun."""
@@ -610,14 +659,15 @@ class LinearisedProblem(FormSolver):
         slow, self._last_increment = increment > SLOW_INCREMENT * self._last_increment, increment if near else np.inf
         slow &= self.settings.algorithm != "alm"  # whose multipliers need as many iterations
         ending = set[int]()
-        if increment * self._passed > SLOW_INCREMENT * SMALL_INCREMENT * size:  # else the next one is small without
+        left = increment * self._passed > SPARED_PASS * SMALL_INCREMENT * size
+        if left:  # else the next one is small without
             little = {number: pair for number, pair in near.items() if pair.moves_little(increment)}
             ending = {number for number, pair in little.items() if slow or pair.ends_in_contact(self.state)}
-        passes = MOST_PASSES if self._turning_pairs or ending else int(bool(near))
+        passes = MOST_PASSES if self._turning_pairs or ending else int(bool(near and left))
         for _ in range(passes):
             last_values, done = self.u.x.array.copy(), self._pass_on(begun, ending)
             change = parallel.largest(self.space.mesh.comm, np.abs(self.u.x.array - last_values), 0.0)
-            if ending and last_change == np.inf:
+            if near and last_change == np.inf:
                 self._passed = change / increment
             if not done or change <= SMALL_PASS * increment or 2 * change > last_change:
                 break
@@ -757,6 +807,33 @@ class LinearisedProblem(FormSolver):
         x = self.task.system.unknowns(self.elastic.unknowns(counted))
         newton.restore((x, newton.problem.sets, newton.problem.data))
         self.show(Outcome(status, newton, begun.data), None)
+
+    def show(self, outcome: Outcome, result: StepResult | None) -> None:
+        """See ``FormSolver``: a solve after one that was left early begins with the sets that follow from the
+        displacement of that, and any other with the directions that do.
+        """
+        super().show(outcome, result)
+        problem = outcome.problem
+        if self.status is not Status.CONVERGED or self.begun.law_tolerance == 0.0:
+            return
+        if problem.left_early or not problem.affine:
+            assert self._solution is not None
+            following = classify(problem.sets, *problem.system.contact.traces(outcome.newton.x), problem.data)
+            sets = following if problem.left_early else problem.sets.directed_as(following)
+            self._solution = replace(self._solution, sets=sets)
+
+    @property
+    def keeps_to_law(self) -> bool:
+        """Whether contact in the last outcome is as near its law as it can be; collective."""
+        if self.begun.law_tolerance == 0.0:
+            return True
+        assert self.outcome is not None
+        problem, state = self.outcome.problem, self.state
+        bound = problem.friction_bounds(self.outcome.newton.x)[0]  # of a fixed point that of other pressures
+        away = np.abs(np.subtract(state.bound, bound, out=np.zeros_like(bound), where=np.isfinite(state.bound)))
+        comm, sizes = self.space.mesh.comm, (state.pressure, np.linalg.norm(state.shear, axis=1))
+        largest, *size = (parallel.largest(comm, values, 0.0) for values in (away, *sizes))
+        return not problem.left_early and bool(largest <= self.settings.tolerance * max(size))
 
     @property
     def step(self) -> int:

@@ -44,6 +44,8 @@ from signorini_fx.results.certificate.supports import PrescribedNodes
 from signorini_fx.results.solution import ConvergenceError
 from signorini_fx.tuned import (
     CYCLING_INCREMENT,
+    FAR_FROM_LAW,
+    FAR_FROM_SETS,
     KEPT_TANGENT,
     LEAST_INCREMENT,
     LOST_UNITS,
@@ -295,10 +297,13 @@ class EquilibriumSolver:
         """
         comm, u, worst, last_change, keeps = self.linear.space.mesh.comm, self.u, np.inf, np.inf, False
         self.linear.begin_anew()
+        self.linear.law_tolerance = 0.0 if self._is_linear else FAR_FROM_LAW
         self.predicted, rests = 0.0, False
         residual: Array | None = None
         for iteration in range(1, self.max_newton + 1):
             self.iterations = iteration
+            leaves_sets = self.linear.law_tolerance > 0.0 and iteration <= FAR_FROM_SETS[0]
+            self.linear.sets_tolerance = FAR_FROM_SETS[1] if leaves_sets else 0.0
             old, tools = self.tangent_at = u.x.array.copy(), self.linear.moving_tools.coordinates
             residual = self.residual.at(old) if residual is None else residual
             if residual is None:
@@ -342,11 +347,11 @@ class EquilibriumSolver:
             least = change <= self._least_increment or self._keeps_round_off()
             keeps = length == 1.0 and change <= min(KEPT_TANGENT[0] * size, KEPT_TANGENT[1] * last_change)
             shortened, last_change = self.tangents.given and 2 * change < last_change, change
-            if (
-                small
-                or (length == 1.0 and self._is_linear)
-                or (least and not (shortened and iteration < self.max_newton))
-            ):
+            ends = small or (length == 1.0 and self._is_linear)
+            if ends or (least and not (shortened and iteration < self.max_newton)):
+                if not self.linear.keeps_to_law:
+                    self.linear.law_tolerance = 0.0
+                    continue
                 status = self._judge(residual)
                 if status is not Status.NOT_CERTIFIED or self.certificate is None:
                     return status
