@@ -291,8 +291,7 @@ class ProblemOfScene(NonlinearContactProblem):
             displacement: y.
         """
         anew = NonlinearForces(statement, self.model.tagged, self.model.space)
-        external = anew.external(self.path_step) + anew.of_followers(displacement, self.path_step)
-        return np.asarray(external - anew.of_body(displacement, {})).ravel()
+        return -anew.residual(displacement, {}, self.path_step)
 
     def _begins_at(self, statement: Statement) -> None:
         """Slip counts from where foundations are at time 0."""
@@ -369,10 +368,7 @@ class OpinionOfScene(SecondOpinion):
             for points in problem.body.points
             if points.material is material
         }
-        internal = self.anew.of_body(problem.u, states, problem.path_step)
-        internal += self.anew.resisted(problem.u.x.array.reshape(-1, self.anew.dimension))
-        followers = self.anew.of_followers(problem.u, problem.path_step)
-        return np.asarray(internal - (self.anew.external(problem.path_step) + followers)).ravel()
+        return self.anew.residual(problem.u, states, problem.path_step)
 
     def supports(self, claimed_supports: PrescribedNodes) -> PrescribedNodes:
         """See ``SecondOpinion``: those that the scene says to hold in this load step, whatever the problem holds."""

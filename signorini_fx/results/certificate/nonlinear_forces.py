@@ -93,6 +93,18 @@ class NonlinearForces(NodalForces):
         total += self._part_of_work(y, self._reduced or degree, self._of_volume, free)[0]
         return self.over_ranks(total)
 
+    def residual(self, displacement: fem.Function, states: Mapping[int, Array], step: float) -> Array:
+        """Forces of materials, springs and loads, forces of shape (owned dofs,); collective.
+
+        Args:
+            displacement: y, length.
+            states: see ``of_body``.
+            step: a place in the lists of factors.
+        """
+        resisted = self.resisted(displacement.x.array.reshape(-1, self.dimension))
+        loads = self.external(step) + self.of_followers(displacement, step)
+        return np.asarray(self.of_body(displacement, states, step) + resisted - loads).ravel()
+
     def of_followers(self, displacement: fem.Function, step: float, effects: Sequence[Any] | None = None) -> Array:
         """The forces of pressures that follow the body, by the tangents of its deformed facets, and centrifugal ones at
         displaced places, shape (owned nodes, d); collective.
