@@ -86,7 +86,8 @@ def _sides_of_planes(surface: PairSurface, nodes: Numbers, across: Array, within
         within: how far facets may reach beyond a plane, length.
     """
     order = np.argsort(surface.nodes, axis=None, kind="stable")
-    first, last = (np.searchsorted(surface.nodes.ravel()[order], nodes, side=side) for side in ("left", "right"))
+    sorted_nodes = surface.nodes.ravel()[order]
+    first, last = np.searchsorted(sorted_nodes, nodes), np.searchsorted(sorted_nodes, nodes, side="right")
     rows = np.repeat(np.arange(len(nodes)), last - first)
     at = np.arange(len(rows)) - np.repeat(np.cumsum(last - first) - last, last - first)
     around = surface.nodes[order[at] // surface.nodes.shape[1]]
