@@ -157,12 +157,25 @@ def test_a_side_that_ends_over_the_other(path):
     assert forces[1] == pytest.approx(forces[0], rel=0.005)
 
 
-@pytest.mark.parametrize(("depths", "touches"), [((-0.1, -0.3), False), ((0.1, -0.1), True)], ids=["never", "at first"])
-def test_a_body_that_supports_carry_off(depths, touches):
+TURN = {
+    "boundary": "upper.top",
+    "x": "x[0]*(cos(0.3*t) - 1) - (x[1] - 1)*sin(0.3*t)",
+    "y": "x[0]*sin(0.3*t) + (x[1] - 1)*(cos(0.3*t) - 1) + 0.5*t",
+}
+
+
+@pytest.mark.parametrize(
+    ("depths", "turn", "touches"),
+    [((-0.1, -0.3), None, False), ((0.1, -0.1), None, True), ((-0.1, -0.3), TURN, False)],
+    ids=["never", "at first", "turned"],
+)
+def test_a_body_that_supports_carry_off(depths, turn, touches):
     """It is without stress, as is the one that it has left: no digit is lost where there is none."""
     scene = two_blocks({}, depths)
-    held = [*scene.displacement, *({"boundary": f"{name}.right", "x": 0.0} for name in ("lower", "upper"))]
-    solution = solve(Scene.model_validate(scene.model_dump() | {"displacement": held}), MPI.COMM_SELF)
+    supports = [*scene.displacement, *({"boundary": f"{name}.right", "x": 0.0} for name in ("lower", "upper"))]
+    if turn is not None:
+        supports = [{"boundary": "lower.bottom", "x": 0.0, "y": 0.0}, turn]
+    solution = solve(Scene.model_validate(scene.model_dump() | {"displacement": supports}), MPI.COMM_SELF)
     assert np.any(solution.steps[0].contact.in_contact) == touches
     assert not np.any(solution.contact.in_contact)
     said = [finding.message for finding in solution.findings]

@@ -220,10 +220,13 @@ def equilibrium(
     hidden = 0.0
     if balance.lost is not None:
         lost = LOST_UNITS * pieces.norms(balance.lost)
-        # Of a body that nothing acts on, and that supports move as a whole, there is nothing to be lost.
-        judged = (on_pieces > 0) | (pieces.largest_beside(y) > digits * reach)
-        beside = np.where(on_pieces > 0, force, pieces.norms(balance.internal))
-        hidden = max(map(ratio, np.where(judged, lost, 0.0), beside))
+        within = pieces.norms(balance.internal)
+        # Of a body that nothing acts on, and that supports move as a whole, there is nothing to be lost.  It differs
+        # from its nearest small rotation by nothing, or by as much as forces within would show.
+        beside = pieces.largest_beside(y)
+        whole = (beside <= digits * reach) | ((beside > digits * pieces.size) & (within <= lost))
+        known = (on_pieces == 0) & whole
+        hidden = max(map(ratio, np.where(known, 0.0, lost), np.where(on_pieces > 0, force, within)))
         missing = missing - lost
     residual_share = max(map(ratio, missing, force))
     if nodes is None:
