@@ -1353,8 +1353,8 @@ MUTANTS = (
     ),
     Mutant(
         "algorithms/augmented_fall_back",
-        "data.slip_origin - start.elastic_slip",
-        "data.slip_origin",
+        "failed.data.slip_origin - start.elastic_slip",
+        "failed.data.slip_origin",
         "elastic slip of earlier load steps counts as slip",
         tests=("load_steps::test_elastic_slip_of_earlier_steps_is_no_slip",),
     ),

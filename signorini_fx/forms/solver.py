@@ -217,7 +217,7 @@ class FormSolver:
         moved = self.foundations.moved(self.boundary)  # slip is relative to the foundation
         if begun is None:  # slip counts from the body without loads, and the shapes as they were given
             self.previous_step = None
-            start = Start(data, law, ActiveSets.all_in_contact(*data.mu_hat.shape), 0)
+            start = Start(data, law, 0.0 * data.mu_hat, ActiveSets.all_in_contact(*data.mu_hat.shape), 0)
             if moved is not None:
                 start, self.previous_step = from_rest(self.space, self.boundary, start, moved)
             if (resting := self.task.rest) is not None:

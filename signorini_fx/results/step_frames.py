@@ -257,7 +257,7 @@ def carried(
         data=replace(data, mu_hat=along(data.mu_hat), slip_origin=origin),
         sets=None if start.sets is None else _turned_sets(start.sets, rotation),
         multipliers=None if multipliers is None else (multipliers[0], along(multipliers[1])),
-        elastic_slip=None if start.elastic_slip is None else along(start.elastic_slip),
+        elastic_slip=along(start.elastic_slip),
     )
     return begun, None if resting is None else replace(resting, u_t=moved(resting.u_t))
 

@@ -22,7 +22,6 @@ from signorini_fx.algebra.algorithms.augmented_fall_back import (
     automatic_gamma,
     by_augmentation,
     softened,
-    without_elastic_slip,
 )
 from signorini_fx.algebra.algorithms.continuation import continuation
 from signorini_fx.algebra.algorithms.coulomb_newton import coulomb_newton
@@ -132,7 +131,7 @@ def _augmented_or_regularised(task: Task, start: Start) -> Outcome:
         second = replace(second, regularisation_error=path_model(newton, second.data).distance)
     solved, begun = second.newton.checkpoint(), start.begin_from(second.problem.sets, second.newton.multipliers())
     monolithic = start.law is not None and start.law.has_derivative
-    data = replace(second.data, slip_origin=without_elastic_slip(start, second.data))
+    data = replace(second.data, slip_origin=second.data.slip_origin - start.elastic_slip)
     with history.at_most(AUGMENTED_SOLVES):
         last = by_augmentation(task, begun, second, data, monolithic=monolithic)
     if last.status is Status.CONVERGED:

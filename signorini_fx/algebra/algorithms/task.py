@@ -37,6 +37,7 @@ class Start:
     Attributes:
         data: the regularised problem with the gamma to begin with.
         law: the friction law; None without friction.
+        elastic_slip: the part of the slip so far that is due to the regularisation, length, shape (n, d - 1).
         sets: active sets of the first linear solve; None: from the iterate.
         iteration: number of the first linear solve.
         multipliers: (lambda, mu) to start from, if there are any.
@@ -44,7 +45,6 @@ class Start:
         place: where the load step is on the way through all of them, for its owner.
         factors: of the load cases; None: the load stays as it is set.
         regularisation_error: that of path-following in an earlier load step, in the energy norm.
-        elastic_slip: the part of the slip so far that is due to the regularisation, length; None: none.
         without_fall_backs: whether only the methods themselves are tried, because a smaller increment may do.
         augmented: whether Coulomb friction begins with augmentation, because a fixed point was too slow.
         monolithic: whether it begins with the monolithic Newton method, because augmentation has failed as well.
@@ -57,6 +57,7 @@ class Start:
 
     data: RegularisedData
     law: PointFriction | None
+    elastic_slip: Nodal
     sets: ActiveSets | None = None
     iteration: int = 1
     multipliers: tuple[Nodal, Nodal] | None = None
@@ -64,7 +65,6 @@ class Start:
     place: float = 0.0
     factors: Nodal | None = None
     regularisation_error: float | None = None
-    elastic_slip: Nodal | None = None
     without_fall_backs: bool = False
     augmented: bool = False
     monolithic: bool = False
@@ -121,18 +121,16 @@ class Outcome:
         data, solved, elastic = replace(self.data, slip_origin=u_t), self.problem.data, start.elastic_slip
         if start.law is not None:
             data = replace(data, mu_hat=shear, bound=start.law.bound(pressure))
-            if np.isfinite(solved.gamma_t) and not self.augmented:
-                elastic = (0.0 if elastic is None else elastic) + (shear - solved.mu_hat) / solved.gamma_t
-            else:
-                elastic = None
+            kept = np.isfinite(solved.gamma_t) and not self.augmented
+            elastic = elastic + (shear - solved.mu_hat) / solved.gamma_t if kept else np.zeros_like(shear)
         return Start(
             data,
             start.law,
+            elastic,
             multipliers=(pressure, shear),
             step=start.step + 1,
             place=start.place + 1,
             regularisation_error=self.regularisation_error,
-            elastic_slip=elastic,
         )
 
 
@@ -205,7 +203,7 @@ class Task:
         )
         resting = resting_place(gap, sides, motions, system.resultant)
         sets = ActiveSets.all_in_contact(*data.mu_hat.shape)
-        start = Start(data if resting is None else resting.data_from(data), law, sets, iteration=0)
+        start = Start(data if resting is None else resting.data_from(data), law, 0.0 * data.mu_hat, sets, iteration=0)
         history = options.pop("history", None) or History()
         return cls(settings, system, motions, start, has_coulomb, natural_gamma, history, rest=resting, **options)
 
