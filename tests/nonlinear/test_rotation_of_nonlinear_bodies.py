@@ -113,6 +113,32 @@ def test_a_block_off_the_axis():
     assert abs(centre[0] - 0.5) > 1e-3
 
 
+CALCULIX = {
+    "neo-hooke, isochoric": (3.268078e-1, -1.783538e-1, 1.035890e-1),
+    "mooney-rivlin": (3.807301e-1, -2.142375e-1, 1.277780e-1),
+}
+
+
+@pytest.mark.parametrize("name", ["mooney-rivlin", pytest.param("neo-hooke, isochoric", marks=pytest.mark.slow)])
+def test_a_blade_of_calculix(name):
+    """A blade that bends as far as a sixth of its length: CalculiX 2.20, C3D8 with NLGEOM and CENTRIF, whose forces are
+    those of the places where a step begins, in 22 steps with the same speed, the last two of which have these digits.
+    """
+    size = {"length": 2.0, "width": 1.0, "height": 1.0, "nx": 4, "ny": 2, "nz": 2, "cell": "hexahedron"}
+    scene = {
+        "mesh": {"generator": "box", "parameters": size},
+        "material": material(name, density=1.5),
+        "element": {"volumetric": "full"},
+        "displacement": {"boundary": "left", "x": 0.0, "y": 0.0, "z": 0.0},
+        "rotation": {"speed": float(np.sqrt(6.0)), "axis": [0.0, 1.0, 1.0], "about": [-0.5, 0.2, 0.0]},
+    }
+    solution = solve(parse_scene(scene), MPI.COMM_SELF)
+    x = solution.model.space.tabulate_dof_coordinates()
+    middle = np.argmin(np.abs(x - 1.0).sum(axis=1))
+    moved = solution.displacement.x.array.reshape(-1, 3)[middle]
+    assert moved == pytest.approx(np.array(CALCULIX[name]), abs=1e-7)
+
+
 def test_the_certificate_takes_displaced_places(monkeypatch):
     """Those of the undeformed body are no equilibrium."""
     speed = 0.3 * np.sqrt(MU / 2.0)

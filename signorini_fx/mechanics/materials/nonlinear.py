@@ -49,7 +49,6 @@ from signorini_fx.mechanics.materials.protocol import Array, Material
 from signorini_fx.mechanics.statement.effect import Contradictions, Features, Resistance
 from signorini_fx.tuned import NEAR_ONE, TERMS_NEAR_ONE
 
-_MOVED = "changes as the body moves, which is not possible yet with a nonlinear material"
 _NOT_YET = "is not possible yet with a nonlinear material"
 
 
@@ -68,7 +67,7 @@ class NonlinearMaterial(Material):
             "statement of uniqueness": "a nonlinear body may have several solutions: nothing proves that it has one",
             "statement of an error bound": "a nonlinear body has no guaranteed bound",
             "soft contact": "soft contact is for linear materials: leave 'overclosure' out",
-            "fluid": _MOVED,
+            "fluid": "changes as the body moves, which is not possible yet with a nonlinear material",
             "links": _NOT_YET,
             "preload": _NOT_YET,
         },
