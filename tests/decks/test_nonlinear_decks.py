@@ -149,6 +149,30 @@ BELOW = [
 ]
 
 
+WARM = ["*INITIAL CONDITIONS, TYPE=TEMPERATURE", "EVERY, 20.", "*BOUNDARY", "WALL, 1, 1", "TOP, 2, 2", "REF, 1, 6"]
+WARM += ["*STEP", "*STATIC", "*TEMPERATURE", "EVERY, 120.", "*END STEP"]
+EVERY = ["*NSET, NSET=EVERY", "1, 2, 3, 4, 5, 6, 7, 8, 9"]
+
+
+def test_metal_that_yields_as_it_becomes_warm(tmp_path):
+    """Its height and its thickness are held and its width is free, so that both have the stress -sigma, whose size is
+    that of von Mises, and half of the plastic strain p: sigma = E (alpha T - p / 2) / (1 - nu) = sigma_0 + H p.
+    """
+    material = ["*MATERIAL, NAME=M", "*ELASTIC", "1000., .25", "*PLASTIC", "5., 0.", "15., .1", "*EXPANSION", "1e-4"]
+    scene, data = converted(tmp_path, [*SQUARE, *EVERY, *material, *GROUND, *WARM])
+    assert "incomplete" not in data
+    solution = solve(read_scene(scene), MPI.COMM_SELF)
+    plastic = (1000.0 * 1e-2 / 0.75 - 5.0) / (100.0 + 1000.0 / 2 / 0.75)
+    assert np.sum(solution.contact.forces, axis=0)[1] == pytest.approx(5.0 + 100.0 * plastic, rel=1e-4)
+
+
+def test_rubber_that_becomes_warm_is_refused(tmp_path, capsys):
+    """CalculiX takes its expansion from grad u, not from the deformation."""
+    material = ["*MATERIAL, NAME=M", "*HYPERELASTIC, NEO HOOKE", "1., .1", "*EXPANSION", "1e-4"]
+    converted(tmp_path, [*SQUARE, *EVERY, *material, *GROUND, *WARM], code=2)
+    assert "not possible yet with temperature at finite strains" in " ".join(capsys.readouterr().err.split())
+
+
 LINKED = ["*EQUATION", "2", "7, 2, 1., 9, 2, -1."]
 ROLLING = [line for line in BELOW if line not in ("21, 1, 2", "22, 1, 2")] + ["21, 1", "24, 1", "21, 2", "22, 2"]
 

@@ -140,7 +140,8 @@ def obstacle_of(deck: Deck, contacts: Sequence[Sequence[str]], *, heated: bool) 
         (any(_bonded(contact) and not _between(contact) for contact in contacts), "with a rigid body that is tied"),
         (any(line.startswith("overclosure") for line in lines), "with soft contact"),
         (deck.hypothesis == "plane stress", "in plane stress"),
-        (heated, "with temperature"),
+        # CalculiX takes alpha T from grad u there: another material than one that expands and is deformed then.
+        (heated and (deck.finite or has_rubber(deck)), "with temperature at finite strains"),
         (bool(deck.links), "with links between nodes"),
         (bool(deck.bolts), "with a preload"),
     ):
