@@ -1,6 +1,7 @@
 """Nonlinear bodies that expand as they become warmer: closed forms, CalculiX, the linear limit, ranks and restart."""
 
 from dataclasses import replace
+from typing import ClassVar, Literal
 
 import numpy as np
 import pytest
@@ -11,7 +12,8 @@ from support.nonlinear_scenes import LAWS, force, indented, material
 from test_nonlinear_scenes import energy_of_stretches
 from test_restart_of_nonlinear_bodies import assert_same, interrupted
 
-from signorini_fx import ConvergenceError, SceneError, Status, solve
+from signorini_fx import ConvergenceError, SceneError, Status, extensions, solve
+from signorini_fx.mechanics.materials.j2 import J2
 from signorini_fx.mechanics.mesh.tagged import generate_mesh
 from signorini_fx.results.certificate.nonlinear_forces import NonlinearForces
 from signorini_fx.scenes.reading import parse_scene
@@ -136,6 +138,38 @@ def test_a_bar_that_yields():
     expected = [*(-young * (expansions - plastic)), young * (plastic[-1] - back)]
     for stress, wanted in zip(stresses(solution), expected, strict=True):
         assert stress[..., 0, 0] == pytest.approx(wanted, rel=1e-9)
+
+
+class Gauge(J2):
+    """Metal whose state has the change of volume by stress, too, which it shows as its plastic strain."""
+
+    state_size: ClassVar[int] = J2.state_size + 1
+    law: Literal["gauge"]
+
+    def respond(self, strain, state):
+        """See ``PathDependent``."""
+        stress, tangent, new = super().respond(strain, state[:, :-1])
+        return stress, tangent, np.column_stack((new, np.trace(strain, axis1=1, axis2=2)))
+
+    def respond_at(self, strain, state):
+        """See ``PathDependent``."""
+        return super().respond_at(strain, state[:, :-1])
+
+    def plastic_strain(self, state):
+        """See ``PathDependent``."""
+        return state[:, -1]
+
+
+def test_a_state_follows_the_strain_less_that_of_the_temperature(monkeypatch):
+    """Of a bar that is held: tr(epsilon) is 2 (1 + nu) alpha T, and 3 alpha T less (1 - 2 nu) alpha T by stress, at
+    the temperature of each load step.
+    """
+    monkeypatch.setattr(extensions, "_registered", {extensions.MATERIALS: {"gauge": Gauge}})
+    law = {"law": "gauge", "young": 100.0, "poisson": 0.3, "yield_stress": 1e3}
+    steps = {"load_steps": {"times": [1.0, 2.0]}}
+    solution = solve(cube(law, "2 * t", {"boundary": "right", "x": 0.0}, **steps), MPI.COMM_SELF)
+    for step, change in zip(solution.steps, (2.0, 4.0), strict=True):
+        assert solution.at(step).stress.plastic == pytest.approx(-0.4 * EXPANSION * change, rel=1e-9)
 
 
 def test_regions_and_nodal_values(tmp_path):
