@@ -1031,10 +1031,6 @@ MOST_PASSES, SMALL_PASS = 5, 0.01
 # How far friction may be from its law in an iteration after which another one follows, as a share of the largest shear.
 # Measured: a sphere that ploughs takes 38 linear solves with 1e-3, 36 with 1e-2, and 33 and an iteration more with 0.1.
 FAR_FROM_LAW = 1e-2
-# In this many iterations of a load step contact sets may be left before they repeat, where the forces with those that
-# follow are out of balance by no more than this share.  Measured: a circle that ploughs takes 83 linear solves without,
-# 74 with it, and 67 and one to two iterations more with a share of 0.3; sliding blocks the iterations of full solves.
-FAR_FROM_SETS = 2, 0.1
 # Where a pass would change less than this share of a small increment there is none, as far as the last one tells.
 # Measured: two blocks that slide take 65 linear solves instead of 68, and as many iterations.
 SPARED_PASS = 0.1

@@ -22,7 +22,10 @@ from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
 from signorini_fx.forms.nonlinear.predicted_sets import StepChange
 from tests.support.nonlinear_bodies import held, neo_hooke
 
-PLANE = {"shape": "circle", "centre": (1.5, 1.5), "radius": 0.5}, [(0.0, -0.1), (0.0, -0.2), (0.1, -0.2), (0.2, -0.2)]
+PLANE = (
+    {"shape": "circle", "centre": (1.5, 1.5), "radius": 0.5},
+    [(0.0, -0.1), (0.0, -0.2), *((0.1 * k, -0.2) for k in range(1, 5))],
+)
 SPACE = (
     {"shape": "sphere", "centre": (0.0, 0.0, 1.0), "radius": 1.0},
     [
@@ -36,7 +39,7 @@ SPACE = (
 def ploughed(tool, shifts):
     """A round tool is pressed into a block of rubber and moved over it: displacements, iterations, linear solves."""
     if len(shifts[0]) == 2:
-        mesh = dmesh.create_rectangle(MPI.COMM_WORLD, [[0, 0], [4, 1]], [32, 8], dmesh.CellType.quadrilateral)
+        mesh = dmesh.create_rectangle(MPI.COMM_WORLD, [[0, 0], [4, 1]], [64, 16], dmesh.CellType.quadrilateral)
         low, high = 0.0, 1.0
     else:
         mesh = dmesh.create_box(MPI.COMM_WORLD, [[-1, -1, -1], [1, 1, 0]], [8, 8, 4], dmesh.CellType.hexahedron)
@@ -60,8 +63,8 @@ def ploughed(tool, shifts):
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize(("problem", "most"), [(PLANE, 1.5), (SPACE, 1.7)], ids=["plane", "space"])
-def test_displacements_are_those_of_full_solves(monkeypatch, problem, most):
+@pytest.mark.parametrize(("problem", "share"), [(PLANE, 0.9), (SPACE, 0.7)], ids=["plane", "space"])
+def test_displacements_are_those_of_full_solves(monkeypatch, problem, share):
     """Contact problems that are solved to their end from the sets of the last load step take more linear solves, and
     those that are left early, whatever they are short of, as many iterations.
     """
@@ -72,10 +75,9 @@ def test_displacements_are_those_of_full_solves(monkeypatch, problem, most):
         patched.setattr(LinearisedProblem, "_with_predicted_sets", lambda self, begun: begun)
         full, fewest, largest = ploughed(*problem)
     np.testing.assert_allclose(ours, full, rtol=0, atol=1e-10 * np.abs(full).max())
-    assert solves <= most * iterations < largest
+    assert solves <= share * largest
     assert iterations <= fewest + 2
     monkeypatch.setattr(newton, "FAR_FROM_LAW", 0.5)
-    monkeypatch.setattr(newton, "FAR_FROM_SETS", (100, 0.5))
     np.testing.assert_allclose(ploughed(*problem)[0], full, rtol=0, atol=1e-10 * np.abs(full).max())
 
 

@@ -420,9 +420,6 @@ class SemismoothNewton:
                 return int(_SNES.CONVERGED_FNORM_RELATIVE)
             if problem.affine or max(law, snes.getTolerances()[0]) > 0.5 * self._seen[fingerprint]:
                 return self._stop(Status.CYCLING)
-        elif k > 0 and self._may_leave_sets and residual <= problem.sets_tolerance:
-            problem.left_early = True
-            return int(_SNES.CONVERGED_FNORM_RELATIVE)
         self._changes.append((changed, active))
         if self._may_propose and self._is_slow(k):
             self._may_propose, self._slow = False, True
@@ -434,13 +431,6 @@ class SemismoothNewton:
         if k > 0 and self.history.overdue():
             return self._stop(Status.MAX_ITERATIONS)
         return int(_SNES.CONVERGED_ITERATING)
-
-    @property
-    def _may_leave_sets(self) -> bool:
-        """Whether the sets that follow may be those of the next solve: not where a bound is of the last pressures."""
-        problem, data = self.problem, self.problem.data
-        settles = data.follows is not None or data.bound is None
-        return settles and not problem.next.repaired and problem.next.escapes is None
 
     def _is_slow(self, k: int) -> bool:
         """Whether so few sets change after linear solve k that full steps would take many more."""

@@ -51,8 +51,6 @@ class Start:
         several: whether it is one of several: a body that nothing loads in it then waits where it is for its load.
         law_tolerance: how far friction may be from its law, as a share of the largest shear, where another solve
             follows; 0: none does.
-        sets_tolerance: the residual with the sets that follow, as a share of the forces, up to which these may be
-            others, where another solve follows; 0: none does.
     """
 
     data: RegularisedData
@@ -70,7 +68,6 @@ class Start:
     monolithic: bool = False
     several: bool = False
     law_tolerance: float = 0.0
-    sets_tolerance: float = 0.0
 
     def begin_from(self, sets: ActiveSets, multipliers: tuple[Nodal, Nodal]) -> Start:
         """The same, from the sets and (lambda, mu) of another mesh, of fewer contact nodes, or of another load."""
@@ -337,8 +334,7 @@ class Iterate:
     def begin_step(self, start: Start) -> None:
         """Apply the loads and prescribed displacements of a load step to the current iterate."""
         self.fall_backs.exhausted = start.without_fall_backs
-        problem, near = self.newton.problem, start.multipliers is not None
-        problem.law_tolerance, problem.sets_tolerance = start.law_tolerance, start.sets_tolerance if near else 0.0
+        self.newton.problem.law_tolerance = start.law_tolerance
         if start.factors is not None:
             self._system.set_load(start.factors)
         fixed = self._system.contact.fixed

@@ -64,8 +64,8 @@ class Problem(ABC):
         sets: active sets of the last linear solve.
         next: active sets of the last residual.
         force_scale: size of the forces on the unknowns that are not prescribed, in the last residual.
-        law_tolerance, sets_tolerance: see ``Start``.
-        left_early: whether the last solve has ended by one of them alone.
+        law_tolerance: see ``Start``.
+        left_early: whether the last solve has ended by it alone.
         moved: contact points whose blocks in the Jacobian differ from those of its last factorisation; None: there is
             none, or too many to tell.
     """
@@ -78,7 +78,7 @@ class Problem(ABC):
         self.sets = ActiveSets.all_in_contact(self.points.size, self.points.dimension - 1)
         self.next = NextSets(self.sets, self.sets)
         self.force_scale = 0.0
-        self.law_tolerance = self.sets_tolerance = 0.0
+        self.law_tolerance = 0.0
         self.left_early = False
         self.moved: int | None = None
         self._motions = motions

@@ -234,14 +234,14 @@ class LinearisedProblem(FormSolver):
         curvature: what the shapes add to the tangent.
         symmetric: whether the tangent has been symmetric so far.
         residual: F at the displacement of now, less the loads; None: it has not been assembled yet.
-        law_tolerance, sets_tolerance: see ``Start``, of the next solve.
+        law_tolerance: see ``Start``, of the next solve.
         passed_on: what the increment changes of the forces of shears as partners shift, shape (owned dofs,): see
             ``solve``.
     """
 
     symmetric = True
     residual: Array | None = None
-    law_tolerance = sets_tolerance = 0.0
+    law_tolerance = 0.0
     _last_change: StepChange | None = None  # what the last load step has changed
     passed_on: Array | None = None
     _backward: Sequence[JointStiffness] = ()  # what symmetry has added for the turning of normals of kept partners
@@ -421,7 +421,7 @@ class LinearisedProblem(FormSolver):
         begun = self._from_pairs(super().begin_step())
         begun = self._with_first_sets(begun) if begun.multipliers is None else self._with_predicted_sets(begun)
         if self.settings.algorithm in ("auto", "ssn"):
-            begun = replace(begun, law_tolerance=self.law_tolerance, sets_tolerance=self.sets_tolerance)
+            begun = replace(begun, law_tolerance=self.law_tolerance)
         boundary, tools, origin = self.boundary, self.moving_tools, begun.data.slip_origin
         places = self.places[boundary.nodes] - tools.at_points(boundary)
         way = self._way()
@@ -809,18 +809,15 @@ class LinearisedProblem(FormSolver):
         self.show(Outcome(status, newton, begun.data), None)
 
     def show(self, outcome: Outcome, result: StepResult | None) -> None:
-        """See ``FormSolver``: a solve after one that was left early begins with the sets that follow from the
-        displacement of that, and any other with the directions that do.
+        """See ``FormSolver``: a solve after one that may be left early begins with the directions that follow from the
+        displacement of that.
         """
         super().show(outcome, result)
         problem = outcome.problem
-        if self.status is not Status.CONVERGED or self.begun.law_tolerance == 0.0:
-            return
-        if problem.left_early or not problem.affine:
+        if self.status is Status.CONVERGED and self.begun.law_tolerance > 0.0 and not problem.affine:
             assert self._solution is not None
             following = classify(problem.sets, *problem.system.contact.traces(outcome.newton.x), problem.data)
-            sets = following if problem.left_early else problem.sets.directed_as(following)
-            self._solution = replace(self._solution, sets=sets)
+            self._solution = replace(self._solution, sets=problem.sets.directed_as(following))
 
     @property
     def keeps_to_law(self) -> bool:

@@ -45,7 +45,6 @@ from signorini_fx.results.solution import ConvergenceError
 from signorini_fx.tuned import (
     CYCLING_INCREMENT,
     FAR_FROM_LAW,
-    FAR_FROM_SETS,
     KEPT_TANGENT,
     LEAST_INCREMENT,
     LOST_UNITS,
@@ -302,8 +301,6 @@ class EquilibriumSolver:
         residual: Array | None = None
         for iteration in range(1, self.max_newton + 1):
             self.iterations = iteration
-            leaves_sets = self.linear.law_tolerance > 0.0 and iteration <= FAR_FROM_SETS[0]
-            self.linear.sets_tolerance = FAR_FROM_SETS[1] if leaves_sets else 0.0
             old, tools = self.tangent_at = u.x.array.copy(), self.linear.moving_tools.coordinates
             residual = self.residual.at(old) if residual is None else residual
             if residual is None:
