@@ -51,6 +51,7 @@ _PUBLIC = {
     "mechanics.materials.directed": ("DirectedMaterial",),
     "mechanics.materials.isotropic": ("LinearElastic",),
     "mechanics.materials.j2": ("J2",),
+    "mechanics.materials.maxwell": ("Maxwell",),
     "mechanics.materials.mooney_rivlin": ("MooneyRivlin",),
     "mechanics.materials.neo_hooke": ("NeoHooke",),
     "mechanics.materials.nonlinear": ("Hyperelastic", "PathDependent"),

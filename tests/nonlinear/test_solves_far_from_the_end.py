@@ -113,9 +113,11 @@ def test_sets_after_a_step_that_goes_on():
     pressure, shear = np.array([4.0, 3.0, 0.0]), np.array([[0.9], [0.0], [0.0]])
     law = PointFriction(given=np.zeros(3), coefficient=np.full(3, 0.25))
     gap, nothing = np.array([0.0, 0.0, 0.1]), np.zeros((3, 1))
-    data = RegularisedData(gap, 1e3, 1e3, np.inf, np.zeros(3), shear, law.bound(pressure), slip_origin=nothing)
+    never = np.zeros(3, dtype=bool)
+    held = {"bilateral": never, "immovable": never, "slip_origin": nothing}
+    data = RegularisedData(gap, 1e3, 1e3, np.inf, np.zeros(3), shear, law.bound(pressure), **held)
     sets = ActiveSets.of(pressure > 0, nothing)
-    start = Start(data, law, sets, multipliers=(pressure, shear), step=1)
+    start = Start(data, law, nothing, sets, multipliers=(pressure, shear), step=1)
     boundary = SimpleNamespace(cotangents=np.tile([[1.0], [0.0]], (3, 1, 1)))
 
     def traces(further):

@@ -48,6 +48,7 @@ from signorini_fx.mechanics.laws.none import NoFriction
 from signorini_fx.mechanics.laws.tresca import Tresca
 from signorini_fx.mechanics.materials.isotropic import LinearElastic
 from signorini_fx.mechanics.materials.j2 import J2
+from signorini_fx.mechanics.materials.maxwell import Maxwell
 from signorini_fx.mechanics.materials.mooney_rivlin import MooneyRivlin
 from signorini_fx.mechanics.materials.neo_hooke import NeoHooke
 from signorini_fx.mechanics.materials.ogden import Ogden
@@ -512,6 +513,7 @@ MODELS = {
         MooneyRivlin,
         Ogden,
         J2,
+        Maxwell,
     ],
     ("`[[displacement]]`", "key"): [displacement.PrescribedDisplacement],
     ("Loads", "key"): [

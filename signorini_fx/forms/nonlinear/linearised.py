@@ -659,11 +659,11 @@ class LinearisedProblem(FormSolver):
         slow, self._last_increment = increment > SLOW_INCREMENT * self._last_increment, increment if near else np.inf
         slow &= self.settings.algorithm != "alm"  # whose multipliers need as many iterations
         ending = set[int]()
-        left = increment * self._passed > SPARED_PASS * SMALL_INCREMENT * size
-        if left:  # else the next one is small without
+        missing = increment * self._passed > SPARED_PASS * SMALL_INCREMENT * size
+        if missing:  # else the next one is small without
             little = {number: pair for number, pair in near.items() if pair.moves_little(increment)}
             ending = {number for number, pair in little.items() if slow or pair.ends_in_contact(self.state)}
-        passes = MOST_PASSES if self._turning_pairs or ending else int(bool(near and left))
+        passes = MOST_PASSES if self._turning_pairs or ending else int(bool(near and missing))
         for _ in range(passes):
             last_values, done = self.u.x.array.copy(), self._pass_on(begun, ending)
             change = parallel.largest(self.space.mesh.comm, np.abs(self.u.x.array - last_values), 0.0)
@@ -865,11 +865,11 @@ class LinearisedProblem(FormSolver):
     @contextmanager
     def unchanged(self) -> Iterator[None]:
         """While it is assembled elsewhere; the next solve assembles anew."""
-        kept = dict(vars(self))
+        attributes = dict(vars(self))
         try:
             yield
         finally:
-            vars(self).update(kept)
+            vars(self).update(attributes)
             self._last_pattern = None
 
     def derivative_at_solution(self) -> tuple[Any, ...]:
@@ -900,11 +900,11 @@ class LinearisedProblem(FormSolver):
         Raises:
             FormError: the residual is not finite there.
         """
-        kept, values = self._at.x.array.copy(), self._at.x.array.copy()
+        solution, values = self._at.x.array.copy(), self._at.x.array.copy()
         fixed, supports = prescribed(self.space, conditions_of(self.bcs, self.space))
         values[fixed] = supports[fixed]
         residual = self._evaluated.at(values)
-        self._evaluated.go_to(kept)
+        self._evaluated.go_to(solution)
         if residual is None:
             raise FormError([("F", "is not finite beside the solution")])
         return [], -residual

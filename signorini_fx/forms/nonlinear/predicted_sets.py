@@ -44,12 +44,12 @@ class StepChange:
     @classmethod
     def between(cls, earlier: PreviousStep | None, later: PreviousStep) -> StepChange:
         """From the end of one load step, as the next one sees it, None: from rest, to the end of that."""
-        displacement, now = later.displacement.x.array.copy(), later.tractions
+        displacement, tractions = later.displacement.x.array.copy(), later.tractions
         if earlier is None:
-            return cls(displacement, now.pressure, now.shear, None)
+            return cls(displacement, tractions.pressure, tractions.shear, None)
         begun = earlier.tractions
         displacement -= earlier.displacement.x.array
-        return cls(displacement, now.pressure - begun.pressure, now.shear - begun.shear, earlier.moved)
+        return cls(displacement, tractions.pressure - begun.pressure, tractions.shear - begun.shear, earlier.moved)
 
     def goes_on(self, comm: MPI.Comm, supported: npt.NDArray[np.bool_], ways: Array, moved: Array | None) -> float:
         """How many times the ways of supports and foundations the present ones are; 0: they lead elsewhere, or there
@@ -64,8 +64,10 @@ class StepChange:
         still = np.zeros_like(self.shear)
         tools = (still if way is None else way for way in (self.moved, moved))
         of_supports = self.displacement[: supported.size][supported], ways
-        before, present = (np.append(*both) for both in zip(of_supports, tools, strict=True))
-        products = parallel.global_sum(comm, np.array([before @ before, present @ before, present @ present]))
+        earlier_ways, present = (np.append(*pair) for pair in zip(of_supports, tools, strict=True))
+        products = parallel.global_sum(
+            comm, np.array([earlier_ways @ earlier_ways, present @ earlier_ways, present @ present])
+        )
         if not products[0] > 0.0 or not products[1] >= SAME_WAY * np.sqrt(products[0] * products[2]):
             return 0.0
         return float(products[1] / products[0])

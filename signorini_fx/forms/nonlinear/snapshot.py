@@ -82,9 +82,9 @@ class BeginningOnShapes:
     @contextmanager
     def returned_to(self, linear: LinearisedProblem) -> Iterator[None]:
         """While it is where the step begins, whatever has been advanced since."""
-        now = BeginningOnShapes.of(linear)
+        advanced = BeginningOnShapes.of(linear)
         self.restore(linear)
         try:
             yield
         finally:
-            now.restore(linear)
+            advanced.restore(linear)

@@ -35,6 +35,7 @@ from signorini_fx.mechanics.materials.nonlinear import PathDependent, growth
 from signorini_fx.mechanics.materials.protocol import PAIRS
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.statement.effect import Resistance
+from signorini_fx.mechanics.statement.load_path import LoadPath
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.records import Inventory
 
@@ -84,6 +85,7 @@ class MaterialPoints:
         pairs: the components that do work, as places in ``PAIRS``.
         begun: the state at the end of the last load step, shape (c, q, numbers).
         current: the state at the displacement of now.
+        time: at which the load step ends.
     """
 
     material: PathDependent
@@ -95,6 +97,7 @@ class MaterialPoints:
     pairs: list[int]
     begun: Array
     current: Array = field(init=False)
+    time: float = 1.0
 
     def __post_init__(self) -> None:
         self.current = self.begun
@@ -104,7 +107,7 @@ class MaterialPoints:
         domain, (cells, points, numbers) = self.stress.function_space.mesh, self.begun.shape
         values = np.asarray(self.strain.eval(domain, self.cells)).reshape(cells * points, len(self.strained))
         strain = tensors(values, self.strained)
-        stress, tangent, state = self.material.respond(strain, self.begun.reshape(-1, numbers))
+        stress, tangent, state = self.material.at_time(self.time).respond(strain, self.begun.reshape(-1, numbers))
         self.current = state.reshape(self.begun.shape)
         rows = [[*PAIRS[pair]] for pair in self.pairs]
         at = self.stress.function_space.dofmap.list[self.cells].ravel()
@@ -137,6 +140,7 @@ class BodyResidual:
         points: of the materials with a state.
         followers: the loads that follow the body.
         heat: takes the free expansion to a place in the lists of factors.
+        path: whose times the materials go through.
     """
 
     form: Any
@@ -144,11 +148,14 @@ class BodyResidual:
     points: tuple[MaterialPoints, ...]
     followers: Followers
     heat: Callable[[float], None]
+    path: LoadPath
 
     def move_to(self, step: float) -> None:
-        """Take the loads that follow the body and the temperature of a place in the lists of factors."""
+        """Take the loads that follow the body, the temperature and the time of a place in the lists of factors."""
         self.followers.move_to(step)
         self.heat(step)
+        for state in self.points:
+            state.time = self.path.time_at(step)
 
     def update(self) -> None:
         """Before anything is assembled at another displacement."""
@@ -173,8 +180,8 @@ def body_residual(statement: Statement, tagged: TaggedMesh, u: fem.Function) -> 
     reduced = volume_degree(statement, tagged)
     cells = [cells_of(material, statement, tagged) for material in statement.material]
     # Each rule has cells of its own number: FFCx 0.9 compiles one of one point beside another one wrongly.
-    every = np.arange(tagged.mesh.topology.index_map(tagged.mesh.topology.dim).size_local, dtype=np.int32)
-    parts = [*enumerate(cells), *enumerate(cells, len(cells)), (2 * len(cells), every)]
+    owned_cells = np.arange(tagged.mesh.topology.index_map(tagged.mesh.topology.dim).size_local, dtype=np.int32)
+    parts = [*enumerate(cells), *enumerate(cells, len(cells)), (2 * len(cells), owned_cells)]
     measure = ufl.Measure("dx", domain=space.mesh, subdomain_data=parts)
     around = kinematics.measure(position(u))
     free, heat = initial_strain(statement, tagged, space, 0)
@@ -222,7 +229,7 @@ def body_residual(statement: Statement, tagged: TaggedMesh, u: fem.Function) -> 
         forms.append(ufl.inner(effect.reaction(u, on), v) * around * part)
         tangents.append(ufl.inner(effect.reaction(du, on), v) * around * part)
     tangent = sum(tangents[1:], tangents[0]) if points else None
-    return BodyResidual(sum(forms[1:], forms[0]), tangent, tuple(points), followers, heat)
+    return BodyResidual(sum(forms[1:], forms[0]), tangent, tuple(points), followers, heat, statement.path)
 
 
 def _constants(material: Any) -> tuple[float, float]:

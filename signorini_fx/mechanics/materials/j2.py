@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from signorini_fx.mechanics.materials.neo_hooke import PoissonBelowHalf
-from signorini_fx.mechanics.materials.nonlinear import PathDependent, deviator
+from signorini_fx.mechanics.materials.nonlinear import DEVIATORIC, PathDependent, deviator
 from signorini_fx.mechanics.materials.protocol import PAIRS, Array
 from signorini_fx.mechanics.statement.base import refused
 from signorini_fx.mechanics.statement.values import NonNegative, Positive
@@ -100,7 +100,7 @@ class J2(PathDependent):
         share[flowing] = 1 - 3 * shear * flow[flowing] / mises[flowing]
         turned = 3 * shear / (3 * shear + slope[flowing]) - (1 - share[flowing])
         rows = np.array([normal[flowing, i, j] for i, j in PAIRS]).T
-        tangent = 2 * shear * share[:, None, None] * _DEVIATORIC
+        tangent = 2 * shear * share[:, None, None] * DEVIATORIC
         tangent[flowing] -= 2 * shear * turned[:, None, None] * rows[:, :, None] * rows[:, None]
         grown = plastic + np.sqrt(1.5) * flow[:, None, None] * normal
         new = np.concatenate((grown.reshape(-1, 9), (accumulated + flow)[:, None]), axis=1)
@@ -133,10 +133,6 @@ class J2(PathDependent):
         words = f"by {len(hardening)} rows" if isinstance(hardening, tuple) else f"= {hardening:g}"
         constants = f"E = {self.young:g}, nu = {self.poisson:g}, yield_stress = {self.yield_stress:g}"
         return f"{constants}, hardening {words}, small strains"
-
-
-# The deviator of a strain whose shear components are twice epsilon_ij, shape (6, 6).
-_DEVIATORIC = np.diag([1.0, 1.0, 1.0, 0.5, 0.5, 0.5]) - np.pad(np.full((3, 3), 1 / 3), (0, 3))
 
 
 Entry = J2

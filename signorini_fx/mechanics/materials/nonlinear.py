@@ -238,6 +238,10 @@ class PathDependent(NonlinearMaterial):
         """See ``Effect``."""
         return (*super().features, ("material with a state", ()))
 
+    def at_time(self, time: float) -> PathDependent:
+        """The material in a load step that ends at this time of the load path; itself where time is nothing to it."""
+        return self
+
     def respond(self, strain: Array, state: Array) -> tuple[Array, Array, Array]:
         """The deviatoric stress, its derivative by the strain, and the new state, from the state of the last load step.
 
@@ -258,6 +262,10 @@ class PathDependent(NonlinearMaterial):
     def plastic_strain(self, state: Array) -> Array | None:
         """The accumulated (equivalent) plastic strain of states, for results, shape (n,); None: there is none."""
         return None
+
+
+# The deviator of a strain whose shear components are twice epsilon_ij, shape (6, 6).
+DEVIATORIC = np.diag([1.0, 1.0, 1.0, 0.5, 0.5, 0.5]) - np.pad(np.full((3, 3), 1 / 3), (0, 3))
 
 
 def green_strain(change: Any) -> Any:

@@ -24,7 +24,7 @@ from signorini_fx.extensions import MATERIALS, load_class, names_of
 from signorini_fx.mechanics.materials.isotropic import LinearElastic
 from signorini_fx.mechanics.materials.protocol import Material
 
-NONLINEAR = ("j2", "mooney-rivlin", "neo-hooke", "ogden", "saint-venant-kirchhoff")
+NONLINEAR = ("j2", "maxwell", "mooney-rivlin", "neo-hooke", "ogden", "saint-venant-kirchhoff")
 
 
 def _of_file(name: str) -> type[Material]:

@@ -63,13 +63,13 @@ def mirrored(
     reach = size + cKDTree(master.x[on_master]).query(slave.x[nodes])[0]
     beside = cKDTree(master.x[holding]).query_ball_point(slave.x[nodes], reach)
     rows = np.repeat(np.arange(len(nodes)), [len(numbers) for numbers in beside])
-    others = np.concatenate([*beside, []]).astype(np.int64)
-    apart, normals = master.x[holding[others]] - slave.x[nodes[rows]], across[rows]
-    left_over = np.einsum("nij,nj->ni", projectors[others], normals) - normals
+    partners = np.concatenate([*beside, []]).astype(np.int64)
+    apart, normals = master.x[holding[partners]] - slave.x[nodes[rows]], across[rows]
+    left_over = np.einsum("nij,nj->ni", projectors[partners], normals) - normals
     in_plane = np.abs(np.einsum("ni,ni->n", apart, normals)) < within
     in_plane &= np.linalg.norm(left_over, axis=1) < DIGITS_OF_FILES
-    rows, others = rows[in_plane], others[in_plane]
-    both = own_sides[rows] & _sides_of_planes(master, holding[others], across[rows], within)
+    rows, partners = rows[in_plane], partners[in_plane]
+    both = own_sides[rows] & _sides_of_planes(master, holding[partners], across[rows], within)
     ends = np.unique(rows[both.any(axis=1)])
     np.add.at(slave_projectors, nodes[ends], np.einsum("ni,nj->nij", across[ends], across[ends]))
     return slave_projectors

@@ -77,6 +77,7 @@ class NonlinearForces(NodalForces):
             cells = cells_of(material, statement, tagged)
             self._made_of[cells], self._place[cells] = number, np.arange(cells.size)
         self._states: Mapping[int, Array] = {}
+        self._time = 1.0
 
     def of_body(self, displacement: fem.Function, states: Mapping[int, Array], step: float) -> Array:
         """The work of the stress with unit displacements, forces, shape (owned nodes, d); collective.
@@ -88,6 +89,7 @@ class NonlinearForces(NodalForces):
             step: a place in the lists of factors.
         """
         y, self._states = displacement.x.array.reshape(-1, self.dimension), states
+        self._time = self._following.path.time_at(step)
         degree, (free, _) = max(1, self.degree), self.strain(step, 1.0)
         total = self._part_of_work(y, degree, self._of_shape, free)[0]
         total += self._part_of_work(y, self._reduced or degree, self._of_volume, free)[0]
@@ -115,8 +117,8 @@ class NonlinearForces(NodalForces):
             effects: some of these loads; None: all.
         """
         y, total = displacement.x.array.reshape(-1, self.dimension), self.zero()
-        every = [*following(self._following), *carried_loads(self._following)]
-        for effect in every if effects is None else effects:
+        carried = [*following(self._following), *carried_loads(self._following)]
+        for effect in carried if effects is None else effects:
             factor, current = self._following.now(effect, step)
             if effect.carried:
                 total += factor * self._integral(current, partial(_at_displaced_points, current), y)
@@ -135,6 +137,7 @@ class NonlinearForces(NodalForces):
         A mean stress that is integrated with fewer points is the polynomial through them.
         """
         y, self._states = displacement.x.array.reshape(-1, self.dimension), states
+        self._time = self._following.path.time_at(step)
         points, weights = basix.make_quadrature(self.cell_type, max(1, self.degree))
         x, shape = self._cauchy_of_part(y, points, step, shape=True)
         if self._reduced is None:
@@ -149,15 +152,19 @@ class NonlinearForces(NodalForces):
         y, new = displacement.x.array.reshape(-1, self.dimension), {key: np.empty_like(s) for key, s in states.items()}
         if not states:
             return new
+        self._time = self._following.path.time_at(step)
         points, _ = basix.make_quadrature(self.cell_type, max(1, self.degree))
         free, _ = self.strain(step, 1.0)
         for part, gradient, _, _ in self.gradients(y, points):
-            every = _strain_of(_in_space(gradient), None if free is None else free(part))
+            strains = _strain_of(_in_space(gradient), None if free is None else free(part))
             for number, begun in states.items():
                 inside, material = self._made_of[part.cells] == number, self.materials[number]
-                rows, strain = self._place[part.cells[inside]], every[inside]
+                rows, strain = self._place[part.cells[inside]], strains[inside]
                 state = begun[rows].reshape(-1, material.state_size)
-                new[number][rows] = material.respond(strain.reshape(-1, 3, 3), state)[2].reshape(begun[rows].shape)
+                assert isinstance(material, PathDependent)
+                new[number][rows] = (
+                    material.at_time(self._time).respond(strain.reshape(-1, 3, 3), state)[2].reshape(begun[rows].shape)
+                )
         return new
 
     def unstrained(self) -> dict[int, Array]:
@@ -226,7 +233,7 @@ class NonlinearForces(NodalForces):
                 stress[inside] = linear.young / (3 - 6 * linear.poisson) * mean * np.eye(3)
             elif isinstance(material, PathDependent):
                 state = self._states[number][self._place[cells[inside]]].reshape(-1, material.state_size)
-                responded = material.respond_at(strain.reshape(-1, 3, 3), state)
+                responded = material.at_time(self._time).respond_at(strain.reshape(-1, 3, 3), state)
                 stress[inside] = responded.reshape(-1, points, 3, 3)
             else:
                 stress[inside] = deviator(material.stress_at(strain))

@@ -1,0 +1,173 @@
+"""The generalised Maxwell material in contact: against its differential equations, and what is refused."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+from scipy.integrate import solve_ivp
+from test_restart_of_nonlinear_bodies import assert_same, interrupted
+
+from signorini_fx import ConvergenceError, SceneError, read_results, solve, write_results
+from signorini_fx.mechanics.materials.maxwell import Maxwell
+from signorini_fx.mechanics.materials.trial import check_materials
+from signorini_fx.scenes.reading import parse_scene
+
+COMM = MPI.COMM_WORLD
+SHEAR, POISSON = 40.0, 0.3
+YOUNG = 2 * SHEAR * (1 + POISSON)
+BULK = YOUNG / (3 * (1 - 2 * POISSON))
+BRANCHES = [[60.0, 0.5], [25.0, 4.0]]
+MATERIAL = {"law": "maxwell", "young": YOUNG, "poisson": POISSON, "branches": BRANCHES}
+PLATE = {"shape": "plane", "point": [0.0, 0.0], "normal": [0.0, 1.0]}
+TIMES = [0.1, 0.25, 0.5, 0.7, 3.0, 40.0]
+
+
+def confined_scene(top, times):
+    """A block between smooth walls on a plate, whose strain is uniform."""
+    walls = [{"boundary": side, "x": 0.0} for side in ("left", "right")]
+    return {
+        "mesh": {"generator": "rectangle", "parameters": {"length": 2.0, "height": 1.0, "nx": 4, "ny": 2}},
+        "material": MATERIAL,
+        "displacement": [*walls, {"boundary": "top", "y": top}],
+        "contact": {"boundary": "bottom", "foundation": PLATE},
+        "load_steps": {"times": times},
+        "solver": {"algorithm": "alm"},
+    }
+
+
+def confined(top, times, comm=COMM, **tables):
+    """Its solution, with other tables."""
+    return solve(parse_scene(confined_scene(top, times) | tables), comm)
+
+
+def pressures(solution):
+    """Of the plate, of each load step."""
+    return np.array([step.contact.forces[0][1] / 2.0 for step in solution.steps])
+
+
+def relaxed(strain, times):
+    """The pressure under a strain in time, by a solver of differential equations that knows no load steps."""
+    parts, found = np.zeros(2), []
+
+    def rates(t, parts):
+        rate = (strain(t + 1e-7) - strain(t - 1e-7)) / 2e-7
+        return [4 / 3 * shear * rate - part / time for part, (shear, time) in zip(parts, BRANCHES, strict=True)]
+
+    breaks = sorted({0.0, 0.5, *times})
+    for begin, end in pairwise(breaks):
+        inside = begin + 1e-6 * (end - begin), end - 1e-6 * (end - begin)
+        parts = solve_ivp(rates, inside, parts, rtol=1e-10, atol=1e-13, method="LSODA").y[:, -1]
+        if end in times:
+            found.append((BULK + 4 / 3 * SHEAR) * strain(end) + parts.sum())
+    return np.array(found)
+
+
+@pytest.mark.mpi
+def test_a_strain_that_is_held_relaxes():
+    """Load steps of any length are exact where the strain changes evenly in each of them."""
+    found = pressures(confined("-0.02*t if t < 0.5 else -0.01", TIMES))
+    assert found == pytest.approx(relaxed(lambda t: 0.02 * min(t, 0.5), TIMES), rel=2e-5)
+    at_first, at_last = BULK + 4 / 3 * (SHEAR + 85.0), BULK + 4 / 3 * SHEAR
+    assert at_last * 0.01 < found[-1] < found[2] < at_first * 0.01
+
+
+def test_a_load_that_is_held_creeps():
+    """The strain under a pressure that comes at once and stays, with load steps that become as short as the fastest
+    branch needs: towards that of the differential equation, with the second order of the steps.
+    """
+    times = np.concatenate((np.geomspace(1e-6, 0.05, 12), np.linspace(0.1, 3.0, 30)))
+    pressing = {"traction": [{"boundary": "top", "y": -1.0, "factors": [1.0] * len(times)}]}
+    walls = [{"boundary": side, "x": 0.0} for side in ("left", "right")]
+    solution = confined("0", times.tolist(), displacement=walls, **pressing)
+    heights = [step.displacement.x.array.reshape(-1, 2)[:, 1].min() for step in solution.steps]
+
+    stiffness = BULK + 4 / 3 * SHEAR
+    added = [4 / 3 * shear for shear, _ in BRANCHES]
+    at_once = 1.0 / (stiffness + sum(added))
+
+    def rates(t, parts):
+        # 1 = stiffness e + sum of q, dq/dt = c de/dt - q / tau
+        decays = [part / time for part, (_, time) in zip(parts, BRANCHES, strict=True)]
+        rate = sum(decays) / (stiffness + sum(added))
+        return [share * rate - decay for share, decay in zip(added, decays, strict=True)]
+
+    begun = [share * at_once for share in added]
+    parts = solve_ivp(rates, (0.0, 3.0), begun, rtol=1e-10, atol=1e-13).y[:, -1]
+    assert -heights[-1] == pytest.approx((1.0 - parts.sum()) / stiffness, rel=1e-3)
+    assert -heights[0] == pytest.approx(at_once, rel=1e-4)
+
+
+def test_fast_and_slow_limits_are_those_of_the_linear_material():
+    """A load step far shorter than all times knows the stiffness at first alone, a far longer one that at last."""
+    for times, shear in (([1e-9], SHEAR + 85.0), ([1e9], SHEAR)):
+        young = 9 * BULK * shear / (3 * BULK + shear)
+        linear = {"young": young, "poisson": (3 * BULK - 2 * shear) / (2 * (3 * BULK + shear))}
+        circle = {"shape": "circle", "centre": [1.0, -3.0], "radius": 3.0}
+        contact = {"boundary": "bottom", "foundation": circle, "friction": {"law": "coulomb", "coefficient": 0.2}}
+        held = [{"boundary": "top", "x": 0.0, "y": -1e-6}]
+        both = [
+            confined("0", times, displacement=held, contact=contact, material=law).steps[-1].contact.forces[0]
+            for law in (MATERIAL, linear)
+        ]
+        assert both[0] == pytest.approx(both[1], rel=2e-4, abs=1e-9)
+
+
+def test_a_ramp_and_results(tmp_path):
+    """Smaller steps of an even strain change nothing; results have no plastic strain."""
+    scene = confined("-0.02*t", [0.5, 1.0], comm=MPI.COMM_SELF)
+    ramp = confined("-0.02*t", [0.5, 1.0], comm=MPI.COMM_SELF, load_steps={"times": [0.5, 1.0], "steps": 3})
+    assert pressures(ramp)[-1] == pytest.approx(pressures(scene)[-1], rel=1e-7)
+    write_results(scene, tmp_path / "out")
+    assert read_results(tmp_path / "out").summary.plastic_strain is None
+
+
+def test_a_restart_goes_on_relaxing(tmp_path):
+    """A run that is continued ends as one that was not interrupted."""
+    circle = {"shape": "circle", "centre": [1.0, -3.0], "radius": 3.0, "shift": ["0.02*t", "0.02*min(t, 1)"]}
+    contact = {"boundary": "bottom", "foundation": circle, "friction": {"law": "coulomb", "coefficient": 0.2}}
+    held = [{"boundary": "top", "x": 0.0, "y": 0.0}]
+    tables = {"displacement": held, "contact": [contact], "load_steps": {"times": [1.0, 2.0, 4.0], "steps": 2}}
+    scene = parse_scene(confined_scene("0", [1.0]) | tables)
+    reference = solve(scene, MPI.COMM_SELF)
+    interrupted(scene, MPI.COMM_SELF, tmp_path, 4)
+    again = solve(scene, MPI.COMM_SELF, checkpoint=tmp_path, restart=True)
+    assert_same(again, reference, 1e-9)
+    forces = [step.contact.forces[0][1] for step in reference.steps]
+    assert forces[1] > 1.2 * forces[-1] > 0  # it has relaxed since it was pressed
+
+
+def test_the_certificate_notices_another_relaxation(monkeypatch):
+    """Its second opinion has an exponential of its own."""
+    monkeypatch.setattr(Maxwell, "respond_at", lambda self, strain, state: 1.01 * self.respond(strain, state)[0])
+    with pytest.raises((ConvergenceError, SceneError), match=r"certificate does not hold|respond_at"):
+        confined("-0.02*t", [0.5])
+
+
+@pytest.mark.parametrize(
+    ("change", "why"),
+    [
+        ({"branches": []}, "branches"),
+        ({"branches": [[1.0, 0.0]]}, "branches"),
+        ({"branches": [[-1.0, 1.0]]}, "branches"),
+    ],
+)
+def test_wrong_constants_are_refused(change, why):
+    with pytest.raises(SceneError, match=why):
+        confined("0", [1.0], material=MATERIAL | change)
+
+
+def test_times_before_zero_are_refused():
+    with pytest.raises(SceneError, match=r"load_steps.times: must be positive"):
+        confined("0", [-1.0, 1.0])
+
+
+def test_what_the_material_says_is_true():
+    material = Maxwell(**MATERIAL)
+    check_materials((material,))
+    # Any number of steps of an even strain are one.
+    strain = np.diag([0.3, -0.1, 0.2])[None]
+    once = material.at_time(2.0).respond(strain, np.zeros((1, material.state_size)))
+    half = material.at_time(1.0).respond(strain / 2, np.zeros((1, material.state_size)))
+    twice = material.at_time(2.0).respond(strain, half[2])
+    assert twice[0] == pytest.approx(once[0], rel=1e-13)
