@@ -87,6 +87,8 @@ WITH = {
     "gravity": {"gravity": {"y": -1.0}, "material": {"density": 1e-3}},
     "nonlinear material": {"material": {"law": "neo-hooke"}},
 }  # fmt: skip
+# What only something that is computed refuses: with other features it is as another of ``WITH``.
+FOR_COMPUTED = {"material with a state": {"material": {"law": "j2", "yield_stress": 1e3}}}
 
 
 def merged(data, more):
@@ -112,7 +114,7 @@ def scene_of(*names):
     """The data of a scene with features."""
     data = BASE
     for name in names:
-        data = merged(data, WITH[name])
+        data = merged(data, (WITH | FOR_COMPUTED)[name])
     if "mesh that no generator makes" in names:
         data = data | {"mesh": tagged()}
     contact = {key: value for key, value in data["contact"].items() if value is not None}

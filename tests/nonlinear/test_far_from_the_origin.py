@@ -30,6 +30,10 @@ def moved(stated, far):
     foundation = stated["contact"]["foundation"]
     for place in {"centre", "point", "pivot"} & set(foundation):
         foundation[place] = (np.array(foundation[place]) + far).tolist()
+    if "temperature" in stated:
+        for k, way in enumerate(far.tolist()):
+            change = stated["temperature"]["change"]
+            stated["temperature"]["change"] = change.replace(f"x[{k}]", f"(x[{k}] - {way!r})")
     return parse_scene(stated | {"mesh": tagged})
 
 
