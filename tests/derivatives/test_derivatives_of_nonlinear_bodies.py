@@ -56,6 +56,14 @@ def in_space(friction=None, moved=None, **tables):
     return scene
 
 
+def held_beside(**held):
+    """A rough circle under all of the block, whose side is pushed up to its corner."""
+    foundation = {"centre": [1.0, -10.0], "radius": 10.0, "shift": ["0.03*t*(2 - t)", "0.1*t"]}
+    scene = rubber(COULOMB, foundation, **STEPS)
+    scene["displacement"].append({"boundary": "left", "x": 0.02, "factors": [0.5, 1.0, 1.2], **held})
+    return scene
+
+
 def of_revolution():
     """A disc of rubber over a ball, without and with steps."""
     scene = rubber(COULOMB, {"shift": [0.0, "0.05*t"]}, **STEPS)
@@ -67,6 +75,8 @@ def of_revolution():
 
 BOTH = ["traction[0].x", "material[0].young", "material[0].poisson", "contact[0].gap"]
 PLACES = ["contact[0].foundation.centre[0]", "displacement[0].x", "displacement[0].y"]
+HELD = ["displacement[1].x", "contact[0].gap"]
+REGULARISED = {"algorithm": "ssn", "gamma_n": 1e4, "gamma_t": 3000.0}
 COEFFICIENT = ["contact[0].friction.coefficient"]
 MOONEY = [{"law": "mooney-rivlin", "c10": 12.0, "c01": 5.0, "bulk": 100.0}]
 SCENES = {
@@ -78,6 +88,9 @@ SCENES = {
     "degree 2": (rubber(COULOMB, MOVED, element={"degree": 2}, **STEPS), [*BOTH, *COEFFICIENT]),
     "of revolution": (of_revolution(), [*BOTH[1:], *COEFFICIENT]),
     "space": (in_space(COULOMB, MOVED_IN_SPACE, **STEPS), [*BOTH, PLACES[0], *COEFFICIENT]),
+    "space, regularised": (in_space(COULOMB, MOVED_IN_SPACE, solver=REGULARISED, **STEPS), [*BOTH, *COEFFICIENT]),
+    "held beside contact": (held_beside(), HELD),
+    "held beside contact in one step": (held_beside(holds=[False, True, False]), HELD),
     "another material": (rubber(COULOMB, material=MOONEY), ["material[0].c10", "material[0].bulk"]),
 }
 
@@ -175,6 +188,10 @@ class Pressed:
             for at in (0.0, 1.0)
         )
         self.fixed = fem.dirichletbc(np.zeros(dim), fem.locate_dofs_topological(V, dim - 1, bottom), V)
+        side = dmesh.locate_entities_boundary(domain, dim - 1, lambda x: np.isclose(x[0], 0.0))
+        across = fem.locate_dofs_topological(V.sub(0), dim - 1, side)
+        self.data["pushed"] = fem.Constant(domain, 0.02)
+        self.pushed = fem.dirichletbc(self.data["pushed"], across, V.sub(0))
         self.shape = (
             {"shape": "circle", "centre": (1.05, 1.5), "radius": 0.5}
             if dim == 2
@@ -221,6 +238,34 @@ def test_constants_of_a_residual(friction, dim):
         for gradient, ahead, behind in zip(found, *ends, strict=True):
             difference, digits = (ahead - behind) / (2 * STEP * value), 1e-9 * abs(gradient.value) / (STEP * value)
             assert gradient.derivatives[column] == pytest.approx(difference, rel=3e-5, abs=digits)
+
+
+@pytest.mark.parametrize("ramp", [False, True])
+def test_constants_of_supports_that_reach_contact(ramp):
+    pressed = Pressed("coulomb")
+    pressed.shape = {"shape": "circle", "centre": (1.05, 11.0), "radius": 10.0}
+    datum = pressed.data["pushed"]
+
+    def solved():
+        pressed.u.x.array[:] = 0.0
+        problem = pressed.problem(bcs=[pressed.fixed, pressed.pushed])
+
+        def turn(t):
+            problem.place(0, shift=pressed.at(t), rotation=2.0 * t)
+
+        if ramp:
+            problem.ramp(turn)
+        else:
+            turn(1.0)
+            problem.solve()
+        return problem
+
+    found, ends = [solved().gradient(of, [datum]) for of in pressed.of[1:]], []
+    for sign in (1.0, -1.0):
+        datum.value = 0.02 * (1 + sign * STEP)
+        ends.append([solved().gradient(of, []).value for of in pressed.of[1:]])
+    for gradient, ahead, behind in zip(found, *ends, strict=True):
+        assert gradient.derivatives[0] == pytest.approx((ahead - behind) / (2 * 0.02 * STEP), rel=3e-5)
 
 
 def test_a_ramp_has_the_derivatives_of_its_end_where_its_way_does_not_matter():

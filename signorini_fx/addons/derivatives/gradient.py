@@ -62,6 +62,7 @@ class SolvedStep:
         compliance: 1 / gamma_2, length per stress; zero without regularisation.
         curvature: how contact forces turn with the displacements of their points, force per length, shape (n, d, d);
             None: they do not.
+        spin: by which rotations shapes have turned in this load step, shape (n, d, d); None: by none that counts.
     """
 
     body: ElasticBody
@@ -73,6 +74,7 @@ class SolvedStep:
     driven: Array
     compliance: float
     curvature: Array | None = None
+    spin: Array | None = None
 
     @classmethod
     def of(
@@ -84,7 +86,7 @@ class SolvedStep:
         state: ContactState,
         displacement: fem.Function,
         law: PointFriction | None,
-        turning: tuple[Array, Array] | None = None,
+        turning: tuple[Array, Array, Array | None] | None = None,
     ) -> SolvedStep:
         """A load step that has just been solved; collective.
 
@@ -96,8 +98,8 @@ class SolvedStep:
             state: the contact points.
             displacement: y, from the initial position.
             law: of friction; None: there is none.
-            turning: of points on shapes at finite displacements ``curvature`` and ``LinearisedLaw.slips``; None:
-                normals do not turn.
+            turning: of points on shapes at finite displacements ``curvature``, ``LinearisedLaw.slips`` and ``spin``;
+                None: normals do not turn.
         """
         exact = not all(np.isfinite(task.promised(outcome)[:2]))
         data = start.data if exact else outcome.problem.data
@@ -120,7 +122,7 @@ class SolvedStep:
             displacement,
             body.driven(outcome.displacement(), task.rest),
             0.0 if exact else 1 / data.gamma_t,
-            None if turning is None else turning[0],
+            *((None, None) if turning is None else turning[::2]),
         )
 
     def quantity(self, of: Functional) -> tuple[PETSc.Vec, Nodal]:
@@ -178,7 +180,7 @@ class SolvedStep:
         contact = _map_to(boundary, body)
         vector = body.vector(np.zeros(body.fixed.size))
         contact.add_forces(np.zeros(len(slips)), slips, vector)
-        carried = -self.compliance * np.einsum("njk,nj->nk", turned(earlier.state.boundary, boundary), slips)
+        carried = -self.compliance * np.einsum("njk,nj->nk", turned(earlier.state.boundary, boundary, self.spin), slips)
         return vector, np.column_stack((np.zeros(len(slips)), carried))
 
 
@@ -242,6 +244,7 @@ class ChangedStep:
         law: of friction; None: there is none.
         driven: what drives rigid bodies; None: there are none.
         drift: how far foundations have moved in this load step, length, shape (n, d); None: they have not.
+        spin: see ``SolvedStep``.
         usual: the same at the solution, whose objects are these where the datum changes nothing; None: that is not
             known.
     """
@@ -254,6 +257,7 @@ class ChangedStep:
     law: PointFriction | None
     driven: Driven | None = None
     drift: Nodal | None = None
+    spin: Nodal | None = None
     usual: ChangedStep | None = None
 
     def changes(self, *names: str) -> bool:
@@ -342,7 +346,9 @@ def _relative(solved: SolvedStep, data: ChangedStep, previous: tuple[SolvedStep,
         earlier, earlier_data = previous
         u_t = u_t - contact.traces(_displaced(earlier, earlier_data, body))[1]
         if solved.compliance and data.boundary is not earlier_data.boundary:
-            shear = np.einsum("njk,nk->nj", turned(earlier_data.boundary, data.boundary), earlier.state.shear)
+            shear = np.einsum(
+                "njk,nk->nj", turned(earlier_data.boundary, data.boundary, data.spin), earlier.state.shear
+            )
             u_t = u_t + solved.compliance * shear
     return np.column_stack((u_n - data.gap, u_t))
 

@@ -22,6 +22,7 @@ from signorini_fx.addons.derivatives.adjoint import Adjoint, TransposedTangent
 from signorini_fx.addons.derivatives.entries import varied
 from signorini_fx.addons.derivatives.gradient import ChangedStep, Explicit, SolvedStep, difference, explicit
 from signorini_fx.errors import SceneError
+from signorini_fx.forms.nonlinear.moving_shapes import spin_at
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.discretisation import held_at, prepare
 from signorini_fx.mechanics.body.nonlinear_law import at_rest
@@ -105,10 +106,9 @@ class LinearisedStep:
     @cached_property
     def usual(self) -> ChangedStep:
         """What derivatives leave out where a datum does not change it; collective."""
-        problem, linear = self.problem, self.problem.linear
-        _, _, values, boundary, gap, law = linear.data_now()
+        problem = self.problem
         forces = problem.forces_anew(problem.statement, self.solved.displacement)
-        return ChangedStep((), forces, values, boundary, gap, law, drift=linear.moved_shapes)
+        return replace(ChangedStep(*problem.linear.data_now()), forces=forces)
 
     @cached_property
     def earlier(self) -> SolvedStep | None:
@@ -118,7 +118,10 @@ class LinearisedStep:
         displacement, state = self.solved.displacement.copy(), self.preceding.end.linear.state
         displacement.x.array[:] = self.preceding.end.displacement
         assert state is not None
-        return replace(self.solved, displacement=displacement, state=state)
+        body, supported = self.solved.body, held_at(self.problem.model, self.preceding.path_step)
+        if supported is not self.problem.model:  # other unknowns are prescribed
+            body = replace(body, fixed=supported.fixed, of_contact={})
+        return replace(self.solved, body=body, displacement=displacement, state=state)
 
     def explicit(
         self, data: ChangedStep, quantities: Sequence[Functional], earlier_values: Callable[[float], Array]
@@ -148,9 +151,10 @@ class ChangedScene:
 
     def __init__(self, steps: NonlinearSteps, statement: Statement, path: str) -> None:
         self._problem, self._statement = steps.problem, statement
-        self._contact = path.startswith("contact")
         self._model = self._supported() if path.startswith("displacement") else None
-        self._touching = ProblemOfScene.of(statement, steps.problem.model, History()) if self._contact else None
+        touching = path.startswith("contact") or self._model is not None  # supports move contact points, too
+        model = self._model or steps.problem.model
+        self._touching = ProblemOfScene.of(statement, model, History()) if touching else None
 
     def _supported(self) -> Model:
         """The body with other supports; collective."""
@@ -166,21 +170,19 @@ class ChangedScene:
 
     def at(self, step: LinearisedStep) -> ChangedStep:
         """A load step with that number; collective."""
-        usual, y, problem = replace(step.usual, usual=step.usual), step.solved.displacement, self._problem
-        if self._touching is not None:
-            touching = self._touching
-            touching.go_through(None if step.preceding is None else step.preceding.path_step, step.path_step)
-            touching.u.x.array[:] = y.x.array
-            *_, boundary, gap, law = touching.linear.data_now(problem.linear)
-            moved = touching.linear.foundations.moved(boundary)
-            return replace(usual, boundary=boundary, gap=gap, law=law, drift=moved)
-        if self._model is None:
+        usual, y, problem = replace(step.usual, usual=step.usual), step.solved.displacement.copy(), self._problem
+        if self._touching is None:
             return replace(usual, forces=problem.forces_anew(self._statement, y))
-        values, moved_body = self.values(step.path_step), y.copy()
-        fixed = step.solved.body.fixed
-        moved_body.x.array[: fixed.size][fixed] = values[fixed]
-        moved_body.x.scatter_forward()
-        return replace(usual, prescribed=values, forces=problem.forces_anew(problem.statement, moved_body))
+        if self._model is not None:
+            values, fixed = self.values(step.path_step), step.solved.body.fixed
+            y.x.array[: fixed.size][fixed] = values[fixed]
+            y.x.scatter_forward()
+            usual = replace(usual, prescribed=values, forces=problem.forces_anew(problem.statement, y))
+        touching = self._touching
+        touching.go_through(None if step.preceding is None else step.preceding.path_step, step.path_step)
+        touching.u.x.array[:] = y.x.array
+        *_, boundary, gap, law, _, drift = touching.linear.data_now(problem.linear)
+        return replace(usual, boundary=boundary, gap=gap, law=law, drift=drift, spin=spin_at(boundary, touching.shapes))
 
 
 def refuse_on_bodies(statement: Statement) -> None:

@@ -892,27 +892,32 @@ class LinearisedProblem(FormSolver):
         self.begin_at_tangent(definite=self.definite, symmetric=symmetric)
         state, at = replace(solved, boundary=self.boundary), (self._hessians, self._way(), self.places, self.extent)
         slips = slips_by_displacements(self.boundary, self.shapes, *at)
-        return self.elastic, self.task, outcome, self.begun, state, self._at, self.law_now(), (curvature, slips)
+        turning = curvature, slips, self._spin(self.boundary)
+        return self.elastic, self.task, outcome, self.begun, state, self._at, self.law_now(), turning
+
+    def data_now(self, solved: FormSolver | None = None) -> tuple[Any, ...]:
+        """See ``FormSolver``; and no drives of rigid bodies, and how far shapes have moved at contact points in the
+        load step: all at the displacement of now with what supports prescribe, by which contact points move, too.
+        """
+        kept, at = self._at.x.array.copy(), self._at.x.array
+        fixed, supports = prescribed(self.space, conditions_of(self.bcs, self.space))
+        at[fixed] = supports[fixed]
+        try:
+            *data, boundary, gap, law = super().data_now(solved)
+            return (*data, boundary, gap, law, None, self.foundations.moved(boundary))
+        finally:
+            at[:] = kept
+            self._evaluated.go_to(kept)
 
     def _forms_and_forces(self) -> tuple[list[fem.Form], Array]:
-        """See ``FormSolver``: no form, and minus the residual at the displacement of now with what supports prescribe.
+        """See ``FormSolver``: no form, and minus the residual at the displacement of now.
 
         Raises:
             FormError: the residual is not finite there.
         """
-        solution, values = self._at.x.array.copy(), self._at.x.array.copy()
-        fixed, supports = prescribed(self.space, conditions_of(self.bcs, self.space))
-        values[fixed] = supports[fixed]
-        residual = self._evaluated.at(values)
-        self._evaluated.go_to(solution)
-        if residual is None:
+        if (residual := self._evaluated.at(self._at.x.array.copy())) is None:
             raise FormError([("F", "is not finite beside the solution")])
         return [], -residual
-
-    @property
-    def moved_shapes(self) -> Array | None:
-        """How far shapes have moved at contact points since the last step, see ``motion_at``."""
-        return self.foundations.moved(self.boundary)
 
     def accept(self, outcome: Outcome) -> None:
         """Take an outcome of an earlier run for that of the contact problem of now; collective."""

@@ -203,8 +203,10 @@ class NonlinearContactProblem(ProblemOfForms):
             raise FormError([("of", "a moment at displaced points has no derivative yet")])
         named = self.solution.model
         with self.linear.unchanged():
-            solved = linearised_at(self._solver)
-            return add_on("gradient")(of, by, lambda: named, solved, self.linear.data_now)
+            solved, begun = linearised_at(self._solver), self._solver.begun
+            assert begun is not None
+            with begun.returned_to(self.linear):
+                return add_on("gradient")(of, by, lambda: named, solved, self.linear.data_now)
 
     def place(self, number: int, **placement: Any) -> None:
         """Turn and move a foundation that has a shape, or change what drives it, for the next solve and those after it.
