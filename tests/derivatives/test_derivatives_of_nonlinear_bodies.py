@@ -157,6 +157,17 @@ def test_what_has_no_derivatives_is_refused_by_name(change, why):
         sensitivity(parse_scene(changed(rubber(), change)), "force bottom y", ["material[0].isochoric"])
 
 
+ALONG = COULOMB | {"ratio": 0.5, "along": [1.0, 0.5, 0.0]}
+PLANE = {"shape": "plane", "point": [0.0, 0.0, -0.02], "normal": [0.1, 0.0, 1.0], "shift": ["0.05*t", 0.0, "0.05*t"]}
+
+
+def test_friction_with_a_direction_has_derivatives_where_no_shape_turns_it():
+    scene = in_space(ALONG, MOVED_IN_SPACE, **STEPS)
+    with pytest.raises(FormError, match=r"contact.friction: .* depends on the direction of slip"):
+        sensitivity(parse_scene(scene), "force bottom y", ["contact[0].gap"])
+    test_differences_of_solves(changed(scene, {"contact[0].foundation": PLANE}), ["contact[0].gap", *COEFFICIENT])
+
+
 # --- forms ------------------------------------------------------------------------------------------------------------
 
 

@@ -113,6 +113,15 @@ class SolvedStep:
             if parallel.any_rank(body.comm, exact and bool(alone.any())):
                 reason = "derivatives are not possible yet where it holds points without pressure while a shape turns"
                 raise FormError([("contact.friction", reason)])
+            boundary, turns = (
+                state.boundary,
+                (turning[0] != 0.0).any() or (np.abs(turning[1]) > ROUND_OFF_OF_DIFFERENCE).any(),
+            )
+            if parallel.any_rank(body.comm, bool(turns) and not np.array_equal(boundary.tangents, boundary.cotangents)):
+                reason = (
+                    "derivatives are not possible yet where it depends on the direction of slip and a shape turns it"
+                )
+                raise FormError([("contact.friction", reason)])
         return cls(
             body,
             task.system,
