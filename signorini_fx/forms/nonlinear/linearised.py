@@ -509,7 +509,9 @@ class LinearisedProblem(FormSolver):
         if self._damping > 0.0:  # what has failed without it is not tried by all methods again
             settings = settings.model_copy(update={"fallbacks": False})
         beside: dict[str, Any] = {"beside": self._added, "definite": definite, "symmetric": self.symmetric}
-        if (last := self.__dict__.get("elastic")) is not None and np.array_equal(last.fixed, fixed):
+        last, comm = self.__dict__.get("elastic"), self.space.mesh.comm
+        if not parallel.any_rank(comm, last is None or not np.array_equal(last.fixed, fixed)):
+            assert last is not None
             beside["of_body"] = last.of_body if self._keeps else last.of_supports
             if self._keeps and isinstance(self.task.system, CondensedSystem):
                 beside["eliminated"] = self.task.system.schur
