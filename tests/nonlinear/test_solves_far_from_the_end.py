@@ -2,7 +2,7 @@
 linear solves there are, and nothing else.
 """
 
-from functools import partial
+from functools import cache, partial
 from types import SimpleNamespace
 
 import numpy as np
@@ -36,15 +36,18 @@ SPACE = (
 )
 
 
+@cache
+def block(dim):
+    """A mesh of it, the same for all solves, as ranks may share another one in another way."""
+    if dim == 2:
+        return dmesh.create_rectangle(MPI.COMM_WORLD, [[0, 0], [4, 1]], [64, 16], dmesh.CellType.quadrilateral)
+    return dmesh.create_box(MPI.COMM_WORLD, [[-1, -1, -1], [1, 1, 0]], [8, 8, 4], dmesh.CellType.hexahedron)
+
+
 def ploughed(tool, shifts):
     """A round tool is pressed into a block of rubber and moved over it: displacements, iterations, linear solves."""
-    if len(shifts[0]) == 2:
-        mesh = dmesh.create_rectangle(MPI.COMM_WORLD, [[0, 0], [4, 1]], [64, 16], dmesh.CellType.quadrilateral)
-        low, high = 0.0, 1.0
-    else:
-        mesh = dmesh.create_box(MPI.COMM_WORLD, [[-1, -1, -1], [1, 1, 0]], [8, 8, 4], dmesh.CellType.hexahedron)
-        low, high = -1.0, 0.0
-    dim = mesh.geometry.dim
+    dim = len(shifts[0])
+    mesh, (low, high) = block(dim), (0.0, 1.0) if dim == 2 else (-1.0, 0.0)
     u = fem.Function(fem.functionspace(mesh, ("Lagrange", 1, (dim,))))
     below, above = (
         dmesh.locate_entities_boundary(mesh, dim - 1, lambda x, at=at: np.isclose(x[dim - 1], at)) for at in (low, high)
