@@ -7,7 +7,7 @@ that it is at small strains.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, ClassVar
@@ -25,6 +25,7 @@ from signorini_fx.forms.nonlinear.newton import SecondOpinion
 from signorini_fx.forms.nonlinear.problem import NonlinearContactProblem
 from signorini_fx.forms.nonlinear.snapshot import BeginningOnShapes, Snapshot
 from signorini_fx.machine import compat, parallel
+from signorini_fx.mechanics.assembly.mesh_entities import node_positions
 from signorini_fx.mechanics.body.deformation import deformation_of
 from signorini_fx.mechanics.body.discretisation import boundary_facets, held_at, prepare
 from signorini_fx.mechanics.body.nonlinear_law import BodyResidual, at_rest, body_residual
@@ -38,6 +39,8 @@ from signorini_fx.mechanics.statement.expressions import sample
 from signorini_fx.mechanics.statement.rigid_motion import COMPONENTS, Prescribed
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.records import Finding, History, Inventory, Status, Timings
+from signorini_fx.results.certificate.contact_nodes import ContactSide
+from signorini_fx.results.certificate.contact_sides import friction_bound
 from signorini_fx.results.certificate.nodal_forces import NodalForces
 from signorini_fx.results.certificate.nonlinear_forces import NonlinearForces
 from signorini_fx.results.certificate.supports import PrescribedNodes
@@ -373,6 +376,13 @@ class OpinionOfScene(SecondOpinion):
     def supports(self, claimed_supports: PrescribedNodes) -> PrescribedNodes:
         """See ``SecondOpinion``: those that the scene says to hold in this load step, whatever the problem holds."""
         return PrescribedNodes.of(self.anew, self.problem.path_step, 1.0)
+
+    def contact_sides(self, claimed_sides: Sequence[ContactSide]) -> list[ContactSide]:
+        """See ``SecondOpinion``: with the friction that the scene says to be in this load step."""
+        x, problem = node_positions(self.anew.space)[:, : self.anew.dimension], self.problem
+        entries = problem.statement.placed(problem.path_step).contact
+        sides = zip(claimed_sides, entries, strict=True)
+        return [replace(side, bound=friction_bound(entry, x)) for side, entry in sides]
 
     def loaded(self, mechanics: ResidualMechanics) -> ResidualMechanics:
         """See ``SecondOpinion``."""

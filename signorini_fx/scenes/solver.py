@@ -148,7 +148,7 @@ def _checkpoint(
         without = "a run with a requested accuracy"
     elif not (scene.statement.several_steps or scene.statement.nonlinear) and scene.solver.levels == 1:
         without = "a scene with one load step on one mesh"
-    elif any(effect.friction.timed for effect in scene.contact):  # nor is the law of a load step
+    elif not scene.statement.nonlinear and any(effect.friction.timed for effect in scene.contact):
         without = "a scene with friction that depends on the time"
     elif treatment_of(scene).pressed:  # which is not stored
         without = f"a scene with a {treatment_of(scene).words}"

@@ -4,8 +4,9 @@ import pytest
 from mpi4py import MPI
 from spaces import box
 
-from signorini_fx import SceneError
+from signorini_fx import ConvergenceError, SceneError
 from signorini_fx.mechanics.body.discretisation import prepare
+from signorini_fx.mechanics.obstacles.foundations_on_points import Foundations
 from signorini_fx.records import Status, Timings
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import parse_scene
@@ -191,3 +192,37 @@ def test_nonlinear_bodies_that_slide_on_each_other(law):
     for step in solution.steps:
         (_, pressing), (along, _) = step.contact.forces
         assert -along == pytest.approx(0.1 * step.time * pressing, rel=1e-5)  # normals are turned by 1e-3
+
+
+@pytest.mark.parametrize("law", NONLINEAR)
+def test_a_nonlinear_body_is_not_asked_for_friction_before_its_first_step(law):
+    """A coefficient that is infinite at time 0, and one that is negative there."""
+    material = {"material": {"young": 1000.0, "poisson": 0.0} | law, "load_steps": {"times": [1.0, 2.0]}}
+    for coefficient, expected in (("0.4/t", [0.4, 0.2]), ("0.2*t - 0.1", [0.1, 0.3])):
+        solution = solve(dragged(coulomb(coefficient), (1.0, 2.0), more=material), COMM)
+        assert pull(solution) == pytest.approx(expected, rel=1e-6)
+
+
+@pytest.mark.parametrize("law", NONLINEAR)
+def test_the_certificate_knows_the_friction_of_its_time(monkeypatch, law):
+    """Of a nonlinear body that keeps the friction of the first load step it does not hold."""
+    monkeypatch.setattr(Foundations, "give_friction", lambda self, number, friction: None)
+    scene = dragged(coulomb("0.1*t"), more={"material": {"young": 1000.0, "poisson": 0.0} | law})
+    with pytest.raises(ConvergenceError, match=r"\(slip_below_bound .*there is a solution at time 1"):
+        solve(scene, COMM)
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("law", NONLINEAR)
+def test_a_restart_of_a_nonlinear_body(tmp_path, law):
+    """Friction is that of the time of each load step, of those that an earlier run has left, too."""
+    folder = MPI.COMM_WORLD.bcast(tmp_path)
+    scene = dragged(
+        coulomb("0.1 if t < 1.5 else 0.6 - 0.1*t"), more={"material": {"young": 1000.0, "poisson": 0.0} | law}
+    )
+    whole = solve(scene, COMM, checkpoint=folder)
+    again = solve(scene, COMM, checkpoint=folder, restart=True)
+    assert [step.linear_solves for step in again.steps] == [step.linear_solves for step in whole.steps]
+    assert again.history.events[0].startswith("restart: 3 complete load steps")
+    assert not any("solved again" in event for event in again.history.events)
+    assert pull(again) == pytest.approx(pull(whole), rel=1e-12)

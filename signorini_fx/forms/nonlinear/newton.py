@@ -9,7 +9,7 @@ d . (R(u + s d) + B^T (lambda, mu)), the slope of the energy with contact where 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -39,6 +39,7 @@ from signorini_fx.mechanics.obstacles.shapes_inside import BodyCells
 from signorini_fx.mechanics.pairs.mortar_coupling import PairingError
 from signorini_fx.records import Status, Timings
 from signorini_fx.results.certificate.certificate import Certificate
+from signorini_fx.results.certificate.contact_nodes import ContactSide
 from signorini_fx.results.certificate.promised_law import Tractions
 from signorini_fx.results.certificate.supports import PrescribedNodes
 from signorini_fx.results.solution import ConvergenceError
@@ -80,6 +81,10 @@ class SecondOpinion:
     def supports(self, claimed_supports: PrescribedNodes) -> PrescribedNodes:
         """The supports as the certificate takes them; ``claimed_supports``: those of the problem; collective."""
         return claimed_supports
+
+    def contact_sides(self, claimed_sides: Sequence[ContactSide]) -> Sequence[ContactSide]:
+        """The sides as the certificate takes them; ``claimed_sides``: those of the problem."""
+        return claimed_sides
 
     def loaded(self, mechanics: ResidualMechanics) -> ResidualMechanics:
         """The same with the loads that are not in F."""
@@ -301,6 +306,8 @@ class EquilibriumSolver:
         residual: Array | None = None
         for iteration in range(1, self.max_newton + 1):
             self.iterations = iteration
+            if iteration == self.max_newton:  # no other follows
+                self.linear.law_tolerance = 0.0
             old, tools = self.tangent_at = u.x.array.copy(), self.linear.moving_tools.coordinates
             residual = self.residual.at(old) if residual is None else residual
             if residual is None:
@@ -550,6 +557,10 @@ class EquilibriumSolver:
         forces = self.opinion.forces(residual)
         mechanics = mechanics_at(self.u, forces, linear, lost, unloaded_at_rest=self._unloaded)
         balance = mechanics.forces
-        mechanics = replace(mechanics, forces=replace(balance, supports=self.opinion.supports(balance.supports)))
+        mechanics = replace(
+            mechanics,
+            forces=replace(balance, supports=self.opinion.supports(balance.supports)),
+            contact_sides=self.opinion.contact_sides(mechanics.contact_sides),
+        )
         conditions = tractions, linear.law, linear.previous_step, linear.driven_tools
         return certified(self.u, mechanics, linear.shapes, *conditions), self.opinion.loaded(mechanics)

@@ -240,11 +240,17 @@ class Statement:
 
     def placed(self, step: float) -> Self:
         """The same with foundations, friction and supports of a place in the lists of factors; itself if these are
-        there as they are.
+        there as they are.  Friction before the first load step is that of the first one.
         """
         changed: dict[str, tuple[Any, ...]] = {}
         if any(effect.timed for effect in self.contact):
             changed["contact"] = tuple(contact.at_time(self.time_at(step)) for contact in self.contact)
+        if step == -1 and "contact" in changed:  # where no load step ends, nothing asks for friction, as 0.1/t
+            first = self.time_at(0)
+            changed["contact"] = tuple(
+                contact.model_copy(update={"friction": contact.friction.at_time(first)})
+                for contact in changed["contact"]
+            )
         supports = tuple(entry.in_step(step) for entry in self.displacement)
         if any(entry is not earlier for entry, earlier in zip(supports, self.displacement, strict=True)):
             changed["displacement"] = supports

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -63,11 +63,7 @@ def sides_of(
         return ContactSide(
             effect.boundary,
             lambda nodes: sample(gap, in_space(x[nodes])),
-            lambda nodes, pressure: (
-                np.full(nodes.size, np.inf)
-                if effect.bonded
-                else effect.friction.sampled(in_space(x[nodes])).claimed(np.abs(pressure))
-            ),
+            friction_bound(effect, x),
             not effect.opens,
             None if effect.direction is None and effect.surface is None else along,
             factor,
@@ -80,6 +76,17 @@ def sides_of(
         )
 
     return [side(part, effect) for part, effect in enumerate(statement.contact)]
+
+
+def friction_bound(effect: Any, x: Nodal) -> Callable[[npt.NDArray[Any], Nodal], Nodal]:
+    """The bound of a contact of a scene, see ``ContactSide``; ``x``: of all nodes, length, shape (nodes, d)."""
+
+    def bound(nodes: npt.NDArray[Any], pressure: Nodal) -> Nodal:
+        if effect.bonded:
+            return np.full(nodes.size, np.inf)
+        return np.asarray(effect.friction.sampled(in_space(x[nodes])).claimed(np.abs(pressure)))
+
+    return bound
 
 
 def _by_geometry(effect: Any) -> bool:
