@@ -34,6 +34,7 @@ SPACE = (
         (0.05, 0.0, -0.2),
     ],
 )
+TOOL = {"shape": "circle", "centre": (1.1, 1.4), "radius": 0.4}
 
 
 @cache
@@ -82,6 +83,30 @@ def test_displacements_are_those_of_full_solves(monkeypatch, problem, share):
     assert iterations <= fewest + 2
     monkeypatch.setattr(newton, "FAR_FROM_LAW", 0.5)
     np.testing.assert_allclose(ploughed(*problem)[0], full, rtol=0, atol=1e-10 * np.abs(full).max())
+
+
+def test_a_slow_fixed_point_takes_no_iterations_of_newton(monkeypatch):
+    """Of large friction under a circle that moves sideways: what its fixed point is left from falls with increments."""
+    mesh = dmesh.create_rectangle(MPI.COMM_SELF, [[0, 0], [3, 1]], [24, 8], dmesh.CellType.quadrilateral)
+    below, above = (dmesh.locate_entities_boundary(mesh, 1, lambda x, at=at: np.isclose(x[1], at)) for at in (0.0, 1.0))
+
+    def iterations():
+        u = fem.Function(fem.functionspace(mesh, ("Lagrange", 1, (2,))))
+        energy = neo_hooke(u) * ufl.dx(metadata={"quadrature_degree": 2})
+        F = ufl.derivative(energy, u, ufl.TestFunction(u.function_space))
+        contact = Foundation(above, shape=TOOL, friction=Coulomb(0.9))
+        problem = NonlinearContactProblem(F, u, bcs=[held(u.function_space, below)], contact=contact, coulomb="fp")
+        for along in (0.0, 0.1, 0.2):
+            problem.place(0, shift=(along, -0.1))
+            problem.solve()
+            problem.advance()
+        return problem.iterations, len(problem.history.iterations)
+
+    ours, solves = iterations()
+    monkeypatch.setattr(newton, "FAR_FROM_LAW", 0.0)
+    fewest, largest = iterations()
+    assert ours <= fewest + 2
+    assert solves <= 0.6 * largest
 
 
 def changed(displacement, moved=None, pressure=(1.0, -2.0, 0.0)):
