@@ -35,7 +35,7 @@ from signorini_fx.mechanics.mesh.tagged import check_fits
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.obstacles.scene_contact import foundations_of
 from signorini_fx.mechanics.statement.effect import Force, Resistance
-from signorini_fx.mechanics.statement.expressions import sample
+from signorini_fx.mechanics.statement.expressions import in_space, sample
 from signorini_fx.mechanics.statement.rigid_motion import COMPONENTS, Prescribed
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.records import Finding, History, Inventory, Status, Timings
@@ -378,11 +378,17 @@ class OpinionOfScene(SecondOpinion):
         return PrescribedNodes.of(self.anew, self.problem.path_step, 1.0)
 
     def contact_sides(self, claimed_sides: Sequence[ContactSide]) -> list[ContactSide]:
-        """See ``SecondOpinion``: with the friction that the scene says to be in this load step."""
+        """See ``SecondOpinion``: with friction, gaps and foundations of this load step, as the scene says them, but for
+        tools that forces move and gaps of pairs.
+        """
         x, problem = node_positions(self.anew.space)[:, : self.anew.dimension], self.problem
+        displacement = problem.u.x.array.reshape(x.shape).copy()
         entries = problem.statement.placed(problem.path_step).contact
-        sides = zip(claimed_sides, entries, strict=True)
-        return [replace(side, bound=friction_bound(entry, x)) for side, entry in sides]
+        sides = []
+        for side, entry in zip(claimed_sides, entries, strict=True):
+            found = {} if entry.against is not None or entry.tool is not None else _rigid_side(entry, x, displacement)
+            sides.append(replace(side, bound=friction_bound(entry, x), **found))
+        return sides
 
     def loaded(self, mechanics: ResidualMechanics) -> ResidualMechanics:
         """See ``SecondOpinion``."""
@@ -414,6 +420,25 @@ class OpinionOfScene(SecondOpinion):
         finite = self.problem.statement.finite_strains
         says = replace(mechanics, loads=loads, supports=supports, displaced=finite, stresses=stresses)
         return replace(says, place=problem.path_step)
+
+
+def _rigid_side(entry: Any, x: Array, displacement: Array) -> dict[str, Any]:
+    """Gap and, of a shape, direction of a rigid foundation as ``ContactSide`` has them, linear about a displacement.
+
+    Args:
+        entry: of a scene, at a time.
+        x: of all nodes, length, shape (nodes, d).
+        displacement: of them, likewise.
+    """
+    if entry.surface is None:
+        return {"gap": lambda nodes: sample(entry.gap, in_space(x[nodes]))}
+
+    def distance(nodes: npt.NDArray[Any]) -> tuple[Array, Array]:
+        signed, normal = entry.surface.distance(x[nodes] + displacement[nodes])
+        along = np.einsum("ni,ni->n", normal, displacement[nodes])
+        return signed - along + sample(entry.gap, in_space(x[nodes])), -normal
+
+    return {"gap": lambda nodes: distance(nodes)[0], "direction": lambda nodes: distance(nodes)[1]}
 
 
 def _with_sides_of(statement: Statement, body: Statement) -> Statement:
