@@ -25,7 +25,6 @@ from signorini_fx.forms.nonlinear.newton import SecondOpinion
 from signorini_fx.forms.nonlinear.problem import NonlinearContactProblem
 from signorini_fx.forms.nonlinear.snapshot import BeginningOnShapes, Snapshot
 from signorini_fx.machine import compat, parallel
-from signorini_fx.mechanics.assembly.mesh_entities import node_positions
 from signorini_fx.mechanics.body.deformation import deformation_of
 from signorini_fx.mechanics.body.discretisation import boundary_facets, held_at, prepare
 from signorini_fx.mechanics.body.nonlinear_law import BodyResidual, at_rest, body_residual
@@ -381,7 +380,7 @@ class OpinionOfScene(SecondOpinion):
         """See ``SecondOpinion``: with friction, gaps and foundations of this load step, as the scene says them, but for
         tools that forces move and gaps of pairs.
         """
-        x, problem = node_positions(self.anew.space)[:, : self.anew.dimension], self.problem
+        x, problem = self.anew.at_nodes[:, : self.anew.dimension], self.problem
         displacement = problem.u.x.array.reshape(x.shape).copy()
         entries = problem.statement.placed(problem.path_step).contact
         sides = []
