@@ -159,6 +159,12 @@ def test_what_has_no_derivatives_is_refused_by_name(change, why):
         sensitivity(parse_scene(changed(rubber(), change)), "force bottom y", ["material[0].isochoric"])
 
 
+def test_moments_are_refused():
+    """Results are about displaced points, and these derivatives would not be."""
+    with pytest.raises(SceneError, match="of: a moment at displaced points"):
+        sensitivity(parse_scene(rubber()), "moment bottom", [BOTH[0]])
+
+
 ALONG = COULOMB | {"ratio": 0.5, "along": [1.0, 0.5, 0.0]}
 PLANE = {"shape": "plane", "point": [0.0, 0.0, -0.02], "normal": [0.1, 0.0, 1.0], "shift": ["0.05*t", 0.0, "0.05*t"]}
 

@@ -139,12 +139,15 @@ class SolvedStep:
 
         Raises:
             SceneError: derivatives of a quantity of another package are not those of its value.
+            FormError: it is a moment at displaced points.
         """
         if not is_of_package(type(of)):
             self._check(of)
         row, boundary = of.by_displacement(self.displacement), self.state.boundary
         row = np.zeros(self.body.fixed.size) if row is None else row
         if self.curvature is not None and isinstance(of, ContactForce):
+            if of.moment:
+                raise FormError([("of", "a moment at displaced points has no derivative yet")])
             forces = row.reshape(-1, self.body.dimension).copy()
             np.subtract.at(forces, boundary.nodes, np.einsum("nij,ni->nj", self.curvature, of.directions(boundary)))
             row = forces.ravel()

@@ -199,8 +199,6 @@ class NonlinearContactProblem(ProblemOfForms):
             raise RuntimeError("there is no solution to differentiate")
         if not self.contact:
             raise FormError([("contact", "there is none: the adjoint problem is that of the tangent alone")])
-        if isinstance(of, str) and of.split()[:1] == ["moment"]:
-            raise FormError([("of", "a moment at displaced points has no derivative yet")])
         named = self.solution.model
         with self.linear.unchanged():
             solved, begun = linearised_at(self._solver), self._solver.begun
