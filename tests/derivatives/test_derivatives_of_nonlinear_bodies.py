@@ -159,6 +159,23 @@ def test_what_has_no_derivatives_is_refused_by_name(change, why):
         sensitivity(parse_scene(changed(rubber(), change)), "force bottom y", ["material[0].isochoric"])
 
 
+OGDEN = [{"law": "ogden", "mu": [10.0, 2.0], "alpha": [2.0, 4.0], "bulk": 100.0, "expansion": 1e-5}]
+
+
+@pytest.mark.parametrize(
+    ("material", "constants"),
+    [(MOONEY, ["c10", "c01", "bulk"]), (OGDEN, ["mu[0]", "mu[1]", "alpha[0]", "alpha[1]", "bulk"])],
+    ids=["mooney-rivlin", "ogden"],
+)
+def test_constants_of_any_material_are_data_unless_others_are_named(material, constants):
+    found = sensitivity(parse_scene(rubber(material=material)), "force bottom y")
+    assert [path.partition(".")[2] for path in found.by if path.startswith("material")] == constants
+    # Forces are homogeneous in stresses.
+    stresses = [path for path in found.by if path.startswith(("material", "traction")) and "alpha" not in path]
+    scaled = sum(found.data[found.by.index(path)] * found[path] for path in stresses)
+    assert scaled == pytest.approx(found.value, rel=1e-6)
+
+
 def test_moments_are_refused():
     """Results are about displaced points, and these derivatives would not be."""
     with pytest.raises(SceneError, match="of: a moment at displaced points"):
