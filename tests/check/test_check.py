@@ -876,7 +876,7 @@ def test_the_schema_knows_the_generators():
 def test_the_schema_knows_every_class():
     """Each table of a scene is defined in it."""
     laws = (import_module(f"signorini_fx.mechanics.laws.{name}") for name in ("none", "tresca", "coulomb"))
-    nonlinear = ("neo_hooke", "saint_venant_kirchhoff", "mooney_rivlin", "ogden", "j2")
+    nonlinear = ("neo_hooke", "saint_venant_kirchhoff", "mooney_rivlin", "ogden", "j2", "maxwell")
     files = ("isotropic", "orthotropic", *nonlinear)
     materials = (import_module(f"signorini_fx.mechanics.materials.{name}") for name in files)
     files = [
