@@ -182,7 +182,7 @@ def says(layer: str) -> str:
     if layer in SAYS:
         return SAYS[layer]
     text = ast.get_docstring(ast.parse((folder_of(layer) / "__init__.py").read_text(encoding="utf-8"))) or ""
-    return text.split("\n\n")[0].replace("\n", " ")
+    return text.split("\n\n")[0].replace("\n", " ").replace("``", "")
 
 
 def outside(layer: str) -> list[str]:

@@ -109,6 +109,21 @@ def test_prescribed_displacements_of_a_load_step():
             assert values[np.abs(values).argmax()] == pytest.approx(0.001 * factor * scale)
 
 
+def test_one_system_serves_symmetric_and_unsymmetric_matrices():
+    """A last factor is the preconditioner of the matrices it is of, whatever was configured after it."""
+    d = discretise(example1(bound=1.5, nx=6, ny=2).statement, load_mesh(example1(nx=6, ny=2), COMM), Timings())
+    system = full.FullSystem.of(d.elasticity(d.cases))
+    solvers = {symmetric: PETSc.KSP().create(COMM) for symmetric in (False, True)}
+    for symmetric, ksp in solvers.items():
+        ksp.setOperators(system.matrix)
+        system.configure(ksp, symmetric=symmetric)
+    for symmetric, kind in ((False, "gmres"), (True, "cg"), (False, "gmres")):
+        ksp = solvers[symmetric]
+        assert system.keep_factor(ksp, 1, 1.0)
+        assert ksp.getType() == kind
+        ksp.setUp()
+
+
 @pytest.mark.parametrize("kind", ["condensed", "full"])
 def test_scaled_loads(kind):
     """Half and twice the loads, in the interior of the body too; prescribed displacements are loads."""

@@ -18,8 +18,7 @@ class FullSystem(AssembledSystem):
 
     def configure(self, ksp: PETSc.KSP, *, symmetric: bool) -> None:
         """A direct factorisation, Cholesky if the matrix is symmetric."""
-        self._symmetric = symmetric and self.elasticity.symmetric
-        use_factorisation(ksp, symmetric=self._symmetric, definite=self.definite)
+        use_factorisation(ksp, symmetric=symmetric and self.elasticity.symmetric, definite=self.definite)
 
     @property
     def solver_defaults(self) -> dict[str, str]:
@@ -33,9 +32,10 @@ class FullSystem(AssembledSystem):
         lagging = self.definite and not exact  # of an indefinite matrix CG would break down
         retained = moved == 0 or (lagging and moved is not None and moved <= LAGGED_NODES)
         if retained and moved != 0:
-            ksp.setType(PETSc.KSP.Type.CG if self._symmetric else PETSc.KSP.Type.GMRES)
+            symmetric = ksp.getPC().getType() == PETSc.PC.Type.CHOLESKY  # one system serves methods of both kinds
+            ksp.setType(PETSc.KSP.Type.CG if symmetric else PETSc.KSP.Type.GMRES)
             # The residual itself, relative to the forces: the preconditioned norm does not decide whether Newton ends.
-            if not self._symmetric:
+            if not symmetric:
                 ksp.setPCSide(PETSc.PC.Side.RIGHT)
             ksp.setNormType(PETSc.KSP.NormType.UNPRECONDITIONED)
             ksp.setTolerances(rtol=1e-15, atol=LAGGED_SHARE * forces, max_it=LAGGED_STEPS)
