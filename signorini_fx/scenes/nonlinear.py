@@ -77,11 +77,16 @@ def solve_nonlinear(
         ConvergenceError: the first load step has no solution, and the body before it cannot be evaluated.
     """
     timings = Timings()
+    return problem_of(scene, comm, history, timings).solved(timings, stored)
+
+
+def problem_of(scene: Scene, comm: mpi4py.MPI.Comm, history: History, timings: Timings) -> ProblemOfScene:
+    """The problem of a scene on its mesh; for the arguments and errors see ``solve_nonlinear``; collective."""
     model = linear_body(scene, comm, timings)
     with timings.phase("compile"):
         problem = ProblemOfScene.of(scene.statement, model, history)
     history.move(dofs=model.dofs)
-    return problem.solved(timings, stored)
+    return problem
 
 
 def linear_body(scene: Scene, comm: mpi4py.MPI.Comm, timings: Timings) -> Model:

@@ -16,7 +16,6 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from mpi4py import MPI
 
 from signorini_fx.addons.derivatives.adjoint import Adjoint, TransposedTangent
 from signorini_fx.addons.derivatives.entries import varied
@@ -31,8 +30,7 @@ from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.quantities.functional import Functional
 from signorini_fx.records import History, Timings
 from signorini_fx.results.solution import ConvergenceError, Solution
-from signorini_fx.scenes.nonlinear import ProblemOfScene, ReachedStep, linear_body
-from signorini_fx.scenes.scene import Scene
+from signorini_fx.scenes.nonlinear import ProblemOfScene, ReachedStep
 
 Array = npt.NDArray[np.float64]
 
@@ -54,21 +52,25 @@ class NonlinearSteps:
     seconds: float
 
     @classmethod
-    def solved(cls, scene: Scene, comm: MPI.Comm) -> NonlinearSteps:
+    def solved(cls, statement: Statement, problem_of: Callable[[Timings], ProblemOfScene]) -> NonlinearSteps:
         """Solve a scene; collective.
+
+        Args:
+            statement: the scene.
+            problem_of: makes its problem, and counts the seconds.
 
         Raises:
             SceneError: see ``sensitivity``.
             ConvergenceError: likewise.
         """
-        refuse_on_bodies(scene.statement)
-        begin, timings, history = time.perf_counter(), Timings(), History()
-        model = linear_body(scene, comm, timings)
-        problem, reached = ProblemOfScene.of(scene.statement, model, history), list[ReachedStep]()
+        refuse_on_bodies(statement)
+        begin, timings, reached = time.perf_counter(), Timings(), list[ReachedStep]()
+        problem = problem_of(timings)
         solution = problem.solved(timings, on_step=lambda step: reached.append(problem.reached()))
         if not solution.converged:
             raise ConvergenceError(solution)
-        return cls(problem, reached, solution, parallel.global_max(comm, time.perf_counter() - begin))
+        seconds = parallel.global_max(problem.model.comm, time.perf_counter() - begin)
+        return cls(problem, reached, solution, seconds)
 
     @property
     def statement(self) -> Statement:

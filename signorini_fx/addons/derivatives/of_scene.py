@@ -44,8 +44,8 @@ from signorini_fx.quantities.functional import Functional
 from signorini_fx.records import History, Timings
 from signorini_fx.results.solution import ConvergenceError, Solution
 from signorini_fx.scenes.mesh import load_mesh
+from signorini_fx.scenes.nonlinear import ProblemOfScene, problem_of
 from signorini_fx.scenes.reading import as_scene
-from signorini_fx.scenes.scene import Scene
 from signorini_fx.solving.solve_on_mesh import solve_mesh
 from signorini_fx.solving.stepped_body import LoadStep
 
@@ -139,7 +139,7 @@ def sensitivity(
     _check(scene.statement)
     wanted = [of] if isinstance(of, str) else list(of)
     if scene.statement.nonlinear:
-        of_bodies = _of_nonlinear(scene, wanted, by, comm)
+        of_bodies = _of_nonlinear(scene.statement, partial(problem_of, scene, comm, History()), wanted, by)
         return of_bodies[0] if isinstance(of, str) else of_bodies
     # Coarser meshes give a start, and change nothing of the solution.
     scene = scene.model_copy(update={"solver": scene.solver.model_copy(update={"levels": 1})})
@@ -244,16 +244,18 @@ def _sensitivities(
     ]
 
 
-def _of_nonlinear(scene: Scene, of: list[str], by: Sequence[str] | None, comm: MPI.Comm) -> list[Sensitivity]:
-    """Those of a scene with a nonlinear material; collective."""
-    steps = NonlinearSteps.solved(scene, comm)
+def _of_nonlinear(
+    statement: Statement, problem: Callable[[Timings], ProblemOfScene], of: list[str], by: Sequence[str] | None
+) -> list[Sensitivity]:
+    """Those of a scene with a nonlinear material; ``problem``: makes its problem; collective."""
+    steps = NonlinearSteps.solved(statement, problem)
     statement, model = steps.statement, steps.solution.model
     paths = tuple(default_entries(statement) if by is None else by)
     entries = [entry_of(statement, path, model.tagged.size, model.dimension) for path in paths]
     begin = time.perf_counter()
     quantities = [_at_step([model] * len(steps.reached), text) for text in of]
     totals = columns(steps, quantities, [(path, step) for path, (_, step) in zip(paths, entries, strict=True)])
-    seconds = parallel.global_max(comm, time.perf_counter() - begin)
+    seconds = parallel.global_max(model.comm, time.perf_counter() - begin)
     data = tuple(value for value, _ in entries)
     return [
         Sensitivity(

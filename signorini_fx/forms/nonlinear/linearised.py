@@ -312,7 +312,7 @@ class LinearisedProblem(FormSolver):
 
     def _shape_of(self, number: int, entry: Any) -> MovingShape:
         """The shape of a foundation at its nodes."""
-        space, nodes = self.space, self.foundations._values[number].nodes
+        space, nodes = self.space, self.foundations.nodal_values(number).nodes
         dim, turns = space.mesh.geometry.dim, entry.measure is None and not averaging(space)
         shape = fitting(number, entry.shape, dim, turns=turns)
         self.foundations.check_shape(number, shape)
@@ -321,7 +321,7 @@ class LinearisedProblem(FormSolver):
 
     def _added_to_distance(self, number: int) -> Array:
         """The gap of a foundation with a shape as it is now, at its nodes, length, shape (n,); collective."""
-        values = self.foundations._values[number]
+        values = self.foundations.nodal_values(number)
         return values(self._gaps[number], f"contact[{number}].gap")[values.nodes]
 
     def give_gap(self, number: int, gap: Any) -> None:

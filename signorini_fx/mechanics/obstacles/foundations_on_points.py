@@ -250,6 +250,10 @@ class Foundations:
         contact[number] = replace(contact[number], **values)
         self._contact = contact
 
+    def nodal_values(self, number: int) -> NodalValues:
+        """What evaluates numbers, callables and UFL at the nodes of a contact."""
+        return self._values[number]
+
     def settle(self) -> None:
         """Count the motion of shapes from where they are."""
         self.settled = dict(self._distances)
