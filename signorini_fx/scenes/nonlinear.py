@@ -271,7 +271,7 @@ class ProblemOfScene(NonlinearContactProblem):
         self.go_to(step.path_step)
         self._solver.go_back(step.end)
         self._solver.begun = step.begun
-        return linearised_at(self._solver)
+        return linearised_at(self._solver, self.linear)
 
     def go_through(self, begins_at: float | None, path_step: float) -> None:
         """Loads, supports and foundations of a load step, with slips that count from where the one before it ends;

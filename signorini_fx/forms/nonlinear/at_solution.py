@@ -5,18 +5,23 @@ from __future__ import annotations
 from typing import Any
 
 from signorini_fx.errors import FormError
+from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
 from signorini_fx.forms.nonlinear.newton import EquilibriumSolver
 
 
-def linearised_at(solver: EquilibriumSolver) -> tuple[Any, ...]:
+def linearised_at(solver: EquilibriumSolver, linear: LinearisedProblem) -> tuple[Any, ...]:
     """The last solution with its linearised problem, see ``SolvedStep.of``; collective.
+
+    Args:
+        solver: that has found it.
+        linear: its contact problem, or a copy, which is assembled there.
 
     Raises:
         RuntimeError: it depends on the state of a material before the last step, which is not kept.
         FormError: its derivatives are not known.
         MatrixError: the tangent is not finite.
     """
-    linear, residual = solver.linear, solver.residual
+    residual = solver.residual
     for number, entry in enumerate(linear.stated):
         if entry.against is not None and not entry.bonded:
             raise FormError([(f"contact[{number}]", "derivatives are not possible yet where two bodies touch")])

@@ -8,8 +8,8 @@ a form a(u, .) - F(u; .) would get a quadrature degree of its own, and Newton's 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Any
@@ -864,15 +864,10 @@ class LinearisedProblem(FormSolver):
         with options.applied(*self.options):
             self.begun = self.begin_step()
 
-    @contextmanager
-    def unchanged(self) -> Iterator[None]:
-        """While it is assembled elsewhere; the next solve assembles anew."""
-        attributes = dict(vars(self))
-        try:
-            yield
-        finally:
-            vars(self).update(attributes)
-            self._last_pattern = None
+    def assembled_elsewhere(self) -> LinearisedProblem:
+        """A copy to be assembled in its place; the next solve of this one assembles anew."""
+        self._last_pattern = None
+        return copy(self)
 
     def derivative_at_solution(self) -> tuple[Any, ...]:
         """The last solution with the derivative of its contact problem there, see ``SolvedStep.of``, and the problem of

@@ -199,12 +199,11 @@ class NonlinearContactProblem(ProblemOfForms):
             raise RuntimeError("there is no solution to differentiate")
         if not self.contact:
             raise FormError([("contact", "there is none: the adjoint problem is that of the tangent alone")])
-        named = self.solution.model
-        with self.linear.unchanged():
-            solved, begun = linearised_at(self._solver), self._solver.begun
-            assert begun is not None
-            with begun.returned_to(self.linear):
-                return add_on("gradient")(of, by, lambda: named, solved, self.linear.data_now)
+        named, begun, linear = self.solution.model, self._solver.begun, self.linear.assembled_elsewhere()
+        solved = linearised_at(self._solver, linear)
+        assert begun is not None
+        with begun.returned_to(linear):
+            return add_on("gradient")(of, by, lambda: named, solved, linear.data_now)
 
     def place(self, number: int, **placement: Any) -> None:
         """Turn and move a foundation that has a shape, or change what drives it, for the next solve and those after it.
