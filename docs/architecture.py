@@ -80,11 +80,11 @@ BESIDE = {
     "mechanics.body": ("mechanics.model",),
     "mechanics.assembly": ("mechanics.scales",),
     "records": ("records", "machine.display"),
-    "ground": ("errors", "extensions", "tuned"),
+    "ground": ("errors", "extensions", "removed", "tuned"),
 }
 SAYS = {
     "records": "Outcomes, what has happened in a solve, and words for it.",
-    "ground": "The ways in which a request can fail, what other packages add, and what was tuned.",
+    "ground": "The ways in which a request can fail, what other packages add, what was tuned, and what was removed.",
 }
 # Packages of others, as the picture names them.
 OUTSIDE = (

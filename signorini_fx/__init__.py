@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import warnings
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -80,8 +79,6 @@ _PUBLIC = {
 }
 # Those of add-ons.
 _ADDED = ("judge", "plot", "pyvista_grid", "sensitivity")
-# Names of the last version, by the names of this one.
-_RENAMED = {"CoulombFriction": "Coulomb", "TrescaFriction": "Tresca"}
 _MODULE_OF = {name: module for module, names in _PUBLIC.items() for name in names}
 
 if TYPE_CHECKING:
@@ -92,9 +89,6 @@ __all__ = sorted((*_MODULE_OF, *_ADDED))
 
 
 def __getattr__(name: str) -> Any:
-    if name in _RENAMED:
-        warnings.warn(f"{name} is called {_RENAMED[name]} now", DeprecationWarning, stacklevel=2)
-        name = _RENAMED[name]
     if name in __all__:
         try:
             if name in _ADDED:
@@ -106,6 +100,8 @@ def __getattr__(name: str) -> Any:
 
         check_fenicsx()
         raise failure
+    if not name.startswith("_") and (removal := import_module("signorini_fx.removed").removal(name)):
+        raise ImportError(f"{__name__}.{name} {removal}")  # an AttributeError has no message after "from ... import"
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 

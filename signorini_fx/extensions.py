@@ -122,7 +122,9 @@ def add_on(name: str) -> Any:
     """
     entry = _installed(ADD_ONS, tuple(sys.path)).get(name)
     if entry is None:
-        raise InstallationError(f"{name!r} is an add-on of signorini_fx that is not installed")
+        from signorini_fx.removed import removal
+
+        raise InstallationError(f"{name!r} {removal(name) or 'is an add-on of signorini_fx that is not installed'}")
     try:
         return entry.load()
     except ModuleNotFoundError as error:

@@ -85,11 +85,13 @@ def _problem(detail: Any, data: Mapping[str, Any], model: type[BaseModel], *, gu
             node = node[part] if isinstance(node, Mapping) and part in node else node
     message = plain_message(detail)
     entry = detail.get("input")
+    if detail["type"].startswith("union_tag"):
+        path += ".law" if "law" in detail["ctx"]["discriminator"] else ".kind"
+    if removal := _removal(detail, path):
+        return path, removal
     if detail["type"] == "extra_forbidden" and guess:
         *table_path, key = detail["loc"]
         message += _meant(str(key), model) or _known_keys(str(key), _tables_at(table_path, {model}))
-    if detail["type"].startswith("union_tag"):
-        path += ".law" if "law" in detail["ctx"]["discriminator"] else ".kind"
     if (
         detail["type"] not in (*_MESSAGES, "too_short", "too_long")
         and isinstance(entry, str | int | float)
@@ -97,6 +99,19 @@ def _problem(detail: Any, data: Mapping[str, Any], model: type[BaseModel], *, gu
     ):
         message += f", got {shown(entry)}"
     return path or "scene", message
+
+
+def _removal(detail: Any, path: str) -> str:
+    """What to do instead, if the key at this path or its value has left this package; "": it has not."""
+    from signorini_fx.removed import removal
+
+    match detail:
+        case {"type": "extra_forbidden"}:
+            return removal(path)
+        case {"type": "union_tag_invalid", "ctx": {"tag": value}} | {"type": "literal_error", "input": str(value)}:
+            told = removal(f"{path} = {value}")
+            return f"{value!r} {told}" if told else ""
+    return ""
 
 
 _ELSEWHERE = {

@@ -26,6 +26,30 @@ class _Parser(argparse.ArgumentParser):
         if message and started_as_root():
             terminal.say(message.removesuffix("\n"), error=file is sys.stderr)
 
+    def _check_value(self, action: argparse.Action, value: Any) -> None:
+        try:
+            super()._check_value(action, value)
+        except argparse.ArgumentError:
+            self._refuse_removed(*action.option_strings[-1:], str(value))
+            raise
+
+    def parse_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """The options; what no command knows is an error."""
+        options, unknown = self.parse_known_args(args, namespace)
+        for argument in unknown:
+            self._refuse_removed(options.command, argument.partition("=")[0])
+        if unknown:
+            self.error(f"unrecognized arguments: {' '.join(unknown)}")
+        return options
+
+    def _refuse_removed(self, *words: str) -> None:
+        """End with what to do instead, if a command, an option or its value has left this package."""
+        from signorini_fx.removed import removal
+
+        name = " ".join((self.prog, *words))
+        if told := removal(name):
+            self.error(f"{name} {told}")
+
     def error(self, message: str) -> NoReturn:
         if started_as_root():
             usage = terminal.TerminalLine(self.format_usage().removesuffix("\n"))

@@ -1,0 +1,26 @@
+"""Names that left the package, and what to use instead of each; imported only when an error is made."""
+
+from __future__ import annotations
+
+import re
+
+# A name as its user writes it -> what to do instead.  Keys of scenes have their path without positions in lists, and a
+# value follows its key after " = ".  Commands and their options begin with "signorini-fx".  What is left are public
+# names of Python and names of add-ons.
+INSTEAD: dict[str, str] = {
+    "CoulombFriction": "use Coulomb",
+    "TrescaFriction": "use Tresca",
+}
+
+
+def removal(name: str) -> str:
+    """What to say of a name that is not known, such as ``was removed: use 'alm'``; "": it has never been there.
+
+    Args:
+        name: see ``INSTEAD``.  A path may begin below the top of the scene, as that of a table made in Python does.
+    """
+    path = re.sub(r"\[\d+\]", "", name)
+    for removed, instead in INSTEAD.items():
+        if removed == path or removed.endswith(f".{path}"):
+            return f"was removed: {instead}"
+    return ""
