@@ -20,9 +20,6 @@ PICTURE = DOCS / "images" / "architecture.svg"
 
 # What only looks at a solved problem, or only makes a mesh.  The others import none of them: they are entry points.
 ADD_ONS = (
-    "addons.gauntlet",
-    "addons.cases",
-    "addons.aster",
     "addons.judging",
     "addons.studies",
     "addons.derivatives",

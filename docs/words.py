@@ -15,8 +15,7 @@ LONG = 30
 # What is not for users of the package, or of results of other programs, or written by a command, or examples, or for
 # users of FEniCSx alone; the others, with the README, are the guide.
 OTHERS = ("theory", "architecture", "trust", "checklists", "evidence", "refusals", "answers", "decks", "judge")
-OTHERS += ("i-want-to", "for-fenicsx", "contactbench", "gauntlet", "gauntlet-code-aster", "gauntlet-differences")
-OTHERS += ("code-aster", "bounds", "gauntlet-kratos", "gauntlet-frontistr")
+OTHERS += ("i-want-to", "for-fenicsx", "contactbench", "bounds")
 
 
 def guide() -> list[Path]:

@@ -10,6 +10,7 @@ import re
 INSTEAD: dict[str, str] = {
     "CoulombFriction": "use Coulomb",
     "TrescaFriction": "use Tresca",
+    "signorini-fx gauntlet": "compare a result of another program by signorini-fx judge",
 }
 
 

@@ -814,14 +814,9 @@ LINEAR_IN_DECK = 0.01
 NEVER_CLOSED = 2.0
 # The difference of places of a reference facet that gives its slopes: shape functions are polynomials.  Choice.
 FACET_DIFFERENCE = 1e-6
-# A load on an element of a study of Code_Aster is asked for this far from its middle to a corner.  Choice: nearly all
-# of the way.
-TOWARD_CORNERS = 0.95
-# A component of a unit normal below which contact there does not act along an axis: 6 degrees.  Choice.
-ACROSS_AXIS = 0.1
-# A point of time belongs to an interval of a course that it misses by this share of the times, which is round-off, and
-# in a case of Kratos by this share of a step.  Choice.
-COURSE_MISSED, KRATOS_SAME_TIME = 1e-9, 1e-6
+# A deck whose sides slide is solved anew on cells half as large with at most so many unknowns.  Choice: a minute on a
+# small machine.
+FINER_AT_MOST = 120_000
 
 # --- contact between two bodies --------------------------------------------------------------------------------------
 
@@ -1279,11 +1274,3 @@ OVERCLOSURE_PROBLEMS, OVERCLOSURE_MISSED = 40, 1e-10
 # A pressure falls to no less than this share of itself from one tangent to the next: exponential laws are steep.
 # Choice.
 PRESSURE_FALLS = 1e-2
-
-# --- gauntlet --------------------------------------------------------------------------------------------------------
-
-# Differences from another program's values that are larger than this share of them are explained by further runs.
-# Choice: issue of the gauntlet.
-EXPLAINED_FROM = 0.01
-# Meshes with halved sides have at most so many unknowns.  Choice: a minute on a small machine.
-FINER_AT_MOST = 120_000

@@ -23,7 +23,6 @@ _ON_ONE_PROCESS: dict[str, Callable[[argparse.Namespace], str | tuple[str, int]]
     "report": commands.report,
     "open": commands.show,
     "compare": commands.compare,
-    "gauntlet": commands.gauntlet,
     "convert": commands.mesh_file,
     "mesh-info": commands.mesh_file,
     "completion": commands.completion,

@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     from signorini_fx.results.solution import Solution
     from signorini_fx.scenes.scene import Scene
 
-_COMMANDS = ".comm"  # files of code_aster
-
 
 def _read_scene(options: argparse.Namespace) -> Scene:
     """The scene on every rank, with what the command line changes; PETSc is started with the options of the user."""
@@ -231,11 +229,8 @@ def _drafts_of_run(deck: Path, target: Path) -> tuple[Any, Any]:
     """The draft of a deck, which is written unless it is there already, and that with finite strains, if the deck may
     need them; None: it does not, or the draft is that one, as an earlier run has found that it does.
     """
-    if deck.suffix.lower() == _COMMANDS:
-        drafted, finite = add_on("draft_commands")(deck, target), None
-    else:
-        drafted = _drafted(deck, target)
-        finite = None if drafted.deck.nonlinear is None else add_on("finite_draft")(deck, target)
+    drafted = _drafted(deck, target)
+    finite = None if drafted.deck.nonlinear is None else add_on("finite_draft")(deck, target)
     if finite is not None and target.is_file() and target.read_text(encoding="utf-8") == finite.text:
         drafted, finite = finite, None
     _write_draft(drafted.files, keep=True)
@@ -424,32 +419,6 @@ def judge(options: argparse.Namespace) -> int:
     return int(judgement.exit_code)
 
 
-def gauntlet(options: argparse.Namespace) -> tuple[str, int]:
-    """Run the test cases of another program, and print the table."""
-    run = add_on("gauntlet")
-    if options.out is not None and options.out.exists():
-        raise OutputError(f"{options.out}: already exists: give another name, or remove it")
-    if not options.seconds > 0:
-        raise SceneError([("--seconds", "must be positive")])
-    if options.jobs < 1:
-        raise SceneError([("--jobs", "must be at least 1")])
-    line = None if options.json else lambda case: terminal.say(run.short_line(case))
-    result = run.gauntlet(
-        options.folders,
-        seconds=options.seconds,
-        only=options.only,
-        jobs=options.jobs,
-        report=line or (lambda case: None),
-    )
-    if options.out is not None:
-        try:
-            options.out.write_text(run.page(result, run.command_of(options)), encoding="utf-8")
-        except OSError as error:
-            raise cannot_be_written(options.out, error) from None
-    text = json.dumps(run.as_dict(result), indent=2) if options.json else run.short_table(result)
-    return text, EXIT_OK if result.within(run.AGREES) == len(result.cases) else EXIT_NO_SOLUTION
-
-
 def compare(options: argparse.Namespace) -> str:
     """Put two result folders side by side."""
     return str(add_on("compare")(options.one, options.other))
@@ -464,8 +433,6 @@ def mesh_file(options: argparse.Namespace) -> str | tuple[str, int]:
         for target in (options.target, options.target.with_suffix(".h5")):
             if os.path.lexists(target) and (target == options.target or options.target.suffix.lower() == ".xdmf"):
                 raise OutputError(f"{target}: already exists: give another name, or remove it")
-        if options.source.suffix.lower() == _COMMANDS:
-            return _draft_of_commands(options.source, options.target)
         if options.target.suffix.lower() == ".toml":
             return _written_draft(_drafted(options.source, options.target, options.size), options.target)
         mesh = read_file(options.source, size=options.size)
@@ -479,18 +446,6 @@ def mesh_file(options: argparse.Namespace) -> str | tuple[str, int]:
 
         add_on("draw_mesh")(MeshFile(file=options.file, size=options.size), MPI.COMM_SELF, options.picture)
     return json.dumps(info, indent=2) if options.json else render(info, str(options.file))
-
-
-def _draft_of_commands(source: Path, target: Path) -> tuple[str, int]:
-    """Write the draft of a scene from a command file of code_aster, with an input file that has the mesh; what it has
-    and what it has not, and the exit code.
-
-    Raises:
-        OutputError: the target is no scene.
-    """
-    if target.suffix.lower() != ".toml":
-        raise OutputError(f"{target}: a command file becomes a scene, .toml")
-    return _written_draft(add_on("draft_commands")(source, target), target)
 
 
 def _written_draft(drafted: Any, target: Path) -> tuple[str, int]:
@@ -511,10 +466,7 @@ def _drafted(source: Path, target: Path, size: float | None = None) -> Any:
     if source.suffix.lower() != ".inp" or size is not None:
         read_file(source, size=size)  # what is wrong with it comes first
     if source.suffix.lower() != ".inp":
-        raise OutputError(
-            f"{target}: a scene is drafted from an Abaqus input file, .inp, or from a command file of code_aster, "
-            f".comm, and not from {source.name}"
-        )
+        raise OutputError(f"{target}: a scene is drafted from an Abaqus input file, .inp, and not from {source.name}")
     return add_on("draft")(source, target)
 
 

@@ -74,7 +74,7 @@ def parser() -> argparse.ArgumentParser:
     solve = commands.add_parser("solve", help="solve a scene and write its results", epilog=epilog)
     solve.add_argument("scene", type=named_path, metavar="SCENE", help="scene file (TOML)")
     run = commands.add_parser("run", help="draft a scene from a deck, solve it, write its report")
-    run.add_argument("deck", type=named_path, metavar="DECK", help=".inp of Abaqus or CalculiX, .comm of code_aster")
+    run.add_argument("deck", type=named_path, metavar="DECK", help=".inp of Abaqus or CalculiX")
     for command in (solve, run):
         _add_options_of_solve(command)
     check = commands.add_parser("check", help="list effects, cost and problems of a scene without solving it")
@@ -100,30 +100,6 @@ def parser() -> argparse.ArgumentParser:
     judge.add_argument("result", type=named_path, metavar="RESULT", help="displacements: .dat, .frd, .csv or .vtu")
     judge.add_argument("--json", action="store_true", help="print JSON instead of text")
     judge.add_argument("--alone", action="store_true", help="skip the comparison with our own solution")
-    gauntlet = commands.add_parser(
-        "gauntlet",
-        help="run the test cases of another program, and compare",
-        epilog="Exit codes: 0 all cases are whole and differ by 1 %% at most, 1 otherwise, 2 bad input.",
-    )
-    gauntlet.add_argument(
-        "folders",
-        type=named_path,
-        nargs="+",
-        metavar="FOLDER",
-        help="with input files of CalculiX, and NAME.dat.ref or NAME.frd.ref beside them, .comm of code_aster, "
-        "*_parameters.json of Kratos, or .cnt of FrontISTR",
-    )
-    gauntlet.add_argument("--out", type=named_path, metavar="FILE", help="write the table as a page of Markdown")
-    gauntlet.add_argument("--seconds", type=float, default=120.0, help="limit for each case (default: %(default)g)")
-    gauntlet.add_argument("--jobs", type=int, default=1, help="cases at a time (default: %(default)d)")
-    gauntlet.add_argument(
-        "--only",
-        action="append",
-        default=[],
-        metavar="PATTERN",
-        help="run only cases with such a name, such as 'contact*'; may be repeated",
-    )
-    gauntlet.add_argument("--json", action="store_true", help="print JSON instead of text")
     sweep = commands.add_parser("sweep", help="solve a scene for several values of one of its entries", epilog=epilog)
     sweep.add_argument("scene", type=named_path, metavar="SCENE", help="scene file (TOML)")
     sweep.add_argument(
@@ -172,7 +148,7 @@ def parser() -> argparse.ArgumentParser:
         help="the file (default: %(default)s)",
     )
     convert = commands.add_parser("convert", help="rewrite a mesh in another format, or draft a scene")
-    convert.add_argument("source", type=named_path, metavar="IN", help=f"mesh: {_READ}; or .comm of code_aster")
+    convert.add_argument("source", type=named_path, metavar="IN", help=f"mesh: {_READ}")
     convert.add_argument(
         "target", type=named_path, metavar="OUT", help="mesh: .msh, .inp, .med, .vtu or .xdmf; or a scene, .toml"
     )

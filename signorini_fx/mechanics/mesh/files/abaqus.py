@@ -548,15 +548,6 @@ class DeckModel:
     sectors: dict[int, NextSector]
 
 
-def read_keywords(file: Path) -> list[DeckBlock]:
-    """All keywords of an Abaqus input file, whatever its elements are.
-
-    Raises:
-        MeshError: it is not such a file, or one that it includes cannot be read.
-    """
-    return _keywords(file)[0]
-
-
 @contextmanager
 def _all_is_kept() -> Iterator[None]:
     """Without collecting garbage: a list for each line, of which none is garbage, would be looked through again and
