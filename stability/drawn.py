@@ -5,8 +5,7 @@
 ``make mutants-drawn SINCE=...`` does it, with cosmic-ray in build/.  The tests of the rooms of the touched modules, and
 of ``verification``, are run once on the code as it is; a mutant is then tried by those that ran its line, cheapest
 first; what survives is tried by the tests of all other rooms, unless ``--near`` is given.  On each touched expression
-at most one mutant is drawn.  Some mutants change nothing that matters: who reads the survivors decides.  The mistakes
-of ``stability/mistakes.py`` are those of mathematics, written by hand.
+at most one mutant is drawn.  Some mutants change nothing that matters: who reads the survivors decides.
 """
 
 from __future__ import annotations
@@ -23,8 +22,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from stability.copies import Copy, copied
 from stability.lines import Line, recorded
-from stability.mutants import Copy, copied
 
 ROOT = Path(__file__).parent.parent
 TOOL = ROOT / "build" / "cosmic-ray-8.7.0"
@@ -165,7 +164,7 @@ def fate(original: Copy, mutant: Drawn, tests: Sequence[str]) -> str:
     """What ended the trial of a mutant: a failed test, a limit, or "" if it survives."""
     with copied(original) as copy:
         (copy.code / mutant.file).write_text(mutant.source, encoding="utf-8")
-        code, text = copy.pytest(1, tests, "files")
+        code, text = copy.pytest(tests, "files")
     if code is None:
         return "a limit of time or memory"
     failed = [row for row in text.splitlines() if row.startswith(("FAILED ", "ERROR "))]
@@ -180,11 +179,11 @@ def survivors(original: Copy, mutants: Sequence[Drawn], tests: Sequence[str]) ->
     """
     record = original.folder / "lines"
     quick = ["-p", "stability.lines", "--lines", str(record), "-m", "not slow and not long"]
-    code, text = original.pytest(1, [*quick, *tests], "suite")
+    code, text = original.pytest([*quick, *tests], "suite")
     if code != 0:
         raise SystemExit(f"the tests do not pass on the code as it is:\n{text}")
     run: dict[Line, list[tuple[str, float]]] = defaultdict(list)
-    for node, seconds, _, lines in recorded(record):
+    for node, seconds, lines in recorded(record):
         # Lines outside functions, which run at the import, are judged by what runs any of their module.
         for line in lines | {(file, 0) for file, _ in lines}:
             run[line].append((node, seconds))

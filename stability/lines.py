@@ -35,7 +35,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 class Recorder:
-    """Writes one record for each test: its node, CPU seconds, whether it is marked mpi, new lines, and lines."""
+    """Writes one record for each test: its node, CPU seconds, new lines, and lines."""
 
     def __init__(self, file: Path) -> None:
         self._file = file
@@ -68,9 +68,8 @@ class Recorder:
         try:
             return (yield)
         finally:
-            on_ranks = item.get_closest_marker("mpi") is not None
             with self._file.open("ab") as stream:
-                pickle.dump((item.nodeid, _seconds() - begin, on_ranks, self._new, sorted(self._run)), stream)
+                pickle.dump((item.nodeid, _seconds() - begin, self._new, sorted(self._run)), stream)
             self._new = []
 
 
@@ -79,14 +78,14 @@ def _seconds() -> float:
     return sum(usage.ru_utime + usage.ru_stime for usage in every)
 
 
-def recorded(file: Path) -> Iterator[tuple[str, float, bool, frozenset[Line]]]:
-    """The tests of a file of records: node, CPU seconds, whether it is marked mpi, lines."""
+def recorded(file: Path) -> Iterator[tuple[str, float, frozenset[Line]]]:
+    """The tests of a file of records: node, CPU seconds, lines."""
     lines: list[Line] = []
     with file.open("rb") as stream:
         while True:
             try:
-                node, seconds, on_ranks, new, run = pickle.load(stream)
+                node, seconds, new, run = pickle.load(stream)
             except EOFError:
                 return
             lines += new
-            yield node, seconds, on_ranks, frozenset(lines[k] for k in run)
+            yield node, seconds, frozenset(lines[k] for k in run)

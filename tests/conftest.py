@@ -24,7 +24,6 @@ from dolfinx import jit
 from hypothesis import given, settings
 from hypothesis.strategies import none
 from loaded_reader import LoadedReader
-from tiers import NOT_THERE, costly, node_of, slow_on
 
 from signorini_fx.mechanics.mesh.files import reading
 
@@ -59,17 +58,21 @@ def pytest_configure(config):
 
 
 @pytest.hookimpl(tryfirst=True)
-def pytest_collection_modifyitems(config, items):
-    """Mark the tests of ``slow_tests.txt``; what it lists of these files and is not there is kept for a test."""
-    there = {node_of(item): item for item in items}
-    slow = slow_on([name for name, item in there.items() if item.get_closest_marker("mpi")], COMM.size)
-    for name in slow & there.keys():
-        there[name].add_marker("slow")
-    files = set() if any("::" in one for one in config.args) else {name.partition("::")[0] for name in there}
-    every = there.keys() | {name.partition("[")[0] for name in there}
+def pytest_collection_modifyitems(items):
+    """Of a function marked ``one_quick``, and on several ranks of every function, the first set of parameters that is
+    not slow is quick, and the others are slow.
+    """
+    quick = set()
+    for item in items:
+        function = item.nodeid.partition("[")[0]
+        on_ranks = item.get_closest_marker("mpi") if COMM.size > 1 else None
+        one_alone = on_ranks is not None or item.get_closest_marker("one_quick") is not None
+        if (one_alone and function in quick) or (on_ranks is not None and on_ranks.kwargs.get("slow")):
+            item.add_marker("slow")
+        elif not item.get_closest_marker("slow"):
+            quick.add(function)
     # Side by side, what takes long must not begin last, when nothing is left for the others.
-    items.sort(key=lambda item: item.path.name not in ("test_work_precision.py", "test_verification.py"))
-    config.stash[NOT_THERE] = sorted(name for name in (slow | costly()) - every if name.partition("::")[0] in files)
+    items.sort(key=lambda item: item.path.name != "test_verification.py")
 
 
 def pytest_collection_finish():

@@ -43,6 +43,7 @@ def reference(request):
     return request.param, solve(example1(**FRICTION[request.param], nx=480, ny=160, algorithm="exact")).table.columns
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("target", [1e-1, 3e-2, 1e-2])
 def test_pressure(reference, target):
     """The true error of the contact pressure is what was asked for, or less."""
@@ -54,6 +55,7 @@ def test_pressure(reference, target):
     assert true <= target
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("of", "targets"), [("energy", (1e-1, 1e-2, 2e-3)), ("pressure", (1e-1, 1e-2, 3e-3))])
 def test_true_error_on_the_meshes_that_the_program_chooses(with_reference, of, targets):
     """Displacement and pressure on triangles of degree 2, refined where the error is: met, and with few unknowns."""
@@ -71,7 +73,7 @@ def with_reference(request):
     return request.param, Reference(divided(varied(scene, MPI.COMM_SELF), 2.0, 60_000)[-1])
 
 
-@pytest.mark.mpi
+@pytest.mark.mpi(slow=True)
 def test_every_number_of_ranks_meets_it():
     """The same meshes, and with them the same answer, on any number of ranks."""
     scene = asked("coulomb", target=3e-2, of="pressure")
@@ -116,6 +118,7 @@ def test_uniform_meshes_jump_to_what_is_needed():
     assert counts[-1] > 8 > len(counts)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("of", ["energy", "pressure"])
 def test_own_triangles(with_reference, of):
     """A mesh that no generator makes gets degree 2 as well: the accuracy is met with few unknowns."""
@@ -129,6 +132,7 @@ def test_own_triangles(with_reference, of):
     assert solution.model.dofs < 20_000
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("target", [1e-2, 1e-3])
 def test_peak(reference, target):
     """The same for the largest pressure."""
@@ -186,7 +190,7 @@ def test_budget_ends_by_name():
     assert solve(asked("tresca", target=1e-6, memory=1e-3), check=False).status is Status.BUDGET
 
 
-@pytest.mark.mpi
+@pytest.mark.mpi(slow=True)
 def test_time_ends_after_the_linear_solve_in_which_it_has_passed(monkeypatch):
     """On a clock that counts linear solves: none comes after the last that is allowed, on whichever mesh that is."""
     solves = []
@@ -226,6 +230,7 @@ def test_the_memory_of_the_machine_is_a_budget(monkeypatch):
     assert not any(line.startswith("  fall-backs") for line in told)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("refinement", ["adaptive", "uniform"])
 def test_forecasts_are_of_the_mesh_that_follows(monkeypatch, refinement):
     """How much finer it is was guessed once, as twice the unknowns: in space there were six times as many."""
@@ -286,6 +291,7 @@ def block_on_table():
     return random_scenes.reference(one, 25, 20_000)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("target", [0.1, 0.05, 0.02])
 def test_contact_up_to_a_corner(block_on_table, target):
     """The pressure at the corner is singular: what is asked for is met there too, and the estimate is no fluke."""
@@ -321,6 +327,7 @@ def test_a_pressure_without_a_finite_norm():
     assert any("no finite norm" in event or "double precision" in event for event in solution.history.events)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("of", ["energy", "pressure", "force"])
 def test_loads_that_jump_between_nodes(of):
     """The resultant that the mesh misses is part of the error: no load is off by more than is asked for."""
@@ -360,6 +367,7 @@ def seal(file, **goal):
     )
 
 
+@pytest.mark.slow
 def test_a_drawing_is_meshed_again(tmp_path):
     """A .geo gets finer cells on its true curves; its straight mesh is refused by name, its curved one divided."""
     drawing = tmp_path / "seal.geo"
@@ -396,6 +404,7 @@ def test_the_cells_of_a_file_are_halved_or_not(tmp_path, monkeypatch):
     assert jumps == [2.0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("of", ["energy", "force"])
 def test_load_steps(of):
     """Every load step counts: the worst of them has what is asked for."""
@@ -410,6 +419,7 @@ def test_load_steps(of):
         assert np.linalg.norm(forces[0] - forces[1]) <= 0.05 * np.linalg.norm(forces[1])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [1, 2, 3])
 def test_random_scenes_meet_what_is_asked_for(number):
     """A scene of the study, asked for 5 % of the displacement, the pressure and the force."""

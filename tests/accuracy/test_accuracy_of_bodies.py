@@ -65,7 +65,8 @@ def peak_of_hertz(force):
     return 2 * force / (np.pi * half)
 
 
-@pytest.mark.mpi
+@pytest.mark.one_quick
+@pytest.mark.mpi(slow=True)
 @pytest.mark.parametrize("friction", [None, {"law": "tresca", "bound": 0.3}, {"law": "coulomb", "coefficient": 0.3}])
 def test_two_cylinders(friction):
     """Curved cells of degree 2 on both, finer from mesh to mesh, up to Hertz's peak for the force; friction carries
@@ -85,6 +86,7 @@ def test_two_cylinders(friction):
     assert (np.abs(table["shear"]).max() > 0.29) == (friction is not None)
 
 
+@pytest.mark.slow
 def test_units():
     """The same meshes, errors and steps where lengths are micrometres and forces giganewtons."""
     goal = {"target": 0.2, "of": "energy"}
@@ -114,6 +116,7 @@ def stacked(meshes, **more):
     )
 
 
+@pytest.mark.one_quick
 @pytest.mark.mpi
 @pytest.mark.parametrize("kind", ["unilateral", "bonded"])
 def test_patch(kind):
@@ -179,7 +182,7 @@ def test_what_cannot_be_divided():
         stacked((block(2), block(2)), accuracy={"target": 0.1, "refinement": "adaptive"})
 
 
-@pytest.mark.mpi
+@pytest.mark.mpi(slow=True)
 def test_sides_that_change_between_levels():
     """With 5 and 6 cells the points are on one side, with 10 and 13 on the other: what is compared has one sign, and
     the start is that of the right side, so that few solves are left.
@@ -252,6 +255,7 @@ def pressed_blocks(dimension, goal, friction=None, push=(0.0, 0.0)):
 
 # The force on meshes that are much finer: 759,172 unknowns in the plane; in space, to 0.3 %, extrapolated from
 # hexahedra with 314,574 and 1,033,890 unknowns and from some of degree 2.
+@pytest.mark.one_quick
 @pytest.mark.parametrize(("dimension", "target", "force"), [(2, 0.01, 1.7686), (3, 0.12, 1.864)])
 def test_a_force_where_contact_ends_at_edges(dimension, target, force):
     """Met, by estimates that are no more than five times the true error, which with their margin they never are below;
@@ -272,6 +276,7 @@ def test_a_force_where_contact_ends_at_edges(dimension, target, force):
 PUSHED = np.array([0.0941, 0.0470, 1.897])
 
 
+@pytest.mark.slow
 def test_a_force_with_friction():
     """Pressed and pushed aside by displacements, in no direction of the mesh: the blocks stick but for their edges."""
     scene = pressed_blocks(3, {"target": 0.12, "of": "force"}, {"law": "coulomb", "coefficient": 0.3}, (0.005, 0.0025))
@@ -350,6 +355,7 @@ def pressed_sphere(size):
     raise AssertionError("the sets of the reference do not repeat")
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(("target", "size"), [(0.2, 0.04), pytest.param(0.05, 0.02, marks=pytest.mark.long)])
 def test_two_spheres(target, size):
     """Against one on a plane, beyond which its twin is a mirror image; Hertz's half-spaces are 8 % softer."""
@@ -405,6 +411,7 @@ def widening(inner, outer, poisson, young, at):
 LAME = 0.002 / (widening(2.0, 3.0, 0.25, 300.0, 2.0) + widening(1.0, 2.0, 0.3, 100.0, 2.0))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("of", "target"), [("force", 1e-3), ("pressure", 2e-2)])
 def test_a_shrink_fit(of, target):
     """Lame's pressure p, everywhere, and the force p R along both axes on a quarter of the seat."""
@@ -445,6 +452,7 @@ def bonded_as_one(count):
     return np.array(of_top), fem.assemble_scalar(fem.form(ufl.action(ufl.replace(form, {v: u}), u))) / 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("of", "target"), [("force", 5e-3), ("energy", 0.1)])
 def test_bonded(of, target):
     """Two blocks, one twice as stiff, sheared and pressed, against one mesh of both (programmed here)."""

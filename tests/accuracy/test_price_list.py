@@ -110,6 +110,7 @@ def nested(request):
     return solve(scene), solve(example1(**request.param, nx=360, ny=120, algorithm="exact")), scene
 
 
+@pytest.mark.slow
 def test_one_row_a_mesh_and_one_for_the_next(nested):
     """Meshes of doubling fineness, few solves on the finest, the next one marked as predicted."""
     rows = nested[0].price_list
@@ -133,6 +134,7 @@ def test_effectivity_of_the_pressure(nested):
         assert 0.5 < row.pressure / true < 2.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", ["tresca", "coulomb"])
 @pytest.mark.parametrize("element", ["Q1", "P2"])
 def test_effectivity_on_a_made_up_solution(law, element):
@@ -347,6 +349,7 @@ def half_disk_on(degree, contact_size, **mesh):
     )
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(("degree", "contact_size"), [(1, 0.08), (2, 0.12)])
 def test_one_more_solve_tells_the_error_of_the_largest_pressure(degree, contact_size):
     """Two disks, as bodies of their own: halved cells in contact say how far the largest pressure is off."""

@@ -78,6 +78,7 @@ def example2():
     )
 
 
+@pytest.mark.slow
 def test_adaptive_meshes_need_a_fifth_of_the_unknowns():
     """The same estimated energy error as on uniform meshes, with at most a fifth of the dofs, at the optimal rate."""
     solutions = {}

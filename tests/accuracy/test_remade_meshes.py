@@ -58,6 +58,7 @@ def on_circle(tagged):
     return off[off < 1e-3]
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("source", ["drawing", "generator"])
 def test_cells_are_short_where_it_touches(tmp_path, source, degree):
@@ -107,6 +108,7 @@ def two_bodies(tmp_path, goal, comm=MPI.COMM_SELF):
     return read(f"{bodies}[element]\ndegree = 2\n{MATERIAL}{contact}{held}{loads('upper.top', 'upper.symmetry')}{goal}")
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("of", ["energy", "pressure"])
 def test_both_bodies_are_finer_where_they_touch(tmp_path, of):
     solution = solve(two_bodies(tmp_path, accuracy({"energy": 0.02, "pressure": 0.05}[of], of)), MPI.COMM_SELF)
@@ -127,6 +129,7 @@ def test_both_bodies_are_finer_where_they_touch(tmp_path, of):
 LARGEST = {("one", False): 7.4723, ("one", True): 22.660, ("two", False): 9.1585, ("two", True): 29.700}
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("axisymmetric", [False, True])
 @pytest.mark.parametrize("bodies", ["one", "two"])
@@ -296,7 +299,7 @@ def test_lengths_on_ranks():
         assert len(together.cells) == 0
 
 
-@pytest.mark.mpi
+@pytest.mark.mpi(slow=True)
 def test_two_bodies_on_ranks(tmp_path):
     folder = MPI.COMM_WORLD.bcast(tmp_path)
     scene = two_bodies(folder, accuracy(0.08))
@@ -307,6 +310,7 @@ def test_two_bodies_on_ranks(tmp_path):
     assert peaks[0] == pytest.approx(peaks[1], rel=1e-6)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(("made", "allowed", "solved"), [((2.0, 1.3), 1.4, True), ((2.0, 0.9), 1.4, False)])
 def test_a_smaller_try_that_is_hardly_finer_is_not_solved(made, allowed, solved):
     """Within the budget, but with fewer cells than the last mesh: the budget has ended before the accuracy."""

@@ -165,6 +165,7 @@ def true_energy_error(solution):
     return np.sqrt(norm(wrong) / norm(exact))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cells", ["hexahedra", "tetrahedra"])
 def test_energy_of_a_known_solution(cells):
     """Within a tenth of the truth, on two meshes: nu = 0, and the stress is smooth but for the rim of the disc."""
@@ -176,6 +177,7 @@ def test_energy_of_a_known_solution(cells):
 LAWS = {"none": {}, "tresca": {"bound": 1.5}, "coulomb": {"coefficient": 0.3}}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", LAWS)
 def test_estimates_of_the_block(law):
     """With the margin of an asked-for accuracy none is below 0.7 of what a finer mesh says, and few are far above.
@@ -214,6 +216,7 @@ def hertz(cells, n):
     )
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("cells", ["hexahedra", "tetrahedra"])
 def test_pressure_of_hertz(cells):
     """With the margin not below 0.7 of the error against Hertz' pressure for the force, at the nodes."""
@@ -341,6 +344,7 @@ def fine():
     return Reference(solve(block(24, gamma="auto", algorithm="exact"), MPI.COMM_SELF))
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("cell", ["tetrahedron", "hexahedron"])
 @pytest.mark.parametrize(("of", "target"), [("energy", 0.5), ("pressure", 0.5)])
 def test_asked_for(fine, cell, of, target):
@@ -353,7 +357,8 @@ def test_asked_for(fine, cell, of, target):
     assert isinstance(solution.statement.origin["mesh"], TaggedMesh) == (cell == "tetrahedron")
 
 
-@pytest.mark.mpi
+@pytest.mark.one_quick
+@pytest.mark.mpi(slow=True)
 @pytest.mark.parametrize("cell", ["tetrahedron", "hexahedron"])
 def test_every_number_of_ranks_meets_it(cell):
     """All ranks together come to the estimates that one comes to; divided meshes differ a little."""
@@ -366,6 +371,7 @@ def test_every_number_of_ranks_meets_it(cell):
         assert ours.pressure == pytest.approx(theirs.pressure, rel=1e-4)
 
 
+@pytest.mark.slow
 def test_no_finite_largest_pressure():
     """Coulomb friction at an edge: the largest pressure is not promised, and the message says where it grows."""
     solution = asked("hexahedron", "coulomb", target=0.02, of="peak", seconds=60.0)

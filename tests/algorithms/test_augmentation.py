@@ -42,6 +42,7 @@ def pushed(**solver):
     )
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("coulomb", ["fp", "newton"])
 @pytest.mark.parametrize("gamma", [(1e5, 1e4), (1e6, 1e2), (1e2, 1e6), (1e-3, 1e-3), (1e13, 1e13), (1e13, 1.0)])
 def test_shear_settles_as_well_as_pressure(gamma, coulomb):
@@ -90,6 +91,7 @@ cases = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [60, 20])
 def test_random_gammas(count):
     """From a thousandth to 1e5 times the default, each apart."""
@@ -138,6 +140,7 @@ def settles_across_its_normal(angle, coefficient, load, share):
     assert np.abs((ours.contact.u_n - ours.contact.gap)[closed]).max() < 1e-6 * np.abs(ours.displacement.x.array).max()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [20, 7])
 def test_a_contact_node_with_a_support_across_its_normal(count):
     """Of wedges drawn at random."""

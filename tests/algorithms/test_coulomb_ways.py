@@ -38,6 +38,7 @@ def square(**solver):
     )
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("algorithm", METHODS)
 def test_square_by_newton(algorithm):
     """The monolithic method needs a tenth of what the fixed point takes, with regularisation and without."""
@@ -116,6 +117,7 @@ def test_each_way_is_the_fallback_of_the_other(monkeypatch, algorithm, coulomb):
     np.testing.assert_allclose(solution.contact.pressure, expected.contact.pressure, rtol=0, atol=1e-6 * largest)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("push", "kind", "status"),
     [
@@ -143,6 +145,7 @@ def test_one_bound_proves_nothing(monkeypatch, push, kind, status, fallbacks):
     assert alone(scene, check=False).status is status
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("solver", [{}, {"algorithm": "alm"}, {"fallbacks": False}])
 def test_friction_that_nothing_presses(solver):
     """A block beside a wall that leans away from it is drawn up, where friction would hold it if it were jammed between

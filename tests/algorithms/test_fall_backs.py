@@ -72,6 +72,7 @@ def same(ours, theirs, rtol=1e-9):
     np.testing.assert_allclose(a, b, rtol=0, atol=rtol * np.abs(b).max())
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("law", [{}, {"bound": 1.5}, {"coefficient": 0.3}])
 def test_the_plain_way_stays_plain(law):
     """Where nothing goes wrong there is no event, and no solve more than without fall-backs."""

@@ -31,6 +31,7 @@ def in_space(**friction):
     return block(6, "hexahedra", tolerance=1e-12, coulomb="fp", **friction)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("scene", "bound"),
     [(in_the_plane, 0.5), (in_the_plane, 3.0), (in_space, 0.5), (in_space, 3.0), (in_space, "2 * abs(x[0])")],

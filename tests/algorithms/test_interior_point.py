@@ -59,6 +59,7 @@ def test_from_anywhere(kind):
     np.testing.assert_allclose(ours, alone(scene).displacement.x.array, rtol=0, atol=1e-10)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(("where", "seed"), [("plane", 7), ("space", 2), ("space-effects", 4), ("bodies", 7)])
 def test_judged_by_another_programme(where, seed, monkeypatch):
     """Random scenes of which each problem with a given bound is solved by it alone."""

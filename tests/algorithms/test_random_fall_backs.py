@@ -18,6 +18,7 @@ def by(algorithm, seed):
     return replace(drawn, scene=drawn.scene | {"solver": {"algorithm": algorithm}})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("seed", "most"), [(500087, 260), (500077, 260)])
 def test_ssn_in_place_of_alm(seed, most, tmp_path):
     """Where alm does not contract; the answer is right for the law that it promises."""

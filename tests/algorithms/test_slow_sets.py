@@ -58,6 +58,7 @@ def test_a_heavy_beam(h):
     np.testing.assert_allclose(ours.contact.forces[0][1], pressed(h), rtol=2 * (h / 6.6) ** 1.5)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("law", [None, {"law": "tresca", "bound": 0.1}, {"law": "coulomb", "coefficient": 0.3}])
 def test_the_solution_of_full_steps(law, monkeypatch):
     """Proposed sets change the way and not the answer."""

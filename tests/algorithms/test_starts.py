@@ -63,7 +63,8 @@ def friction_circle(friction):
     return RADIUS * np.sin(np.arctan(friction))
 
 
-@pytest.mark.mpi
+@pytest.mark.one_quick
+@pytest.mark.mpi(slow=True)
 @pytest.mark.parametrize("method", [{}, {"coulomb": "newton"}, {"algorithm": "exact"}, {"algorithm": "alm"}])
 def test_a_lug_on_a_pin_with_clearance(method):
     """Nothing touches at first, and normals do not hold it: friction must, where the lug comes to touch the pin."""
@@ -76,6 +77,7 @@ def test_a_lug_on_a_pin_with_clearance(method):
     assert 0 < np.count_nonzero(touching) < touching.size / 4
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("method", [{}, {"coulomb": "newton"}, {"algorithm": "alm"}])
 @pytest.mark.parametrize("slope", [0.0, 0.02])
 def test_a_ring_on_a_pin_with_clearance(slope, method):
@@ -115,7 +117,7 @@ def test_a_block_that_friction_keeps_in_its_corner(walls):
     np.testing.assert_allclose(normal + tangential, [-9.0, 60.0], atol=1e-6)
 
 
-@pytest.mark.mpi
+@pytest.mark.mpi(slow=True)
 def test_the_start_is_the_same_on_every_number_of_ranks():
     ours, theirs = solve(lug(0.06), MPI.COMM_WORLD), alone(lug(0.06))
     assert ours.history.linear_solves == theirs.history.linear_solves

@@ -187,6 +187,7 @@ def two_pieces(comm, **effects):
     )
 
 
+@pytest.mark.one_quick
 @pytest.mark.mpi
 @pytest.mark.parametrize("linear_algebra", LINEAR_ALGEBRA)
 @pytest.mark.parametrize("algorithm", ["ssn", "exact", "alm", "path-following"])
@@ -227,6 +228,7 @@ def random_piece(rng, name, place):
     return box, effects
 
 
+@pytest.mark.one_quick
 @pytest.mark.mpi
 @pytest.mark.parametrize("seed", range(16))
 def test_pieces_together_are_as_each_alone(seed):
@@ -436,6 +438,7 @@ def regular(scene):
     return values[0] > 1e-9 * values[-1]
 
 
+@pytest.mark.one_quick
 @pytest.mark.mpi
 @pytest.mark.parametrize("seed", range(24))
 def test_random_chains_are_held_or_not(seed):

@@ -53,6 +53,7 @@ def nodes(solution):
 # --- exact states ----------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.one_quick
 @pytest.mark.mpi
 @pytest.mark.parametrize("linear_algebra", ["full", "condensed", "krylov"])
 @pytest.mark.parametrize(("cells", "degree"), ELEMENTS)
@@ -313,6 +314,7 @@ def test_friction_on_the_axis():
     assert COMM.allreduce(np.abs(solution.contact.shear).max(initial=0.0), op=MPI.MAX) > 0.1
 
 
+@pytest.mark.slow
 def test_as_in_space():
     """The same cylinder, a quarter of it in space: the force agrees to discretisation error."""
     from signorini_fx import generate_mesh
@@ -338,6 +340,7 @@ def test_as_in_space():
     assert found["axisymmetric"] == pytest.approx(found["space"], rel=0.005), found
 
 
+@pytest.mark.slow
 def test_estimated_error():
     """Levels and a requested accuracy: the estimate decreases with the mesh, and the energy is near its limit."""
 
@@ -497,6 +500,7 @@ def test_no_guaranteed_bound():
     assert "axisymmetric bodies is not known yet" in alone(given, check=False).error_bound
 
 
+@pytest.mark.slow
 def test_cells_are_divided_where_it_pays():
     """For bodies of revolution too: the force that presses down a flat end is that of a fine mesh, and the error of the
     energy, whose square is about that of this force, is what the estimate says.

@@ -53,7 +53,8 @@ def true_error(solution):
     return float(np.sqrt(squares[0] / squares[1]))
 
 
-@pytest.mark.mpi
+@pytest.mark.one_quick
+@pytest.mark.mpi(slow=True)
 @pytest.mark.parametrize(("degree", "cell"), KINDS)
 def test_nearly_incompressible_cylinder(degree, cell):
     """Errors and their estimates are the same at nu = 0.499 and 0.4999, fall with h, and agree with each other."""

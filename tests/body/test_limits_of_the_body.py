@@ -61,6 +61,7 @@ def many_points(coefficient, push=0.05, weight=1.0, count=4001):
     return -found.fun
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("friction", "limit"), [(COULOMB, 2.4), (ROUGH, 4.5), (TRESCA, 3.0)], ids=["slides", "tips", "tresca"]
 )
@@ -73,6 +74,7 @@ def test_flat_faces_are_exact(friction, limit):
         assert limit / 0.5 * (1 - 1e-8) <= low <= limit / 0.5 <= high <= limit / 0.5 * (1 + 1e-8)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("coefficient", "limited"), [(0.05, "slides"), (0.3, "turns about the rim")])
 def test_on_arcs_the_factors_nest(coefficient, limited):
     """That of the mesh increases, that of the surface decreases, and that of 4,001 points is between them."""
@@ -101,6 +103,7 @@ def test_given_friction_on_an_arc():
     assert high < 1.001 * exact
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("counts", [(2, 2, 1), (3, 2, 2), (6, 4, 2), (9, 4, 3)])
 def test_in_space(counts):
     """Flat walls with Coulomb friction are exact to 1e-8 on each of four meshes, W F / sqrt(sin^2 - F^2 cos^2); given

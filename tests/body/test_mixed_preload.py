@@ -60,7 +60,8 @@ def test_shortened_bar(cell, poisson, heat, unit):
     np.testing.assert_allclose(found, across * x, rtol=0, atol=1e-10 * unit)
 
 
-@pytest.mark.mpi
+@pytest.mark.one_quick
+@pytest.mark.mpi(slow=True)
 @pytest.mark.parametrize(("cell", "unit"), [("triangle", (1.0, 1.0)), ("quadrilateral", (1e-6, 1e3))])
 def test_bolted_joint(cell, unit):
     """Of rubber, tightened by a force and then pulled: forces of statics, with friction between bolt and sleeves."""

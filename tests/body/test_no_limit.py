@@ -63,6 +63,7 @@ JUMPS = {
 }
 
 
+@pytest.mark.one_quick
 @pytest.mark.mpi
 @pytest.mark.parametrize("kind", JUMPS)
 def test_loads_that_jump(kind):
@@ -180,7 +181,7 @@ def parted(scene, where, comm=COMM):
 MEET, CORNER = "it is where materials meet at the boundary", "it is at a corner of the interface of materials"
 
 
-@pytest.mark.mpi
+@pytest.mark.mpi(slow=True)
 def test_materials_that_meet():
     """At a free side the stress grows with each mesh; within the body, and at a mirror, it does not."""
     side = lambda x: x[:, 0] > 1.0  # noqa: E731

@@ -40,7 +40,8 @@ BODIES = {
 CONTACT = {"block": "bottom", "wedge": "left", "rectangle": "bottom", "punch": "foot"}
 
 
-@pytest.mark.mpi
+@pytest.mark.one_quick
+@pytest.mark.mpi(slow=True)
 @pytest.mark.parametrize("hypothesis", ["plane strain", "plane stress"])
 @pytest.mark.parametrize("body", BODIES)
 def test_against_compiled_forms(body, hypothesis):

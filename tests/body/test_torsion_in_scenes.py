@@ -156,7 +156,7 @@ def test_pictures_show_the_displacement_around_the_axis(recovered):
         assert np.abs(body.values["around"] - expected).max() <= 1e-10 * twist * RADIUS * LENGTH
 
 
-@pytest.mark.mpi
+@pytest.mark.mpi(slow=True)
 def test_everything_acts():
     """Every load and support with torsion: the certificate, which integrates all of it without UFL, agrees with the
     forms, and without z the result is that of the body without torsion.
@@ -201,6 +201,7 @@ def test_everything_acts():
 # --- a pressed cylinder ----------------------------------------------------------------------------------------------
 
 
+@pytest.mark.one_quick
 @pytest.mark.mpi
 @pytest.mark.parametrize(
     ("cells", "degree", "law", "algorithm", "algebra"),
@@ -282,7 +283,7 @@ def test_prescribed_angle():
     assert solution.resultants.of("top").moment[1] == pytest.approx(LIMIT, rel=1e-9)
 
 
-@pytest.mark.mpi
+@pytest.mark.mpi(slow=True)
 def test_turned_on_a_sphere():
     """A circle in the section is a sphere: the state is that of forms of one's own on the sphere in space, and the
     torque where all of it slips that of Hertz's pressure, 3 pi F N a / 16.
@@ -502,6 +503,7 @@ def test_accuracy():
     assert solution.certificate.holds
 
 
+@pytest.mark.slow
 def test_local_refinement():
     """Without a torque the meshes are those of the body without torsion; with one the energy is that of a fine mesh."""
     mesh = {"parameters": FINE["parameters"] | {"nx": 4, "ny": 3, "cell": "triangle"}}

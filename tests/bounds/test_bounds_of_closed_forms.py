@@ -47,6 +47,7 @@ def test_the_fields_are_in_equilibrium_and_their_tractions_are_theirs(name):
         assert max(open_side[1].max(), closed[1].max()) < 0
 
 
+@pytest.mark.one_quick
 @FIELDS
 @pytest.mark.parametrize(("degree", "largest"), [(1, (1.15, 1.07)), (2, (1.6, 1.5))])
 def test_a_bound_over_the_true_error(name, degree, largest):

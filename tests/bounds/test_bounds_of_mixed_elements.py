@@ -38,6 +38,7 @@ def effectivity(seed, poisson=None):
     return bound.error / error_bounds.energy_of_difference(solution, reference), bound
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(("seed", "poisson"), [pytest.param(2, 0.3, marks=pytest.mark.slow), (18, 0.49), (2, 0.4999)])
 def test_true_errors(seed, poisson):
     """Above the true error and close to it; near nu = 1/2 this is as large as the solution, which the bound says."""

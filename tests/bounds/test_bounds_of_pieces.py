@@ -45,6 +45,7 @@ def blocks(load=1.0, *, nx=6, cell="triangle", names=("a", "b"), young=1000.0):
     return parse_scene(scene)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("load", [1.0, 1e-8])
 def test_a_body_beside_another_one_has_the_bounds_that_it_has_alone(load):
     """However small its loads are beside those of the other one, which moves with nothing of it."""
@@ -62,6 +63,7 @@ def test_a_body_beside_another_one_has_the_bounds_that_it_has_alone(load):
     assert both.error_bound.error == pytest.approx(np.hypot(a, b.error_bound.error), rel=1e-6)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("nx", [5, 13, 20])
 def test_means_are_bounded_of_what_supports_hold(nx):
     """Not of what only its contact holds, whatever the round-off of its mesh is; the other body is as it is alone."""
@@ -80,6 +82,7 @@ def test_pieces_of_unequal_stiffness():
     assert high - low < 1e-9 * 3.5e-6
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("load", [1.0, 1e-8])
 def test_bounds_of_pieces_in_space(load):
     """The squares of the bounds of both bodies add up."""
@@ -90,6 +93,7 @@ def test_bounds_of_pieces_in_space(load):
     assert both.size == pytest.approx(np.hypot(*(one.size for one in each)), rel=1e-9)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", ["error_bound", "uniqueness", "safety", "fixed_point"])
 def test_a_statement_that_fails_costs_no_result(tmp_path, monkeypatch, name):
     """The results are written, with a warning that names it."""

@@ -202,6 +202,7 @@ def test_a_tension_that_contact_balances(family):
     assert low - 1e-9 * section.force <= section.force - load <= high + 1e-9 * section.force
 
 
+@pytest.mark.slow
 def test_a_bolt_that_contact_alone_holds(tmp_path):
     """Head and nut press on the plates with its tension, by statics; nodes of these contacts are moved for it."""
     drawing = (SCENES / "bolted_joint.geo").read_text(encoding="utf-8")

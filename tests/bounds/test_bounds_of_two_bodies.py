@@ -192,6 +192,7 @@ def test_both_choices_of_the_points():
     assert found[0][3].error == pytest.approx(found[1][3].error, rel=0.1)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("friction", [None, TRESCA])
 def test_nodes_that_nearly_meet(friction):
     """A corner of one body near a node of a wider one, where the traction jumps: the bound hardly depends on the

@@ -92,6 +92,7 @@ def in_order(solution, values):
     return parallel.gather_rows(comm, values)[np.argsort(numbers)]
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("kind", SCENES)
 def test_one_rank_or_many(kind):
     """Error, its parts and those of the cells, energy, work, forces and words."""
@@ -124,6 +125,8 @@ def test_one_rank_or_many(kind):
             assert str(ours).partition(";")[2] == str(theirs).partition(";")[2]
 
 
+@pytest.mark.one_quick
+@pytest.mark.mpi(slow=True)
 @pytest.mark.parametrize("seed", [1, 5])
 def test_finer_solutions_on_ranks_refute_nothing(seed):
     """Energy and forces of degree 2 with cells a quarter as long; where a support moves twice as far they do."""
@@ -153,6 +156,7 @@ def test_a_mean_displacement():
     assert tuple(ours) == pytest.approx(tuple(theirs), rel=CLOSE)
 
 
+@pytest.mark.slow
 def test_an_accuracy_that_is_certified():
     """The shares of the cells say where the mesh gets finer; the summary tells the bound on all ranks alike."""
     scene = example1(bound=1.5, nx=12, ny=4, gamma="auto")

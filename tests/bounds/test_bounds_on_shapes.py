@@ -99,6 +99,7 @@ def test_the_gap_of_a_facet(shape, added):
             assert above.max() < 4 * length**2
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_what_quadrature_misses(dimension):
     """Its bounds hold, and are small on short facets; with many points."""
@@ -229,6 +230,7 @@ def test_balance_on_a_foundation(scene, study):
     assert np.abs(work).max() < 1e-12 * np.abs(loads).max()
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("seed", [1, 2, 4, 9, 11])
 def test_true_errors(seed):
     """At most the bound, in the plane."""
@@ -312,6 +314,7 @@ def test_true_errors_on_a_tool(shape, degree, largest):
     assert found[3].work is None  # of the force on the tool, too
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(("dimension", "seed"), [(2, 19), (2, 22), (3, 2)])
 def test_true_errors_on_driven_shapes(dimension, seed):
     """At most the bound: foundations of any kind that a force moves."""

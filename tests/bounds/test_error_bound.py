@@ -211,6 +211,7 @@ def test_a_displacement_that_elements_hold():
     assert bound.work[0] <= exact <= bound.work[1]
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("seed", [394, 157, 16, 141, 24, 2, 4, 9])
 def test_true_errors(seed):
     """At most the bound: gaps with kinks, jumps of loads, nu = 0.49 and friction that ends."""
@@ -244,6 +245,7 @@ def test_many_true_errors():
         assert np.median(ratios) < 2
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("cell", ["quadrilateral", "triangle"])
 @pytest.mark.parametrize("degree", [1, 2])
 def test_the_bound_decreases(cell, degree):
@@ -351,6 +353,7 @@ def test_an_accuracy_that_is_certified():
     assert "error bound      at most" in told
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("degree", [1, 2])
 def test_the_work_of_the_loads(degree):
     """With a gap, a body force and a support: that of a fine solution is between the bounds; friction has none."""
@@ -376,6 +379,7 @@ def mean_of(solution, name, direction):
     return float(t.area[edges] @ (values @ direction) / t.area[edges].sum())
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("seed", [6, 8, 16])
 def test_a_mean_displacement(seed):
     """That of a fine solution is between the bounds, at the loaded top, along the contact, and on the free side."""
@@ -411,6 +415,7 @@ def test_a_mean_displacement_without_contact():
     assert "supports hold the body" in alone(example1(nx=12, ny=4)).mean_displacement_bounds("top", (0.0, 1.0))
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("seed", [1, 2, 3, 4, 5, 6])
 def test_a_force(seed):
     """Those of a fine solution are between the bounds, normal and tangential, of the contact and of the support."""

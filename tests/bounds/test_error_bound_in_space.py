@@ -137,6 +137,7 @@ def test_a_displacement_that_elements_hold(degree, poisson):
     assert bound.strain_energy[0] <= exact / 2 <= bound.strain_energy[1]
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("bound", [0.6, "where(x[0] < 0.5, 0.6, 0.6)"])
 def test_slip_in_an_oblique_direction_that_elements_hold(bound):
     """Simple shear and pressure over a table that slips with the whole friction: the bound is round-off, and with a
@@ -176,6 +177,7 @@ def test_slip_in_an_oblique_direction_that_elements_hold(bound):
     assert wrong.error > energy_of_difference(solution, other) > 0.05 * solution.error_bound.size
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("seed", [0, 3, 5])
 def test_true_errors(seed):
     """At most the bound."""
@@ -199,6 +201,7 @@ def test_many_true_errors():
     assert np.median(found[2]) < 3
 
 
+@pytest.mark.slow
 def test_a_bound_does_not_rest_on_convergence(monkeypatch):
     """With two products of conjugate gradients it is larger, and holds."""
     scene = block(6, "tetrahedra", bound=1.5, gamma="auto")
@@ -272,6 +275,7 @@ def test_coulomb_friction_says_what_it_assumes():
     assert "Tresca problem with the computed friction bound" in str(bound)
 
 
+@pytest.mark.slow
 def test_an_accuracy_that_is_certified():
     """Reached by the bound, on tetrahedra divided where its shares are; the true error is smaller."""
     scene = block(3, "tetrahedra", bound=1.5, gamma="auto")

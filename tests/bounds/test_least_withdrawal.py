@@ -139,6 +139,7 @@ def bound_of(seed):
     return bound.error / bound.size
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(("seed", "before", "now"), [(3, 10.3, 4.5), (11, 5.1, 2.5)])
 def test_foundations_enter_facets_between_their_nodes(seed, before, now, monkeypatch):
     """Bound over the energy norm: vertices and edges that are moved one by one have several times as much."""
@@ -148,6 +149,7 @@ def test_foundations_enter_facets_between_their_nodes(seed, before, now, monkeyp
     assert bound_of(seed) > 0.9 * before
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("seed", [0, 19])
 def test_a_pressure_of_a_single_node_is_not_that_of_its_facets(seed, monkeypatch):
     """A body that supports hold is in equilibrium with less of it: the bound is no longer many times the solution."""

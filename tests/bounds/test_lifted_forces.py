@@ -35,6 +35,7 @@ def least_constant(corners, direction=None):
     return float(np.sqrt(np.linalg.eigvalsh(basis.T @ mass @ basis)[-1]))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("cosine", "constant"), HILL)
 def test_the_constants(cosine, constant):
     """They are proved by stresses on eight parts, and nearly the least ones that these prove; polynomials show that

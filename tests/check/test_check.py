@@ -133,6 +133,7 @@ VARIANTS = {
 }
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("variant", [*VARIANTS, *(demo.stem for demo in DEMOS)])
 def test_the_forms_are_those_of_the_solve(variant):
     """What is announced is what is compiled, and the unknowns of the effects add up to those that are solved for."""
@@ -207,6 +208,7 @@ ESTIMATED = {
 }
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("kind", ESTIMATED)
 def test_linear_solves_are_as_many_as_estimated(kind):
     """The true number is in the range, or off by no more than a factor of 1.5."""
@@ -829,6 +831,7 @@ def test_schema(capsys):
     assert solver["gamma_n"]["description"].startswith("regularisation of the contact condition")
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     "demo", [*DEMOS, Path(template.__file__).with_name("template.toml")], ids=lambda demo: demo.stem
 )
@@ -917,6 +920,7 @@ def test_the_schema_knows_every_class():
 # --- how light the light commands are --------------------------------------------------------------------------------
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("arguments", [["--help"], ["check", "--help"], ["schema"], ["new", "scene.toml"]])
 def test_light_commands(tmp_path, arguments):
     """Without dolfinx, PETSc or MPI, and --help in less than 0.3 s of processor time."""

@@ -21,6 +21,7 @@ from signorini_fx.scenes.mesh import load_mesh
 SLOWEST, FASTEST = 5e8, 2e10  # operations a second
 
 
+@pytest.mark.one_quick
 @pytest.mark.skipif(not has_package("mumps"), reason="MUMPS counts")
 @pytest.mark.parametrize(("cell", "degree"), [("quadrilateral", 1), ("triangle", 1), ("quadrilateral", 2)])
 def test_operations_and_entries_of_a_factorisation(cell, degree):
@@ -43,6 +44,7 @@ def test_operations_and_entries_of_a_factorisation(cell, degree):
     assert all(1.0 <= fine / coarse <= 4.0**0.5 * 1.25 for coarse, fine in pairwise(speeds))
 
 
+@pytest.mark.slow
 def test_coarser_meshes_make_multigrid_cheaper():
     """The forecast knows what the levels of multigrid are: a set-up and solves that take a fourth or fifth."""
     box = {"generator": "box", "parameters": {"length": 3.0, "nx": 24, "ny": 8, "nz": 8}}

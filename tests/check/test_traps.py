@@ -170,6 +170,7 @@ SAID = {
 ESTIMATED = ("contact is unlikely to close", "(an estimate)")
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", SAID)
 def test_solve_says_what_check_warns_of(name, tmp_path, capsys):
     """In the solution, on the terminal, in summary.json and in the report."""
@@ -183,6 +184,7 @@ def test_solve_says_what_check_warns_of(name, tmp_path, capsys):
             assert found[path] == message
 
 
+@pytest.mark.slow
 def test_findings_are_written(tmp_path, capsys):
     """On the terminal, in summary.json, in the report, and once although there are three load steps."""
     scene = tmp_path / "scene.toml"

@@ -193,6 +193,7 @@ def ends_by_name(folder, young, gap, load, gamma, length):
     assert summary["status"] == solution.status.value
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [25, 8])
 def test_all_magnitudes(tmp_path_factory, count):
     """Of numbers drawn at random, and of the largest and smallest that are allowed."""
@@ -343,7 +344,7 @@ def test_options_that_exchange_the_method(petsc, said):
     refuse_mistyped(COMM)
 
 
-@pytest.mark.mpi
+@pytest.mark.mpi(slow=True)
 def test_options_that_crash(petsc):
     """Eigenvalues that are estimated in no step: PETSc ends with a segmentation fault, which a small process takes."""
     petsc["sfx_ksp_rtol"] = "1e-9"
@@ -385,6 +386,7 @@ def test_file_of_options(tmp_path_factory, monkeypatch, content, message, place)
         petsc_start.start_petsc(COMM, given_options)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("ranks", [1, 3])
 def test_mistyped_option_on_the_command_line(tmp_path, ranks):
     """Once, whatever the number of ranks, and nothing else but what mpirun adds."""
@@ -564,6 +566,7 @@ def test_any_name_comes_back(name):
     assert not as_text(name).startswith(("=", "+", "-", "@", "\t"))
 
 
+@pytest.mark.slow
 def test_full_disk(tmp_path):
     """Where the results have no room there is one error, and nothing is left; where the pictures have none, though
     matplotlib fails in ways of its own, the results are there, with a warning that says why, and no half picture.
@@ -767,6 +770,7 @@ def test_ascii_locale_and_another_alphabet(tmp_path):
     assert ended.returncode == 0, ended.stderr
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("arguments", [["schema"], ["solve", "--help"]])
 def test_nobody_reads_on(arguments):
     """``signorini-fx schema | head``: no complaint."""
@@ -789,6 +793,7 @@ def test_terminal_takes_any_text(capsys, monkeypatch):
     assert stream.buffer.getvalue() == b"gr\\xf6\\xdfe \\udcff\n"
 
 
+@pytest.mark.slow
 def test_all_that_the_mesh_reveals_at_once():
     """Names, dimension and elements are looked at together."""
     scene = parse_scene(

@@ -97,6 +97,7 @@ def without_times(value):
     return [without_times(item) for item in value] if isinstance(value, list) else value
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     "scene",
     [SCENE, SCENE + "[solver]\nlevels = 3\n", SCENE.replace('"top"', '"top"\nfactors = [0.5, 1.0, 0.2]')],
@@ -113,6 +114,7 @@ def test_two_runs_differ_in_times_only(tmp_path, scene):
     assert found[0] == found[1]
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("old", "new", "path"),
     [
@@ -193,6 +195,7 @@ def test_folder_that_cannot_be_written(tmp_path, here):
     assert "converged" not in process.stdout
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("options", ["-sfx_pc_factor_mat_solver_type mumps", "-sfx_ksp_type cg -sfx_pc_type jacobi"])
 def test_petsc_options_win(tmp_path, here, options):
     """What the user says of the linear solver is done, and the answer is the same."""

@@ -67,6 +67,7 @@ def shown(environment):
     return text
 
 
+@pytest.mark.slow
 def test_colours_on_a_terminal(monkeypatch):
     """They can be switched off."""
     monkeypatch.delenv("NO_COLOR", raising=False)

@@ -123,6 +123,7 @@ def test_pictures_close_the_curve():
     assert rows[-1][1] == rows[0][1] == pytest.approx(0.4)
 
 
+@pytest.mark.one_quick
 @pytest.mark.mpi
 @pytest.mark.parametrize(
     "changes",

@@ -70,6 +70,7 @@ def inclined(law, angle, slope):
     return brick({}, mesh=mesh, traction=press, contact=contact, body_force=force)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize("angle", [1.2, 4.4])
 def test_critical_slope(law, angle):
@@ -158,6 +159,7 @@ def on_a_brick(law, force=(0.0, 0.0), side="boundary", cells="hexahedra", **driv
     )
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize(
     ("scene", "keys"), [(under_a_tool, {}), (on_a_brick, {"side": "against"}), (on_a_brick, {"cells": "tetrahedra"})]
@@ -180,6 +182,7 @@ def test_lift_of_bodies():
     assert product.norm() < 1e-13
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("law", LAWS)
 def test_driven_tools_and_bodies(law):
     """A tool and a body that move sideways."""
@@ -273,6 +276,7 @@ def test_a_circle_is_the_disc():
     np.testing.assert_allclose(other.table.columns["shear_y"], one.table.columns["shear_y"], atol=1e-9)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("algebra", ["full", "condensed", "krylov"])
 def test_the_other_axis(algebra):
     """F_1 along x[0] and F_2 across it is F_2 along x[1] and F_1 across; without regularisation they are one law."""
@@ -293,6 +297,7 @@ def test_the_other_axis(algebra):
 # --- independent judges ----------------------------------------------------------------------------------------------
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("askew", [False, True])
 def test_exact(askew):
     """Multiples of unknowns are tied, which axes askew turn first: the augmentation converges to the same tractions."""
@@ -333,6 +338,7 @@ def test_certificate_sees_a_disc():
         assert getattr(judged, figure) > 1e-3
 
 
+@pytest.mark.one_quick
 @pytest.mark.skipif(convex.cvxopt is None, reason="CVXOPT (python3-cvxopt) is missing")
 @pytest.mark.parametrize("seed", range(3))
 def test_cone_programme(seed, tmp_path):
@@ -382,7 +388,8 @@ PRODUCTS = {
 IN_STEPS = {**PRODUCTS, "traction": {**PRODUCTS["traction"], "factors": [0.5, 1.0]}}
 
 
-@pytest.mark.mpi
+@pytest.mark.one_quick
+@pytest.mark.mpi(slow=True)
 @pytest.mark.parametrize(
     ("data", "more", "share"),
     [
@@ -473,6 +480,7 @@ def test_check_says_so():
     assert "coulomb, coefficient = 0.3, ratio = 0.5 across (1, x[0], 0)" in report
 
 
+@pytest.mark.slow
 def test_accuracy():
     """Estimates of an ellipse along y, twice as long as wide, are those of one along x; of a disc those of a disc."""
 

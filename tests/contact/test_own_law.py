@@ -439,6 +439,7 @@ FALSE_IN_BETWEEN = {
 }
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("coulomb", ["auto", "newton"])
 @pytest.mark.parametrize("reason", FALSE_IN_BETWEEN)
 def test_what_is_false_between_the_pressures_that_are_tried(reason, coulomb):

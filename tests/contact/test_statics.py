@@ -76,6 +76,7 @@ def largest_by_programme(here, dead, live, *, outer, sides=64):
     return {0: lambda: -result.fun, 2: lambda: None, 3: lambda: np.inf}[result.status]()
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("dim", [2, 3])
 def test_balance_against_linear_programmes(kind, dim):
@@ -95,6 +96,7 @@ def test_balance_against_linear_programmes(kind, dim):
     assert seen == {True, False}
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("dim", [2, 3])
 def test_largest_multiple_against_linear_programmes(kind, dim):
@@ -145,6 +147,7 @@ def test_walls_that_are_nearly_parallel(slope, balanced):
     assert nearest(here, np.array([0.0, -1.0, 0.0])).balanced is balanced
 
 
+@pytest.mark.slow
 def test_no_friction_no_push():
     """Without friction no multiple of a push is balanced, and a weight that pulls is balanced by none."""
     here = reactions(FOOT, DOWN)

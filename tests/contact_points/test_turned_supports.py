@@ -34,6 +34,7 @@ ALONG = (0.0007, -0.0004)
 LIMIT = {"algorithm": "exact", "tolerance": 1e-12}
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("element", ELEMENTS)
 @pytest.mark.parametrize("linear_algebra", ["full", "condensed"])
 def test_two_walls(element, linear_algebra):
@@ -54,6 +55,7 @@ def test_two_walls(element, linear_algebra):
     np.testing.assert_allclose(solution.table.columns["pressure"], PRESSURE, rtol=ROUND_OFF)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("element", ["P1", "Q1", "Q2"])
 @pytest.mark.parametrize("linear_algebra", ["full", "condensed"])
 def test_the_limit(element, linear_algebra):
@@ -203,6 +205,7 @@ def meeting(supports, turn, comm=MPI.COMM_SELF, **solver):
     )
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("supports", MEETING.values(), ids=MEETING)
 @pytest.mark.parametrize("linear_algebra", ["full", "condensed"])
 def test_where_supports_meet(supports, linear_algebra):

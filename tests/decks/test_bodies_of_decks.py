@@ -64,6 +64,7 @@ def test_a_hot_ring_in_a_cold_one(tmp_path):
     np.testing.assert_allclose(solution.table.columns["pressure"], pressure, rtol=5e-3)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("seed", range(10))
 def test_unequal_temperatures_at_one_place(tmp_path, seed):
     """Bodies in a row under plane stress, each with a linear temperature of its own: without stress they take

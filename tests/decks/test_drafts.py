@@ -166,6 +166,7 @@ def test_where_nothing_can_be_adjusted(contact, word):
         parse_scene({**BLOCK, "contact": [contact]})
 
 
+@pytest.mark.slow
 def test_what_is_incomplete(tmp_path, capsys):
     """It is said by check, on the terminal, in the summary and in the report, until the line is removed."""
     text = "line 7, *EQUATION: a constraint between nodes"

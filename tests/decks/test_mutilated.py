@@ -61,6 +61,7 @@ def mutilated(lines, chance):
     return other
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("lines", [[*CONTACT, *STEPS], assembly(), TIED], ids=["contact", "assembly", "tied"])
 def test_mutilated_decks(tmp_path, seed, lines):

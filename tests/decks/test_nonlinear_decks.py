@@ -107,6 +107,7 @@ def flow(size, reached, shear):
     return brentq(beyond, 0.0, 1.0) if beyond(0.0) > 0 else 0.0
 
 
+@pytest.mark.slow
 def test_metal(tmp_path):
     """Rows of yield stresses and plastic strains: a block in plane strain on its way through both segments."""
     material = ["*MATERIAL, NAME=M", "*ELASTIC", "1000., .3", "*PLASTIC", "5., 0.", "6., .01", "9., .1"]

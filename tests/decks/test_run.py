@@ -31,6 +31,7 @@ def test_a_whole_deck(tmp_path, capsys):
     assert "is not what is drafted now" in " ".join(said.split())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("options", [(), ("--quiet",)])
 def test_what_changes_the_answer(tmp_path, capsys, options):
     """It has an exit code of its own, and is red in the report; what does not change it is told as such."""
@@ -103,6 +104,7 @@ def test_small_displacements_are_enough(tmp_path, capsys):
     assert "law" not in (tmp_path / "out.toml").read_text()
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(("load", "code"), [(0.002, 0), (0.08, 4)])
 def test_sides_that_keep_their_partners(tmp_path, capsys, load, code):
     """With ADJUST sides do not slide: that is said with how far they do, and changes the answer where it is far."""

@@ -102,6 +102,7 @@ def test_tables_of_all_nodes(tmp_path):
     assert [set(rows) for rows in printed.values()] == [{*range(1, 16), *range(101, 116)}] * 2
 
 
+@pytest.mark.slow
 def test_a_last_step_without_an_end(tmp_path):
     """The file ends it: its tables are the same."""
     lines = stacked(["*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR", f"{SLOPE}"])
@@ -112,6 +113,7 @@ def test_a_last_step_without_an_end(tmp_path):
     assert solved(tmp_path / "closed", [*lines, "*END STEP"]) == (open_, cgx)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("kind", ["C3D8", "C3D20"])
 def test_a_column_in_space(tmp_path, kind):
     """Pulled at its top, in two steps: results of both at their times, and reactions that balance the load, also of
@@ -170,6 +172,7 @@ def test_a_state_of_shear_in_space(tmp_path):
     np.testing.assert_allclose(rows, [[1.0, 2.0, 3.0, 4.0, 5.0, 6.0]] * len(corners), rtol=1e-5)
 
 
+@pytest.mark.slow
 def test_the_order_of_nodes(tmp_path):
     """That of their numbers, whatever the order of the set and of the nodes in the file."""
     lines = stacked(["*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=HARD"])
@@ -185,6 +188,7 @@ def test_the_order_of_nodes(tmp_path):
     np.testing.assert_allclose([y[1] for y in moved.values()], -sinks * heights, rtol=1e-4)
 
 
+@pytest.mark.slow
 def test_forces_of_a_body_of_revolution(tmp_path):
     """Those of a sector of 2 degrees, as CalculiX prints them: of a ring under pressure its share of the force."""
     lines = [

@@ -65,6 +65,7 @@ def totals(steps):
     return sums
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", STEPS)
 def test_total_loads(tmp_path, name):
     """Of two tied bodies, in each step."""

@@ -92,7 +92,8 @@ WAYS = {
 }
 
 
-@pytest.mark.mpi
+@pytest.mark.one_quick
+@pytest.mark.mpi(slow=True)
 @pytest.mark.parametrize("way", WAYS)
 def test_in_the_plane(way):
     """Each law, each way to treat regularisation and Coulomb's law, full and condensed."""
@@ -110,7 +111,8 @@ SHAPE = [
 ]
 
 
-@pytest.mark.mpi
+@pytest.mark.one_quick
+@pytest.mark.mpi(slow=True)
 @pytest.mark.parametrize(
     ("friction", "cells", "degree", "solver"),
     [
@@ -231,6 +233,7 @@ def test_the_command(tmp_path, capsys):
     assert cli.main([*command, "--by", "solver.gamma_n"]) == 2
 
 
+@pytest.mark.slow
 @pytest.mark.mpi
 @pytest.mark.parametrize("settings", [{}, {"algorithm": "alm"}], ids=["ssn", "alm"])
 def test_constants_of_forms(settings):
@@ -330,7 +333,7 @@ def test_bad_arguments_of_gradient():
     assert problem.gradient("force 0 y", load).derivatives == pytest.approx([-1.0])
 
 
-@pytest.mark.mpi
+@pytest.mark.mpi(slow=True)
 def test_after_advance():
     """A block that slides on and on has forgotten where it was: its friction is F times the pressing force, and a mean
     displacement follows central differences over both steps.  Where points stick the step before matters.
@@ -372,7 +375,7 @@ def test_after_advance():
         mean(history(0.3, 0.29999), by)
 
 
-@pytest.mark.mpi
+@pytest.mark.mpi(slow=True)
 def test_after_advance_in_space():
     """The same block in space: where it slides straight on, the force is that of statics, and the mean displacement
     follows central differences over both steps.  What depends on the directions of slip owes them to the step before:

@@ -97,6 +97,7 @@ SCENES = {
 ON_RANKS = ("steps", "space", "held beside contact in one step")
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("scene", "by"),
     [pytest.param(*SCENES[name], id=name, marks=[pytest.mark.mpi] * (name in ON_RANKS)) for name in SCENES],
@@ -256,6 +257,7 @@ class Pressed:
         return problem
 
 
+@pytest.mark.one_quick
 @pytest.mark.mpi
 @pytest.mark.parametrize(("friction", "dim"), [(None, 2), ("coulomb", 2), ("tresca", 2), ("coulomb", 3)])
 def test_constants_of_a_residual(friction, dim):

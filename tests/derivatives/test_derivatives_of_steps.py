@@ -76,7 +76,8 @@ WAYS = {
 }
 
 
-@pytest.mark.mpi
+@pytest.mark.one_quick
+@pytest.mark.mpi(slow=True)
 @pytest.mark.parametrize("way", WAYS)
 def test_in_the_plane(way):
     """Each law, with regularisation and without, at the last load step and at earlier ones."""
@@ -94,7 +95,7 @@ def test_in_the_plane(way):
     assert all(met), "some point turns back, and some point opens"
 
 
-@pytest.mark.mpi
+@pytest.mark.mpi(slow=True)
 def test_in_space():
     """On a foundation that moves, gap, normals and the slip in each load step follow its place."""
     shape = ["contact.foundation.radius", "contact.foundation.shift[0]", "contact.foundation.rotation[2]"]
@@ -145,7 +146,7 @@ def test_steps_that_do_not_matter(monkeypatch):
     assert len(seen) == 3
 
 
-@pytest.mark.mpi
+@pytest.mark.mpi(slow=True)
 def test_moduli_and_loads_of_many_kinds():
     """Moduli that vary in the body, springs that do not follow them, heat that does, weight, and a load of the time."""
     scene = parse_scene(

@@ -340,6 +340,7 @@ NO_FRICTION = {
 }
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("law", NO_FRICTION)
 @pytest.mark.parametrize("algorithm", ["ssn", "alm", "exact"])
 def test_friction_that_cannot_act_is_no_friction(count, law, algorithm):

@@ -77,7 +77,8 @@ def along(state, values):
     return rows[np.argsort(rows[:, 0], kind="stable")].T
 
 
-@pytest.mark.mpi
+@pytest.mark.one_quick
+@pytest.mark.mpi(slow=True)
 @pytest.mark.parametrize(
     ("heavy", "solver"),
     [
@@ -105,6 +106,7 @@ def test_a_crack_under_a_dam(heavy, solver):
     assert state.forces[0][1] == pytest.approx(heavy - 30.0 * (0.05 * wet[wet > 0].size - 0.025), rel=1e-9)
 
 
+@pytest.mark.slow
 def test_from_a_coarser_mesh():
     """The crack of nested meshes is that of one mesh, point by point: only the sets of the coarser one are taken."""
     held = [{"at": (LENGTH, 2 * LAYER), "x": 0.0}]
@@ -252,6 +254,7 @@ def test_what_stays_closed_stays_dry():
     assert x[open_ > 0] == pytest.approx([0.0, 0.05, 0.1, 1.05, 1.1, 1.15])
 
 
+@pytest.mark.slow
 def test_where_the_fluid_may_not_be_proves_nothing():
     """A dam that friction holds slides as soon as F times the weight without the uplift is less than the thrust: with
     one wet point fewer it held, so no region ahead of the fluid has been judged.
@@ -343,6 +346,7 @@ def test_friction_is_that_of_the_effective_pressure():
     assert friction[0] == pytest.approx(-0.5 * (80.0 - uplift), rel=1e-6)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     "lie",
     [
@@ -373,6 +377,7 @@ def test_a_certificate_that_does_not_hold(lie):
     assert astray(forces, lied, 0)
 
 
+@pytest.mark.slow
 def test_the_smallest_region(monkeypatch):
     """Of all regions that begin at the water, each put on the base by hand, the solution has the first one at whose end
     the base is closed; the water stays where it is although all of the base would be wet on the way of larger steps.
@@ -396,6 +401,7 @@ def test_the_smallest_region(monkeypatch):
     assert front[-1] > 0.0
 
 
+@pytest.mark.slow
 def test_finer_meshes():
     """The front is Navier's to a cell on three meshes, and does not fall behind as the water rises."""
     level = "2.6 + 0.1*t"
@@ -435,6 +441,7 @@ def test_the_unsafe_default_is_told():
         assert len(found) == count
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("closed", ["none", "full"])
 def test_safety_with_the_water_in(closed):
     """A stiff block that friction holds: s (thrust + F uplift) = F weight, and the share of its friction."""
@@ -455,6 +462,7 @@ def test_safety_with_the_water_in(closed):
     assert "a fluid in contact stays where it is" in solution.safety.assumed
 
 
+@pytest.mark.slow
 @pytest.mark.mpi
 def test_restart_on_other_ranks(tmp_path):
     """Begun on one rank and ended on all of them the front is that of a whole run."""
@@ -481,6 +489,7 @@ def test_restart_on_other_ranks(tmp_path):
     assert along(again.contact, again.contact.joint.reached[:, 0])[1].sum() > 4
 
 
+@pytest.mark.slow
 def test_units():
     """With lengths in thousandths the front, the pressures and the safety factors are the same."""
     found = []
@@ -496,6 +505,7 @@ def test_units():
         assert one == pytest.approx(other, rel=1e-6, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_a_ramp():
     """Increments that the solver chooses lead to the front of one load step and of given ones."""
     weight, water = -75.0 / (LENGTH * HEIGHT), WATER | {"enters": ["bottom"]}

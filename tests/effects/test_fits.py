@@ -37,6 +37,8 @@ def share_found(problem):
     return float(told[-1].split()[7])
 
 
+@pytest.mark.one_quick
+@pytest.mark.mpi(slow=True)
 @pytest.mark.parametrize("settings", [{}, {"algorithm": "alm"}, {"coulomb": "newton"}, {"fallbacks": False}], ids=str)
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_it_slides_beyond_what_its_pressure_can_carry(dimension, settings):

@@ -48,6 +48,7 @@ def pull(solution):
     return [-step.contact.forces[1][0] / (PRESS * AREA) for step in solution.steps]
 
 
+@pytest.mark.one_quick
 @pytest.mark.mpi
 @pytest.mark.parametrize(
     ("dim", "solver"),

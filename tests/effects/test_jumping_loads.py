@@ -46,6 +46,7 @@ def square(x, *, n=8, degree=1, body_force=None, **more):
     return parse_scene(scene | more)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize(
     ("load", "exact", "width"),
@@ -147,6 +148,7 @@ def test_the_parts_of_cut_simplices():
             np.testing.assert_array_equal([halves[0][:, 0], halves[1][:, 1]], [parts[:, 0], parts[:, 1]])
 
 
+@pytest.mark.slow
 def test_statements_say_what_they_rest_on():
     """Bounds of quantities, uniqueness and safety, as the bound of the error does."""
     solution = alone(example1(coefficient=0.3, nx=12, ny=4))
@@ -201,6 +203,7 @@ def test_a_load_within_one_facet(cell, degree):
 BOX = {"length": 1.0, "width": 0.5, "height": 0.3, "nx": 4, "ny": 3, "nz": 2}
 
 
+@pytest.mark.one_quick
 @pytest.mark.mpi
 @pytest.mark.parametrize("cell", ["triangle", "quadrilateral", "tetrahedron", "hexahedron"])
 def test_forces_of_all_kinds_that_jump(cell):

@@ -233,6 +233,7 @@ def same_steps(one, other, exact=1e-9):
         assert first.certificate.holds
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("linear_algebra", ["full", "condensed", "krylov"])
 def test_time_is_a_list_of_factors(linear_algebra, tmp_path):
     """A load and a displacement that are linear in t: the same as factors, in load steps, a ramp and a restart."""
@@ -277,6 +278,7 @@ def test_a_ramp_follows_the_time(contact):
         assert step.certificate.holds
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("more", [{"solver": {"levels": 2}}, {"accuracy": {"target": 0.1}}])
 def test_rising_water_on_several_meshes(more):
     """Supports and friction carry w h^2 / 2 in each load step, and the foundation the weight."""
@@ -497,7 +499,7 @@ def test_mistakes_of_supports(mistake):
         check_scene(scene(body(), displacement=[held]), COMM)
 
 
-@pytest.mark.mpi
+@pytest.mark.mpi(slow=True)
 @pytest.mark.parametrize("bodies", [True, False], ids=["bodies", "one mesh"])
 def test_a_point_with_nodes_of_two_bodies(bodies):
     """Which of them is supported is not guessed, on all ranks alike; a point of one of them is."""

@@ -347,6 +347,7 @@ def histories(solution, unit=(1.0, 1.0)):
     return np.array([np.append(step.tools[0].translation / unit[0], step.tools[0].rotation) for step in solution.steps])
 
 
+@pytest.mark.slow
 def test_load_steps_with_friction_in_other_units_and_mirrored():
     scene = parse_scene(pressed_and_rolled())
     assert "spring = {x = 5, rotation = 3000}, " in scene.contact[0].foundation.said

@@ -116,6 +116,7 @@ WAYS = [
 ]
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(("cell", "degree", "solver", "unit"), WAYS)
 def test_statics(cell, degree, solver, unit):
     """Tightened, locked and pulled: the bolt takes its preload, and then what clamps the sleeves and what pulls."""
@@ -202,6 +203,7 @@ def test_two_bolts():
     assert np.isclose(-solution.contact.forces[0][1], sum(one.force for one in second), rtol=1e-7)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("steps", [None, 2])
 def test_restart(tmp_path, steps):
     """A run that ends after the step that tightened goes on with the shortening that was found, and does not solve it
@@ -228,6 +230,7 @@ def test_restart(tmp_path, steps):
     assert figures(again, -1)[2] == figures(again, 0)[2]
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("friction", [None, FRICTION])
 def test_sweep(friction):
     """Each multiple of all loads, and each coefficient, against its own solve; the force is met in each."""
@@ -316,6 +319,7 @@ def seated(nx, **more):
     )
 
 
+@pytest.mark.slow
 def test_a_force_against_a_plane_that_moves():
     """A plane presses the stiff head down as time goes on: by statics its way adds to the shortening that the force
     needs, and takes from the force once that is locked.
@@ -464,6 +468,7 @@ def drawn(comm, dim, *, whole=True):
     return gmsh_mesh(comm, draw, "bar")
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("dim", [2, 3])
 def test_a_section_of_named_facets(dim):
     still = dict.fromkeys("xyz"[:dim], 0.0)
@@ -615,6 +620,7 @@ def test_check_tells():
     assert "force = 20, locked_after = 1" in told
 
 
+@pytest.mark.slow
 def test_zero_is_nothing():
     """A shortening of zero compiles nothing, and a scene without a preload does not import it."""
     none = solve(bar("triangle", preload={"point": [1.0, 0.0], "axis": [1.0, 0.0], "shortening": 0.0}))

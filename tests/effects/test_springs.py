@@ -55,6 +55,7 @@ def scene(tagged, degree=1, material=None, **more):
 # --- exact states ----------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.one_quick
 @pytest.mark.mpi
 @pytest.mark.parametrize("keys", ["normal", "axis", "everything"])
 @pytest.mark.parametrize(("cells", "degree"), ELEMENTS)
@@ -161,6 +162,7 @@ def test_beam_on_an_elastic_foundation():
 # --- the same by a form of the user's own ----------------------------------------------------------------------------
 
 
+@pytest.mark.one_quick
 @pytest.mark.mpi
 @pytest.mark.parametrize("linear_algebra", ["full", "condensed", "krylov"])
 @pytest.mark.parametrize(("cells", "degree"), ELEMENTS[:-1])

@@ -63,6 +63,7 @@ FREE += [("triangle", 2, "plane stress", "full"), ("quadrilateral", 1, "plane st
 FREE += [("quadrilateral", 1, "plane strain", "reduced"), ("hexahedra", 1, None, "reduced")]
 
 
+@pytest.mark.one_quick
 @pytest.mark.mpi
 @pytest.mark.parametrize(("cells", "degree", "hypothesis", "volumetric"), FREE)
 def test_free_expansion(cells, degree, hypothesis, volumetric):
@@ -127,6 +128,7 @@ def test_prevented_expansion(cells, hypothesis, expected):
     assert last.strain_energy == pytest.approx(stress * directions * ALPHA * 40 / 2 * 2, rel=1e-10)
 
 
+@pytest.mark.one_quick
 @pytest.mark.mpi
 @pytest.mark.parametrize("linear_algebra", ["full", "condensed", "krylov"])
 @pytest.mark.parametrize("cells", ["quadrilateral", "hexahedra", "axisymmetric"])
@@ -537,6 +539,7 @@ def test_thermostat():
     assert solution.contact.forces[0][1] == pytest.approx(force, rel=0.03)
 
 
+@pytest.mark.slow
 def test_a_hub_that_is_heated():
     """Two bodies: half of the interference of the shrink fit is left where the hub alone grows by the other half."""
     path = SCENES / "shrink_fit.toml"

@@ -145,6 +145,7 @@ WAYS = [
 ]
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(("dimension", "law", "algebra", "element"), WAYS)
 def test_a_force_and_the_motion_that_it_causes_give_the_same(dimension, law, algebra, element):
     forced = solve(block(dimension, law, algebra, **element, **pressed(dimension, law)))
@@ -161,6 +162,7 @@ def test_a_force_and_the_motion_that_it_causes_give_the_same(dimension, law, alg
     assert forced.certificate.worst < 1e-9
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("dimension", "algebra", "poisson"), [(2, "condensed", 0.49), (2, "full", 0.5), (3, "full", 0.5)]
 )
@@ -193,6 +195,7 @@ KRYLOV = [
 ]
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(("dimension", "law", "element"), KRYLOV)
 def test_a_krylov_method_gives_the_same(dimension, law, element):
     given, free = pressed(dimension, law), {"pivot": [0.4, 0.5, 0.6][:dimension], "prescribed": {}}
@@ -738,6 +741,7 @@ def test_a_body_between_a_coupling_and_two_supports():
     assert raised.value.solution.status is Status.TIPS
 
 
+@pytest.mark.slow
 def test_a_requested_accuracy():
     """The same meshes, estimates and state as for the motion that the force causes on the last one."""
     tool = {"cell": "triangle", "accuracy": {"target": 0.15, "refinement": "uniform"}, "pivot": [0.4, 0.5]}
@@ -757,6 +761,7 @@ def test_a_requested_accuracy():
     assert np.isclose(adaptive.last_step.tools[0].translation[1], moved.translation[1], rtol=0.02)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(("law", "algebra"), [("coulomb", "condensed"), ("tresca", "full")])
 def test_derivatives(law, algebra):
     """By what drives a tool and where it is: statics, and central differences of solutions."""

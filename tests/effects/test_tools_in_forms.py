@@ -77,6 +77,7 @@ WAYS = [
 ]
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(("dimension", "law", "algebra", "element"), WAYS)
 def test_forms_and_scenes_give_the_same(dimension, law, algebra, element):
     """Driven by force and moment, tilting; then by another force, without a new system."""

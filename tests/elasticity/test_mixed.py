@@ -68,6 +68,7 @@ def pressed(tagged, poisson, length=1.0, force=1.0, **solver):
     )
 
 
+@pytest.mark.one_quick
 @pytest.mark.mpi
 @pytest.mark.parametrize("poisson", [0.3, 0.5])
 @pytest.mark.parametrize("cell", CELLS)
@@ -177,6 +178,7 @@ def shifted_ring():
     return mesh
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("hypothesis", ["plane strain", "axisymmetric"])
 def test_uneven_heat_against_displacements(hypothesis):
     """A field of temperatures in a held body with friction: forces, energy and stress are those of displacements."""
@@ -266,6 +268,7 @@ class MadeUp:
         return np.array(found)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("cell", PLANE)
 def test_rates_without_locking(cell):
     """Orders 3 and 2 in L2, and errors that do not depend on Poisson's ratio."""
@@ -280,6 +283,7 @@ def test_rates_without_locking(cell):
 # --- contact ---------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("cell", PLANE)
 def test_hertz_incompressible(cell):
     """Half-width and peak of a rubber cylinder with E* = E / (1 - 1/4), from the load."""
@@ -336,6 +340,7 @@ def test_ring_in_a_pipe(cell):
     assert (np.array(found[2]) < [2e-4, 0.05, 0.02]).all()
 
 
+@pytest.mark.one_quick
 @pytest.mark.mpi
 @pytest.mark.parametrize("linear_algebra", ["full", "condensed"])
 @pytest.mark.parametrize("cell", ["triangle", "tetrahedra"])

@@ -80,6 +80,7 @@ def strains(young, poisson):
 KINDS = [("triangle", "full"), ("quadrilateral", "condensed"), ("tetrahedra", "full"), ("hexahedra", "full")]
 
 
+@pytest.mark.one_quick
 @pytest.mark.mpi
 @pytest.mark.parametrize(("cell", "linear_algebra"), KINDS)
 @pytest.mark.parametrize("contact", ["sliding", "bonded"])
@@ -110,6 +111,7 @@ def test_patch(cell, linear_algebra, contact):
     assert np.abs(solution.contact.shear).max(initial=0.0) < 1e-9
 
 
+@pytest.mark.one_quick
 @pytest.mark.mpi
 @pytest.mark.parametrize("unit", [(1e-6, 1.0), (1e3, 1e-3)])
 @pytest.mark.parametrize("linear_algebra", ["full", "condensed"])

@@ -104,6 +104,7 @@ def test_rubber_tube():
     np.testing.assert_allclose(rubber_tube(8, 1.5, 1e-6), errors[0], rtol=1e-6)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("poisson", [0.3, 0.5])
 def test_a_constant_is_a_smaller_modulus(poisson):
     """Half of E and of nu by grading, in one region of two, heated, with friction, is half of them."""

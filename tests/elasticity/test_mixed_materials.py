@@ -82,7 +82,8 @@ class Column:
         self.density = (self.sigma * elastic[0] + self.out * elastic[1]) / 2
 
 
-@pytest.mark.mpi
+@pytest.mark.one_quick
+@pytest.mark.mpi(slow=True)
 @pytest.mark.parametrize("heat", [0.0, 2.0])
 @pytest.mark.parametrize("cell", ["triangle", "quadrilateral", "tetrahedra", "hexahedra"])
 def test_two_columns(cell, heat):

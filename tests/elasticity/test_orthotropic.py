@@ -206,6 +206,7 @@ def pressed(tagged, material, turn=None, **more):
     )
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("hypothesis", ["plane strain", "plane stress", "axisymmetric", None])
 def test_isotropic_constants(hypothesis):
     """The same solution and the same scales."""
@@ -229,6 +230,7 @@ def test_isotropic_constants(hypothesis):
     assert other.model.scales == one.model.scales
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("dim", [2, 3])
 def test_turned_and_mirrored(dim):
     """Everything is turned or mirrored, and the pressures are the same."""
@@ -324,7 +326,8 @@ def test_bar_of_two_woods(cells):
     assert shortened == pytest.approx(PRESSURE * (1 / E1 + 4 / E2), rel=1e-8)
 
 
-@pytest.mark.mpi
+@pytest.mark.one_quick
+@pytest.mark.mpi(slow=True)
 @pytest.mark.parametrize("dim", [2, 3])
 def test_products(dim):
     """Coulomb friction, several ranks, all linear algebra and other units: one solution."""
@@ -444,7 +447,7 @@ def test_check_says_so_and_others_have_nothing_of_it(monkeypatch):
     assert solution.certificate.holds
 
 
-@pytest.mark.mpi
+@pytest.mark.mpi(slow=True)
 def test_free_expansion_and_prevented_expansion():
     """Heat strains a free bar without stress; held along its length it has the stress of E along it."""
     turned = {"direction": [1.0, 0.0]}

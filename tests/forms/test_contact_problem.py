@@ -125,7 +125,7 @@ def test_stress_of_the_orthotropic_block():
     assert stress.energy() == pytest.approx(size * modulus * found["CLOSER"] ** 2 / 2, rel=1e-11)
 
 
-@pytest.mark.mpi
+@pytest.mark.mpi(slow=True)
 def test_axisymmetric_hertz():
     """Radius and pressure of Hertz's formula; the body is finite."""
     found = run("axisymmetric_hertz")
@@ -141,7 +141,7 @@ def test_axisymmetric_hertz():
     assert total == pytest.approx(force, rel=1e-3)
 
 
-@pytest.mark.mpi
+@pytest.mark.mpi(slow=True)
 def test_elasticity():
     """The box of dolfinx's demo with its wall is a scene, too."""
     found = run("elasticity")
@@ -171,7 +171,7 @@ def test_elasticity():
     assert found["problem"].state.pressure.max(initial=0) <= solution.contact.pressure.max(initial=0) * 1.001
 
 
-@pytest.mark.mpi
+@pytest.mark.mpi(slow=True)
 def test_own_space_is_a_scene():
     """P2, a DirichletBC with a Function on a component, friction and gap as UFL."""
     found = run("own_space")
@@ -198,7 +198,8 @@ def test_own_space_is_a_scene():
 # --- time loops and changes ------------------------------------------------------------------------------------------
 
 
-@pytest.mark.mpi
+@pytest.mark.one_quick
+@pytest.mark.mpi(slow=True)
 @pytest.mark.parametrize("algorithm", ["auto", "exact"])
 def test_own_loop_is_factors(algorithm):
     """The law is incremental: the steps of the scene, one by one."""
@@ -232,6 +233,7 @@ def test_own_loop_is_factors(algorithm):
     assert problem.history.linear_solves == solution.history.linear_solves
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("linear_algebra", ["full", "condensed"])
 def test_loads_share_a_factorisation(monkeypatch, linear_algebra):
     """Twenty loads: the stiffness is assembled and factorised once, and so is the tangent where sets stay."""
@@ -252,6 +254,7 @@ def test_loads_share_a_factorisation(monkeypatch, linear_algebra):
     assert block.problem.u.x.array == pytest.approx(fresh.problem.solve().x.array, abs=1e-12)
 
 
+@pytest.mark.slow
 def test_loads_share_a_multigrid_hierarchy(monkeypatch):
     """In space, with sets that change."""
     block = Block((6, 3, 3), linear_algebra="krylov", gap=lambda x: 0.002 * x[0], friction=Coulomb(0.3))
@@ -349,7 +352,7 @@ def test_an_expression_on_a_rank_without_cells():
     assert forces[0] == pytest.approx(forces[1], rel=1e-9)
 
 
-@pytest.mark.mpi
+@pytest.mark.mpi(slow=True)
 @pytest.mark.parametrize("counts", [(12, 4), (6, 2, 2)])
 @pytest.mark.parametrize("algorithm", ["ssn", "alm"])
 def test_directions_that_change_after_a_step(counts, algorithm):
@@ -384,6 +387,7 @@ def test_directions_that_change_after_a_step(counts, algorithm):
     assert problem.certificate.holds
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("settings", [{}, {"coulomb": "newton"}, {"linear_algebra": "full"}])
 def test_places_that_are_tried_in_a_step(settings):
     """A circle on a block: wherever it has been since the last step, the result is that of its last place, and a place
@@ -528,6 +532,7 @@ def test_a_body_that_falls_far():
         assert np.abs(np.array(shears[far]) - shears[0.0]).max() <= 1e-5 * scale
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("kind", [dmesh.CellType.tetrahedron, dmesh.CellType.hexahedron])
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.mpi
@@ -675,7 +680,8 @@ def test_stress_is_that_of_the_form():
             problem.stress  # noqa: B018
 
 
-@pytest.mark.mpi
+@pytest.mark.one_quick
+@pytest.mark.mpi(slow=True)
 @pytest.mark.parametrize(
     ("dim", "degree", "hypothesis", "kind", "springs"),
     [
@@ -736,7 +742,7 @@ def test_stresses_are_those_of_a_scene(dim, degree, hypothesis, kind, springs):
     assert ours.energy() == pytest.approx(solution.last_step.strain_energy, rel=1e-11)
 
 
-@pytest.mark.mpi
+@pytest.mark.mpi(slow=True)
 def test_stresses_of_two_materials():
     """They may jump from one to the other, as in a scene; without ``materials`` that is an error."""
     mesh = forms.box((2.0, 1.0), (8, 4), comm=COMM)
@@ -798,7 +804,7 @@ def test_facets_of_an_integral():
             assert sorted(found) == sorted(expected)
 
 
-@pytest.mark.mpi
+@pytest.mark.mpi(slow=True)
 def test_prices_are_those_of_a_scene():
     """Errors of a nested iteration and of three problems on its meshes; the next mesh is predicted."""
     settings = {"gamma_n": 1e7, "gamma_t": 1e7, "coulomb": "fp", "tolerance": 1e-11}
@@ -953,6 +959,7 @@ def test_bad_arguments_are_named(changes, message):
 # --- random forms ----------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("seed", range(50))
 def test_random_forms(seed):
     """Tensors, springs, supports, moduli and contacts at random, judged from a dense matrix."""

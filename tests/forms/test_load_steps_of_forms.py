@@ -49,6 +49,7 @@ def block(mesh, pushing=0.0, young=5000.0, friction=FRICTION, **settings):
     return ContactProblem(forms.hooke(u, v, young), L, [], floor, **GAMMA, **settings), push
 
 
+@pytest.mark.one_quick
 @pytest.mark.mpi
 @pytest.mark.parametrize("steps", [None, 3])
 def test_a_path_is_a_loop(steps):
@@ -74,6 +75,7 @@ def test_a_path_is_a_loop(steps):
     np.testing.assert_array_equal(problem.u.x.array, y.x.array)
 
 
+@pytest.mark.slow
 @pytest.mark.mpi
 @pytest.mark.parametrize("settings", [{}, {"algorithm": "alm"}], ids=["ssn", "alm"])
 def test_a_ramp_is_that_of_a_scene(settings):
@@ -99,6 +101,7 @@ def test_a_ramp_is_that_of_a_scene(settings):
     assert abs(-problem.state.forces[1][0] - push.value) <= 1e-6 * LIMIT
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("settings", [{}, {"algorithm": "alm"}], ids=["ssn", "alm"])
 def test_slip_of_the_first_time_is_that_of_a_scene(settings):
     """A circle that moves from where it is given, of which the first time is not 0: what it has moved until then is

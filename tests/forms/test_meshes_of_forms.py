@@ -79,7 +79,8 @@ GAMMA = {"gamma_n": 1e5, "gamma_t": 1e5}
 PEAK_OF_DISK = 5.4906
 
 
-@pytest.mark.mpi
+@pytest.mark.one_quick
+@pytest.mark.mpi(slow=True)
 @pytest.mark.parametrize(("degree", "size", "meshes", "most"), [(1, 0.3, 4, 4.0), (2, 0.24, 3, 2.0)])
 def test_hertz_to_one_per_cent_of_the_peak(degree, size, meshes, most):
     """The peak is Hertz's within what was asked for, and its estimated error is right within a factor of two, with
@@ -103,6 +104,7 @@ def test_names_without_facets():
     assert tagged.facets("floor").size == tagged.facets("wall").size == 0
 
 
+@pytest.mark.slow
 @pytest.mark.mpi
 @pytest.mark.parametrize("friction", [0.0, 0.3])
 def test_as_many_solves_as_the_scene(friction):
@@ -142,7 +144,7 @@ def block(degree=1, friction=None, **settings):
     return make
 
 
-@pytest.mark.mpi
+@pytest.mark.mpi(slow=True)
 def test_tetrahedra_are_divided():
     """In space, from a mesh of dolfinx: the finest solution is that of its mesh alone, from fewer solves."""
     make = block(friction=Coulomb(0.3))
@@ -155,6 +157,7 @@ def test_tetrahedra_are_divided():
     assert nested.steps[0].linear_solves <= nested.history.linear_solves
 
 
+@pytest.mark.slow
 @pytest.mark.mpi
 def test_tetrahedra_to_an_accuracy():
     """Divided where the error is."""
@@ -164,7 +167,8 @@ def test_tetrahedra_to_an_accuracy():
     assert solution.levels[-1].dofs < 8 * solution.levels[-2].dofs
 
 
-@pytest.mark.mpi
+@pytest.mark.one_quick
+@pytest.mark.mpi(slow=True)
 @pytest.mark.parametrize("of", ["energy", "pressure", "peak"])
 def test_adaptive_meshes_are_those_of_the_scene(of):
     """The same triangles are divided, and gamma is left to the program alike."""
@@ -197,6 +201,7 @@ def test_adaptive_meshes_are_those_of_the_scene(of):
     assert costs[0].next_seconds[1] > took
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(("levels", "of"), [(1, "energy"), (2, "pressure")])
 def test_cost_without_a_requested_accuracy(levels, of):
     """Of a single mesh it is about the stress; of several about the first error of the price list that is known."""
@@ -211,6 +216,7 @@ def pushed(mesh):
     return load_steps.block(mesh, **{"stress": stress_of(5000.0, 0.3, 2)})
 
 
+@pytest.mark.slow
 @pytest.mark.mpi
 @pytest.mark.parametrize("path", [LoadPath((0.0, 6.0, 12.0)), LoadPath((0.0, 15.0), steps=3)], ids=["steps", "ramp"])
 def test_load_steps_on_each_mesh(path):

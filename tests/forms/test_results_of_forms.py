@@ -148,7 +148,8 @@ def shared_folder(tmp_path):
     return COMM.bcast(tmp_path)
 
 
-@pytest.mark.mpi
+@pytest.mark.one_quick
+@pytest.mark.mpi(slow=True)
 @pytest.mark.parametrize(
     "scene",
     [example1(coefficient=0.3, nx=12, ny=4, poisson=0.3), block(), two_blocks()],
@@ -207,6 +208,7 @@ def test_load_steps_of_forms_have_the_results_of_those_of_scenes(tmp_path):
     assert "load step before" in problem.solution.error_bound
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("law", [{"coefficient": 0.3}, {"bound": 3.0}], ids=str)
 def test_bounds_and_uniqueness_are_those_of_the_scene(law):
     """The loads are read off L, the supports off the prescribed dofs, the moduli off the stress."""

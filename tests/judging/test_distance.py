@@ -71,6 +71,7 @@ CASES = [
 ]
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(("name", "halvings", "change"), CASES)
 def test_the_error_is_in_its_interval(name, halvings, change):
     """The true error, up to that of the fine solution, is neither above the bound nor below the other one, also where
@@ -93,6 +94,7 @@ def test_the_error_is_in_its_interval(name, halvings, change):
         assert error["high"] < 1.45 * true  # and it is of use
 
 
+@pytest.mark.slow
 def test_a_wrong_result_is_refuted():
     """All of a displacement 1.3 times too large: its error is at least what no mesh can excuse."""
     _, v = displacement_of("shelf_CPE4")

@@ -225,6 +225,7 @@ def test_bodies_on_springs(degree, hypothesis):
     assert "its stiffness of the springs on right is 0.5 times the problem's" in str(wrong)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     "name", ["bonded_pad", "dovetail", "hertz_friction", "press_and_slide", "press_fit", "two_cylinders"]
 )
@@ -457,6 +458,7 @@ def test_a_mesh_of_other_cells_than_its_file_is_not_judged(tmp_path, pairs, join
     assert len(reasons) == (pairs > 0)
 
 
+@pytest.mark.slow
 def test_the_public_function():
     """``signorini_fx.judge`` is the one of the command."""
     assert sfx.judge is judge

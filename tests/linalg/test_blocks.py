@@ -224,6 +224,7 @@ BODIES = {
 }
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", BODIES)
 def test_blocks_change_no_answer(name, either):
     """As many Krylov steps, displacements and tractions to 1e-12: the V-cycle in single precision costs nothing."""
@@ -243,7 +244,7 @@ def test_two_bodies_by_blocks(either):
     np.testing.assert_allclose(ours.u.x.array, theirs.u.x.array, rtol=0, atol=1e-12 * far)
 
 
-@pytest.mark.mpi
+@pytest.mark.mpi(slow=True)
 def test_solves_by_blocks_on_ranks(either):
     """As with PETSc's matrix on as many ranks; round-off at a tolerance decides about a single Krylov step."""
     # One mesh for both: another one may be divided among the ranks differently.
@@ -341,6 +342,7 @@ def test_a_body_of_one_level(monkeypatch):
     agree(solution, solve(full, MPI.COMM_SELF, check=False))
 
 
+@pytest.mark.slow
 def test_levels_by_blocks(either):
     """A coarser mesh by blocks has what truncation changes beside it: the same steps and answer on three meshes."""
     sizes = {"length": 3.0, "width": 1.0, "height": 1.0, "nx": 12, "ny": 4, "nz": 4}

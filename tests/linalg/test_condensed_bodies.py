@@ -20,6 +20,7 @@ def task_of(scene):
     return contact_task(discretisation, History()), discretisation
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("degree", [1, 2])
 def test_two_bodies(degree):
     """Condensed onto relative displacements, ends of both bodies moved: the answer of a factorisation; as many

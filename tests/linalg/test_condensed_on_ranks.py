@@ -89,6 +89,7 @@ SCENES = {
 }
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", SCENES)
 def test_one_body(name):
     """Sets, tractions, energy, certificate."""
@@ -125,6 +126,7 @@ def two_strips(**changes):
     return parse_scene(data)
 
 
+@pytest.mark.slow
 def test_two_bodies():
     """As many linear solves as one rank takes, and the same forces."""
     together, alone = (solve(two_strips(), comm, check=False) for comm in (WORLD, MPI.COMM_SELF))

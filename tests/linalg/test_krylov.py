@@ -106,6 +106,7 @@ SCENES = {
 }
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", SCENES)
 def test_same_answer_as_a_factorisation(name, set_ups):
     """To 1e-8 of the largest, with one hierarchy for each mesh, whatever contact does on it."""
@@ -123,6 +124,7 @@ def linear_solve(scene, steps):
     return steps.pop()[3]
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("cells", "laws"),
     [("hexahedra", ("none", "coulomb")), ("hexahedra", ("tresca",)), ("tetrahedra", tuple(LAWS))],
@@ -331,6 +333,7 @@ RANKED = {
 }
 
 
+@pytest.mark.one_quick
 @pytest.mark.mpi
 @pytest.mark.parametrize("name", RANKED)
 def test_one_rank_or_many(name, steps):

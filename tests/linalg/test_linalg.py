@@ -84,6 +84,7 @@ def turned(**solver):
     )
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("algorithm", ["ssn", "exact"])
 def test_condensed_with_turned_nodes(algorithm):
     """The dense matrix in the frames of the nodes, against the sparse one."""

@@ -18,6 +18,7 @@ from signorini_fx.scenes.solver import solve
 COMM = MPI.COMM_WORLD
 
 
+@pytest.mark.one_quick
 @pytest.mark.mpi
 @pytest.mark.parametrize("where", ["plane", "space"])
 def test_garbage_is_collected_at_another_time_on_each_rank(where):

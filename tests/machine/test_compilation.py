@@ -64,6 +64,7 @@ def wait_for(condition):
         time.sleep(0.01)
 
 
+@pytest.mark.slow
 def test_a_compilation_that_was_killed(folder, tmp_path):
     """The form is compiled again, by the first one that wants it."""
     process = begin(folder, f"touch {tmp_path}/begun; sleep 1000", tmp_path)
@@ -97,7 +98,8 @@ def test_another_program_that_compiles(folder):
     assert 0.4 < time.monotonic() - begun < 5.0
 
 
-@pytest.mark.mpi
+@pytest.mark.one_quick
+@pytest.mark.mpi(slow=True)
 @pytest.mark.parametrize("missing", ["*.c.cached", "*.so", "*.c"])
 def test_what_is_not_whole_is_compiled_again(folder, missing):
     """On all ranks alike."""

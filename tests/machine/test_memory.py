@@ -103,6 +103,7 @@ SCENES = {
 INTERPOLATED = ("several steps", "several meshes", "accuracy")
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", SCENES)
 def test_nothing_is_left(name, counted):
     """With observers and a watcher of the Krylov method, and without them."""

@@ -222,6 +222,7 @@ def test_plot(tmp_path, monkeypatch):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("scene", [lambda: example1(nx=6, ny=2), lambda: block(3, "tetrahedra", degree=2)])
 def test_grid_for_pyvista(scene, monkeypatch):
     """Its volume is that of the body, and the fields are those of the solution where they are; without PyVista an

@@ -53,6 +53,7 @@ def test_the_demo_is_short():
     assert len(DEMO.read_text(encoding="utf-8").splitlines()) <= 40
 
 
+@pytest.mark.one_quick
 @pytest.mark.mpi
 @pytest.mark.parametrize("hypothesis", ["plane strain", "plane stress", "axisymmetric", None], ids=str)
 def test_as_the_orthotropic_one(hypothesis):
@@ -75,7 +76,8 @@ def test_as_the_orthotropic_one(hypothesis):
     assert first.certificate.strain_energy == pytest.approx(second.certificate.strain_energy, rel=1e-9)
 
 
-@pytest.mark.mpi
+@pytest.mark.one_quick
+@pytest.mark.mpi(slow=True)
 @pytest.mark.parametrize("cells", ["quadrilateral", "tetrahedra"])
 def test_uniform(cells):
     """A bar under a pressure along it, whose fibres are along or across it."""

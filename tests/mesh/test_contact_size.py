@@ -240,6 +240,7 @@ direction = [0.0, -1.0]
 """
 
 
+@pytest.mark.slow
 def test_results_are_those_of_small_cells_everywhere():
     """The indented half disk: force and largest pressure of a mesh that is fine on the arc, and of a fine one."""
 

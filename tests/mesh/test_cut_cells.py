@@ -252,6 +252,7 @@ def test_wedges_either_way_round(tmp_path):
         read_file(tmp_path / "one.vtu")
 
 
+@pytest.mark.slow
 def test_an_abaqus_deck(tmp_path):
     """A hexahedron with a wedge beside it and a pyramid on top; surfaces on faces of each."""
     points = [*CORNERS, (2, 0, 0), (2, 0, 1), (0.5, 0.5, 2)]

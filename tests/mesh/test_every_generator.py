@@ -35,6 +35,7 @@ def test_all_are_here():
     assert sorted(SMALL) == list(known_generators())
 
 
+@pytest.mark.one_quick
 @each
 def test_the_same_mesh_every_time(name):
     """Points and cells, bit by bit."""
@@ -43,6 +44,7 @@ def test_the_same_mesh_every_time(name):
     np.testing.assert_array_equal(geometry_cells(first.mesh), geometry_cells(second.mesh))
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("unit", [1e-9, 1e6])
 @each
 def test_the_same_mesh_in_all_units(name, unit):
@@ -56,6 +58,7 @@ def test_the_same_mesh_in_all_units(name, unit):
     np.testing.assert_allclose(second.mesh.geometry.x / unit, first.mesh.geometry.x, rtol=0, atol=1e-8 * size)
 
 
+@pytest.mark.one_quick
 @pytest.mark.mpi
 @each
 def test_on_ranks(name):

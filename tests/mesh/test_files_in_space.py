@@ -96,6 +96,7 @@ def test_a_script(tmp_path, kind):
     assert integrals(read_mesh(file, MPI.COMM_SELF)) == pytest.approx([VOLUME, MOMENT], rel=rel)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("suffix", SUFFIXES)
 @each_kind
 def test_written_and_read(tmp_path, kind, suffix):
@@ -133,6 +134,7 @@ def foreign(folder, kind):
     return points, [(kind, cells), (cell.facet, foot)]
 
 
+@pytest.mark.one_quick
 @pytest.mark.filterwarnings("ignore::UserWarning")
 @pytest.mark.parametrize(
     ("kind", "form"),
@@ -754,6 +756,7 @@ def test_med_without_the_number_of_coordinates(tmp_path, kind, dim):
         read_file(file)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("order", [list(range(7)), [4, 2, 1, 3, 0, 5, 6], [6, 5, 4, 3, 2, 1, 0]])
 def test_med_with_27_nodes(tmp_path, order):
     """The nodes in the middle of faces are in the order of this program, whichever they have in the file; one that is

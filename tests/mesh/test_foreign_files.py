@@ -90,6 +90,7 @@ def test_texts_that_are_no_names(tmp_path, text):
         assert "line 1:" in refusal(file)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif("seccomp" not in sandbox.available(), reason="the system has no seccomp")
 @pytest.mark.parametrize("count", [200, 60])
 def test_attacks_on_the_sandbox(tmp_path, count):
@@ -151,6 +152,7 @@ def test_exit(tmp_path, monkeypatch):
         read_file(file)
 
 
+@pytest.mark.one_quick
 def test_options_beside_a_file(tmp_path, monkeypatch, either_way):
     """FILE.opt and the files in the home folder are not read, of a script as of a mesh with values at its nodes."""
     home = tmp_path / "home"
@@ -185,6 +187,7 @@ LAUGHS = '<!ENTITY a "1 2 3 ">' + "".join(
 )
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("entities", "x"),
     [('<!ENTITY out SYSTEM "file://{folder}/secret.txt">', "&out;"), (LAUGHS, "&j;")],
@@ -326,6 +329,7 @@ def test_what_the_sandbox_leaves(tmp_path):
     assert sorted((path.name, path.read_bytes()) for path in tmp_path.iterdir()) == before
 
 
+@pytest.mark.slow
 @pytest.mark.skipif("seccomp" not in sandbox.available(), reason="the system has no seccomp")
 def test_the_sandbox_alone(tmp_path, monkeypatch):
     """If a command got through to gmsh, it would fail; without the sandbox it would not."""

@@ -163,6 +163,7 @@ def test_triangles_to_divide(name):
         assert all(fine.facets(boundary).size == 2 * coarse.facets(boundary).size for boundary in coarse.boundaries)
 
 
+@pytest.mark.one_quick
 @each_cell
 @each_curved
 def test_geometry_of_degree_two(name, cell):
@@ -455,6 +456,7 @@ def test_sawtooth(depth):
         assert touching.mean() > 0.9
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", ["punch", "dovetail"])
 def test_nested(name):
     """Coarser meshes of the same body as a start lead to the same solution."""

@@ -186,6 +186,7 @@ def test_mesh_without_names(tmp_path):
         read_mesh(file, MPI.COMM_SELF)
 
 
+@pytest.mark.slow
 def test_mesh_file(tmp_path):
     """A geometry with physical groups is a mesh like that of a generator."""
     file = tmp_path / "body.geo"

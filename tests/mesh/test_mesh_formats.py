@@ -115,6 +115,7 @@ def written(folder, cell, form):
     return file
 
 
+@pytest.mark.one_quick
 @pytest.mark.filterwarnings("ignore::UserWarning")
 @pytest.mark.parametrize("form", FORMATS)
 @each_cell
@@ -132,6 +133,7 @@ def test_the_same_answer(tmp_path, cell, form):
 RULES = {"bottom": "x[1] < 1e-9", "top": "x[1] > 1 - 1e-9", "left": "x[0] < 1e-9", "right": "x[0] > 3 - 1e-9"}
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("suffix", ["inp", "med", "msh", "vtu", "xdmf"])
 @each_cell
 def test_names_by_rules(tmp_path, cell, suffix):
@@ -564,6 +566,7 @@ def test_packages_that_are_not_installed(tmp_path, monkeypatch, suffix, missing)
         read_file(file)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("kind", ["triangle6", "quad9"])
 def test_straight_cells_with_midside_nodes(tmp_path, kind):
     """Linear elements may be used on them: the answer is that of the corners alone."""

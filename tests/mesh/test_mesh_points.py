@@ -137,7 +137,8 @@ def test_quadratic_functions_on_meshes_that_are_not_nested(cell):
     np.testing.assert_allclose(found[:, 0], function(x.T), rtol=0, atol=1e-11)
 
 
-@pytest.mark.mpi
+@pytest.mark.one_quick
+@pytest.mark.mpi(slow=True)
 @pytest.mark.parametrize("degrees", [(2, 2), (2, 1), (1, 2)])
 def test_nodes_of_a_finer_mesh_beside_the_coarser_one(drawing, degrees):
     """Each node has a place, whichever mesh is curved, which the cells continue outside themselves; in any unit."""
@@ -190,6 +191,7 @@ def test_an_error_on_one_rank():
         at_points(mesh, nodes(mesh), 0.25, evaluate)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("dim", [2, 3])
 def test_the_nearest_cell(dim):
     """A point that two cells continue to takes the one that it is less outside of, large or small."""

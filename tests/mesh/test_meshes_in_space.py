@@ -112,6 +112,7 @@ def cells_of(tagged):
     return geometry_cells(tagged.mesh)[:, order], cell
 
 
+@pytest.mark.one_quick
 @each_cell
 @each
 def test_names_volume_areas_and_quality(name, cell):
@@ -128,6 +129,7 @@ def test_names_volume_areas_and_quality(name, cell):
     assert shape.mean() > mean
 
 
+@pytest.mark.one_quick
 @each_cell
 @each_curved
 def test_geometry_of_degree_two(name, cell):
@@ -177,6 +179,7 @@ def test_a_node_where_contact_begins(part):
     assert x[:, 2].min() > -1e-9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["half_sphere", "cylindrical_punch", "bracket"])
 def test_small_cells_where_contact_is(name):
     """Edges are short in the zone and long far away."""
@@ -294,6 +297,7 @@ def test_cells_too_large_for_their_arcs():
 STEEL = {"young": 210000.0, "poisson": 0.3}
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("friction", [0.0, 0.2])
 def test_wedge_in_its_groove(friction):
     """The normal forces on the flanks balance the load: P / (sin a + F cos a) together, while it slides down."""

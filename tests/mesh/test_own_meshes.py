@@ -211,6 +211,7 @@ def test_positions_that_are_not_finite(value):
         load_mesh(parse_scene(data | {"contact": {"boundary": "low"}}), SELF)
 
 
+@pytest.mark.slow
 def test_second_order_cells_beside_their_facets_in_xdmf(tmp_path):
     """meshio cannot read what it has written; the message names the kind of the cells, not a number."""
     x = np.vstack((np.eye(4)[:, :3], [[0.5, 0, 0]] * 6))

@@ -166,6 +166,7 @@ def test_meshes_of_their_own(name):
         assert np.abs(own - own.sum() / WORLD.size).max() <= own.sum() / along
 
 
+@pytest.mark.one_quick
 @pytest.mark.mpi
 @pytest.mark.parametrize(("name", "more"), [*((name, {}) for name in STACKS), ("quadrilaterals", {"levels": 2})])
 def test_the_same_as_on_one_rank(name, more):
@@ -202,7 +203,7 @@ def test_bodies_in_one_file():
         assert WORLD.size != 2 or own[0] == pytest.approx(own[1], rel=0.1)
 
 
-@pytest.mark.mpi
+@pytest.mark.mpi(slow=True)
 def test_a_file_whose_cells_are_halved(tmp_path):
     """The finer meshes of a requested accuracy are divided anew, alike."""
     file = Path(WORLD.bcast(str(tmp_path))) / "blocks.vtu"
@@ -229,6 +230,7 @@ def test_a_file_whose_cells_are_halved(tmp_path):
         assert np.ptp(own) <= 2
 
 
+@pytest.mark.slow
 @pytest.mark.mpi
 def test_one_body(monkeypatch):
     """Nothing is cut without two bodies that touch."""

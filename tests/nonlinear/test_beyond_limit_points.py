@@ -191,6 +191,7 @@ def test_what_becomes_softer_does_not_jump():
     assert any("may jump" in event for event in problem.history.events)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("before", [0.07, 0.13])
 def test_a_jump_from_just_below_its_limit_point(before):
     """A bar that becomes soft over several steps, the last of which ends a share of a step below the limit point: its
@@ -209,6 +210,7 @@ def test_a_jump_from_just_below_its_limit_point(before):
     assert end - begin < 2 * step
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(("waves", "soft", "jumps"), [(1.5, 0.1, 2), (0.9, 0.12, 0)])
 def test_jumps_within_one_step(waves, soft, jumps):
     """The whole load is one step, of whose way each jump is a third or less: it is divided until each limit point lies

@@ -16,6 +16,7 @@ from signorini_fx.forms.nonlinear.tangent import round_off
 from signorini_fx.results.certificate.promised_law import Tractions
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("algorithm", ["ssn", "alm"])
 @pytest.mark.parametrize("friction", [None, 0.3])
 def test_pressed_and_released(algorithm, friction):
@@ -178,6 +179,7 @@ def turned(angle, dimension):
     return rotation
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("dimension", [2, 3])
 @pytest.mark.parametrize("algorithm", ["ssn", "alm"])
 def test_stuck_contact_that_turns(algorithm, dimension):

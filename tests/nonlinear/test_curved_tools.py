@@ -3,6 +3,8 @@
 import sys
 from pathlib import Path
 
+import pytest
+
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from stability import curved_tools
@@ -10,6 +12,7 @@ from stability import curved_tools
 CASES = {case.name: case for case in curved_tools.cases()}
 
 
+@pytest.mark.slow
 def test_rows(monkeypatch, capsys):
     """The cases take as few iterations as the table promises, and it counts those that do not."""
     chosen = [CASES["circle, degree 1, mu 0.3, from rest"], CASES["rounded wedge, degree 1, mu 0.3, slid"]]
@@ -23,6 +26,7 @@ def test_rows(monkeypatch, capsys):
     assert capsys.readouterr().out.count("circle, degree 1, mu 0.3, from rest") == 2
 
 
+@pytest.mark.slow
 def test_a_limit_point(monkeypatch, capsys):
     """A corner that lets go of a bowl is told in its row: its force is largest before the last small step that has a
     solution, and the whole step takes the iterations of a jump.

@@ -55,7 +55,7 @@ def polyline(values):
     return " + ".join(f"({float(step)!r}) * min(max(t - {k}, 0), 1)" for k, step in enumerate(steps))
 
 
-@pytest.mark.mpi
+@pytest.mark.mpi(slow=True)
 @pytest.mark.parametrize("law", ["rubber", pytest.param("metal", marks=pytest.mark.slow)])
 def test_the_forces_of_a_way_give_the_way(law, tmp_path):
     """Pressed, dragged and lifted by displacements; then by the forces of these, with the drag prescribed."""
@@ -181,7 +181,7 @@ def test_a_block_under_a_plate(kind):
         assert total(solution.last_step)[1] == pytest.approx(force, rel=1e-9)
 
 
-@pytest.mark.mpi
+@pytest.mark.mpi(slow=True)
 def test_between_a_ground_and_a_tool():
     """Contact alone holds the block: it falls to the ground, and the tool with it, by the gap more."""
     plate = {"shape": "plane", "point": [0.0, 1.0], "normal": [0.0, -1.0]}

@@ -122,7 +122,7 @@ def widened(pressure, inner, outer):
     return brentq(outside, inner * 1.0001, inner * 2.5, xtol=1e-13)
 
 
-@pytest.mark.mpi
+@pytest.mark.mpi(slow=True)
 def test_a_tube_by_its_radial_equilibrium():
     """The inside is wider by more than a quarter, and the area that is pressed with it."""
     pressure = 14.0
@@ -173,6 +173,7 @@ def chord(solution, ends):
     return last - first
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("contact", [False, True])
 def test_a_cantilever(contact, tmp_path):
     """Its tangent is not symmetric.  What holds it takes p times the chord of the deformed side, turned."""
@@ -194,6 +195,7 @@ def test_a_cantilever(contact, tmp_path):
     assert summary["converged"]
 
 
+@pytest.mark.slow
 def test_forms_and_scene_agree():
     """A user's residual with the traction, and the scene."""
     of_scene = solve(beam("0.4 * t", load_steps={"times": [1.0]}), MPI.COMM_SELF).displacement

@@ -12,6 +12,7 @@ from signorini_fx import ConvergenceError, Coulomb, Foundation, NonlinearContact
 from signorini_fx.algebra.linalg.blocks import is_by_blocks
 
 
+@pytest.mark.slow
 def test_the_residual_itself_is_solved():
     """Forms without a quadrature degree: the certificate, which assembles F as it is compiled, is left round-off."""
     space, side = rectangle([2.0, 1.0], [16, 8], MPI.COMM_SELF)
@@ -27,6 +28,7 @@ def test_the_residual_itself_is_solved():
         assert problem.iterations <= 6
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(("friction", "degree"), [(None, 1), (None, 2), (0.3, 1), (0.3, 2)])
 def test_iterations_with_curved_tools(friction, degree):
     """A circle pressed and slid, with sliding friction too, in the iterations of a bonded body: normals and frictional
@@ -45,6 +47,7 @@ def test_iterations_with_curved_tools(friction, degree):
     assert friction is None or sum(problem.state.forces)[0] > 1.0
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(("hollow", "most"), [(False, 6), (True, 8)])
 def test_a_deep_press_from_rest(hollow, most):
     """Points that stick come along a plane that turns by the way to the shape over its radius: Newton's method knows,
@@ -62,6 +65,7 @@ def test_a_deep_press_from_rest(hollow, most):
     assert problem.state.areas["stick"] > 0.2
 
 
+@pytest.mark.slow
 @pytest.mark.mpi
 def test_a_ball_with_multigrid():
     """A matrix by blocks has the curvature of shapes too: otherwise its solution is not that of the residual."""
@@ -113,6 +117,7 @@ def test_a_wrong_tangent_goes_on_until_the_forces_balance():
     assert short.status is Status.MAX_ITERATIONS
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("most", "left"), [(40, 2e-16), (30, 5e-15)])
 def test_a_wrong_tangent_comes_to_rest(most, left):
     """A body that is released has nothing that increments are small beside: they go on down to round-off, or for as

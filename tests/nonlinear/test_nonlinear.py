@@ -33,7 +33,7 @@ from signorini_fx.forms.nonlinear.displaced_certificate import certified, mechan
 from signorini_fx.results.certificate.promised_law import Law, Tractions
 
 
-@pytest.mark.mpi
+@pytest.mark.mpi(slow=True)
 def test_block_between_smooth_plates():
     """The closed form of a uniform block, compressed to a half in four steps; four or five iterations each."""
     space, side = rectangle([1.0, 1.0], [4, 4])
@@ -98,6 +98,7 @@ def least_energy(space, apart):
     return whole(found.x), distances(found.x)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("seeds", [range(4), pytest.param(range(4, 104), marks=pytest.mark.long)], ids=["few", "many"])
 def test_energy_minimised_by_a_library(seeds):
     """Circles and oblique planes pressed into a block, frictionless: the displacement of a minimiser of the energy."""
@@ -201,6 +202,7 @@ def circle_on_block(comm=MPI.COMM_WORLD, turn=0.0, unit=1.0):
     return np.array(forces)
 
 
+@pytest.mark.slow
 def test_objectivity_and_units():
     """A scene that is turned as a whole, or measured in other units, has the same forces."""
     forces = circle_on_block()
@@ -209,6 +211,7 @@ def test_objectivity_and_units():
     assert circle_on_block(unit=1e3) == pytest.approx(forces, rel=1e-7, abs=1e-7)
 
 
+@pytest.mark.slow
 @pytest.mark.mpi
 def test_ranks():
     """The same forces on all ranks as on one."""
@@ -283,6 +286,7 @@ def column(smooth):
     return NonlinearContactProblem(residual(u), u, bcs=[held(space, side(1, 0.0))], contact=contact)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(("smooth", "stable", "unstable"), [(False, 0.03, 0.1), (True, 0.003, 0.02)])
 def test_buckled_columns_are_called_unstable(smooth, stable, unstable):
     """The straight state of a column is an equilibrium at every load; beyond Euler's it is not called converged."""
@@ -297,6 +301,7 @@ def test_buckled_columns_are_called_unstable(smooth, stable, unstable):
     assert problem.certificate.holds
 
 
+@pytest.mark.slow
 def test_no_equilibrium_beyond_a_load():
     """A body without supports but a smooth foundation is pulled off: the ramp says how far it came."""
     space, side = rectangle([1.0, 1.0], [2, 2], MPI.COMM_SELF)

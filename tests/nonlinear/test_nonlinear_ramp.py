@@ -74,6 +74,7 @@ def test_a_class_of_a_user_ends_steps():
     assert problem.ended == before + 2
 
 
+@pytest.mark.slow
 def test_sizes_of_steps():
     """The largest step holds for the first one too, easy steps grow up to it, and loads may be negative."""
     problem = pressed(stability=False)
@@ -91,6 +92,7 @@ class Unlike(Exception):
     """What a user's function may raise."""
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("fault", ["update", "newton", "not finite", "unstable"])
 def test_a_failure_goes_back_to_the_last_step(fault, monkeypatch):
     """Displacement, tractions, certificate and shapes are those of the last step, at which ``update`` was called; a

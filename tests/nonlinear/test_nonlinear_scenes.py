@@ -155,6 +155,7 @@ def test_a_circle_ploughs():
     assert solution.history.linear_solves <= 160
 
 
+@pytest.mark.slow
 @pytest.mark.mpi
 def test_a_scene_is_a_residual():
     """The same problem in UFL has the same forces, load steps and linear solves: with friction, a dead load that grows
@@ -256,7 +257,7 @@ def test_units(name):
         assert mine.linear_solves == theirs.linear_solves or name == "j2"
 
 
-@pytest.mark.mpi
+@pytest.mark.mpi(slow=True)
 @pytest.mark.parametrize("name", but_slow(["ogden", "j2"], "j2"))
 def test_ranks(name):
     """The forces are those of one rank."""
@@ -406,6 +407,7 @@ def test_a_ratio_at_the_threshold_is_reduced_in_all_units(young):
     assert scene.statement.material[0].at_rest.locks
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", LAWS)
 def test_a_path_may_begin_at_rest(name):
     """A plate that touches an unloaded body is a solution, of which all figures are round-off of positions; the next

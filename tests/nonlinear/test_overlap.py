@@ -21,6 +21,7 @@ def problem(corner, cells, circle, sides=((1, 1.0),), degree=1, comm=MPI.COMM_SE
     return NonlinearContactProblem(residual(u), u, bcs=[held(space, side(1, 0.0))], contact=contact)
 
 
+@pytest.mark.one_quick
 @pytest.mark.mpi
 @pytest.mark.parametrize("degree", [1, 2])
 def test_a_circle_that_is_moved_into_the_body_in_one_step(degree):
@@ -67,6 +68,7 @@ def with_shape(shape, corner=(1.0, 1.0), cells=(10, 10), sides=((1, 1.0),), comm
     return NonlinearContactProblem(residual(u), u, bcs=[held(space, side(1, 0.0))], contact=contact)
 
 
+@pytest.mark.one_quick
 @pytest.mark.mpi
 @pytest.mark.parametrize("radius", [0.05, 0.01, 0.002])
 def test_a_shape_of_a_users_own_that_does_not_say_how_large_it_is(radius):
@@ -138,6 +140,7 @@ def test_what_a_shape_of_a_users_own_must_have():
 POST = {"corner": (0.5, 2.0), "cells": (3, 10), "sides": ((0, 0.0), (0, 0.5), (1, 2.0))}
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     "shape",
     [
@@ -161,6 +164,7 @@ def test_the_way_of_what_has_no_largest_ball(shape):
     assert found.status is Status.CONVERGED
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("angle", [30.0, 75.0])
 def test_a_tip_that_slides_far_in_one_step(angle):
     """Over many cells, in its dent: between both ends the body is not flat, as it is on the straight way."""
@@ -189,6 +193,7 @@ def test_a_surface_of_a_file_that_is_moved_into_the_body(tmp_path):
     found.solve()
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("first", [None, 0.02])
 def test_a_post_is_not_passed_through(first):
     """A circle that a ramp moves through a post bends it: the force is not zero in steps that touch it."""
@@ -247,6 +252,7 @@ def test_a_shape_that_is_given_inside_and_placed_outside():
     assert found.status is Status.CONVERGED
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("before", [False, True])
 def test_a_ramp_into_the_body_says_so(before):
     """The reason of its last step comes first, with the load, and the load that has a solution."""

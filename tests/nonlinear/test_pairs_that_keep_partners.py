@@ -38,6 +38,7 @@ def turned_as_a_whole(scene, way, angle, steps=4):
     return turn_of(angle, dim).T @ sum(problem.state.forces), problem
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("make", "way"),
     [
@@ -62,6 +63,7 @@ def test_joint_rotations_do_not_matter(make, way):
     assert not problem.linear.pairs  # none slides
 
 
+@pytest.mark.slow
 def test_near_sides_that_slide():
     """A block pressed onto another one: the difference from sides that slide decreases with the depth, as how far
     points move along the other side does.
@@ -92,6 +94,7 @@ def test_sides_that_slide_too_far_are_told(facets):
         assert moved == pytest.approx(facets, rel=0.15)
 
 
+@pytest.mark.slow
 def test_ties():
     """A beam of two halves that are tied, bent to a right angle: the same as of one piece."""
     ends = [lambda x: np.isclose(x[0], 0.0), lambda x: np.isclose(x[0], 4.0)]
@@ -244,6 +247,7 @@ def test_steps_without_friction():
     assert scene.problem.certificate.holds
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     "scene",
     [

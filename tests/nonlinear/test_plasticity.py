@@ -32,6 +32,7 @@ def by_hand(depths, bulk, mu, yields, hardening):
         yield bulk * depth + 2 / 3 * (mises - 3 * mu * flow * np.sign(mises)), hardened
 
 
+@pytest.mark.slow
 @pytest.mark.mpi
 def test_a_block_between_smooth_walls(metal):
     """Pressed beyond yield, unloaded, and pressed again, with the quadratic convergence of the consistent tangent."""

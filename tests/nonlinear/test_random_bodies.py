@@ -19,6 +19,7 @@ from stability.nonlinear_bodies import Judge, RandomBody, posed, tried
 DRAWN = [RandomBody.drawn(seed) for seed in range(300)]
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("seed", "expected"),
     [
@@ -38,6 +39,7 @@ def test_quick_ones(seed, expected):
     assert end == expected.value
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(("seed", "fault"), [(16, "passed through"), (21, "outline 0.7"), (74, "circle inside")])
 def test_the_judge_needs_no_geometry_of_the_package(monkeypatch, seed, fault):
     """Where the package does not ask whether the shape is inside, these are called converged, and judged wrong."""
@@ -47,6 +49,7 @@ def test_the_judge_needs_no_geometry_of_the_package(monkeypatch, seed, fault):
     assert any(fault in text for text in faults)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("seed", [26, 29, 276])
 def test_loads_alone(seed):
     """Without contact forces are relative to reactions: with a tangent that is not the derivative, and with stiffness

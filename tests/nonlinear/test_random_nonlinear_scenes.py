@@ -16,6 +16,7 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 from stability.nonlinear_scenes import RandomScene, judged, tried
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("seed", [2, 5, 6, 20, 42])
 def test_they_agree(seed):
     """Equilibrium, gaps, friction, reported forces, balance of tools, stability."""

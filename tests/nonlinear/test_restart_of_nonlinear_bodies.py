@@ -153,6 +153,7 @@ def test_in_space(tmp_path):
     assert touching[0] == 0 < touching[2]
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("degree", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_steps_that_were_halved(tmp_path, degree):
     """A way in which steps are halved is gone on with the steps that it has come to, also one load step alone."""
@@ -255,6 +256,7 @@ def test_another_scene_is_refused(tmp_path):
         problem.run((1.0,), lambda time: None, folder=tmp_path, restart=True)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("wrong", ["solution.bin", "tangent.bin", "certificate"])
 def test_what_is_damaged_is_solved_again(tmp_path, wrong, monkeypatch):
     """A file that lacks a digit, and a load step that is no solution: it and all later ones."""

@@ -39,7 +39,8 @@ def moved(problem):
     return lambda load: problem.place(0, shift=(0.2 * load, -0.3 * load))
 
 
-@pytest.mark.mpi
+@pytest.mark.one_quick
+@pytest.mark.mpi(slow=True)
 @pytest.mark.parametrize("degree", [1, 2])
 def test_forces_and_moments_are_in_balance(degree):
     """Of the reactions at the support and of contact, about any point: neo-Hooke's energy does not change with a
@@ -61,7 +62,7 @@ def test_forces_and_moments_are_in_balance(degree):
     assert abs(abs(undeformed) - abs(top.moment)) > 1e-2 * size
 
 
-@pytest.mark.mpi
+@pytest.mark.mpi(slow=True)
 def test_a_ramp_has_load_steps():
     """The times are the loads, each with the displacement that ``u`` had; the foundation is where the last left it."""
     problem, seen = pressed(MPI.COMM_WORLD), []

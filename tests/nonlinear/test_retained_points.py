@@ -43,6 +43,7 @@ def pressed(monkeypatch, *, reach, left_out):
     return np.array(found), len(problem.history.iterations), seen
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(("reach", "repeats"), [(0.5, False), (-10.0, True)])
 def test_left_out_points(monkeypatch, reach, repeats):
     """The answers are those with all points, to round-off, also if points are left out that will touch: these are found

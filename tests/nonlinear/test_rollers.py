@@ -60,6 +60,7 @@ def wrench(contact, u, pivot):
     return boundary.comm.allreduce(np.append(forces.sum(axis=0), moment.sum()))
 
 
+@pytest.mark.one_quick
 @pytest.mark.mpi
 @pytest.mark.parametrize("law", ["rubber", pytest.param("metal", marks=pytest.mark.slow)])
 def test_the_forces_of_a_way_give_the_way(law, tmp_path):
@@ -181,6 +182,7 @@ def test_a_lever_on_two_rollers():
     assert moment == pytest.approx(0.0, abs=1e-8)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("wrong", ["angle", "moment"])
 def test_the_certificate_knows_the_turn(wrong, monkeypatch):
     """A tool that has turned further by a thousandth, and a moment that is another one."""
@@ -215,6 +217,7 @@ def test_a_spring_that_turns_back():
     assert abs(springs).min(where=[True, False, True], initial=1.0) > 1e-3
 
 
+@pytest.mark.slow
 def test_the_roller_of_the_gallery():
     """Its axle is drawn, and friction turns it against the brake: what the mat takes is what drives the roller."""
     scene = read_scene(Path(__file__).parents[2] / "demos" / "scenes" / "roller.toml")
@@ -228,6 +231,7 @@ def test_the_roller_of_the_gallery():
         assert taken[1:] == pytest.approx([20.0, -60 * (step.time - 1)], abs=1e-5)
 
 
+@pytest.mark.one_quick
 @pytest.mark.mpi
 @pytest.mark.parametrize("law", ["rubber", pytest.param("metal", marks=pytest.mark.slow)])
 def test_restart(tmp_path, law):

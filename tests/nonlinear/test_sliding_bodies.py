@@ -40,6 +40,7 @@ def slid(scene, ways):
     return forces
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("kind", ["quadrilateral", "triangle"])
 @pytest.mark.parametrize("slave", [0, 1])
 def test_patch(kind, slave):
@@ -59,6 +60,7 @@ def test_patch(kind, slave):
         assert across == pytest.approx(across[x[:, 0].argmax()] * x[:, 0], abs=1e-9)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(("friction", "depth"), [(None, 0.3), (None, 0.42), (Coulomb(0.3), 0.42)])
 def test_edges_that_are_flush(friction, depth):
     """Equal blocks with their edges on each other: from a compression on the one slides over the other where nothing
@@ -76,6 +78,7 @@ def test_edges_that_are_flush(friction, depth):
     assert scene.problem.status is (Status.UNSTABLE if smooth else Status.CONVERGED)
 
 
+@pytest.mark.slow
 def test_frames_do_not_matter():
     """A roller that is pressed and slides, and the same turned as a whole: equal forces; friction is F times them, and
     forces and moments of both bodies balance.
@@ -96,6 +99,7 @@ def test_frames_do_not_matter():
         assert moment < 1e-12
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     "friction", [None, pytest.param(Coulomb(0.3), marks=pytest.mark.slow)], ids=["smooth", "rough"]
 )
@@ -125,6 +129,7 @@ def test_force_is_even_over_an_edge_between_facets():
         assert np.abs(component - np.polyval(np.polyfit(times, component, 2), times)).max() < 0.006 * largest
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("slave", [0, 1])
 @pytest.mark.parametrize("friction", [None, Coulomb(0.3)], ids=["smooth", "rough"])
 def test_linear_limit(friction, slave):
@@ -169,6 +174,7 @@ def test_ironing(monkeypatch):
     assert reaction == pytest.approx(-force, abs=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.mpi
 def test_on_ranks():
     """The same on any number of ranks, with stick and slip."""
@@ -179,6 +185,7 @@ def test_on_ranks():
     assert forces[0] == pytest.approx(forces[1], rel=1e-6)
 
 
+@pytest.mark.slow
 def test_the_certificate_sees_what_is_wrong():
     """Pressures, shears, displacements and the beginning of the step that are not those of the solution."""
     scene = roller(ratio=10.0, cells=(24, 6), around=14, friction=Coulomb(0.3))
@@ -427,6 +434,7 @@ def test_shears_that_are_passed_on(monkeypatch):
     assert found[1][1] == pytest.approx(found[0][1], rel=1e-7)
 
 
+@pytest.mark.slow
 def test_tangents_that_are_kept(monkeypatch):
     """A wheel that is pressed and pulled: after small increments nothing is assembled or eliminated, and the answer is
     that of tangents which are all new.

@@ -354,6 +354,7 @@ def test_punch_along_an_arc(monkeypatch):
     assert reaction == pytest.approx(-force, abs=1e-6 * np.abs(force).max())
 
 
+@pytest.mark.slow
 @pytest.mark.mpi
 def test_on_ranks():
     """The same on any number of ranks, with stick and slip."""
@@ -365,6 +366,7 @@ def test_on_ranks():
     assert forces[0] == pytest.approx(forces[1], abs=1e-7 * np.abs(forces[1]).max())
 
 
+@pytest.mark.slow
 def test_the_certificate_sees_what_is_wrong():
     """Pressures, shears, displacements and the beginning of the step that are not those of the solution."""
     scene = pillow(friction=Coulomb(0.3), **COARSE)
@@ -497,6 +499,7 @@ def at_the_rim(**settings):
     return pillow(**law, **settings), (0.1388, 0.2671, -0.08315)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("slave", [0, pytest.param(1, marks=pytest.mark.slow)])
 def test_points_that_come_and_go(slave):
     """Functions at the rim turn evenly into those beside them: there is equilibrium, with hardly another force where

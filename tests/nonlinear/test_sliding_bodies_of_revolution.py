@@ -177,6 +177,7 @@ def test_hoop_force():
     assert 2 * shares[1] - shares[0] == pytest.approx(1.0, abs=5e-3)
 
 
+@pytest.mark.slow
 def test_forces_balance():
     """Along the axis the force on the ring is that of the support of the cone, from the residual alone; upside down all
     forces are mirror images, and in millimetres the same.
@@ -279,6 +280,7 @@ def test_forty_random_rings():
         assert force == pytest.approx(expected, abs=5e-3 * np.abs(expected).max()), seed
 
 
+@pytest.mark.slow
 @pytest.mark.mpi
 def test_on_ranks():
     """The same on any number of ranks."""

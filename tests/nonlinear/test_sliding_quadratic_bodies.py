@@ -99,6 +99,7 @@ def test_ring_over_a_cone(friction):
     assert force[1] / force[0] == pytest.approx(np.tan(angle), rel=0.005)
 
 
+@pytest.mark.one_quick
 @pytest.mark.mpi
 @pytest.mark.parametrize("revolved", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_on_ranks(revolved):

@@ -40,6 +40,7 @@ def of_digits(solution):
     return [found for found in solution.findings if "round-off" in found.message]
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("law", LAWS)
 def test_a_block_under_a_load_of_any_size(law):
     """It is as far from the linear one as its strain, which round-off of I + grad u would hide from 1e-8 on."""
@@ -56,6 +57,7 @@ def test_a_block_under_a_load_of_any_size(law):
         assert not of_digits(solution)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("contact", ["plane", "kept partners", "sliding"])
 def test_contact_at_displacements_of_any_size(contact):
     """Gaps of the undeformed bodies keep their digits; what is met at displaced points has those of its coordinates,

@@ -105,6 +105,7 @@ def differences(half, whole):
     return np.abs(pressure - others[0]).max() / size, np.abs(shear - others[1]).max() / size
 
 
+@pytest.mark.one_quick
 @pytest.mark.mpi
 @pytest.mark.parametrize(
     ("kind", "degree", "counts", "given"),
@@ -134,6 +135,7 @@ def test_half_a_model(kind, degree, counts, given):
     assert half.certificate.holds
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(("kind", "degree", "counts"), [("triangle", 1, (5, 6)), ("hexahedron", 1, (3, 4))])
 def test_half_of_curved_sides(kind, degree, counts):
     """The normals on the plane are in it.  In space the sides are projected along facets, which do not know of it."""
@@ -146,6 +148,7 @@ def test_half_of_curved_sides(kind, degree, counts):
     assert half.certificate.holds
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("of_master", [None, 0.0])
 def test_where_it_is_no_plane_of_symmetry(of_master):
     """A support that holds the slave alone, or moves it past the other body, is none: friction acts across it."""

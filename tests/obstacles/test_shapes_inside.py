@@ -132,6 +132,7 @@ def test_in_a_bent_body(cell):
     assert cells.inside(places, ball(cells, where * 3.04 / 2.4, 0.05)) is None
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("cell", ["quadrilateral", "hexahedron"])
 def test_on_the_way(cell):
     """Through the block, over it, round it; and with it, where all moves together."""

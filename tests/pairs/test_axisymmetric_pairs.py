@@ -212,7 +212,7 @@ def test_preloaded_section():
 # --- patches ---------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.mpi
+@pytest.mark.mpi(slow=True)
 @pytest.mark.parametrize(
     ("cell", "degree", "linear_algebra", "exchanged"),
     [

@@ -165,7 +165,8 @@ def told(scene):
     return [found.message for found in scene.problem.findings if "supports hold" in found.message]
 
 
-@pytest.mark.mpi
+@pytest.mark.one_quick
+@pytest.mark.mpi(slow=True)
 @pytest.mark.parametrize("slave", [0, 1])
 @pytest.mark.parametrize("dim", [2, 3])
 def test_where_both_sides_are_held(dim, slave):
@@ -733,6 +734,7 @@ def test_the_depth_of_a_region_in_which_both_sides_are_held(dim, slave):
     assert forces / (depths - 1e-6)[:, None] == pytest.approx(np.tile(forces[-1] / 1e-7, (3, 1)), rel=1e-3)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("dim", [2, 3])
 def test_the_certificate_misses_held_points(monkeypatch, dim):
     """A solver that gives the functions of held nodes to their neighbours is refused."""

@@ -62,6 +62,7 @@ def forces(solution):
     return np.array([total[part == k].sum() for k in (0, 1)])
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("below", "above", "solver"),
     [
@@ -95,6 +96,7 @@ def test_nothing_moves(gap, size, stress):
     assert sum(step.linear_solves for step in solution.steps) < 50
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("lift", "gap", "size", "stress"), [(-0.02, 0.0, 1.0, 1.0), (0.02, -0.03, 1e-6, 1e9), (-0.01, -0.01, 1e5, 1e-3)]
 )
@@ -148,6 +150,7 @@ def test_pressed_and_lifted():
     assert "load step 2: nothing presses on body 'middle'" in solution.advice
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("gap", "lift"), [(0.0, 1e-3), (1e-3, 2e-3)])
 def test_pushed_between_blocks_that_do_not_press(gap, lift):
     """Friction of the pressures that are found holds nothing of the push: more iterations are no help, and the outcome

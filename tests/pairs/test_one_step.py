@@ -78,6 +78,7 @@ def test_shear_of_tilted_frames(coefficient):
     assert said(upright.findings) == 0.0
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(("lower", "share"), [(8.0, 0.0), (np.inf, 0.1)])
 def test_tilted_frames_of_two_bodies(lower, share):
     """Half-way frames are not tilted between equal bodies, and by a/(2R) between a round and a flat one."""

@@ -36,6 +36,7 @@ def joint_motions(dimension):
     return [lambda x: np.tile([0.3, -0.7, 0.2], (len(x), 1)), lambda x: np.cross([0.4, -0.9, 0.5], x)]
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("curved", [False, True], ids=["flat", "curved"])
 @pytest.mark.parametrize("overhang", [0.0, 0.33, 0.505])
 @pytest.mark.parametrize(("dimension", "element", "other"), PAIRS)
@@ -146,6 +147,7 @@ def test_parallelograms_and_other_quadrilaterals():
         assert space_overlap(*sides, 1.0, np.arange(16)).at.shape[1] == 33
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(("dimension", "element", "other"), PAIRS)
 def test_nodes_that_cannot_carry_a_point(dimension, element, other):
     """Held nodes are given to their neighbours: the weights still are the covered area, and shares sum to one."""

@@ -101,7 +101,8 @@ def with_regions(tagged):
     return replace(tagged, cell_tags=dmesh.meshtags(mesh, dim, every, tags), regions={"lower": 1, "upper": 2})
 
 
-@pytest.mark.mpi
+@pytest.mark.one_quick
+@pytest.mark.mpi(slow=True)
 @pytest.mark.parametrize("cell", ["quadrilateral", "hexahedron"])
 def test_the_same_as_one_mesh(cell):
     """Two blocks, the upper one moved to its place: every displacement is that of the same blocks as one mesh, on any
@@ -136,6 +137,7 @@ def test_the_same_as_one_mesh(cell):
     np.testing.assert_allclose((moved @ turn)[order], u, rtol=0, atol=1e-8 * size)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(("cell", "kind"), [("quadrilateral", "full"), ("hexahedron", "krylov")])
 def test_a_sequence_of_meshes(cell, kind):
     """The generators of both bodies make coarser meshes, which change nothing but the work."""
@@ -153,6 +155,7 @@ def test_a_sequence_of_meshes(cell, kind):
     np.testing.assert_allclose(levels.contact.pressure, alone.contact.pressure, rtol=0, atol=1e-6 * size)
 
 
+@pytest.mark.slow
 @pytest.mark.mpi
 def test_names_of_curved_bodies():
     """Curved cells, boundaries and regions keep their names and measures."""

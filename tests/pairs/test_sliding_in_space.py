@@ -126,6 +126,7 @@ def test_what_shears_pass_on(kind):
     assert passed == pytest.approx(expected, abs=1e-6 * np.abs(expected).max())
 
 
+@pytest.mark.one_quick
 @KINDS
 def test_stiffness_of_pressures(kind):
     """Against differences of their forces: what edges of the master add as they pass by is in it, too."""
@@ -208,6 +209,7 @@ def test_areas_are_undeformed():
     assert np.isinf(alone.gap).all()
 
 
+@pytest.mark.slow
 def test_polygons_of_the_certificate_where_edges_coincide():
     """What two facets share, on grids with common lines, turned: no corner is lost to round-off, and none is added."""
     rng = np.random.default_rng(0)
@@ -235,6 +237,7 @@ def turn_in_plane(angle):
     return Rotation.from_rotvec([0.0, 0.0, angle]).as_matrix()[:2, :2]
 
 
+@pytest.mark.slow
 @KINDS
 def test_the_map_is_even_as_a_rim_passes(kind):
     """The force that holds both sides out of each other with equal springs at all nodes, as the rim of one passes nodes

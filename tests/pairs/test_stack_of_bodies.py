@@ -69,7 +69,7 @@ def stack(factors=(0.0, 1.0, -1.0, 0.5), **more):
     )
 
 
-@pytest.mark.mpi
+@pytest.mark.mpi(slow=True)
 def test_forces_of_each_contact(tmp_path, monkeypatch):
     """Not their sum, which is nothing but round-off, is what summary, report and studies show."""
     scene = stack()
@@ -178,6 +178,7 @@ def test_what_to_do_next_with_bodies_in_space():
         assert said in " ".join(next_steps(summary, table))
 
 
+@pytest.mark.slow
 def test_the_error_of_forces_that_cancel():
     """It is relative to the forces, not to their sum: they are exact, and the estimate is small."""
     solution = solve(stack([0.5], solver={"levels": 3}), MPI.COMM_SELF)
@@ -226,6 +227,7 @@ def squeezed(force, **more):
     ).scene(material={"hypothesis": "plane strain"}, **more)
 
 
+@pytest.mark.slow
 def test_friction_of_pressures_that_first_carry_too_little():
     """The pressures without slip carry too little of the load, those of the solution enough: the bounds of the first
     problems are raised.  Pressures are those of a fixed point of convex programmes, least squares within bounds.
@@ -241,6 +243,7 @@ def test_friction_of_pressures_that_first_carry_too_little():
     assert pressure == pytest.approx([0.0, 0.0130764, 0.0584255, 0.0884118, 0.2537261], rel=1e-3)
 
 
+@pytest.mark.slow
 def test_friction_that_no_raised_bounds_make_enough():
     """Beyond the limit the bounds stay raised, and the outcome keeps its name."""
     found = solve(squeezed(0.15), check=False)
@@ -248,6 +251,7 @@ def test_friction_that_no_raised_bounds_make_enough():
     assert any("raised bounds" in str(event) for event in found.history.events)
 
 
+@pytest.mark.slow
 def test_raised_bounds_take_no_more_solves_than_a_problem_may():
     """Here they take 22 where a problem may take as many as it needs; the other attempts take 21 together."""
     found = solve(squeezed(0.15, solver={"max_iterations": 12}), check=False)

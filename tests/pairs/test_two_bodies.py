@@ -45,6 +45,7 @@ def blocks(kind, turn, counts=None):
     return mesh, both
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("exchanged", [False, True], ids=["", "exchanged"])
 @pytest.mark.parametrize("law", ["bonded", "stick", "slip"])
 @pytest.mark.parametrize(("kind", "degree"), ELEMENTS)
@@ -129,6 +130,7 @@ def example1(count, degree=1, stiffer=1.0, rigid=False, comm=MPI.COMM_SELF, **se
     return problem
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(("count", "degree"), [(60, 1), (30, 2)])
 def test_example_1_on_a_foundation_of_its_own_material(count, degree):
     """Deflection, largest pressure and zone of contact are those of finer meshes of an independent program."""
@@ -160,6 +162,7 @@ def ring(kind, counts, inner, outer):
     return grid(kind, counts, (inner, 0.0), (outer, np.pi / 2), place)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("exchanged", [False, True], ids=["", "exchanged"])
 @pytest.mark.parametrize("kind", ["triangle", "quadrilateral"])
 def test_fit_of_two_rings(kind, exchanged):
@@ -298,6 +301,7 @@ def test_the_certificate_notices_a_wrong_map(monkeypatch):
         assert problem.certificate.coupling > 1e-5
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("friction", [None, Coulomb(0.3), Tresca(1.0)], ids=["", "coulomb", "tresca"])
 @pytest.mark.parametrize("kind", ["triangle", "tetrahedron"])
 def test_bodies_carried_away_together(kind, friction, monkeypatch):
@@ -353,6 +357,7 @@ def paraboloids(kind, degree, counts, comm=MPI.COMM_SELF, **settings):
     return problem
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "degree", "counts", "share"), [("hexahedron", 1, (8, 10), 0.9), ("tetrahedron", 2, (4, 6), 1.0)]
 )
@@ -398,6 +403,7 @@ def stack(kind, comm=MPI.COMM_SELF):
     return problem
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("kind", ["triangle", "quadrilateral"])
 def test_three_bodies_on_a_foundation(kind):
     """Each contact carries what is above it."""
@@ -408,6 +414,7 @@ def test_three_bodies_on_a_foundation(kind):
         assert total == pytest.approx([-0.2 * carried, carried], abs=1e-8)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("linear_algebra", ["condensed", "krylov"])
 def test_two_blocks_on_the_same_side_of_a_plate(linear_algebra):
     """Masters may share facets: the answer is that of the same plate whose side is given to each block in parts, and
@@ -446,6 +453,7 @@ def test_two_blocks_on_the_same_side_of_a_plate(linear_algebra):
         ContactProblem(a, load, bcs, contact=[Pair(slaves[0], plate), Pair(plate, slaves[1])])
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("linear_algebra", ["full", "condensed", "krylov"])
 @pytest.mark.parametrize("friction", [None, Coulomb(0.3)], ids=["", "coulomb"])
 @pytest.mark.parametrize(

@@ -37,6 +37,8 @@ def points_of(state):
     return rows[np.lexsort(np.round(rows[:, : 1 + boundary.x.shape[1]], 9).T)]
 
 
+@pytest.mark.one_quick
+@pytest.mark.mpi(slow=True)
 @pytest.mark.parametrize("name", PROBLEMS)
 def test_one_rank_or_many(name):
     """Every kind of element and system; the certificate tries the map on all ranks."""
@@ -56,6 +58,7 @@ def test_one_rank_or_many(name):
     assert together.certificate.holds
 
 
+@pytest.mark.mpi(slow=True)
 def test_ranks_without_cells(monkeypatch):
     """All cells are of the first rank; the others have nothing, and the certificate is the same."""
     plain = dmesh.create_cell_partitioner
@@ -76,6 +79,7 @@ def test_ranks_without_cells(monkeypatch):
     test_one_rank_or_many("Q2")
 
 
+@pytest.mark.slow
 def test_a_scene():
     """Table, resultants and certificate of the demo."""
     scene = read_scene(DEMO)
@@ -91,6 +95,7 @@ def test_a_scene():
         np.testing.assert_allclose(one.moment, other.moment, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_errors_are_those_of_all_ranks():
     """Sides that do not meet are refused on every rank alike."""
     from test_two_bodies_scenes import altered

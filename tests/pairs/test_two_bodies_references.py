@@ -84,6 +84,7 @@ def test_a_shrunk_ring_holds_the_torque_of_friction():
     assert abs(carried) == pytest.approx(0.99 * moment, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_a_shrunk_ring_turns_under_more():
     """At 1.01 it slides at the pressure found, which carries the share that Lame's pressure does; statics alone cannot
     prove more, as the pressure of a fit balances itself, whatever it is.
@@ -104,6 +105,7 @@ def quarter(kind, counts, inner, outer):
     return grid(kind, counts, (inner, 0.0), (outer, np.pi / 2), place)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("exchanged", [False, True], ids=["", "exchanged"])
 def test_disc_that_sticks_in_a_ring(exchanged):
     """A disc cut at r = 0.6 under the pressure 1e7 + 1e6 cos 2t: the same pressure at the cut, and the shear
@@ -197,6 +199,7 @@ def between_balls(degree, counts, layers):
     return problem.state.pressure @ weight / weight.sum()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("degree", "meshes", "errors"),
     [(1, (((8, 11), 3), ((11, 15), 4)), (0.02, 0.0115)), (2, (((5, 8), 3), ((8, 11), 3)), (0.021, 0.009))],
@@ -215,6 +218,7 @@ def test_hollow_balls_in_each_other(degree, meshes, errors):
     assert limit == pytest.approx(wanted, rel=2.5e-3)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("finer", ["slave", "master"])
 @pytest.mark.parametrize(("kind", "degree"), [("triangle", 1), ("quadrilateral", 1), ("triangle", 2)])
 def test_bonded_blocks_converge(kind, degree, finer):
@@ -287,6 +291,7 @@ def test_hertz_of_two_bodies_in_space():
     assert touching == pytest.approx(half, rel=0.12)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_narrow_block_on_a_wide_one(kind, degree):

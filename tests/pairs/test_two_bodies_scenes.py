@@ -42,6 +42,7 @@ def altered(**changes):
     return scene
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("push", [0.02, 0.035])
 def test_cattaneo_and_mindlin(push):
     """Cylinders of one material: the zone that sticks has the half width c = a (1 - Q / F P)^(1/2), to a node, and
@@ -111,6 +112,7 @@ def test_what_the_mesh_refuses(changes, match):
         solve(parse_scene(altered(**changes)))
 
 
+@pytest.mark.slow
 def test_bonded_cylinders():
     """A bond takes tension: pulled apart, the force is the opposite of that when pressed."""
 
@@ -399,6 +401,7 @@ def test_check_compares_facets_with_the_fit(tmp_path, capsys):
     assert "much beside the gap of about 0.02:" in told[1]
 
 
+@pytest.mark.slow
 def test_the_softer_side_carries_the_points(cylinders):
     """Whichever the scene names first: the same points and tractions, and the log and the notes say so."""
     solution = solve(parse_scene(altered(boundary="lower", against="upper")))
@@ -439,6 +442,7 @@ def test_where_points_are(changes, side):
     assert found.against == {"upper": "lower", "lower": "upper"}[side]
 
 
+@pytest.mark.slow
 def test_bolted_joint():
     """Head, joint and nut carry the same when it is tightened; then the joint carries less by the load."""
     solution = solve(read_scene(DEMO.parent / "bolted_joint.toml"))
@@ -465,6 +469,7 @@ def test_bonded_pad():
     assert "in a bond" in render(summarise(solution))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("carried", [0.0, 0.5])
 def test_no_gamma_makes_wrong_pressures_pass(carried):
     """However large gamma is, also where bodies move far together: pressures are right, or it does not converge."""

@@ -49,6 +49,7 @@ def inf_sup(kind, degree, counts, stiffer=1.0):
     return np.sqrt(scipy.linalg.eigh(schur, norm, eigvals_only=True)[0])
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("counts", [(10, 2), (4, 3), (4, 20)])
 @pytest.mark.parametrize(("kind", "degree"), [("triangle", 1), ("quadrilateral", 1), ("triangle", 2)])
 def test_inf_sup_numbers(kind, degree, counts):
@@ -59,6 +60,7 @@ def test_inf_sup_numbers(kind, degree, counts):
         assert fine == pytest.approx(coarse, rel=0.05)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("kind", "least"), [("hexahedron", 0.5), pytest.param("tetrahedron", 0.3, marks=pytest.mark.long)]
 )
@@ -116,6 +118,7 @@ def pressed(dim, counts, young=(200.0, 200.0), radii=(8.0, 12.0), depth=0.05, sl
     return problem, half, 3 * force / (2 * np.pi * half**2)
 
 
+@pytest.mark.slow
 def test_the_largest_pressure_of_equal_bodies_converges():
     """Of two equal bodies in space Hertz's largest pressure is 11 % too large with 4 cells along the radius of contact,
     and 2 % with 5 smaller ones: of the second order at least.
@@ -128,6 +131,7 @@ def test_the_largest_pressure_of_equal_bodies_converges():
     assert np.log(found[0] / abs(found[1])) / np.log(14 / 9) > 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("dim", "counts"), [(2, ((24, 16), (20, 14))), (3, ((9, 6), (7, 5)))])
 def test_ratios_of_stiffness(dim, counts, monkeypatch):
     """The other body 1000 times stiffer, either way, points on the softer one: Hertz's pressure, and about as many
@@ -157,6 +161,7 @@ def test_ratios_of_stiffness(dim, counts, monkeypatch):
         assert steps <= 1.6 * equal[1]
 
 
+@pytest.mark.slow
 def test_normals_of_both_sides():
     """Frictionless tractions are along normals half-way between both sides: on meshes that are mirror images it does
     not matter which side has the points, and of bodies of one radius R none has a part along x.  Along the normals of

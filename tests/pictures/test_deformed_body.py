@@ -202,6 +202,7 @@ def test_a_title_stays_within_its_picture(tmp_path):
     assert text.get_text().replace("\n", " ").startswith("A brake shoe pressed and dragged A brake shoe")
 
 
+@pytest.mark.slow
 def test_all_frames_of_an_animation_are_alike(monkeypatch, tmp_path):
     """The magnification and the frame are the same in all of them; the foundation is in the frame."""
     seen = []

@@ -134,7 +134,7 @@ def half_disk():
     )
 
 
-@pytest.mark.mpi
+@pytest.mark.mpi(slow=True)
 def test_curved_cells_are_drawn_curved():
     """The outline is the boundary of the quarter disk, a closed line; its arc is a parabola through three points of the
     circle in each cell, not a chord.
@@ -154,7 +154,7 @@ def test_curved_cells_are_drawn_curved():
     assert np.abs(radii[on_arc] - 8.0).max() < 0.2 * longest**2 / (8 * 8.0)  # a fifth of the sagitta
 
 
-@pytest.mark.mpi
+@pytest.mark.mpi(slow=True)
 def test_fields_are_the_same_on_any_number_of_ranks():
     """In the plane and in space, cell by cell at their places."""
     comm = MPI.COMM_WORLD
@@ -176,6 +176,7 @@ def test_fields_are_the_same_on_any_number_of_ranks():
         np.testing.assert_allclose(mises, found.values["von_mises"], rtol=1e-8, atol=1e-10 * mises.max())
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("scene", [lambda: example1(nx=6, ny=2), lambda: block(4)], ids=["plane", "space"])
 def test_only_what_is_asked_for_is_drawn(tmp_path, monkeypatch, scene):
     """As PNG, and as PDF if wanted; a later run takes them away; without a field of the stress the tensor is not
@@ -263,6 +264,7 @@ NODAL = {
 }
 
 
+@pytest.mark.one_quick
 @pytest.mark.mpi
 @pytest.mark.parametrize("scene", NODAL.values(), ids=NODAL)
 def test_vertices_have_the_recovered_values(scene):

@@ -262,6 +262,7 @@ def test_a_process_that_dies_takes_nobody_along(monkeypatch):
     first.close()
 
 
+@pytest.mark.slow
 def test_it_knows_nothing_of_mpi(monkeypatch):
     """Neither the ranks of its parent nor a library of MPI: it would take itself for one of them, or wait for them."""
     monkeypatch.setenv("OMPI_COMM_WORLD_SIZE", "2")

@@ -104,6 +104,7 @@ def panels(figure):
     return [axes for axes in figure.axes if axes.get_label() != "<colorbar>"]
 
 
+@pytest.mark.one_quick
 def test_files(folder):
     """All are there, of a size to look at, none is blank, and none of those of a plane scene."""
     assert not (folder / "profiles.png").exists()
@@ -116,6 +117,7 @@ def test_files(folder):
             assert np.asarray(image.convert("L")).std() > 10
 
 
+@pytest.mark.one_quick
 def test_nothing_is_cut_off(folder):
     """Titles, labels and legends are within the picture, also without a title above it."""
     _, figure = drawn(folder)
@@ -129,6 +131,7 @@ def test_nothing_is_cut_off(folder):
         assert inside.y0 <= box.y0 < box.y1 <= inside.y1
 
 
+@pytest.mark.one_quick
 def test_pressure_is_that_of_the_table(folder):
     """Colours are the pressures of contact.csv at its nodes, in the plane of the picture; the scale reaches the top."""
     sides, figure = drawn(folder)
@@ -379,6 +382,7 @@ def test_flat_foundations_only():
     assert plane_of(points[:2]) is None
 
 
+@pytest.mark.slow
 @pytest.mark.mpi
 def test_pictures_on_ranks(tmp_path):
     """The same picture of the contact surface on one rank and on all."""
@@ -395,7 +399,7 @@ def test_pictures_on_ranks(tmp_path):
             assert np.mean(np.abs(ours - theirs) > 8) < 0.005
 
 
-@pytest.mark.mpi
+@pytest.mark.mpi(slow=True)
 def test_too_many_facets(tmp_path, monkeypatch, capsys):
     """The body is left out with a line that says why and where to look, the rest is drawn; on any number of ranks."""
     comm = MPI.COMM_WORLD
@@ -450,6 +454,7 @@ def test_page(folder):
     assert f"{float(row['pressure']):.6g}" in cells
 
 
+@pytest.mark.slow
 def test_the_body_that_can_be_turned(folders, tmp_path):
     """Its points, displacement, values and lines are those of the picture; the page needs no network."""
     data = json.loads((folders["coulomb"] / "body.json").read_text(encoding="utf-8"))
@@ -559,6 +564,7 @@ def test_curves_of_the_load_steps(folders, monkeypatch):
         assert Text.get_window_extent(axes.yaxis.label).y0 >= 0
 
 
+@pytest.mark.slow
 def test_what_is_not_there(tmp_path, folders):
     """Without pictures the contact surface is drawn from the files; a body that slides has a page as well."""
     folder = tmp_path / "plain"

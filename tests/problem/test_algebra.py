@@ -15,6 +15,7 @@ PROGRAM = Path(__file__).parents[1] / "support" / "algebra_alone.py"
 LAWS = {"tresca": ({"bound": 1.5}, ("given", 1.5)), "coulomb": ({"coefficient": 0.3}, ("coefficient", 0.3))}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize(
     ("kind", "algorithm"), [("full", "auto"), ("condensed", "auto"), ("condensed", "exact"), ("full", "alm")]

@@ -16,6 +16,7 @@ from stability.case import CONVERGED
 from stability.fuzz import cases
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("case", list(cases(short=True)), ids=lambda case: case.name)
 def test_fuzz(case):
     """An error with its place, or a result with its certificate; nothing is executed, nothing takes long."""

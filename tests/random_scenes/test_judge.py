@@ -73,6 +73,7 @@ def rows(request):
     return [row_of(seed) for seed in request.param]
 
 
+@pytest.mark.slow
 def test_a_converged_answer_is_right(rows):
     """No answer of the short run is wrong."""
     wrong = {row.seed: (row.kind, row.figure, row.value, row.note) for row in rows if row.kind in FAILURES}
@@ -318,6 +319,7 @@ def test_an_honest_answer_is_right(name, tmp_path_factory):
     assert convex.cvxopt is None or found.compared == len(given.steps)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(("fault", "name"), [(fault, name) for fault, names in INJECTED.items() for name in names])
 def test_an_injected_fault_is_noticed(fault, name, tmp_path_factory):
     """A wrong displacement, pressure, shear, state, bound, gap or gamma."""
@@ -362,6 +364,7 @@ OTHERS = {
 
 
 # A support holds the corner, and `exact` refuses a normal that leans on it.
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("change", "name"),
     [(c, n) for c in OTHERS for n in ("tresca", "coulomb", "exact") if (c, n) != ("another direction", "exact")],

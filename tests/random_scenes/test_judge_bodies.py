@@ -25,6 +25,7 @@ SHORT = {"first": range(2), "others": range(2, 5)}
 SPOILT = (40, 9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seeds", SHORT.values(), ids=SHORT)
 def test_a_converged_answer_is_right(seeds):
     """No answer of a short run is wrong."""
@@ -71,6 +72,7 @@ def weight_of_another_overlap(given):
     return given
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("spoil", [None, one_pressure, one_body_moves, shear_reversed, weight_of_another_overlap])
 @pytest.mark.parametrize("seed", SPOILT)
 def test_what_is_wrong_is_noticed(seed, spoil, answers):
@@ -81,6 +83,7 @@ def test_what_is_wrong_is_noticed(seed, spoil, answers):
     assert found.kind == (RIGHT if spoil is None else WRONG), found.worst
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("known", [True, False])
 def test_planes_of_symmetry(known, monkeypatch):
     """Where supports hold both bodies across a plane, the normal on it is that of both halves; elsewhere it is not."""
@@ -91,6 +94,7 @@ def test_planes_of_symmetry(known, monkeypatch):
         assert row_of(95794, "bodies").kind == RIGHT
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("seed", [0, 1, 3, 7])
 def test_joint_rigid_motions_do_not_move_the_points(seed):
     """The oracle's own map: zero on them, and one body alone moves all points by as much."""

@@ -82,6 +82,7 @@ def test_another_value_is_noticed(answer, path):
     assert judge(scene, MESH, answer).kind == WRONG
 
 
+@pytest.mark.slow
 def test_random_scenes():
     """The first ones of ``make oracle`` with further effects: none is wrong, and each has at least one."""
     rows = [row_of(seed, "effects") for seed in range(8)]

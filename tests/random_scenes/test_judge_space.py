@@ -45,6 +45,7 @@ def rows(request):
     return [row_of(seed, "space") for seed in request.param]
 
 
+@pytest.mark.slow
 def test_a_converged_answer_is_right(rows):
     """No answer of the short run is wrong."""
     wrong = {row.seed: (row.kind, row.figure, row.value, row.note) for row in rows if row.kind in FAILURES}
@@ -243,6 +244,7 @@ def test_answers_of_the_package_are_right(name, tmp_path):
     assert {"open", "slip"} <= set(answer(name, tmp_path).steps[-1].table["state"])
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("spoil", SPOILT)
 @pytest.mark.parametrize("name", TRIALS)
 def test_what_is_wrong_is_noticed(name, spoil, tmp_path):
@@ -250,6 +252,7 @@ def test_what_is_wrong_is_noticed(name, spoil, tmp_path):
     assert verdict(name, spoil(answer(name, tmp_path))).kind == WRONG
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", TRIALS)
 def test_another_scene_is_noticed(name, tmp_path):
     """The answer of a scene with other data: loads by 1 %, the bound by 1 %, a Poisson's ratio, a support, a gap."""
@@ -282,6 +285,7 @@ def stepped(gamma):
     return Trial(0, given, Mesh(points * [16.0, 1.0, 1.0], cells, boundaries, {}), same(3))
 
 
+@pytest.mark.slow
 def test_an_earlier_load_step_is_judged_by_its_own_displacement(tmp_path):
     """A large gamma leaves the pressure fewer digits than the displacement has, and a slender body bends under what is
     lost: its displacement does not follow from the tractions.  One that is off is noticed.

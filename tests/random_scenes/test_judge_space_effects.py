@@ -90,6 +90,7 @@ def test_another_value_is_noticed(answer, path):
     assert judge(scene, MESH, answer).kind == WRONG
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [6, 3])
 def test_random_scenes(count):
     """The first ones of ``make oracle`` in space with further effects: none is wrong, and most are right."""

@@ -31,7 +31,8 @@ def agree(seed, folder):
     return product
 
 
-@pytest.mark.mpi
+@pytest.mark.one_quick
+@pytest.mark.mpi(slow=True)
 @pytest.mark.parametrize("seed", QUICK, ids=lambda seed: f"{seed} {Product.drawn(seed).name}")
 def test_products(seed, tmp_path):
     """On any number of ranks."""

@@ -155,6 +155,7 @@ def ends_well(data):
         assert not solution.converged
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("count", [150, 60])
 def test_random_scenes(count):
     """Effects of all kinds, thrown together."""
@@ -212,6 +213,7 @@ def test_spoilt_scenes(path, value):
     attempt(parse_scene, spoilt(GOOD, path, value))
 
 
+@pytest.mark.slow
 @settings(FEW, max_examples=200)
 @given(st.sampled_from(starting_scene().splitlines()), st.text(max_size=20))
 def test_spoilt_text(line, text):
@@ -232,6 +234,7 @@ def test_spoilt_meshes(parameters):
         attempt(lambda: solve(scene, MPI.COMM_SELF, check=False))
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(("nx", "ny", "levels"), [(1, 1, 2), (1, 3, 2), (4, 4, 3), (1, 1, 12)])
 @pytest.mark.parametrize("algorithm", ["ssn", "path-following"])
 def test_meshes_that_get_no_coarser(nx, ny, levels, algorithm):

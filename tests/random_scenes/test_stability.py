@@ -21,6 +21,7 @@ RUN_BY_TESTS = {"faults"}
 AT_RANDOM = ("scatter", "fuzz")
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("groups", [AT_RANDOM, tuple(GROUPS)], ids=["drawn at random", "every group"])
 def test_the_short_form(tmp_path, groups):
     """``make stability`` with its cheapest cases: no red row, and all its files."""

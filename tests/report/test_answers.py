@@ -51,6 +51,7 @@ def test_page_is_up_to_date():
     assert page.PAGE.read_text(encoding="utf-8") == page.written()
 
 
+@pytest.mark.slow
 def test_every_answer_is_true(drawn):
     """Whether it holds, from status, certificate, strength and what is left out; the others from what is known."""
     for status, step, (strength, statics, error, law, complete), summary in drawn:

@@ -167,6 +167,7 @@ def pictures(page):
     return found
 
 
+@pytest.mark.one_quick
 def test_page_is_whole(folder):
     """Well-formed, one of each frame, readable on a phone, results before what stands behind them; links lead on."""
     page = Page(folder)
@@ -319,6 +320,7 @@ def test_animation(folders):
         assert all(np.abs(a - b).max() > 100 for a, b in pairwise(frames))
 
 
+@pytest.mark.slow
 def test_many_load_steps(tmp_path, monkeypatch):
     """Of too many steps some are left out, never the last."""
     monkeypatch.setattr(step_animation, "_MOST_FRAMES", 4)
@@ -546,11 +548,13 @@ def test_page_elsewhere(folders, tmp_path):
         report.write_report(folders["linear"], tmp_path / "new")
 
 
+@pytest.mark.slow
 def test_same_page_twice(folders):
     """The same files give the same page."""
     assert report.page(folders["levels"]) == report.page(folders["levels"])
 
 
+@pytest.mark.slow
 def test_without_pictures(tmp_path):
     """Curves are drawn from the tables; the deformed body is missed in words.  A new solve takes an old page away."""
     folder = tmp_path / "plain"
@@ -582,7 +586,7 @@ def test_no_solver_is_imported(folders, tmp_path):
 # --- the contact boundary of every load step -------------------------------------------------------------------------
 
 
-@pytest.mark.mpi
+@pytest.mark.mpi(slow=True)
 def test_contact_of_every_step():
     """contact_steps.csv has each step's contact boundary, whole, on any number of ranks; the last is contact.csv."""
     comm = MPI.COMM_WORLD
@@ -690,6 +694,7 @@ def curves(page):
     return [json.loads(text) for text in found]
 
 
+@pytest.mark.slow
 def test_curves_are_those_of_the_table(folders, monkeypatch, tmp_path):
     """Every node with its coordinate and values, at axes of their own for stresses and lengths."""
     library(monkeypatch, tmp_path)

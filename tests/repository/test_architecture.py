@@ -76,6 +76,7 @@ def test_the_reader_of_imports_reads():
     assert len(MODULES) > 20
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", ["petsc_vec", "assemble_vector", "create_vector", "set_bc", "create_petsc_vector"])
 def test_vectors_of_dolfinx_are_not_made_petscs(name):
     """See ``assembly.mesh_entities._summed``: ranks would wait for each other as their garbage collectors run."""
@@ -340,6 +341,7 @@ def test_a_small_solve_imports_no_more_than_it_runs(tmp_path):
     assert python(code).stdout.splitlines()[-1:] == ["[]"]
 
 
+@pytest.mark.slow
 def test_public_names():
     """Every public name can be imported, again and again, and none is a module in disguise."""
     import signorini_fx

@@ -72,6 +72,7 @@ def package(law, tagged, **settings):
 needs_cholmod = pytest.mark.skipif(not has_package("cholmod", "cholesky"), reason="PETSc without CHOLMOD")
 
 
+@pytest.mark.slow
 def test_rows_of_small_solves():
     """Whole solves and certified points of sweeps, over one linear solve each."""
     rows = list(small.rows(1, lambda text: None, cells=[9], points=2))
@@ -88,6 +89,7 @@ def test_the_rival_takes_the_same_steps(tagged, law, other):
     assert ours.solves == theirs.solves
 
 
+@pytest.mark.slow
 def test_the_plain_way_arrives(tagged):
     """SNES on the max/min form comes to the same pressure and sets, with many more solves."""
     ours, theirs = package("tresca", tagged), plain.tresca(tagged)
@@ -122,6 +124,7 @@ def test_the_plain_way_has_limited_time(tagged, monkeypatch):
     contestants.check("plain", outcome, {"tresca": contestants.Outcome([package("tresca", tagged)])}, tagged)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("cell", space.CELLS)
 @pytest.mark.parametrize("law", space.LAWS)
 def test_the_rival_in_space_comes_to_the_same_answer(law, cell):
@@ -143,6 +146,7 @@ def test_the_rival_in_space_comes_to_the_same_answer(law, cell):
     assert ours.answer.far(softer.answer)[0] == pytest.approx(3e-3, rel=0.3)  # its penalty
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("law", space_getfem.LAWS)
 def test_getfem_comes_to_the_same_answer(law):
     """GetFEM's contact brick, which has no penalty: that of the package is a hundredth of what gamma = 1e6 has."""

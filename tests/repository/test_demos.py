@@ -60,6 +60,7 @@ def test_all_are_here():
         assert "$$" in text.partition("\n# %%\n")[0] or name == "own_effect" or name == "friction_sweep"
 
 
+@pytest.mark.slow
 def test_examples_of_the_paper(run):
     """Energies and peaks of the 120 x 40 mesh, as far as half as many cells go."""
     found = run("examples_of_the_paper", 60)
@@ -71,6 +72,7 @@ def test_examples_of_the_paper(run):
     pictures("example1_tresca/deformed", "example2_tresca/profiles")
 
 
+@pytest.mark.mpi(slow=True)
 def test_hertz(run):
     """Half-width and peak of the formula without friction; friction narrows the contact and raises its peak."""
     found = run("hertz", 20)
@@ -82,6 +84,7 @@ def test_hertz(run):
     pictures("hertz/pressure")
 
 
+@pytest.mark.slow
 def test_press_and_slide(run):
     """The loop closes, and its area is the work of friction."""
     found = run("press_and_slide", 24, drawn=False)
@@ -91,6 +94,7 @@ def test_press_and_slide(run):
     pictures("press_and_slide/loop")
 
 
+@pytest.mark.slow
 def test_dovetail(run):
     """Equilibrium in every step; friction holds on the way up, and turns round on the way down."""
     found = run("dovetail", 24, drawn=False)
@@ -104,6 +108,7 @@ def test_dovetail(run):
     pictures("dovetail/hysteresis")
 
 
+@pytest.mark.slow
 def test_accuracy_and_time(run):
     """The estimate is right within a factor of two, and what was asked for is met."""
     found = run("accuracy_and_time", 96)
@@ -114,6 +119,7 @@ def test_accuracy_and_time(run):
     pictures("accuracy_and_time/error_against_time")
 
 
+@pytest.mark.mpi(slow=True)
 def test_own_effect(run):
     """The heated block has the pressure of the formula."""
     found = run("own_effect", 24)
@@ -122,6 +128,7 @@ def test_own_effect(run):
     assert 0.5 < left < 1.5 < right < 2.5
 
 
+@pytest.mark.mpi(slow=True)
 def test_own_friction(run):
     """The shear of the law is below its limit, and more friction holds more."""
     found = run("own_friction", 24, drawn=False)
@@ -132,6 +139,7 @@ def test_own_friction(run):
     assert (shear >= limit * (1 - 1e-6)).any()
 
 
+@pytest.mark.mpi(slow=True)
 def test_friction_sweep(run):
     """More friction, more stick, more force, and a lower peak, close to those of the 120 x 40 mesh."""
     found = run("friction_sweep", 48)
@@ -143,6 +151,7 @@ def test_friction_sweep(run):
     pictures("friction_sweep/sweep")
 
 
+@pytest.mark.slow
 def test_sphere_under_tangential_load(run):
     """Hertz's radius and peak for the force; Cattaneo's stick radius and Mindlin's displacement, where nu = 0.49."""
     found = run("sphere_under_tangential_load", 3, drawn=False)
@@ -159,6 +168,7 @@ def test_sphere_under_tangential_load(run):
     pictures("sphere_under_tangential_load/push")
 
 
+@pytest.mark.slow
 def test_torsion_of_a_pressed_cylinder(run):
     """The torque of the scalar problem, the stick radius to half a cell, the limit."""
     found = run("torsion_of_a_pressed_cylinder", 5, drawn=False)
@@ -175,6 +185,7 @@ def test_torsion_of_a_pressed_cylinder(run):
     pictures("torsion_of_a_pressed_cylinder/torque")
 
 
+@pytest.mark.slow
 def test_bracket(run):
     """The pressure acts where statics says; the foot is held up to the limit of a rigid foot, and no further."""
     found = run("bracket", 6, drawn=False)
@@ -190,6 +201,7 @@ def test_bracket(run):
     pictures("bracket/foot")
 
 
+@pytest.mark.mpi(slow=True)
 def test_friction_from_slip(run):
     """The coefficient is found where there is no noise, and else within its interval of confidence."""
     found = run("friction_from_slip", 18)
@@ -199,6 +211,7 @@ def test_friction_from_slip(run):
     assert found["deviation"] < 0.01
 
 
+@pytest.mark.slow
 def test_crowned_profile(run):
     """The largest pressure comes down to the mean one; the nodes at the edges of the punch have half a cell more."""
     found = run("crowned_profile", 48)
@@ -208,6 +221,7 @@ def test_crowned_profile(run):
     pictures("crowned_profile")
 
 
+@pytest.mark.mpi(slow=True)
 def test_joint_diagram(run):
     """The share of the bolt is that of springs while the joint is closed; once it is open, the bolt takes all."""
     found = run("joint_diagram", 1, drawn=False)
@@ -219,6 +233,7 @@ def test_joint_diagram(run):
     pictures("joint_diagram/joint_diagram")
 
 
+@pytest.mark.slow
 def test_dent(run):
     """The force grows less and less, is gone before the circle is back, and leaves a dent; as on any ranks."""
     found = run("dent", 6)

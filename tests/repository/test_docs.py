@@ -237,6 +237,7 @@ def test_toml(block, folder):
         parse_scene({**tomllib.loads(whole.text), **data}, str(block))
 
 
+@pytest.mark.one_quick
 @each_block("python")
 def test_python(block, folder, capsys):
     """A script of its own."""
@@ -277,6 +278,7 @@ def test_alike():
     assert not alike("b", "a")
 
 
+@pytest.mark.one_quick
 @each_block("sh")
 def test_commands(block, folder, capsys):
     """They end well, on one rank, without their pictures and fields; PETSc knows all their options."""
@@ -735,6 +737,7 @@ def test_linear_solves():
         assert counts == [int(number) for number in re.findall(r"\d+", coulomb)], name
 
 
+@pytest.mark.slow
 def test_linear_solves_on_a_fine_mesh():
     """The counts of the sentence below that table."""
     _, _, sentence = THEORY.read_text(encoding="utf-8").partition("\nOn a fine mesh with a large ")

@@ -99,6 +99,7 @@ each = pytest.mark.parametrize(("name", "algorithm"), PAIRS)
 by = pytest.mark.parametrize("algorithm", METHODS)
 
 
+@pytest.mark.one_quick
 @each
 def test_wrong_displacements(name, algorithm):
     """Scaled, turned, moved, one degree of freedom off by a thousandth, one off by a few millionths: none passes."""
@@ -116,6 +117,7 @@ def test_wrong_displacements(name, algorithm):
         refused(judged(solution, at(dof, lambda value: value - 5e-6 * largest)))
 
 
+@pytest.mark.one_quick
 @each
 def test_wrong_tractions(name, algorithm):
     """Pressure or shear off at one node, in whatever direction."""
@@ -483,6 +485,7 @@ FAULTS = {
 }
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("fault", FAULTS)
 @by
 def test_faults_of_the_solver_are_refused(monkeypatch, fault, algorithm):
@@ -605,6 +608,7 @@ def test_a_rigid_motion_of_flat_cells_has_round_off():
     assert alone(scene).certificate.holds
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("stress", [1e-20, 1.0, 1e25])
 def test_a_load_that_a_support_takes_has_round_off(stress):
     """A support takes the whole load: nothing deforms, and what remains at the free nodes is in its last digits."""

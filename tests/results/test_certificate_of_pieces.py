@@ -55,6 +55,7 @@ def judged(solution, displacement=lambda y: y, pressure=lambda p: p, shear=lambd
     return certify(solution.statement, solution.model.tagged, moved, tractions, law=solution.certificate.law)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("share", "dim", "algorithm"), [(1e-8, 2, "ssn"), (1e-5, 2, "alm"), (1e-8, 3, "ssn"), (1e-6, 2, "exact")]
 )

@@ -125,6 +125,7 @@ def nothing_computed(value, key=""):
     return None if isinstance(value, float) else value
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("where", ["plane", "space", "load steps"])
 def test_nothing_could_be_computed(where, tmp_path):
     """Every number of a failed solve may be null: there is a report, and a comparison."""

@@ -45,6 +45,7 @@ def solution():
     return solve(scene, COMM)
 
 
+@pytest.mark.one_quick
 @pytest.mark.mpi
 @pytest.mark.parametrize("rank", [0, 1, None])
 def test_a_failure_is_one_of_all_ranks(rank, solution, tmp_path, monkeypatch):
@@ -107,6 +108,7 @@ friction = { law = "coulomb", coefficient = 0.3 }
 """
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("ranks", "rank", "what", "how"),
     [(2, 0, "uniqueness", "error"), (2, 1, "pictures", "error"), (3, 1, "uniqueness", "signal")],

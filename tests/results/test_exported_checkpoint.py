@@ -84,8 +84,9 @@ def expected(solution):
     return np.array(rows)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("degree", [1, 2])
-@pytest.mark.mpi
+@pytest.mark.mpi(slow=True)
 def test_another_number_of_ranks(degree, library, tmp_path):
     """Written by all ranks, read by one, by all but one, and by all; written by one, read by all."""
     stated = scene(degree)

@@ -67,6 +67,7 @@ def arrays_of(file):
     return found
 
 
+@pytest.mark.one_quick
 @pytest.mark.mpi
 @pytest.mark.parametrize(("cells", "degree"), CELLS)
 def test_vtu(folder, cells, degree):
@@ -98,6 +99,7 @@ def test_vtu(folder, cells, degree):
     np.testing.assert_allclose(arrays["density"][:, 0], mises**2 / (6 * mu), rtol=1e-6)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("cells", ["quadrilateral", "tetrahedra"])
 def test_other_readers(tmp_path, cells):
     """PyVista and meshio find the same cells and fields, and the volume of the body."""

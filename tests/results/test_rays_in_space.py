@@ -37,6 +37,7 @@ def facing(kind, others, seed, cells=9):
     return slave, master, ways / np.linalg.norm(ways, axis=1, keepdims=True)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("reach", [0.0, 0.08, np.inf])
 @pytest.mark.parametrize(("kind", "others"), [(a, b) for a in WIDTHS for b in WIDTHS])
 def test_no_pair_is_missed(kind, others, reach):

@@ -71,6 +71,7 @@ def test_files_of_others(scene, tmp_path, monkeypatch, capsys, name):
     assert content(out) == before
 
 
+@pytest.mark.slow
 def test_files_of_others_beside_ours(solution, tmp_path):
     """Also where they stand in a folder that a run has made; once they are gone, the next run can write."""
     files.write_results(solution, tmp_path, fields="vtx", pictures=False)

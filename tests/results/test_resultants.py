@@ -178,7 +178,7 @@ def test_block_that_may_tip(cell, degree, push):
     assert solution.resultants.of("bottom").acts_at == near([LENGTH / 2 + overturning / weight, 0.0], 1.0)
 
 
-@pytest.mark.mpi
+@pytest.mark.mpi(slow=True)
 @pytest.mark.parametrize(("cells", "degree"), SPACE)
 def test_block_that_may_tip_over_a_corner(cells, degree):
     """In space the eccentricities along both axes count: the resultant leaves the base where its ray does."""

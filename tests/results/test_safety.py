@@ -45,6 +45,7 @@ ROUGH = {"law": "coulomb", "coefficient": 5.0}
 TRESCA = {"law": "tresca", "bound": 1.0}
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("friction", "limit", "status", "motion"),
     [
@@ -302,6 +303,7 @@ def check_between_programmes(solution, forces):
         assert found <= high * (1 + 1e-7)
 
 
+@pytest.mark.slow
 def test_a_wedge_in_a_groove():
     """A friction across the groove that pulls the wedge in lets it press more: W F / sqrt(sin^2 - F^2 cos^2)."""
     solution = alone(groove())
@@ -318,6 +320,7 @@ def test_a_wedge_in_a_groove():
     check_between_programmes(solution, [[(weight * DOWN, centre)], [(pull * ALONG, end)]])
 
 
+@pytest.mark.slow
 def test_a_bracket():
     """A bolt holds its foot, which it presses near the bolt; statics would allow pressures at the rim."""
     scene = read_scene(Path(__file__).parents[2] / "demos" / "scenes" / "bracket.toml")
@@ -335,6 +338,7 @@ def test_a_bracket():
 TURN = np.linalg.qr(np.random.default_rng(5).normal(size=(3, 3)))[0]
 
 
+@pytest.mark.one_quick
 @pytest.mark.mpi
 @pytest.mark.parametrize(
     ("changes", "law", "materials"),

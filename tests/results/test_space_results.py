@@ -37,6 +37,7 @@ def written(request, tmp_path):
     return solution, tmp_path / "out"
 
 
+@pytest.mark.one_quick
 def test_files(written):
     """Summary, table, contact surface; the surface has the area of the boundary and the numbers of the table."""
     _, folder = written
@@ -64,6 +65,7 @@ def test_files(written):
     assert (folder / "fields.vtu").exists()
 
 
+@pytest.mark.one_quick
 def test_forces_and_moments(written):
     """Of all that acts on the body nothing is left, moments included."""
     solution, folder = written

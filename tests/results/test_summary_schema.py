@@ -146,6 +146,7 @@ def written(tmp_path_factory):
     return found
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", SCENES)
 def test_summaries(written, name):
     """They are valid, solved or not."""

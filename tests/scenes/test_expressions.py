@@ -219,6 +219,7 @@ def deeper(inner):
 LEAVES = st.sampled_from(["x[0]", "x[1]", "pi"]) | st.integers(0, 3).map(str) | st.sampled_from(["0.25", "1e-3"])
 
 
+@pytest.mark.slow
 @given(st.recursive(LEAVES, deeper, max_leaves=8))
 def test_numpy_and_ufl_agree(text):
     """Both backends walk the same tree: the same values (here UFL is evaluated by UFL itself)."""

@@ -71,6 +71,7 @@ def test_a_mean_strain(folder, generator, cell, degree):
     assert np.abs(u - x @ GRADIENT[:dim, :dim].T).max() <= 3 / STIFF * np.abs(GRADIENT).max() * size.max()
 
 
+@pytest.mark.one_quick
 @pytest.mark.mpi
 @pytest.mark.parametrize("share", [0.1, 0.25, 0.5, 0.75])
 def test_a_wavy_surface(folder, share):

@@ -44,6 +44,7 @@ def test_labels():
     assert unit_of(0, "stress") == ""
 
 
+@pytest.mark.slow
 def test_the_page_has_units_and_the_tables_do_not_change(tmp_path):
     scene = example1(coefficient=0.3, nx=12, ny=4)
     named = scene.model_copy(update={"units": Units(length="mm", stress="MPa")})

@@ -147,6 +147,7 @@ def named(combination):
     return "-".join((f"{cells}{degree}", *rest))
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("number", range(len(COVERING)), ids=[named(c) for c in COVERING])
 def test_other_units(number):
     """Each pair of element, law, algorithm and linear algebra, in two of the eight systems of units."""
@@ -231,6 +232,7 @@ def disturbed(element, law, shake, length, force):
     )
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("element", SMALL, ids=str)
 @pytest.mark.parametrize(
     ("law", "shake", "accuracy"),
@@ -254,6 +256,7 @@ def test_figures_of_the_certificate(element, law, shake, accuracy):
             assert getattr(there, name) == pytest.approx(getattr(here, name), rel=accuracy), (name, length, force)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("element", SMALL, ids=str)
 @pytest.mark.parametrize("linear_algebra", LINEAR_ALGEBRA)
 def test_the_size_of_the_forces(element, linear_algebra):
@@ -353,6 +356,7 @@ def test_krylov_steps_have_no_unit(law):
 # --- numbers that are none --------------------------------------------------------------------------------------------
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
 @pytest.mark.parametrize("where", ["displacement", "pressure", "shear"])
 @pytest.mark.parametrize("element", SMALL, ids=str)

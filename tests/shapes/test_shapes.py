@@ -154,6 +154,7 @@ def test_spline_near_its_centres_of_curvature():
     assert slope[smooth] == pytest.approx(normal[smooth], abs=1e-7)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", ["cube.stl", "cube.step"])
 def test_surfaces_of_files(files, name):
     """The distance from a cube, on its faces, edges and corners, placed and turned."""
@@ -331,6 +332,7 @@ SAME = {
 SAME["cone"] = (*SAME["cone"][:2], of_a_ball((0.9, 0.5, -0.51 - 0.5 / np.sin(np.radians(5.0))), 0.5))
 
 
+@pytest.mark.one_quick
 @pytest.mark.mpi
 @pytest.mark.parametrize("name", SAME)
 def test_the_same_by_formula(name, files):
@@ -353,6 +355,7 @@ def test_the_same_by_formula(name, files):
         assert getattr(first.state, field) == pytest.approx(getattr(second.state, field), abs=1e-8 * largest)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(("dim", "kind", "degree"), [(2, None, 2), (3, CellType.tetrahedron, 2)])
 def test_other_elements(dim, kind, degree):
     """On quadratic tetrahedra the distance is averaged like any gap."""
@@ -627,6 +630,7 @@ class Loop:
         return self.problem.state
 
 
+@pytest.mark.slow
 @pytest.mark.mpi
 @pytest.mark.parametrize("dim", [2, 3])
 def test_moving_the_foundation_is_moving_the_support(dim):
@@ -668,6 +672,7 @@ def test_turning_the_foundation_is_turning_the_formula():
     assert state.boundary.normal == pytest.approx(np.tile([np.sin(angle), -np.cos(angle)], (9, 1)), abs=1e-14)
 
 
+@pytest.mark.slow
 def test_a_wheel_rolls():
     """Locked it meets the whole friction at each step, rolling a part of it; every step is certified."""
     found = run_path(str(Path(__file__).parents[2] / "demos" / "forms" / "rolling_wheel.py"))
@@ -700,7 +705,8 @@ def test_a_foundation_moves_a_body_that_nothing_holds():
         solve(loose)
 
 
-@pytest.mark.mpi
+@pytest.mark.one_quick
+@pytest.mark.mpi(slow=True)
 @pytest.mark.parametrize(
     "more",
     [
@@ -798,6 +804,7 @@ def test_hertz_by_a_circle():
     assert (pressure[np.abs(x) > 1.1 * half_width] == 0).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("boundary", "hollow"), [("inner", False), ("outer", True)])
 def test_fits(boundary, hollow):
     """A pin in the hole of a ring, and a ring in a bore: Lame's pressure for the displacement of one side."""
@@ -822,6 +829,7 @@ def test_fits(boundary, hollow):
     assert solution.contact.pressure == pytest.approx(by / compliance, rel=0.02)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", ["ball.step", "ball.stl"])
 def test_an_indenter_from_a_drawing(files, name):
     """Presses almost as the sphere that it is the drawing of: its facets are as fine as those of the body."""

@@ -61,6 +61,7 @@ def in_a_child(action):
     return os.waitpid(child, 0)[1]
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("every", [1, 3])
 def test_killed_at_every_step(tmp_path, solutions, every):
     """Killed before any of its operations on files, a second run leaves the first result, none, or its own, whole."""
@@ -166,6 +167,7 @@ def start(tmp_path, *arguments, cells=200, **options):
     )
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_interrupted(tmp_path, number):
     """It says how far it got, and keeps the last complete mesh."""
@@ -238,6 +240,7 @@ def without(monkeypatch):
     return take
 
 
+@pytest.mark.one_quick
 @pytest.mark.mpi
 @pytest.mark.parametrize("packages", [("mumps",), ("mumps", "superlu_dist", "cholmod")])
 @pytest.mark.parametrize("wanted", ["auto", "condensed", "full"])

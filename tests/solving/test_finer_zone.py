@@ -59,6 +59,7 @@ SCENES = {
 }
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("cells", SCENES)
 def test_halved_cells_have_most_of_the_error_no_more(cells):
     """Nodes in contact are twice as dense, and the top of the pressure is nearer to that of a fine mesh."""

@@ -128,6 +128,7 @@ def raise_enough():
     raise Enough
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("place", PLACES)
 def test_a_signal(place, older, tmp_path, monkeypatch, capfd):
     """Exit code 130 and one line about it; the older result stays, and what is complete can be gone on from."""
@@ -144,6 +145,7 @@ def test_a_signal(place, older, tmp_path, monkeypatch, capfd):
     assert not signals.arrived
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("place", [place for place in PLACES if place != "writing"])
 def test_an_exception(place, tmp_path, monkeypatch):
     """It reaches the caller as it is, and the next solve knows nothing of it."""
@@ -213,6 +215,7 @@ sys.exit(cli.main(sys.argv[2:]))
 """
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("rank", [0, 1])
 def test_a_signal_on_one_of_two_ranks(rank, older, tmp_path):
     """Whichever rank it reaches inside a linear solve in space: all ranks end, and the older result stays."""
@@ -256,6 +259,7 @@ except KeyboardInterrupt:
 """
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(("rank", "place"), [(0, "krylov"), (1, "krylov"), (1, "assembly")])
 def test_a_signal_on_one_of_two_ranks_in_python(rank, place, tmp_path):
     """It is raised on both, none waits for ever, and the next solve knows nothing of it."""

@@ -25,6 +25,7 @@ def enclosed(case):
     return row
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("coefficient", [0.3, 0.6])
 def test_a_cube_in_a_corner_of_three_walls(coefficient):
     """No fixed point finds its last load steps: the friction of the step before would not hold it."""
@@ -32,6 +33,7 @@ def test_a_cube_in_a_corner_of_three_walls(coefficient):
     assert row.beyond.attempts > 0
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("aside", [False, True])
 def test_a_plate_between_two_rails(aside):
     """Directions of slip settle also at the edges of two contacts, where the plate hardly slips."""
@@ -39,6 +41,7 @@ def test_a_plate_between_two_rails(aside):
     assert row.beyond.solves < row.below.solves
 
 
+@pytest.mark.slow
 def test_what_was_reached_without_augmentation_is_not_lost(monkeypatch):
     """Where augmentation fails earlier, the ramp ends no lower than where it began again."""
     case = limit_loads.corner(0.3, cells=2)
@@ -66,6 +69,7 @@ def test_every_case(name):
     enclosed(limit_loads.CASES[name]())
 
 
+@pytest.mark.slow
 def test_the_programme():
     """With the friction bounds of a load step near the limit it finds the limit that is known by hand."""
     case = limit_loads.corner(0.3, cells=2)

@@ -61,6 +61,7 @@ def states(contact):
     return set(contact_table(contact, ["bottom"]).columns["friction"])
 
 
+@pytest.mark.one_quick
 @each_method
 @pytest.mark.parametrize("where", ["left", "top"])
 def test_below_the_limit(method, where):
@@ -72,6 +73,7 @@ def test_below_the_limit(method, where):
     assert contact[1] == pytest.approx(PRESSURE * LENGTH, rel=1e-8)
 
 
+@pytest.mark.one_quick
 @each_method
 @pytest.mark.parametrize("where", ["left", "top"])
 @pytest.mark.parametrize("push", [1.01, -1.01, 1.5])
@@ -109,6 +111,7 @@ CYCLE = len(BACK + AGAIN)
 LOOPS = UP + 3 * (BACK + AGAIN)
 
 
+@pytest.mark.one_quick
 @each_method
 @pytest.mark.parametrize("loading", [by_force, by_displacement])
 def test_hysteresis_loop(loading, method):
@@ -132,6 +135,7 @@ def test_hysteresis_loop(loading, method):
     assert np.abs(shear[0] - shear[-4]).max() > 0.01 * PRESSURE
 
 
+@pytest.mark.one_quick
 @each_method
 @pytest.mark.parametrize("loading", [by_force, by_displacement])
 def test_one_step_is_the_static_law(loading, method):
@@ -145,6 +149,7 @@ def test_one_step_is_the_static_law(loading, method):
     assert one.history.linear_solves == static.history.linear_solves
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("loading", "push", "coarse"), [(by_force, 0.9, 1e-6), (by_displacement, 0.0036, 4e-3)])
 def test_halving_the_increments(loading, push, coarse):
     """Pressed, then pushed in one direction, in 1, 2, 4, ... increments: the final state hardly changes."""
@@ -166,6 +171,7 @@ def test_order_of_loading_matters():
     assert 0.01 < np.linalg.norm(first.shear - at_once.shear) / np.linalg.norm(first.shear) < 0.2
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("method", [{}, {"coulomb": "newton"}, {"algorithm": "exact"}])
 def test_work_of_sliding(method):
     """Once everything slides, each increment costs F times the normal force times its length."""

@@ -188,6 +188,7 @@ NESTED = {
 }
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", NESTED)
 def test_same_answer_as_a_factorisation(name, set_ups):  # noqa: F811
     """To 1e-8 of the largest, whatever the coarser meshes are; one hierarchy for each mesh."""
@@ -202,6 +203,7 @@ CURVED = {
 }
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", CURVED)
 def test_curved_bodies(name):
     """Nodes beyond the coarser mesh take the shape functions of the nearest cell."""
@@ -293,6 +295,7 @@ def test_steps_do_not_grow_with_the_mesh(steps):  # noqa: F811
     assert spent[1] <= 1.3 * spent[0]
 
 
+@pytest.mark.slow
 @pytest.mark.mpi
 @pytest.mark.parametrize("name", ["tresca", "coulomb", "three meshes", "not nested"])
 def test_one_rank_or_many(name, steps):  # noqa: F811

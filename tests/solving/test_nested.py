@@ -159,6 +159,8 @@ def test_neighbours_at_the_same_distance():
         np.testing.assert_array_equal(of(order), of(range(4)))
 
 
+@pytest.mark.one_quick
+@pytest.mark.mpi(slow=True)
 @pytest.mark.parametrize("looked_at", [True, False])
 def test_nothing_is_said_about_meshes_that_nobody_looks_at(looked_at, monkeypatch):
     """Findings about the scene are those of the last mesh, and of each mesh that a function is called with."""
@@ -180,6 +182,7 @@ def test_nothing_is_said_about_meshes_that_nobody_looks_at(looked_at, monkeypatc
     assert all(each.findings for each in (*given, solution))
 
 
+@pytest.mark.mpi(slow=True)
 def test_nothing_of_a_coarser_mesh_but_its_level_is_alive(monkeypatch):
     """When the next mesh is solved multigrid for contact on the last one is gone, and its rounded stiffness.
 

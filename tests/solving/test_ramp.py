@@ -89,6 +89,7 @@ def test_bad_paths(arguments, message):
 # --- a limit load ----------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.one_quick
 @pytest.mark.mpi
 @pytest.mark.parametrize("push", [1.2, 40.0])
 @pytest.mark.parametrize("method", [{}, {"coulomb": "newton"}, {"algorithm": "exact"}, {"algorithm": "alm"}])
@@ -106,6 +107,7 @@ def test_limit_load(push, method):
     assert all(step.status is Status.CONVERGED for step in solution.steps[:-1])
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("method", "push"),
     [
@@ -548,6 +550,7 @@ def test_frames():
     assert shown(1000)[-1] == 999
 
 
+@pytest.mark.slow
 def test_without_contact(tmp_path):
     """A body in space without contact: the strain energy grows with the square of the load."""
     scene = {
@@ -610,6 +613,7 @@ def no_memory(*_):
     raise MemoryError
 
 
+@pytest.mark.slow
 def test_exit_code_tells_of_the_failure(tmp_path, capsys):
     """And the message says what the results are of."""
     file = tmp_path / "scene.toml"
@@ -667,6 +671,7 @@ def test_loads_that_begin_before_time_0():
         block(6, loads)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("steps", [1, 4])
 def test_a_limit_in_space_where_the_ramp_halves_its_increments(steps):
     """Statics: the plate slides at F times the force that presses it, which is half of the load; every halving of the
@@ -719,6 +724,7 @@ def test_a_first_load_step_that_only_fall_backs_solve():
     assert path.allowed >= 2 * 398  # of the load steps with a solution, not of what their search has taken
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("steps", [1, 4])
 def test_a_plate_whose_ramp_begins_with_a_damped_fixed_point(steps):
     """A plate that is pushed nearly until it tips, F = 5: of all methods only a damped fixed point converges."""

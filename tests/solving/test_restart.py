@@ -253,7 +253,8 @@ def assert_same(solution, reference, tolerance=1e-8):
         np.testing.assert_allclose(ours[name], theirs[name], rtol=0, atol=tolerance * np.abs(theirs[name]).max())
 
 
-@pytest.mark.mpi
+@pytest.mark.one_quick
+@pytest.mark.mpi(slow=True)
 @pytest.mark.parametrize("method", METHODS)
 def test_from_one_rank_to_all(tmp_path, method):
     """Begun on one rank and ended on all of them, load steps are those of an uninterrupted run."""
@@ -267,6 +268,7 @@ def test_from_one_rank_to_all(tmp_path, method):
     assert_same(solution, solve(given))
 
 
+@pytest.mark.slow
 @pytest.mark.mpi
 @pytest.mark.parametrize("method", ["fp", "exact"])
 def test_from_all_ranks_to_one(tmp_path, method):
@@ -280,6 +282,7 @@ def test_from_all_ranks_to_one(tmp_path, method):
         assert [r.linear_solves for r in solution.steps[:4]] != [0] * 4
 
 
+@pytest.mark.slow
 @pytest.mark.mpi
 def test_bodies_with_meshes_of_their_own(tmp_path):
     """Begun on one rank and ended on all of them: the cells of all bodies are kept in an order without ranks."""
@@ -293,7 +296,8 @@ def test_bodies_with_meshes_of_their_own(tmp_path):
     assert_same(solution, solve(given, MPI.COMM_SELF))
 
 
-@pytest.mark.mpi
+@pytest.mark.one_quick
+@pytest.mark.mpi(slow=True)
 @pytest.mark.parametrize("method", ["fp", "newton"])
 def test_from_the_resting_place(tmp_path, method):
     """Displacements are kept from the initial position, not from where the body came to rest."""
@@ -305,7 +309,7 @@ def test_from_the_resting_place(tmp_path, method):
     assert_same(solution, solve(given))
 
 
-@pytest.mark.mpi
+@pytest.mark.mpi(slow=True)
 def test_bilateral_newton(tmp_path):
     """The bound of points that pull grows with the size of their pressure, in what is kept as well."""
     text = """
@@ -325,7 +329,8 @@ contact = { boundary = "bottom", kind = "bilateral", friction = { law = "coulomb
     assert_same(solution, reference)
 
 
-@pytest.mark.mpi
+@pytest.mark.one_quick
+@pytest.mark.mpi(slow=True)
 @pytest.mark.parametrize("method", ["fp", "exact", "newton", "fp with an ellipse", "fp with torsion"])
 def test_in_space(tmp_path, method):
     """Directions of slip are kept as vectors, which do not depend on the choice of tangents."""
@@ -339,7 +344,8 @@ def test_in_space(tmp_path, method):
     assert_same(solution, solve(given))
 
 
-@pytest.mark.mpi
+@pytest.mark.one_quick
+@pytest.mark.mpi(slow=True)
 @pytest.mark.parametrize(
     ("text", "method"),
     [(TOOL, "full"), (TOOL, "alm"), (MOVING, "fp"), (MOVING, "alm"), (SPINNING, "fp"), (SPINNING, "alm")],
@@ -373,7 +379,8 @@ def a_ramp(push, **solver):
     return parse_scene({**data, "solver": solver, "load_steps": {"steps": 8}})
 
 
-@pytest.mark.mpi
+@pytest.mark.one_quick
+@pytest.mark.mpi(slow=True)
 @pytest.mark.parametrize("push", [0.9, 1.3])
 @pytest.mark.parametrize("method", [{"gamma_n": 1e7, "gamma_t": 2e6}, {"algorithm": "alm"}])
 def test_a_ramp(tmp_path, push, method):
@@ -394,6 +401,7 @@ def test_a_ramp(tmp_path, push, method):
     assert solution.parameters == pytest.approx(reference.parameters)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("where", [4, 6])
 def test_increments_without_a_solution_stay_in_the_history(tmp_path, where, monkeypatch):
     """A restart counts every linear solve of the run before once, also those that led nowhere."""
@@ -495,6 +503,7 @@ def test_all_that_belongs_to_a_load_step(tmp_path, text, exact):
     np.testing.assert_allclose(found.outcome.newton.x.getArray(readonly=True), moved, rtol=0, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_after_augmentation(tmp_path, monkeypatch):
     """A load step that augmentation has solved promises the law itself, also to the steps after a restart."""
     given = scene(PUSHED)
@@ -516,6 +525,7 @@ def test_after_augmentation(tmp_path, monkeypatch):
     assert_same(solution, reference)
 
 
+@pytest.mark.slow
 @pytest.mark.mpi
 def test_load_steps_on_several_meshes(tmp_path):
     """Each mesh begins with the first load step, from that of the coarser mesh, and a restart goes on from there."""
@@ -542,7 +552,7 @@ def test_load_steps_on_several_meshes(tmp_path):
     assert_same(solution, solve(given))
 
 
-@pytest.mark.mpi
+@pytest.mark.mpi(slow=True)
 @pytest.mark.parametrize("method", ["fp", "newton", "krylov"])
 def test_meshes(tmp_path, method):
     """Of a nested iteration the complete meshes are kept, and the price list has a row with all errors for each."""
@@ -560,6 +570,7 @@ def test_meshes(tmp_path, method):
         assert ours.regularisation == pytest.approx(theirs.regularisation, rel=1e-3)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("text", [PUSHED, NESTED], ids=["pushed", "nested"])
 def test_what_was_done_is_not_done_again(tmp_path, text):
     """The history has the linear solves of both runs, but a restart shows only its own."""
@@ -628,6 +639,7 @@ def _changed(value, number):
     return number if isinstance(value, float) else value
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("what", ["removed", "figures", "no number", "other number", "nodes", "field", "scene"])
 def test_truncated(tmp_path, what):
     """A load step that is not whole is left out, and solved again; the file that is damaged is named."""
@@ -641,6 +653,7 @@ def test_truncated(tmp_path, what):
     assert_same(solution, solve(given, MPI.COMM_SELF))
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("text", [PUSHED, BODIES, IN_SPACE, TWISTED], ids=["plane", "bodies", "space", "torsion"])
 def test_a_byte_of_any_file(tmp_path, text):
     """Wherever one differs from what was written, its file is named, and nothing that is in it is believed."""
@@ -663,6 +676,7 @@ def test_a_byte_of_any_file(tmp_path, text):
     assert not Checkpoint(MPI.COMM_SELF, tmp_path, given, restart=True).damaged
 
 
+@pytest.mark.slow
 def test_a_hole_ends_what_is_there(tmp_path):
     """What comes after a load step that is missing belongs to another history."""
     given = scene(PUSHED)
@@ -812,6 +826,7 @@ def uninterrupted(tmp_path_factory):
     return folder
 
 
+@pytest.mark.one_quick
 @pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="starts ranks itself")
 @pytest.mark.parametrize(("before", "after"), [(1, 2), (2, 1), (3, 1)])
 def test_killed(tmp_path, uninterrupted, before, after):

@@ -152,6 +152,7 @@ def test_bodies_without_contact(tmp_path, capsys):
         assert int(row["linear_solves"]) > 0
 
 
+@pytest.mark.slow
 def test_a_sweep_is_what_solve_finds(scene, tmp_path):
     arguments = ["--set", "contact.friction.coefficient=0.4", "--quiet", "--no-fields", "--no-pictures"]
     assert cli.main(["solve", str(scene), *arguments, "--out", str(tmp_path / "one")]) == 0

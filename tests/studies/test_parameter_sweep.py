@@ -25,6 +25,7 @@ def floating(friction, load=1.0):
     )
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     "friction",
     [{"law": "coulomb", "coefficient": 0.3}, {"law": "tresca", "bound": 0.5}],
@@ -125,7 +126,8 @@ def leaning(path=None, value=None):
     return parse_scene(data)
 
 
-@pytest.mark.mpi
+@pytest.mark.one_quick
+@pytest.mark.mpi(slow=True)
 @pytest.mark.parametrize("path", ENTRIES)
 def test_values_of_an_entry(path):
     """Each point is the solution of a scene of its own; the elastic system is assembled anew only where it changes."""

@@ -111,6 +111,7 @@ def test_errors_that_are_none_are_not_shown(tmp_path):
     ]
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("cell", "degree", "material"),
     [
@@ -200,6 +201,7 @@ def test_quick_study(quick):
     assert "\n- For the contact pressure take" in text
 
 
+@pytest.mark.slow
 def test_forms_have_studies(monkeypatch):
     """A scene and forms that state one problem have the same reference and the same errors of all methods."""
     monkeypatch.setattr(work_precision, "QUICK_STUDY_REFERENCE", (0.5, 1_500))

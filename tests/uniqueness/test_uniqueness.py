@@ -111,6 +111,7 @@ def random_points(chance, count):
     return root @ root.T + 0.3 * np.eye(2 * count)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("seed", range(4))
 def test_one_solution_below_the_bound(seed):
     """All states of three points tried: one solution for any load; and the search misses none far above the bound."""
@@ -139,6 +140,7 @@ def test_one_solution_below_the_bound(seed):
     assert several <= 2
 
 
+@pytest.mark.slow
 def test_one_triangle():
     """The critical coefficient is sqrt(3) = K_xx / |K_xy|; three solutions above it, one below."""
     force = (0.015, -0.006)  # a nodal force of (2.5, -1) / 1000
@@ -224,6 +226,7 @@ def searched(count, seed):
     return proved, several
 
 
+@pytest.mark.slow
 def test_random_scenes():
     """No other solution where one is proved to be the only one."""
     assert searched(10, 1)[0] >= 3

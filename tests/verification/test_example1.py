@@ -100,6 +100,7 @@ OTHERS = {
 }  # fmt: skip
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize("other", OTHERS)
 def test_other_discretisations(law, other):

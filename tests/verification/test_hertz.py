@@ -71,6 +71,7 @@ def ellipse(x, pressure, half_width):
     return np.sqrt(-square / slope), np.sqrt(square)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("algorithm", ["ssn", "exact"])
 @each_element
 def test_half_disk(cell, degree, algorithm):
@@ -91,6 +92,7 @@ def test_chords_as_the_gap():
     np.testing.assert_allclose(polygon.contact.pressure, circle.contact.pressure, rtol=0, atol=1e-6 * peak(0.4))
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("half_width", [0.2, 0.4, 0.8])
 def test_loads(half_width):
     """a grows like the square root of the load, and so does the peak."""
@@ -99,6 +101,7 @@ def test_loads(half_width):
     assert ellipse(x, pressure, half_width) == pytest.approx((half_width, peak(half_width)), rel=5e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("friction", [0.0, 0.3])
 def test_nested(friction):
     """Coarser meshes of the same disk as a start lead to the same solution."""
@@ -122,6 +125,7 @@ def test_along_the_normal():
     assert ellipse(x, pressure, half_width) == pytest.approx((half_width, peak(half_width)), rel=1e-2)
 
 
+@pytest.mark.slow
 def test_friction_raises_the_peak():
     """Elastic on rigid: the surface is drawn inwards where friction lets it, so friction narrows the contact (C.7)."""
     widths, peaks, sticking = [], [], []
@@ -136,6 +140,7 @@ def test_friction_raises_the_peak():
     assert sticking[0] <= sticking[1] < sticking[2] < sticking[3]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("coefficient", [0.3, 0.6])
 def test_stick_zone_grows_with_the_contact(coefficient):
     """Under growing load all lengths grow alike, so c/a does not depend on it (Spence)."""
@@ -190,6 +195,7 @@ def test_block_on_cylinder(cell, degree):
     assert width == pytest.approx(1.0, abs=8e-3)
 
 
+@pytest.mark.slow
 def test_block_of_twice_the_size():
     """The deviation from the formula falls with (a / H)^2, from 0.5 % to 0.1 %, and not with the mesh."""
     _, small, _ = against_formula(alone(block()))

@@ -24,6 +24,7 @@ def close(ours, theirs, rtol=1e-9):
     np.testing.assert_allclose(ours, theirs, rtol=0, atol=rtol * np.abs(theirs).max())
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize(("length", "stress"), [(1e3, 1e-6), (0.37, 7.3e4), (2.0**20, 2.0**-30)])
 def test_units(law, length, stress):
@@ -59,6 +60,7 @@ def test_statics_have_no_unit(push, status, stress):
     assert alone(free, check=False).status is status
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("seed", range(12))
 def test_random_units(seed):
     """No count hangs on round-off: neither of sets nor of linear solves that use an old factor."""
@@ -93,6 +95,7 @@ def skew(law, *, mirrored=False, cell="quadrilateral"):
     )
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("cell", ["quadrilateral", "triangle"])
 @pytest.mark.parametrize(
     "law",
@@ -138,6 +141,7 @@ def pressed(law, element, turn, shift):
     return on_mesh(parse_scene(scene), tagged), rotation
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("element", [("quadrilateral", 1), ("triangle", 2)], ids=["Q1", "P2"])
 @pytest.mark.parametrize(
     "law", [{"law": "tresca", "bound": 2.0}, {"law": "coulomb", "coefficient": 0.2}], ids=lambda law: law["law"]

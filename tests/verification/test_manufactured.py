@@ -51,6 +51,7 @@ each_law = pytest.mark.parametrize("law", LAWS)
 each_element = pytest.mark.parametrize(("cell", "degree"), ELEMENTS)
 
 
+@pytest.mark.one_quick
 @each_law
 @each_element
 def test_rates_with_kinks_off_the_nodes(cell, degree, law):
@@ -68,6 +69,7 @@ def test_rates_with_kinks_off_the_nodes(cell, degree, law):
     assert wrong[1] <= 2
 
 
+@pytest.mark.one_quick
 @each_law
 @each_element
 def test_rates_with_kinks_at_nodes(cell, degree, law):
@@ -81,6 +83,7 @@ def test_rates_with_kinks_at_nodes(cell, degree, law):
     assert max(wrong) <= 2
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     "solver", [{"algorithm": "ssn"}, {"algorithm": "ssn", "coulomb": "newton"}, {"algorithm": "path-following"}]
 )
@@ -115,6 +118,7 @@ def sinking(poisson, cell, degree, volumetric, nx):
     return solution.displacement.x.array[2 * middle + 1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("poisson", [0.3, 0.4, 0.49, 0.4999, 0.499999])
 def test_reduced_elements_do_not_lock(poisson):
     """Nearly incompressible: reduced integration stays within 1 % of a fine reference, full Q1 loses two thirds."""

@@ -55,6 +55,7 @@ def rings():
     return {name: pressed(mesh, *case) for name, case in cases.items()}
 
 
+@pytest.mark.slow
 def test_mixed_and_displacement(rings):
     """At nu = 0.49: force, largest pressure, and the smallest principal stress, in each cell as it is."""
     one, other = rings["displacement"], rings["mixed"]

@@ -138,6 +138,7 @@ def test_nothing_presses(gap):
     assert any("no load presses" in found.message for found in solution.findings)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("friction", [{"law": "coulomb", "coefficient": 0.3}, {"law": "tresca", "bound": 0.3}])
 @pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
 @pytest.mark.parametrize(("nx", "ny"), [(3, 2), (6, 3), (8, 2), (14, 3)])
@@ -235,6 +236,7 @@ def test_squeezed_but_free_sideways():
     assert outcome(fitted((-0.01, -0.01), {"boundary": "left", "y": 0.0})).status is Status.NOT_HELD
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("gamma", [1e6, 1e7, 1e8])
 def test_cycling(gamma):
     """sigma = 1 / gamma_2 cycles (section 7.1); the advice names the cure, and the cure works."""

@@ -246,6 +246,8 @@ LIMITS = {
 }
 
 
+@pytest.mark.one_quick
+@pytest.mark.mpi(slow=True)
 @pytest.mark.parametrize("name", LIMITS)
 def test_the_limit(name):
     """Constraints, and nodes turned into their normals, are in the rows of their own rank."""

@@ -162,6 +162,7 @@ each_element = pytest.mark.parametrize(("cell", "degree"), ELEMENTS)
 each_limit = pytest.mark.parametrize("algorithm", ["exact", "ssn"])
 
 
+@pytest.mark.one_quick
 @everywhere
 @each_element
 @each_limit
@@ -181,6 +182,7 @@ def test_pressed_with_free_sides(cell, degree, algorithm, angle, kind):
     assert_contact(solution, 0.0, state="none", part=1)
 
 
+@pytest.mark.one_quick
 @everywhere
 @each_element
 @each_limit
@@ -209,6 +211,7 @@ both_ways = pytest.mark.parametrize("sign", [1, -1])
 CONFINED = {"xx": -POISSON / (1 - POISSON) * PRESSURE, "yy": -PRESSURE}  # stress of a body that cannot widen
 
 
+@pytest.mark.one_quick
 @each_law
 @two_angles
 @each_element
@@ -225,6 +228,7 @@ def test_fixed_sides_know_no_friction(cell, degree, friction, angle):
     assert_contact(solution, PRESSURE)
 
 
+@pytest.mark.one_quick
 @each_law
 @both_ways
 @everywhere
@@ -260,6 +264,7 @@ def slide(state, angle, **contact):
     }
 
 
+@pytest.mark.one_quick
 @each_law
 @both_ways
 @everywhere
@@ -274,6 +279,7 @@ def test_full_slip(cell, degree, algorithm, angle, kind, friction, sign):
     assert_contact(solution, PRESSURE, sign * SHEAR, "slip+" if sign > 0 else "slip-")
 
 
+@pytest.mark.one_quick
 @two_angles
 @each_element
 @each_limit
@@ -287,6 +293,7 @@ def test_full_slip_by_monolithic_newton(cell, degree, algorithm, angle):
 
 # What an update leaves of the error here, 0.56 to 0.82, depends on the distorted mesh, which differs between releases
 # of dolfinx: up to 130 updates for twelve digits.
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("algorithm", "settings", "tolerance"),
     [
@@ -330,6 +337,7 @@ def test_cap(algorithm, cap):
     assert_contact(solution, PRESSURE, -shear, "slip-")
 
 
+@pytest.mark.one_quick
 @each_element
 @each_limit
 @two_angles
@@ -343,6 +351,7 @@ def test_pulled(cell, degree, algorithm, angle):
     assert solution.certificate.holds
 
 
+@pytest.mark.one_quick
 @each_element
 @two_angles
 def test_two_foundations(cell, degree, angle):
@@ -383,6 +392,7 @@ def confined_modulus(material):
     return young * (1 - poisson) / ((1 + poisson) * (1 - 2 * poisson))
 
 
+@pytest.mark.one_quick
 @each_element
 @pytest.mark.parametrize(("algorithm", "angle"), [("exact", 0.0), ("exact", 0.7), ("ssn", 0.0)])
 def test_layers(cell, degree, algorithm, angle):
@@ -409,6 +419,7 @@ def test_layers(cell, degree, algorithm, angle):
     assert_contact(solution, PRESSURE, state="none")
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(("cell", "degree"), ELEMENTS[1:])
 @two_angles
 def test_reduced_volumetric_term(cell, degree, angle):

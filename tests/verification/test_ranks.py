@@ -59,6 +59,8 @@ def agree(scene):
     return together
 
 
+@pytest.mark.one_quick
+@pytest.mark.mpi(slow=True)
 @pytest.mark.parametrize("name", SCENES)
 def test_one_rank_or_many(name):
     """Scenes of every kind."""

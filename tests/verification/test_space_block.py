@@ -35,6 +35,7 @@ def figures(solution):
     return y[under, 2], columns["pressure"].max(), friction, columns["weight"][pressed].sum()
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("law", LAWS)
 def test_answers_of_other_programs(law):
     """All digits that they agree in."""
@@ -58,6 +59,7 @@ def solves_until(solution):
     return (moving[-1] if moving else 0) + 1, len(last)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("cells", ["hexahedra", "tetrahedra"])
 @pytest.mark.parametrize("law", [{}, {"bound": 1.5}, {"coefficient": 0.3, "coulomb": "newton"}])
 def test_linear_solves(cells, law):
@@ -86,6 +88,7 @@ def test_linear_solves_on_a_fine_mesh(cells, gamma):
     assert 2 * taken["newton"] <= taken["fp"]
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("law", "finer"),
     [
@@ -122,6 +125,7 @@ def test_equal_sets_are_not_the_end():
         assert np.abs(contact.shear - wanted).max() <= 1.5e-8
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("cells", "gammas"),
     [("hexahedra", GAMMAS), ("tetrahedra", GAMMAS), ("tetrahedra", GAMMAS[2:4])],
@@ -137,6 +141,7 @@ def test_monolithic_takes_half_of_the_fixed_point(cells, gammas):
         assert 2 * newton <= fixed
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize(
     ("cells", "degree", "meshes", "most"), [("hexahedra", 1, (6, 12, 24), 6), ("tetrahedra", 2, (3, 6, 12), 8)]

@@ -110,6 +110,7 @@ def counts(solution):
     return [(r.outer, r.active_contact, r.slip_plus, r.changed) for r in solution.history.iterations]
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", SCENES)
 def test_solved_whatever_the_tangents(name, monkeypatch):
     """It is solved, its certificate holds, and no number depends on the tangents that somebody chose."""
@@ -131,6 +132,7 @@ def test_solved_whatever_the_tangents(name, monkeypatch):
         assert ours[one].tolist() == theirs[one].tolist()
 
 
+@pytest.mark.slow
 def test_ways_agree():
     """Methods without regularisation have one limit; condensed and full are the same to round-off."""
     tables = {name: alone(SCENES[name]).table.columns for name in ("alm", "exact", "exact, monolithic")}
@@ -159,6 +161,7 @@ def test_load_steps_have_a_history():
     assert np.abs(steps[-1][0]) > 0
 
 
+@pytest.mark.slow
 def test_degree_2():
     """Quadratic hexahedra: fewer cells, nearly the same answer."""
     fine, coarse = alone(block(24, coefficient=0.3, gamma=1e8)), block(6, coefficient=0.3, gamma=1e8)

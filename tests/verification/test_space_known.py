@@ -49,6 +49,7 @@ def test_hertz():
     np.testing.assert_allclose(columns["pressure"][inside], expected[inside], rtol=0, atol=0.03 * peak)
 
 
+@pytest.mark.slow
 def test_hertz_on_curved_quadratic_tetrahedra():
     """A quarter of half a sphere, pressed on a plane by its flat top; the cells follow the sphere."""
     young, poisson, radius = 1000.0, 0.3, 8.0
@@ -82,6 +83,7 @@ def test_hertz_on_curved_quadratic_tetrahedra():
     np.testing.assert_allclose(columns["pressure"][inside], expected, rtol=0, atol=0.02 * peak)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("share", [0.9, 1.3, 2.0, 4.0])
 def test_torsion(share):
     """M(phi) of a pressed cylinder whose stick radius moves in, to half a per cent of a scalar problem in (r, z).

@@ -88,6 +88,7 @@ def errors(cells, n, algorithm):
     return np.linalg.norm(found - exact) / np.linalg.norm(exact), np.sqrt(share) / BOUND
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("algorithm", ["ssn", "exact"])
 @pytest.mark.parametrize("cells", ["hexahedra", "tetrahedra"])
 def test_rates(cells, algorithm):

@@ -155,6 +155,7 @@ def test_compression(element, turn):
     np.testing.assert_allclose(solution.table.columns["pressure"][bottom], PRESSURE, rtol=ROUND_OFF)
 
 
+@pytest.mark.one_quick
 @each_element
 @each_turn
 @pytest.mark.parametrize("law", LAWS, ids=["tresca", "coulomb"])
@@ -195,6 +196,7 @@ def test_tilted_plane(element, turn):
     assert_contact(solution, turn, SHEAR * np.array([np.cos(OBLIQUE), np.sin(OBLIQUE)]), "stick")
 
 
+@pytest.mark.one_quick
 @each_element
 @each_turn
 @pytest.mark.parametrize("coulomb", ["tresca", "fp", "newton"])
@@ -247,6 +249,7 @@ def test_two_foundations(element, turn):
         np.testing.assert_allclose(columns["pressure"][here], value, rtol=0, atol=ROUND_OFF * PRESSURE)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("element", ["P1", "Q1", "Q2"])
 @pytest.mark.parametrize("linear_algebra", ["full", "condensed"])
 @pytest.mark.parametrize("across", [0, 1])

@@ -90,6 +90,7 @@ SCENES = {
 }
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", SCENES)
 def test_one_rank_or_many(name):
     """Scenes of every kind."""
@@ -146,6 +147,7 @@ QUADRATIC = {
 }
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", QUADRATIC)
 def test_quadratic_tetrahedra_by_every_algorithm(name):
     """Contact points average over nodes of other ranks, which no algorithm may look for on its own."""

@@ -36,6 +36,7 @@ def pushed(law, angle, share, **more):
     return alone(brick(law, body_force=dict(zip("xy", map(float, force), strict=True)), **more), check=False)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("law", FRICTION)
 @pytest.mark.parametrize("angle", np.arange(12) * np.pi / 6 + 0.1)
 def test_limit_push(law, angle):
@@ -47,6 +48,7 @@ def test_limit_push(law, angle):
     assert pushed(FRICTION[law], angle, 1.01).status is Status.SLIDES
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("law", FRICTION)
 def test_limit_push_on_quadratic_tetrahedra(law):
     """The same limit where contact points average."""
@@ -58,6 +60,7 @@ def test_limit_push_on_quadratic_tetrahedra(law):
         assert pushed(FRICTION[law], angle, 1.01, **more).status is Status.SLIDES
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("hertz", [False, True])
 def test_limit_torque(hertz):
     """2/3 F N a under a uniform bound, 3 pi/16 F N a under that of a Hertz pressure; by the weights of the mesh itself

@@ -19,6 +19,7 @@ def rows():
     return verification.rows()
 
 
+@pytest.mark.slow
 def test_every_benchmark(rows):
     """Each number is within its tolerance."""
     assert [row for row in rows if not row.holds] == []
