@@ -21,10 +21,8 @@ PICTURE = DOCS / "images" / "architecture.svg"
 # What only looks at a solved problem, or only makes a mesh.  The others import none of them: they are entry points.
 ADD_ONS = (
     "addons.judging",
-    "addons.studies",
     "addons.derivatives",
     "addons.bounds",
-    "addons.uniqueness",
     "addons.report",
     "addons.picture_data",
     "addons.pictures",

@@ -20,8 +20,6 @@ sys.path.insert(0, str(ROOT))
 
 from signorini_fx.addons.bounds import bounded_scene  # noqa: E402
 from signorini_fx.addons.derivatives import of_scene  # noqa: E402
-from signorini_fx.addons.studies import reference  # noqa: E402
-from signorini_fx.addons.uniqueness import contact_stiffness  # noqa: E402
 from signorini_fx.mechanics import effects, materials  # noqa: E402
 from signorini_fx.mechanics.body import statics_of_surface  # noqa: E402
 from signorini_fx.mechanics.kinematics import KINDS  # noqa: E402
@@ -32,9 +30,7 @@ from signorini_fx.mechanics.statement.features import REFUSED_BY_SETTINGS  # noq
 COMPUTED = {
     "guaranteed bound": bounded_scene.REFUSES,
     "proof by statics": statics_of_surface.REFUSES,
-    "proof of uniqueness": contact_stiffness.REFUSES,
     "derivatives": of_scene.REFUSES,
-    "study of methods": reference.REFUSES,
 }
 YET = (" yet", " so far", "not tried")
 HEAD = """# What does not go together

@@ -10,7 +10,9 @@ import re
 INSTEAD: dict[str, str] = {
     "CoulombFriction": "use Coulomb",
     "TrescaFriction": "use Tresca",
+    "solver.uniqueness": "signorini-fx check --verbose says below which friction coefficient there is one solution",
     "signorini-fx gauntlet": "compare a result of another program by signorini-fx judge",
+    "signorini-fx work-precision": "set accuracy.target in the scene, by which meshes and their number are chosen",
 }
 
 

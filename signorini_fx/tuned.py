@@ -488,9 +488,6 @@ NOT_ORTHONORMAL = 1e-9
 LAST_STEP_IN_CELL, LAST_STEP_IN_FACET, LAST_STEP_BUT_ONE = 1e-10, 1e-14, 1e-9
 # Resultants that are a smaller share of the integral of the pressure come from the mesh, not from the load.  Choice.
 RESULTANT_OF_MESH = 1e-3
-# Conditions hold to this share of loads and displacements for a second solution, which differs from the first by more
-# than the second share; one beyond the third multiple has diverged.  Choice.
-SECOND_SOLUTION_HOLDS, SECOND_SOLUTION_DIFFERS, SECOND_SOLUTION_DIVERGED = 1e-9, 1e-3, 1e6
 # Coordinates of mesh points that are probably meant to be one, as a share of the size of the body: check says so.
 # Choice.
 COINCIDENT_POINTS = 1e-10
@@ -909,45 +906,13 @@ CLOSE_STRESSES = 1e-3
 # Times the yield stress above which a share is no longer told in per cent.  Choice.
 FAR_ABOVE_YIELD = 10.0
 
-# --- studies ---------------------------------------------------------------------------------------------------------
-
-# Times this close are a tie, and the first in the list wins: it is the simpler one.  The same holds for errors.
-# Choice.
-TIED_TIMES, EQUAL_ERRORS = 1.25, 0.8
-# Forces that balance the load on every mesh have no error above this to show.  Choice.
-NO_ERROR = 1e-5
-# The slowest rate that is assumed of the errors of a reference.  Choice: half of the rate of a square-root end.
-SLOWEST_RATE = 0.5
-# Adaptive meshes of a reference begin with cells so many times as large as those of the scene: all its important nodes,
-# where loads jump or named sides end, should be nodes of them too.  Choice.
-FIRST_CELLS = 2.0
-# Points of the reference are so many sizes of a cell outside the other mesh at most.  Choice.
-OUTSIDE_OTHER_MESH = 1.0
-# Seconds that a run of a study may take, above which it is not repeated, and above which only three times.  Choice.
-TOO_LONG_RUN, LONG_RUN, MIDDLE_RUN = 30.0, 15.0, 0.5
-# Work-precision study: cells of its meshes relative to those of the scene, those of a uniform reference with the
-# unknowns of another one, and targets of adaptive meshes in the energy norm.  Choice: two decades of errors in minutes;
-# the quick one takes seconds.
-STUDIED_CELLS, QUICKLY_STUDIED_CELLS = (8.0, 4.0, 2.0, 1.0, 0.5), (4.0, 2.0)
-STUDY_REFERENCE, QUICK_STUDY_REFERENCE = (0.2, 300_000), (1.0, 30_000)
-STUDIED_TARGETS = {"P1": (0.2, 0.1, 0.05, 0.025), "P2": (0.05, 0.01, 3e-3, 1e-3)}
-QUICKLY_STUDIED_TARGETS = (0.05, 0.02)
-# Errors at which its conclusions compare methods.  Choice: two a decade.
-COMPARED_ERRORS = (1e-1, 3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4)
-
 # --- uniqueness ------------------------------------------------------------------------------------------------------
 
-# Evaluations that choose the weights at most, and their work, a number of cubes of the size of the contact boundary.
-# Choice.
-WEIGHT_EVALUATIONS, WEIGHT_WORK = 60, 2e9
 # The logarithm of the eigenvalue where the weights prove nothing, and a gain in it that is worth another search.
 # Choice.
 INDEFINITE, WORTHWHILE_GAIN = 100.0, 1e-3
 # Share of the critical coefficient that is proved: what the eigenvalue is allowed to be wrong by.  Choice.
 PROVED_SHARE = 1 - 1e-6
-# Random starts of the search for a second solution, steps of the friction coefficient on the way from zero and from a
-# rough contact, the multiple of the coefficient that is rough, and linear solves from one start.  No record.
-RANDOM_STARTS, STEPS_ON_THE_WAY, ROUGH_MULTIPLE, SOLVES_FROM_START = 24, 12, 8.0, 60
 
 # --- pictures: sizes and when a thing is drawn -----------------------------------------------------------------------
 

@@ -16,8 +16,8 @@ from pathlib import Path
 
 import numpy as np
 from mpi4py import MPI
+from reference import Reference, reference_errors
 
-from signorini_fx.addons.studies.reference import Reference, reference_errors
 from signorini_fx.machine.csv_text import write_csv
 from signorini_fx.mechanics.statement.mesh_sources import MeshGenerator
 from signorini_fx.mechanics.statement.settings import Accuracy, SolverSettings

@@ -4,7 +4,7 @@
 
 Every scene is asked for 10, 1 and 0.1 % of displacement and contact pressure, as by ``signorini-fx solve --accuracy``.
 True errors are measured against references of much higher accuracy (see ``cases``).  The price is compared with the
-cheapest run of the work-precision study's methods that meets the same target, known only afterwards: by work, which is
+cheapest run of the methods of ``methods`` that meets the same target, known only afterwards: by work, which is
 linear solves times unknowns summed over all meshes, and by processor seconds, which depend on the machine.
 Written are asked_accuracy.csv and asked_accuracy.md.
 
@@ -25,9 +25,8 @@ import numpy as np
 import random_scenes
 from mpi4py import MPI
 from cases import on_mesh, reference_of, scene_of
+from methods import methods, work_of
 
-from signorini_fx.addons.studies.methods import methods
-from signorini_fx.addons.studies.work_precision import work_of
 from signorini_fx.errors import SignoriniError
 from signorini_fx.machine.csv_text import write_csv
 from signorini_fx.mechanics.statement.settings import Accuracy
@@ -61,7 +60,7 @@ def timed(scene) -> tuple:
 
 @cache
 def rivals(name: str, reference) -> list[dict]:
-    """The work-precision study's methods on all meshes, each with its errors and its price.
+    """The methods on all meshes, each with its errors and its price.
 
     Triangles that are divided would leave a curved boundary the polygon that it was, and quadrilaterals cannot be
     evaluated at points of the reference that are outside theirs.

@@ -5,17 +5,16 @@ from functools import cache
 from pathlib import Path
 
 from mpi4py import MPI
-
-from signorini_fx.addons.studies.reference import (
+from reference import (
     Reference,
     divided,
     reference_errors,
     reference_solution,
     studied_settings,
 )
-from signorini_fx.scenes.hierarchy import varied_scene
+from varied import varied, varied_scene
+
 from signorini_fx.scenes.reading import parse_scene, read_scene
-from signorini_fx.scenes.solver import varied
 
 SCENES = Path(__file__).parent.parent / "scenes"
 UNKNOWNS = 200_000

@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 from dolfinx import mesh as dmesh
+from methods import work_of
+from reference import EXACT, Reference
 
-from signorini_fx.addons.studies.reference import EXACT, Reference
-from signorini_fx.addons.studies.work_precision import work_of
 from signorini_fx.errors import SignoriniError
 from signorini_fx.machine import compat
 from signorini_fx.mechanics.mesh.refinement import mark, refine

@@ -2,8 +2,8 @@
 
     ./env python3 demos/studies/ranks.py --out results/ranks
 
-The work-precision study runs on one rank; this is its column of ranks.  Counts and answers must not depend on the
-ranks; the seconds do, on a machine with a free core for each, and on the linear algebra.  Written is ranks.csv.
+Counts and answers must not depend on the ranks; the seconds do, on a machine with a free core for each, and on the
+linear algebra.  Written is ranks.csv.
 """
 
 from __future__ import annotations

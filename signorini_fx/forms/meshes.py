@@ -12,7 +12,6 @@ from dolfinx import mesh as dmesh
 
 from signorini_fx.errors import FormError
 from signorini_fx.forms.contact_problem import ContactProblem
-from signorini_fx.forms.named_parts import named_parts
 from signorini_fx.forms.results import solution_of
 from signorini_fx.forms.solver import FormSolver
 from signorini_fx.forms.steps import Clock, checkpoint_of, solve_path
@@ -21,7 +20,7 @@ from signorini_fx.mechanics.mesh.refinement import check_divisible, refine
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, tag_boundaries
 from signorini_fx.mechanics.rigid.mesh_levels import MeshLevel
 from signorini_fx.mechanics.statement.load_path import LoadPath
-from signorini_fx.mechanics.statement.settings import Accuracy, SolverSettings
+from signorini_fx.mechanics.statement.settings import Accuracy
 from signorini_fx.mechanics.statement.values import kind_of
 from signorini_fx.records import History, Observer
 from signorini_fx.results.accuracy.error_estimates import Errors
@@ -31,8 +30,6 @@ from signorini_fx.solving.checkpointed_steps import MeshCheckpoint
 from signorini_fx.solving.finer_meshes import Meshes
 from signorini_fx.solving.first_start import CoarserMesh
 from signorini_fx.solving.meshed_problem import MeshedProblem, SolvedMesh
-from signorini_fx.solving.varied_problem import VariedProblem, cell_of
-from signorini_fx.tuned import COARSER_START
 
 AnyMesh: TypeAlias = "dmesh.Mesh | TaggedMesh"
 Make = Callable[[Any], Any]
@@ -210,38 +207,6 @@ def solve_to_accuracy(
     solution = to_accuracy.solve_to_accuracy(meshes, budget, first.history, on_level)
     asked = replace(solution.model, statement=replace(solution.statement, accuracy=accuracy))
     return _checked(replace(solution, model=asked))
-
-
-def varied(make: Callable[[Any, int], ContactProblem], mesh: Callable[[float, str], AnyMesh]) -> VariedProblem:
-    """A problem for studies of accuracy and cost; collective.
-
-    Args:
-        make: a function of a mesh and of the degree of its elements that returns a ``ContactProblem`` with ``stress``.
-        mesh: a function that makes a mesh, as ``make`` takes it, with cells so many times as large as those of 1.0,
-            from this number and ``"triangle"`` or ``"quadrilateral"``; boundaries are straight.
-    """
-
-    def on(
-        cells: float | TaggedMesh, element: str, settings: SolverSettings, accuracy: Accuracy | None
-    ) -> Callable[[], Solution]:
-        def made(cells: AnyMesh) -> ContactProblem:
-            problem = make(cells, int(element[1]))
-            problem.assembled.settings = settings
-            return problem
-
-        def mesh_of(number: float) -> AnyMesh:
-            return (
-                cells if isinstance(cells, TaggedMesh) else mesh(cells * 2 ** (levels - 1) / number, cell_of(element))
-            )
-
-        levels = settings.levels
-        if accuracy is not None:
-            return lambda: solve_to_accuracy(made, mesh_of(1 / COARSER_START[int(element[1])]), accuracy)
-        return lambda: solve_nested(made, mesh_of, levels)
-
-    stated = make(mesh(1.0, cell_of("Q1")), 1).assembled
-    statement = replace(named_parts(stated.forms, stated.settings).statement, generated=True)
-    return VariedProblem(statement, lambda factor, element: _tagged(mesh(factor, cell_of(element))), on, divisible=True)
 
 
 def _first(

@@ -87,10 +87,6 @@ class Quantity(Protocol):
         value = self.value(solution)
         return {} if value is None else {self.key: value}
 
-    def further(self, solution: Any, value: Any) -> Any:
-        """The value with what is known besides, whose failure leaves it as it is; collective."""
-        return value
-
     def missed(self, value: Any) -> str:
         """What a reader of its value must know first, such as that an accuracy was missed; "": nothing."""
         return ""

@@ -20,7 +20,7 @@ from pydantic import TypeAdapter
 
 from signorini_fx.quantities.kinds import Number
 from signorini_fx.quantities.quantity import Quantity
-from signorini_fx.quantities.registry import at_stage, has, is_added
+from signorini_fx.quantities.registry import at_stage, is_added
 from signorini_fx.records import Finding
 from signorini_fx.results.solution import Solution
 from signorini_fx.tuned import ERROR_PATIENCE
@@ -107,10 +107,6 @@ def proved(solution: Solution, findings: list[dict[str, Any]]) -> dict[str, Any]
         entries |= added
         if quantity.key in added and (message := quantity.missed(added[quantity.key])):
             findings.append(asdict(Finding("warning", quantity.key, message)))
-        if added and has(quantity, "further"):
-            value = added[quantity.key]
-            further = afterthought(comm, quantity.key, findings, partial(_further, quantity, solution, value))
-            entries[quantity.key] = value if further is None else further
     return entries
 
 
@@ -141,12 +137,6 @@ def _entries(quantity: Quantity, solution: Solution) -> dict[str, Any]:
     entries = quantity.entries(solution)
     _refuse_others(quantity, [name for name in entries if name != quantity.key])
     return {key: _as_json(quantity, value) for key, value in entries.items()}
-
-
-def _further(quantity: Quantity, solution: Solution, value: Any) -> Any:
-    """The value with what is known besides, likewise."""
-    further = quantity.further(solution, value)
-    return _as_json(quantity, further) if is_added(quantity) else further
 
 
 def _columns(quantity: Quantity, solution: Solution) -> dict[str, Any]:

@@ -44,7 +44,7 @@ from signorini_fx.results.safety import Safety, safety_of
 from signorini_fx.results.stresses import RawStresses
 
 if TYPE_CHECKING:
-    from signorini_fx.quantities.proved_statements import ErrorBound, FixedPoint, Interval, Uniqueness
+    from signorini_fx.quantities.proved_statements import ErrorBound, Interval
     from signorini_fx.results.section_forces import SectionForce
 
 # A body that moves away although nothing would let it do so without a load.
@@ -405,20 +405,6 @@ class Solution:
         return bounds
 
     @cached_property
-    def uniqueness(self) -> Uniqueness | None:
-        """Whether this is the only solution on its mesh; None without contact, of a nonlinear body, or if it is none;
-        collective.
-        """
-        if self._proved_contact is None:
-            return None
-        return add_on("uniqueness")(self.model, self._proved_contact, place=self._position)
-
-    @property
-    def _proved_contact(self) -> ContactState | None:
-        """The contact that proofs about the matrix are of; None of a nonlinear body, or if this is no solution."""
-        return self.contact if self.certified and self.last_step.strain_energy is not None else None
-
-    @cached_property
     def stated_body(self) -> Model | str:
         """The body with all that acts on it, as bounds look at it; or why there are none."""
         try:
@@ -434,15 +420,6 @@ class Solution:
         if isinstance(body := self.stated_body, str):
             return body
         return add_on("error_bound")(body, self.displacement, self.contact, self._position, self._before)
-
-    @cached_property
-    def fixed_point(self) -> FixedPoint | None:
-        """The proved distance from the solution with Coulomb friction on the same mesh; None without this friction, of
-        a nonlinear body, or if this is no solution; collective.
-        """
-        if not self.statement.has_coulomb or self._proved_contact is None:
-            return None
-        return add_on("fixed_point")(self.model, self._proved_contact, self._position)
 
     @cached_property
     def cost(self) -> CostOfAccuracy | str:

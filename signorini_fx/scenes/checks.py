@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from signorini_fx.extensions import add_on
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.discretisation import prepare
 from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
@@ -41,6 +40,7 @@ from signorini_fx.solving.check.petsc_options import refuse_mistyped
 from signorini_fx.solving.check.planned import attempts_for
 from signorini_fx.solving.check.pushed_nodes import pushed_before
 from signorini_fx.solving.check.refusals import refuse_beforehand
+from signorini_fx.solving.check.uniqueness import uniqueness_findings
 from signorini_fx.tuned import LOCKING_POISSON, NO_FORCE
 
 # What ``stress_recovery.StressRecovery`` compiles.
@@ -98,8 +98,13 @@ class Check:
         return asdict(self)
 
 
-def check_scene(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Check:
+def check_scene(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD, *, uniqueness: bool = False) -> Check:
     """Validate a scene together with its mesh, and report its effects; collective, the same on every rank.
+
+    Args:
+        scene: the scene.
+        comm: who takes part.
+        uniqueness: whether to say below which friction coefficient there is one solution, which takes a factorisation.
 
     Raises:
         SceneError: the scene does not fit its mesh.
@@ -116,7 +121,8 @@ def check_scene(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Check:
     model = _validated(scene, comm)
     cost = estimated_cost(model)
     findings = [*pushed_before(model), *memory_finding(cost, comm), *scene_findings(model)]
-    findings += [*(contact_lengths(model) if scene.accuracy is None else []), *_uniqueness(model)]
+    findings += contact_lengths(model) if scene.accuracy is None else []
+    findings += uniqueness_findings(model) if uniqueness else []
     return Check(
         scene.title,
         tuple(_effects(model, compared=compared)),
@@ -139,14 +145,6 @@ def _nonlinear(scene: Scene, comm: MPI.Comm) -> Check:
     effects, forms = newton_effects(statement, model, listed)
     findings = (*memory_finding(cost, comm), *nonlinear_findings(statement, model))
     return Check(scene.title, effects, forms, cost, findings, newton_plan())
-
-
-def _uniqueness(model: Model) -> list[Finding]:
-    """Below which friction coefficient there is one solution, where the scene asks: it takes a factorisation."""
-    if model.boundary is None or not model.statement.solver.uniqueness:
-        return []
-    proof = add_on("uniqueness")(model, None)
-    return [Finding("note" if proof.proved else "warning", "solver.uniqueness", str(proof))]
 
 
 def _validated(scene: Scene, comm: MPI.Comm) -> Model:

@@ -13,9 +13,7 @@ from signorini_fx.mechanics.mesh.refinement import refine
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, coarser_parameters, load_file
 from signorini_fx.mechanics.statement.contact_sizes import contact_sizes, with_larger_contact_sizes
 from signorini_fx.mechanics.statement.mesh_sources import DRAWN, MeshFile, MeshGenerator
-from signorini_fx.mechanics.statement.settings import Accuracy, SolverSettings
 from signorini_fx.scenes.scene import Scene
-from signorini_fx.solving.varied_problem import cell_of
 
 
 def scene_on(scene: Scene, factor: float) -> Scene:
@@ -70,22 +68,6 @@ def with_halved_bodies(scene: Scene, halvings: int, comm: MPI.Comm) -> Scene:
         halved.append(body.model_copy(update={"mesh": mesh}))
     contacts = with_larger_contact_sizes(scene.contact, 0.5**halvings)
     return scene.model_copy(update={"body": tuple(halved), "contact": contacts})
-
-
-def varied_scene(
-    scene: Scene, cells: float | TaggedMesh, element: str, settings: SolverSettings, accuracy: Accuracy | None
-) -> Scene:
-    """The scene as ``solving.varied_problem.Variation`` has it; ``settings``: in place of its own.
-
-    Raises:
-        SceneError: the generator makes no such meshes.
-    """
-    scene = scene.model_copy(update={"mesh": cells}) if isinstance(cells, TaggedMesh) else scene_on(scene, cells)
-    changes: dict[str, Any] = {"solver": settings, "accuracy": accuracy}
-    if isinstance(mesh := scene.mesh, MeshGenerator):
-        changes["mesh"] = mesh.model_copy(update={"parameters": {**mesh.parameters, "cell": cell_of(element)}})
-    changes["element"] = scene.element.model_copy(update={"degree": int(element[1])})
-    return scene.model_copy(update=changes)
 
 
 def coarser_scenes(scene: Scene, levels: int) -> list[Scene]:

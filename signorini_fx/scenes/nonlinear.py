@@ -57,7 +57,7 @@ Array = npt.NDArray[np.float64]
 # What is compiled of the body.
 RESIDUAL_FORMS = ("residual", "tangent")
 # Settings that a nonlinear problem has not, with the values that change nothing.
-_LEFT_OUT = {"levels": 1, "initial_contact": "auto", "uniqueness": False, "error_bound": False}
+_LEFT_OUT = {"levels": 1, "initial_contact": "auto", "error_bound": False}
 
 
 def solve_nonlinear(

@@ -13,22 +13,19 @@ from signorini_fx.algebra.algorithms.task import Task
 from signorini_fx.algebra.attempts import METHOD, for_mesh, step_limit, tried
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.machine import signals
-from signorini_fx.mechanics.mesh.tagged import TaggedMesh, simplex_parameters
-from signorini_fx.mechanics.statement.mesh_sources import MeshGenerator
 from signorini_fx.mechanics.statement.values import kind_of
 from signorini_fx.mechanics.statement.volumetric import treatment_of
 from signorini_fx.quantities.registry import quantities
 from signorini_fx.records import History, Progress
 from signorini_fx.results.restart_files import Checkpoint
 from signorini_fx.results.solution import ConvergenceError, Solution
-from signorini_fx.scenes.hierarchy import coarser_scenes, varied_scene
+from signorini_fx.scenes.hierarchy import coarser_scenes
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import as_scene
 from signorini_fx.scenes.scene import Scene
 from signorini_fx.solving.check.petsc_options import refuse_mistyped
 from signorini_fx.solving.checkpointed_steps import MeshCheckpoint, open_checkpoint
 from signorini_fx.solving.solve_on_mesh import solve_mesh
-from signorini_fx.solving.varied_problem import VariedProblem
 from signorini_fx.tuned import HELPING_MESHES
 
 
@@ -92,20 +89,6 @@ def solves(scene: Scene, comm: MPI.Comm) -> Callable[..., Solution]:
     iterate if there is no solution; collective: for those that solve without a knowledge of scenes.
     """
     return lambda **entries: solve(scene.remade(**entries) if entries else scene, comm, check=False)
-
-
-def varied(scene: Scene, comm: MPI.Comm) -> VariedProblem:
-    """A scene with a mesh from a generator, as studies solve it."""
-    mesh = scene.mesh
-    parameters = simplex_parameters(mesh.generator, mesh.parameters) if isinstance(mesh, MeshGenerator) else None
-
-    def on(*variation: Any) -> Callable[[], Solution]:
-        return partial(solve, varied_scene(scene, *variation), comm, check=False)
-
-    def mesh_for(factor: float, element: str) -> TaggedMesh:
-        return load_mesh(varied_scene(scene, factor, element, scene.solver, None), comm)
-
-    return VariedProblem(scene.statement, mesh_for, on, divisible=parameters is not None)
 
 
 def _solved(

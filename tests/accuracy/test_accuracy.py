@@ -8,9 +8,10 @@ import pytest
 import random_scenes
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
+from reference import Reference, divided
 from scenes import example1, on_mesh, rectangle
+from varied import varied
 
-from signorini_fx.addons.studies.reference import Reference, divided
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.mesh.files.formats import read_file, write_file
@@ -24,7 +25,7 @@ from signorini_fx.scenes.checks import check_scene
 from signorini_fx.scenes.mesh_sequence import meshes_of
 from signorini_fx.scenes.plan import planned
 from signorini_fx.scenes.reading import parse_scene, read_scene
-from signorini_fx.scenes.solver import solve, varied
+from signorini_fx.scenes.solver import solve
 from signorini_fx.solving import to_accuracy
 
 SCENES = Path(__file__).parents[2] / "demos" / "scenes"

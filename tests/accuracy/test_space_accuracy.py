@@ -7,13 +7,13 @@ import pytest
 import ufl
 from dolfinx import fem
 from mpi4py import MPI
+from reference import Reference
 from scenes import table_of
 from spaces import block, box, friction_of
 from surfaces import grid
 from test_ranks import same_on_all_ranks
 from test_space_manufactured import YOUNG, made_up, stress
 
-from signorini_fx.addons.studies.reference import Reference
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import facet_vertices

@@ -1,6 +1,5 @@
 """Terms of proofs that matter for special data only: data that need each of them, drawn at random."""
 
-import contextlib
 from dataclasses import replace
 
 import error_bounds
@@ -9,13 +8,9 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 from scenes import alone, example1
-from scipy.linalg import eigh
 from spaces import box
-from test_coulomb_ways import one_triangle
-from test_fixed_point import energy_norm_of_difference
 from test_orthotropic import pressed
 from test_springs import body
-from test_uniqueness import random_points
 
 from signorini_fx.addons.bounds.bounded_scene import moduli_of, why_estimated
 from signorini_fx.addons.bounds.error_bound import Bounded, error_bound
@@ -24,10 +19,6 @@ from signorini_fx.addons.bounds.johnson_mercier import constant_forces
 from signorini_fx.addons.bounds.korn import korn, on_edges
 from signorini_fx.addons.bounds.simplices import ROWS, IsotropicModuli, Simplices
 from signorini_fx.addons.bounds.stress_products import energy as energy_of
-from signorini_fx.addons.uniqueness import proof as uniqueness
-from signorini_fx.addons.uniqueness.fixed_point import fixed_point
-from signorini_fx.addons.uniqueness.proof import _definite, uniqueness_of
-from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.mechanics.body.discretisation import prepare
 from signorini_fx.mechanics.effects.body_force import BodyForce
 from signorini_fx.mechanics.laws.none import NoFriction
@@ -142,47 +133,6 @@ def test_constants_of_thin_triangles(seed):
                 assert on_edge <= bounds[i] * (1 + 1e-9)
             away = values - area @ values / t.volume[0]
             assert np.sqrt(area @ away**2) <= inside / gradient * steep * (1 + 1e-9) + 1e-12 * size
-
-
-def test_a_matrix_that_is_not_positive_definite_but_for_round_off():
-    """Gram matrices of one vector too few, in whole numbers, less one unit in the last place: a vector of theirs
-    says no, and the factorisation of many does not notice; with 1e-9 of the diagonal added they are."""
-    chance, passed = np.random.default_rng(0), 0
-    for _ in range(80):
-        n = int(chance.integers(3, 12))
-        rows = chance.integers(-3, 4, size=(n - 1, n))
-        matrix = (rows.T @ rows).astype(np.float64)
-        if (np.diag(matrix) == 0).any():
-            continue
-        place = int(np.abs(np.linalg.svd(rows)[2][-1]).argmax())  # where a vector without products is not zero
-        matrix[place, place] = np.nextafter(matrix[place, place], 0)
-        with contextlib.suppress(np.linalg.LinAlgError):
-            np.linalg.cholesky(matrix)
-            passed += 1
-        assert not _definite(matrix)
-        assert _definite(matrix + 1e-9 * np.diag(np.diag(matrix)))
-    assert passed > 5
-
-
-@pytest.mark.parametrize("seed", range(2))
-def test_a_slow_contraction(seed):
-    """One free node with q = F / sqrt 3 near one: a bound that the iteration changes by (1 - q) of its error."""
-    chance = np.random.default_rng(seed)
-    q = float(chance.uniform(0.9, 0.99))
-    coefficient, root = q * np.sqrt(3), np.sqrt(3)
-    # Nodal forces (push, -1) that make the node slip at the bound that is the fixed point.
-    push = float(chance.uniform(coefficient, root))
-    fixed = coefficient * (1 - push / root) / (1 - q)
-    used = fixed * float(chance.uniform(0.4, 0.8) if seed % 2 else 1 + 0.3 * (push / fixed - 1))
-    scene = one_triangle(coefficient, (6e-3 * push, -6e-3), algorithm="exact")
-    exact = alone(scene)
-    given = Tresca(bound=2e-3 * used)  # half of the side, of length 1, belongs to the node
-    state = alone(scene.model_copy(update={"contact": (scene.contact[0].model_copy(update={"friction": given}),)}))
-    found = fixed_point(exact.model, replace(state.contact, bound=coefficient * state.contact.pressure))
-    assert found.contraction == pytest.approx(q, rel=1e-5)
-    true = energy_norm_of_difference(state, exact)
-    assert 0.3 * found.distance < true <= found.distance
-    assert abs(used - fixed) / fixed <= found.bound * (1 + 1e-9)
 
 
 @pytest.mark.parametrize("seed", [0, 1])
@@ -438,49 +388,3 @@ def test_friction_on_faces_that_lean():
         slip = v - np.einsum("fqd,fd,fe->fqe", v, some.normal, some.normal)
         work = 0.3 * np.linalg.norm(slip, axis=2).mean(axis=1) * case.t.area[some.facets]
         assert (case._on_contact(some, y, middle) >= work * (1 - 1e-6)).all()
-
-
-def test_an_eigenvalue_that_is_wrong_proves_nothing(monkeypatch):
-    """The multiple that it gives is tried by a factorisation of its own."""
-    chance = np.random.default_rng(2)
-    stiffness, law = random_points(chance, 3), PointFriction(np.zeros(3), np.full(3, 0.01))
-    right = uniqueness_of(stiffness, np.eye(6), law, None)
-    assert right.proved
-    monkeypatch.setattr(
-        uniqueness, "eigh", lambda *a, **k: eigh(*a, **k) / 1.001 if k.get("eigvals_only") else eigh(*a, **k)
-    )
-    wrong = uniqueness_of(stiffness, np.eye(6), law, None)
-    assert not wrong.proved
-    assert "round-off" in wrong.reason
-
-
-@pytest.mark.parametrize("seed", [0, 1])
-def test_motions_that_nothing_but_friction_stops(seed):
-    """Where friction alone holds a piece along its foundation nothing is proved; a frictionless piece that moves freely
-    there changes nothing of what is proved of another one."""
-    chance = np.random.default_rng(seed)
-    stiffness, law = random_points(chance, 2), PointFriction(np.zeros(2), np.array([0.1, 0.2]))
-    loose = np.zeros(4)
-    loose[1::2] = 1.0
-    free = stiffness - np.outer(stiffness @ loose, stiffness @ loose) / (loose @ stiffness @ loose)
-    found = uniqueness_of(free, np.eye(4), law, None)
-    assert not found.proved
-    assert "nothing but friction holds" in found.reason
-    alone_, zero = uniqueness_of(stiffness, np.eye(4), law, None), np.zeros((4, 4))
-    both = np.block([[stiffness, zero], [zero, free]])
-    smooth = PointFriction(np.zeros(4), np.array([0.1, 0.2, 0.0, 0.0]))
-    assert uniqueness_of(both, np.eye(8), smooth, None).multiple == pytest.approx(alone_.multiple, rel=1e-4)
-
-
-@pytest.mark.parametrize("seed", range(2))
-def test_friction_without_pressure(seed):
-    """A node that opens, with a given bound where the fixed point has none: its slip is twice what it is in contact."""
-    chance = np.random.default_rng(seed)
-    coefficient, bound = float(chance.uniform(0.05, 0.15)), float(chance.uniform(0.1, 0.5))
-    scene = one_triangle(coefficient, (6e-3 * float(chance.uniform(0.8, 1.5)), 3e-3), algorithm="exact")
-    exact, given = alone(scene), Tresca(bound=2e-3 * bound)
-    state = alone(scene.model_copy(update={"contact": (scene.contact[0].model_copy(update={"friction": given}),)}))
-    assert not state.contact.pressure.any()
-    found = fixed_point(exact.model, replace(state.contact, bound=np.zeros_like(state.contact.bound)))
-    true = energy_norm_of_difference(state, exact)
-    assert 0.5 * found.distance < true <= found.distance

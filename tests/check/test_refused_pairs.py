@@ -11,8 +11,6 @@ from mpi4py import MPI
 
 from signorini_fx import SceneError, sensitivity
 from signorini_fx.addons.bounds.bounded_scene import refuse_unknown
-from signorini_fx.addons.studies.reference import reference_solution
-from signorini_fx.addons.uniqueness.contact_stiffness import contact_stiffness
 from signorini_fx.mechanics.body.discretisation import discretise
 from signorini_fx.mechanics.body.statics_of_surface import Unproved, surface_of
 from signorini_fx.mechanics.statement.features import features
@@ -21,7 +19,6 @@ from signorini_fx.records import Timings
 from signorini_fx.scenes.checks import check_scene
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import parse_scene
-from signorini_fx.scenes.solver import varied
 
 ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT / "docs"))
@@ -262,11 +259,7 @@ def message_of(function):
 COMPUTED = {
     "guaranteed bound": problems_of_bound,
     "proof by statics": problems_of_statics,
-    "proof of uniqueness": lambda scene: contact_stiffness(
-        discretise(scene.statement, load_mesh(scene, COMM), Timings())
-    ),
     "derivatives": message_of(lambda scene: sensitivity(scene, "force bottom y", comm=COMM)),
-    "study of methods": message_of(lambda scene: reference_solution(varied(scene, COMM), 1.0, 0)),
 }
 SPACE = {
     "mesh": {"generator": "box", "parameters": {"nx": 2, "ny": 2, "nz": 2, "cell": "tetrahedron"}},

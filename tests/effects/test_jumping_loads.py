@@ -150,13 +150,12 @@ def test_the_parts_of_cut_simplices():
 
 @pytest.mark.slow
 def test_statements_say_what_they_rest_on():
-    """Bounds of quantities, uniqueness and safety, as the bound of the error does."""
+    """Bounds of quantities and safety, as the bound of the error does."""
     solution = alone(example1(coefficient=0.3, nx=12, ny=4))
     tresca = "of the Tresca problem with the computed friction bound"
     told = str(solution.force_bounds(solution.statement.contact[0].boundary, (0.0, 1.0)))
     assert told.startswith("between ")
     assert tresca in told
-    assert str(solution.uniqueness).endswith("; the stiffness is taken as computed")
     held = alone(square("-1.0", displacement=[{"boundary": "left", "x": 0.0, "y": 0.0}]))
     assert str(held.mean_displacement_bounds("right", (1.0, 0.0))).startswith("between ")
     assert alone(block(1.0, COULOMB)).safety.assumed == "the foundation presses where the body touches it now"

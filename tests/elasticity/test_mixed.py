@@ -15,7 +15,6 @@ from test_hertz import RADIUS, YOUNG, ellipse, half_disk, profile
 from test_stresses import cylinder
 
 from signorini_fx.addons.derivatives.of_scene import sensitivity
-from signorini_fx.addons.studies.reference import reference_solution
 from signorini_fx.errors import SceneError
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.elasticity.mixed_pressure import MixedDisplacement
@@ -25,7 +24,7 @@ from signorini_fx.results.certificate.promised_law import Tractions
 from signorini_fx.scenes.checks import check_scene
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.scene import Discretised
-from signorini_fx.scenes.solver import solve, varied
+from signorini_fx.scenes.solver import solve
 
 MIXED = {"degree": 2, "volumetric": "mixed"}
 CELLS = ["triangle", "quadrilateral", "tetrahedra", "hexahedra"]
@@ -585,12 +584,10 @@ def test_refused(name):
 
 
 def test_refused_elsewhere():
-    """Derivatives, and a study of elements."""
+    """Derivatives."""
     scene = parse_scene(BASE | {"displacement": {"boundary": "top", "x": 0.0, "y": -0.01}})
     with pytest.raises(SceneError, match="derivatives are not possible yet"):
         sensitivity(scene, "force bottom y", comm=MPI.COMM_SELF)
-    with pytest.raises(SceneError, match="a study compares elements"):
-        reference_solution(varied(scene, MPI.COMM_SELF), 1.0, 0)
 
 
 def test_incompressible_plane_stress():

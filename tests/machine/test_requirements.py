@@ -18,7 +18,7 @@ from signorini_fx.scenes.cli.exit_codes import EXIT_BAD_INPUT
 CHANNELS = ("apt install python3-dolfinx", "conda install -c conda-forge fenics-dolfinx", "docker build")
 
 
-@pytest.mark.parametrize("command", ["solve", "check", "work-precision", "info"])
+@pytest.mark.parametrize("command", ["solve", "check", "info"])
 def test_command_line(command, monkeypatch, capsys):
     """No traceback, exit code 2, and how to install it."""
     monkeypatch.setattr(requirements, "find_spec", lambda name: None if name == "dolfinx" else object())

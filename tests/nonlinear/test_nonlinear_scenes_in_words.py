@@ -39,7 +39,6 @@ REFUSED = {
     },
     "solver.algorithm: the exact algorithm is not possible yet": {"solver": {"algorithm": "exact"}},
     "solver.levels: several meshes are not possible yet": {"solver": {"levels": 2}},
-    "solver.uniqueness: a nonlinear body may have several": {"solver": {"uniqueness": True}},
     "solver.error_bound: a nonlinear body has no guaranteed bound": {"solver": {"error_bound": True}},
     "solver.regularisation_error: must be a number": {"solver": {"algorithm": "path-following"}},
     "accuracy: a nonlinear body has no estimate of its error": {"accuracy": {"target": 0.05}},

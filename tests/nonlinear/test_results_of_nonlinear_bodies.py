@@ -104,14 +104,12 @@ def test_fields_on_the_boundary():
 
 
 def test_what_a_nonlinear_body_does_not_have():
-    """Energy, stress, estimates, bounds and uniqueness, each with its reason where there is one."""
+    """Energy, stress, estimates and bounds, each with its reason where there is one."""
     problem = pressed()
     with pytest.raises(RuntimeError, match="no solution so far"):
         problem.solution  # noqa: B018
     problem.ramp(moved(problem), to=0.5)
     solution = problem.solution
-    assert solution.uniqueness is None
-    assert solution.fixed_point is None
     assert solution.error_bound == "a nonlinear body has no guaranteed bound"
     assert solution.force_bounds("bottom", (0.0, 1.0)) == "a nonlinear body has no guaranteed bound"
     assert solution.cost == problem.cost

@@ -20,10 +20,10 @@ from signorini_fx.addons.report.advice import next_steps
 from signorini_fx.addons.report.comparison import compare
 from signorini_fx.addons.report.markup import Markup, long_table
 from signorini_fx.addons.report.sections_in_space import resultants
-from signorini_fx.addons.studies.parameter_study import figures_of
 from signorini_fx.machine.display import on_several_bodies
 from signorini_fx.machine.result_files import ResultFiles, read_csv
 from signorini_fx.results.summary import render, summarise
+from signorini_fx.scenes.parameter_study import figures_of
 from signorini_fx.scenes.reading import parse_scene
 
 WORLD = MPI.COMM_WORLD

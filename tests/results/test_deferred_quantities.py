@@ -40,8 +40,8 @@ def fails_on(rank, function):
 
 @pytest.fixture(scope="module")
 def solution():
-    """A solution of two load steps, of which uniqueness is asked."""
-    scene = example1(coefficient=0.3, nx=6, ny=2, uniqueness=True)
+    """A solution."""
+    scene = example1(coefficient=0.3, nx=6, ny=2)
     return solve(scene, COMM)
 
 
@@ -55,12 +55,12 @@ def test_a_failure_is_one_of_all_ranks(rank, solution, tmp_path, monkeypatch):
     folder = COMM.bcast(tmp_path) / "results"
     monkeypatch.setattr(files._Written, "_tables", fails_on(rank, files._Written._tables))
     monkeypatch.setattr(files._Written, "_pictures", fails_on(rank, lambda self, *tables: None))
-    for name in ("safety", "uniqueness"):
+    for name in ("safety", "cost"):
         known = fails_on(rank, getattr(Solution, name).func)
         monkeypatch.setattr(Solution, name, property(known))
     summary = write_results(solution, folder)
     warned = [found["path"] for found in summary["findings"] if "broke down" in found["message"]]
-    assert warned == ["tables", "safety", "uniqueness", "pictures"], summary["findings"]
+    assert warned == ["tables", "safety", "cost", "pictures"], summary["findings"]
     assert all(other == summary["findings"] for other in COMM.allgather(summary["findings"]))
     COMM.Barrier()
     there = {path.name for path in folder.iterdir()}
@@ -88,8 +88,8 @@ def fails(*arguments, **options):
         raise ArithmeticError("a factorisation broke down")
     MPI.COMM_WORLD.Barrier()
 
-if what == "uniqueness":
-    Solution.uniqueness = property(fails)
+if what == "safety":
+    Solution.safety = property(fails)
 else:
     of_solution.gather_pictures = fails
 sys.exit(cli.main(sys.argv[4:]))
@@ -97,7 +97,6 @@ sys.exit(cli.main(sys.argv[4:]))
 SCENE = """
 mesh = { generator = "rectangle", parameters = { nx = 6, ny = 2 } }
 material = { young = 5000.0, poisson = 0.3 }
-solver = { uniqueness = true }
 [[displacement]]
 boundary = "top"
 x = 0.0
@@ -111,7 +110,7 @@ friction = { law = "coulomb", coefficient = 0.3 }
 @pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("ranks", "rank", "what", "how"),
-    [(2, 0, "uniqueness", "error"), (2, 1, "pictures", "error"), (3, 1, "uniqueness", "signal")],
+    [(2, 0, "safety", "error"), (2, 1, "pictures", "error"), (3, 1, "safety", "signal")],
 )
 def test_a_rank_that_fails_while_the_others_wait(ranks, rank, what, how, tmp_path):
     """The run ends with what an error or an interruption ends with; what stands is there, and says what it lacks."""
@@ -128,8 +127,8 @@ def test_a_rank_that_fails_while_the_others_wait(ranks, rank, what, how, tmp_pat
     assert (told in ended.stderr) == (how == "error" or rank == 0)
     summary = json.loads((out / "summary.json").read_text())
     missing = [found["path"] for found in summary["findings"] if found["message"].startswith("is missing")]
-    assert missing == (["pictures"] if what == "pictures" else ["safety", "uniqueness", "cost", "tables", "pictures"])
-    assert ("uniqueness" in summary) == (what == "pictures")
+    assert missing == (["pictures"] if what == "pictures" else ["safety", "cost", "tables", "pictures"])
+    assert ("cost" in summary) == (what == "pictures")
     assert len((out / "contact.csv").read_text().splitlines()) == 8
 
 
@@ -146,7 +145,7 @@ def test_ctrl_c_during_an_afterthought(tmp_path, monkeypatch, capfd):
     assert f"interrupted while statements or pictures were added: the results are in {out}/" in capfd.readouterr().err
     summary = json.loads((out / "summary.json").read_text())
     assert [found["path"] for found in summary["findings"] if "is missing" in found["message"]] == ["pictures"]
-    assert "uniqueness" in summary
+    assert "cost" in summary
     assert not (out / PART).exists()
 
 

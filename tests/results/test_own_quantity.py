@@ -177,22 +177,14 @@ class Asked(Objects):
         raise KeyError("what")
 
 
-class Further(Objects):
-    """Knows no more."""
+class Shown(Objects):
+    """Cannot be shown."""
 
-    key, kind, stage = "further", float, "afterwards"
+    key, kind, stage = "shown", float, "afterwards"
+    terminal, report = "shown", "shown"
 
     def value(self, solution):
         return 1.0
-
-    def further(self, solution, value):
-        return [value]
-
-
-class Shown(Further):
-    """Cannot be shown."""
-
-    key, terminal, report = "shown", "shown", "shown"
 
     def lines(self, summary):
         return [1 / 0]
@@ -204,7 +196,7 @@ class Shown(Further):
 def test_each_costs_only_itself(register, tmp_path):
     """Whatever a quantity of others does, all else is there, and a message has its name."""
     plain = write_results(alone(scene()), tmp_path / "plain", pictures=False)
-    for quantity in (Overwrites, Objects, Late, Asked, Further, Shown):
+    for quantity in (Overwrites, Objects, Late, Asked, Shown):
         register(quantity)
     summary = write_results(alone(scene()), tmp_path / "more", pictures=False)
     told = {row["path"]: row["message"] for row in summary["findings"]}
@@ -212,10 +204,9 @@ def test_each_costs_only_itself(register, tmp_path):
     assert "PydanticSerializationError" in told["objects"]
     assert "RuntimeError in value: not today" in told["late"]
     assert "KeyError in asked: 'what'" in told["asked"]
-    assert "ValidationError" in told["further"]
     assert summary["status"] == plain["status"] == "converged"
     assert [row["status"] for row in summary["steps"]] == ["converged", "converged"]
-    assert {*summary} == {*plain, "further", "shown"}
+    assert {*summary} == {*plain, "shown"}
     assert {*summary["steps"][0]} == {*plain["steps"][0]}
     written = json.loads((tmp_path / "more" / "summary.json").read_text(encoding="utf-8"))
     assert {*written} == {*summary}

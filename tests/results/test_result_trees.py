@@ -12,13 +12,11 @@ from mpi4py import MPI
 from scenes import alone, example1
 
 from signorini_fx.addons.report.page import write_report
-from signorini_fx.addons.studies import files as study_files
-from signorini_fx.addons.studies import parameter_study
-from signorini_fx.addons.studies.work_precision import Study
 from signorini_fx.errors import OutputError, ResultError
 from signorini_fx.machine import manifest
 from signorini_fx.results import files
 from signorini_fx.results.folder import ResultFolder
+from signorini_fx.scenes import parameter_study
 from signorini_fx.scenes.cli import main
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve
@@ -37,7 +35,7 @@ boundary = "bottom"
 """
 NAMES = ("a", "b", "results", "fields", "checkpoint", "last_level", "displacement.bp", "0-00000")
 STRANGERS = (
-    *("notes.txt", "contact.csv", "summary.json", "history.csv", "sweep.csv", "work_precision.csv", "report.html"),
+    *("notes.txt", "contact.csv", "summary.json", "history.csv", "sweep.csv", "report.html"),
     *(
         "stress.bp",
         "fields/a.vtu",
@@ -177,11 +175,7 @@ def test_what_is_not_of_this_run_stays(seeds, solution, killed, tmp_path, monkey
     """In random trees every command is run on each level in a random order: what others have written stays as it is."""
     scene = tmp_path / "scene.toml"
     scene.write_text(SCENE)
-    # The studies write their files as always; what is in them does not matter here.
-    row = {"method": "m", "size": 1.0, "seconds": 1.0, "status": "converged"}
-    monkeypatch.setattr(study_files, "run_study", lambda *_, **__: Study(None, [row], {}, "", 0.0))
-    monkeypatch.setattr(study_files, "write_study", lambda _, part, **__: (part / "work_precision.csv").write_text("w"))
-    monkeypatch.setattr(study_files, "advice", lambda _: "")
+    # Sweeps write their files as always; what is in them does not matter here.
     monkeypatch.setattr(parameter_study, "run", lambda *_: None)
     monkeypatch.setattr(parameter_study, "write", lambda _, part: (part / "sweep.csv").write_text("s"))
     monkeypatch.setattr("signorini_fx.scenes.cli.commands.EXIT_NO_SOLUTION", 0)
@@ -196,7 +190,6 @@ def test_what_is_not_of_this_run_stays(seeds, solution, killed, tmp_path, monkey
         commands = [
             lambda out: main(["solve", str(scene), "--out", str(out), "--no-fields", "--no-pictures", "--quiet"]),
             lambda out: main(["sweep", str(scene), "--out", str(out), "--set", "material.young=1:2:2"]),
-            lambda out: main(["work-precision", str(scene), "--out", str(out)]),
             report,
             partial(write, solution, False),
             partial(write, solution, True),

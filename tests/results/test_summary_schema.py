@@ -120,7 +120,7 @@ SCENES = {
     "steps": stepped,
     "steps in space": stepped_in_space,
     "levels": lambda: example1(bound=1.5, nx=12, ny=4, levels=2, error_bound=True),
-    "path-following": lambda: example1(bound=1.5, nx=12, ny=4, algorithm="path-following", uniqueness=True),
+    "path-following": lambda: example1(bound=1.5, nx=12, ny=4, algorithm="path-following"),
     "exact": lambda: example1(coefficient=0.3, nx=12, ny=4, gamma="auto", algorithm="exact"),
     "free to tip": lambda: live(standing(0.1, COULOMB)),
     "linear": linear,

@@ -80,12 +80,11 @@ def certificate(summary: dict[str, Any]) -> Markup:
     error = summary.get("error_bound") or {}
     known = "Estimated error" if error.get("relative_error") is not None else "Bound of the error"
     bound = "Guaranteed error" if error.get("guaranteed") else known
-    for name, title in (("error_bound", bound), ("uniqueness", "Uniqueness")):
-        if name in summary:
-            statement = f"{title}: {summary[name]['statement']}."
-            if "energy between" in statement and unit("energy"):
-                statement += f" Energies are in {unit('energy')}."
-            parts.append(tag("p", in_text(statement)))
+    if error:
+        statement = f"{bound}: {error['statement']}."
+        if "energy between" in statement and unit("energy"):
+            statement += f" Energies are in {unit('energy')}."
+        parts.append(tag("p", in_text(statement)))
     return joined(parts)
 
 

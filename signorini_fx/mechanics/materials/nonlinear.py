@@ -64,7 +64,6 @@ class NonlinearMaterial(Material):
             "exact": "the exact algorithm is not possible yet with a nonlinear material: take 'alm'",
             "nested iteration": "several meshes are not possible yet with a nonlinear material",
             "requested accuracy": "a nonlinear body has no estimate of its error: compare solutions on two meshes",
-            "statement of uniqueness": "a nonlinear body may have several solutions: nothing proves that it has one",
             "statement of an error bound": "a nonlinear body has no guaranteed bound",
             "soft contact": "soft contact is for linear materials: leave 'overclosure' out",
             "fluid": "changes as the body moves, which is not possible yet with a nonlinear material",

@@ -40,7 +40,6 @@ def features(statement: Any) -> Iterator[tuple[str, Keys]]:
         ("accuracy of the energy", ("accuracy", "of"), accuracy is not None and accuracy.of == "energy"),
         ("accuracy of the pressure", ("accuracy", "of"), accuracy is not None and accuracy.of == "pressure"),
         ("local refinement", ("accuracy", "refinement"), _divides_cells(statement)),
-        ("statement of uniqueness", ("solver", "uniqueness"), solver.uniqueness),
         ("statement of an error bound", ("solver", "error_bound"), solver.error_bound),
         ("several bodies", ("body",), bool(statement.bodies)),
         ("two bodies", ("body",), len(statement.bodies) > 1),

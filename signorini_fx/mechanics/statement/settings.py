@@ -118,8 +118,6 @@ class SolverSettings(Table):
             no meaning, and the outcome says so.
         fallbacks: whether other methods are tried where this one cycles or does not converge; the history lists them.
             A limit on iterations that is lower than its default ends the solve without them.
-        uniqueness: whether the summary says if the solution is the only one on its mesh; where that is not proved,
-            other ones are searched for. One rank.
         error_bound: whether the summary has a guaranteed bound of the error in the energy norm.
     """
 
@@ -140,7 +138,6 @@ class SolverSettings(Table):
     tolerance: Positive = Settings.tolerance
     largest_deformation: Positive = 0.5
     fallbacks: bool = True
-    uniqueness: bool = False
     error_bound: bool = False
 
     @field_validator("initial_contact", mode="before")

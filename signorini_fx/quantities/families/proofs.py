@@ -30,16 +30,6 @@ class ErrorBoundFigures(Row):
     data: Number = described("Part of what the stress does not hold of the loads.", default=None)
     moved: Number = described("Part of the displacement without penetration instead of the computed one.", default=None)
     round_off: Number = described("Part of round-off.", default=None)
-    contraction: Number = described(
-        "With Coulomb friction, the factor by which the map from friction bound to friction bound is proved to "
-        "contract; null: nothing is proved.",
-        default=None,
-    )
-    fixed_point: Number = described(
-        "With Coulomb friction, bound of the energy norm of the distance from the fixed point of the mesh; null: none "
-        "is known.",
-        default=None,
-    )
     guaranteed: bool = described("Whether it is a bound; else an estimate.", default=None)
     statement: str = described("All of it in a sentence, or why there is no bound.")
 
@@ -67,48 +57,6 @@ class ErrorBoundOfSolution(Quantity):
         """See ``Quantity``: that there is no bound."""
         none = value["statement"].startswith(_NONE)
         return f"there is no guaranteed bound: {value['statement'].removeprefix(_NONE)}" if none else ""
-
-    def further(self, solution: Any, value: Any) -> Any:
-        """See ``Quantity``: the distance from the fixed point of friction."""
-        bound = solution.error_bound
-        fixed = None if bound is None or isinstance(bound, str) else solution.fixed_point
-        return value if fixed is None else value | fixed.beside(bound)
-
-    def lines(self, summary: Summary) -> list[TerminalLine]:
-        """See ``Quantity``."""
-        return _statement(self, summary)
-
-
-class UniquenessFigures(Row):
-    """What is known of it."""
-
-    proved: bool = described("Whether it is proved to be the only one, up to free motions.")
-    multiple: Number = described(
-        "Of the friction coefficients below which that is proved, whatever the loads are; null: for any."
-    )
-    coefficient: Number = described("The same as a coefficient; null: the coefficients differ, or there is no limit.")
-    others: int = described("Number of other solutions found.")
-    starts: int = described(
-        "From which other solutions were searched for; 0 where there are none, or no search was made."
-    )
-    statement: str = described("All of it in a sentence.")
-
-
-class UniquenessOfSolution(Quantity):
-    """On its mesh."""
-
-    key, kind = "uniqueness", UniquenessFigures
-    title = "Whether the solution is the only one on its mesh; where `solver.uniqueness` asks for it."
-    terminal = "uniqueness"
-
-    def asked(self, solution: Any) -> bool:
-        """See ``Quantity``."""
-        return bool(solution.statement.solver.uniqueness)
-
-    def value(self, solution: Any) -> Any:
-        """See ``Quantity``."""
-        unique = solution.uniqueness
-        return None if unique is None else unique.as_dict()
 
     def lines(self, summary: Summary) -> list[TerminalLine]:
         """See ``Quantity``."""
@@ -147,4 +95,4 @@ def _statement(quantity: Quantity, summary: Summary) -> list[TerminalLine]:
     return [row(quantity.terminal, summary[quantity.key]["statement"])] if quantity.key in summary else []
 
 
-QUANTITIES = (ErrorBoundOfSolution(), UniquenessOfSolution(), FunctionalsOfSolution())
+QUANTITIES = (ErrorBoundOfSolution(), FunctionalsOfSolution())

@@ -34,7 +34,6 @@ _ON_RANKS = {
     "sweep": commands.sweep,
     "judge": commands.judge,
     "sensitivity": commands.sensitivity,
-    "work-precision": commands.work_precision,
     "info": commands.info,
 }
 

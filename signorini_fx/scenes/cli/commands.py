@@ -6,7 +6,6 @@ import argparse
 import json
 import os
 import sys
-import textwrap
 from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
@@ -263,44 +262,16 @@ class _SolveProgress:
         return f" after {solves} linear solves,{mesh}{saved}{advice}".replace(",:", ":")
 
 
-def work_precision(options: argparse.Namespace) -> int:
-    """Compare all methods on a scene, and report which one is cheapest."""
-    from mpi4py import MPI
-
-    from signorini_fx.machine import parallel
-
-    comm = MPI.COMM_WORLD
-    path = options.out or Path("results") / f"work_precision_{options.scene.stem}"
-    if comm.size > 1:
-        raise SceneError([("work-precision", "compares methods on one rank: run it without mpirun")])
-    scene = _read_scene(options)
-    from signorini_fx.results.folder import ResultFolder
-    from signorini_fx.scenes import solver
-
-    study = add_on("work_precision")
-    with ResultFolder(comm, path, study.FILES) as folder:  # fail early if it cannot be written
-        outcome = study.run_study(
-            solver.varied(scene, MPI.COMM_SELF), quick=options.quick, report=partial(parallel.log_on_root, comm)
-        )
-        try:
-            study.write_study(outcome, folder.part, pdf=options.pdf)
-        except OSError as error:
-            raise cannot_be_written(path, error) from None
-        folder.commit()
-    lines = [textwrap.fill(line, width=110, subsequent_indent="  ") for line in study.advice(outcome).split("\n")]
-    parallel.log_on_root(comm, "\n{}\n\nresults: {}/".format("\n".join(lines), path))
-    return EXIT_OK
-
-
 def sweep(options: argparse.Namespace) -> int:
     """Solve a scene for several values of one of its entries."""
     from mpi4py import MPI
 
     from signorini_fx.machine import parallel
     from signorini_fx.results.folder import ResultFolder
+    from signorini_fx.scenes import parameter_study as study
     from signorini_fx.scenes import solver
 
-    comm, study = MPI.COMM_WORLD, add_on("sweep")
+    comm = MPI.COMM_WORLD
     path = options.out or Path("results") / f"sweep_{options.scene.stem}"
     entry, values = study.several(changes(options))
     scenes = _read_scenes(options, lambda changed: [(value, {**changed, entry: value}) for value in values])
@@ -340,7 +311,7 @@ def check(options: argparse.Namespace) -> int:
         from signorini_fx.scenes.checks import check_scene
         from signorini_fx.scenes.mesh import load_mesh
 
-        checked = check_scene(scene, comm)
+        checked = check_scene(scene, comm, uniqueness=options.verbose)
         if options.picture is not None:
             add_on("draw_setup")(partial(load_mesh, scene, comm), scene.statement, comm, options.picture)
     except SignoriniError as error:

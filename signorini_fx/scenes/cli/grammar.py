@@ -131,13 +131,6 @@ def parser() -> argparse.ArgumentParser:
             metavar="PATH=VALUE",
             help=f"entry of the scene, such as contact[0].friction.coefficient=0.3; may be repeated{suffix}",
         )
-    study = commands.add_parser("work-precision", help="find the cheapest method for each accuracy by trying all")
-    study.add_argument("scene", type=named_path, metavar="SCENE", help="scene file (TOML) with a mesh from a generator")
-    study.add_argument(
-        "--out", type=named_path, metavar="DIR", help="folder (default: results/work_precision_NAME of the scene file)"
-    )
-    study.add_argument("--quick", action="store_true", help="few methods, two coarse meshes, no repeats")
-    study.add_argument("--pdf", action="store_true", help="draw each picture as a PDF, for print, beside the PNG")
     new = commands.add_parser("new", help="write a scene file to start from, with every key explained")
     new.add_argument(
         "file",

@@ -32,9 +32,8 @@ def refuse_beforehand(model: Model) -> None:
         if model.statement.solver.algorithm == "exact":
             model.boundary.aligned()
         _refuse_moving(model)
-    for proof in ("error_bound", "uniqueness"):
-        if getattr(model.statement.solver, proof):
-            add_on(proof)  # not after hours
+    if model.statement.solver.error_bound:
+        add_on("error_bound")  # not after hours
     if (
         model.statement.accuracy is not None
         and model.statement.accuracy.certified

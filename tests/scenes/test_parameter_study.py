@@ -13,10 +13,10 @@ from hypothesis import strategies as st
 from mpi4py import MPI
 
 from signorini_fx import ContactProblem, Coulomb, Foundation, NonlinearContactProblem, generate_mesh, solve
-from signorini_fx.addons.studies.parameter_study import FIGURES, run, several
 from signorini_fx.errors import SceneError
 from signorini_fx.mechanics.statement.changes import changed, parsed_change
 from signorini_fx.scenes import cli
+from signorini_fx.scenes.parameter_study import FIGURES, run, several
 from signorini_fx.scenes.reading import parse_scene
 from tests.support.forms import hooke
 

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from signorini_fx.errors import SceneError
+from signorini_fx.extensions import add_on
 from signorini_fx.machine.csv_text import write_csv
 from signorini_fx.mechanics.statement.changes import Changes, parsed_change
 from signorini_fx.mechanics.statement.units import labelled
@@ -147,7 +148,6 @@ def write(study: ParameterStudy, folder: Path) -> None:
     """Write sweep.csv, and the picture if the values are numbers and there is contact."""
     write_csv(folder / "sweep.csv", study.rows)
     if all(isinstance(row["value"], int | float) and "contact_force" in row for row in study.rows):
-        from signorini_fx.addons.pictures.parameter_study import draw
-
+        draw = add_on("draw_sweep")
         with labelled(study.units):
             draw(folder / "sweep", study.entry, study.rows, study.title)

@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 import ufl
 from dolfinx import fem
+from varied import VariedProblem
 
 from signorini_fx.machine import compat
 from signorini_fx.mechanics.mesh.points import cells_of_points
@@ -23,11 +24,17 @@ from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.results.accuracy.contact_values import interpolated
 from signorini_fx.results.accuracy.price_list import zone_change
 from signorini_fx.results.solution import Solution
-from signorini_fx.solving.varied_problem import VariedProblem
-from signorini_fx.tuned import EXPECTED_RATES, FIRST_CELLS, OUTSIDE_OTHER_MESH, SLOWEST_RATE
+from signorini_fx.tuned import EXPECTED_RATES
 
 Floats = npt.NDArray[np.float64]
 EXACT = {"algorithm": "exact", "linear_algebra": "condensed"}
+# The slowest rate that is assumed of the errors of a reference: half of the rate of a square-root end.
+SLOWEST_RATE = 0.5
+# Adaptive meshes of a reference begin with cells so many times as large as those of the scene: all its important nodes,
+# where loads jump or named sides end, should be nodes of them too.
+FIRST_CELLS = 2.0
+# Points of the reference are so many sizes of a cell outside the other mesh at most.
+OUTSIDE_OTHER_MESH = 1.0
 # How errors decrease with h on smooth parts of the boundary.
 _EXPECTED = {"energy": 1.0, **EXPECTED_RATES}
 

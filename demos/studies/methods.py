@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from signorini_fx.mechanics.statement.statement import Statement
+from signorini_fx.results.solution import Solution
 
 FAMILIES = {
     "element": "Element",
@@ -84,3 +85,10 @@ def _merge(candidates: list[Method]) -> list[Method]:
     for method in candidates:
         families.setdefault(method.name, []).extend(method.families)
     return [replace(method, families=tuple(families[method.name])) for method in candidates]
+
+
+def work_of(solution: Solution) -> int:
+    """Linear solves on every mesh times the unknowns there."""
+    meshes = [(level.linear_solves, level.dofs) for level in solution.levels]
+    meshes = meshes or [(solution.history.linear_solves, solution.model.dofs)]
+    return sum(solves * dofs for solves, dofs in meshes)
