@@ -146,6 +146,27 @@ def test_the_force_on_a_block_that_slides():
     assert found.derivatives == pytest.approx((-8.0, -2.0, 0.0), rel=1e-9, abs=1e-7)
 
 
+@pytest.mark.parametrize("algorithm", ["alm", "ssn"])
+@pytest.mark.parametrize("springs", [False, True])
+def test_a_support_holds_a_node_that_slips(algorithm, springs):
+    """The left edge is pushed and held along the contact: its corner slips, but its shear moves nothing."""
+    more = {"springs": [{"boundary": "right", "x": 100.0, "y": 40.0}]} if springs else {}
+    scene = parse_scene(
+        {
+            "mesh": {"generator": "rectangle", "parameters": {"length": 1.0, "height": 1.0, "nx": 4, "ny": 4}},
+            "material": {"young": 5000.0, "poisson": 0.3},
+            "displacement": [{"boundary": "left", "x": 0.002}],
+            "traction": [{"boundary": "top", "y": -7.0}],
+            "contact": {"boundary": "bottom", "gap": 0.0, "friction": {"law": "coulomb", "coefficient": 0.15}},
+            "solver": {"algorithm": algorithm},
+            **more,
+        }
+    )
+    found = agrees(scene, ["force bottom x", "force bottom y"], ["contact.friction.coefficient"])
+    if not springs:
+        assert found[0].derivatives[0] == pytest.approx(-7.0, rel=1e-8)
+
+
 def test_the_area_of_hertz():
     """Half of the contact under p0 sqrt(1 - x^2 / a^2) with a = 0.4 counts as 3 pi^2 / 32 a for the power 2; a is
     proportional to the square root of load over modulus.

@@ -180,18 +180,22 @@ class TransposedTangent:
             untied = moved - by_traction
             # A traction cannot move what supports prescribe, and so without regularisation it is none of the unknowns.
             unmoved = (np.abs(moved) <= ADJOINT_UNMOVED * length(moved)[:, None]) & law.exact
-            step = law.gamma * law.tied_tractions(np.where(unmoved, 0.0, untied))
+            step = law.gamma * np.where(unmoved, 0.0, law.tied_tractions(untied))
             chi = chi + step
             change, size = (parallel.largest(right.comm, np.abs(values)) for values in (step, chi))
+            # Where statics alone determines the quantity chi is zero, and steps are the round-off of their terms.
+            terms = law.gamma * (np.abs(moved) + np.abs(by_traction))
+            round_off = np.finfo(float).eps * parallel.largest(right.comm, terms)
             if not np.isfinite(change):
                 raise AdjointError("the tangent at the solution is singular: there is no derivative")
             stalls = change > 0.5 * last and change <= ADJOINT_STALLED * size
-            if not law.exact or change <= ADJOINT_CHANGE * size or stalls or solves >= MOST_ADJOINT_SOLVES:
+            settled = change <= max(ADJOINT_CHANGE * size, round_off)
+            if not law.exact or settled or stalls or solves >= MOST_ADJOINT_SOLVES:
                 break
             last = change
             residual.set(0.0)
             _add(contact, -step, residual)  # the smaller it is the less a Krylov method has to do
-        if law.exact and change > ADJOINT_STALLED * size:
+        if law.exact and change > max(ADJOINT_STALLED * size, round_off):
             raise AdjointError(
                 f"the tractions of the adjoint problem still change by {change / size:.0e} of their size "
                 f"after {solves} solves: there is no derivative; larger gamma_n and gamma_t need fewer"
