@@ -167,6 +167,11 @@ def halved(self, x):
     return 0.5 * Fibres.axes(self, x)
 
 
+def doubled(self, strain):
+    """An isotropic stress."""
+    return 2 * strain
+
+
 @pytest.mark.parametrize(
     ("methods", "message"),
     [
@@ -192,6 +197,10 @@ def halved(self, x):
         ({"stress_at": lambda law, e: Fibres.stress_at(law, np.add(e, 0, out=e))}, "stress_at of Lying fails: .*only"),
         ({"stress_at": lambda law, e: np.triu(Fibres.stress_at(law, e))}, "stress_at of Lying is not its stress"),
         ({"isotropic": constant(True)}, "Lying is not isotropic, as it says"),
+        (
+            {"isotropic": True, "stress": doubled, "stress_at": doubled, "moduli": constant((2.0, 2.0))},
+            "derive it from LinearElastic",
+        ),
         ({"free_strain": constant((1.0, np.inf, 1.0))}, "free_strain of Lying"),
         ({"axes": halved}, "must be unit vectors at right angles"),
         ({"axes": lambda *_: np.eye(3)}, "must have the shape"),

@@ -8,6 +8,7 @@ import numpy as np
 
 from signorini_fx.errors import SceneError
 from signorini_fx.extensions import is_of_package
+from signorini_fx.mechanics.materials.isotropic import LinearElastic
 from signorini_fx.mechanics.materials.protocol import PAIRS, Array, Material, stress_of
 from signorini_fx.tuned import CERTIFICATE_TOLERANCE
 
@@ -104,4 +105,6 @@ def _fault_of_constants(material: Material, most: float) -> str:
         expected[:3, :3] += first
         if np.abs(material.stiffness - expected).max() > CERTIFICATE_TOLERANCE * most:
             return f"{name} is not isotropic, as it says: its stress follows the direction of the strain"
+        if not isinstance(material, LinearElastic):
+            return f"{name} has isotropic = True: derive it from LinearElastic, or leave that out"
     return ""
