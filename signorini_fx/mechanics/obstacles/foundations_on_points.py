@@ -440,7 +440,10 @@ class Foundations:
         if not parallel.any_rank(comm, bool((distances >= 0).any())):
             at_vertices = distance(self._space.mesh.geometry.x.T.astype(np.float64))
             if not parallel.any_rank(comm, bool((at_vertices >= 0).any())):
-                message = "the whole body is inside of the foundation: move it, or set hollow if the body belongs there"
+                message = (
+                    "the whole body is inside of the foundation: move it, set hollow if the body belongs there, or "
+                    "reverse the order of the points of a line, which has the body on its left"
+                )
                 raise FormError([(f"contact[{number}]", message)])
         if (swallowed := self._cells.swallowed(distance.shape)) is not None:
             at = ", ".join(f"{c:.4g}" for c in swallowed.at)
