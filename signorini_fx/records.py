@@ -117,8 +117,8 @@ _ADVICE = {
     ),
     Status.INSIDE: (
         "a part of a rigid shape is inside the body, or has passed through it since the last solution: begin where it "
-        "is outside (a line of points has the body on its left: else reverse their order), move it in smaller steps, as "
-        "ramp does, and take facets that are not wider than the shape"
+        "is outside (the body is on the left of a line of points: else reverse their order), move it in smaller steps, "
+        "as ramp does, and take facets that are not wider than the shape"
     ),
     Status.PASSED: (
         "a body is inside another one, or has passed through it, where contact does not see it: begin where they are "

@@ -11,6 +11,8 @@ INSTEAD: dict[str, str] = {
     "CoulombFriction": "use Coulomb",
     "TrescaFriction": "use Tresca",
     "solver.uniqueness": "signorini-fx check --verbose says below which friction coefficient there is one solution",
+    "fluid.enters": "state the uplift as a traction with a pressure on the contact boundary",
+    "fluid.closed": "state the uplift as a traction with a pressure on the contact boundary",
     "signorini-fx gauntlet": "compare a result of another program by signorini-fx judge",
     "signorini-fx work-precision": "set accuracy.target in the scene, by which meshes and their number are chosen",
 }

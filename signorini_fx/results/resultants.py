@@ -238,10 +238,6 @@ class Resultants:
             tractions = Tractions.of(self.contact)
             reached, forces, _ = ContactNodes.of(balance.surface, self.sides, tractions).forces()
             np.add.at(unbalanced, reached, forces)
-            if tractions.joint is not None:
-                from signorini_fx.results.certificate.joint_loads import forces_of_joint_loads
-
-                unbalanced -= forces_of_joint_loads(balance.surface, self.sides, tractions)
         return unbalanced
 
     def _taken(self, number: int) -> Array:
@@ -263,11 +259,6 @@ class Resultants:
                     if kept
                     else NodalForcesAt(self._contact_points[on_boundary], forces[on_boundary])
                 )
-                if state.joint is not None:
-                    forces = sign * state.boundary.nodal_forces(state.joint.pressure, np.zeros_like(state.shear))
-                    label = next(iter(self.statement.joint_loads.values())).label
-                    cause = f"{label} in contact"
-                    by_cause[cause] = NodalForcesAt(self._contact_points[on_boundary], forces[on_boundary])
         return by_cause
 
     def _of_supports(self, boundary: str) -> dict[str, NodalForcesAt]:

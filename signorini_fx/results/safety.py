@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from signorini_fx.algebra.contact.friction import as_given
-from signorini_fx.algebra.contact.motions import FreeMotions, RigidLoad, total_work
+from signorini_fx.algebra.contact.motions import total_work
 from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.algebra.contact.reactions import Reactions, reactions
 from signorini_fx.algebra.contact.resting_place import resting_place
@@ -22,12 +22,10 @@ from signorini_fx.mechanics.body.statics_of_surface import (
     surface_of,
 )
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
-from signorini_fx.mechanics.contact_points.joint_pressure import work_on_motions
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.rigid.motion_names import names_of
 from signorini_fx.mechanics.rigid.rigid_motions import RigidMotions
 from signorini_fx.mechanics.statement.effect import Force
-from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.results.certificate.nodal_forces import NodalForces
 from signorini_fx.tuned import ALONG_CONTACT, SAME_LENGTH, SAME_LIMIT
 
@@ -95,8 +93,7 @@ def safety_of(model: Model, contact: ContactState, step: float) -> Safety | None
 
     Returns:
         None if supports hold the body, if no live load acts on its free motions, if the tractions of the solution do
-        not balance its loads at these nodes, or if a friction law has a larger bound there than it says.  A load that
-        has entered the contact stays where it is.
+        not balance its loads at these nodes, or if a friction law has a larger bound there than it says.
     """
     motions, boundary, count = model.motions, contact.boundary, model.motions.free.shape[1]
     if not count or not model.applied:
@@ -104,12 +101,9 @@ def safety_of(model: Model, contact: ContactState, step: float) -> Safety | None
     at_contact = motions.at(boundary)
     nothing: npt.NDArray[np.float64] = np.zeros(len(motions.of_all) - len(motions.free))
     driving = sum((factor * load.driven.forces for factor, load in model.applied_at(step) if load.driven), nothing)
-    works = (
-        motions.load_of(forces, model.comm, on) for forces, on in zip(_loads(model, step), (driving, None), strict=True)
-    )
     live, dead = (
-        total_work([(1.0, work), *((1.0, load) for load in within)], count)
-        for work, within in zip(works, _within(contact, at_contact, model.statement), strict=True)
+        total_work([(1.0, motions.load_of(forces, model.comm, on))], count)
+        for forces, on in zip(_loads(model, step), (driving, None), strict=True)
     )
     law, pressing = model.law, _touching(model, contact, live + dead, step)
     allowed = reactions(at_contact, law, contact.bilateral, pressing)
@@ -221,20 +215,6 @@ def _loads(model: Model, step: float) -> list[npt.NDArray[np.float64]]:
     """The live and the other loads of a load step at the owned dofs, shape (owned dofs,) each."""
     nodal, forces = NodalForces.on(model), model.statement.of(Force)
     return [nodal.external(step, some=[load for load in forces if load.live is live]).ravel() for live in (True, False)]
-
-
-def _within(
-    contact: ContactState, motions: FreeMotions, statement: Statement
-) -> tuple[list[RigidLoad], list[RigidLoad]]:
-    """The live and the other loads that have entered the contact; collective."""
-    if contact.joint is None:
-        return [], []
-    names = {name for load in statement.joint_loads.values() if load.live for name in load.enters}
-    parts = [part for part, effect in enumerate(statement.contact) if effect.boundary in names]
-    grows = np.isin(contact.boundary.part, parts)
-    pressure = contact.joint.pressure
-    of_live, of_dead = (work_on_motions(motions, np.where(selected, pressure, 0.0)) for selected in (grows, ~grows))
-    return [of_live], [of_dead]
 
 
 def _touching(model: Model, contact: ContactState, load: npt.NDArray[np.float64], step: float) -> npt.NDArray[np.bool_]:

@@ -102,8 +102,6 @@ class SweepPoint:
     def certificate(self) -> Certificate:
         """The check of the conditions of the problem on the whole body; collective."""
         contact, (displacement, rigid) = self.contact, self._of_body()
-        if contact.joint is not None:  # what the loads of the scene, one by one, are judged by
-            contact = replace(contact, joint=contact.joint.times(1 / self._load))
         claim = displacement, Tractions.of(contact)
         return self._model.certified(*claim, law=self._law, step=0, last=None, rigid=rigid, scale=self._load)
 
@@ -363,10 +361,10 @@ def _solved(value: Any, body: _Body, parameter: _Value, history: History) -> tup
             break
     model, start, outcome = end.model, end.start, end.outcome
     assert isinstance(model, StatedBody)  # as the body that the step began with
-    joint, statement = None if end.joint is None else end.joint.times(load), model.statement
+    statement = model.statement
     if parameter.coefficient is not None:
         statement = _with_coefficient(statement, parameter.coefficient)
-    contact, promised = replace(model.state(task, outcome, start), joint=joint), Law(*task.promised(outcome))
+    contact, promised = model.state(task, outcome, start), Law(*task.promised(outcome))
     point = SweepPoint(
         value,
         outcome.status,

@@ -26,7 +26,6 @@ from signorini_fx.algebra.problem.exact import ExactProblem
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.elastic_body import ElasticBody
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary, no_points
-from signorini_fx.mechanics.contact_points.joint_pressure import JointPressure
 from signorini_fx.records import History, IterationRecord, OuterRecord, Status, Timings, as_rows
 from signorini_fx.results.restart_files import Checkpoint
 from signorini_fx.results.solution import StepResult
@@ -60,9 +59,7 @@ class StoredBody(Protocol):
         """What else a checkpoint needs of a load step: values at the contact points, and plain data."""
         ...
 
-    def recalled(
-        self, task: Task, path_step: float, nodal: dict[str, Nodal], figures: dict[str, Any], /
-    ) -> tuple[Self, JointPressure | None]:
+    def recalled(self, task: Task, path_step: float, nodal: dict[str, Nodal], figures: dict[str, Any], /) -> Self:
         """Take back what ``stored`` has returned."""
         ...
 
@@ -90,7 +87,6 @@ class Recalled(Generic[K]):
         outer: its regularised problems.
         events: its events.
         seconds: wall seconds by phase so far, the largest of all ranks.
-        joint: the pressure of loads within the contact; None: none enters.
     """
 
     body: K
@@ -101,7 +97,6 @@ class Recalled(Generic[K]):
     outer: list[OuterRecord]
     events: list[str]
     seconds: dict[str, float]
-    joint: JointPressure | None = None
 
     def accept(self, history: History, timings: Timings, path: Resumed) -> None:
         """Take it for a load step of this run."""
@@ -230,7 +225,7 @@ class MeshCheckpoint:
             return None
         displacement, nodal = stored
         path_step = float(figures["place"])
-        stepped, joint = stepped.recalled(task, path_step, nodal, figures)
+        stepped = stepped.recalled(task, path_step, nodal, figures)
         start = replace(start, place=path_step, factors=stepped.load(task.system, path_step))
         task.iterate.begin_step(start)
         if task.rest is not None:
@@ -272,7 +267,6 @@ class MeshCheckpoint:
             [OuterRecord(**row) for row in figures["outer"]],
             figures["events"],
             figures["seconds"],
-            joint,
         )
 
 

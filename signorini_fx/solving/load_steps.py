@@ -230,7 +230,7 @@ def _attempt(progress: StepProgress, path: Increments) -> LoadStep:
     if reason is None and (history.linear_solves > solves_before or unloaded):
         when = f"load step {start.step + 1}: " if steps.several else ""
         outcome, reason = explained(begun.body.model, begun.task, begun.start, outcome, when)
-    result = begun.body.certified(begun, outcome, solved.joint)
+    result = begun.body.certified(begun, outcome)
     solves = result.linear_solves + history.linear_solves - solves_before
     return LoadStep.of(begun, outcome, replace(result, linear_solves=solves, reason=reason or result.reason))
 
@@ -277,7 +277,7 @@ def _recalled_step(progress: StepProgress, level_checkpoint: MeshCheckpoint, pat
     if recalled is None:
         return None
     begun = replace(begun, body=recalled.body, start=recalled.start)
-    result = begun.body.certified(begun, recalled.outcome, recalled.joint)
+    result = begun.body.certified(begun, recalled.outcome)
     if result.status is not Status.CONVERGED:
         task.history.add(f"restart: {result}: {result.status.value}: it is solved again")
         level_checkpoint.forget(number)

@@ -15,7 +15,6 @@ from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.algebra.linalg import ElasticSystem
 from signorini_fx.mechanics.body.deformation import Deformation, deformation_of
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
-from signorini_fx.mechanics.contact_points.joint_pressure import JointPressure
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.load_path import LoadPath
 from signorini_fx.mechanics.statement.settings import SolverSettings
@@ -88,25 +87,19 @@ class SteppedBody:
 
     def solved(self, begun: BegunStep, allowed: int) -> UncertifiedStep:
         """Solve a load step with so many linear solves for each contact problem."""
-
-        def holds(model: SolidBody, outcome: Outcome, joint: JointPressure) -> bool:
-            return replace(self, model=model).certified(begun, outcome, joint).status is Status.CONVERGED
-
-        earlier = None if begun.last is None else begun.last.tractions.joint
-        end = solve_step(LoadStepStart(self.model, begun.task, begun.start, allowed, earlier=earlier, holds=holds))
+        end = solve_step(LoadStepStart(self.model, begun.task, begun.start, allowed))
         begun = replace(begun, body=replace(self, model=end.model), start=end.start)
-        return UncertifiedStep(begun, end.outcome, end.joint, end.reason)
+        return UncertifiedStep(begun, end.outcome, end.reason)
 
-    def certified(self, begun: BegunStep, outcome: Outcome, joint: JointPressure | None = None) -> StepResult:
+    def certified(self, begun: BegunStep, outcome: Outcome) -> StepResult:
         """The result of a load step, with the certificate's verdict; recorded linear solves are not counted yet.
 
         Args:
             begun: the load step.
             outcome: how it ended.
-            joint: the pressure of loads within the contact; None: none enters.
         """
         with self.timings.phase("certify"):
-            result = certified_result(self.model, self.path, (begun.task, begun.start, begun.last), outcome, joint)
+            result = certified_result(self.model, self.path, (begun.task, begun.start, begun.last), outcome)
             self.places.show(outcome, result)
         return result
 
@@ -122,15 +115,12 @@ class SteppedBody:
             nodal, figures = nodal | further[0], figures | further[1]
         return nodal, figures
 
-    def recalled(
-        self, task: Task, path_step: float, nodal: dict[str, Nodal], figures: dict[str, Any]
-    ) -> tuple[SteppedBody, JointPressure | None]:
+    def recalled(self, task: Task, path_step: float, nodal: dict[str, Nodal], figures: dict[str, Any]) -> SteppedBody:
         """Take back what ``stored`` has returned."""
-        model, joint = self.model, None
+        model = self.model
         for interface in model.statement.interfaces:
-            model, pressure = interface.recalled(model, task, path_step, nodal, figures)
-            joint = joint or pressure
-        return replace(self, model=model), joint
+            model = interface.recalled(model, task, path_step, nodal, figures)
+        return replace(self, model=model)
 
 
 @dataclass(frozen=True)
@@ -157,13 +147,11 @@ class UncertifiedStep:
     Attributes:
         begun: the load step, with what the solve has found of its loads.
         outcome: how it ended.
-        joint: the pressure of loads within the contact; None: none enters.
         reason: why there is no solution; None: it is not known.
     """
 
     begun: BegunStep
     outcome: Outcome
-    joint: JointPressure | None = None
     reason: Finding | None = None
 
 
@@ -193,12 +181,11 @@ def certified_result(
     path: LoadPath,
     begun: tuple[Task, Start, PreviousStep | None],
     outcome: Outcome,
-    joint: JointPressure | None = None,
 ) -> StepResult:
     """See ``SteppedBody.certified``; ``begun``: its task, start and last step; collective."""
     (task, start, last), unknowns = begun, outcome.displacement()
     displacement = model.from_rest(task.rest, unknowns)
-    contact = None if model.boundary is None else replace(model.state(task, outcome, start), joint=joint)
+    contact = None if model.boundary is None else model.state(task, outcome, start)
     rigid = model.rigid.moved(model.driven(unknowns, task.rest)) if model.rigid.bodies else ()
     certificate = model.certified(
         displacement,

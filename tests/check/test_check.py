@@ -901,7 +901,6 @@ def test_the_schema_knows_every_class():
         "Load",
         "Overclosure",
         "Force",
-        "JointLoad",
         "VectorForce",
         "InitialStrain",
         "Resistance",

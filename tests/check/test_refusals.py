@@ -169,10 +169,6 @@ REFUSED = {
     | {"temperature": {"change": "log(x[0] - 0.5)"}, "material": BLOCK["material"] | {"expansion": 1e-5}},
     "point without a node": BLOCK | {"displacement": {"at": [0.01, 0.0], "x": 0.0}},
     "normal of an arc": of_disk(displacement={"boundary": "arc", "normal": 0.0}, contact=[{"boundary": "top"}]),
-    "fluid that meets no contact": BLOCK
-    | PRESSED
-    | SIDE
-    | {"fluid": [{"boundary": "top", "level": 0.5, "weight": 9.81, "enters": ["bottom"]}]},
     # Materials and elements.
     "grading below zero": BLOCK | HELD | {"material": BLOCK["material"] | {"grading": "1 - 2*x[1]"}},
     "no such region": BLOCK | HELD | {"material": BLOCK["material"] | {"region": "nowhere"}},
@@ -228,10 +224,6 @@ ACCEPTED = {
     },
     "axisymmetric": BLOCK | HELD | AXISYMMETRIC,
     "axisymmetric tool": tool(**AXISYMMETRIC),
-    "fluid that enters": BLOCK
-    | PRESSED
-    | SIDE
-    | {"fluid": [{"boundary": "right", "level": 0.5, "weight": 9.81, "enters": ["bottom"]}]},
     "sequence of meshes": BLOCK | HELD | {"solver": {"levels": 2}},
     "sequence of meshes of two bodies": bodies(solver={"levels": 2}),
     "load steps": BLOCK

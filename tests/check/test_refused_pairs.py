@@ -70,9 +70,6 @@ WITH = {
     "initial strain": {"material": {"expansion": 1e-5}, "temperature": {"change": 1.0}},
     "shortening by force": {"preload": [SECTION | {"force": 1e-3}]},
     "preload": {"preload": [SECTION | {"shortening": 1e-4}]},
-    "entering load": {
-        "fluid": [{"boundary": "left", "level": 0.5, "weight": 1e-3, "up": "y", "enters": ["bottom"]}]
-    },
     "several load steps": {"displacement": [BASE["displacement"][0] | {"factors": [0.5, 1.0]}]},
     "load in time": {"traction": [{"boundary": "left", "y": "-0.1*t"}]},
     "support of a point": {"displacement": [*BASE["displacement"], {"at": [0.0, 0.5], "x": 0.0}]},
@@ -173,11 +170,10 @@ def compatible(one, other):
     return len(partners & {path[:2] for path in (*first, *second)}) < 2
 
 
-# A foundation is driven or moved, what cannot open lets no fluid in, a body with torsion turns about its axis
+# A foundation is driven or moved, a body with torsion turns about its axis
 # alone, one material is of one kind, and the mesh has quadrilaterals, which are not divided one by one.
 ONE_OF_BOTH = {
     ("contact that cannot open", "soft contact"),
-    ("contact that cannot open", "entering load"),
     ("local refinement", "mesh that no generator makes"),
     ("driven foundation", "moving foundation"),
     ("axisymmetric, torsion", "prescribed rotation"),
@@ -227,7 +223,7 @@ def problems_of_bound(scene):
         return str(error)
 
 
-@pytest.mark.parametrize(("other", "more"), [("entering load", WITH["entering load"])])
+@pytest.mark.parametrize(("other", "more"), [("point force", WITH["point force"])])
 def test_the_page_says_what_has_no_bound(other, more):
     """In the words in which the bound refuses it."""
     data = merged(BASE, more)

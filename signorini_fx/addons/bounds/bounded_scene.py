@@ -49,7 +49,6 @@ REFUSES = {
     "point force": "a force at a point does infinite work: its displacement has no finite energy",
     "soft contact": "soft contact enters the foundation, and the bound is for displacements that do not",
     "links": "links act at points, where displacements of finite energy have no value",
-    "entering load": "a load that enters contact as it opens has no guaranteed bound yet",
     "friction axes": "friction that depends on the direction has no guaranteed bound yet",
 }
 # What else it does not know, by name.

@@ -55,7 +55,6 @@ REFUSES = {
     "material with a state": "derivatives are not possible yet with a material that has a state",
     "mixed element": "derivatives are not possible yet with a pressure of its own: leave 'mixed' out",
     "soft contact": "derivatives are those of contact that gives way as gamma_n says: leave 'overclosure' out",
-    "entering load": "derivatives are not possible yet where it enters contact",
     "shortening by force": "derivatives are not possible yet where a force shortens a section",
     "requested accuracy": "derivatives are those of one mesh, and meshes of a requested accuracy jump with the data: "
     "leave it out",

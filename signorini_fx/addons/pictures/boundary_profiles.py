@@ -39,7 +39,6 @@ from signorini_fx.mechanics.statement.units import bracketed
 from signorini_fx.tuned import SMALL_PART
 
 SIDES = ("contact", "friction")
-WATER = {"color": BLUE, "linewidth": 1.2, "linestyle": (0, (4.0, 1.5)), "marker": ".", "markersize": 3.0}
 AROUND = {"color": ORANGE, "linewidth": 1.5, "linestyle": (0, (6.0, 1.2, 1.2, 1.2))}
 # Lightness decreases from open to stick, so that the order of the states is visible in a gray print.
 STATES = {
@@ -83,11 +82,6 @@ class ContactColumns:
         return np.asarray(sum(self.floats(part) * axis for part, axis in parts))
 
     @property
-    def water(self) -> Floats:
-        """The pressure of a fluid that has entered, shape (n,)."""
-        return self.floats("water") if "water" in self.columns else np.zeros(len(self.columns["state"]))
-
-    @property
     def against(self) -> str:
         """The boundary of another body that it may touch; empty: a rigid foundation."""
         return str(self.columns["against"][0]) if "against" in self.columns else ""
@@ -125,7 +119,7 @@ class PlaneBoundary(ContactColumns):
     def window(self) -> tuple[float, float] | None:
         """The part of the coordinate around the nodes in contact, if that is a small part of the whole."""
         low, high = float(self.coordinate.min()), float(self.coordinate.max())
-        inside = self.coordinate[self.touching | (self.water > 0)]
+        inside = self.coordinate[self.touching]
         if not inside.size:
             return None
         first, last = float(inside.min()), float(inside.max())
@@ -206,9 +200,8 @@ def panels_of(boundary: PlaneBoundary, side: str) -> list[Panel]:
         moves, opposite = ("relative ", "the other body") if boundary.against else ("", "rigid foundation")
         # The foundation is drawn where it is near, and its nearest point is always visible.
         nearest = float(np.abs(gap).min(initial=np.inf, where=np.isfinite(gap)))
-        water = [Curve("pressure of the fluid", "p", boundary.water, WATER)] if boundary.water.any() else []
         return [
-            Panel("stress", [Curve("contact pressure", r"\lambda", pressure, MULTIPLIER), *water]),
+            Panel("stress", [Curve("contact pressure", r"\lambda", pressure, MULTIPLIER)]),
             Panel(
                 "length",
                 [
@@ -253,7 +246,7 @@ def boundary_profiles(
 ) -> None:
     """Draw the curves along the contact boundary, one block per boundary.
 
-    Left: contact pressure lambda, with the pressure of a fluid that has entered, and below it the normal displacement
+    Left: contact pressure lambda, and below it the normal displacement
     and the rigid foundation, or how far the other body is.  Right: shear stress mu with its bounds, and below it the
     tangential displacement; where there is one also around the axis.  Stresses and lengths have axes of their own.
     Foundation and bounds are cut off where they lie far beyond the other curves.  The strip shows the state of the

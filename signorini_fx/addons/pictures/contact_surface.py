@@ -20,7 +20,6 @@ from matplotlib.tri import Triangulation
 from signorini_fx.addons.pictures import view
 from signorini_fx.addons.pictures.boundary_profiles import STATES, ContactColumns, state_patches
 from signorini_fx.addons.pictures.style import (
-    BLUE,
     INK,
     MUTED,
     SCREEN,
@@ -143,7 +142,7 @@ def contact_surface(
     """Draw each contact boundary of a body in space, seen along its outward normal through the body.
 
     On the left, or above: contact pressure in colour where a facet is in contact, linear between the nodes, and the
-    shear stress mu as arrows; dots are nodes with a fluid that has entered.  If a singular edge would leave the rest
+    shear stress mu as arrows.  If a singular edge would leave the rest
     dark, the scale ends at the pressure that is not exceeded on 99 % of the contact area.  On the right, or below: the
     state of each node in the area halfway to its neighbours, and the slip as arrows, magnified as stated in the panel.
     If there are many arrows, some are left out.  If little of the boundary is in contact, the picture shows that part,
@@ -298,11 +297,6 @@ def _pressure_panel(figure: Figure, axes: Axes, side: VisibleSide, low: Floats, 
         drawn = _arrows(axes, side, shear, side.shown & (side.floats("shear") > 1e-6 * longest), low, high)
         if drawn > 0:
             text += f"\narrows: shear stress $\\mu$, the longest ${math_number(float(f'{drawn:.3g}'))}${_of_stress()}"
-    wet = side.shown & (side.water > 0)
-    if wet.any():
-        axes.plot(*nodes[wet].T, linestyle="", marker="o", markersize=2.5, color=BLUE, zorder=4)
-        reach = tuple(math_number(float(f"{value:.3g}")) for value in (side.water[wet].min(), side.water[wet].max()))
-        text += f"\ndots: fluid, pressure {' to '.join(f'${value}$' for value in dict.fromkeys(reach))}{_of_stress()}"
     axes.set_title(text, loc="left", fontsize=8)
 
 

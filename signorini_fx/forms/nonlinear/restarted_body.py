@@ -22,7 +22,6 @@ from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
 from signorini_fx.forms.nonlinear.residual import Residual
 from signorini_fx.forms.nonlinear.step_sizes import StepSizes
 from signorini_fx.mechanics.body.elastic_body import ElasticBody
-from signorini_fx.mechanics.contact_points.joint_pressure import JointPressure
 from signorini_fx.mechanics.pairs.mortar_coupling import PairingError
 from signorini_fx.records import Timings
 from signorini_fx.results.solution import StepResult
@@ -63,11 +62,9 @@ class RestartedBody:
         """See ``StoredBody``."""
         return {}, self.figures
 
-    def recalled(
-        self, task: Task, path_step: float, nodal: dict[str, Nodal], figures: dict[str, Any]
-    ) -> tuple[RestartedBody, JointPressure | None]:
+    def recalled(self, task: Task, path_step: float, nodal: dict[str, Nodal], figures: dict[str, Any]) -> RestartedBody:
         """See ``StoredBody``."""
-        return self, None
+        return self
 
     def recall(self, checkpoint: MeshCheckpoint, residual: Residual) -> Recalled[RestartedBody] | None:
         """Give the body the displacement and the contact of its next load step; None: it is not there, or does not fit;

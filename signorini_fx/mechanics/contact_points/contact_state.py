@@ -12,7 +12,6 @@ from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.algebra.contact.state import PointState
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
-from signorini_fx.mechanics.contact_points.joint_pressure import JointPressure
 
 
 @dataclass(frozen=True, repr=False)
@@ -21,11 +20,9 @@ class ContactState(PointState):
 
     Attributes:
         boundary: nodes, weights and normals.
-        joint: pressure of loads that have entered; None: none enters.
     """
 
     boundary: ContactBoundary
-    joint: JointPressure | None = None
 
     @classmethod
     def of(cls, state: PointState, boundary: ContactBoundary) -> ContactState:

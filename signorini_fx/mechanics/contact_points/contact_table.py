@@ -136,8 +136,6 @@ def contact_table(
         "side": contact.sliding_side(),
         "weight": boundary.weight,
     }
-    if contact.joint is not None:
-        scalars["water"] = contact.joint.pressure
     vectors = {
         "x": boundary.x[:, :dim],
         "n": boundary.normal[:, :dim],
@@ -170,7 +168,6 @@ def contact_table(
         "pressure": of["pressure"],
         **_components("shear", parts["shear"]),
         "bound": of["bound"],
-        **({"water": of["water"]} if "water" in of else {}),
         "state": np.where(of["touching"] > 0, state, "open"),
         "friction": np.where(of["bound"] > 0, state, "none"),
         **_components("slip", parts["slip"]),

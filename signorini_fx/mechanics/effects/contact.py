@@ -64,8 +64,6 @@ class Contact(Effect):
         "driven foundation": {
             "exact": "exact needs one unknown for each constraint, and where a force moves a foundation contact ties "
             "several, those of the body and of the tool: take 'alm'",
-            "entering load": "a foundation that force, moment or prescribed moves is not possible yet where a fluid "
-            "enters contact",
         },
     }
 

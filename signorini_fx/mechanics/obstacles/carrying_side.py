@@ -70,7 +70,7 @@ def with_chosen_sides(statement: Statement, tagged: TaggedMesh, facets: Facets, 
     collective.
 
     With ``points = "auto"`` sides stay where values of the gap or the friction are functions, which were written for
-    ``boundary``, where a load enters, and where other contacts or supports need the facets.
+    ``boundary``, and where other contacts or supports need the facets.
 
     Args:
         statement: what is stated of the problem.
@@ -88,8 +88,7 @@ def with_chosen_sides(statement: Statement, tagged: TaggedMesh, facets: Facets, 
             continue
         if effect.points == "auto":
             ours, theirs = (SideFigures.of(name, tagged, shear_modulus) for name in (effect.boundary, effect.against))
-            entered = any(effect.boundary in load.enters for load in statement.joint_loads.values())
-            if theirs.better(ours) is None or not _plain(effect) or entered:
+            if theirs.better(ours) is None or not _plain(effect):
                 continue
         taken = [
             name for k, contact in enumerate(contacts) if k != number for name in (contact.boundary, contact.against)

@@ -20,7 +20,7 @@ from functools import cache, cached_property
 from importlib import import_module
 from inspect import cleandoc
 from types import GenericAlias
-from typing import Annotated, Any, ClassVar, Literal, Protocol, Self, TypeVar, get_origin
+from typing import Annotated, Any, ClassVar, Protocol, Self, TypeVar, get_origin
 
 import numpy as np
 import numpy.typing as npt
@@ -177,11 +177,6 @@ class Effect(Table):
         return ", ".join(f"{key} = {text(value)}" for key, value in self.given.items() if not is_zero(value))
 
     @property
-    def remarks(self) -> Iterator[tuple[Literal["note", "warning"], str, str]]:
-        """What ``check`` says of it beside its values: how grave it is, the key, and the words."""
-        yield from ()
-
-    @property
     def interface(self) -> str:
         """The file of ``solving.iterated_interfaces`` that has what it contributes beside forms and contact points; "":
         none does.
@@ -323,44 +318,6 @@ class VectorForce(Force):
     def density_at(self, at: Points) -> Array:
         """See ``Force``."""
         return at.vector(self.components)
-
-
-class JointLoad(Force):
-    """A pressure on a boundary that also acts within contact that it enters from there as it opens.
-
-    Attributes:
-        boundary: its name.
-        enters: boundaries in contact that it enters, as far as they are open.
-        closed: what contact carries that it has not entered: none, linear, from the pressure where it ends to zero at
-            the other end of the contact, or full, its pressure there.
-    """
-
-    boundary: str
-    enters: tuple[str, ...] = ()
-    closed: Literal["none", "linear", "full"] = "none"
-
-    @property
-    def interface(self) -> str:
-        """See ``Effect``."""
-        return "entering_loads" if self.enters else ""
-
-    @property
-    def features(self) -> Features:
-        """See ``Effect``."""
-        return (*super().features, *((("entering load", ("enters",)),) if self.enters else ()))
-
-    @property
-    def assumed(self) -> str:
-        """See ``Effect``."""
-        return f"a {self.label} in contact stays where it is" if self.enters else ""
-
-    def sought_at(self, statement: Any, step: float) -> str:
-        """See ``Effect``."""
-        return "a load enters contact as it opens" if self.enters else ""
-
-    def pressure(self, x: Array) -> Array:
-        """The pressure at points of shape (n, d), stress, shape (n,)."""
-        raise NotImplementedError
 
 
 class InitialStrain(Load):

@@ -15,7 +15,7 @@ from typing import Any, Self, TypeVar
 from signorini_fx.extensions import INTERFACES, load_class, modules_of
 from signorini_fx.mechanics.kinematics.protocol import Kinematics
 from signorini_fx.mechanics.kinematics.space import SPACE
-from signorini_fx.mechanics.statement.effect import Effect, Force, JointLoad, Load
+from signorini_fx.mechanics.statement.effect import Effect, Force, Load
 from signorini_fx.mechanics.statement.load_path import LoadPath, LoadSteps, factor_at, time_at
 from signorini_fx.mechanics.statement.rigid_motion import RigidBody, rigid_bodies
 from signorini_fx.mechanics.statement.settings import Accuracy, Discretised, SolverSettings, Units
@@ -157,11 +157,6 @@ class Statement:
     def rigid_bodies(self) -> tuple[RigidBody, ...]:
         """Those whose motion is an unknown, with their contacts."""
         return rigid_bodies([contact.tool for contact in self.contact], self.sides[0])
-
-    @property
-    def joint_loads(self) -> dict[str, JointLoad]:
-        """The loads that enter contact as it opens, by their paths in the scene."""
-        return {path: load for path, load in self.listed() if isinstance(load, JointLoad) and load.enters}
 
     @property
     def sections(self) -> tuple[str, ...]:

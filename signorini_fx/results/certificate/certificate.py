@@ -173,11 +173,6 @@ def certify(
     forces = NodalForces(statement, tagged, space) if like is None else like.of(statement)
     balance = balance_of(forces, displacement, step, scale)
     sides = sides_of(statement, tagged, space, pairs)
-    if tractions is not None and tractions.joint is not None:
-        from signorini_fx.results.certificate.joint_loads import forces_entered
-
-        within = scale * forces_entered(forces, sides, tractions, step, before)
-        balance = replace(balance, external=balance.external + within)
     drives = [*zip(rigid, statement.drives(tagged.dimension, step, scale), strict=bool(rigid))]
     law = replace(law, overclosures=overclosures_of(statement))
     certificate = judged(displacement, balance, sides, tractions, law=law, before=before, rigid=drives)

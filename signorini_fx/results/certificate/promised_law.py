@@ -13,7 +13,6 @@ from dolfinx import fem
 from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
-from signorini_fx.mechanics.contact_points.joint_pressure import JointPressure
 from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodyMotion
 from signorini_fx.mechanics.statement.overclosure import Overclosure
 from signorini_fx.mechanics.statement.statement import Statement
@@ -69,14 +68,12 @@ class Tractions:
         nodes: local number of the node (block of the function space), shape (n,).
         pressure: lambda, stress, shape (n,).
         shear: mu as a vector of the plane or of space, stress, shape (n, d): no frame is shared with the solver.
-        joint: pressure of loads that have entered; None: none enters.
     """
 
     part: npt.NDArray[Any]
     nodes: npt.NDArray[Any]
     pressure: Nodal
     shear: Nodal
-    joint: JointPressure | None = None
 
     @classmethod
     def none(cls, boundary: ContactBoundary) -> Tractions:
@@ -88,7 +85,7 @@ class Tractions:
         """The contact tractions of a contact state."""
         boundary = state.boundary
         shear = np.einsum("ijk,ik->ij", boundary.tangents, state.shear)
-        return cls(boundary.part, boundary.nodes, state.pressure, shear, state.joint)
+        return cls(boundary.part, boundary.nodes, state.pressure, shear)
 
 
 @dataclass(frozen=True)

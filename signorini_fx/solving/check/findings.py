@@ -301,12 +301,8 @@ def _inwards(body: Model) -> list[Finding]:
 
 
 def _moving(statement: Statement) -> list[Finding]:
-    """What effects say of themselves, foundations that move with the time, and friction that depends on it."""
-    findings = [
-        Finding(kind, f"{path}.{key}", message)
-        for path, effect in statement.listed()
-        for kind, key, message in effect.remarks
-    ]
+    """Foundations that move with the time, and friction that depends on it."""
+    findings = list[Finding]()
     for index, effect in enumerate(statement.contact):
         if effect.moves:
             message = (

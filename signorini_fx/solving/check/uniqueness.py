@@ -68,7 +68,6 @@ def _contact_stiffness(model: Model) -> tuple[Nodal, Nodal] | str:
     law, load_step = model.law, model.statement.steps - 1
     assert law is not None
     for wrong, reason in (
-        (bool(model.statement.joint_loads), "a load that enters the contact depends on what opens"),
         # What is an unknown as well the stiffness takes as fixed.
         *((True, f"not tried where {clause}") for clause in model.statement.sought_at(load_step).values()),
         *((True, f"not tried where {clause}") for _, clause in refused_by(model.statement, _DRIVEN)),

@@ -25,7 +25,6 @@ from signorini_fx.errors import SceneError
 from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.assembly.mesh_entities import facet_nodes, node_positions
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
-from signorini_fx.mechanics.contact_points.joint_pressure import JointPressure
 from signorini_fx.mechanics.effects.preload import Preload
 from signorini_fx.mechanics.loads.jumps import Jump
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
@@ -118,9 +117,9 @@ class BoltPreloads(Interface):
 
     def recalled(
         self, model: SolidBody, task: Task, step: float, nodal: Mapping[str, Nodal], figures: Mapping[str, Any]
-    ) -> tuple[SolidBody, JointPressure | None]:
+    ) -> SolidBody:
         """See ``Interface``."""
-        return _with_shortenings(model, step, figures["shortenings"]), None
+        return _with_shortenings(model, step, figures["shortenings"])
 
 
 # The name by which ``Statement.interfaces`` finds the class of a file.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
@@ -13,7 +13,6 @@ from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
 from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
-from signorini_fx.mechanics.contact_points.joint_pressure import JointPressure
 from signorini_fx.mechanics.loads.jumps import Jump
 from signorini_fx.mechanics.loads.load_vectors import AppliedLoad
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
@@ -32,8 +31,6 @@ class LoadStepStart:
         start: where the load step starts.
         max_iterations: linear solves allowed for each contact problem; None: those of a load step.
         scale: factor of all loads, those of the interface included.
-        earlier: the pressure of loads within the contact at the end of the last load step; None: there is none.
-        holds: whether the certificate of a solution holds with such a pressure; collective.
         inner: the interfaces that solve it within this one, the outer ones first.
     """
 
@@ -42,8 +39,6 @@ class LoadStepStart:
     start: Start
     max_iterations: int | None = None
     scale: float = 1.0
-    earlier: JointPressure | None = None
-    holds: Callable[[SolidBody, Outcome, JointPressure], bool] = lambda model, outcome, joint: True
     inner: tuple[Any, ...] = ()
 
     def solved(self, model: SolidBody, start: Start) -> LoadStepEnd:
@@ -62,14 +57,12 @@ class LoadStepEnd:
         model: the model with what was found.
         start: where the load step starts with that.
         outcome: how it ended.
-        joint: the pressure of loads within the contact; None: none enters.
         reason: why there is no solution; None: it is not known.
     """
 
     model: SolidBody
     start: Start
     outcome: Outcome
-    joint: JointPressure | None = None
     reason: Finding | None = None
 
 
@@ -108,9 +101,9 @@ class Interface:
 
     def recalled(
         self, model: SolidBody, task: Task, step: float, nodal: Mapping[str, Nodal], figures: Mapping[str, Any]
-    ) -> tuple[SolidBody, JointPressure | None]:
-        """Take back what ``stored`` has returned: the scene with it, and the pressure within the contact."""
-        return model, None
+    ) -> SolidBody:
+        """The model with what ``stored`` has returned."""
+        return model
 
 
 def solve_step(step: LoadStepStart) -> LoadStepEnd:
