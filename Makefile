@@ -1,7 +1,7 @@
 # Everything runs through ./env: on this machine if it has dolfinx, otherwise in the image of the Dockerfile.
 # DEBIAN=sid make TARGET uses the image of that release.
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-core test-slow test-long test-wheel test-report lint format paper bench stability oracle mutants-drawn docs dist clean
+.PHONY: help demo test golden nightly test-core test-slow test-long test-wheel test-report test-sid golden-two lint format paper bench stability oracle mutants-drawn docs dist clean
 DEMOS := example1_tresca example1_coulomb
 REPORTS := $(addprefix demos/scenes/,example1_coulomb press_and_slide bracket) tests/data/three_feet
 SIDE_BY_SIDE := ./env python3 -m pytest -q -n auto --maxprocesses 8 --dist worksteal
@@ -24,6 +24,18 @@ demo:       ## solve Example 1 of the paper with Tresca and with Coulomb frictio
 test:       ## run the quick tests on one rank, side by side, and those marked mpi also on two
 	$(SIDE_BY_SIDE) tests
 	n=2; $(ON_RANKS) -m "mpi and not slow and not long"
+
+golden:     ## compare the answers of 700 problems with those recorded, on one rank (tests/golden)
+	./env python3 -m tests.golden
+
+nightly:    ## run what .ci/run leaves out: hours; it goes on after a failure
+	$(MAKE) -k test-slow golden-two test-sid test-wheel oracle
+
+golden-two: ## compare the same answers on two ranks
+	./env python3 -m tests.golden --ranks 2 --jobs 1
+
+test-sid:   ## run the quick tests in the image of Debian sid
+	DEBIAN=sid $(MAKE) test
 
 test-slow:  ## run the slow tests, and on three ranks the quick ones as well
 	$(SIDE_BY_SIDE) -m "slow and not long" tests

@@ -40,15 +40,17 @@ def test_what_is_slow(pytestconfig, monkeypatch, ranks, slow):
     assert [item.nodeid for item in items if item.get_closest_marker("slow")] == slow
 
 
-def test_ci_runs_all_but_the_long_ones():
+def test_ci_and_nightly_run_all_but_the_long_ones():
     """Each test with any of the marks is run on one rank, and if it is marked mpi on two and three, once."""
     makefile, default = ((ROOT / name).read_text(encoding="utf-8") for name in ("Makefile", "pyproject.toml"))
     for name, value in re.findall(r"^(\w+) := (.*)", makefile, re.MULTILINE):
         makefile = makefile.replace(f"$({name})", value)
     (default,) = re.findall(r"addopts = .*-m '([^']*)'", default)
     targets = re.findall(r"^make (.*)", (ROOT / ".ci" / "run").read_text(encoding="utf-8"), re.MULTILINE)
+    targets += re.search(r"^nightly:.*\n\t\$\(MAKE\) -k (.*)", makefile, re.MULTILINE)[1].split()
     recipes = [re.search(rf"^{name}:.*\n((?:\t.*\n)+)", makefile, re.MULTILINE)[1] for name in targets]
     lines = [line for recipe in recipes for line in recipe.splitlines() if " pytest " in line]
+    lines = [line for line in lines if "SFX_WHEELS" not in line]  # another installation, on which all run once more
     on_one = [line for line in lines if "mpirun" not in line]
     for several, run in ((False, on_one), *((True, [line for line in lines if f"n={n};" in line]) for n in (2, 3))):
         marks = [(re.findall(r'-m "([^"]*)"', line) or [default])[0] for line in run]
