@@ -25,7 +25,7 @@ test:       ## run the quick tests on one rank, side by side, and those marked m
 	$(SIDE_BY_SIDE) tests
 	n=2; $(ON_RANKS) -m "mpi and not slow and not long"
 
-golden:     ## compare the answers of 700 problems with those recorded, on one rank (tests/golden)
+golden:     ## compare the answers of hundreds of problems with those recorded, on one rank (tests/golden)
 	./env python3 -m tests.golden
 
 nightly:    ## run what .ci/run leaves out: hours; it goes on after a failure

@@ -1,4 +1,4 @@
-"""Compares the answers of about 700 problems with those that were recorded; public names only.
+"""Compares the answers of hundreds of problems with those that were recorded; public names only.
 
     make golden                                               all of them, on one rank
     ./env python3 -m tests.golden [--ranks N] [--jobs N] [--beside FOLDER] [NAME ...]
