@@ -197,6 +197,10 @@ def answers(names, ranks, root):
 
 def differences(old, new):
     """Quantity, old and new value of each difference."""
+    ends = [(one.get("refused"), one.get("status")) for one in (old, new)]
+    if ends[0] != ends[1]:  # then all else differs too
+        yield "outcome", *(refused or status for refused, status in ends)
+        return
     for key in sorted((old.keys() | new.keys()) - {"case", "seconds", "certificate", "sizes"}):
         ours, theirs = old.get(key), new.get(key)
         if ours == theirs:
