@@ -28,7 +28,6 @@ from signorini_fx.scenes.solver import solve
 
 # How much finer the mesh of the reference is, and the share of a force or a width that is round-off.
 FINER, ROUND_OFF = 4, 1e-12
-# Pressures from two starts that differ by less of the largest one are the same.
 
 
 class Body:
