@@ -8,6 +8,9 @@ from __future__ import annotations
 
 from typing import Any
 
+import mpi4py.MPI  # noqa: F401  # first: wheels of FEniCSx find the library of MPI where it is loaded
+
+# isort: split
 import basix
 import numpy as np
 import numpy.typing as npt

@@ -71,17 +71,20 @@ def answers(summary: dict[str, Any]) -> list[Answer]:
     """Those that the report begins with; ``summary``: the content of summary.json."""
     questions = {
         "Does it hold?": _holds,
-        "How much is left?": _left,
+        "How much is left?": _what_is_left,
         "Where is the largest stress?": _stress,
         "How sure is it?": _sure,
     }
-    told = [replace(answer(summary), question=question) for question, answer in questions.items()]
+    all_answers = [replace(answer(summary), question=question) for question, answer in questions.items()]
     if not (summary.get("incomplete") and validity_of(summary).solved):
-        return told
-    holds, *others = told
+        return all_answers
+    holds, *further_answers = all_answers
     return [
         holds,
-        *(replace(each, details=(*each.details, "of the scene without what was left out"), tone="") for each in others),
+        *(
+            replace(answer, details=(*answer.details, "of the scene without what was left out"), tone="")
+            for answer in further_answers
+        ),
     ]
 
 
@@ -95,7 +98,7 @@ def _holds(summary: dict[str, Any]) -> Answer:
     if not summary["certificate"]["holds"]:
         return Answer("", "not shown", ("the certificate does NOT hold",), "bad")
     strength = Strength.of(summary)
-    details = [_balance(summary), strength.told]
+    details = [_balance(summary), strength.statement]
     if strength.exceeded:
         return Answer("", "no, it would yield", tuple(details), "bad")
     if validity is Validity.EARLIER_STEP:
@@ -136,19 +139,19 @@ class Strength:
     """How much of the yield stress is used.
 
     Attributes:
-        told: the share with what limits it, or why it is not judged.
+        statement: the share with what limits it, or why it is not judged.
         share: the share; "": it is not known.
         exceeded: whether it is above 1.
         singular: whether it is below 1 at a place where the stress has no limit.
     """
 
-    told: str
+    statement: str
     share: str = ""
     exceeded: bool = False
     singular: bool = False
 
     @property
-    def known(self) -> bool:
+    def is_known(self) -> bool:
         """Whether there is a share."""
         return bool(self.share)
 
@@ -169,26 +172,28 @@ class Strength:
                 return cls("strength is not judged: forms do not say at which stress a material yields")
             return cls("strength is not judged: give yield_stress in [[material]]")
         share = share_in_words(summary, "the yield stress")
-        told = share = f"{share} used" if "%" in share else share
+        statement = share = f"{share} used" if "%" in share else share
         if "results_of" in summary:
-            told = f"{told} at {load_step(summary['results_of'])}"
+            statement = f"{statement} at {load_step(summary['results_of'])}"
         if no_limit:
-            place = largest["no_limit"].removeprefix("it is ")
-            told += f" on this mesh, {place}; the stress has no limit there as it is refined: judge it at a distance"
+            where = largest["no_limit"].removeprefix("it is ")
+            statement += (
+                f" on this mesh, {where}; the stress has no limit there as it is refined: judge it at a distance"
+            )
         if len(summary.get("steps", ())) > 1:
-            told += "; other load steps are not judged"
+            statement += "; other load steps are not judged"
         unjudged = [material.get("region") or "the body" for material in materials if not material.get("yield_stress")]
         if unjudged:
-            told += f"; without a yield stress: {', '.join(unjudged)}"
-        return cls(told, share, value > 1, no_limit and value <= 1)
+            statement += f"; without a yield stress: {', '.join(unjudged)}"
+        return cls(statement, share, value > 1, no_limit and value <= 1)
 
 
-def _left(summary: dict[str, Any]) -> Answer:
+def _what_is_left(summary: dict[str, Any]) -> Answer:
     """How much of the strength, and how many times the loads until it moves."""
     validity, moves_away = validity_of(summary), _status(summary) in _MOVES_AWAY
     if not validity.solved:
-        known = moves_away and not summary.get("incomplete")
-        return Answer("", "nothing" if known else "not known", (_failure(summary),), "bad")
+        nothing_left = moves_away and not summary.get("incomplete")
+        return Answer("", "nothing" if nothing_left else "not known", (_failure(summary),), "bad")
     strength, (limit, details) = Strength.of(summary), _limit_of_statics(summary)
     if strength.exceeded:
         at = f"at {load_step(summary['results_of'])}: " if validity is Validity.EARLIER_STEP else ""
@@ -196,11 +201,11 @@ def _left(summary: dict[str, Any]) -> Answer:
     if validity is Validity.EARLIER_STEP:
         last, failed = (load_step(step) for step in (summary["results_of"], summary["steps"][-1]))
         text = f"nothing at {failed}" if moves_away else f"no solution was found beyond {last}"
-        first = _NOT_SHOWN if strength.singular else strength.share if strength.known else strength.told
+        first = _NOT_SHOWN if strength.singular else strength.share if strength.is_known else strength.statement
         # The load step that failed is the limit that is known.
         limits = [] if moves_away and _no_limit(summary) else [limit]
         return Answer("", text, (f"at {last}: {first}", *limits, *details), "bad")
-    texts = [strength.share] if strength.known and not strength.singular else []
+    texts = [strength.share] if strength.is_known and not strength.singular else []
     if summary.get("safety") is None:
         details.insert(0, limit)
     else:
@@ -208,7 +213,7 @@ def _left(summary: dict[str, Any]) -> Answer:
     if strength.singular:
         details.append(_NOT_SHOWN)
     elif not texts:
-        details.append(strength.told)
+        details.append(strength.statement)
     return Answer("", "; ".join(texts) or "not known", tuple(details))
 
 
@@ -229,9 +234,9 @@ def _limit_of_statics(summary: dict[str, Any]) -> tuple[str, list[str]]:
     limit = "no multiple of the live loads moves it"
     if factor is not None:
         limit = f"{factor:.3g} times the live loads until it moves away"
-    each = {name: safety[name] for name in ("sliding", "overturning") if name in safety and factor is not None}
+    multiples = {name: safety[name] for name in ("sliding", "overturning") if name in safety and factor is not None}
     details = [
-        f"{name}: {'no limit' if multiple is None else f'{multiple:.3g} times'}" for name, multiple in each.items()
+        f"{name}: {'no limit' if multiple is None else f'{multiple:.3g} times'}" for name, multiple in multiples.items()
     ]
     if friction := used_friction(safety):
         details.append(friction)
@@ -262,9 +267,9 @@ def _stress(summary: dict[str, Any]) -> Answer:
     if why := stress.get("no_limit"):
         details.insert(0, f"no limit as the mesh is refined: {why}")
     value = with_unit(figure(stress["value"], between(summary["stress"])), "stress")
-    place = with_unit(point_in_words(stress["place"]), "length")
+    position = with_unit(point_in_words(stress["place"]), "length")
     region = f" in {stress['region']}" if stress.get("region") else ""
-    return Answer("", f"at {place}", (f"von Mises stress {value}{region}, {stress['of']}", *details))
+    return Answer("", f"at {position}", (f"von Mises stress {value}{region}, {stress['of']}", *details))
 
 
 def _arguments(summary: dict[str, Any]) -> list[str]:
@@ -302,8 +307,8 @@ def _sure(summary: dict[str, Any]) -> Answer:
         return Answer("", "no figure may be used", () if holds else (checked,), "bad")
     if holds:
         checked += f": each condition to {CERTIFICATE_TOLERANCE:.0e}"
-    error, known = error_in_words(summary)
-    details = [checked, *([] if known else [_way_to_an_estimate(summary)])]
+    error, is_known = error_in_words(summary)
+    details = [checked, *([] if is_known else [_way_to_an_estimate(summary)])]
     goal, law = (summary.get("scene") or {}).get("accuracy"), _other_law(summary)
     if validity is Validity.LESS_ACCURATE and goal is not None:
         details.insert(0, f"{100 * goal['target']:.4g} % of the {goal['of']} was asked for")
@@ -313,7 +318,7 @@ def _sure(summary: dict[str, Any]) -> Answer:
         details.append(took)
     tone = "bad" if not holds else "short" if law or validity is Validity.LESS_ACCURATE else ""
     several = error.startswith(_ESTIMATED)
-    text = f"{'errors:' if several else 'error'} {error}" if known else "error of the mesh not estimated"
+    text = f"{'errors:' if several else 'error'} {error}" if is_known else "error of the mesh not estimated"
     return Answer("", text, tuple(details), tone)
 
 
@@ -337,9 +342,9 @@ def error_in_words(summary: dict[str, Any]) -> tuple[str, bool]:
     if relative is not None and bound.get("guaranteed"):
         return f"at most {percent(relative)} of the energy norm, guaranteed", True
     prices = solved_prices(summary)
-    known = [f"{name} {percent(prices[name])}" for name in _ESTIMATED if prices.get(name) is not None]
-    if known:
-        return f"{', '.join(known)}, estimated", True
+    errors = [f"{name} {percent(prices[name])}" for name in _ESTIMATED if prices.get(name) is not None]
+    if errors:
+        return f"{', '.join(errors)}, estimated", True
     if relative is not None:
         return f"about {percent(relative)} of the energy norm, estimated", True
     of_stress, cost = (summary.get("stress") or {}).get("error"), summary.get("cost") or {}

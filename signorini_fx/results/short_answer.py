@@ -24,7 +24,7 @@ from signorini_fx.tuned import CERTIFICATE_TOLERANCE, UNRESOLVED_NODES
 # Lines of the whole answer, unless what to do takes more of them.
 MOST_LINES = 10
 # How many lines of figures stay whatever has to be said beside them, by what they are of.
-_KEPT = {Validity.SOLUTION: 6, Validity.LESS_ACCURATE: 5, Validity.EARLIER_STEP: 4, Validity.NO_SOLUTION: 0}
+_KEPT_LINES = {Validity.SOLUTION: 6, Validity.LESS_ACCURATE: 5, Validity.EARLIER_STEP: 4, Validity.NO_SOLUTION: 0}
 _EFFORT = 9  # the rank of what goes first, and of what another line says too
 _LABEL = 14
 
@@ -48,13 +48,13 @@ def short_answer(summary: dict[str, Any], folder: Path) -> list[TerminalLine]:
     advice = [] if summary["converged"] else _words("what to do", summary["advice"], None, "advice")
     warned = _warned(summary)
     pressed = bool(warned) and validity in (Validity.LESS_ACCURATE, Validity.EARLIER_STEP)
-    kept = min(sum(len(lines) for _, lines in figures), _KEPT[validity] - pressed)
-    room = MOST_LINES - len([heading, *of, *advice]) - 1 - kept
+    kept_lines = min(sum(len(lines) for _, lines in figures), _KEPT_LINES[validity] - pressed)
+    room = MOST_LINES - len([heading, *of, *advice]) - 1 - kept_lines
     warnings = _words("warning", warned, max(room, 1), "warning") if warned else []
     first = [heading, *warnings, *of, *advice]
-    shown, left_out = _most_important(figures, max(MOST_LINES - len(first) - 1, kept))
-    more = f" ({left_out} more line{'s' * (left_out > 1)}: --verbose)" if left_out else ""
-    return [*first, *shown, _row("results", f"{folder}/{more}")]
+    shown, left_out = _most_important(figures, max(MOST_LINES - len(first) - 1, kept_lines))
+    hint = f" ({left_out} more line{'s' * (left_out > 1)}: --verbose)" if left_out else ""
+    return [*first, *shown, _row("results", f"{folder}/{hint}")]
 
 
 def _figures(summary: dict[str, Any]) -> list[tuple[int, list[TerminalLine]]]:
@@ -194,21 +194,21 @@ def _safety(summary: dict[str, Any]) -> list[TerminalLine]:
     used = f"; {friction}" if friction else ""
     if safety["factor"] is None:
         return _line("safety", f"no limit by statics{used}")
-    most = "" if safety["exact"] else "at most "
-    each = {name: safety[name] for name in ("sliding", "overturning") if name in safety}
-    if not each:
-        return _line("safety", f"{most}{safety['factor']:.3g} times these loads{used}")
+    at_most = "" if safety["exact"] else "at most "
+    multiples = {name: safety[name] for name in ("sliding", "overturning") if name in safety}
+    if not multiples:
+        return _line("safety", f"{at_most}{safety['factor']:.3g} times these loads{used}")
 
     def limits(before: str, behind: str) -> list[str]:
         return [
             f"{name}: " + ("no limit" if multiple is None else f"{before}{multiple:.3g}{behind}")
-            for name, multiple in each.items()
+            for name, multiple in multiples.items()
         ]
 
     texts = [
-        "; ".join(limits(most, " times these loads")) + used,
-        "; ".join(limits(most, " times")) + used,
-        f"{most}{', '.join(limits('', ''))} times these loads",
+        "; ".join(limits(at_most, " times these loads")) + used,
+        "; ".join(limits(at_most, " times")) + used,
+        f"{at_most}{', '.join(limits('', ''))} times these loads",
     ]
     return _line("safety", next((text for text in texts if len(text) <= COLUMNS - _LABEL), texts[-1]))
 

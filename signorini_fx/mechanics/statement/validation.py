@@ -109,8 +109,8 @@ def _removal(detail: Any, path: str) -> str:
         case {"type": "extra_forbidden"}:
             return removal(path)
         case {"type": "union_tag_invalid", "ctx": {"tag": value}} | {"type": "literal_error", "input": str(value)}:
-            told = removal(f"{path} = {value}")
-            return f"{value!r} {told}" if told else ""
+            advice = removal(f"{path} = {value}")
+            return f"{value!r} {advice}" if advice else ""
     return ""
 
 

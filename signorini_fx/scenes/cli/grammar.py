@@ -47,8 +47,8 @@ class _Parser(argparse.ArgumentParser):
         from signorini_fx.removed import removal
 
         name = " ".join((self.prog, *words))
-        if told := removal(name):
-            self.error(f"{name} {told}")
+        if advice := removal(name):
+            self.error(f"{name} {advice}")
 
     def error(self, message: str) -> NoReturn:
         if started_as_root():
