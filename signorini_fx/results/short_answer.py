@@ -59,10 +59,10 @@ def short_answer(summary: dict[str, Any], folder: Path) -> list[TerminalLine]:
 
 def _figures(summary: dict[str, Any]) -> list[tuple[int, list[TerminalLine]]]:
     """All figures, each with its rank and lines: where there is no room for all, those of the last ranks go."""
-    forces, others = _forces(summary), _asked(summary)
+    forces, asked = _forces(summary), _asked(summary)
     return [
         *((7 if k else 4, lines) for k, lines in enumerate(forces)),
-        *((8 if k else 6, lines) for k, lines in enumerate(others)),
+        *((8 if k else 6, lines) for k, lines in enumerate(asked)),
         (5, _contact(summary)),
         (1, _stress(summary)),
         (2, _safety(summary)),
@@ -181,7 +181,7 @@ def _contact(summary: dict[str, Any]) -> list[TerminalLine]:
     text = f"at {touching} of {summary['contact_nodes']} nodes{pressed}"
     if coarse:
         texts = [f"{text}; too few on {names}" for names in (", ".join(coarse), f"{len(coarse)} sides")]
-        text = next((one for one in texts if len(one) <= COLUMNS - _LABEL), texts[-1])
+        text = next((text for text in texts if len(text) <= COLUMNS - _LABEL), texts[-1])
     return _line("contact", text)
 
 
@@ -199,9 +199,9 @@ def _safety(summary: dict[str, Any]) -> list[TerminalLine]:
     if not multiples:
         return _line("safety", f"{at_most}{safety['factor']:.3g} times these loads{used}")
 
-    def limits(before: str, behind: str) -> list[str]:
+    def limits(prefix: str, suffix: str) -> list[str]:
         return [
-            f"{name}: " + ("no limit" if multiple is None else f"{before}{multiple:.3g}{behind}")
+            f"{name}: " + ("no limit" if multiple is None else f"{prefix}{multiple:.3g}{suffix}")
             for name, multiple in multiples.items()
         ]
 
