@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import csv
-import json
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -13,7 +12,7 @@ from contactbench.adapters import ADAPTERS, adapter
 from contactbench.answers import Answer, CannotRun, measured
 from contactbench.expressions import ExpressionError
 from contactbench.grids import Grid, make_grid
-from contactbench.judging import Result, ResultError, Verdict, judge, read_results, without_value
+from contactbench.judging import Result, ResultError, judge, read_results, without_value
 from contactbench.mesh_files import write_inp, write_msh
 from contactbench.problem import Problem, ProblemError, problem_names, read_problem
 
@@ -45,16 +44,12 @@ def _parser() -> argparse.ArgumentParser:
     mark = parts.add_parser("judge", help="judge a CSV of quantity,value[,unknowns,seconds]")
     mark.add_argument("problem")
     mark.add_argument("file", type=Path)
-    mark.add_argument("--json", action="store_true")
     run = parts.add_parser("run", help="run programs, and judge them")
     run.add_argument("problem", nargs="*", help="none: all")
     run.add_argument("--program", action="append", choices=sorted(ADAPTERS), help="none: all")
     run.add_argument("--levels", type=int, default=1)
     run.add_argument("--seconds", type=float, default=60.0, help="no finer mesh where one took longer")
     run.add_argument("--csv", type=Path, help="append the rows to this file")
-    prove = parts.add_parser("certify", help="recompute certified intervals with signorini_fx")
-    prove.add_argument("problem", nargs="*", help="none: all that have one")
-    prove.add_argument("--level", type=int, default=3)
     return parser
 
 
@@ -74,26 +69,8 @@ def _run(given: argparse.Namespace) -> int:
         case "judge":
             problem = read_problem(given.problem)
             results = read_results(given.file, problem)
-            return _judged(problem, results, as_json=given.json)
-        case "certify":
-            return _certify(given)
+            return _judged(problem, results)
     return _run_programs(given)
-
-
-def _certify(given: argparse.Namespace) -> int:
-    from contactbench.certify import certified
-
-    refuted = False
-    for name in given.problem or problem_names():
-        problem = read_problem(name)
-        if not any(quantity.kind == "interval" for quantity in problem.quantities):
-            continue
-        for key, (low, high) in certified(problem, given.level).items():
-            least, most = problem.quantity(key).numbers
-            apart = low > most or high < least
-            refuted |= apart
-            print(f"{name}: {key}: [{low:.9g}, {high:.9g}], in the file [{least:.9g}, {most:.9g}]", flush=True)
-    return int(refuted)
 
 
 def _shown(problem: Problem) -> str:
@@ -120,31 +97,13 @@ def _write_meshes(given: argparse.Namespace) -> int:
     return 0
 
 
-def _judged(problem: Problem, results: list[Result], *, as_json: bool) -> int:
+def _judged(problem: Problem, results: list[Result]) -> int:
     verdicts, missing = judge(problem, results), without_value(problem, results)
-    if as_json:
-        rows = [_entry(verdict) for verdict in verdicts]
-        print(json.dumps({"problem": problem.name, "verdicts": rows, "not given": missing}, indent=2))
-    else:
-        for verdict in verdicts:
-            print(f"{verdict.quantity.name}: {verdict.text}")
-        for name in missing:
-            print(f"{name}: not given")
+    for verdict in verdicts:
+        print(f"{verdict.quantity.name}: {verdict.text}")
+    for name in missing:
+        print(f"{name}: not given")
     return int(not all(verdict.meets for verdict in verdicts))
-
-
-def _entry(verdict: Verdict) -> dict[str, object]:
-    result, quantity = verdict.result, verdict.quantity
-    return {
-        "quantity": quantity.name,
-        "value": result.value,
-        "reference": {quantity.kind: list(quantity.numbers), "sources": list(quantity.sources)},
-        "error": verdict.error,
-        "tolerance": quantity.tolerance,
-        "meets": verdict.meets,
-        "unknowns": result.unknowns,
-        "seconds": result.seconds,
-    }
 
 
 def _run_programs(given: argparse.Namespace) -> int:

@@ -78,28 +78,6 @@ def evaluate(
     return _value(_parsed(text), dict(values), functions or NUMPY, str(text))
 
 
-def written_out(text: str | float, meanings: Mapping[str, str | float]) -> str:
-    """A formula in which names are replaced by what they stand for, again and again.
-
-    Args:
-        text: the formula, or a number.
-        meanings: formulas, numbers, or the words of another program for coordinates, such as "x[0]".
-
-    Raises:
-        ExpressionError: it is none.
-    """
-
-    class Replaced(ast.NodeTransformer):
-        def visit_Name(self, node: ast.Name) -> ast.expr:
-            if node.id not in meanings:
-                return node
-            meaning = ast.parse(str(meanings[node.id]), mode="eval").body
-            return meaning if isinstance(meaning, ast.Subscript) else self.visit(meaning)
-
-    names(text)
-    return ast.unparse(Replaced().visit(_parsed(text)))
-
-
 def _parsed(text: str | float) -> ast.expr:
     try:
         return ast.parse(str(text).strip(), mode="eval").body

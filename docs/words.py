@@ -15,7 +15,7 @@ LONG = 30
 # What is not for users of the package, or of results of other programs, or written by a command, or examples, or for
 # users of FEniCSx alone; the others, with the README, are the guide.
 OTHERS = ("theory", "architecture", "trust", "evidence", "refusals", "answers", "decks", "judge")
-OTHERS += ("i-want-to", "for-fenicsx", "contactbench", "bounds")
+OTHERS += ("i-want-to", "for-fenicsx", "bounds")
 
 
 def guide() -> list[Path]:

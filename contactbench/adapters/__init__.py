@@ -16,7 +16,6 @@ from contactbench.problem import Problem
 ADAPTERS = {
     "signorini_fx": "signorini",
     "dolfinx": "plain_dolfinx",
-    "scikit-fem": "scikit_fem",
     "getfem": "getfem_bricks",
     "calculix": "calculix_deck",
 }

@@ -10,7 +10,7 @@ import numpy as np
 
 from contactbench.answers import Answer, CannotRun, ContactForces
 from contactbench.elasticity import coordinates
-from contactbench.expressions import names, written_out
+from contactbench.expressions import COORDINATES, names
 from contactbench.grids import Grid
 from contactbench.problem import Formula, Problem
 
@@ -50,15 +50,13 @@ def solve(problem: Problem, grid: Grid) -> Answer:
     return Answer(u, _contacts(problem, solution), solution.displacement.x.array.size, seconds, energy)
 
 
-def scene(problem: Problem, grid: Grid, degree: int = 1, *, text: bool = False, **settings: Any) -> tuple[Any, Any]:
+def scene(problem: Problem, grid: Grid, degree: int = 1, **settings: Any) -> tuple[Any, Any]:
     """The scene of a problem on a mesh, and the node of the grid that each node of its mesh is.
 
     Args:
         problem: any.
         grid: its mesh.
         degree: of the displacement.
-        text: whether values are formulas of the scene, of which guaranteed bounds know everything, and not functions of
-            Python; then they may use the functions of scenes alone.
         settings: of ``SolverSettings``.
     """
     import signorini_fx as sfx
@@ -70,16 +68,12 @@ def scene(problem: Problem, grid: Grid, degree: int = 1, *, text: bool = False, 
     tagged = sfx.TaggedMesh(mesh, facets, tags, tag_cells(mesh, grid), regions)
     mixed = any(body.poisson == 0.5 for body in problem.bodies)
 
-    words = {name: f"x[{k}]" for k, name in enumerate("xyz"[: problem.dimension])}
-
-    def value(formula: Formula) -> float | str | Callable[[Any], Any]:
+    def value(formula: Formula) -> float | Callable[[Any], Any]:
         """Of points, shape (3, n)."""
         if not isinstance(formula, str):
             return float(formula)
-        if not names(formula) & {*problem.fields, *words}:
+        if not names(formula) & {*problem.fields, *COORDINATES}:
             return problem.number(formula)
-        if text:
-            return written_out(formula, {**problem.fields, **problem.numbers, **words})
         return lambda x: np.broadcast_to(problem.at(formula, coordinates(x[: problem.dimension].T)), x.shape[1:])
 
     def named(components: dict[int, Formula]) -> dict[str, Any]:
