@@ -3,11 +3,7 @@
 from __future__ import annotations
 
 import gc
-import json
-import subprocess
-import sys
 from collections.abc import Iterator
-from pathlib import Path
 
 import numpy as np
 import space
@@ -15,7 +11,7 @@ import space_rival
 from contestants import COEFFICIENTS
 from mpi4py import MPI
 from row import Row, Say, Sizes
-from space import Answer, Run
+from space import Run
 
 from signorini_fx.mechanics.mesh.tagged import generate_mesh
 
@@ -91,16 +87,15 @@ def sweeps(sizes: Sizes, repeats: int, say: Say) -> Iterator[Row]:
 # GAMG. By how much the package must be faster at the largest size, for each law.
 _STIFF, _BEST = 1e8, 1e6
 _FASTER = {"frictionless": 3.0, "tresca": 4.0, "coulomb": 8.0}
-_FASTER_THAN_BEST, _FASTER_THAN_GETFEM = 2.0, 10.0
+_FASTER_THAN_BEST = 2.0
 # Answers are the same if the deflection and the force differ by no more than this share, and no node is in another set.
-# GetFEM has no penalty: the penetration that the package allows is a permitted difference as well.
-SAME, PENALTY = 1e-6, 1e-4
+SAME = 1e-6
 # A mesh of that many cells on which all forms are compiled, and one from which on a rival runs once: it takes minutes.
 _WARM, _SLOW = 12, 96
 
 
 def rivals(sizes: Sizes, repeats: int, say: Say) -> Iterator[Row]:
-    """The hand-written Newton's method with GAMG at both sizes, and GetFEM at the smaller one, over the package.
+    """The hand-written Newton's method with GAMG over the package.
 
     CPU seconds, because other processes use the machine during a run of minutes.
     """
@@ -122,15 +117,6 @@ def rivals(sizes: Sizes, repeats: int, say: Say) -> Iterator[Row]:
             yield compared(what, f"{cell} {nx}", ours, stiff, _FASTER[law] if last else None, SAME)
             what = f"the same with gamma 1e6 instead of 1e8, {law}"
             yield compared(what, f"{cell} {nx}", ours, best, _FASTER_THAN_BEST if last else None, None)
-    nx = sizes.space[0]
-    for law in ("frictionless", "coulomb"):
-        ours, exact = [], []
-        for repeat in range(repeats):
-            say(f"space-rivals, GetFEM, {law}, {cell} {nx}, round {repeat + 1}")
-            ours.append(space.package(law, nx, cell, _STIFF, space_levels(nx)))
-            exact.append(getfem(law, nx))
-        what = f"GetFEM's contact brick over the package, {law}"
-        yield compared(what, f"{cell} {nx}", ours, exact, _FASTER_THAN_GETFEM, SAME + PENALTY)
 
 
 def _rounds(nx: int, repeats: int) -> int:
@@ -147,18 +133,6 @@ def _hand_written(law: str, nx: int, cell: str) -> Iterator[Run | str]:
             yield space_rival.solve(tagged, law, gamma, reuse=reuse)
         except RuntimeError as error:
             yield str(error)
-
-
-def getfem(law: str, nx: int) -> Run | str:
-    """GetFEM in a process of its own; a text where it has no solution."""
-    command = [sys.executable, str(Path(__file__).with_name("space_getfem.py")), law, str(nx)]
-    ended = subprocess.run(command, capture_output=True, text=True, check=False)
-    if ended.returncode:
-        return "not installed" if "No module named 'getfem'" in ended.stderr else ended.stderr.strip()[-200:]
-    said = json.loads(ended.stdout.splitlines()[-1])
-    arrays = (np.array(said[name]) for name in ("force", "x", "contact", "slip"))
-    note = f"{said['steps']} Newton steps"
-    return Run(said["seconds"], said["cpu"], 0, 0, said["dofs"], note, answer=Answer.at(said["deflection"], *arrays))
 
 
 def compared(

@@ -5,7 +5,6 @@ import os
 import shutil
 import subprocess
 import sys
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,25 +14,21 @@ from mpi4py import MPI
 BENCH = Path(__file__).parents[2] / "bench"
 sys.path.insert(0, str(BENCH))
 
-import bodies_rivals  # noqa: E402
 import calculix  # noqa: E402
 import contestants  # noqa: E402
 import example1  # noqa: E402
 import linear  # noqa: E402
 import nonlinear_costs  # noqa: E402
-import nonlinear_rivals  # noqa: E402
 import plain  # noqa: E402
 import rival  # noqa: E402
 import small  # noqa: E402
 import space  # noqa: E402
-import space_getfem  # noqa: E402
 import space_rival  # noqa: E402
 import space_rows  # noqa: E402
 
 from signorini_fx import solve  # noqa: E402
 from signorini_fx.addons.decks.draft import draft  # noqa: E402
 from signorini_fx.algebra.linalg.factorisation import has_package  # noqa: E402
-from signorini_fx.forms.nonlinear import newton  # noqa: E402
 from signorini_fx.mechanics.mesh.tagged import generate_mesh  # noqa: E402
 from signorini_fx.scenes.reading import read_scene  # noqa: E402
 
@@ -146,18 +141,6 @@ def test_the_rival_in_space_comes_to_the_same_answer(law, cell):
     assert ours.answer.far(softer.answer)[0] == pytest.approx(3e-3, rel=0.3)  # its penalty
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("law", space_getfem.LAWS)
-def test_getfem_comes_to_the_same_answer(law):
-    """GetFEM's contact brick, which has no penalty: that of the package is a hundredth of what gamma = 1e6 has."""
-    pytest.importorskip("getfem")
-    theirs = space_rows.getfem(law, 12)
-    deflection, force, *sets = space.package(law, 12, "hexahedron", 1e8, 2).answer.far(theirs.answer)
-    assert 2e-5 < deflection < 4e-5
-    assert force < 1e-5
-    assert sets == [0, 0]
-
-
 def test_a_rival_with_another_answer_or_none_has_no_verdict():
     """It is named in the table, and no target is called reached on its account."""
     ours, other = space.package("tresca", 6, "hexahedron", 1e8, 1), space.package("coulomb", 6, "hexahedron", 1e8, 1)
@@ -202,33 +185,6 @@ def test_every_row_is_written(groups, tmp_path):
         ran = {row["contestant"] for row in csv.DictReader(file)}
     assert ran == (set(contestants.ALL) if groups == GROUPS else {"tresca", "mumps", "cholmod"})
     assert (tmp_path / "performance.png").stat().st_size > 10_000
-
-
-@pytest.mark.long
-def test_getfem_comes_to_the_same_forces_of_two_bodies():
-    """They differ by the discretisation of contact, less than a wrong friction or material makes; what is not there is
-    passed over with a word.
-    """
-    pytest.importorskip("getfem")
-    rows = list(bodies_rivals.rows([10], ["coulomb"], "", "no such program", "condensed", 1))
-    cells = {row.split("|")[3].strip(): [cell.strip() for cell in row.split("|")] for row in rows[2:]}
-    across, down = (float(word) for word in cells["GetFEM"][4].split(", "))
-    assert across == pytest.approx(0.1861, rel=0.02)  # the package
-    assert down == pytest.approx(0.6577, rel=0.02)
-    assert float(cells["GetFEM"][5].split()[0]) < 2.0
-    assert cells["CalculiX"][-2] == "not installed"
-
-
-@pytest.mark.slow
-def test_nonlinear_bodies_of_other_programs():
-    """The package's row has the force of felupe 11.3 on this mesh, extrapolated over its penalty; programs that are not
-    there are named.
-    """
-    rows = list(nonlinear_rivals.rows(["disk"], 1, 1, "no such program"))
-    ours, *others = [[cell.strip() for cell in row.split("|")] for row in rows[2:]]
-    assert [float(word) for word in ours[4].split(", ")] == pytest.approx([0.0, -1.56611], abs=2e-4)
-    assert [row[3] for row in others] == ["felupe", "CalculiX"]
-    assert others[1][4] == "not installed"
 
 
 def test_the_deck_for_calculix(tmp_path, capsys, monkeypatch):
@@ -278,17 +234,3 @@ def test_costs_of_nonlinear_contact():
     alone, same = nonlinear_costs.bonded(problem, ends)
     np.testing.assert_allclose(same, ends, atol=1e-10)
     assert alone.iterations == alone.solves < whole.iterations
-
-
-def test_contact_sets_that_cycle(monkeypatch):
-    """An O-ring, near whose equilibrium contact sets of a tangent that is not definite cycle: the increment is taken,
-    and the step solved, which is halved otherwise; the forces are the same.
-    """
-    whole = nonlinear_rivals.seal(2)
-    seal = replace(whole, shapes=[replace(shape, ways=shape.ways[:3]) for shape in whole.shapes], shown=(2,))
-    taken = nonlinear_rivals.package(seal)
-    monkeypatch.setattr(newton, "CYCLING_INCREMENT", 0.0)
-    halved = nonlinear_rivals.package(seal)
-    assert (taken.increments, halved.increments) == (4, 5)
-    assert taken.iterations < halved.iterations
-    assert taken.forces == pytest.approx(halved.forces, rel=1e-8, abs=1e-8 * np.abs(halved.forces).max())
