@@ -55,9 +55,9 @@ class SceneError(SignoriniError):
 
 
 class FormError(SceneError, ValueError):
-    """An argument of ``ContactProblem`` is wrong."""
+    """An argument of ``ContactProblem`` or ``NonlinearContactProblem`` is wrong."""
 
-    def __init__(self, problems: list[tuple[str, str]], source: str = "ContactProblem") -> None:
+    def __init__(self, problems: list[tuple[str, str]], source: str = "contact problem") -> None:
         super().__init__(problems, source)
 
 

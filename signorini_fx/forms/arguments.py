@@ -22,8 +22,15 @@ from signorini_fx.mechanics.statement.settings import SolverSettings
 from signorini_fx.mechanics.statement.values import kind_of
 
 Facets = npt.NDArray[np.int32]
-# Settings of a scene that concern its meshes, or its first load step.
-_NOT_HERE = ("levels", "initial_contact")
+_NOT_A_SETTING = "is no setting of a contact problem"
+# Settings of a scene that concern its meshes, or its first load step, and arguments of dolfinx's problems.
+_NOT_HERE = {
+    "levels": _NOT_A_SETTING,
+    "initial_contact": _NOT_A_SETTING,
+    "P": "is not used: the linear solvers choose what preconditions them, see linear_algebra",
+    "kind": "is not used: the kind of the matrix is chosen, see linear_algebra",
+    "entity_maps": "is not possible yet: all arguments are on one mesh",
+}
 
 
 def space_of(a: Any, L: Any, u: fem.Function | None) -> fem.FunctionSpace:
@@ -40,7 +47,7 @@ def space_of(a: Any, L: Any, u: fem.Function | None) -> fem.FunctionSpace:
     for name, form, rank in (("a", a, 2), ("L", L, 1)):
         if not isinstance(form, ufl.Form | fem.Form):
             raise FormError([(name, f"must be a UFL form or a compiled form, not {kind_of(form)}")])
-        if isinstance(form, ufl.Form) and form.empty():
+        if isinstance(form, ufl.Form) and not form.arguments():
             raise FormError([(name, "is zero: nothing is left of it to integrate")])
         form_rank = form.rank if isinstance(form, fem.Form) else len(form.arguments())
         if form_rank != rank:
@@ -100,11 +107,11 @@ def settings_of(options: dict[str, Any]) -> SolverSettings:
     Raises:
         FormError: with all that are wrong.
     """
-    wrong = [(name, "is no setting of a ContactProblem") for name in options if name in _NOT_HERE]
-    if wrong:
+    given = {name: value for name, value in options.items() if value is not None or name not in _NOT_HERE}
+    if wrong := [(name, reason) for name, reason in _NOT_HERE.items() if name in given]:
         raise FormError(wrong)
     try:
-        settings = SolverSettings(**options)
+        settings = SolverSettings(**given)
     except SceneError as error:
         raise FormError(error.problems) from None
     if (settings.algorithm, settings.regularisation_error) == ("path-following", "auto"):

@@ -947,12 +947,13 @@ def bad(**changes):
         ({"contact": "measured"}, r"contact\[0\].measure: is -1 "),
         ({"algorithm": "sss"}, "algorithm: "),
         ({"levels": 3}, "levels: is no setting"),
+        ({"kind": "mpi"}, "kind: is not used"),
         ({"gamma": 3}, "gamma: "),
         ({"algorithm": "path-following"}, "regularisation_error: must be a number"),
     ],
 )
 def test_bad_arguments_are_named(changes, message):
-    with pytest.raises(FormError, match=f"^ContactProblem: {message}"):
+    with pytest.raises(FormError, match=f"^contact problem: {message}"):
         ContactProblem(**bad(**changes)).solve()
 
 

@@ -17,13 +17,6 @@ from signorini_fx.mechanics.interfaces.pair import Pair
 from signorini_fx.mechanics.shapes.plane import Plane
 from signorini_fx.mechanics.statement.values import kind_of
 
-# Arguments of dolfinx's NonlinearProblem that have no meaning here.
-_NOT_USED = {
-    "P": "is not used: the linear solvers choose what preconditions them, see linear_algebra",
-    "kind": "is not used: the kind of the matrix is chosen, see linear_algebra",
-    "entity_maps": "is not possible yet: all arguments are on one mesh",
-}
-
 
 def checked(
     F: Any,
@@ -33,14 +26,13 @@ def checked(
     update: Any,
     commit: Any,
     max_newton: Any,
-    settings: Mapping[str, Any],
 ) -> tuple[Foundation | Pair, ...]:
     """The foundations and pairs, if the arguments fit each other.
 
     Raises:
         FormError: they do not.
     """
-    problems = [(name, reason) for name, reason in _NOT_USED.items() if settings.get(name) is not None]
+    problems = list[tuple[str, str]]()
     if not isinstance(max_newton, Integral) or isinstance(max_newton, bool) or max_newton < 1:
         problems.append(("max_newton", f"must be a whole number, 1 or more, not {max_newton!r}"))
     problems += [
@@ -57,7 +49,7 @@ def checked(
     if not isinstance(u, fem.Function):
         problems.append(("u", f"must be a Function, not {kind_of(u)}"))
     if not isinstance(F, ufl.Form) or F.empty() or len(F.arguments()) != 1:
-        problems.append(("F", "must be a UFL form with one test function"))
+        problems.append(("F", "must be a UFL form with one test function; what is 0 times a form has none"))
     elif J is None and u not in F.coefficients():
         problems.append(("F", "does not contain u, so that its derivative is zero: form it with u, or give J"))
     if problems:

@@ -121,7 +121,7 @@ class NonlinearContactProblem(ProblemOfForms):
         boundaries: Mapping[str, Any] | None = None,
         **settings: Any,
     ) -> None:
-        self.u, self.contact = u, checked(F, u, J, foundations_of(contact), update, commit, max_newton, settings)
+        self.u, self.contact = u, checked(F, u, J, foundations_of(contact), update, commit, max_newton)
         options: dict[str, Any] = {"form_compiler_options": form_compiler_options, "jit_options": jit_options}
         tangents = Tangents(F, J, u, options)
         with compiling():
