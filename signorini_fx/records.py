@@ -113,7 +113,10 @@ _ADVICE = {
     ),
     Status.UNSTABLE: (
         "the residual vanishes, but a displacement that contact admits lowers the energy: the body would leave this "
-        "state. Begin with an imperfection, prescribe a displacement instead of a force, or lower the load"
+        "state. Where it begins at a sharp corner round that off, or take larger cells there; a slender body needs an "
+        "imperfection, such as a small traction across it, and a material that loses its stiffness under compression, "
+        "such as that of Saint-Venant and Kirchhoff, another one; where a force acts lower it, or prescribe its "
+        "displacement"
     ),
     Status.INSIDE: (
         "a part of a rigid shape is inside the body, or has passed through it since the last solution: begin where it "
@@ -139,8 +142,8 @@ _ADVICE = {
         "derivative of F as J, or set stability=False"
     ),
     Status.LIMIT: (
-        "prescribe a displacement instead of a force to follow the body beyond a limit point, refine the mesh, or "
-        "allow a smaller step"
+        "where a force acts prescribe its displacement, to follow the body beyond a limit point; else refine the mesh, "
+        "allow a smaller step, or take a material that keeps its stiffness under compression, as neo-Hooke does"
     ),
     Status.NOT_SOLVED: (
         "Newton's method fails, which does not prove that there is no solution: take smaller load steps, "

@@ -101,20 +101,6 @@ _RAN_AWAY = (
     "the displacement that was tried is far beyond small strains, as where all of a section yields and carries no "
     "larger load: take smaller load steps, prescribe a displacement where a force acts, or take a material that hardens"
 )
-# Where displacements alone move a body, so that none can take the place of a force.
-_ONLY_DISPLACED = {
-    Status.UNSTABLE: (
-        "the residual vanishes, but a displacement that contact admits lowers the energy: the body would leave this "
-        "state, although displacements alone move it. Begin with an imperfection, such as a small traction across a "
-        "slender body, take a material that keeps its stiffness under compression, as neo-Hooke does, or end the load "
-        "steps before"
-    ),
-    Status.LIMIT: (
-        "displacements alone move the body, so that none can take the place of a force: take another mesh or elements "
-        "of degree 1 where cells are squeezed, a material that keeps its stiffness under compression, as neo-Hooke "
-        "does, for a slender body an imperfection, such as a small traction across it, or end the load steps before"
-    ),
-}
 # Those that a law or a material of a user's own may be the reason of.
 _BY_OWN_CODE = (Status.NOT_FINITE, Status.NOT_CERTIFIED)
 
@@ -534,8 +520,6 @@ def advice_on_nonlinear(status: Status, statement: Statement) -> str:
         return Status.NOT_SOLVED.advice
     if status is Status.INVERTED and not any(material.finite for material in statement.material):
         return _RAN_AWAY
-    if status in _ONLY_DISPLACED and statement.only_displaced:
-        return _ONLY_DISPLACED[status]
     return status.advice
 
 

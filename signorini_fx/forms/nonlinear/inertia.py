@@ -14,7 +14,7 @@ from petsc4py import PETSc
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.nodal_stiffness import JointStiffness, NodalStiffness
 from signorini_fx.mechanics.rigid.rigid_bodies import with_more_unknowns
-from signorini_fx.tuned import HOLDING_STIFFNESS, ORDER_IN_PLANE
+from signorini_fx.tuned import HOLDING_STIFFNESS, ORDER_IN_PLANE, SAME_INERTIA
 
 Array = npt.NDArray[np.float64]
 
@@ -91,8 +91,9 @@ def negative_directions(
     joint: Sequence[JointStiffness] = (),
     tools: ToolsAtPoints | None = None,
     symmetric: bool = True,
-) -> int:
-    """The number of negative eigenvalues of the tangent where contact points stay in contact; collective.
+) -> tuple[int, Array]:
+    """The number of negative eigenvalues of the tangent where contact points stay in contact, and if there are any an
+    unstable direction, displacements of the owned nodes, shape (owned dofs,); collective.
 
     Points in contact keep their distance, and those that stick their place.  The symmetric part of the tangent is
     judged, by one LDL^T factorisation with MUMPS.  The verdict does not depend on units: all entries that are no
@@ -109,7 +110,7 @@ def negative_directions(
         tools: those that forces move, which contact points keep their distance from; None: there are none.
         symmetric: whether the tangent is.
     """
-    matrix = fem_petsc.assemble_matrix(tangent, list(bcs), 0.0)
+    matrix, owned = fem_petsc.assemble_matrix(tangent, list(bcs), 0.0), fixed.size
     matrix.assemble()
     if not symmetric:
         matrix.axpy(1.0, matrix.transpose(PETSc.Mat()))
@@ -141,6 +142,25 @@ def negative_directions(
         preconditioner.getFactorMatrix().setMumpsIcntl(*ORDER_IN_PLANE)
     preconditioner.setUp()
     negative = int(preconditioner.getFactorMatrix().getInertia()[0])
+    direction = _unstable_direction(matrix, preconditioner)[:owned] if negative else np.zeros(owned)
     preconditioner.destroy()
     matrix.destroy()
-    return negative
+    return negative, direction
+
+
+def _unstable_direction(matrix: PETSc.Mat, factor: PETSc.PC) -> Array:
+    """The eigenvector of the negative eigenvalue of a symmetric matrix that is nearest to zero, shape (rows of this
+    rank,): that of the lowest one of its inverse, to which Lanczos' method converges first; collective.
+    """
+    from scipy.sparse.linalg import LinearOperator, eigsh  # imported by what needs it alone
+
+    comm, (x, y), own = matrix.comm.tompi4py(), matrix.createVecs(), slice(*matrix.getOwnershipRange())
+
+    def solved(values: Array) -> Array:
+        x.getArray()[:] = values[own]
+        factor.apply(x, y)
+        return parallel.gather_rows(comm, np.array(y.getArray(readonly=True)))
+
+    inverse, begin = LinearOperator(matrix.getSize(), matvec=solved), np.random.default_rng(0)
+    _, vectors = eigsh(inverse, k=1, which="SA", v0=begin.standard_normal(inverse.shape[0]), tol=SAME_INERTIA)
+    return np.asarray(vectors[own, 0])

@@ -205,6 +205,7 @@ class EquilibriumSolver:
                 status = Status.NO_DIGIT
             elif status is Status.CONVERGED and self.asks_stability:
                 status = self.stability.verdict()
+                self._detail = self.stability.where if status is Status.UNSTABLE else ""
             elif damps and status not in (Status.CONVERGED, *outcomes.NOT_BY_STIFFNESS) and not self.without:
                 self.without = self.stability.reason_for_none(last.displacement, self._tried)
         except Exception:

@@ -44,12 +44,12 @@ def failure(status: Status, certificate: Certificate | None, says_no: str, detai
         certificate: of its last iterate; None: that has none.
         says_no: why there may be no solution; empty: nothing says so.
         detail: where a shape is inside the body, what is wrong between two bodies, by how much a deformation is too
-            large, or how the contact problem of a tangent has ended; empty: none of these.
+            large, where an instability begins, or how the contact problem of a tangent has ended; empty: none of these.
     """
     reason = says_no
     if status in (Status.INSIDE, Status.TOO_LARGE, *BETWEEN_BODIES) or (status is Status.MAX_ITERATIONS and detail):
         reason = detail
-    elif status is Status.NOT_SOLVED:
+    elif status in (Status.NOT_SOLVED, Status.UNSTABLE):
         reason = says_no or detail
     elif certificate is not None and status in (Status.NOT_CERTIFIED, Status.MAX_ITERATIONS):
         reason = f"{certificate.worst_name} {certificate.worst:.1e}"

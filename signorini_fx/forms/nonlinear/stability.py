@@ -18,6 +18,7 @@ from signorini_fx.forms.nonlinear.moving_shapes import turning_of
 from signorini_fx.forms.nonlinear.residual import Residual
 from signorini_fx.forms.nonlinear.tangent import Product, Tangents, is_derivative, product, product_of_derivative
 from signorini_fx.machine import parallel
+from signorini_fx.mechanics.assembly.mesh_entities import node_positions
 from signorini_fx.mechanics.assembly.nodal_stiffness import NodalStiffness
 from signorini_fx.records import Status
 from signorini_fx.tuned import DIFFERENCE_STRAINS
@@ -25,7 +26,7 @@ from signorini_fx.tuned import DIFFERENCE_STRAINS
 Array = npt.NDArray[np.float64]
 
 
-@dataclass(frozen=True)
+@dataclass
 class Stability:
     """What the inertia of the tangent says of a displacement.
 
@@ -34,12 +35,14 @@ class Stability:
         linear: the contact problem of the last iteration of Newton's method.
         tangents: the user's and the derivative of F.
         residual: F.
+        where: an instability that was found begins, in words.
     """
 
     u: fem.Function
     linear: LinearisedProblem
     tangents: Tangents
     residual: Residual
+    where: str = ""
 
     def verdict(self) -> Status:
         """Whether an equilibrium is stable, by the derivative of F; collective.
@@ -54,8 +57,10 @@ class Stability:
         leading = tangent is self.tangents.leading and linear.relative is None
         if leading and is_positive(linear.elastic, linear.task.system, self._restraint(), at_end):
             return Status.CONVERGED
-        if not self._negative(tangent):
+        negative, direction = self._negative(tangent)
+        if not negative:
             return Status.CONVERGED
+        self.where = self._most_moved(direction)
         # Without an energy a symmetric part that is not definite proves nothing.
         return Status.UNSTABLE if self.linear.symmetric else Status.STABILITY_UNKNOWN
 
@@ -76,7 +81,7 @@ class Stability:
             known = forces is not None and self.linear.solved.outcome is not None and self.linear.factor_fits
             if known and (derivative := self._derivative()) is not None:
                 self.linear.bend()
-                if self._negative(derivative[0]):
+                if self._negative(derivative[0])[0]:
                     return "the tangent has lost its stiffness in some direction"
         return ""
 
@@ -126,10 +131,17 @@ class Stability:
         blocks = np.concatenate((curvature.blocks, at_points))
         return NodalStiffness.summed(np.concatenate((curvature.nodes, nodes)), blocks, curvature.joint)
 
-    def _negative(self, tangent: fem.Form) -> int:
-        """In how many directions that contact admits a tangent, or its symmetric part, with the curvature of now, is
-        negative; collective.
-        """
+    def _most_moved(self, direction: Array) -> str:
+        """Where a displacement of the owned nodes is largest, in words; collective."""
+        space, dim = self.u.function_space, self.u.function_space.mesh.geometry.dim
+        sizes = np.linalg.norm(direction.reshape(-1, dim), axis=1)
+        places = node_positions(space)[: sizes.size, :dim]
+        rows = np.column_stack((sizes, places))[np.argsort(-sizes, kind="stable")[:1]]
+        farthest = max(map(tuple, parallel.gather_rows(space.mesh.comm, rows)))
+        return f"it begins at ({', '.join(f'{x:.4g}' for x in farthest[1:])})"
+
+    def _negative(self, tangent: fem.Form) -> tuple[int, Array]:
+        """See ``negative_directions``: of a tangent, or its symmetric part, with the curvature of now; collective."""
         linear = self.linear
         bcs = conditions_of(linear.bcs, self.u.function_space)
         nodes = linear.state.boundary.nodes

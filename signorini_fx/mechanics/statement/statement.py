@@ -140,12 +140,6 @@ class Statement:
         return self.of(Load)
 
     @property
-    def only_displaced(self) -> bool:
-        """Whether nothing but supports, and foundations on a way that is given, moves its bodies."""
-        others = (entry for key, entries in self.effects.items() if key != "displacement" for entry in entries)
-        return not self.rigid_bodies and not any(isinstance(entry, Load) and entry.acts for entry in others)
-
-    @property
     def forces_at(self) -> str:
         """The keys of its forces, for messages; ``traction, body_force`` where it lists no others; of forms ``L``."""
         if "traction" not in self.effects:
