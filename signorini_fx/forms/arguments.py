@@ -107,11 +107,11 @@ def settings_of(options: dict[str, Any]) -> SolverSettings:
     Raises:
         FormError: with all that are wrong.
     """
-    given = {name: value for name, value in options.items() if value is not None or name not in _NOT_HERE}
-    if wrong := [(name, reason) for name, reason in _NOT_HERE.items() if name in given]:
+    known = {name: value for name, value in options.items() if value is not None or name not in _NOT_HERE}
+    if wrong := [(name, reason) for name, reason in _NOT_HERE.items() if name in known]:
         raise FormError(wrong)
     try:
-        settings = SolverSettings(**given)
+        settings = SolverSettings(**known)
     except SceneError as error:
         raise FormError(error.problems) from None
     if (settings.algorithm, settings.regularisation_error) == ("path-following", "auto"):

@@ -190,6 +190,7 @@ class ProblemOfScene(NonlinearContactProblem):
         self.statement, self.model, self.body, self._held = statement, model, body, held
         anew = NonlinearForces(statement, model.tagged, model.space)
         self._solver.opinion = OpinionOfScene(self, anew, StatesOnPath(anew))
+        self.linear.bodies = model.pieces.bodies
         self._solver.tangents.trusted = body.tangent is not None
         self._begins_at(statement.placed(-1))
 

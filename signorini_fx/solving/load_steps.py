@@ -225,11 +225,9 @@ def _attempt(progress: StepProgress, path: Increments) -> LoadStep:
     with begun.body.timings.phase("iterate"):
         solved = begun.body.solved(replace(begun, start=start), path.allowed)
     begun, outcome, reason = solved.begun, solved.outcome, solved.reason
-    # What is proved before a linear solve ``check`` has named, but for load steps without a load between others.
-    unloaded = steps.several and not begun.task.system.resultant.any()
-    if reason is None and (history.linear_solves > solves_before or unloaded):
+    if reason is None:
         when = f"load step {start.step + 1}: " if steps.several else ""
-        outcome, reason = explained(begun.body.model, begun.task, begun.start, outcome, when)
+        reason = explained(begun.body.model, begun.task, outcome, when)
     result = begun.body.certified(begun, outcome)
     solves = result.linear_solves + history.linear_solves - solves_before
     return LoadStep.of(begun, outcome, replace(result, linear_solves=solves, reason=reason or result.reason))

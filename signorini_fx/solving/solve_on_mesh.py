@@ -213,7 +213,7 @@ def findings_of_steps(
     names = [model.motions.pieces.called(piece) for piece in lost]
     return [
         *pushed_nodes(model.comm, held, model.tagged.size),
-        *loose_at_rest(model, steps),
+        *loose_at_rest(model, steps, model.statement.forces_at),
         *shapes_in_results(foundations, _shown(steps).displacement),
         *further,
         *result_findings([step.deformation for step in steps], touching=touching, unjudged=names),

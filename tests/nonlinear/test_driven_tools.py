@@ -214,10 +214,10 @@ def test_what_pulls_away():
         solve(rolled(tool, friction=friction, **times), MPI.COMM_SELF, check=False)
         for tool, friction in ((away, ROUGH), (later, ROUGH), (loose, None))
     ]
-    assert [end.status for end in ends] == [Status.LIMIT] * 3
+    assert [end.status for end in ends] == [Status.LIMIT, Status.LIMIT, Status.NOT_HELD]
     assert [len(end.steps) > 1 for end in ends] == [False, True, False]
     assert not np.any([tool.translation for tool in ends[0].last_step.tools])
-    assert 1.4 < ends[1].last_step.time < 1.5
+    assert 1.4 < ends[1].last_step.time <= 1.5  # when it has no force, and stays where it is
     assert ends[1].last_step.certificate.holds
     assert "body not held" in ends[2].findings[0].message
 

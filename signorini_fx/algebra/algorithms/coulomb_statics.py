@@ -9,15 +9,12 @@ import numpy.typing as npt
 
 from signorini_fx.algebra.algorithms.fall_backs import touching_nodes
 from signorini_fx.algebra.algorithms.task import Task
-from signorini_fx.algebra.contact.active_sets import ActiveSets
-from signorini_fx.algebra.contact.complementarity import RegularisedData, slip_of
+from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.contact.friction import PointFriction, as_given, stuck
-from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.algebra.contact.reactions import reactions
 from signorini_fx.algebra.contact.statics import largest_multiple, no_balance
 from signorini_fx.algebra.problem.protocol import Problem
 from signorini_fx.records import Status
-from signorini_fx.tuned import RESIDUAL_TOLERANCE
 
 
 def coulomb_start(task: Task, data: RegularisedData) -> RegularisedData:
@@ -56,10 +53,8 @@ def proved(task: Task, problem: Problem, law: PointFriction, status: Status) -> 
     if status is Status.NOT_HELD and not task.motions.held_by(everywhere, law.acts):
         return status
     motions, resultant = task.motions, task.system.resultant
-    lost = no_balance(law, data.bilateral, motions, resultant)
-    if lost is None and not all(resultant[columns].any() for _, columns in motions.assemblies):
-        free = free_state(task, data)
-        lost = None if free is None else no_balance(law, data.bilateral, motions, resultant, free[0])
+    at_rest = task.system.load.norm() == task.system.start.norm() == 0.0
+    lost = no_balance(law, data.bilateral, motions, resultant, data.gap if at_rest else None)
     if lost is not None:
         return lost.status
     task.history.add(f"{status.value}: with the friction bound of the pressure before, not by the law itself")
@@ -80,30 +75,3 @@ def share_of_loads(task: Task, data: RegularisedData) -> float:
             limit = largest_multiple(allowed.of(number, columns), 0 * load[columns], load[columns])
             shares.append(0.0 if limit is None else limit.factor)
     return min(shares)
-
-
-def free_state(task: Task, data: RegularisedData) -> tuple[Nodal, Nodal] | None:
-    """Gap, length, shape (n,), and slip, length, shape (n, d - 1), of the body as its loads and supports alone deform
-    it, where these have no resultant; collective; None if that does not succeed.
-
-    One linear solve: springs at the contact nodes hold the body, with forces below the tolerance for residuals.
-    """
-    newton, soft = task.iterate.newton, RESIDUAL_TOLERANCE * task.natural_gamma
-    checkpoint, zero = newton.checkpoint(), np.zeros_like(data.mu_hat)
-    springs = RegularisedData(
-        gap=zero[:, 0],
-        gamma_n=soft,
-        gamma_t=soft,
-        sigma=np.inf,
-        lambda_hat=zero[:, 0],
-        mu_hat=zero,
-        bound=np.full(len(zero), np.inf),
-        bilateral=np.ones(len(zero), dtype=bool),
-        immovable=np.zeros(len(zero), dtype=bool),
-        slip_origin=zero,
-    )
-    newton.begin_at(newton.problem.system.start)  # not where the body has gone: its round-off is above those forces
-    status = newton.solve_once(springs, ActiveSets.all_in_contact(*zero.shape), lambda: None)
-    u_n, u_t = newton.problem.system.contact.traces(newton.x)
-    newton.restore(checkpoint)
-    return (data.gap - u_n, slip_of(u_t, data)) if status is Status.CONVERGED else None

@@ -28,7 +28,9 @@ from signorini_fx.algebra.algorithms.coulomb_newton import coulomb_newton
 from signorini_fx.algebra.algorithms.coulomb_statics import coulomb_start, proved, share_of_loads
 from signorini_fx.algebra.algorithms.fp import fixed_point
 from signorini_fx.algebra.algorithms.linear import solve_linear
+from signorini_fx.algebra.algorithms.loose import UNEXPLAINED, idle, near_the_last_place
 from signorini_fx.algebra.algorithms.path_following import path_following, path_model
+from signorini_fx.algebra.algorithms.ssn import Checkpoint
 from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
 from signorini_fx.algebra.attempts import (
     AUGMENTED,
@@ -88,14 +90,44 @@ def solve_task(task: Task, start: Start, solve_budget: int | None = None) -> Out
     if _nothing_acts(task, start):
         return _stay(task, start)
     start = _first_loaded(task, start)
+    begin, waits = task.iterate.newton.checkpoint(), start.several or start.step > 0
     lost = no_balance(start.law, start.data.bilateral, task.motions, task.system.resultant)
-    if lost is not None:
+    if lost is not None and not (waits and lost.assembly in idle(task)):
         return _without_contact(task, start.data, lost.status)
-    with task.history.at_most(step_limit(task.settings.max_iterations) if solve_budget is None else solve_budget):
-        outcome = _solve(task, start)
-        if outcome.status is not Status.CONVERGED and task.history.linear_solves >= task.history.limit:
-            task.history.add("all methods together have taken as many linear solves as they may")
-    return outcome
+    if lost is None:
+        with task.history.at_most(step_limit(task.settings.max_iterations) if solve_budget is None else solve_budget):
+            outcome = _solve(task, start)
+            if outcome.status is not Status.CONVERGED and task.history.linear_solves >= task.history.limit:
+                task.history.add("all methods together have taken as many linear solves as they may")
+    else:
+        outcome = _without_contact(task, start.data, lost.status)
+    loose = outcome.status in UNEXPLAINED and idle(task)
+    return _left_loose(task, start, begin, outcome, waits=waits) if loose else outcome
+
+
+def _left_loose(task: Task, start: Start, begin: Checkpoint, failed: Outcome, *, waits: bool) -> Outcome:
+    """The solution nearest to the last one where bodies lie loose; the outcome that has failed, if there is none.
+
+    Args:
+        task: the inputs.
+        start: where the load step starts.
+        begin: the iterate there.
+        failed: how the methods of the scene have ended.
+        waits: whether this is one of several load steps, in which a body that nothing presses on waits for its load: a
+            problem without any load is not determined.
+    """
+    newton = task.iterate.newton
+    ended = newton.checkpoint()
+    newton.restore(begin)
+    with task.history.at_most(step_limit(task.settings.max_iterations)):
+        loose = near_the_last_place(task, start, _solve)
+    if loose is None:
+        newton.restore(ended)
+        return failed
+    if waits or newton.multipliers()[0].any():
+        return loose
+    task.history.add(f"{failed.status.value}: nothing presses on a body, which can move without touching anything")
+    return replace(loose, status=Status.OPEN)
 
 
 def _solve(task: Task, start: Start) -> Outcome:
@@ -202,11 +234,12 @@ def _nothing_acts(task: Task, start: Start) -> bool:
 
 
 def _first_loaded(task: Task, start: Start) -> Start:
-    """The start of a body that nothing has loaded so far: that of the first load step, with contact everywhere.
+    """The start of bodies that contact alone holds, and does not press on: that of the first load step, with contact
+    everywhere.
 
-    No contact would hold it with the active sets, nor friction with the bound, that it has had without a load.
+    No contact would hold them with the active sets, nor friction with the bound, that they have without a load.
     """
-    if start.step == 0 or task.motions.count == 0 or start.multipliers is None or task.iterate.x.norm() > 0:
+    if start.step == 0 or task.motions.count == 0 or start.multipliers is None:
         return start
     if parallel.any_rank(task.system.comm, any(tractions.any() for tractions in start.multipliers)):
         return start

@@ -78,7 +78,8 @@ def no_balance(
             known: only if it can move off without touching, because strains may press it on otherwise.
 
     Returns:
-        How the first assembly moves away that does; None if that is not proved of any of them.
+        How the first assembly moves away that does, of those that loads drive, then of others; None if that is not
+        proved of any of them.
     """
     if not load.size:
         return None
@@ -87,7 +88,7 @@ def no_balance(
     unheld = motions.unheld(everywhere, able)
     all_reactions = reactions(motions, law, bilateral)
     gaps = None if gap is None else parallel.gather_rows(motions.points.comm, gap[:, None])[:, 0]
-    for number, columns in motions.assemblies:
+    for number, columns in sorted(motions.assemblies, key=lambda assembly: not load[assembly[1]].any()):
         contact, work = all_reactions.of(number, columns), load[columns]
         escaping: tuple[Status, Nodal] | None = None
         if unheld[number] or not contact.given.size:

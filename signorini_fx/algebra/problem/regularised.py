@@ -6,6 +6,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -28,11 +29,29 @@ from signorini_fx.algebra.problem.protocol import NextSets, Problem
 from signorini_fx.algebra.problem.tangent import ContactTangent
 
 
+@dataclass(frozen=True)
+class SoftSprings:
+    """Springs at all contact points.
+
+    Attributes:
+        stiffness: stress per length.
+        position: relative displacement (tau_N y, tau_T y) at which they are without stress, length, shape (n, d).
+    """
+
+    stiffness: float
+    position: Nodal
+
+
 class RegularisedProblem(Problem):
     """R(x) = A x - b + (lambda, tau_N .) + (mu, tau_T .) with lambda and mu of the current active sets (3.3a).
 
     For fixed sets R is affine, so that a full Newton step solves step 4 of Algorithm (SSN) exactly.
+
+    Attributes:
+        springs: that act beside contact; None: there are none.
     """
+
+    springs: SoftSprings | None = None
 
     def __init__(self, system: ElasticSystem, motions: FreeMotions) -> None:
         super().__init__(system, motions)
@@ -68,6 +87,9 @@ class RegularisedProblem(Problem):
 
     def imbalance(self, x: PETSc.Vec, pressure: Nodal, shear: Nodal, f: PETSc.Vec) -> None:
         """R(x) for given (lambda, mu); collective."""
+        if self.springs is not None:
+            pulled = self.springs.stiffness * (np.column_stack(self.system.contact.traces(x)) - self.springs.position)
+            pressure, shear = pressure + pulled[:, 0], shear + pulled[:, 1:]
         self.system.matrix.mult(x, f)
         self._measure(f, x)
         f.axpy(-1.0, self.system.load)
@@ -96,6 +118,8 @@ class RegularisedProblem(Problem):
 
     def insert(self, jacobian: PETSc.Mat, blocks: Nodal) -> None:
         """Make A + B^T D B of a Jacobian; D: shape (n, d, d), stress per length; collective."""
+        if self.springs is not None:
+            blocks = blocks + self.springs.stiffness * np.eye(blocks.shape[1])
         self.moved = self.tangent.insert(jacobian, blocks)
         self._declare(jacobian)
 

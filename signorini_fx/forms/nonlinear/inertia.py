@@ -14,7 +14,7 @@ from petsc4py import PETSc
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.nodal_stiffness import JointStiffness, NodalStiffness
 from signorini_fx.mechanics.rigid.rigid_bodies import with_more_unknowns
-from signorini_fx.tuned import HOLDING_STIFFNESS, ORDER_IN_PLANE, SAME_INERTIA
+from signorini_fx.tuned import HOLDING_STIFFNESS, NO_FORCE, ORDER_IN_PLANE, SAME_INERTIA
 
 Array = npt.NDArray[np.float64]
 
@@ -91,6 +91,7 @@ def negative_directions(
     joint: Sequence[JointStiffness] = (),
     tools: ToolsAtPoints | None = None,
     symmetric: bool = True,
+    loose: bool = False,
 ) -> tuple[int, Array]:
     """The number of negative eigenvalues of the tangent where contact points stay in contact, and if there are any an
     unstable direction, displacements of the owned nodes, shape (owned dofs,); collective.
@@ -109,6 +110,7 @@ def negative_directions(
         joint: what contact holds between nodes, products of the rows of relative displacements that do not change.
         tools: those that forces move, which contact points keep their distance from; None: there are none.
         symmetric: whether the tangent is.
+        loose: whether bodies may move without resistance, so that a small stiffness must hold them.
     """
     matrix, owned = fem_petsc.assemble_matrix(tangent, list(bcs), 0.0), fixed.size
     matrix.assemble()
@@ -119,6 +121,8 @@ def negative_directions(
     values = diagonal.getArray()
     largest = parallel.largest(matrix.comm.tompi4py(), np.abs(values)) or 1.0
     curvature.add_to(matrix, fixed)
+    if loose:
+        matrix.shift(NO_FORCE * largest)
     # What is prescribed cannot move: only what is left of a direction is held by contact.
     left = held * ~fixed.reshape(-1, held.shape[2])[nodes][:, None, :]
     holding = HOLDING_STIFFNESS * largest * np.einsum("nki,nkj->nij", left, left)

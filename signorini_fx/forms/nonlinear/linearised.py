@@ -19,6 +19,7 @@ import numpy.typing as npt
 import scipy.sparse as sp
 from dolfinx import fem
 
+from signorini_fx.algebra.algorithms.loose import idle, untouched
 from signorini_fx.algebra.algorithms.strategy import solve_task
 from signorini_fx.algebra.algorithms.task import Outcome, Start
 from signorini_fx.algebra.contact.active_sets import ActiveSets, classify, keep_closed
@@ -49,6 +50,7 @@ from signorini_fx.forms.nonlinear.moving_tools import DisplacedRigidBodies, Movi
 from signorini_fx.forms.nonlinear.predicted_sets import StepChange
 from signorini_fx.forms.nonlinear.residual import Residual
 from signorini_fx.forms.nonlinear.retained_points import RetainedPoints
+from signorini_fx.forms.nonlinear.tangent import round_off
 from signorini_fx.forms.nonlinear.undeformed_pairs import held_between, turned_forces, turned_gaps
 from signorini_fx.forms.solver import FormSolver
 from signorini_fx.machine import parallel
@@ -80,10 +82,12 @@ from signorini_fx.tuned import (
     LEAST_DAMPING,
     MOST_DAMPING,
     MOST_PASSES,
+    NO_FORCE,
     SLOW_INCREMENT,
     SMALL_INCREMENT,
     SMALL_PASS,
     SPARED_PASS,
+    UNITS_OF_NO_LOAD,
 )
 
 Array = npt.NDArray[np.float64]
@@ -235,6 +239,8 @@ class LinearisedProblem(FormSolver):
         symmetric: whether the tangent has been symmetric so far.
         residual: F at the displacement of now, less the loads; None: it has not been assembled yet.
         law_tolerance: see ``Start``, of the next solve.
+        several: see ``Start``.
+        bodies: see ``BodyPieces``.
         passed_on: what the increment changes of the forces of shears as partners shift, shape (owned dofs,): see
             ``solve``.
     """
@@ -242,6 +248,8 @@ class LinearisedProblem(FormSolver):
     symmetric = True
     residual: Array | None = None
     law_tolerance = 0.0
+    several = False
+    bodies: tuple[str, ...] = ()
     _last_change: StepChange | None = None  # what the last load step has changed
     passed_on: Array | None = None
     _backward: Sequence[JointStiffness] = ()  # what symmetry has added for the turning of normals of kept partners
@@ -249,6 +257,7 @@ class LinearisedProblem(FormSolver):
     _last_increment = np.inf  # the largest component of it where points hardly slid; else infinite
     _passed = np.inf  # how much of the increment the last pass for pairs of which sides end has changed
     _keeps = False  # whether the next solve keeps the stiffness of the last one
+    _round_off: float | None = None  # see ``_lost``, of the present load
     _damping = 0.0  # share of the diagonal of the tangent that is added to it
     _diagonal: Array  # the largest entry of each owned node, of the tangent that was damped first
     _foundations_class = MovingFoundations
@@ -422,6 +431,12 @@ class LinearisedProblem(FormSolver):
         begun = self._with_first_sets(begun) if begun.multipliers is None else self._with_predicted_sets(begun)
         if self.settings.algorithm in ("auto", "ssn"):
             begun = replace(begun, law_tolerance=self.law_tolerance)
+        if self.task.motions.count:
+            begun = replace(begun, several=self.several)
+            if self._last is None:
+                self.task.iterate.newton.begin_at(self.task.system.start)
+            else:
+                self._last.taken_up(self.task, self.elastic, self.rigid)
         boundary, tools, origin = self.boundary, self.moving_tools, begun.data.slip_origin
         places = self.places[boundary.nodes] - tools.at_points(boundary)
         way = self._way()
@@ -531,20 +546,25 @@ class LinearisedProblem(FormSolver):
 
     def _forces(self) -> Array:
         """See ``FormSolver``."""
-        residual = self._evaluated.assembled() if self.residual is None else self.residual
-        forces = self.elastic.forces_where_free(self._at) - residual
+        forces = self.elastic.forces_where_free(self._at) - self._residual_now
         return forces if self.passed_on is None else forces - self.passed_on
 
     def _set_up(self, shapes: Sequence[ShapeDistances]) -> tuple[RegularisedData, PointFriction | None]:
-        """See ``FormSolver``; unknowns of tools are counted from where these are given, whatever holds them."""
+        """See ``FormSolver``; displacements are counted from the initial position, whatever holds the body."""
         data = super()._set_up(shapes)
-        if self.rigid.bodies:
-            self.task, self._fallen = replace(self.task, rest=None), np.zeros(0)
+        self.task = replace(self.task, rest=None)
         return data
 
     def _case(self, values: Array) -> LoadCase:
-        """See ``FormSolver``: with what relative displacements meet."""
+        """See ``FormSolver``: with what relative displacements meet; only the residual and what drives tools do work on
+        free motions, and round-off of theirs is none.
+        """
         case, elastic = super()._case(values), self.elastic
+        if elastic.motions.free.size:
+            driven = self.rigid.driven_together
+            driving = None if driven is None else driven.forces
+            resultant = elastic.motions.load_of(-self._residual_now, elastic.comm, driving)
+            case = replace(case, resultant=replace(resultant, size=resultant.size + self._lost / NO_FORCE))
         if elastic.relative is None or self.relative is None:
             return case
         dim, fixed, moved = self.boundary.x.shape[1], self.prescribed[0], self.moving_tools.coordinates
@@ -588,11 +608,26 @@ class LinearisedProblem(FormSolver):
         """None: the solution of the nonlinear problem gets one."""
         return None
 
+    @property
+    def _residual_now(self) -> Array:
+        """F less the loads at the displacement of now, forces of shape (owned dofs,); collective."""
+        return self._evaluated.assembled() if self.residual is None else self.residual
+
+    @property
+    def _lost(self) -> float:
+        """What round-off may make of the resultant of the residual, force; collective."""
+        if self._round_off is None:
+            values, free = self._at.x.array.copy(), ~self.elastic.fixed
+            lost = round_off(self._at, self._residual_now, self._evaluated.at)
+            self._evaluated.go_to(values)
+            self._round_off = UNITS_OF_NO_LOAD * float(parallel.global_sum(self.space.mesh.comm, lost[free].sum()))
+        return self._round_off
+
     # --- one iteration ---
 
     def begin_anew(self) -> None:
         """A new load: the tangent is definite until a factorisation refuses it, and is not damped."""
-        self._definite, self._damping = True, 0.0
+        self._definite, self._damping, self._round_off = True, 0.0, None
         self._last_increment = self._passed = np.inf
         self._retained.begin_anew()
 
@@ -763,6 +798,11 @@ class LinearisedProblem(FormSolver):
         """See ``solve``, without what shears pass on; collective."""
         try:
             why = self.attempt()
+            curved = bool(self.curvature.nodes.size or self.curvature.joint)
+            if self.status is Status.OPEN and idle(self.task) and parallel.any_rank(self.space.mesh.comm, curved):
+                # What nothing presses on any more has no tractions that turn.
+                self.curvature, self._backward = NodalStiffness.none(self.curvature.blocks.shape[1]), ()
+                why = self.attempt()
         except MatrixError as error:
             if error.fault is not MatrixFault.NOT_POSITIVE:
                 raise
@@ -921,6 +961,13 @@ class LinearisedProblem(FormSolver):
         origin = outcome.data.slip_origin
         self.begun = replace(self.begun, data=replace(self.begun.data, slip_origin=origin))
         self.show(outcome, None)
+
+    @property
+    def loose(self) -> list[int]:
+        """The numbers of the assemblies that nothing presses on in the last outcome; collective."""
+        task, state = self.task, self.state
+        pressed = np.column_stack((state.pressure, state.shear)).any(axis=1)
+        return untouched(task.motions, idle(task), pressed)
 
     def internal(self, displacement: fem.Function) -> tuple[Array, Array, float]:
         """What a(d, .), where no support prescribes d, and the curvature alone are, shapes (owned dofs,), and the work

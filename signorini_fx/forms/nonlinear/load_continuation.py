@@ -49,15 +49,21 @@ class Continuation:
     def forget(self) -> None:
         """What was before the next solve, and what was shown of a way whose first step had no solution."""
         solver = self.solver
+        solver.linear.several = False
         self.steps, self.mechanics, self._hidden, solver.timings = [], [], [], Timings()
         self.leaps, self._solves_before = Leaps(self.leaps.yields), len(solver.linear.history.iterations)
         if solver.solved is not None and solver.solved.step.status is not Status.CONVERGED:
             solver.solved = None
 
     def follow(
-        self, way: Way, on_step: Callable[[StepResult], object], checkpoint: MeshCheckpoint | None = None
+        self,
+        way: Way,
+        on_step: Callable[[StepResult], object],
+        checkpoint: MeshCheckpoint | None = None,
+        *,
+        several: bool = True,
     ) -> None:
-        """Solve the steps of a way, see ``Stepping``; collective.
+        """Solve the steps of a way, see ``Stepping``, and for ``several`` ``Start``; collective.
 
         Raises:
             NoEquilibrium: one has no solution, and no smaller one is to be tried.
@@ -65,6 +71,7 @@ class Continuation:
             SnapThrough: a step may jump, and must not.
         """
         self.forget()
+        self.solver.linear.several = several
         stepping = Stepping[StepResult](
             self.solver.linear.history,
             self.solver.timings,
@@ -114,7 +121,7 @@ class Continuation:
             if path.several:
                 history.add(StepRecord(number, path.name_at(end), path.time_at(end)))
 
-        self.follow(Way(PathSizes(path), apply, named, announce), on_step, checkpoint)
+        self.follow(Way(PathSizes(path), apply, named, announce), on_step, checkpoint, several=path.several)
 
     def _next_step(self, way: Way) -> StepResult | None:
         """Solve the next step of a way; None: it has no solution and will be another one; collective.

@@ -49,6 +49,7 @@ from signorini_fx.tuned import (
     KEPT_TANGENT,
     LEAST_INCREMENT,
     LOST_UNITS,
+    NO_FORCE,
     SMALL_INCREMENT,
     UNITS_OF_NO_LOAD,
     UNITS_OF_PLACES,
@@ -171,6 +172,11 @@ class EquilibriumSolver:
         """Increments that may be round-off of the body, or of the places where contact is met, length; collective."""
         places = UNITS_OF_PLACES * float(np.finfo(float).eps) * self._farthest_place
         return max(LEAST_INCREMENT * self.linear.extent, places)
+
+    @property
+    def _least_motion(self) -> float:
+        """Increments that may be round-off of where a body is that nothing presses on, length; collective."""
+        return self.linear.scales.coordinate_error / NO_FORCE if self.linear.loose else 0.0
 
     @cached_property
     def _cells(self) -> BodyCells:
@@ -350,7 +356,7 @@ class EquilibriumSolver:
             small = change <= SMALL_INCREMENT * size
             if size > 0.0:  # a fixed point that is left as far again would take an iteration for each of its own
                 away = min(away, FAR_FROM_LAW * change / size)
-            least = change <= self._least_increment or self._keeps_round_off()
+            least = change <= max(self._least_increment, self._least_motion) or self._keeps_round_off()
             keeps = length == 1.0 and change <= min(KEPT_TANGENT[0] * size, KEPT_TANGENT[1] * last_change)
             shortened, last_change = self.tangents.given and 2 * change < last_change, change
             ends = small or (length == 1.0 and self._is_linear)
@@ -474,8 +480,13 @@ class EquilibriumSolver:
 
     def _not_solved(self, inner: Status) -> Status:
         """How a solve ends in which a linear contact problem has no solution: what is proved of that is not proved of
-        the body.
+        the body, but for motions that nothing resists.
         """
+        if inner is Status.NOT_HELD:
+            return inner
+        if inner is Status.OPEN and self.linear.loose:
+            self._detail = "nothing presses on the body, and the supports do not hold it"
+            return inner
         if inner in outcomes.OF_LINEAR_BODIES:
             if self.stability.leads(self.u.x.array.copy()):
                 self.without = f"the tangent does not hold it: {inner.value}"

@@ -8,7 +8,6 @@ from signorini_fx.results.certificate.certificate import Certificate
 
 # What the statics of linear bodies prove.
 OF_LINEAR_BODIES = (
-    Status.NOT_HELD,
     Status.OPEN,
     Status.TIPS,
     Status.SLIDES,
@@ -28,12 +27,14 @@ NOT_BY_STIFFNESS = (
     Status.NO_DIGIT,
     Status.NOT_CERTIFIED,
     Status.NO_MEMORY,
+    Status.NOT_HELD,
+    Status.OPEN,
 )
 # How a ramp ends that is not at a limit point.
 NOT_A_LIMIT = (*NOT_BY_STIFFNESS, Status.STABILITY_UNKNOWN, Status.NOT_FINITE)
 _NEWTON_FAILS = "Newton's method fails, which does not prove that there is no solution"
 # What smaller steps do not change.
-FINAL = (Status.STABILITY_UNKNOWN, Status.NO_DIGIT, Status.NO_MEMORY)
+FINAL = (Status.STABILITY_UNKNOWN, Status.NO_DIGIT, Status.NO_MEMORY, Status.NOT_HELD, Status.OPEN)
 
 
 def failure(status: Status, certificate: Certificate | None, says_no: str, detail: str) -> str:
@@ -49,7 +50,7 @@ def failure(status: Status, certificate: Certificate | None, says_no: str, detai
     reason = says_no
     if status in (Status.INSIDE, Status.TOO_LARGE, *BETWEEN_BODIES) or (status is Status.MAX_ITERATIONS and detail):
         reason = detail
-    elif status in (Status.NOT_SOLVED, Status.UNSTABLE):
+    elif status in (Status.NOT_SOLVED, Status.OPEN, Status.UNSTABLE):
         reason = says_no or detail
     elif certificate is not None and status in (Status.NOT_CERTIFIED, Status.MAX_ITERATIONS):
         reason = f"{certificate.worst_name} {certificate.worst:.1e}"

@@ -39,6 +39,7 @@ from signorini_fx.records import Finding, Status
 from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.results.mechanics import NO_ESTIMATE
 from signorini_fx.results.solution import ConvergenceError, Solution, StepResult
+from signorini_fx.solving.loose_bodies import loose_in
 from signorini_fx.tuned import SMALLEST_STEP
 
 # Iterations of Newton's method, unless it is said otherwise.
@@ -175,9 +176,11 @@ class NonlinearContactProblem(ProblemOfForms):
     def findings(self) -> tuple[Finding, ...]:
         """What is to be known about the last solution, see ``ContactProblem``; collective."""
         solved, steps = self._solver.solved, self._continuation.steps
-        ends = [step.certificate for step in (*steps, *(() if solved is None else (solved.step,)))]
-        digits = lost_digits(ends, self._solver.opinion.residual)
-        return (*findings_of(self.linear, self._continuation.leaps), *digits)
+        ends = [*steps, *(() if solved is None else (solved.step,))]
+        # Where nothing presses on a body its forces are round-off.
+        pressed = [step.certificate for step in ends if not loose_in(self.linear.elastic, step)]
+        digits = lost_digits(pressed, self._solver.opinion.residual)
+        return (*findings_of(self.linear, self._continuation.leaps, steps), *digits)
 
     @property
     def tools(self) -> tuple[RigidBodyMotion, ...]:

@@ -26,6 +26,7 @@ from signorini_fx.records import Finding, History, Status, Timings
 from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.results.solution import Solution, StepResult
 from signorini_fx.solving.check.pushed_nodes import pushed_nodes
+from signorini_fx.solving.loose_bodies import loose_at_rest
 from signorini_fx.solving.solve_on_mesh import contact_solution
 from signorini_fx.solving.stepped_body import step_result
 from signorini_fx.tuned import CERTIFICATE_TOLERANCE
@@ -151,12 +152,13 @@ def lost_digits(certificates: Sequence[Certificate], residual: str) -> list[Find
     return findings
 
 
-def findings_of(linear: LinearisedProblem, leaps: Leaps) -> tuple[Finding, ...]:
+def findings_of(linear: LinearisedProblem, leaps: Leaps, steps: Sequence[StepResult]) -> tuple[Finding, ...]:
     """What is to be known about a last solution, see ``NonlinearContactProblem.findings``; collective.
 
     Args:
         linear: the contact problem of the last iteration.
         leaps: what the load steps have shown.
+        steps: with a solution.
     """
     if linear.solved.state is None:
         return ()
@@ -170,4 +172,5 @@ def findings_of(linear: LinearisedProblem, leaps: Leaps) -> tuple[Finding, ...]:
         if isinstance(entry, Pair) and not entry.sliding and not entry.bonded
     }
     past = slid_past_partners(linear.state, sizes)
-    return (*leaps.findings, *findings_of_last(linear), *pushed, *across, *past)
+    loose = loose_at_rest(linear.elastic, steps, "contact", linear.bodies)
+    return (*leaps.findings, *findings_of_last(linear), *pushed, *across, *past, *loose)

@@ -154,7 +154,7 @@ class Stability:
             blocks[:, :dim, :dim] += np.where((relative.tool >= 0)[:, None, None], turning, 0.0)
             tools = self._tools(relative.tool, blocks)
         beside = self._beside(at_points)
-        judged = linear.holding, tools, linear.symmetric
+        judged = linear.holding, tools, linear.symmetric, bool(linear.loose)
         return negative_directions(tangent, bcs, self._fixed, beside, nodes, linear.held, *judged)
 
     def _tools(self, tool: npt.NDArray[np.int64], blocks: Array) -> ToolsAtPoints:

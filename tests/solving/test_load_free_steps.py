@@ -1,0 +1,157 @@
+"""Load steps in which nothing presses on bodies that contact alone holds: they stay near to where they were."""
+
+import numpy as np
+import pytest
+from dolfinx import mesh
+from mpi4py import MPI
+
+from signorini_fx import ConvergenceError, Status, solve
+from signorini_fx.scenes.reading import parse_scene
+
+WIDTH, HEIGHT, FORCE, EXPANSION, CHANGE = 4.0, 4.0, 20.0, 1e-3, 10.0
+ELASTIC = {"young": 1000.0, "poisson": 0.3, "expansion": EXPANSION}
+LAWS = {
+    "linear": ELASTIC,
+    "neo-hooke": {"law": "neo-hooke", **ELASTIC},
+    "j2": {"law": "j2", **ELASTIC, "yield_stress": 3.0, "hardening": 100.0},
+}
+# Of each path: what loads the body.
+PATHS = {
+    "first": ({"factors": [0.0, 0.5, 1.0]}, {}),
+    "middle": ({"factors": [1.0, 0.0, 1.0]}, {}),
+    "last": ({"factors": [0.5, 1.0, 0.0]}, {}),
+    "twice": ({"factors": [0.0, 0.0, 1.0, 0.0, 0.0]}, {}),
+    "ramp": ({"factors": [0.0, 1.0]}, {"load_steps": {"steps": 2}}),
+    "of time": ({"y": f"-{FORCE}*t"}, {"load_steps": {"times": [0.0, 0.5, 1.0]}}),
+    "heat first": ({"factors": [0.0, 1.0]}, {"temperature": {"change": CHANGE, "factors": [1.0, 0.0]}}),
+    "heat last": ({"factors": [1.0, 0.0]}, {"temperature": {"change": CHANGE, "factors": [0.0, 1.0]}}),
+    "heat alone": (None, {"temperature": {"change": CHANGE, "factors": [0.0, 1.0]}}),
+}
+COULOMB = {"law": "coulomb", "coefficient": 0.3}
+
+
+def stack(law, bodies, path, *, rough=False, held=True):
+    """One block on a plane, or two, which the upper end presses on."""
+    load, further = PATHS[path]
+    names = [""] if bodies == 1 else ["lower.", "upper."]
+    rubs = {"friction": COULOMB} if rough else {}
+    plane = {"shape": "plane", "point": [0.0, 0.0], "normal": [0.0, 1.0]}
+    blocks = []
+    for k, name in enumerate(names):
+        size = {"length": WIDTH, "height": HEIGHT, "nx": 3 - k, "ny": 2, "cell": "quadrilateral"}
+        mesh = {"generator": "rectangle", "parameters": size}
+        blocks.append({"name": name[:-1], "mesh": mesh, "shift": [0.0, k * HEIGHT]})
+    scene = {
+        "material": LAWS[law],
+        "contact": [{"boundary": f"{names[0]}bottom", "foundation": plane, **rubs}],
+        "displacement": [{"boundary": f"{name}left", "x": 0.0} for name in names] if held else [],
+    }
+    if load is not None:
+        scene["force"] = {"boundary": f"{names[-1]}top", "y": -FORCE, **load}
+    if bodies == 1:
+        return parse_scene(scene | {"mesh": blocks[0]["mesh"]} | further)
+    scene["contact"].append({"boundary": "upper.bottom", "against": "lower.top", **rubs})
+    return parse_scene(scene | {"body": blocks} | further)
+
+
+def table():
+    """The law, the number of bodies, the path, whether it is rough and whether supports hold it sideways."""
+    cases = [("linear", bodies, path, bodies == 2, True) for bodies in (1, 2) for path in PATHS]
+    cases += [("neo-hooke", 1, path, False, True) for path in PATHS]
+    cases += [("neo-hooke", 2, path, True, True) for path in ("first", "middle", "last", "heat first")]
+    cases += [("j2", 1, path, True, True) for path in ("first", "middle", "twice", "ramp", "heat last")]
+    cases += [("j2", 2, path, False, True) for path in ("last", "of time")]
+    cases += [(law, 1, "middle", True, False) for law in LAWS]
+    quick = [("neo-hooke", 1, "first"), ("neo-hooke", 1, "last"), ("j2", 1, "middle")]
+    for case in cases:
+        slow = case[0] != "linear" and case[:3] not in quick
+        name = "-".join(map(str, (*case[:3], *("rough",) * case[3], *("held",) * case[4])))
+        yield pytest.param(*case, id=name, marks=[pytest.mark.slow] * slow)
+
+
+def nodes_of(displacement):
+    """Places and displacements of the nodes of each body."""
+    space = displacement.function_space
+    x, y = space.tabulate_dof_coordinates()[:, :2], displacement.x.array.reshape(-1, 2)
+    count = space.mesh.topology.index_map(2).size_local
+    upper = np.zeros(len(x), dtype=bool)
+    middles = mesh.compute_midpoints(space.mesh, 2, np.arange(count, dtype=np.int32))
+    upper[space.dofmap.list[middles[:, 1] > HEIGHT]] = True
+    return [(x[part], y[part]) for part in (~upper, upper) if part.any()]
+
+
+@pytest.mark.parametrize(("law", "bodies", "path", "rough", "held"), table())
+def test_stays_near_to_where_it_was(law, bodies, path, rough, held):
+    """No forces, no strain but that of heat and of yielding, each body on what is below it, and not moved sideways."""
+    solution = solve(stack(law, bodies, path, rough=rough, held=held), MPI.COMM_SELF)
+    assert solution.status is Status.CONVERGED
+    load, further = PATHS[path]
+    free_steps = [step.step for step in solution.steps if load is None or share_of_load(load, step) == 0.0]
+    listed = ", ".join(map(str, free_steps))
+    notes = [found.message for found in solution.findings if "nothing presses on" in found.message]
+    assert len(notes) == 1
+    assert notes[0].startswith(f"load step{'s' * (len(free_steps) > 1)} {listed}: ")
+    hot = further.get("temperature", {"factors": [0.0]})
+    size, last = FORCE / ELASTIC["young"], None
+    for step in solution.steps:
+        exerted = np.sum(step.contact.forces_of_each, axis=1)
+        if step.step not in free_steps:
+            np.testing.assert_allclose(np.abs(exerted[:, 1]), FORCE * share_of_load(load, step), rtol=1e-5)
+        else:
+            assert not np.abs(step.contact.forces_of_each).any()
+            warmth, floor = CHANGE * EXPANSION * share_of_load(hot, step), 0.0
+            for x, y in nodes_of(step.displacement):
+                if law != "j2":  # a rigid motion, and swelling
+                    arms = np.column_stack((-x[:, 1], x[:, 0])).ravel()
+                    rows = np.column_stack((np.tile(np.eye(2), (len(x), 1)), arms, *((x.ravel(),) if warmth else ())))
+                    motion = np.linalg.lstsq(rows, y.ravel(), rcond=None)[0]
+                    np.testing.assert_allclose(rows @ motion, y.ravel(), rtol=0, atol=1e-8 * size)
+                    np.testing.assert_allclose(motion[3:], (1 + ELASTIC["poisson"]) * warmth, rtol=1e-2)
+                bottom = np.isclose(x[:, 1], x[:, 1].min())
+                places = x[bottom, 1] + y[bottom, 1]
+                # What has yielded is not flat any more, and touches at its lowest place.
+                lowest = places.min() if law == "j2" else places
+                np.testing.assert_allclose(lowest, floor, rtol=0, atol=2e-4 * size)
+                assert places.min() > floor - 1e-6 * size
+                floor = (x[:, 1] + y[:, 1]).max()
+        if not held and law != "j2" and last is not None:
+            of_last, of_now = (nodes_of(displacement)[0][1][:, 0].mean() for displacement in (last, step.displacement))
+            assert abs(of_now - of_last) < 1e-2 * size
+        last = step.displacement
+    assert solution.certificate.holds
+
+
+def share_of_load(load, step):
+    """By which a load is multiplied at the time of a load step."""
+    if "factors" not in load:
+        return step.time
+    return np.interp(step.time, range(len(load["factors"]) + 1), [0.0, *load["factors"]])
+
+
+@pytest.mark.parametrize(
+    ("law", "bodies"),
+    [
+        ("linear", 1),
+        ("linear", 2),
+        ("neo-hooke", 1),
+        ("j2", 1),
+        pytest.param("neo-hooke", 2, marks=pytest.mark.slow),
+        pytest.param("j2", 2, marks=pytest.mark.slow),
+    ],
+)
+@pytest.mark.parametrize("path", ["first", "middle"])
+def test_nothing_holds_it_sideways(law, bodies, path):
+    """The outcome has a name, whichever step is without a load."""
+    with pytest.raises(ConvergenceError) as error:
+        solve(stack(law, bodies, path, held=False), MPI.COMM_SELF)
+    assert error.value.solution.status is Status.NOT_HELD
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_without_any_load(law):
+    """One load step without a load has no solution of its own, and the outcome says why."""
+    scene = stack(law, 1, "first")
+    alone = parse_scene(scene.model_dump(exclude_unset=True) | {"force": {"boundary": "top", "y": 0.0}})
+    with pytest.raises(ConvergenceError, match=r"nothing presses on the body|no load presses the body on") as error:
+        solve(alone, MPI.COMM_SELF)
+    assert error.value.solution.status is Status.OPEN
