@@ -1027,29 +1027,6 @@ NEWTON_SOLVES = (5, 18)
 # A ramp takes a step larger by the second number after one of at most as many iterations as the first, and none below
 # the third share of the load.  Choice.
 FEW_NEWTON_ITERATIONS, STEP_GROWTH, SMALLEST_STEP = 6, 1.5, 1 / 256
-# A first step is halved until the compliances of a tool in its halves are less than this times as large as each other.
-# Beyond a limit point: how many loads are tried for one place of a tool, up to which share of its force they may be
-# wrong, and by which share of the whole load its slope is found.  Choice.
-JUMP, LOADS_TRIED, LARGEST_LOAD_ERROR, LOAD_DIFFERENCE = 4.0, 6, 1e-9, 1e-3
-# The same relative to the largest force so far, where one more load does not halve it: solves give forces of a soft
-# body to so many digits, and beyond a limit point they may fall to nothing.  An arch left 1e-8 of it.
-LEFT_LOAD_ERROR = 1e-7
-# A load step may jump in which a body moves so many times as far as its tangent predicts, a body whose material has a
-# state the second number of times, unless each part of the step moves it by the share below at most.  Of 1,049 steps of
-# the tests those of a shallow arch that jump move 1.6 times as far, where they begin just before the limit point, to 9
-# times; others move 2.1 times as far at most, all but seven below 1.4, and metal that yields 1.9 times.
-LEAPS, SHORTER_WAY = (1.4, 2.5), 0.7
-# Steps above this share of the load that may jump are halved although their way becomes shorter.  Of 31 limit points of
-# 40 scalar bodies with random laws whose whole load is one step 2 are passed unseen; without this 28, with a quarter of
-# the linear solves.
-LARGE_STEP = 0.1
-# What is left of a step that may jump is not tried if it is below this share of the next step.  Choice.
-LITTLE_OF_STEP = 0.01
-# It may also jump if it moves the first number of times as far as that predicts, and for its load the second number of
-# times as far as in the last step: near a limit point the tangent predicts far ways itself; likewise of a body whose
-# material has a state.  In steps of a tenth of the load or less of scalar bodies with random laws 7 of 85 limit points
-# were passed without this by a step of which the jump was more than half.
-FASTER = (1.2, 2.0), (2.0, 5.0)
 # An increment whose contact sets cycle is taken up to this share of the first one of its solve.  54 random seals, disks
 # and ploughed blocks took 1,310 iterations in 164 steps so, 1,542 in 199 without, none of them more.  Of 60 other
 # random bodies five differ: two took 6 and 8 iterations more, one 2,768 linear solves where it took 1,737, two fewer.

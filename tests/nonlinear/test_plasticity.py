@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 import ufl
 from dolfinx import fem
+from mpi4py import MPI
+from support.nonlinear_scenes import indented
 from test_nonlinear import PLATE, held, rectangle
 
-from signorini_fx import Foundation, NonlinearContactProblem
+from signorini_fx import Foundation, NonlinearContactProblem, solve
 
 DEMO = Path(__file__).parents[2] / "demos" / "dent.py"
 
@@ -60,3 +62,30 @@ def test_a_block_between_smooth_walls(metal):
         np.testing.assert_allclose(material.state[1], hardened, rtol=1e-7, atol=1e-12)
         assert problem.iterations <= 6
     assert hardened > 0.002
+
+
+@pytest.mark.parametrize("driven", ["by a force at its end", "by a circle under a force"])
+def test_load_steps_of_metal_that_yields(driven):
+    """Hardening is a tenth of the modulus: each time is one load step, and no unit of length changes the result."""
+    metal = {"law": "j2", "young": 100.0, "poisson": 0.3, "yield_stress": 2.0, "hardening": 10.0}
+    ends = []
+    for unit in (1.0, 2.0**-9, 3.7):
+        if driven == "by a force at its end":
+            scene = {
+                "contact": [],
+                "displacement": [{"boundary": "left", "x": 0.0}, {"boundary": "bottom", "y": 0.0}],
+                "traction": {"boundary": "right", "x": 1.0, "factors": [1.5, 5.0, 3.0, 6.0]},
+                "load_steps": {"times": [1.0, 2.0, 3.0, 4.0]},
+            }
+        else:
+            circle = {"shape": "circle", "centre": [unit, 1.5 * unit], "radius": 0.5 * unit, "pivot": [unit, 1.5 * unit]}
+            circle |= {"force": ["0", f"-{unit}*t"], "prescribed": {"x": 0.0, "rotation": 0.0}}
+            scene = {
+                "contact": {"boundary": "top", "foundation": circle},
+                "load_steps": {"times": [0.2, 1.5, 4.0, 7.0]},
+            }
+        solution = solve(indented(metal, unit=unit, cells=(8, 4), **scene), MPI.COMM_SELF)
+        assert [step.time for step in solution.steps] == scene["load_steps"]["times"]
+        assert solution.findings == ()
+        ends.append(solution.displacement.x.array / unit)
+    assert max(abs(end - ends[0]).max() for end in ends) <= 1e-9 * abs(ends[0]).max()

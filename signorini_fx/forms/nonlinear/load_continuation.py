@@ -1,4 +1,4 @@
-"""The way of a nonlinear body through load steps: what is tried next where a step has no solution, or may jump."""
+"""The way of a nonlinear body through load steps: a step without a solution is halved."""
 
 from __future__ import annotations
 
@@ -6,24 +6,20 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
 
-import numpy as np
 from dolfinx import fem
 
 from signorini_fx.errors import FormError
 from signorini_fx.forms.nonlinear import outcomes
 from signorini_fx.forms.nonlinear.displaced_certificate import ResidualMechanics
-from signorini_fx.forms.nonlinear.leaps import Leaps, SnapThrough
 from signorini_fx.forms.nonlinear.newton import EquilibriumSolver, NoEquilibrium
 from signorini_fx.forms.nonlinear.restarted_body import RestartedBody
 from signorini_fx.forms.nonlinear.snapshot import Snapshot
 from signorini_fx.forms.nonlinear.step_sizes import PathSizes, Way
-from signorini_fx.machine import parallel
 from signorini_fx.mechanics.statement.load_path import LoadPath
 from signorini_fx.records import Status, StepRecord, Timings
 from signorini_fx.results.solution import StepResult
 from signorini_fx.solving.checkpointed_steps import MeshCheckpoint
 from signorini_fx.solving.load_steps import Marks, Stepping
-from signorini_fx.tuned import SMALL_INCREMENT
 
 
 @dataclass
@@ -32,14 +28,12 @@ class Continuation:
 
     Attributes:
         solver: of one step.
-        leaps: what the load steps have shown.
         advance: ends a step, as a user's class may do otherwise.
         steps: those with a solution.
         mechanics: their displacements and what the residual says of them.
     """
 
     solver: EquilibriumSolver
-    leaps: Leaps
     advance: Callable[[], object]
     steps: list[StepResult] = field(default_factory=list)
     mechanics: list[tuple[fem.Function, ResidualMechanics]] = field(default_factory=list)
@@ -47,11 +41,11 @@ class Continuation:
     _hidden: list[bool | None] = field(default_factory=list)  # see ``EquilibriumSolver``, of the steps
 
     def forget(self) -> None:
-        """What was before the next solve, and what was shown of a way whose first step had no solution."""
+        """The steps before the next solve, and a first step that had no solution."""
         solver = self.solver
         solver.linear.several = False
         self.steps, self.mechanics, self._hidden, solver.timings = [], [], [], Timings()
-        self.leaps, self._solves_before = Leaps(self.leaps.yields), len(solver.linear.history.iterations)
+        self._solves_before = len(solver.linear.history.iterations)
         if solver.solved is not None and solver.solved.step.status is not Status.CONVERGED:
             solver.solved = None
 
@@ -68,7 +62,6 @@ class Continuation:
         Raises:
             NoEquilibrium: one has no solution, and no smaller one is to be tried.
             FormError: likewise.
-            SnapThrough: a step may jump, and must not.
         """
         self.forget()
         self.solver.linear.several = several
@@ -134,41 +127,13 @@ class Continuation:
         try:
             way.announce(end)
             way.apply(end)
-            self._attempt(way, begun)
+            self.solver.attempt(damps=not sizes.may_halve)
+            self.solver.take()
         except Exception as error:
             self._give_up(way, begun, error)
             return None
-        sizes.accept(self.solver.iterations, grows=self.leaps.end is None)
+        sizes.accept(self.solver.iterations)
         return self.end_step(way, end)
-
-    def _attempt(self, way: Way, begun: Snapshot) -> None:
-        """Solve a step, with the problem as it is at its end; collective.
-
-        Args:
-            way: that of the step.
-            begun: the body when it begins.
-
-        Raises:
-            NoEquilibrium: it has no solution.
-            SnapThrough: it may jump, and must not.
-        """
-        sizes, solver, leaps, ended = way.sizes, self.solver, self.leaps, self.solver.status
-        begin, end, space = sizes.reached, sizes.next, solver.linear.space
-        solver.attempt(damps=not sizes.may_halve)
-        moved = float(parallel.largest(space.mesh.comm, np.abs(solver.u.x.array - begun.displacement), 0.0))
-        predicted = max(solver.predicted, SMALL_INCREMENT * solver.linear.extent)
-        if not leaps.suspects(moved, predicted, begin, end, large=sizes.large):
-            leaps.pass_by(begin, end)
-        elif sizes.jumps or not (self._ends_before_jumps(way) or sizes.may_halve):
-            leaps.take(f"{sizes.kind}s", sizes.shown(begin), sizes.shown(end))
-        else:
-            solver.status = ended
-            raise SnapThrough("the body may jump")
-        solver.take()
-
-    def _ends_before_jumps(self, way: Way) -> bool:
-        """Whether a step that may jump is none of the way, and no smaller one is tried."""
-        return way.controlled and bool(self.steps)
 
     def _give_up(self, way: Way, begun: Snapshot, error: Exception) -> None:
         """Go back to where a step has begun that has no solution, and say where it is to end instead; collective.
@@ -181,10 +146,10 @@ class Continuation:
         Raises:
             Exception: no other step is to be tried.
         """
-        sizes, leaps, snaps, solver = way.sizes, self.leaps, isinstance(error, SnapThrough), self.solver
+        sizes, solver = way.sizes, self.solver
         history, status = solver.linear.history, solver.status
         final = not sizes.may_halve or status in outcomes.FINAL
-        if status is not None and not snaps and solver.without:
+        if status is not None and solver.without:
             status = Status.LIMIT
         if final and isinstance(error, NoEquilibrium) and solver.solved is None:
             assert status is not None
@@ -194,14 +159,10 @@ class Continuation:
         solver.begin_again(begun, way.back)
         end, reached = f"{sizes.kind} {sizes.shown(sizes.next):g}", sizes.shown(sizes.reached)
         history.add(f"{end} is given up, back at {reached:g}: {error}")
-        if not isinstance(error, NoEquilibrium | FormError | SnapThrough):
+        if not isinstance(error, NoEquilibrium | FormError):
             raise error
-        if snaps and self._ends_before_jumps(way):
-            raise error
-        if snaps or not final:
+        if not final:
             sizes.halve()
-        elif not sizes.jumps and leaps.end is not None and leaps.ends_beyond(sizes.reached, sizes.next):
-            sizes.reach(leaps.end)
         else:
             last = outcomes.last_solution(reached if self.steps else None, sizes.to)
             if isinstance(error, FormError):
@@ -225,7 +186,7 @@ class Continuation:
 
     def _store(self, way: Way, checkpoint: MeshCheckpoint, step: StepResult, marks: Marks) -> None:
         """Store a step in a checkpoint; for the arguments see ``Stepping``; collective."""
-        figures = {"newton": self.solver.iterations, "leaps": self.leaps.stored()}
+        figures = {"newton": self.solver.iterations}
         body = RestartedBody(self.solver.linear, self.solver.timings, figures)
         body.store(checkpoint, step, self.solver.tangent_at, way.sizes, marks)
 
@@ -244,13 +205,10 @@ class Continuation:
             recalled = RestartedBody(solver.linear, timings).recall(checkpoint, solver.residual)
         if recalled is not None:
             if (status := solver.certify(begun)) is Status.CONVERGED:
-                newton, solves, leaps = (
-                    checkpoint.figure(number, name) for name in ("newton", "linear_solves", "leaps")
-                )
+                newton, solves = (checkpoint.figure(number, name) for name in ("newton", "linear_solves"))
                 solver.status, solver.iterations, solver.linear_solves = status, newton, solves
                 solver.take()
                 recalled.accept(history, timings, way.sizes)
-                self.leaps.resume(leaps)
                 return self.end_step(way, end)
             history.add(f"restart: load step {number + 1}: {status.value}: it is solved again")
             checkpoint.forget(number)

@@ -30,8 +30,6 @@ NOT_BY_STIFFNESS = (
     Status.NOT_HELD,
     Status.OPEN,
 )
-# How a ramp ends that is not at a limit point.
-NOT_A_LIMIT = (*NOT_BY_STIFFNESS, Status.STABILITY_UNKNOWN, Status.NOT_FINITE)
 _NEWTON_FAILS = "Newton's method fails, which does not prove that there is no solution"
 # What smaller steps do not change.
 FINAL = (Status.STABILITY_UNKNOWN, Status.NO_DIGIT, Status.NO_MEMORY, Status.NOT_HELD, Status.OPEN)
@@ -62,7 +60,7 @@ def advice_on_forms(status: Status) -> str:
     """What to do about the outcome of a solve of forms, whose arguments it names."""
     if status in (Status.NOT_SOLVED, Status.MAX_ITERATIONS):
         return (
-            f"{_NEWTON_FAILS}: take smaller steps, near a limit point let ramp(control=) prescribe a displacement, "
+            f"{_NEWTON_FAILS}: take smaller steps, near a limit point prescribe a displacement instead of a force, "
             "raise max_newton, give the derivative of F as J, or refine the mesh"
         )
     return status.advice

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,8 +17,6 @@ from signorini_fx.extensions import add_on
 from signorini_fx.forms.arguments import foundations_of
 from signorini_fx.forms.nonlinear.arguments import checked
 from signorini_fx.forms.nonlinear.at_solution import linearised_at
-from signorini_fx.forms.nonlinear.displacement_control import ramped
-from signorini_fx.forms.nonlinear.leaps import Leaps
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
 from signorini_fx.forms.nonlinear.load_continuation import Continuation
 from signorini_fx.forms.nonlinear.moving_shapes import place
@@ -25,7 +24,7 @@ from signorini_fx.forms.nonlinear.newton import EquilibriumSolver, NoEquilibrium
 from signorini_fx.forms.nonlinear.quadrature_rules import refuse_miscompiled
 from signorini_fx.forms.nonlinear.residual import Residual
 from signorini_fx.forms.nonlinear.results import findings_of, lost_digits
-from signorini_fx.forms.nonlinear.step_sizes import LoadSizes, RampStep
+from signorini_fx.forms.nonlinear.step_sizes import LoadSizes, RampStep, Way
 from signorini_fx.forms.nonlinear.tangent import Tangents
 from signorini_fx.forms.problem_of_forms import ProblemOfForms
 from signorini_fx.forms.steps import begun_path
@@ -146,7 +145,7 @@ class NonlinearContactProblem(ProblemOfForms):
         self.pressure, self.shear, self.gap, self.slip = fields.pressure, fields.shear, fields.gap, fields.slip
         actions = commit or (lambda: None), max_newton, stability
         self._solver = EquilibriumSolver(u, self.linear, residual, tangents, *actions)
-        self._continuation = Continuation(self._solver, Leaps(update is not None), lambda: self.advance())
+        self._continuation = Continuation(self._solver, lambda: self.advance())
 
     @property
     def status(self) -> Status | None:
@@ -180,7 +179,7 @@ class NonlinearContactProblem(ProblemOfForms):
         # Where nothing presses on a body its forces are round-off.
         pressed = [step.certificate for step in ends if not loose_in(self.linear.elastic, step)]
         digits = lost_digits(pressed, self._solver.opinion.residual)
-        return (*findings_of(self.linear, self._continuation.leaps, steps), *digits)
+        return (*findings_of(self.linear, steps), *digits)
 
     @property
     def tools(self) -> tuple[RigidBodyMotion, ...]:
@@ -261,7 +260,6 @@ class NonlinearContactProblem(ProblemOfForms):
         first: float | None = None,
         largest: float | None = None,
         smallest: float = SMALLEST_STEP,
-        control: tuple[int, str] | None = None,
         on_step: Callable[[RampStep], object] = lambda step: None,
     ) -> list[RampStep]:
         """Raise the load from 0 in steps, with ``advance`` after each; collective.
@@ -275,10 +273,6 @@ class NonlinearContactProblem(ProblemOfForms):
             first: size of the first step; None: all of it.
             largest: size that any step may have; None: there is none.
             smallest: share of ``to`` below which no step is halved.
-            control: a foundation that a force moves, and a component of its translation, such as ``(0, "y")``: beyond a
-                limit point, which steps end at or jump over, this is prescribed and goes on as before, and the load,
-                which may fall, is what holds it there, until it is ``to``.  The way beyond the limit point is not
-                longer than the body.  None: a step without a solution ends the ramp, and others may jump.
             on_step: called after each step.
 
         Returns:
@@ -290,9 +284,16 @@ class NonlinearContactProblem(ProblemOfForms):
                 equilibrium is unstable, or its stability is not known.
             FormError: an argument is wrong, or the smallest step ends with one, such as one of ``update``.
         """
-        sizes = LoadSizes(to, first, largest, smallest)
+        steps = list[RampStep]()
+
+        def named(load: float, step: StepResult) -> StepResult:
+            steps.append(RampStep(load, self.iterations, step.linear_solves))
+            return replace(step, place=float(step.step - 1), time=abs(load))
+
+        way = Way(LoadSizes(to, first, largest, smallest), apply, named)
         with self._as_convergence_error():
-            return ramped(self._continuation, sizes, apply, control, on_step)
+            self._continuation.follow(way, lambda step: on_step(steps[-1]))
+        return steps
 
     def run(
         self,

@@ -13,7 +13,6 @@ from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.forms.given_forms import GivenForms
 from signorini_fx.forms.named_parts import named_parts
 from signorini_fx.forms.nonlinear.displaced_certificate import ResidualBody, ResidualMechanics
-from signorini_fx.forms.nonlinear.leaps import Leaps
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
 from signorini_fx.forms.nonlinear.moving_pairs import carried_past_ends, sheared_across_gaps
 from signorini_fx.forms.nonlinear.undeformed_pairs import facet_size, slid_past_partners
@@ -152,12 +151,11 @@ def lost_digits(certificates: Sequence[Certificate], residual: str) -> list[Find
     return findings
 
 
-def findings_of(linear: LinearisedProblem, leaps: Leaps, steps: Sequence[StepResult]) -> tuple[Finding, ...]:
+def findings_of(linear: LinearisedProblem, steps: Sequence[StepResult]) -> tuple[Finding, ...]:
     """What is to be known about a last solution, see ``NonlinearContactProblem.findings``; collective.
 
     Args:
         linear: the contact problem of the last iteration.
-        leaps: what the load steps have shown.
         steps: with a solution.
     """
     if linear.solved.state is None:
@@ -173,4 +171,4 @@ def findings_of(linear: LinearisedProblem, leaps: Leaps, steps: Sequence[StepRes
     }
     past = slid_past_partners(linear.state, sizes)
     loose = loose_at_rest(linear.elastic, steps, "contact", linear.bodies)
-    return (*leaps.findings, *findings_of_last(linear), *pushed, *across, *past, *loose)
+    return (*findings_of_last(linear), *pushed, *across, *past, *loose)

@@ -11,7 +11,7 @@ from signorini_fx.errors import FormError
 from signorini_fx.mechanics.statement.load_path import LoadPath, next_place
 from signorini_fx.mechanics.statement.values import kind_of
 from signorini_fx.results.solution import StepResult
-from signorini_fx.tuned import FEW_NEWTON_ITERATIONS, LARGE_STEP, SAME_NUMBER, SMALLEST_STEP, STEP_GROWTH
+from signorini_fx.tuned import FEW_NEWTON_ITERATIONS, SAME_NUMBER, SMALLEST_STEP, STEP_GROWTH
 
 
 @dataclass(frozen=True)
@@ -41,12 +41,11 @@ class StepSizes:
 
     Attributes:
         reached: where the last step has ended.
-        jumps: whether the next step may jump, and ends where one that may has ended.
         to: the load that is to be reached; None: ends are places on a path.
     """
 
     def __init__(self, reached: float, step: float, largest: float, smallest: float, to: float | None = None) -> None:
-        self.reached, self.jumps, self.to = reached, False, to
+        self.reached, self.to = reached, to
         self._step, self._largest, self._smallest = step, largest, smallest
 
     @property
@@ -65,11 +64,6 @@ class StepSizes:
         return abs(self.next - self.reached)
 
     @property
-    def large(self) -> bool:
-        """Whether the next step is a large part of the whole load, or of the way between two times."""
-        return self.size > LARGE_STEP * (1.0 if self.to is None else abs(self.to))
-
-    @property
     def may_halve(self) -> bool:
         """Whether a smaller step than the next one may be tried."""
         return self.size / 2 >= self._smallest
@@ -78,14 +72,10 @@ class StepSizes:
         """The next step has no solution."""
         self._step = self.size / 2
 
-    def reach(self, end: float) -> None:
-        """The next step ends there, farther on, and may jump."""
-        self._step, self.jumps = abs(end - self.reached), True
-
-    def accept(self, iterations: int, *, grows: bool = True) -> None:
-        """The next step has a solution, after so many iterations; ``grows``: whether the one after it may be larger."""
-        self.reached, self.jumps = self.next, False
-        if grows and iterations <= FEW_NEWTON_ITERATIONS:
+    def accept(self, iterations: int) -> None:
+        """The next step has a solution, after so many iterations."""
+        self.reached = self.next
+        if iterations <= FEW_NEWTON_ITERATIONS:
             self._step *= STEP_GROWTH
         self._step = min(max(self._step, self._smallest), self._largest)
 
@@ -202,15 +192,12 @@ class Way:
         apply: changes a problem to what it is there.
         named: gives the result of a step that ends there its place and time.
         announce: called before a step is solved with where it ends.
-        controlled: whether the way ends before a step that may jump, unless it is the first; otherwise the step is
-            halved as long as it may be.
     """
 
     sizes: StepSizes
     apply: Callable[[float], object]
     named: Callable[[float, StepResult], StepResult]
     announce: Callable[[float], object] = lambda end: None
-    controlled: bool = False
 
     def back(self) -> None:
         """Change the problem to what it is where the last step has ended."""
