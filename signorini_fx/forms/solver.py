@@ -214,7 +214,7 @@ class FormSolver:
         """Where a solve begins with what the problem is now; collective."""
         data, law = self.update()
         begun = self._start
-        moved = self.foundations.moved(self.boundary)  # slip is relative to the foundation
+        moved = self._moved(self.boundary)  # slip is relative to the foundation
         if begun is None:  # slip counts from the body without loads, and the shapes as they were given
             self.previous_step = None
             start = Start(data, law, 0.0 * data.mu_hat, ActiveSets.all_in_contact(*data.mu_hat.shape), 0)
@@ -412,6 +412,10 @@ class FormSolver:
     def _forces(self) -> Array:
         """The right-hand side without what is prescribed, shape (owned dofs,); collective."""
         return assemble(self.forms.compiled[1])
+
+    def _moved(self, boundary: ContactBoundary) -> Array | None:
+        """How far foundations have moved at contact points since ``advance``, shape (n, d); None: they have not."""
+        return self.foundations.moved(boundary)
 
     def _spin(self, boundary: ContactBoundary) -> Array | None:
         """By which rotation the foundation of each point has turned since ``advance``, shape (n, d, d); None: by none

@@ -183,7 +183,11 @@ class ChangedScene:
         touching = self._touching
         touching.go_through(None if step.preceding is None else step.preceding.path_step, step.path_step)
         touching.u.x.array[:] = y.x.array
-        *_, boundary, gap, law, _, drift = touching.linear.data_now(problem.linear)
+        begun = np.zeros_like(y.x.array) if step.earlier is None else step.earlier.displacement.x.array.copy()
+        if self._model is not None and step.earlier is not None and step.preceding is not None:
+            fixed = step.earlier.body.fixed
+            begun[: fixed.size][fixed] = self.values(step.preceding.path_step)[fixed]
+        *_, boundary, gap, law, _, drift = touching.linear.data_now(problem.linear, begun)
         return replace(usual, boundary=boundary, gap=gap, law=law, drift=drift, spin=spin_at(boundary, touching.shapes))
 
 

@@ -208,13 +208,14 @@ def certified(
     places = u.x.array.reshape(-1, u.function_space.mesh.geometry.dim)
     if before is not None:
         ends = [motion for motion, _ in rigid], before.rigid
-        before = replace(before, moved=_motion(shapes, places, before.tractions, ends))
+        begun = before.displacement.x.array.reshape(places.shape)
+        before = replace(before, moved=_motion(shapes, (begun, places), before.tractions, ends))
     return judged(u, mechanics.forces, mechanics.contact_sides, tractions, law=law, before=before, rigid=rigid)
 
 
 def _motion(
     shapes: Mapping[int, MovingShape],
-    places: Array,
+    places: tuple[Array, Array],
     points: Tractions,
     ends: tuple[Sequence[RigidBodyMotion], Sequence[RigidBodyMotion]],
 ) -> Array:
@@ -225,15 +226,16 @@ def _motion(
 
     Args:
         shapes: see ``certified``.
-        places: displacements of the nodes, shape (nodes, d).
+        places: displacements of the nodes at the beginning of the step and now, shape (nodes, d).
         points: of contact.
         ends: motions of tools at the end of the step, and at its beginning.
     """
-    motion = np.zeros((points.nodes.size, places.shape[1]))
+    motion = np.zeros((points.nodes.size, places[0].shape[1]))
     for number, moving in shapes.items():
         of_shape = np.flatnonzero(points.part == number)
         at = np.searchsorted(moving.nodes, nodes := points.nodes[of_shape])
-        motion[of_shape] = moving.moved(moving.x[at] + places[nodes])
+        begun, now = (moving.x[at] + displaced[nodes] for displaced in places)
+        motion[of_shape] = moving.moved(begun, now)
         for sign, tools in zip((-1.0, 1.0), ends, strict=True):
             for tool in tools:
                 if number in tool.body.parts:

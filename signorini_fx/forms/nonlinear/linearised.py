@@ -126,10 +126,6 @@ class MovingFoundations(Foundations):
             return bodies
         return DisplacedRigidBodies(bodies.bodies, bodies.kinematics, bodies.length, self.at)
 
-    def moved(self, boundary: ContactBoundary) -> Array | None:
-        """See ``Foundations``."""
-        return motion_at(boundary, self.shapes_of_tools, self.at.x.array.reshape(-1, self._dimension))
-
     def measured(self, shape: Any) -> bool:
         """See ``Foundations``: along the axis of a body of revolution alone, as forces around it cancel."""
         return bool(getattr(shape.prescribed, "x", None) == 0.0)
@@ -597,6 +593,17 @@ class LinearisedProblem(FormSolver):
         """See ``FormSolver``: that of the body before it is deformed."""
         return self._diameter
 
+    def _moved(self, boundary: ContactBoundary) -> Array | None:
+        """See ``FormSolver``."""
+        return motion_at(boundary, self.shapes, self._begun_places, self.places)
+
+    @property
+    def _begun_places(self) -> Array:
+        """Displacements of the nodes at the end of the last step, shape (nodes, d)."""
+        if self._last is None:
+            return np.zeros_like(self.places)
+        return self._last.before.displacement.x.array.reshape(self.places.shape)
+
     def _spin(self, boundary: ContactBoundary) -> Array | None:
         """See ``FormSolver``."""
         return spins_of(self.pairs, boundary, spin_at(boundary, self.shapes))
@@ -932,16 +939,21 @@ class LinearisedProblem(FormSolver):
         turning = curvature, slips, self._spin(self.boundary)
         return self.elastic, self.task, outcome, self.begun, state, self._at, self.law_now(), turning
 
-    def data_now(self, solved: FormSolver | None = None) -> tuple[Any, ...]:
+    def data_now(self, solved: FormSolver | None = None, begun: Array | None = None) -> tuple[Any, ...]:
         """See ``FormSolver``; and no drives of rigid bodies, and how far shapes have moved at contact points in the
         load step: all at the displacement of now with what supports prescribe, by which contact points move, too.
+
+        Args:
+            solved: see ``FormSolver``.
+            begun: the displacement at the end of the last step, its values; None: that of the last step here.
         """
         kept, at = self._at.x.array.copy(), self._at.x.array
         fixed, supports = prescribed(self.space, conditions_of(self.bcs, self.space))
         at[fixed] = supports[fixed]
         try:
             *data, boundary, gap, law = super().data_now(solved)
-            return (*data, boundary, gap, law, None, self.foundations.moved(boundary))
+            begins = self._begun_places if begun is None else begun.reshape(self.places.shape)
+            return (*data, boundary, gap, law, None, motion_at(boundary, self.shapes, begins, self.places))
         finally:
             at[:] = kept
             self._evaluated.go_to(kept)

@@ -158,16 +158,21 @@ class MovingShape:
             return np.eye(self.x.shape[1])
         return self.shape.turned_from(self.settled, self.x.shape[1])
 
-    def moved(self, places: Array) -> Array:
+    def moved(self, begun: Array, places: Array) -> Array:
         """How far it has moved with points on it since the last step, length, shape (n, d).
 
-        They are those where the nodes are, not the closest ones: a node may be inside by the penalty, or away by a gap
-        that is added, and would slip as both turn.  Objects of other kinds know their closest points alone.
+        They are those where the nodes were: the way of a node relative to it turns with it then.  Not the closest ones:
+        a node may be inside by the penalty, or away by a gap that is added, and would slip as both turn.  Objects of
+        other kinds know the way of the points that are closest now alone.
+
+        Args:
+            begun: places of nodes at the end of the last step, shape (n, d).
+            places: where these are now, likewise.
         """
         if self.shape == self.settled:
             return np.zeros_like(places)
         if isinstance(self.shape, Shape) and isinstance(self.settled, Shape):
-            return self.shape.carried_from(self.settled, places)
+            return self.shape.carried_from(self.settled, begun)
         return np.asarray(self.shape.moved_from(self.settled, places))
 
 
@@ -261,17 +266,17 @@ def slips_by_displacements(
     size: float,
 ) -> Array:
     """How slips of this step change with displacements d of their points, less d along the contact, without unit, shape
-    (n, d - 1, d): see ``turned_slips``, and a shape that turns within the step has moved farther elsewhere; the
-    arguments are those of ``turned_slips`` and ``hessians_at``.
+    (n, d - 1, d): see ``turned_slips``, and a shape of a user's own that turns within the step has moved farther
+    elsewhere; the arguments are those of ``turned_slips`` and ``hessians_at``.
     """
     slopes = np.zeros((boundary.size, boundary.x.shape[1] - 1, boundary.x.shape[1]))
     slopes[:, :, 1:] = turned_slips(boundary, hessians, way)
     for number, moving in shapes.items():
         points = np.flatnonzero(boundary.part == number)
-        if moving.shape == moving.settled or not points.size:
+        if moving.shape == moving.settled or isinstance(moving.shape, Shape) or not points.size:
             continue
         at, step = boundary.x[points] + places[boundary.nodes[points]], NORMAL_DIFFERENCE * size
-        ways = [moving.moved(at + sign * step * axis) for axis in np.eye(at.shape[1]) for sign in (1, -1)]
+        ways = [moving.moved(at, at + sign * step * axis) for axis in np.eye(at.shape[1]) for sign in (1, -1)]
         carried = np.stack(
             [(ahead - back) / (2 * step) for ahead, back in zip(ways[::2], ways[1::2], strict=True)], axis=2
         )
@@ -299,31 +304,34 @@ def left_by_turning(boundary: ContactBoundary, hessians: Array, way: Array, slip
     return np.asarray(np.einsum("nij,nj,nkj,nk->ni", axes, sizes / (1 + sizes), axes, slip))
 
 
-def motion_at(boundary: ContactBoundary, shapes: Mapping[int, MovingShape], places: Array) -> Array | None:
+def motion_at(
+    boundary: ContactBoundary, shapes: Mapping[int, MovingShape], begun: Array, places: Array
+) -> Array | None:
     """How far shapes have moved at contact points since the last step, length, shape (n, d); None: none has.
 
     Args:
         boundary: the contact points.
         shapes: by the numbers of their foundations.
-        places: displacements of the nodes, shape (nodes, d).
+        begun: displacements of the nodes at the end of the last step, shape (nodes, d).
+        places: those of now, likewise.
     """
     if all(moving.shape == moving.settled for moving in shapes.values()):
         return None
     displacements = np.zeros_like(boundary.x)
     for number, moving in shapes.items():
         on_part = boundary.part == number
-        displacements[on_part] = moving.moved(boundary.x[on_part] + places[boundary.nodes[on_part]])
+        x, nodes = boundary.x[on_part], boundary.nodes[on_part]
+        displacements[on_part] = moving.moved(x + begun[nodes], x + places[nodes])
     return displacements
 
 
 def spin_at(boundary: ContactBoundary, shapes: Mapping[int, MovingShape]) -> Array | None:
-    """By which rotation the shape of each contact point has turned since the last step, shape (n, d, d); None: by none
-    that counts, as in the plane, where a direction along a shape has no other turn than that of the normal.
+    """By which rotation the shape of each contact point has turned since the last step, shape (n, d, d); None: none has
+    moved.
     """
-    dimension = boundary.x.shape[1]
-    if dimension == 2 or all(moving.shape == moving.settled for moving in shapes.values()):
+    if all(moving.shape == moving.settled for moving in shapes.values()):
         return None
-    rotation = np.tile(np.eye(dimension), (boundary.size, 1, 1))
+    rotation = np.tile(np.eye(boundary.x.shape[1]), (boundary.size, 1, 1))
     for number, moving in shapes.items():
         rotation[boundary.part == number] = moving.rotation
     return rotation

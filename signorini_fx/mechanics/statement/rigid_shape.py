@@ -180,11 +180,12 @@ class Shape(RigidMotion):
     def moved_from(self, earlier: Shape, x: Array) -> Array:
         """How far its closest points have moved since it was placed like ``earlier``, length, shape (n, d)."""
         signed, normal = self.distance(x)
-        return self.carried_from(earlier, x - signed[:, None] * normal)
+        closest = x - signed[:, None] * normal
+        return closest - earlier.moved_points(self._moved_back(closest))
 
     def carried_from(self, earlier: Shape, x: Array) -> Array:
-        """How far points that are fixed to it have moved since, which are at x now, length, shape (n, d)."""
-        return x - earlier.moved_points(self._moved_back(x))
+        """How far points that are fixed to it have moved since they were at x, length, shape (n, d)."""
+        return self.moved_points(earlier._moved_back(x)) - x
 
     def turned_from(self, earlier: Shape, dimension: int) -> Array:
         """The rotation since it was placed like ``earlier``, shape (d, d)."""
