@@ -127,7 +127,7 @@ def test_objectivity(unit):
         turn = turn_matrix(angle)
         alike = {"x": SPRING, "y": SPRING}  # in the plane stiffnesses do not depend on the unit of length
         rolled = problem(turned_roller(angle, unit) | {"force": (0.0, 0.0), "spring": alike}, angle, unit)
-        for force, moment in (((0.0, -8.0), 0.0), ((1.0, -10.0), 0.6), ((1.5, -9.0), 1.0)):
+        for force, moment in (((0.0, -8.0), 0.0), ((1.0, -10.0), 0.6), ((1.25, -9.5), 0.8), ((1.5, -9.0), 1.0)):
             rolled.place(0, force=tuple(map(float, unit * turn @ force)), moment=moment * unit**2)
             rolled.solve()
             assert rolled.certificate.holds
