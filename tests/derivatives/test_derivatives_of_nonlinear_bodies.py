@@ -25,6 +25,7 @@ STEP = 1e-4  # of differences, relative
 # Moved and turned to and fro.
 STEPS = {"load_steps": {"times": [0.5, 1.0, 1.5]}}
 MOVED = {"shift": ["0.06*t*(2 - t)", "0.05*t"], "rotation": "0.2*t"}
+TURNED = {"shift": ["0.06*t*(2 - t)", "0.05*t"], "rotation": "15*t", "pivot": [1.05, -0.45]}
 MOVED_IN_SPACE = {"shift": ["0.06*t*(2 - t)", "0.02*t", "0.05*t"], "rotation": ["0.1*t", "0.05*t", "0.2*t"]}
 
 
@@ -84,6 +85,7 @@ SCENES = {
     "friction": (rubber(COULOMB), [*BOTH, *PLACES, *COEFFICIENT]),
     "friction without pressure": (rubber({"law": "tresca", "bound": 2.0}), [*BOTH, "contact[0].friction.bound"]),
     "steps": (rubber(COULOMB, MOVED, **STEPS), [*BOTH, PLACES[0], *COEFFICIENT]),
+    "steps that turn": (rubber(COULOMB, TURNED, **STEPS), [BOTH[0], *COEFFICIENT]),
     "steps, regularised": (rubber(COULOMB, MOVED, "ssn", **STEPS), [*BOTH, PLACES[0], *COEFFICIENT]),
     "degree 2": (rubber(COULOMB, MOVED, element={"degree": 2}, **STEPS), [*BOTH, *COEFFICIENT]),
     "of revolution": (of_revolution(), [*BOTH[1:], *COEFFICIENT]),
