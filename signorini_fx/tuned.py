@@ -650,6 +650,9 @@ ROUNDED_FORMS = 1e3
 FACETS_OFF = 0.1
 # Facets that meet at a larger angle (radians) have a corner between them, and are no curved side.  Choice.
 NO_CURVED_SIDE = 0.6
+# Cells of degree 1 that make a nonlinear body stiffer than it is by more than this share are warned of.  Choice: those
+# of the demos do by 5 % at most.
+TOO_STIFF = 0.1
 # A gap is far if it is this many times larger than the estimated displacements.  Choice: the estimates are rough.
 FAR_GAP = 10.0
 # A gap is a height if it decreases by one along a direction, up to this; normals vary if by more than these degrees.

@@ -23,7 +23,7 @@ from signorini_fx.forms.nonlinear.moving_shapes import place
 from signorini_fx.forms.nonlinear.newton import EquilibriumSolver, NoEquilibrium
 from signorini_fx.forms.nonlinear.quadrature_rules import refuse_miscompiled
 from signorini_fx.forms.nonlinear.residual import Residual
-from signorini_fx.forms.nonlinear.results import findings_of, lost_digits
+from signorini_fx.forms.nonlinear.results import findings_of, lost_digits, too_stiff
 from signorini_fx.forms.nonlinear.step_sizes import LoadSizes, RampStep, Way
 from signorini_fx.forms.nonlinear.tangent import Tangents
 from signorini_fx.forms.problem_of_forms import ProblemOfForms
@@ -179,7 +179,8 @@ class NonlinearContactProblem(ProblemOfForms):
         # Where nothing presses on a body its forces are round-off.
         pressed = [step.certificate for step in ends if not loose_in(self.linear.elastic, step)]
         digits = lost_digits(pressed, self._solver.opinion.residual)
-        return (*findings_of(self.linear, steps), *digits)
+        stiff = [] if solved is None or solved.step.status is not Status.CONVERGED else too_stiff(solved.step.displacement)
+        return (*findings_of(self.linear, steps), *digits, *stiff)
 
     @property
     def tools(self) -> tuple[RigidBodyMotion, ...]:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
 from dolfinx import fem
 
 from signorini_fx.algebra.algorithms.task import Outcome, Task
@@ -17,7 +18,7 @@ from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
 from signorini_fx.forms.nonlinear.moving_pairs import carried_past_ends, sheared_across_gaps
 from signorini_fx.forms.nonlinear.undeformed_pairs import facet_size, slid_past_partners
 from signorini_fx.forms.results import findings_of_last
-from signorini_fx.mechanics.body.deformation import deformation_of
+from signorini_fx.mechanics.body.deformation import added_stiffness, deformation_of
 from signorini_fx.mechanics.body.elastic_body import ElasticBody
 from signorini_fx.mechanics.interfaces.pair import Pair
 from signorini_fx.mechanics.statement.load_path import LoadPath, counted_path
@@ -28,7 +29,7 @@ from signorini_fx.solving.check.pushed_nodes import pushed_nodes
 from signorini_fx.solving.loose_bodies import loose_at_rest
 from signorini_fx.solving.solve_on_mesh import contact_solution
 from signorini_fx.solving.stepped_body import step_result
-from signorini_fx.tuned import CERTIFICATE_TOLERANCE
+from signorini_fx.tuned import CERTIFICATE_TOLERANCE, TOO_STIFF
 
 
 @dataclass(frozen=True)
@@ -149,6 +150,19 @@ def lost_digits(certificates: Sequence[Certificate], residual: str) -> list[Find
         )
         findings.append(Finding("warning", "contact", message))
     return findings
+
+
+def too_stiff(displacement: fem.Function) -> list[Finding]:
+    """Whether cells of degree 1 make the body too stiff; collective."""
+    added = added_stiffness(displacement)
+    if added <= TOO_STIFF:
+        return []
+    share = f"by about {100 * added:.0f} % (an estimate)" if added < np.inf else "by far"
+    message = (
+        "strains change too much from cell to cell for cells of degree 1, as where a body bends: it is too stiff "
+        f"{share}: take degree 2, or smaller cells"
+    )
+    return [Finding("warning", "mesh", message)]
 
 
 def findings_of(linear: LinearisedProblem, steps: Sequence[StepResult]) -> tuple[Finding, ...]:
