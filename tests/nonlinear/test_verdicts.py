@@ -146,23 +146,53 @@ def test_no_verdict_without_a_derivative():
     assert (followed.x.array == u.x.array).all()  # the state is that of the solution, whatever was tried for verdicts
 
 
-@pytest.mark.parametrize(("beyond", "known"), [(1e-8, True), (0.0, False)])
-def test_a_residual_near_a_kink(beyond, known):
-    """Springs that meet the body after 1e-8: differences over a strain of 1e-7 lead across, smaller ones do not.  At
-    the kink itself there is no derivative; and what is none is seen beside it.
+@pytest.mark.parametrize("beyond", [1e-8, 0.0])
+def test_a_residual_near_a_kink(beyond):
+    """Springs that meet the body after 1e-8: differences over a strain of 1e-7 lead across.  At the kink itself the
+    derivative is that of either side; and what is none is seen beside it.
     """
     space, _ = rectangle([1.0, 1.0], [2, 2], MPI.COMM_SELF)
     u, trial = fem.Function(space), ufl.TrialFunction(space)
-    spring = MU * ufl.max_value(u[0] - beyond, 0.0) * ufl.TestFunction(space)[0] * ufl.ds
-    form, free = fem.form(residual(u) + spring), np.ones(u.x.array.size, dtype=bool)
+
+    def springs(force):
+        return MU * force * ufl.TestFunction(space)[0] * ufl.ds
+
+    form = fem.form(residual(u) + springs(ufl.max_value(u[0] - beyond, 0.0)))
+    free = np.ones(u.x.array.size, dtype=bool)
 
     def forces(values):
         u.x.array[:] = values
         return assemble(form)
 
     exact = ufl.derivative(residual(u), u, trial)
-    assert is_derivative(fem.form(exact), u, forces, free) is known
-    assert not is_derivative(fem.form(1.00001 * exact), u, forces, free)
+    assert is_derivative(fem.form(exact), u, forces, free)
+    assert is_derivative(fem.form(exact + springs(trial[0])), u, forces, free) is (beyond == 0.0)
+    for wrong in (1.00001 * exact, exact - springs(trial[0]), exact + springs(2 * trial[0])):
+        assert not is_derivative(fem.form(wrong), u, forces, free)
+
+
+def test_a_cell_at_its_yield_strain():
+    """A bar that is stretched by its weight is solved with its tangent where the strain of a cell is that of a kink of
+    its law.
+    """
+    space, side = rectangle([1.0, 1.0], [4, 1], MPI.COMM_SELF, cell="triangle")
+    u, v, w = fem.Function(space), ufl.TestFunction(space), ufl.TrialFunction(space)
+    yields = fem.Constant(space.mesh, 1.0)
+
+    def strain(y):
+        return ufl.sym(ufl.grad(y))
+
+    above = ufl.conditional(ufl.gt(strain(u)[0, 0], yields), 1.0, 0.0)
+    softer = 0.9 * above * (strain(u)[0, 0] - yields)
+    F = MU * (ufl.inner(strain(u), strain(v)) - softer * strain(v)[0, 0] - 1e-3 * v[0]) * ufl.dx
+    J = MU * (ufl.inner(strain(w), strain(v)) - 0.9 * above * strain(w)[0, 0] * strain(v)[0, 0]) * ufl.dx
+    problem = NonlinearContactProblem(F, u, J=J, bcs=[held(space, side(0, 0.0))])
+    problem.solve()
+    cells = np.arange(8, dtype=np.int32)
+    along = fem.Expression(strain(u)[0, 0], np.array([[1 / 3, 1 / 3]])).eval(space.mesh, cells).ravel()
+    yields.value = np.sort(along)[-1]
+    problem.solve()
+    assert problem.status is Status.CONVERGED
 
 
 @pytest.mark.parametrize("degree", [1, 2])

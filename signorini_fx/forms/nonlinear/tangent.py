@@ -188,15 +188,19 @@ def _agreeing(
     free: npt.NDArray[np.bool_],
     strain: float,
 ) -> Product | None:
-    """The same over a change of strain of this size; ``u`` is as it was after it, but not what depends on it."""
+    """The same over a change of strain of this size; ``u`` is as it was after it, but not what depends on it.
+
+    Where the change leads across a yield surface, forces change otherwise ahead than behind: either is a derivative.
+    """
     comm, values = u.function_space.mesh.comm, u.x.array.copy()
-    forces(values)
+    now = forces(values)
     tried = product(form, u, free, strain)
     ahead, behind = (forces(values + sign * tried.direction.x.array) for sign in (1.0, -1.0))
     u.x.array[:] = values
-    if ahead is None or behind is None:
+    if now is None or ahead is None or behind is None:
         return None
-    error = np.where(free, tried.forces - (ahead - behind) / 2, 0.0)
+    apart = np.abs(tried.forces - (ahead - behind) / 2) - np.abs(ahead - 2 * now + behind) / 2
+    error = np.where(free, np.maximum(apart, 0.0), 0.0)
     squares = parallel.global_sum(comm, np.array([error @ error, (tried.forces * free) @ tried.forces]))
     return tried if squares[0] <= SAME_TANGENT**2 * squares[1] else None
 
