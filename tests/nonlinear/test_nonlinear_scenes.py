@@ -128,6 +128,29 @@ def test_a_disk_of_rubber():
         assert solution.displacement.x.array.max() == pytest.approx(0.3205, abs=1e-4)
 
 
+@pytest.mark.parametrize("held", [True, False])
+def test_between_a_plate_at_rest_and_one_that_moves(held):
+    """The forces of both plates in each load step are those of mu (w^2 - 1) + Lambda ln(w h) = 0, where friction holds
+    the block, too: its coefficient is small.
+    """
+    plates = [
+        {"shape": "plane", "point": [0.0, 0.0], "normal": [0.0, 1.0]},
+        {"shape": "plane", "point": [0.0, 1.0], "normal": [0.0, -1.0], "shift": [0.0, "-0.1*t"]},
+    ]
+    friction = {} if held else {"friction": {"law": "coulomb", "coefficient": 1e-4}}
+    sides = zip(("bottom", "top"), plates, strict=True)
+    scene = block(
+        material("neo-hooke"),
+        "0",
+        displacement=[{"boundary": "left", "x": 0.0}] if held else [],
+        contact=[{"boundary": name, "foundation": plate} | friction for name, plate in sides],
+        load_steps={"times": [1.0, 2.0]},
+    )
+    for step, pressure in zip(solve(scene, MPI.COMM_SELF).steps, (12.052108, 26.863153), strict=True):
+        forces = np.array(step.contact.forces_of_each)[:, 0, 1]
+        assert forces == pytest.approx([pressure, -pressure], rel=1e-6 if held else 1e-3)
+
+
 @pytest.mark.long
 def test_a_disk_that_yields():
     """Forces of another return mapping and of CalculiX, with steps of 0.005 and of 0.0025, and of its unloading."""

@@ -12,16 +12,17 @@ from signorini_fx.mechanics.contact_points.first_sets import first_sets
 from signorini_fx.mechanics.model import Model
 
 
-def refuse_beforehand(model: Model) -> None:
+def refuse_beforehand(model: Model, *, linear: bool = True) -> None:
     """Refuse what no solve begins with; collective.
 
     Args:
         model: the model, whose stiffness need not be assembled; with a requested accuracy on its first one.
+        linear: whether this body is what is solved, and not that of nonlinear materials at small strains.
 
     Raises:
         SceneError: the first sets of contact hold no node; ``exact`` has no unknown for a constraint; nothing
-            determines the pressure of an incompressible body; a foundation moves although contact alone holds the body;
-            a certified accuracy is asked for where there is no guaranteed bound.
+            determines the pressure of an incompressible body; a foundation moves although contact alone holds the
+            linear body; a certified accuracy is asked for where there is no guaranteed bound.
         InstallationError: the scene asks for a proof by an add-on that is not installed.
     """
     if model.elastic.pressed and model.elastic.encloses(model.vector, model.prescribed):
@@ -31,7 +32,8 @@ def refuse_beforehand(model: Model) -> None:
         first_sets(model.statement, model.boundary)
         if model.statement.solver.algorithm == "exact":
             model.boundary.aligned()
-        _refuse_moving(model)
+        if linear:
+            _refuse_moving(model)
     if model.statement.solver.error_bound:
         add_on("error_bound")  # not after hours
     if (
