@@ -316,10 +316,10 @@ def test_regions():
     assert pressed(*[material("ogden")] * 2) == pytest.approx(pressed(material("ogden")), rel=1e-9)
     both = np.array([pressed(smooth), pressed(smooth | {"yield_stress": 1e3})])
     assert both[0, 1] > 1.02 * both[1, 1]
-    with pytest.raises(
-        SceneError, match=r"material\[1\]: is one of small strains, beside one of finite strains: give law"
-    ):
-        pressed(material("ogden"), elastic)
+    wrong = r"material\[1\]: is one of small strains, beside one of finite strains: "
+    for beside, cure in ((elastic, "give law = 'saint"), (metal, "if it stays elastic give law = 'saint")):
+        with pytest.raises(SceneError, match=wrong + cure):
+            pressed(material("ogden"), beside)
     assert pressed(smooth | {"yield_stress": 1e3}, elastic) == pytest.approx(both[1], rel=1e-9)
 
 

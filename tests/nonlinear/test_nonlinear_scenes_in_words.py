@@ -47,7 +47,7 @@ REFUSED = {
         "contact": contact(foundation=CIRCLE | {"shift": [0.0, 0.0], "force": [0.0, -1.0]}),
         "load_steps": {},
     },
-    "contact[0].kind: is not possible yet: nonlinear bodies are not tied": {
+    "contact[0].kind: is not possible yet: nonlinear bodies are not tied to rigid ones: prescribe the displacement": {
         "contact": {
             "boundary": "top",
             "kind": "bonded",

@@ -41,8 +41,9 @@ def checked(
         if function is not None and not callable(function)
     ]
     problems += [fault for k, entry in enumerate(contact) if slides(entry) for fault in _faults(k, entry)]
+    instead = "prescribe the displacement of this boundary, or tie it to a stiff body (against, sliding = False)"
     problems += [
-        (f"contact[{k}].bonded", "is not possible yet: nonlinear bodies are not tied to tools")
+        (f"contact[{k}].bonded", f"is not possible yet: nonlinear bodies are not tied to rigid ones: {instead}")
         for k, entry in enumerate(contact)
         if entry.bonded and entry.against is None
     ]

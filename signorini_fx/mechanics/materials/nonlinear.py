@@ -217,6 +217,8 @@ class Hyperelastic(NonlinearMaterial):
         for other, beside in enumerate(statement.material):
             if not beside.finite:
                 cure = "give law = 'saint-venant-kirchhoff', which has the constants of a linear one"
+                if not beside.linear:
+                    cure = f"if it stays elastic {cure}, else put a rigid foundation in its place"
                 yield ("material", other), f"is one of small strains, beside one of finite strains: {cure}"
 
 
