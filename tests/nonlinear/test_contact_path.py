@@ -233,9 +233,7 @@ def test_pressing_while_all_turns(case, algorithm):
     """
     dimension = 3 if case == "space" else 2
     if dimension == 3:
-        mesh = dmesh.create_box(
-            MPI.COMM_SELF, [[0.0, 0.0, 0.0], [2.0, 1.0, 1.0]], [6, 3, 2], dmesh.CellType.hexahedron
-        )
+        mesh = dmesh.create_box(MPI.COMM_SELF, [[0.0, 0.0, 0.0], [2.0, 1.0, 1.0]], [6, 3, 2], dmesh.CellType.hexahedron)
         space = fem.functionspace(mesh, ("Lagrange", 1, (3,)))
         facets = [dmesh.locate_entities_boundary(mesh, 2, lambda x, at=at: np.isclose(x[2], at)) for at in (1.0, 0.0)]
     else:

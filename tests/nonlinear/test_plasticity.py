@@ -78,7 +78,8 @@ def test_load_steps_of_metal_that_yields(driven):
                 "load_steps": {"times": [1.0, 2.0, 3.0, 4.0]},
             }
         else:
-            circle = {"shape": "circle", "centre": [unit, 1.5 * unit], "radius": 0.5 * unit, "pivot": [unit, 1.5 * unit]}
+            centre = [unit, 1.5 * unit]
+            circle = {"shape": "circle", "centre": centre, "radius": 0.5 * unit, "pivot": centre}
             circle |= {"force": ["0", f"-{unit}*t"], "prescribed": {"x": 0.0, "rotation": 0.0}}
             scene = {
                 "contact": {"boundary": "top", "foundation": circle},

@@ -194,7 +194,8 @@ class SolvedStep:
         normal, along = np.zeros(len(slips)), slips
         if self.spin is not None:  # shapes take with them where points were
             back = np.einsum("nji,njk,nk->ni", self.spin, boundary.tangents, slips)
-            normal, along = np.einsum("ni,ni->n", boundary.normal, back), np.einsum("nij,ni->nj", boundary.cotangents, back)
+            normal = np.einsum("ni,ni->n", boundary.normal, back)
+            along = np.einsum("nij,ni->nj", boundary.cotangents, back)
         contact.add_forces(normal, along, vector)
         carried = -self.compliance * np.einsum("njk,nj->nk", turned(earlier.state.boundary, boundary, self.spin), slips)
         return vector, np.column_stack((np.zeros(len(slips)), carried))

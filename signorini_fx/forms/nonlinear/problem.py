@@ -179,7 +179,7 @@ class NonlinearContactProblem(ProblemOfForms):
         # Where nothing presses on a body its forces are round-off.
         pressed = [step.certificate for step in ends if not loose_in(self.linear.elastic, step)]
         digits = lost_digits(pressed, self._solver.opinion.residual)
-        stiff = [] if solved is None or solved.step.status is not Status.CONVERGED else too_stiff(solved.step.displacement)
+        stiff = [] if solved is None else too_stiff(solved.step, self._solver.farthest)
         return (*findings_of(self.linear, steps), *digits, *stiff)
 
     @property

@@ -152,9 +152,16 @@ def lost_digits(certificates: Sequence[Certificate], residual: str) -> list[Find
     return findings
 
 
-def too_stiff(displacement: fem.Function) -> list[Finding]:
-    """Whether cells of degree 1 make the body too stiff; collective."""
-    added = added_stiffness(displacement)
+def too_stiff(step: StepResult, farthest: float) -> list[Finding]:
+    """Whether cells of degree 1 make the body too stiff; collective.
+
+    Args:
+        step: a solution.
+        farthest: the largest displacement of a certificate so far: a body that has come back to rest has no strain.
+    """
+    if step.status is not Status.CONVERGED or step.certificate.displacement <= CERTIFICATE_TOLERANCE * farthest:
+        return []
+    added = added_stiffness(step.displacement)
     if added <= TOO_STIFF:
         return []
     share = f"by about {100 * added:.0f} % (an estimate)" if added < np.inf else "by far"
