@@ -128,7 +128,6 @@ ERRORS: dict[str, dict[str, Any]] = {
     "none": {"stress": {"error": None}, "cost": None},
     "estimated": {"price_list": [_PRICE]},
     "guaranteed": {"error_bound": {"relative_error": 0.043, "guaranteed": True}},
-    "bound that is an estimate": {"error_bound": {"relative_error": 0.043, "guaranteed": False}},
 }
 LAWS: dict[str, dict[str, Any]] = {
     "as asked": {},

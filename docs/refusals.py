@@ -18,7 +18,6 @@ ROOT = Path(__file__).resolve().parent.parent
 PAGE = ROOT / "docs" / "refusals.md"
 sys.path.insert(0, str(ROOT))
 
-from signorini_fx.addons.bounds import bounded_scene  # noqa: E402
 from signorini_fx.addons.derivatives import of_scene  # noqa: E402
 from signorini_fx.mechanics import effects, materials  # noqa: E402
 from signorini_fx.mechanics.body import statics_of_surface  # noqa: E402
@@ -28,7 +27,6 @@ from signorini_fx.mechanics.statement.features import REFUSED_BY_SETTINGS  # noq
 
 # What is computed of a scene, and the features that it does not know.
 COMPUTED = {
-    "guaranteed bound": bounded_scene.REFUSES,
     "proof by statics": statics_of_surface.REFUSES,
     "derivatives": of_scene.REFUSES,
 }
@@ -60,10 +58,6 @@ def declared() -> Iterator[tuple[str, Mapping[str, str]]]:
 def pairs() -> dict[tuple[str, str], str]:
     """The reason of each pair; what a body with torsion shares with one without is listed once."""
     found = {(feature, other): why for feature, refused in declared() for other, why in refused.items()}
-    named = {name: [kind for other, kind in of_effects() if other == name] for name, _ in of_effects()}
-    unknown = [name for name, kinds in named.items() if not any(map(bounded_scene.knows, kinds))]
-    unbounded = {name: bounded_scene.without_bound(name) for name in unknown} | bounded_scene.REFUSES_BESIDES
-    found |= {("guaranteed bound", other): why for other, why in unbounded.items()}
     found |= {(feature, other): why for feature, refused in COMPUTED.items() for other, why in refused.items()}
     shared = [(twisted, other) for twisted, other in found if (twisted.partition(",")[0], other) in found]
     return {pair: why for pair, why in found.items() if "," not in pair[0] or pair not in shared}

@@ -285,9 +285,6 @@ FORCE_OF_SUM, FORCE_OF_CELLS = 1.1, 0.5
 # 0.6 to 2.1 times it, by the changes from mesh to mesh 0.53 to 3.8 times.  The share of the sizes of the contributions
 # of cells is that of a force, as a choice: without it estimates fall on finer meshes, to 0.42 times the error.
 CAP_OF_PEAK, PEAK_OF_CELLS = 0.8, 0.5
-# Of a stiffness of springs that is no polynomial, and is seen at points of a facet alone, this share of the least value
-# is taken for one that it is nowhere below.  Choice: what is more is a part of its own, so that none is lost.
-LEAST_SEEN_SHARE = 0.5
 # The smallest rate that changes of the largest pressure show.  Tuned on the same problems, seeds 1, 2, 21 and 22: 8
 # instead of 14 of 277 estimates are below half of the error; of 139 of seeds 23 and 24, drawn afterwards, 4 instead of
 # 8.
@@ -605,39 +602,11 @@ PROGRAMME_TOLERANCE = 1e-10
 
 # --- bounds of the error ---------------------------------------------------------------------------------------------
 
-# A displacement that was moved out of the foundation is improved if that adds more than this share of the square of
-# the bound.  Choice: the first one is cheap.
-LITTLE_OF_BOUND = 0.1
-# Of tractions between facets in space that do not match: parts along the edges of a facet into which it is divided so
-# many times, and the share of a bound below which the cheapest bound of their liftings is taken.  Tuned on the random
-# scenes of tests/support/pairs_in_space.py.
+# Of tractions between facets that do not match: parts along the edges of a facet into which it is divided so many
+# times.  Tuned on random scenes of two bodies in space.
 PARTS_OF_EDGE, DIVISIONS = 3, 2
-LITTLE_LIFTED = 0.01
-# Polynomials of up to this degree, as initial strains or gradings, are integrated exactly by a bound of the error; of
-# other strains the rules for it, for one more and for one less are compared.  Choice: as loads.
-KNOWN_DEGREE = 5
-# Of the least withdrawal from foundations: the stiffness that penalises what is left inside, over that of the body
-# there; a stiffness over the body's own for motions that nothing else holds; the most steps, and updates of
-# multipliers.  Choice: whatever they are it is a bound.
-PENALTY_OF_ENTRY, SMALL_OF_STIFFNESS, STEPS_OF_WITHDRAWAL, UPDATES_OF_WITHDRAWAL = 100.0, 1e-8, 20, 2
-# A facet is short beside its distance from the centre of a round foundation if the squares of its distances vary by no
-# more than this share of their mean: then what quadrature misses is below 3 %.  On longer ones, which may not be in
-# contact, the gap is bounded by a tangent at no less than the second share of the square of the largest distance.
-# Choice: any share below one gives a bound.
-SHORT_OF_ROUND, LONG_OF_ROUND = 0.5, 0.1
-# Where two bodies meet, a node of one side that is nearer to a node of the other one than this times the height of its
-# triangle is moved there for the bound; a node that cannot move may be as near as the second one.  Source: what thin
-# triangles miss of their balance by round-off grows with the fourth power of their aspect: 1e-5 of the bound at the
-# first, and all of it at the second one.  Tuned on shifted blocks, tests/bounds/test_bounds_of_two_bodies.py.
-NEAR_NODE, THINNEST_PART = 0.01, 1e-3
 # Steps of Newton's method that balances contact tractions.  Choice: five were enough from none and 1e4 times more.
 BALANCING_STEPS = 50
-# Where conjugate gradients for stresses in balance end: a share of the first residual, and a number of products.
-# Choice: the bound holds whatever they leave, which is added to it.
-BALANCING_RESIDUAL, BALANCING_PRODUCTS = 1e-7, 500
-# Points that a polynomial of a modulus is known from lie this far inside a cell: on its boundary it may have the values
-# beside a jump.  Choice.
-INSIDE_CELL = 0.9
 # Round-off of forms per unit of eps, of the ratio of the moduli, and of the fourth power of the condition of a
 # tetrahedron.  Source: those of turned ones, which are the same, differ by a third of this at most, see
 # tests/bounds/test_lifted_tractions.py.

@@ -1,6 +1,6 @@
 """What a certified accuracy costs beside an estimated one, in processor seconds of whole solves.
 
-    ./env python3 demos/studies/certified.py [--accuracy 0.01 0.001] [block hertz example1 ...]
+    ./env python3 demos/studies/certified.py [--accuracy 0.01 0.001] [block hertz two_blocks ...]
 
 Prints the rows of docs/evidence/certified_accuracy.csv.  A first solve, which compiles, is not counted.  Of two bodies
 it is the contact force, too: the guaranteed interval of the force is found on meshes on which half the bound of the
@@ -12,18 +12,16 @@ from __future__ import annotations
 import argparse
 import time
 from math import inf
-from pathlib import Path
 
 from mpi4py import MPI
 
 from signorini_fx.errors import SignoriniError
 from signorini_fx.mechanics.statement.settings import Accuracy
 from signorini_fx.results.solution import ConvergenceError
-from signorini_fx.scenes.reading import parse_scene, read_scene
+from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.scene import Scene
 from signorini_fx.scenes.solver import solve
 
-SCENES = Path(__file__).parent.parent / "scenes"
 # A run that takes longer ends by name.
 BUDGET = 120.0
 YOUNG = {"upper": 1000.0, "lower": 500.0}
@@ -61,7 +59,7 @@ def two_blocks(**friction: object) -> Scene:
 
 
 def scenes() -> dict[str, Scene]:
-    """Block on a table, Hertz, a plate that a pressure bends onto its foundation, examples of the paper, two bodies."""
+    """Block on a table, Hertz, a plate that a pressure bends onto its foundation, two bodies."""
     jump = {"boundary": "top", "y": "where(x[0] < 1.0, -1.0, -0.1)"}
     table = {"boundary": "bottom", "friction": {"law": "tresca", "bound": 0.05}}
     down, round_ = {"boundary": "top", "y": -0.2}, {"boundary": "bottom", "gap": "x[0]**2/16"}
@@ -72,8 +70,6 @@ def scenes() -> dict[str, Scene]:
         "block": on_a_rectangle(2.0, 1.0, 16, 8, 1000.0, traction=jump, contact=table),
         "hertz": on_a_rectangle(10.0, 5.0, 40, 20, 200.0, traction=down, contact=round_),
         "plate": plate.model_copy(update={"displacement": (clamped,)}),
-        "example1": read_scene(SCENES / "example1_tresca.toml"),
-        "example2": read_scene(SCENES / "example2_tresca.toml"),
         "two_blocks": two_blocks(),
         "two_blocks_tresca": two_blocks(friction={"law": "tresca", "bound": 0.5}),
     }

@@ -79,16 +79,6 @@ def geometry_cells(domain: mesh.Mesh) -> npt.NDArray[np.int32]:
     return np.asarray(geometry.dofmaps[0] if VERSION >= (0, 11) else geometry.dofmap)
 
 
-def input_numbers(domain: mesh.Mesh) -> npt.NDArray[np.int64]:
-    """Numbers of the cells of this rank in the input of the mesh; none where it is a part of another mesh, which 0.9
-    calls mixed when it is asked.
-    """
-    try:
-        return np.asarray(domain.topology.original_cell_index, dtype=np.int64)
-    except RuntimeError:
-        return np.zeros(0, dtype=np.int64)
-
-
 def collapsed(space: fem.FunctionSpace, component: int) -> tuple[fem.FunctionSpace, npt.NDArray[np.int32]]:
     """The scalar space of a component, and which dofs of this rank of the whole space its own are, shape (dofs,)."""
     part, dofs = space.sub(component).collapse()

@@ -337,16 +337,13 @@ def _other_law(summary: dict[str, Any]) -> str:
 
 def error_in_words(summary: dict[str, Any]) -> tuple[str, bool]:
     """How wrong the results are: proved, estimated, or how to know it; and whether it is known."""
-    bound = summary.get("error_bound") or {}
-    relative = bound.get("relative_error")
-    if relative is not None and bound.get("guaranteed"):
+    relative = (summary.get("error_bound") or {}).get("relative_error")
+    if relative is not None:
         return f"at most {percent(relative)} of the energy norm, guaranteed", True
     prices = solved_prices(summary)
     errors = [f"{name} {percent(prices[name])}" for name in _ESTIMATED if prices.get(name) is not None]
     if errors:
         return f"{', '.join(errors)}, estimated", True
-    if relative is not None:
-        return f"about {percent(relative)} of the energy norm, estimated", True
     of_stress, cost = (summary.get("stress") or {}).get("error"), summary.get("cost") or {}
     if of_stress is None and cost.get("of") == "energy":  # without fields the stress itself is not told
         of_stress = cost.get("error")

@@ -405,7 +405,7 @@ class Solution:
             return None
         if isinstance(body := self.stated_body, str):
             return body
-        return add_on("error_bound")(body, self.displacement, self.contact, self._position, self._before)
+        return add_on("error_bound")(body, self.displacement, self.contact, self._position)
 
     @cached_property
     def cost(self) -> CostOfAccuracy | str:
@@ -436,34 +436,20 @@ class Solution:
             krylov_from=iterative_from,
         )
 
-    def mean_displacement_bounds(self, boundary: str, direction: tuple[float, float]) -> Interval | str:
-        """Guaranteed bounds of the mean of u . direction over a boundary, a length, which print what they rest on; or
-        why there are none; collective.
-
-        Args:
-            boundary: its name.
-            direction: any vector; a unit one gives a length.
-        """
-        return self._interval("mean_displacement_bounds", boundary, direction)
-
-    def force_bounds(self, boundary: str, direction: tuple[float, float]) -> Interval | str:
-        """Guaranteed bounds of the force of a support or contact on the body, per thickness; or why there are none.
-
-        Collective.
+    def force_bounds(self, boundary: str, direction: tuple[float, ...]) -> Interval | str:
+        """Guaranteed bounds of the force on a body at a boundary in contact, in the plane per thickness; or why there
+        are none; collective.
 
         Args:
             boundary: its name.
             direction: any vector; a unit one gives the force along it.
         """
-        return self._interval("force_bounds", boundary, direction)
-
-    def _interval(self, bounds: str, boundary: str, direction: tuple[float, float]) -> Interval | str:
         if not self.certified:
             return "there is no solution"
         if isinstance(body := self.stated_body, str):
             return body
-        interval: Interval | str = add_on(bounds)(
-            body, self.displacement, self.contact, boundary, direction, self._position, self._before
+        interval: Interval | str = add_on("force_bounds")(
+            body, self.displacement, self.contact, boundary, direction, self._position
         )
         return interval
 
@@ -484,11 +470,6 @@ class Solution:
     def _position(self) -> float:
         """The place in the lists of factors of the load step that the displacement belongs to."""
         return self.last_step.place if self.steps else 0.0
-
-    @property
-    def _before(self) -> fem.Function | None:
-        """The displacement of the load step before that one; None: it is the first one, or the other is not kept."""
-        return self.shown_steps[-2].displacement if len(self.shown_steps) > 1 else None
 
     @property
     def comm(self) -> MPI.Comm:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from signorini_fx.addons.bounds.balanced_tractions import AdmissibleTractions, balanced
-from signorini_fx.addons.bounds.bounded_error import ROUND_OFF
+from signorini_fx.addons.bounds.error_bound import ROUND_OFF
 
 FACETS, HEIGHT, LENGTH = 13, 1.6, 1.6
 
@@ -23,7 +23,6 @@ def side(rng, points, normal, size):
         pressure,
         shear[..., None] * tangent,
         130.0 * np.abs(rng.normal(size=(FACETS, 2))),
-        0.0,
         half[..., None] * np.einsum("fadn,d->fan", modes, -normal),
         half[..., None, None] * np.einsum("fadn,d,e->faen", modes, tangent, tangent),
         area,

@@ -10,11 +10,9 @@ import pytest
 from mpi4py import MPI
 
 from signorini_fx import SceneError, sensitivity
-from signorini_fx.addons.bounds.bounded_scene import refuse_unknown
 from signorini_fx.mechanics.body.discretisation import discretise
 from signorini_fx.mechanics.body.statics_of_surface import Unproved, surface_of
 from signorini_fx.mechanics.statement.features import features
-from signorini_fx.quantities.proved_statements import Refused
 from signorini_fx.records import Timings
 from signorini_fx.scenes.checks import check_scene
 from signorini_fx.scenes.mesh import load_mesh
@@ -215,23 +213,6 @@ def test_no_more_are_refused():
     assert len(reasons) <= 80
 
 
-def problems_of_bound(scene):
-    """Of a guaranteed bound."""
-    try:
-        refuse_unknown(discretise(scene.statement, load_mesh(scene, COMM), Timings()))
-    except Refused as error:
-        return str(error)
-
-
-@pytest.mark.parametrize(("other", "more"), [("point force", WITH["point force"])])
-def test_the_page_says_what_has_no_bound(other, more):
-    """In the words in which the bound refuses it."""
-    data = merged(BASE, more)
-    contact, material = ({key: v for key, v in data[name].items() if v is not None} for name in ("contact", "material"))
-    scene = parse_scene(data | {"contact": contact, "material": material})
-    assert problems_of_bound(scene) == refusals.pairs()["guaranteed bound", other]
-
-
 def problems_of_statics(scene):
     """Of a proof by statics."""
     try:
@@ -253,7 +234,6 @@ def message_of(function):
 
 
 COMPUTED = {
-    "guaranteed bound": problems_of_bound,
     "proof by statics": problems_of_statics,
     "derivatives": message_of(lambda scene: sensitivity(scene, "force bottom y", comm=COMM)),
 }

@@ -1,24 +1,16 @@
-"""Loads that jump inside a facet or a cell: what is proved of them, and what ``check`` says."""
+"""Loads that jump inside a facet or a cell: their forces, and what ``check`` says."""
 
 import re
-from dataclasses import replace
 
 import numpy as np
 import pytest
-from error_bounds import problem
 from mpi4py import MPI
-from scenes import alone, example1
+from scenes import alone
 from spaces import box
 from test_safety import COULOMB, block, hub
 
-from signorini_fx.addons.bounds.bounded_scene import grounds
-from signorini_fx.addons.bounds.integrated_loads import on_edges
-from signorini_fx.addons.bounds.simplices import Simplices
-from signorini_fx.errors import SceneError
-from signorini_fx.mechanics.effects.body_force import BodyForce
-from signorini_fx.mechanics.laws.tresca import Tresca
 from signorini_fx.mechanics.statement.cut_simplices import cut, halved
-from signorini_fx.mechanics.statement.expressions import Expression, in_space, sample
+from signorini_fx.mechanics.statement.expressions import Expression
 from signorini_fx.scenes.checks import check_scene
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve
@@ -54,15 +46,14 @@ def square(x, *, n=8, degree=1, body_force=None, **more):
         ("where(x[0] < 0.47, -1, 0)", 0.47, 1e-9),
         ("-1 if 0.46 < x[0] < 0.465 else -0.1", 0.1045, 1e-9),
         ("-abs(x[0] - 0.43)**0.5", (0.43**1.5 + 0.57**1.5) / 1.5, 1e-3),
-        ("-max(x[0] - 0.31, 0)", 0.69**2 / 2, 1e-9),
+        ("-max(x[0] - 0.31, 0)", 0.69**2 / 2, 1e-4),  # kinks are not cut
         ("-1 if abs(x[0] - 0.4) < 0.01 else 0", 0.02, 1e-9),
     ],
 )
-def test_the_force_of_a_load_that_jumps_is_within_its_bounds(load, exact, width, degree):
+def test_the_force_of_a_load_that_jumps(load, exact, width, degree):
     """Where statics determines the force on the foundation; cut loads are known but for round-off."""
-    low, high = alone(square(load, degree=degree)).force_bounds("bottom", (0.0, 1.0))
-    assert low - 1e-12 * exact <= exact <= high + 1e-12 * exact
-    assert high - low < width * exact
+    solution = alone(square(load, degree=degree))
+    assert solution.contact.forces_of_each[0].sum(axis=0)[1] == pytest.approx(exact, rel=width)
 
 
 def test_a_load_in_the_body_beside_one_that_jumps():
@@ -76,56 +67,11 @@ def test_a_load_in_the_body_beside_one_that_jumps():
     assert solution.contact.forces_of_each[0].sum(axis=0)[1] == pytest.approx(exact, rel=1e-9)
 
 
-@pytest.mark.parametrize("place", [0.47, 0.53, 0.601])
-def test_what_is_no_expression_widens_the_bounds(place):
-    """A callable is not cut where it jumps; two rules are compared."""
-    solution = alone(square(lambda x: np.where(x[0] < place, -1.0, 0.0)))
-    low, high = solution.force_bounds("bottom", (0.0, 1.0))
-    assert low <= place <= high
-    assert 1e-4 < high - low < 0.05
-    bound = solution.error_bound
-    assert "quadrature of the loads" in bound.grounds.assumed
-    assert not bound.as_dict()["guaranteed"]
-    for said in (bound, solution.force_bounds("bottom", (0.0, 1.0))):
-        assert "an estimate and no guaranteed bound, as the traction of 'top' is a function of Python: " in str(said)
-        assert "quadrature of the loads" in str(said)
-
-
-@pytest.mark.parametrize("place", [0.22, 0.5, 0.78])
-def test_what_linear_functions_miss_of_a_jump_that_nobody_knows(place):
-    """Each of the rules has less than a step of height one leaves by itself; with what they differ by it is enough."""
-    side = Simplices(np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]), np.array([[0, 1, 2]]), np.ones((1, 2)))
-    (edge,) = np.flatnonzero((side.edges == [0, 1]).all(axis=1))
-
-    def step(_, points):
-        return (points.x < place) * [1.0, 0.0]
-
-    found = on_edges(side, np.array([edge]), step, [lambda x: x])
-    exact = place - place**2 - 3 * (place - place**2) ** 2  # without its mean and its slope
-    assert exact < found.missed[0] < 1.2 * exact
-
-
-def test_pressures_on_all_edges_of_a_triangle():
-    """Each has the normal of its own edge: that of a fluid below its level is its weight, by Gauss's theorem."""
-    x = np.array([[0.1, 0.0], [1.3, 0.4], [0.5, 0.9]])
-    t = Simplices(x, np.array([[0, 1, 2]]), np.ones((1, 2)))
-    depth = Expression("max(2 - x[1], 0)")
-
-    def pressure(_, points):
-        return -(2 - points.x[..., 1:]) * points.normal
-
-    edges = t.outer[::-1]
-    total = t.area[edges] @ on_edges(t, edges, pressure, [depth]).means
-    np.testing.assert_allclose(total, [0.0, t.volume[0]], atol=1e-14)
-
-
 def test_a_body_force_that_jumps_inside_cells():
     """Its resultant is cut too, and so is the work of the loads."""
     scene = square(0.0, body_force={"y": "-1 if x[0] + x[1] < 0.37 else 0"})
     solution = alone(scene)
-    low, high = solution.force_bounds("bottom", (0.0, 1.0))
-    assert low - 1e-12 <= 0.37**2 / 2 <= high + 1e-12
-    assert high - low < 1e-9
+    assert solution.contact.forces_of_each[0].sum(axis=0)[1] == pytest.approx(0.37**2 / 2, rel=1e-9)
 
 
 def test_the_parts_of_cut_simplices():
@@ -150,14 +96,7 @@ def test_the_parts_of_cut_simplices():
 
 @pytest.mark.slow
 def test_statements_say_what_they_rest_on():
-    """Bounds of quantities and safety, as the bound of the error does."""
-    solution = alone(example1(coefficient=0.3, nx=12, ny=4))
-    tresca = "of the Tresca problem with the computed friction bound"
-    told = str(solution.force_bounds(solution.statement.contact[0].boundary, (0.0, 1.0)))
-    assert told.startswith("between ")
-    assert tresca in told
-    held = alone(square("-1.0", displacement=[{"boundary": "left", "x": 0.0, "y": 0.0}]))
-    assert str(held.mean_displacement_bounds("right", (1.0, 0.0))).startswith("between ")
+    """Safety does."""
     assert alone(block(1.0, COULOMB)).safety.assumed == "the foundation presses where the body touches it now"
     assert "straight cells of the mesh" in alone(hub(0.5)).safety.assumed
 
@@ -271,97 +210,6 @@ def test_check_names_loads_that_jump_inside_a_facet(cell, nodes):
         "-abs(x[0] - 0.47)",
     ):
         assert not told(smooth)
-
-
-def judged(scene, **more):
-    """Why what is computed as a bound is an estimate, and what it assumes, with another load on the same mesh."""
-    solution = alone(scene, check=False)
-    return lambda update: grounds(
-        replace(solution.model, statement=solution.statement.changed(**update)),
-        0,
-        coulomb=False,
-        later=False,
-        unknown=0.0,
-    )
-
-
-def test_what_is_guaranteed():
-    """Polynomials between affine comparisons are; others are assumed to be as they are seen, or make an estimate."""
-    plain = square(-1.0)
-    of = judged(plain)
-    push, first, block = plain.traction[0], plain.contact[0], BodyForce(y=-1.0)
-    top = "the traction of 'top'"
-    for text, reason, assumed in (
-        ("where(x[0] < 0.47, -x[0]**2/3, min(x[0], 0.2) * x[1])", "", ""),
-        ("-1 if abs(x[0] - 0.4) < 0.01 and not x[1] < pi/9 else sqrt(2)", "", ""),
-        ("x[0]**6", "", "traction"),
-        ("exp(x[0])", "", "traction"),
-        ("abs(x[0]**2 - 0.2)", "", "traction"),
-        ("x[0]**2 < 0.2", f"{top} compares functions that are not affine", ""),
-        ("sin(9*x[0]) < 0.2", f"{top} compares functions that are not affine", ""),
-        ("where(x[0] < 0.5, x[0], 1) < 0.7", f"{top} compares functions that are not affine", ""),
-        ("sign(sign(x[0] - 0.2) * x[0])", f"{top} compares functions that are not affine", ""),
-    ):
-        found = of({"traction": (push.model_copy(update={"y": Expression(text)}),)})
-        assert found.estimated == reason
-        assert assumed in found.assumed
-        assert bool(assumed or reason) == bool(found.assumed or found.estimated)
-    for update, name in (
-        ({"body_force": (block.model_copy(update={"x": lambda x: x[0]}),)}, "body force"),
-        ({"contact": (first.model_copy(update={"gap": lambda x: x[0]}),)}, "gap of 'bottom'"),
-        (
-            {"contact": (first.model_copy(update={"friction": Tresca(bound=lambda x: x[0])}),)},
-            "friction bound of 'bottom'",
-        ),
-        ({"displacement": (plain.displacement[0].model_copy(update={"x": lambda x: x[0]}),)}, "displacement of 'left'"),
-    ):
-        assert of(update).estimated == f"the {name} is a function of Python"
-    for gap, assumed in (("x[0]**2 - x[1]", False), ("x[0]**3", True), ("max(x[0], 0.2)", True)):
-        assert ("gap" in of({"contact": (first.model_copy(update={"gap": Expression(gap)}),)}).assumed) == assumed
-
-
-def drawn_load(chance):
-    """A load along the top of the square that may jump: as a function of Python, or as an expression."""
-    a, b = np.sort(chance.uniform(0.05, 0.95, 2))
-    b = a + (b - a) * 10 ** chance.uniform(-2, 0)
-    low, high = chance.uniform(-1, 1, 2)
-    match chance.integers(4):
-        case 0:
-            return lambda x: np.where((x[0] > a) & (x[0] < b), low, high * x[0])
-        case 1:
-            return Expression(f"{low} if {a} < x[0] < {b} else {high}*x[0]")
-        case 2:
-            return Expression(f"{low} if (x[0] - {a})*(x[0] - {b}) < 0 else {high}*x[0]")
-    return Expression(f"{high}*x[0]**2 + {low}*max(x[0] - {a}, 0) - abs(x[0] - {b})")
-
-
-def test_no_bound_of_what_loads_miss_is_below_it():
-    """Of random loads, the mean square that linear functions miss on each edge, against many points on it."""
-    chance, plain, below = np.random.default_rng(41), square(-1.0, n=6), 0
-    of, t = judged(plain), problem(alone(plain, check=False)).t
-    edges = np.flatnonzero((t.x[t.edges][:, :, 1] == 1.0).all(axis=1))
-    s = (np.arange(20000) + 0.5) / 20000
-    a, b = t.x[t.edges[edges]].swapaxes(0, 1)
-    x = a[:, None] + s[:, None] * (b - a)[:, None]
-    for _ in range(150):
-        load = drawn_load(chance)
-        found = on_edges(t, edges, lambda _, at, load=load: at.value(load)[..., None] * [0.0, 1.0], [load])
-        values = sample(load, in_space(x.reshape(-1, 2))).reshape(x.shape[:2])
-        ends = values @ np.column_stack((4 - 6 * s, 6 * s - 2)) / len(s)
-        true = ((values - ends @ np.stack((1 - s, s))) ** 2).mean(axis=1)
-        if (found.missed < true - 1e-4).any():
-            below += 1
-            assert of({"traction": (plain.traction[0].model_copy(update={"y": load}),)}).estimated
-    assert below > 5
-
-
-def test_a_certified_accuracy_needs_a_guarantee():
-    """A function of Python is refused before anything is solved, by check too."""
-    scene = square(lambda x: -x[0], accuracy={"target": "5%", "certified": True})
-    refused = "accuracy.certified: there is no guaranteed bound, as the traction of 'top' is a function of Python"
-    for run in (check_scene, alone):
-        with pytest.raises(SceneError, match=refused):
-            run(scene)
 
 
 ROUND = "(x[0] - 0.4)**2 + (x[1] - 0.2)**2 < 0.001"

@@ -58,13 +58,9 @@ def energy_norm(problem, arrays, u):
 
 
 CASES = [
-    ("shelf_CPE4", 5, None),
-    ("shelf_CPE4", 4, loads_times(1.05)),
-    ("shelf_CPE4", 4, loads_times(0.9)),
-    ("shelf_CPE4", 4, moved),
-    ("shelf_hard", 4, None),
-    ("shelf_CPS4R", 4, None),
     ("shelf_CPE6", 3, None),
+    ("shelf_CPE6", 3, loads_times(1.05)),
+    ("shelf_CPE6", 3, loads_times(0.9)),
     ("shelf_CPE8R", 3, None),
     ("shelf_CPE8R", 3, moved),
     ("shelf_C3D4", 2, None),
@@ -97,9 +93,9 @@ def test_the_error_is_in_its_interval(name, halvings, change):
 @pytest.mark.slow
 def test_a_wrong_result_is_refuted():
     """All of a displacement 1.3 times too large: its error is at least what no mesh can excuse."""
-    _, v = displacement_of("shelf_CPE4")
-    good = judge(DATA / "shelf_CPE4.inp", v).error
-    bad = judge(DATA / "shelf_CPE4.inp", 1.6 * v).error
+    _, v = displacement_of("shelf_CPE6")
+    good = judge(DATA / "shelf_CPE6.inp", v).error
+    bad = judge(DATA / "shelf_CPE6.inp", 1.6 * v).error
     assert bad["low"] > good["high"]
     assert bad["ours_on_their_mesh"]["high"] == pytest.approx(good["ours_on_their_mesh"]["high"], rel=1e-6)
 
@@ -121,7 +117,7 @@ def test_a_carried_displacement_stays_the_same_function(name):
 
 @pytest.mark.parametrize(("name", "reason"), [
     ("press_CPE4", "Coulomb"), ("stack_CPE4", "flat rigid foundation"), ("shelf_CAX4", "axisymmetric"),
-    ("shelf_C3D8I", "tetrahedra"), ("shelf_CPS4", "parallelograms"),
+    ("shelf_C3D8I", "hexahedron cells"), ("shelf_CPS4", "quadrilateral cells"),
 ])  # fmt: skip
 def test_no_bound_has_a_reason(name, reason):
     """And the distance to our solution on the same mesh, which is that of the penalty or of the element."""

@@ -16,7 +16,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from signorini_fx.addons.bounds.arrays import Array
-from signorini_fx.addons.bounds.bounded_error import UNBALANCED
 from signorini_fx.quantities.proved_statements import Refused
 from signorini_fx.tuned import BALANCING_STEPS, SINGULAR
 
@@ -29,7 +28,6 @@ class AdmissibleTractions:
         pressure: p, stress, shape (m, k).
         shear: mu, stress, shape (m, k, d).
         least: of which |mu| is at most, stress, shape (m, k).
-        lowest: of the pressure, zero or minus infinity.
         normal: work of unit pressures on the free motions, shape (m, k, n).
         across: that of unit shears, shape (m, k, d, n).
         weight: areas, shape (m,).
@@ -38,7 +36,6 @@ class AdmissibleTractions:
     pressure: Array
     shear: Array
     least: Array
-    lowest: float
     normal: Array
     across: Array
     weight: Array
@@ -46,7 +43,7 @@ class AdmissibleTractions:
     def at(self, y: Array) -> tuple[Array, Array]:
         """The admissible ones for multipliers."""
         unit = self.weight[:, None]
-        pressure = np.maximum(self.pressure - self.normal @ y / unit, self.lowest)
+        pressure = (self.pressure - self.normal @ y / unit).clip(min=0.0)
         return pressure, onto_disc(self.shear - self.across @ y / unit[:, :, None], self.least)
 
     def work(self, pressure: Array, shear: Array) -> Array:
@@ -67,7 +64,7 @@ class AdmissibleTractions:
     def slope(self, y: Array) -> Array:
         """Minus the derivative of the work by the multipliers, shape (n, n)."""
         unit = self.weight[:, None, None]
-        room = (self.pressure - self.normal @ y / unit[..., 0] >= self.lowest)[:, :, None]
+        room = (self.pressure - self.normal @ y / unit[..., 0] >= 0)[:, :, None]
         free = self.shear - self.across @ y / unit
         size = np.linalg.norm(free, axis=2)
         inside = size < self.least
@@ -120,7 +117,7 @@ def balanced(loads: Array, contacts: list[AdmissibleTractions], small: Array) ->
         y, value = y + length * step, reached
     if imbalance(unbalanced) <= 0:
         return tractions
-    raise Refused(UNBALANCED)
+    raise Refused("no admissible tractions near the nodal ones balance the loads")
 
 
 def onto_disc(shear: Array, least: Array) -> Array:

@@ -7,7 +7,7 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import breadth_first_order
 
 from signorini_fx.addons.bounds.arrays import Array, Ints
-from signorini_fx.addons.bounds.cell_pieces import pieces_of_cells
+from signorini_fx.addons.bounds.simplices import pieces_of_cells
 
 
 def carried(centre: Array, sides: Ints, held: Ints, missed: Array) -> tuple[Array, Array]:

@@ -7,67 +7,12 @@ it has its own free motions, its own balance of forces and its own bound.
 from __future__ import annotations
 
 from itertools import combinations
-from typing import Protocol
 
 import numpy as np
-import scipy.sparse as sp
-from scipy.sparse.csgraph import connected_components
 
 from signorini_fx.addons.bounds.arrays import Array, Ints
+from signorini_fx.addons.bounds.simplices import Simplices
 from signorini_fx.tuned import SINGULAR
-
-
-class Cells(Protocol):
-    """What ``Triangles`` and ``Tetrahedra`` have in common."""
-
-    @property
-    def x(self) -> Array:
-        """Vertices, length, shape (v, d)."""
-
-    @property
-    def corners(self) -> Ints:
-        """Of each cell, shape (n, d + 1)."""
-
-    @property
-    def facets(self) -> Ints:
-        """Vertices of each edge or face, shape (f, d)."""
-
-    @property
-    def sides(self) -> Ints:
-        """The cells at both sides of each facet, -1 for none, shape (f, 2)."""
-
-    @property
-    def piece(self) -> Ints:
-        """The piece that each cell is in, from 0, shape (n,)."""
-
-    @property
-    def piece_of_vertex(self) -> Ints:
-        """The piece that each vertex is in, shape (v,)."""
-
-
-def pieces_of_cells(sides: Ints, count: int) -> Ints:
-    """The piece that each cell is in, from 0, shape (count,).
-
-    Args:
-        sides: the cells at both sides of each facet, -1 for none, shape (f, 2).
-        count: of the cells.
-    """
-    inner = sides[(sides >= 0).all(axis=1)]
-    graph = sp.csr_matrix((np.ones(len(inner)), tuple(inner.T)), shape=(count, count))
-    return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
-
-
-def pieces_of_vertices(corners: Ints, piece: Ints, count: int) -> Ints:
-    """The piece that each vertex is in, shape (count,); no vertex is in two of them.
-
-    Args:
-        corners: of each cell, shape (n, d + 1).
-        piece: that each cell is in, shape (n,).
-        count: of the vertices.
-    """
-    piece_of_vertex = np.zeros(count, dtype=np.int64)
-    piece_of_vertex[corners] = piece[:, None]
-    return piece_of_vertex
 
 
 def rigid_motions(x: Array) -> Array:
@@ -86,7 +31,7 @@ def rigid_motions(x: Array) -> Array:
     return modes
 
 
-def free_motions(t: Cells, held: Array) -> Array:
+def free_motions(t: Simplices, held: Array) -> Array:
     """An orthonormal basis of the rigid motions that held facets leave free, each of one piece, shape (d v, k).
 
     Args:
@@ -107,7 +52,7 @@ def free_motions(t: Cells, held: Array) -> Array:
     return np.concatenate(bases, axis=1)
 
 
-def of_each_piece(t: Cells, motions: Array) -> list[tuple[int, Ints]]:
+def of_each_piece(t: Simplices, motions: Array) -> list[tuple[int, Ints]]:
     """The pieces that have free motions, each with the columns of these.
 
     Args:

@@ -2,8 +2,7 @@
 
 The stress is that of ``johnson_mercier``; its tractions are those of least complementary energy.  Displacements on the
 facets, the multipliers of equal and opposite tractions, are the unknowns of one symmetric positive definite system
-(hybridisation), which is factorised in the plane and solved by conjugate gradients in space.  So no constant of Korn's
-inequality enters.  Plain arrays, one rank.
+(hybridisation), which is factorised.  So no constant of Korn's inequality enters.  Plain arrays, one rank.
 """
 
 from __future__ import annotations
@@ -11,33 +10,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy.sparse as sp
 
 from signorini_fx.addons.bounds.arrays import Array
 from signorini_fx.addons.bounds.carried_residuals import carried
-from signorini_fx.addons.bounds.factorised_system import FactorisedSystem
-from signorini_fx.addons.bounds.iterated_system import IteratedSystem, balanced
-from signorini_fx.addons.bounds.johnson_mercier import LocalStress, reference
-from signorini_fx.addons.bounds.simplices import Simplices, moments_of
-from signorini_fx.addons.bounds.spring_facets import SpringFacets
+from signorini_fx.addons.bounds.cell_pieces import free_motions
+from signorini_fx.addons.bounds.definite_factor import Factor
+from signorini_fx.addons.bounds.johnson_mercier import LocalStress
+from signorini_fx.addons.bounds.linear_displacement import free_basis
+from signorini_fx.addons.bounds.simplices import Simplices, closest_linear, moments_of
 
 _EPS = float(np.finfo(float).eps)
-
-
-@dataclass(frozen=True)
-class Loads:
-    """What acts on the cells.
-
-    Attributes:
-        body: integrals of the force per volume times the barycentric coordinates, force, shape (n, d + 1, d).
-        traction: linear tractions at the vertices of each facet of the boundary, zero elsewhere, stress, (f, d, d).
-        unknown: bound of the force on each cell that quadrature does not know, shape (n,); 0: none.
-        initial: stress that initial strains take from the body, see ``LocalStress.stress``; None: there are none.
-    """
-
-    body: Array
-    traction: Array
-    unknown: Array | float = 0.0
-    initial: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -47,97 +30,99 @@ class EquilibratedStress:
     Attributes:
         stress: on each part of each cell at its corners, see ``LocalStress.stress``.
         tractions: at the vertices of each facet out of its first cell, stress, shape (f, d, d).
-        squares: of bounds of the work of what is not in equilibrium by round-off, per unit of the energy norm, shape
-            (n,).
-        of_springs: what springs exert of the tractions at the vertices of their facets, stress, shape (m, d, d); None:
-            nothing.
-        lost: a bound of the force that all cells together miss by round-off, force.
+        missing: a bound of the work of what is not in equilibrium by round-off, per unit of the energy norm.
     """
 
     stress: Array
     tractions: Array
-    squares: Array
-    of_springs: Array | None = None
-    lost: float = 0.0
-
-    @property
-    def missing(self) -> float:
-        """The bound for all cells."""
-        return float(np.sqrt(self.squares.sum()))
+    missing: float
 
 
-class Equilibration:
-    """Stresses in equilibrium on a body that is held in given directions.
+def equilibrated(t: Simplices, held: Array, body: Array, traction: Array, prescribed: Array) -> EquilibratedStress:
+    """The stress of least complementary energy among those of this kind in equilibrium with loads.
 
-    From displacements at the vertices of each facet each cell has balanced tractions of its own; those of the solution
-    are equal and opposite.  What a system misses of this is part of ``missing``: no digit rests on it.
+    Args:
+        t: the cells.
+        held: projector onto the directions in which each facet is held, shape (f, d, d).
+        body: integrals of the force per volume times the barycentric coordinates, force, shape (n, d + 1, d); the
+            resultant of all loads on free motions must vanish.
+        traction: linear tractions at the vertices of each facet of the boundary, zero elsewhere, stress, (f, d, d).
+        prescribed: the displacement at the vertices of held facets, as a linear function, length, shape (f, d, d).
     """
+    local, d = LocalStress(t), t.dimension
+    moments = _moments(t, local, held, local.alone(body), moments_of(t, traction), prescribed)
+    # The means of both sides, where tractions are given of these.
+    signed = (t.sign[:, :, None, None] * moments).reshape(-1, d)
+    summed = np.column_stack([np.bincount(local.places.ravel(), signed[:, k], t.facets.size) for k in range(d)])
+    tractions = closest_linear(summed.reshape(-1, d, d) / ((t.sides >= 0).sum(axis=1) * t.area)[:, None, None])
+    stopped = held[t.outer]
+    tractions[t.outer] = traction[t.outer] @ (np.eye(d) - stopped) + tractions[t.outer] @ stopped
+    stress, missed = local.stress(t.sign[:, :, None, None] * tractions.reshape(-1, d)[local.places], body)
+    return EquilibratedStress(stress, tractions, _round_off(t, local, held, body, tractions, missed))
 
-    def __init__(self, t: Simplices, held: Array, springs: SpringFacets | None = None) -> None:
-        """Make the system.
 
-        Args:
-            t: the cells.
-            held: projector onto the directions in which each facet is held, shape (f, d, d).
-            springs: on facets; None: there are none.
-        """
-        self._t, self._springs, self._local = t, springs, LocalStress(t)
-        self._stopped = held if springs is None else springs.stopped(held)
-        kind = FactorisedSystem if t.dimension == 2 else IteratedSystem
-        self._system: FactorisedSystem | IteratedSystem = kind(t, self._local, held, springs)
+def _moments(t: Simplices, local: LocalStress, held: Array, alone: Array, loads: Array, prescribed: Array) -> Array:
+    """Moments of each cell, out of it, which are equal and opposite but for loads, force, shape (n, d + 1, d, d).
 
-    def stress(self, loads: Loads, prescribed: Array) -> EquilibratedStress:
-        """The stress of least complementary energy among those of this kind in equilibrium with loads.
+    Args:
+        t: the cells.
+        local: their matrices.
+        held: see ``equilibrated``.
+        alone: see ``LocalStress.alone``.
+        loads: moments of the tractions on each facet, force, shape (f, d, d).
+        prescribed: see ``equilibrated``.
+    """
+    d, size = t.dimension, t.facets.size * t.dimension
+    compliance = np.tile(local.compliance, (t.parts, 1, 1))
+    places = (d * local.places[..., None] + np.arange(d)).reshape(len(t.corners), -1)
+    rows, columns = np.repeat(places, places.shape[1], axis=1).ravel(), np.tile(places, (1, places.shape[1])).ravel()
+    matrix = sp.csr_matrix((compliance.ravel(), (rows, columns)), shape=(size, size))
+    values, vectors = np.linalg.eigh(np.repeat(held, d, axis=0))
+    basis = free_basis(vectors, values > 0.5)
+    held_values = (prescribed @ held).ravel()
+    modes = free_motions(t, held).reshape(len(t.x), d, -1)[t.facets.ravel()].reshape(size, -1)
+    upper = _tied(sp.csr_matrix(basis.T @ matrix @ basis), basis.T @ modes)
+    forces = np.bincount(places.ravel(), alone.ravel(), size) + matrix @ held_values
+    u = held_values + basis @ Factor(upper).solve(basis.T @ (loads.ravel() - forces))
+    moments = (compliance @ u[places][:, :, None])[:, :, 0] + alone
+    return np.asarray(moments.reshape(len(t.corners), d + 1, d, d))
 
-        With initial strains it is the one that is closest to that of a displacement with them.
 
-        Args:
-            loads: what acts on the cells; its resultant on free motions must vanish.
-            prescribed: the displacement at the vertices of held facets, as a linear function, length, shape (f, d, d);
-                on the others any one to begin with.
-        """
-        t, places, d = self._t, self._local.places, self._t.dimension
-        alone = self._local.alone(loads.body)
-        if loads.initial is not None:
-            alone = alone - self._local.held_back(loads.initial)
-        moments = self._system.moments(alone, moments_of(t, loads.traction), prescribed)
-        # The means of both sides, where tractions are given of these.
-        signed = (t.sign[:, :, None, None] * moments).reshape(-1, d)
-        summed = np.column_stack([np.bincount(places.ravel(), signed[:, k], t.facets.size) for k in range(d)])
-        total = summed.reshape(-1, d, d) / ((t.sides >= 0).sum(axis=1) * t.area)[:, None, None]
-        tractions = d * (d + 1) * total - d * total.sum(axis=1, keepdims=True)
-        stopped = self._stopped[t.outer]
-        tractions[t.outer] = loads.traction[t.outer] @ (np.eye(d) - stopped) + tractions[t.outer] @ stopped
-        if isinstance(self._system, IteratedSystem):
-            tractions = balanced(t, loads.body, self._stopped, tractions)
-        stress, missed = self._local.stress(t.sign[:, :, None, None] * tractions.reshape(-1, d)[places], loads.body)
-        of_springs = None if self._springs is None else self._springs.traction(tractions, loads.traction)
-        squares, lost = self._round_off(loads, tractions, missed)
-        return EquilibratedStress(stress, tractions, squares, of_springs, lost)
+def _tied(matrix: sp.csr_matrix, modes: Array) -> sp.csr_matrix:
+    """The upper half with as many tied unknowns as there are free motions; loads in balance cause no force there.
 
-    def _round_off(self, loads: Loads, tractions: Array, missed_share: Array) -> tuple[Array, float]:
-        """Squares of bounds of the work of what is not in equilibrium, per unit of the energy norm, shape (n,), and of
-        the force that all cells miss.
+    Args:
+        matrix: of free unknowns.
+        modes: free motions, shape (unknowns, k).
+    """
+    diagonal, pins = matrix.diagonal(), np.zeros(matrix.shape[0])
+    for _ in range(modes.shape[1]):
+        pin = int(np.argmax(np.linalg.norm(modes, axis=1)))
+        unit = modes[pin] / np.linalg.norm(modes[pin])
+        modes = modes - np.outer(modes @ unit, unit)
+        pins[pin] = float(diagonal[pin])
+    upper = sp.triu(matrix + sp.diags_array(pins), format="csr")
+    upper.sort_indices()
+    return upper
 
-        The forces and couples that a cell misses are carried from one to the next to a facet with a support or springs,
-        or to a cell of a piece without one, by linear tractions: those with a resultant R and a couple M about the
-        middle of an edge of length l are at most R / l + 6 M / l^2, on a face of area A and least height h R / A +
-        12 M / (A h).  The stress
-        of each cell that balances these is bounded by the norm of the map from tractions or moments to stresses.
-        """
-        t, d = self._t, self._t.dimension
-        force = np.abs(tractions).max(axis=(1, 2)) * t.area
-        force_sizes = force[t.facets_of].max(axis=1) + np.abs(loads.body).sum(axis=(1, 2))
-        missed = force_sizes * (missed_share + 32 * _EPS) + loads.unknown
-        start = np.unique(t.sides[t.outer, 0][self._stopped[t.outer].any(axis=(1, 2))])
-        total, couple = carried(t.x[t.corners].mean(axis=1), t.sides, start, missed)
-        longest = np.linalg.norm(t.x[t.edges[:, 0]] - t.x[t.edges[:, 1]], axis=1)[t.edges_of].max(axis=1)
-        lowest = (d - 1) * t.area[t.facets_of].min(axis=1) / longest ** (d - 2)
-        forces = total + 6 * (d - 1) * (couple + total * longest) / lowest
-        if d == 3:
-            squares = np.asarray(self._local.energy * (36 * forces) ** 2)
-        else:
-            shape = np.linalg.norm(t.jacobian, axis=(1, 2)) ** 2 / (2 * t.volume)
-            squares = np.asarray((np.linalg.norm(reference(2)[0], 2) * shape**2 * forces) ** 2 / t.moduli.softest)
-        squares = squares if self._springs is None else squares + self._springs.carried(forces)
-        return squares, float(missed.sum())
+
+def _round_off(
+    t: Simplices, local: LocalStress, held: Array, body: Array, tractions: Array, missed_share: Array
+) -> float:
+    """A bound of the work of what is not in equilibrium, per unit of the energy norm.
+
+    The forces and couples that a cell misses are carried from one to the next to a facet with a support, or to a cell
+    of a piece without one, by linear tractions: those with a resultant R and a couple M about the middle of an edge of
+    length l are at most R / l + 6 M / l^2, on a face of area A and least height h R / A + 12 M / (A h).  The stress of
+    each cell that balances these is bounded by the norm of the map from moments to stresses.
+    """
+    d = t.dimension
+    force = np.abs(tractions).max(axis=(1, 2)) * t.area
+    sizes = force[t.facets_of].max(axis=1) + np.abs(body).sum(axis=(1, 2))
+    start = np.unique(t.sides[t.outer, 0][held[t.outer].any(axis=(1, 2))])
+    total, couple = carried(t.x[t.corners].mean(axis=1), t.sides, start, sizes * (missed_share + 32 * _EPS))
+    longest = np.linalg.norm(t.x[t.edges[:, 0]] - t.x[t.edges[:, 1]], axis=1)[t.edges_of].max(axis=1)
+    lowest = (d - 1) * t.area[t.facets_of].min(axis=1) / longest ** (d - 2)
+    forces = total + 6 * (d - 1) * (couple + total * longest) / lowest
+    count = d * d * (d + 1)  # moments of a cell, each of which is no larger
+    return float(np.sqrt((np.tile(local.energy, t.parts) * count * forces**2).sum()))

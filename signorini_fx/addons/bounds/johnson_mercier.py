@@ -86,10 +86,8 @@ class LocalStress:
     def _root_of_energy(self, chunk: slice) -> Array:
         """From stresses of reference cells to vectors whose squares are the energy, shape (n, 3 or 6, 3 or 6)."""
         t, d = self._t, self._t.dimension
-        n = len(self._turn[chunk])
-        strain, unit = t.moduli.scaled_strain(np.tile(np.eye(len(ROWS[d])), (n, 1, 1)), chunk)
-        root = np.linalg.cholesky(strain * TWICE[d]).transpose(0, 2, 1)
-        root *= np.sqrt(t.volume[chunk] / ((d + 1) ** 2 * (d + 2) * unit))[:, None, None]
+        root = np.linalg.cholesky(TWICE[d][:, None] * t.moduli.of(chunk).compliance).transpose(0, 2, 1)
+        root *= np.sqrt(t.volume[chunk] / ((d + 1) ** 2 * (d + 2)))[:, None, None]
         return np.asarray(root @ self._turn[chunk])
 
     def _weighted(self, root: Array, stress: Array) -> Array:
@@ -115,27 +113,6 @@ class LocalStress:
         # The triangle between three similar ones is turned by half a turn, which changes no sign here.
         moments = self._alone @ body.reshape(self._t.parts, len(self._alone), -1, 1)
         return np.asarray(moments.reshape(len(body), -1))
-
-    def held_back(self, initial: Array) -> Array:
-        """Minus the moments that an initial stress causes where vertices of facets do not move, force, shape (n, k).
-
-        The strain C^-1 s of the initial stress s acts as displacements of the vertices that do the same work.
-
-        Args:
-            initial: s on the parts at their corners, see ``stress``.
-        """
-        t, d, n = self._t, self._t.dimension, len(initial)
-        operator, count = reference(d)[0], d * d * (d + 1)
-        strain = t.strain(initial) * TWICE[d]
-        weight = t.volume / ((d + 1) ** 2 * (d + 2))
-        dual = weight[:, None, None, None] * (strain + strain.sum(axis=2, keepdims=True))
-        local = dual.reshape(n, (d + 1) ** 2, -1) @ self._turn
-        data = (local.reshape(n, -1) @ operator[:, :count]).reshape(n, -1, d)
-        forces = self._determinant[:, None, None] * (data @ self._inverse)
-        forces = forces.reshape(n, d + 1, d, d)
-        displacements = d * (d + 1) * forces - d * forces.sum(axis=2, keepdims=True)
-        parts = displacements.reshape(t.parts, len(self.compliance), -1, 1)
-        return np.asarray((self.compliance @ parts).reshape(n, -1))
 
     def stress(self, tractions: Array, body: Array) -> tuple[Array, Array]:
         """The stress, and the share of its data that it misses, by cell.

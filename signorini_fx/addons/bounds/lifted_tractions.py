@@ -1,18 +1,18 @@
-"""Bounds of the work of tractions on faces of tetrahedra that are orthogonal to linear vectors there.
+"""Bounds of the work of tractions on facets of cells that are orthogonal to linear vectors there.
 
-Such a traction r on a face F of K does no work on rigid motions of K, and its work on a displacement v is at most the
-norm of a *lifting*, a symmetric stress in K without divergence, with the traction r on F and none on the other faces,
-times the energy norm of v in K.  F is divided into m^2 triangles that are similar to it, every other one turned, and
+Such a traction r on a facet F of K does no work on rigid motions of K, and its work on a displacement v is at most the
+norm of a *lifting*, a symmetric stress in K without divergence, with the traction r on F and none on the other facets,
+times the energy norm of v in K.  F is divided into m parts in the plane, into m^2 triangles in space, that are similar
+to it, in space every other one turned, and
 
     r = (Pi r) + (r - Pi r),
 
 Pi the projection onto functions that are linear on each of them.  The first part is lifted by stresses of Johnson and
-Mercier in K divided into m^3 tetrahedra.  The second one is orthogonal to linear vectors on each triangle; it is lifted
-in the same way in tetrahedra of which these are faces, with apexes so that they do not meet: for a triangle like F one
-like K, for a turned one one like K', the tetrahedron of F turned by half a turn about its centroid c with the apex of K
-(its corners are 2 c - p_i).  Those of K' are like K' and, for turned ones, like K.  So the largest norms per |r|, c_K
-and c_K', are at most those of Pi r, C_K and C_K', and q = 1 / sqrt(m) times one of both, and as both parts are
-orthogonal
+Mercier in K divided into m^d cells.  The second one is orthogonal to linear vectors on each part; it is lifted in the
+same way in cells of which these are facets, with apexes so that they do not meet: for a part like F one like K, for a
+turned one one like K', the tetrahedron of F turned by half a turn about its centroid c with the apex of K (its corners
+are 2 c - p_i).  Those of K' are like K' and, for turned ones, like K.  So the largest norms per |r|, c_K and c_K', are
+at most those of Pi r, C_K and C_K', and q = 1 / sqrt(m) times one of both, and as both parts are orthogonal
 
     max(c_K, c_K')^2 <= max(C_K, C_K')^2 + q^2 max(c_K, c_K')^2.
 
@@ -23,32 +23,32 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache
-from itertools import permutations, product
+from itertools import combinations, permutations, product
+from math import factorial
 
 import numpy as np
 
 from signorini_fx.addons.bounds.arrays import Array, Ints
 from signorini_fx.addons.bounds.johnson_mercier import LocalStress
-from signorini_fx.addons.bounds.korn import REGULAR
 from signorini_fx.addons.bounds.simplices import TWICE, Moduli, Simplices
 from signorini_fx.tuned import ROUNDED_FORMS
 
-# Tetrahedra whose systems are solved at the same time.
+# Cells whose systems are solved at the same time.
 _CHUNK = 16
 _EPS = float(np.finfo(float).eps)
 
 
 @dataclass(frozen=True)
-class DividedFace:
-    """A triangle divided into m^2, and a tetrahedron on it into m^3.
+class DividedFacet:
+    """A facet divided into parts, p = m^(d - 1) of them, and a cell on it into m^d.
 
     Attributes:
-        parts: barycentric coordinates of the vertices of its parts, in the order of those of the triangle that they are
-            similar to, shape (m^2, 3, 3).
-        turned: which of them are turned by half a turn, shape (m^2,).
-        mean: from values at the vertices of the parts to those of the closest linear function, shape (3, 3 m^2).
-        x: barycentric coordinates of vertices in the tetrahedron, shape (v, 4); those of the triangle are first.
-        corners: of its parts, shape (m^3, 4).
+        parts: barycentric coordinates of the vertices of its parts, in the order of those of the facet that they are
+            similar to, shape (p, d, d).
+        turned: which of them are turned by half a turn, shape (p,).
+        mean: from values at the vertices of the parts to those of the closest linear function, shape (d, d p).
+        x: barycentric coordinates of vertices in the cell, shape (v, d + 1); those of the facet are first.
+        corners: of its parts, shape (m^d, d + 1).
     """
 
     parts: Array
@@ -60,159 +60,171 @@ class DividedFace:
     @property
     def times(self) -> int:
         """M."""
-        return round(len(self.parts) ** 0.5)
+        return round(len(self.parts) ** (1 / (self.parts.shape[1] - 1)))
 
 
 @cache
-def divided_face(m: int) -> DividedFace:
-    """Into so many parts along each edge."""
-    places = [np.array(place) for place in product(range(m + 2), repeat=3)]
-    straight = [place + np.eye(3) for place in places if place.sum() == m - 1]
-    turned = [place - np.eye(3) for place in places if place.sum() == m + 1 and place.min() > 0]
+def divided_facet(d: int, m: int) -> DividedFacet:
+    """Of cells in d dimensions, into so many parts along each edge."""
+    places = [np.array(counts) for counts in product(range(m + 2), repeat=d)]
+    straight = [counts + np.eye(d) for counts in places if counts.sum() == m - 1]
+    turned = [counts - np.eye(d) for counts in places if d == 3 and counts.sum() == m + 1 and counts.min() > 0]
     parts = np.array(straight + turned) / m
-    # Integrals of hat functions of the parts times those of the triangle, over its area.
-    mass = (np.ones((3, 3)) + np.eye(3)) / 12
-    moments = np.einsum("pia,ij->apj", parts, mass).reshape(3, -1) / m**2
+    # Integrals of hat functions of the parts times those of the facet, over its area.
+    mass = _mass(d)
+    moments = np.einsum("pia,ij->apj", parts, mass).reshape(d, -1) / len(parts)
     numbers, corners = dict[tuple[int, ...], int](), []
-    for cube in product(range(m), repeat=3):
-        for order in permutations(range(3)):
-            path = np.cumsum([np.array(cube), *np.eye(3, dtype=np.int64)[list(order)]], axis=0)
-            first, second, third = path.mean(axis=0)
-            if first > second > third:
+    for cube in product(range(m), repeat=d):
+        for order in permutations(range(d)):
+            path = np.cumsum([np.array(cube), *np.eye(d, dtype=np.int64)[list(order)]], axis=0)
+            if (np.diff(path.mean(axis=0)) < 0).all():
                 corners.append([numbers.setdefault(tuple(point.tolist()), len(numbers)) for point in path])
     at = np.array(list(numbers))
-    x = np.column_stack((m - at[:, 0], at[:, 0] - at[:, 1], at[:, 1] - at[:, 2], at[:, 2])) / m
+    x = -np.diff(np.column_stack((np.full(len(at), m), at, np.zeros(len(at)))), axis=1) / m
     kind = np.array([0] * len(straight) + [1] * len(turned), dtype=np.int64)
-    return DividedFace(parts, kind, np.linalg.solve(mass, moments), x, np.array(corners))
+    return DividedFacet(parts, kind, np.linalg.solve(mass, moments), x, np.array(corners))
 
 
-def finest(face: DividedFace, levels: int) -> Array:
-    """Barycentric coordinates of the vertices of the parts of parts, those of each one together, (m^2 ..., 3, 3)."""
-    parts: Array = np.eye(3)[None]
+def _mass(d: int) -> Array:
+    """Mean values of the products of the hat functions of a facet."""
+    return (np.ones((d, d)) + np.eye(d)) / (d * (d + 1))
+
+
+def finest(facet: DividedFacet, levels: int) -> Array:
+    """Barycentric coordinates of the vertices of the parts of parts, those of each one together, (p^levels, d, d)."""
+    d = facet.parts.shape[1]
+    parts: Array = np.eye(d)[None]
     for _ in range(levels):
-        parts = (face.parts @ parts[:, None]).reshape(-1, 3, 3)
+        parts = (facet.parts @ parts[:, None]).reshape(-1, d, d)
     return parts
 
 
 @dataclass(frozen=True)
 class Liftings:
-    """Of tractions on a face of each of n tetrahedra.
+    """Of tractions on a facet of each of n cells.
 
     Attributes:
-        face: how faces are divided.
-        forms: squares of the norms of liftings in K and in K' of tractions that are linear on the parts, from values at
-            their vertices, shape (n, 2, 9 m^2, 9 m^2).
+        facet: how facets are divided.
+        forms: squares of the norms of liftings in K, and in space in K', of tractions that are linear on the parts,
+            from values at their vertices, shape (n, 1 or 2, d^2 p, d^2 p).
         constant: a bound of c_K and c_K', shape (n,).
     """
 
-    face: DividedFace
+    facet: DividedFacet
     forms: Array
     constant: Array
 
     @classmethod
     def of(cls, corners: Array, moduli: Moduli, m: int) -> Liftings:
-        """Of tetrahedra.
+        """Of cells.
 
         Args:
-            corners: length, that opposite the face last, shape (n, 4, 3).
+            corners: length, that opposite the facet last, shape (n, d + 1, d).
             moduli: of them.
             m: parts along each edge.
         """
-        face, n = divided_face(m), len(corners)
+        n, d = len(corners), corners.shape[2]
+        facet, kinds = divided_facet(d, m), d - 1
         turned = corners.copy()
-        turned[:, :3] = 2 * corners[:, :3].mean(axis=1, keepdims=True) - corners[:, :3]
-        pairs = np.stack((corners, turned), axis=1).reshape(-1, 4, 3)
-        owner = np.repeat(np.arange(n), 2)
+        turned[:, :d] = 2 * corners[:, :d].mean(axis=1, keepdims=True) - corners[:, :d]
+        cells = np.stack((corners, turned)[:kinds], axis=1).reshape(-1, d + 1, d)
+        owner = np.repeat(np.arange(n), kinds)
         forms = [
-            _forms(face, pairs[first : first + _CHUNK], moduli.of(owner[first : first + _CHUNK]))
-            for first in range(0, 2 * n, _CHUNK)
+            _forms(facet, cells[first : first + _CHUNK], moduli.of(owner[first : first + _CHUNK]))
+            for first in range(0, len(cells), _CHUNK)
         ]
-        form = np.concatenate(forms)
-        form += (rounded(pairs, moduli.of(owner)) * np.linalg.norm(form, 2, axis=(1, 2)))[:, None, None] * np.eye(
-            9 * m * m
-        )
-        area = np.linalg.norm(np.cross(pairs[:, 1] - pairs[:, 0], pairs[:, 2] - pairs[:, 0]), axis=1) / 2
-        # Orthonormal functions on the face of area 1 that are orthogonal to linear ones.
-        root = np.kron(np.eye(m * m), np.linalg.cholesky((np.ones((3, 3)) + np.eye(3)) / (12 * m * m)).T)
-        linear = np.linalg.qr(root @ face.parts.reshape(-1, 3), mode="complete")[0][:, 3:]
-        free = np.kron(np.linalg.solve(root, linear), np.eye(3))
-        largest = np.linalg.eigvalsh(free.T @ form @ free)[:, -1] / area
-        constant = np.sqrt(largest.reshape(n, 2).max(axis=1) / (1 - 1 / m))
-        return cls(face, form.reshape(n, 2, *form.shape[1:]), constant)
+        form, size = np.concatenate(forms), d * d * len(facet.parts)
+        lost = rounded(cells, moduli.of(owner)) * np.linalg.norm(form, 2, axis=(1, 2))
+        form += lost[:, None, None] * np.eye(size)
+        # Orthonormal functions on the facet of area 1 that are orthogonal to linear ones.
+        root = np.kron(np.eye(len(facet.parts)), np.linalg.cholesky(_mass(d) / len(facet.parts)).T)
+        linear = np.linalg.qr(root @ facet.parts.reshape(-1, d), mode="complete")[0][:, d:]
+        free = np.kron(np.linalg.solve(root, linear), np.eye(d))
+        largest = np.linalg.eigvalsh(free.T @ form @ free)[:, -1] / _areas(cells)
+        constant = np.sqrt(largest.reshape(n, kinds).max(axis=1) / (1 - 1 / m))
+        return cls(facet, form.reshape(n, kinds, size, size), constant)
 
     def norms(self, values: Array, missed: Array) -> Array:
         """Bounds of the norms of liftings, shape (n,).
 
         Args:
             values: the projections of the tractions after some divisions, at the vertices of the ``finest`` parts,
-                shape (n, m^2 ..., 3, 3).
+                shape (n, p ..., d, d).
             missed: integrals of the squares of what they are not, shape (n,).
         """
-        face, n, m = self.face, len(self.constant), self.face.times
-        levels = round(np.log(values.shape[1]) / np.log(m * m))
+        facet, n, m, d = self.facet, len(self.constant), self.facet.times, values.shape[3]
+        count = len(facet.parts)
+        levels = round(np.log(values.shape[1]) / np.log(count))
         kinds: list[Ints] = [np.zeros(1, dtype=np.int64)]
         for _ in range(levels):
-            kinds.append((kinds[-1][:, None] ^ face.turned).ravel())
+            kinds.append((kinds[-1][:, None] ^ facet.turned).ravel())
         total = self.constant * np.sqrt(missed / m**levels)
         for level in reversed(range(levels)):
-            parts = values.reshape(n, -1, 3 * m * m, 3)
-            values = np.einsum("ak,njkd->njad", face.mean, parts)
-            difference = (parts - face.parts.reshape(-1, 3) @ values).reshape(n, len(kinds[level]), -1)
+            parts = values.reshape(n, -1, d * count, d)
+            values = np.einsum("ak,njkd->njad", facet.mean, parts)
+            difference = (parts - facet.parts.reshape(-1, d) @ values).reshape(n, len(kinds[level]), -1)
             squares = np.zeros(n)
-            for kind in (0, 1):
+            for kind in range(self.forms.shape[1]):
                 selected = difference[:, kinds[level] == kind]
                 squares += np.einsum("njk,nkl,njl->n", selected, self.forms[:, kind], selected, optimize=True)
-            total = total + np.sqrt(squares.clip(min=0.0) / m ** (3 * level))
+            total = total + np.sqrt(squares.clip(min=0.0) / m ** (d * level))
         return total
+
+
+def _areas(corners: Array) -> Array:
+    """Of the facets opposite the last corners, shape (n, d + 1, d) to (n,)."""
+    d = corners.shape[2]
+    along = corners[:, 1:d] - corners[:, :1]
+    return np.asarray(np.sqrt(np.linalg.det(along @ along.transpose(0, 2, 1))) / factorial(d - 1))
 
 
 def rounded(corners: Array, moduli: Moduli) -> Array:
     """Round-off of forms as a share of their norm, see ``ROUNDED_FORMS``, shape (n,)."""
-    edges = (corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1) @ np.linalg.inv((REGULAR[1:] - REGULAR[0]).T)
-    root = np.sqrt(TWICE[3])
-    stiffness = moduli.stress(np.tile(np.eye(6), (len(corners), 1, 1))).transpose(0, 2, 1) * root[:, None] / root
-    sizes = np.linalg.eigvalsh(stiffness)
+    d = corners.shape[2]
+    # The edges from the first corner of a regular cell have cosines of one half between them.
+    regular = np.linalg.cholesky((np.ones((d, d)) + np.eye(d)) / 2).T
+    edges = (corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1) @ np.linalg.inv(regular)
+    root = np.sqrt(TWICE[d])
+    sizes = np.linalg.eigvalsh(moduli.stiffness * root[:, None] / root)
     return np.asarray(ROUNDED_FORMS * _EPS * sizes[:, -1] / sizes[:, 0] * np.linalg.cond(edges) ** 4)
 
 
-def _forms(face: DividedFace, corners: Array, moduli: Moduli) -> Array:
-    """See ``Liftings.forms``: of some tetrahedra, shape (n, 9 m^2, 9 m^2)."""
-    n, m, vertices, cells = len(corners), face.times, len(face.x), len(face.corners)
-    x = face.x @ corners
-    at_corners = x[:, face.corners]
+def _forms(facet: DividedFacet, corners: Array, moduli: Moduli) -> Array:
+    """See ``Liftings.forms``: of some cells, shape (n, d^2 p, d^2 p)."""
+    n, d, vertices, cells = len(corners), corners.shape[2], len(facet.x), len(facet.corners)
+    m, q, k = facet.times, d * d, d * d * (d + 1)
+    x = facet.x @ corners
+    at_corners = x[:, facet.corners]
     negative = np.linalg.det(at_corners[:, :, 1:] - at_corners[:, :, :1]) < 0
-    ordered = np.where(negative[:, :, None], face.corners[:, [0, 1, 3, 2]], face.corners)
-    numbers = (ordered + vertices * np.arange(n)[:, None, None]).reshape(-1, 4)
-    t = Simplices(x.reshape(-1, 3), numbers, moduli.of(np.repeat(np.arange(n), cells)))
+    swapped = facet.corners[:, [*range(d - 1), d, d - 1]]
+    ordered = np.where(negative[:, :, None], swapped, facet.corners)
+    numbers = (ordered + vertices * np.arange(n)[:, None, None]).reshape(-1, d + 1)
+    t = Simplices(x.reshape(-1, d), numbers, moduli.of(np.repeat(np.arange(n), cells)))
     local = LocalStress(t)
-    count = len(t.facets) // n  # those of each tetrahedron together, in the same order
-    places = (3 * local.places[..., None] + np.arange(3)).reshape(n, cells, 36) - 9 * count * np.arange(n)[
-        :, None, None
-    ]
-    system = np.zeros((n, 9 * count, 9 * count))
-    for k in range(n):
-        np.add.at(
-            system[k], (places[k, :, :, None], places[k, :, None, :]), local.compliance[k * cells : (k + 1) * cells]
-        )
+    count = len(t.facets) // n  # those of each cell together, in the same order
+    places = (d * local.places[..., None] + np.arange(d)).reshape(n, cells, k) - q * count * np.arange(n)[:, None, None]
+    system = np.zeros((n, q * count, q * count))
+    for number in range(n):
+        compliance = local.compliance[number * cells : (number + 1) * cells]
+        np.add.at(system[number], (places[number, :, :, None], places[number, :, None, :]), compliance)
     facets = t.facets[:count]
     keys = t.keys(facets)
-    places_of_vertices = np.rint(m * face.x)
-    moments = np.zeros((9 * count, 9 * m * m))
-    mass = (np.ones((3, 3)) + np.eye(3)) / 12 / (m * m)
-    for part, corners_of_part in enumerate(np.rint(m * face.parts)):
-        vertex = (places_of_vertices[:, :3] == corners_of_part[:, None]).all(axis=2).argmax(axis=1)
-        facet, order = int(np.searchsorted(keys, t.keys(np.sort(vertex)))), np.argsort(np.argsort(vertex))
-        rows = (9 * facet + 3 * order[:, None] + np.arange(3)).ravel()
-        moments[rows, 9 * part : 9 * part + 9] = np.kron(mass, np.eye(3))
-    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 2
-    away = x[:, facets].reshape(n, -1, 3) - x.mean(axis=1)[:, None]
-    rigid = np.zeros((n, 3 * count, 3, 6))
-    rigid[:, :, range(3), range(3)] = 1.0
-    for k, (i, j) in enumerate(((0, 1), (0, 2), (1, 2)), start=3):
-        rigid[:, :, i, k], rigid[:, :, j, k] = -away[..., j], away[..., i]
-    modes = np.linalg.qr(rigid.reshape(n, -1, 6))[0]
-    scale = np.einsum("nii->n", system) / (9 * count)
+    places_of_vertices = np.rint(m * facet.x)
+    moments, mass = np.zeros((q * count, q * len(facet.parts))), _mass(d) / len(facet.parts)
+    for part, corners_of_part in enumerate(np.rint(m * facet.parts)):
+        vertex = (places_of_vertices[:, :d] == corners_of_part[:, None]).all(axis=2).argmax(axis=1)
+        number, order = int(np.searchsorted(keys, t.keys(np.sort(vertex)))), np.argsort(np.argsort(vertex))
+        rows = (q * number + d * order[:, None] + np.arange(d)).ravel()
+        moments[rows, q * part : q * (part + 1)] = np.kron(mass, np.eye(d))
+    away = x[:, facets].reshape(n, -1, d) - x.mean(axis=1)[:, None]
+    turns = list(combinations(range(d), 2))
+    rigid = np.zeros((n, d * count, d, d + len(turns)))
+    rigid[:, :, range(d), range(d)] = 1.0
+    for row, (i, j) in enumerate(turns, start=d):
+        rigid[:, :, i, row], rigid[:, :, j, row] = -away[..., j], away[..., i]
+    modes = np.linalg.qr(rigid.reshape(n, q * count, -1))[0]
+    scale = np.einsum("nii->n", system) / (q * count)
     full = system + scale[:, None, None] * (modes @ modes.transpose(0, 2, 1))
     solved = np.linalg.solve(full, np.broadcast_to(moments, (n, *moments.shape)))
-    forms = moments.T @ solved * (area**2)[:, None, None]
+    forms = moments.T @ solved * (_areas(corners) ** 2)[:, None, None]
     return np.asarray(forms + forms.transpose(0, 2, 1)) / 2

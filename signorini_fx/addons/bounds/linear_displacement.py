@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,8 +12,6 @@ from signorini_fx.addons.bounds.arrays import Array, Ints
 from signorini_fx.addons.bounds.cell_pieces import rigid_motions
 from signorini_fx.addons.bounds.definite_factor import Factor
 from signorini_fx.addons.bounds.simplices import COLUMNS, ROWS, TWICE, Simplices
-from signorini_fx.addons.bounds.spring_facets import SpringFacets
-from signorini_fx.addons.bounds.varying_springs import VaryingSprings
 from signorini_fx.tuned import ZERO_IN_SOLUTION
 
 
@@ -44,18 +41,6 @@ class PrescribedComponents:
         return True
 
     @staticmethod
-    def at_rest(vertex: Ints, d: int) -> PrescribedComponents:
-        """No displacement in any direction.
-
-        Args:
-            vertex: where, shape (r,).
-            d: the dimension.
-        """
-        return PrescribedComponents(
-            np.repeat(vertex, d), np.tile(np.eye(d), (len(vertex), 1)), np.zeros(d * len(vertex))
-        )
-
-    @staticmethod
     def joined(*parts: PrescribedComponents) -> PrescribedComponents:
         """All of them."""
         return PrescribedComponents(
@@ -71,37 +56,17 @@ class PrescribedComponents:
         Args:
             facets: vertices of edges or faces, shape (f, d).
             projectors: onto these directions, shape (f, d, d).
-            value: of the displacement, length, shape (d,) or (f, d).
+            value: of the displacement, length, shape (d,).
         """
-        held_facets, d = np.flatnonzero(projectors.any(axis=(1, 2))), facets.shape[1]
-        sizes, vectors = np.linalg.eigh(projectors[held_facets])
-        parts = []
-        for k in range(d):
-            is_held = sizes[:, k] > 0.5
-            for corner in range(d):
-                direction = vectors[is_held, :, k]
-                prescribed = np.broadcast_to(value, facets.shape)[held_facets[is_held]]
-                parts.append(
-                    PrescribedComponents(
-                        facets[held_facets[is_held], corner], direction, (direction * prescribed).sum(axis=1)
-                    )
-                )
-        return PrescribedComponents.joined(*parts)
+        held, d = np.flatnonzero(projectors.any(axis=(1, 2))), facets.shape[1]
+        sizes, vectors = np.linalg.eigh(projectors[held])
+        rows, columns = np.nonzero(sizes > 0.5)
+        directions = np.repeat(vectors[rows, :, columns], d, axis=0)
+        return PrescribedComponents(facets[held[rows]].ravel(), directions, directions @ value)
 
 
-def smallest_energy(
-    t: Simplices,
-    constraints: PrescribedComponents,
-    load: Array | None = None,
-    springs: Sequence[SpringFacets | VaryingSprings] = (),
-) -> tuple[Array, float]:
-    """The displacement of least energy, loads included, with given components.
-
-    Args:
-        t: the cells.
-        constraints: the components; with springs they leave no rigid motion free.
-        load: forces at vertices, shape (v, d); None: there are none.
-        springs: on facets.
+def smallest_energy(t: Simplices, constraints: PrescribedComponents) -> tuple[Array, float]:
+    """The displacement of least energy with given components, which leave no rigid motion free.
 
     Returns:
         The displacement at the vertices, length, shape (v, d), and how far it is from what is given at most, length.
@@ -110,23 +75,16 @@ def smallest_energy(
     weight, value = np.zeros((count, d, d)), np.zeros((count, d))
     np.add.at(weight, constraints.vertex, constraints.direction[:, :, None] * constraints.direction[:, None])
     np.add.at(value, constraints.vertex, constraints.direction * constraints.value[:, None])
-    turn, fixed, start = np.tile(np.eye(d), (count, 1, 1)), np.zeros((count, d), dtype=bool), np.zeros((count, d))
-    constrained = np.unique(constraints.vertex)
-    sizes, vectors = np.linalg.eigh(weight[constrained])
-    turn[constrained], fixed[constrained] = vectors, sizes > ZERO_IN_SOLUTION
-    along = np.einsum("nik,ni->nk", vectors, value[constrained])
-    start[constrained] = np.einsum(
-        "nik,nk->ni", vectors, np.where(fixed[constrained], along / np.where(fixed[constrained], sizes, 1.0), 0.0)
-    )
-    matrix = stiffness(t)
-    for sprung in springs:
-        matrix = matrix + assembled(sprung.matrices, t.facets[sprung.facets], count)
-    force = (np.zeros((count, d)) if load is None else load) - (matrix @ start.ravel()).reshape(-1, d)
-    basis = free_basis(turn, fixed)
+    sizes, turn = np.linalg.eigh(weight)
+    fixed = sizes > ZERO_IN_SOLUTION
+    along = np.einsum("nik,ni->nk", turn, value) / np.where(fixed, sizes, 1.0)
+    start = np.einsum("nik,nk->ni", turn, np.where(fixed, along, 0.0))
+    matrix, basis = _stiffness(t), free_basis(turn, fixed)
     if basis.shape[1]:
         upper = sp.triu(basis.T @ matrix @ basis, format="csr")
         upper.sort_indices()
-        start += (basis @ Factor(upper).solve(basis.T @ force.ravel())).reshape(-1, d)
+        force = -(matrix @ start.ravel())
+        start += (basis @ Factor(upper).solve(basis.T @ force)).reshape(-1, d)
     missed = (start[constraints.vertex] * constraints.direction).sum(axis=1) - constraints.value
     return start, float(np.abs(missed).max(initial=0.0))
 
@@ -142,22 +100,17 @@ def free_basis(turn: Array, fixed: npt.NDArray[np.bool_]) -> sp.csr_matrix:
     numbers = (d * np.arange(count)[:, None, None] + np.arange(d)[:, None]).repeat(d, axis=2)
     size = (d * count, d * count)
     basis = sp.csr_matrix((turn.ravel(), (numbers.ravel(), numbers.transpose(0, 2, 1).ravel())), shape=size)
+    basis.eliminate_zeros()
     return sp.csr_matrix(basis[:, np.flatnonzero(~fixed.ravel())])
 
 
-def stiffness(t: Simplices) -> sp.csr_matrix:
+def _stiffness(t: Simplices) -> sp.csr_matrix:
     """Of displacements linear on the cells, force per length, shape (d v, d v)."""
     d = t.x.shape[1]
     rows, columns, twice = ROWS[d], COLUMNS[d], TWICE[d]
     gradient = np.einsum("nci,kj->nckji", t.gradients, np.eye(d)).reshape(len(t.corners), -1, d, d)
     strain = (gradient[:, :, rows, columns] + gradient[:, :, columns, rows]) / 2
     local = t.volume[:, None, None] * t.stress(strain) @ (strain * twice).transpose(0, 2, 1)
-    return assembled(local, t.corners, len(t.x))
-
-
-def assembled(local: Array, corners: Ints, count: int) -> sp.csr_matrix:
-    """The sum of the matrices of cells, of unknowns at vertices, shape (d v, d v)."""
-    d = local.shape[1] // corners.shape[1]
-    dofs = (d * corners[:, :, None] + np.arange(d)).reshape(len(corners), -1)
-    rows, columns = np.repeat(dofs, dofs.shape[1], axis=1).ravel(), np.tile(dofs, (1, dofs.shape[1])).ravel()
-    return sp.csr_matrix((local.ravel(), (rows, columns)), shape=(d * count, d * count))
+    dofs = (d * t.corners[:, :, None] + np.arange(d)).reshape(len(t.corners), -1)
+    places = np.repeat(dofs, dofs.shape[1], axis=1).ravel(), np.tile(dofs, (1, dofs.shape[1])).ravel()
+    return sp.csr_matrix((local.ravel(), places), shape=(t.x.size, t.x.size))

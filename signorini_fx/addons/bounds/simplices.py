@@ -6,17 +6,16 @@ and volumes and areas are areas and lengths in the plane.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations
 from math import factorial
-from typing import Protocol
 
 import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.csgraph import connected_components
 
 from signorini_fx.addons.bounds.arrays import Array, Ints
-from signorini_fx.addons.bounds.cell_pieces import pieces_of_cells, pieces_of_vertices
 
 # By dimension: corners of the facet opposite each corner, and of each edge.
 FACETS: dict[int, Ints] = {
@@ -36,114 +35,46 @@ COLUMNS: dict[int, Ints] = {2: np.array([0, 1, 1]), 3: np.array([0, 1, 2, 2, 2, 
 TWICE: dict[int, Array] = {d: np.where(ROWS[d] == COLUMNS[d], 1.0, 2.0) for d in (2, 3)}
 
 
-class Moduli(Protocol):
-    """Hooke's law of n cells, in the components ``ROWS`` and ``COLUMNS`` of epsilon and sigma, m of them."""
-
-    @property
-    def softest(self) -> Array:
-        """Alpha with sigma(w) : eps(w) >= alpha |eps(w)|^2, stress, shape (n,)."""
-
-    def stress(self, strain: Array) -> Array:
-        """Of strains, shape (n, ..., m)."""
-
-    def scaled_strain(self, stress: Array, cells: slice = slice(None)) -> tuple[Array, Array]:
-        """Of stresses of some of the cells, shape (n, ..., m), times a modulus of each, shape (n,), and that."""
-
-    def repeated(self, times: int) -> Moduli:
-        """Of so many times the cells."""
-
-    def of(self, cells: Ints) -> Moduli:
-        """Of some of the cells."""
-
-    def times(self, factor: Array) -> Moduli:
-        """Multiplied in each cell, shape (n,)."""
-
-
 @dataclass(frozen=True)
-class IsotropicModuli:
-    """Those of lambda and mu, stresses, shape (n,).
-
-    Attributes:
-        lame: lambda.
-        mu: mu.
-        dimension: d.
-    """
-
-    lame: Array
-    mu: Array
-    dimension: int
-
-    @property
-    def softest(self) -> Array:
-        """See ``Moduli``."""
-        return np.minimum(2 * self.mu, self.dimension * self.lame + 2 * self.mu)
-
-    def stress(self, strain: Array) -> Array:
-        """See ``Moduli``."""
-        d, (first, second) = self.dimension, self._of_axes(strain.ndim, slice(None))
-        stress = 2 * second * strain
-        stress[..., :d] += first * strain[..., :d].sum(axis=-1, keepdims=True)
-        return np.asarray(stress)
-
-    def scaled_strain(self, stress: Array, cells: slice = slice(None)) -> tuple[Array, Array]:
-        """See ``Moduli``: times 2 mu."""
-        d, (first, second) = self.dimension, self._of_axes(stress.ndim, cells)
-        strain = stress.copy()
-        strain[..., :d] -= first / (d * first + 2 * second) * stress[..., :d].sum(axis=-1, keepdims=True)
-        return strain, 2 * self.mu[cells]
-
-    def _of_axes(self, axes: int, cells: slice) -> Iterator[Array]:
-        """Lambda and mu, to be multiplied with arrays of so many axes."""
-        return (values[cells].reshape(-1, *[1] * (axes - 1)) for values in (self.lame, self.mu))
-
-    def repeated(self, times: int) -> IsotropicModuli:
-        """See ``Moduli``."""
-        return IsotropicModuli(np.tile(self.lame, times), np.tile(self.mu, times), self.dimension)
-
-    def of(self, cells: Ints) -> IsotropicModuli:
-        """See ``Moduli``."""
-        return IsotropicModuli(self.lame[cells], self.mu[cells], self.dimension)
-
-    def times(self, factor: Array) -> IsotropicModuli:
-        """See ``Moduli``."""
-        return IsotropicModuli(factor * self.lame, factor * self.mu, self.dimension)
-
-
-@dataclass(frozen=True)
-class MatrixModuli:
-    """Those of matrices.
+class Moduli:
+    """Hooke's law of n cells, in the components ``ROWS`` and ``COLUMNS`` of epsilon and sigma, m of them.
 
     Attributes:
         stiffness: stresses from strains, shape (n, m, m).
         compliance: its inverse.
-        softest: see ``Moduli``.
     """
 
     stiffness: Array
     compliance: Array
-    softest: Array
+
+    @classmethod
+    def isotropic(cls, lame: Array, mu: Array, dimension: int) -> Moduli:
+        """Those of lambda and mu, stresses, shape (n,)."""
+        unit = np.eye(len(ROWS[dimension]))
+        normal = (ROWS[dimension] == COLUMNS[dimension]).astype(np.float64)
+        mean, first, second = np.outer(normal, normal), lame[:, None, None], 2 * mu[:, None, None]
+        return cls(second * unit + first * mean, (unit - first / (dimension * first + second) * mean) / second)
+
+    @property
+    def stiffest(self) -> Array:
+        """More than the largest sigma : epsilon over epsilon : epsilon, stress, shape (n,)."""
+        return np.asarray(np.trace(self.stiffness, axis1=1, axis2=2))
 
     def stress(self, strain: Array) -> Array:
-        """See ``Moduli``."""
+        """Of strains, shape (n, ..., m)."""
         return _times(self.stiffness, strain)
 
-    def scaled_strain(self, stress: Array, cells: slice = slice(None)) -> tuple[Array, Array]:
-        """See ``Moduli``: times one."""
-        return _times(self.compliance[cells], stress), np.ones(len(stress))
+    def strain(self, stress: Array) -> Array:
+        """Of stresses, shape (n, ..., m)."""
+        return _times(self.compliance, stress)
 
-    def repeated(self, times: int) -> MatrixModuli:
-        """See ``Moduli``."""
-        stiffness, compliance = (np.tile(matrix, (times, 1, 1)) for matrix in (self.stiffness, self.compliance))
-        return MatrixModuli(stiffness, compliance, np.tile(self.softest, times))
+    def repeated(self, times: int) -> Moduli:
+        """Of so many times the cells."""
+        return Moduli(*(np.tile(matrix, (times, 1, 1)) for matrix in (self.stiffness, self.compliance)))
 
-    def of(self, cells: Ints) -> MatrixModuli:
-        """See ``Moduli``."""
-        return MatrixModuli(self.stiffness[cells], self.compliance[cells], self.softest[cells])
-
-    def times(self, factor: Array) -> MatrixModuli:
-        """See ``Moduli``."""
-        of_matrix = factor[:, None, None]
-        return MatrixModuli(of_matrix * self.stiffness, self.compliance / of_matrix, factor * self.softest)
+    def of(self, cells: Ints | slice) -> Moduli:
+        """Of some of the cells."""
+        return Moduli(self.stiffness[cells], self.compliance[cells])
 
 
 @dataclass(frozen=True)
@@ -290,8 +221,7 @@ class Simplices:
 
     def strain(self, stress: Array) -> Array:
         """Of stresses, shape (n, ..., 3 or 6)."""
-        strain, unit = self.moduli.scaled_strain(stress)
-        return np.asarray(strain / unit.reshape(-1, *[1] * (stress.ndim - 1)))
+        return self.moduli.strain(stress)
 
     def strain_at_corners(self, y: Array, middle: Array) -> Array:
         """Strains of a displacement of degree 2 at the corners of the cells, shape (n, d + 1, 3 or 6).
@@ -314,6 +244,31 @@ class Simplices:
         return np.asarray((gradient[..., rows, columns] + gradient[..., columns, rows]) / 2)
 
 
+def pieces_of_cells(sides: Ints, count: int) -> Ints:
+    """The piece that each cell is in, from 0, shape (count,).
+
+    Args:
+        sides: the cells at both sides of each facet, -1 for none, shape (f, 2).
+        count: of the cells.
+    """
+    inner = sides[(sides >= 0).all(axis=1)]
+    graph = sp.csr_matrix((np.ones(len(inner)), tuple(inner.T)), shape=(count, count))
+    return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
+
+
+def pieces_of_vertices(corners: Ints, piece: Ints, count: int) -> Ints:
+    """The piece that each vertex is in, shape (count,); no vertex is in two of them.
+
+    Args:
+        corners: of each cell, shape (n, d + 1).
+        piece: that each cell is in, shape (n,).
+        count: of the vertices.
+    """
+    piece_of_vertex = np.zeros(count, dtype=np.int64)
+    piece_of_vertex[corners] = piece[:, None]
+    return piece_of_vertex
+
+
 def _times(matrix: Array, components: Array) -> Array:
     """Of each cell, shape (n, ..., m)."""
     count, m = components.shape[0], components.shape[-1]
@@ -325,6 +280,16 @@ def moments_of(t: Simplices, traction: Array) -> Array:
     shape = (-1, *[1] * (traction.ndim - 1))
     unit = t.area.reshape(shape) / (t.dimension * (t.dimension + 1))
     return np.asarray(unit * (traction + traction.sum(axis=1, keepdims=True)))
+
+
+def closest_linear(moments: Array) -> Array:
+    """The values at the corners of simplices of the linear functions with given moments, shape (n, k, ...).
+
+    Args:
+        moments: mean values of the products with the barycentric coordinates, shape (n, k, ...).
+    """
+    count = moments.shape[1]
+    return np.asarray(count * (count + 1) * moments - count * moments.sum(axis=1, keepdims=True))
 
 
 def divide(t: Simplices, y: Array, middle: Array) -> tuple[Simplices, Array, Array, Ints]:

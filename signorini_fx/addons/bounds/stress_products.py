@@ -1,4 +1,4 @@
-"""Products of stresses that are linear on the parts of divided cells, and of strains that are linear on the cells."""
+"""Squares of stresses that are linear on the parts of divided cells, and of strains that are linear on the cells."""
 
 from __future__ import annotations
 
@@ -15,20 +15,15 @@ def from_strain(t: Simplices, strain: Array) -> Array:
     return np.concatenate((corner_stress[:, FACETS[t.dimension]], centre), axis=2)
 
 
-def product(t: Simplices, sigma: Array, tau: Array) -> Array:
-    """Integrals of sigma : C^-1 tau of stresses on the parts, by cell, energies (in the plane per thickness), (n,)."""
-    d, strain = t.dimension, t.strain(tau) * TWICE[t.dimension]
-    sums = (sigma * strain).sum(axis=(1, 2, 3)) + (sigma.sum(axis=2) * strain.sum(axis=2)).sum(axis=(1, 2))
-    return np.asarray(t.volume / ((d + 1) ** 2 * (d + 2)) * sums)
-
-
 def square(t: Simplices, stress: Array) -> Array:
-    """Squares of the norm of the complementary energy, by cell, see ``product``."""
-    return product(t, stress, stress).clip(min=0.0)
+    """Integrals of sigma : C^-1 sigma of stresses on the parts, by cell, energies, shape (n,)."""
+    d, strain = t.dimension, t.strain(stress) * TWICE[t.dimension]
+    sums = (stress * strain).sum(axis=(1, 2, 3)) + (stress.sum(axis=2) * strain.sum(axis=2)).sum(axis=(1, 2))
+    return np.asarray(t.volume / ((d + 1) ** 2 * (d + 2)) * sums).clip(min=0.0)
 
 
 def energy(t: Simplices, strain: Array) -> Array:
-    """Squares of energy norms of linear strains at corners, by cell, see ``product``."""
+    """Squares of energy norms of linear strains at corners, by cell, see ``square``."""
     d, stress = t.dimension, t.stress(strain) * TWICE[t.dimension]
     sums = (stress * strain).sum(axis=(1, 2)) + (stress.sum(axis=1) * strain.sum(axis=1)).sum(axis=1)
     return np.asarray(t.volume / ((d + 1) * (d + 2)) * sums)

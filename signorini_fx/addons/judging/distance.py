@@ -18,7 +18,7 @@ import mpi4py.MPI  # noqa: F401  # first: PETSc and dolfinx from PyPI find the l
 import numpy as np
 from dolfinx import fem
 
-from signorini_fx.addons.bounds.error_bound import Bounded
+from signorini_fx.addons.bounds.error_bound import error_bound
 from signorini_fx.addons.decks.tagged_arrays import tagged
 from signorini_fx.addons.judging.contact_figures import JudgedContactFigures
 from signorini_fx.addons.judging.formulations import EXACT, FULL, elastic_stiffness, stiffness_by_material
@@ -165,11 +165,9 @@ def _halvings(mesh: CarriedMesh) -> int:
 
 def _bound(solution: Solution, displacement: fem.Function) -> tuple[float, float]:
     """The energy norm of a displacement, and the bound of that of its error with the stress of a solution."""
-    last = solution.steps[-1]
-    earlier = solution.steps[-2].displacement if len(solution.steps) > 1 else None
-    bound = Bounded(solution.model, displacement, solution.contact, last.place, earlier).bound()
-    if bound.grounds.estimated:
-        raise Refused(bound.grounds.of("the bound is an estimate"))
+    bound = error_bound(solution.model, displacement, solution.contact, solution.steps[-1].place)
+    if isinstance(bound, str):
+        raise Refused(bound)
     return bound.size, bound.error
 
 

@@ -78,8 +78,7 @@ def certificate(summary: dict[str, Any]) -> Markup:
         difference = f"{gap:.1e}" if gap else "zero"
         parts.append(tag("p", in_text(f"The relative difference of primal and dual functional is {difference}.")))
     error = summary.get("error_bound") or {}
-    known = "Estimated error" if error.get("relative_error") is not None else "Bound of the error"
-    bound = "Guaranteed error" if error.get("guaranteed") else known
+    bound = "Guaranteed error" if error.get("guaranteed") else "Bound of the error"
     if error:
         statement = f"{bound}: {error['statement']}."
         if "energy between" in statement and unit("energy"):

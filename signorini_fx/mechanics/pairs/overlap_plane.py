@@ -68,27 +68,6 @@ def plane_overlap(
     return Overlap(slave_facets, master_facets, at[..., None], over[..., None], weight)
 
 
-def ends_in_plane(
-    overlap: Overlap, slave: PairSurface, master: PairSurface, directions: Array | None = None
-) -> tuple[Array, Array]:
-    """Both ends of each piece, in the reference facets of the slave and of the master, shapes (p, 2, 1).
-
-    Args:
-        overlap: of ``plane_overlap``.
-        slave: the side with the points.
-        master: the other one.
-        directions: see ``plane_overlap``.
-    """
-    first, last = PLACES_OF_RULE[[0, -1]]
-    inner = overlap.at[:, [0, -1], 0]
-    width = 2 * (inner[:, 1] - inner[:, 0]) / (last - first)
-    at = np.clip(inner.mean(axis=1)[:, None] + width[:, None] * np.array([-0.5, 0.5]), 0.0, 1.0)
-    nodes, shape = slave.nodes[overlap.slave], slave.functions.values(at[..., None])
-    normals = (slave.nodal_normals if directions is None else directions)[nodes]
-    x, normal = (np.einsum("pqk,pkd->pqd", shape, values) for values in (slave.x[nodes], normals))
-    return at[..., None], _over(master, master.corners[overlap.master], x, normal)[..., None]
-
-
 def turned_in_plane(slave: PairSurface, directions: Array) -> float:
     """The largest distance of directions of projection from those that a first projection takes, of length one."""
     return float(np.abs(directions - slave.nodal_normals)[slave.points].max())

@@ -8,13 +8,12 @@ import numpy as np
 
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.quantities.quantity import Quantity
-from signorini_fx.quantities.requests import axis_of, direction_of
+from signorini_fx.quantities.requests import axis_of
 from signorini_fx.quantities.step_columns import by_axis, of_boundaries
 
 if TYPE_CHECKING:
     from signorini_fx.mechanics.model import Model
     from signorini_fx.quantities.functional import Functional
-    from signorini_fx.quantities.proved_statements import Interval
 
 
 class MeanTangential(Quantity):
@@ -62,13 +61,6 @@ class Mean(Quantity):
         if area == 0:
             raise SceneError([(f"of mean {boundary}", "this boundary has no area")])
         return OfDisplacement(np.asarray(weights / area, dtype=np.float64))
-
-    def bounds(self, solution: Any, *words: str) -> Interval | str | None:
-        """See ``Quantity``."""
-        boundary, axis = words
-        direction = direction_of(solution.model.dimension, axis)
-        bounds: Interval | str = solution.mean_displacement_bounds(boundary, direction)
-        return bounds
 
 
 class AtPoint(Quantity):

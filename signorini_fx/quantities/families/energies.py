@@ -48,7 +48,7 @@ class StrainEnergy(Quantity):
         if bound is None or isinstance(bound, str):
             return bound
         low, high = bound.strain_energy
-        return Interval(low, high, bound.grounds)
+        return Interval(low, high, bound.assumed)
 
 
 QUANTITIES = (FrictionWork(), StrainEnergy())

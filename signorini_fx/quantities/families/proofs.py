@@ -22,12 +22,8 @@ class ErrorBoundFigures(Row):
     strain_energy: list[Number] = described(
         "Between which the strain energy of the exact solution is.", default_factory=list
     )
-    work: list[Number] | None = described(
-        "Between which the work of the loads of the exact solution is; null with friction.", default=None
-    )
-    error: Number = described("Square root of a(e, e): the sum of the four that follow.", default=None)
+    error: Number = described("Square root of a(e, e): at most the sum of the three that follow.", default=None)
     duality: Number = described("Part of the gap between both functionals.", default=None)
-    data: Number = described("Part of what the stress does not hold of the loads.", default=None)
     moved: Number = described("Part of the displacement without penetration instead of the computed one.", default=None)
     round_off: Number = described("Part of round-off.", default=None)
     guaranteed: bool = described("Whether it is a bound; else an estimate.", default=None)

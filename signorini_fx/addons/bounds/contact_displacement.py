@@ -1,0 +1,122 @@
+"""A displacement that enters neither foundations nor other bodies, from one that does.
+
+Vertices are moved along the normals by hat functions, both sides by shares with the least energy of springs in series;
+where the parts of a contact are whole facets the middles of edges follow by parabolas.  On other parts each vertex
+moves by the largest excess around, so that the change is as large everywhere on these.  Where contact is closed sides
+may as well be moved to each other: what is left open between nodes times the pressure is of the order of the error,
+while a change costs its square.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from signorini_fx.addons.bounds.arrays import Array, Ints
+from signorini_fx.addons.bounds.contact_parts import SLAVE
+from signorini_fx.addons.bounds.plain_problem import FacetsInContact, PlainProblem
+from signorini_fx.addons.bounds.simplices import EDGES_OF_FACET
+from signorini_fx.quantities.proved_statements import Refused
+from signorini_fx.tuned import SAME_LENGTH
+
+# Times that bodies are moved out of foundations and each other.
+_ATTEMPTS = 5
+# A direction along which supports leave a vertex so much of a way along its normals is one in which it may move.
+_MOVABLE = 0.25
+
+
+def admissible(problem: PlainProblem, tiny: float, *, closed: bool) -> tuple[Array, Array]:
+    """The displacement at vertices and middles of edges, length, shapes (v, d) and (e, d).
+
+    Args:
+        problem: with the computed displacement.
+        tiny: a length of the size of round-off, up to which it may enter.
+        closed: whether it is moved to the other side under pressure.
+
+    Raises:
+        Refused: supports leave no way out.
+    """
+    t, y, middle = problem.t, problem.y.copy(), problem.middle.copy()
+    free = [
+        _free(entities, count, problem) for entities, count in ((t.facets, len(y)), (t.edges_of_facets, len(middle)))
+    ]
+    for attempt in range(_ATTEMPTS):
+        for surface in problem.contacts:
+            _separate(problem, surface, y, middle, free, tiny, closed=closed and not attempt)
+        deepest = [
+            surface.excess(problem.relative(surface, y, middle)).max(initial=0.0) for surface in problem.contacts
+        ]
+        if max(deepest, default=0.0) <= 2 * tiny:
+            return y, middle
+    raise Refused("no displacement near the computed one keeps to supports, foundations and other bodies")
+
+
+def _free(entities: Ints, count: int, problem: PlainProblem) -> Array:
+    """Projectors onto the directions in which supports let vertices or edges of facets move, shape (count, d, d)."""
+    outer, held = problem.t.outer, np.zeros((count, *problem.held.shape[1:]))
+    for column in entities[outer].T:
+        np.add.at(held, column, problem.held[outer])
+    sizes, vectors = np.linalg.eigh(held)
+    return np.einsum("vik,vk,vjk->vij", vectors, np.where(sizes > SAME_LENGTH, 0.0, 1.0), vectors)
+
+
+def _separate(
+    problem: PlainProblem,
+    surface: FacetsInContact,
+    y: Array,
+    middle: Array,
+    free: list[Array],
+    tiny: float,
+    *,
+    closed: bool,
+) -> None:
+    """Move a displacement out of one contact, in place."""
+    t, parts, d = problem.t, surface.parts, problem.t.dimension
+    at_vertices = closed & (parts.on_parts(surface.pressure) > 0)
+    at_edges = at_vertices[:, EDGES_OF_FACET[d]].all(axis=2)
+    # What supports keep of a share the other side does.
+    for share in (surface.share, 0.0, 1.0) if surface.paired else (1.0,):
+        excess, unmoved = surface.excess(problem.relative(surface, y, middle)), y.copy()
+        depth = excess[:, :d] if parts.by_facets else excess.max(axis=1, keepdims=True).repeat(d, axis=1)
+        depth = np.where(at_vertices, depth, depth.clip(min=-tiny))
+        for side in parts.sides:
+            vertices = parts.vertices(t, side) if parts.by_facets else t.facets[parts.facet(side)]
+            y -= _step(surface, side, share) * _moved(vertices, depth + tiny, parts.normal, free[0])
+        middle += (y - unmoved)[t.edges].mean(axis=1)
+        if not parts.by_facets:
+            continue
+        depth = surface.excess(problem.relative(surface, y, middle))[:, d:]
+        depth = np.where(at_edges, depth, depth.clip(min=-tiny)) + tiny
+        for side in parts.sides:
+            # Twice the middle of an edge is what its coefficient of Bernstein has of it.
+            edges = parts.edges(t, side)
+            middle -= _step(surface, side, share) * _moved(edges, depth / 2, parts.normal, free[1])
+
+
+def _step(surface: FacetsInContact, side: int, share: float) -> float:
+    """What a side has of a change of the jump."""
+    return share if side == SLAVE else share - 1.0
+
+
+def _moved(places: Ints, depth: Array, normal: Array, free: Array) -> Array:
+    """Displacements of vertices or edges that are along the normals of the parts around at least as large as depths.
+
+    Those of negative depths are no larger than that.
+
+    Args:
+        places: numbers of them, shape (m, k).
+        depth: length, shape (m, k).
+        normal: of the parts, shape (m, d).
+        free: projectors onto the directions in which they may move, shape (n, d, d).
+    """
+    sums, deepest = np.zeros(free.shape[:2]), np.full(len(free), -np.inf)
+    for column, depths in zip(places.T, depth.T, strict=True):
+        np.add.at(sums, column, normal)
+        np.maximum.at(deepest, column, depths)
+    sizes = np.linalg.norm(sums, axis=1, keepdims=True)
+    mean = np.divide(sums, sizes, out=np.zeros_like(sums), where=sizes > 0)
+    ways, least = np.einsum("nij,nj->ni", free, mean), np.full(len(free), np.inf)
+    for column in places.T:
+        np.minimum.at(least, column, np.einsum("md,md->m", ways[column], normal))
+    movable = (least > _MOVABLE) & np.isfinite(least)
+    scale = np.divide(deepest, least, out=np.zeros_like(deepest), where=movable)
+    return np.asarray(scale[:, None] * ways)

@@ -1,0 +1,105 @@
+"""Two-sided bounds of the force of a contact.
+
+Let v be a displacement that does not enter foundations or other bodies and tau a stress in equilibrium, as for the
+bound of the error.  The stress of the solution is within rho of their mean, (C eps(v) + tau) / 2, with
+
+    rho^2 = |C eps(v) - tau|^2 / 4 + int p (d - v_n) + int (g |v_t| - mu v_t)
+
+(the hypercircle of W. Prager and J. L. Synge, Quart. Appl. Math. 5 (1947) 241-269).  The force R along c on the body
+follows from the displacement z of least energy that is c on the boundary and vanishes where other forces of supports
+and contacts act (R. Becker and R. Rannacher, Acta Numerica 10 (2001) 1-102):
+
+    R = a(u, z) - L(z) = int eps(z) : (C eps(v) + tau) / 2 - L(z) + r,    |r| <= rho |z|.
+
+z is linear on the cells, so that what tau lacks of loads and tractions does no work on it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from dolfinx import fem
+
+from signorini_fx.addons.bounds.arrays import Array
+from signorini_fx.addons.bounds.error_bound import ROUND_OFF, Bounded, bounded, known_contact
+from signorini_fx.addons.bounds.linear_displacement import PrescribedComponents, smallest_energy
+from signorini_fx.addons.bounds.scene_arrays import on_first_rank
+from signorini_fx.addons.bounds.simplices import TWICE
+from signorini_fx.addons.bounds.stress_products import energy, from_strain
+from signorini_fx.mechanics.contact_points.contact_state import ContactState
+from signorini_fx.mechanics.model import Model
+from signorini_fx.quantities.proved_statements import Interval, Refused
+from signorini_fx.tuned import SAME_LENGTH
+
+
+def force(
+    model: Model,
+    y: fem.Function,
+    contact: ContactState | None,
+    boundary: str,
+    direction: tuple[float, ...],
+    step: float = 0.0,
+) -> Interval | str:
+    """Bounds of the force on a body along a direction at a boundary in contact; or why there are none; collective.
+
+    They rest on what the bound of the error rests on, and print it.
+
+    Args:
+        model: the model.
+        y: the displacement.
+        contact: the contact points.
+        boundary: of a contact, of either body.
+        direction: any vector; a unit one gives a force, in the plane per thickness.
+        step: the place of the load step in the lists of factors.
+    """
+    along = np.asarray(direction, dtype=np.float64)
+    try:
+        state = known_contact(model, contact)
+        return on_first_rank(
+            model, y, state, step, lambda rows: _interval(bounded(model, rows), boundary, along), named=boundary
+        )
+    except Refused as refused:
+        return str(refused)
+
+
+def _interval(problem: Bounded, boundary: str, direction: Array) -> Interval:
+    """Of a boundary in contact."""
+    t = problem.t
+    constraints = _constraints(problem, boundary, direction)
+    if not constraints.fixes(t):
+        raise Refused("a force has bounds where supports and contacts hold the body")
+    z, missed = smallest_energy(t, constraints)
+    size = float(np.linalg.norm(direction))
+    if missed > SAME_LENGTH * size:
+        raise Refused(f"the force on {boundary!r} has no bounds: it shares a corner with another support or contact")
+    strain = t.strain_at_corners(z, z[t.edges].mean(axis=1))
+    norm = float(np.sqrt(energy(t, strain).sum()))
+    mean = (from_strain(t, problem.admissible.strain) + problem.stress.stress).mean(axis=(1, 2)) / 2
+    products = t.volume[:, None] * mean * strain[:, 0] * TWICE[t.dimension]
+    centre = float(products.sum()) - problem.work(z)
+    # Of sums, and of what z misses of the values that are prescribed, where forces act.
+    largest = float(np.abs(products).sum()) + (problem.size + problem.distance) * norm
+    lost = (ROUND_OFF + missed / size) * len(t.corners) * largest
+    half = (problem.radius + problem.round_off) * norm + lost
+    return Interval(centre - half, centre + half, problem.assumed)
+
+
+def _constraints(problem: Bounded, boundary: str, direction: Array) -> PrescribedComponents:
+    """Components where forces of supports and contacts act; without friction there is none along a contact."""
+    t, d, named, met = problem.t, problem.t.dimension, problem.named, False
+    rows = [PrescribedComponents.of_facets(t.facets, problem.held, np.zeros(d))]
+    for surface in problem.contacts:
+        parts = surface.parts
+        for side in parts.sides:
+            facets = parts.facets[side]
+            normal = np.zeros((len(facets), d))
+            normal[parts.row[side]] = parts.normal
+            projectors = normal[:, :, None] * normal[:, None]
+            if surface.bound.any():
+                projectors = np.tile(np.eye(d), (len(facets), 1, 1))
+            is_named = np.isin(facets, named)
+            met |= bool(is_named.any())
+            rows.append(PrescribedComponents.of_facets(t.facets[facets[is_named]], projectors[is_named], direction))
+            rows.append(PrescribedComponents.of_facets(t.facets[facets[~is_named]], projectors[~is_named], np.zeros(d)))
+    if not met:
+        raise Refused(f"a force has guaranteed bounds at contacts, and {boundary!r} is none")
+    return PrescribedComponents.joined(*rows)

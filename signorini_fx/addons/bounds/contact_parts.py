@@ -1,0 +1,280 @@
+"""Where a contact lies: parts of facets of one body that are over parts of facets of another one, or of none.
+
+Facets of both sides that match are parts as they are.  Of two flat parallel sides the parts are what a facet of each
+shares, divided into segments or triangles: the displacement of either side is a polynomial there.  They serve
+integration alone, so that thin ones do no harm: no cell is divided.  The stress has the closest linear traction on each
+facet; what is left of a traction is orthogonal to linear functions there, see ``lifted_tractions``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import factorial
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from signorini_fx.addons.bounds.arrays import Array, Ints
+from signorini_fx.addons.bounds.facets import bernstein, coefficients
+from signorini_fx.addons.bounds.simplices import EDGES_OF_FACET, Simplices, closest_linear
+from signorini_fx.tuned import NO_PART, SAME_DIRECTION, SAME_LENGTH
+
+_EPS = float(np.finfo(float).eps)
+# Sides of a contact: that with the contact points, and the other one.
+SLAVE, MASTER = 0, 1
+
+
+@dataclass(frozen=True)
+class ContactParts:
+    """The parts of one contact, m of them; arrays of both sides, or of the first one alone on a foundation.
+
+    Attributes:
+        facets: of each side that have some, shapes (f,) and (g,).
+        row: of the parts among these, shapes (m,).
+        local: barycentric coordinates of their vertices in the facets of each side, shapes (m, d, d).
+        area: of them, shape (m,).
+        normal: to the foundation or the other body, shape (m, d).
+        by_facets: whether they are whole facets of each side.
+    """
+
+    facets: tuple[Ints, ...]
+    row: tuple[Ints, ...]
+    local: tuple[Array, ...]
+    area: Array
+    normal: Array
+    by_facets: bool
+
+    @classmethod
+    def on_foundation(cls, t: Simplices, facets: Ints, normal: Array) -> ContactParts:
+        """Facets and the directions to their foundation, shapes (m,) and (m, d)."""
+        count, d = normal.shape
+        return cls((facets,), (np.arange(count),), (np.tile(np.eye(d), (count, 1, 1)),), t.area[facets], normal, True)
+
+    @classmethod
+    def between(cls, t: Simplices, slave: Ints, master: Ints) -> ContactParts:
+        """Of two sides, those of flat parallel ones along their normal; of others facets at the same places.
+
+        Args:
+            t: the cells.
+            slave: facets of the side with the contact points.
+            master: of the other one.
+        """
+        along = t.normal[slave[0]]
+        tiny = SAME_LENGTH * float(np.ptp(t.x, axis=0).max())
+        flat = max(np.abs(t.normal[slave] - along).max(), np.abs(t.normal[master] + along).max()) <= SAME_DIRECTION
+        flat &= max(float(np.ptp(t.x[t.facets[side]] @ along)) for side in (slave, master)) <= tiny
+        matching = cls._matching(t, slave, master, t.x - np.outer(t.x @ along, along) if flat else t.x, tiny)
+        if not flat or len(matching.area) == len(slave):
+            return matching
+        axes = np.linalg.svd(along[None])[2][1:]
+        places = [t.x[t.facets[side]] @ axes.T for side in (slave, master)]
+        pairs = _near(*places)
+        corners, number = _shared(places[0][pairs[:, 0]], places[1][pairs[:, 1]])
+        of, area = pairs[number], np.abs(_sizes(corners))
+        positive = area > NO_PART * t.area[slave[of[:, 0]]]
+        corners, of, area = corners[positive], of[positive], area[positive]
+        numbers = [np.unique(of[:, side], return_inverse=True) for side in (SLAVE, MASTER)]
+        return cls(
+            (slave[numbers[0][0]], master[numbers[1][0]]),
+            (numbers[0][1].ravel(), numbers[1][1].ravel()),
+            (_barycentric(places[0][of[:, 0]], corners), _barycentric(places[1][of[:, 1]], corners)),
+            area,
+            np.tile(along, (len(area), 1)),
+            False,
+        )
+
+    @classmethod
+    def _matching(cls, t: Simplices, slave: Ints, master: Ints, places: Array, tiny: float) -> ContactParts:
+        """Facets whose vertices are at the same places.
+
+        Args:
+            t: the cells.
+            slave: facets of one side.
+            master: of the other one.
+            places: of all vertices, length, shape (v, d).
+            tiny: by how much they may differ, length.
+        """
+        d, vertices = t.dimension, np.unique(t.facets[master])
+        away, nearest = cKDTree(places[vertices]).query(places)
+        over = np.where(away <= tiny, vertices[nearest], -1)[t.facets[slave]]
+        keys = t.keys(t.facets[master])
+        by_key = np.argsort(keys)
+        candidate = by_key[np.searchsorted(keys, t.keys(np.sort(over, axis=1)), sorter=by_key).clip(max=len(keys) - 1)]
+        met = np.flatnonzero((t.facets[master[candidate]] == np.sort(over, axis=1)).all(axis=1))
+        order = np.argsort(np.argsort(over[met], axis=1), axis=1)
+        rows, identity = np.arange(len(met)), np.tile(np.eye(d), (len(met), 1, 1))
+        facets = slave[met], master[candidate[met]]
+        return cls(facets, (rows, rows), (identity, np.eye(d)[order]), t.area[slave[met]], t.normal[slave[met]], True)
+
+    @property
+    def sides(self) -> range:
+        """Their numbers."""
+        return range(len(self.facets))
+
+    def facet(self, side: int) -> Ints:
+        """The facet of a side that each part is on, shape (m,)."""
+        return self.facets[side][self.row[side]]
+
+    def vertices(self, t: Simplices, side: int) -> Ints:
+        """Of whole facets the vertices of a side at those of the parts, shape (m, d)."""
+        return np.take_along_axis(t.facets[self.facet(side)], self.local[side].argmax(axis=2), axis=1)
+
+    def edges(self, t: Simplices, side: int) -> Ints:
+        """Of whole facets the edges of a side at those of the parts, in the order of ``EDGES_OF_FACET``."""
+        edges = t.edges_of_facets[self.facet(side)]
+        # In space each edge is opposite a vertex.
+        return edges if edges.shape[1] == 1 else np.take_along_axis(edges, self.local[side].argmax(axis=2), axis=1)
+
+    def on_parts(self, linear: Array, side: int = SLAVE) -> Array:
+        """Functions that are linear on the facets of a side, shape (f, d, ...), at the vertices of the parts."""
+        return np.einsum("mka,ma...->mk...", self.local[side], linear[self.row[side]])
+
+    def moments(self, values: Array, side: int = SLAVE) -> Array:
+        """Sums over the parts of what is given at their vertices, shape (m, d, ...), with the values of the hat
+        functions of the facets of a side there, shape (f, d, ...).
+        """
+        total = np.zeros((len(self.facets[side]), *values.shape[1:]))
+        np.add.at(total, self.row[side], np.einsum("mka,mk...->ma...", self.local[side], values))
+        return total
+
+    def covered(self, side: int = SLAVE) -> Array:
+        """The area of the parts on each facet, shape (f,)."""
+        return np.asarray(np.bincount(self.row[side], self.area, len(self.facets[side])), dtype=np.float64)
+
+    def restricted(self, of_facets: Array, side: int) -> Array:
+        """Coefficients of Bernstein on the parts from those on the facets of a side in the order of ``facet``."""
+        d = self.normal.shape[1]
+        nodes = np.concatenate((np.eye(d), np.eye(d)[EDGES_OF_FACET[d]].mean(axis=1)))
+        at = nodes @ self.local[side]
+        values = np.einsum("mqc,mc...->mq...", bernstein(at.reshape(-1, d)).reshape(*at.shape[:2], -1), of_facets)
+        return coefficients(values)
+
+    def projected(self, traction: Array, side: int, area: Array) -> tuple[Array, Array]:
+        """The linear functions on the facets of a side that are closest to one that is linear on the parts and zero
+        elsewhere, at the vertices, shape (f, d, d); and the integrals of the squares of the difference as shares of
+        those of the function, shape (f,).
+
+        Args:
+            traction: at the vertices of the parts, stress, shape (m, d, d).
+            side: of the facets.
+            area: of all facets, shape (n,).
+        """
+        areas = area[self.facets[side]]
+        closest = closest_linear(self.moments(_with_hats(traction, self.area), side) / areas[:, None, None])
+        squares, kept_squares = np.zeros(len(areas)), np.einsum("fai,fai->f", _with_hats(closest, areas), closest)
+        np.add.at(squares, self.row[side], np.einsum("mki,mki->m", _with_hats(traction, self.area), traction))
+        share = np.divide(squares - kept_squares, squares, out=np.zeros_like(squares), where=squares > 0)
+        return closest, share
+
+    def projected_on_pieces(
+        self, traction: Array, side: int, rows: Ints, pieces: Array, areas: Array
+    ) -> tuple[Array, Array]:
+        """As ``projected`` on pieces of some facets, at the vertices of these, shape (n, p, d, d), and the integrals of
+        the squares of the difference over each facet, shape (n,).
+
+        Args:
+            traction: at the vertices of the parts, stress, shape (m, d, d).
+            side: of the facets.
+            rows: of the facets, shape (n,).
+            pieces: barycentric coordinates of the vertices of the pieces, which are of one size, shape (p, d, d).
+            areas: of these facets, shape (n,).
+        """
+        count, d, flat = len(pieces), traction.shape[2], pieces[:, :, 1:]
+        order = np.full(len(self.facets[side]), -1)
+        order[rows] = np.arange(len(rows))
+        part = np.flatnonzero(order[self.row[side]] >= 0)
+        at = self.local[side][part][:, :, 1:]
+        meet = ((at.max(axis=1)[:, None] > flat.min(axis=1)) & (flat.max(axis=1) > at.min(axis=1)[:, None])).all(axis=2)
+        first, piece = np.nonzero(meet)
+        corners, number = _shared(at[first], flat[piece])
+        part, first, piece = part[first[number]], first[number], piece[number]
+        owner = order[self.row[side][part]]
+        area = factorial(d - 1) * np.abs(_sizes(corners)) * areas[owner]
+        values = _barycentric(at[first], corners) @ traction[part]
+        local = _barycentric(flat[piece], corners)
+        integrals, squares = np.zeros((len(rows), count, d, d)), np.zeros(len(rows))
+        hats = _with_hats(values, area)
+        np.add.at(integrals, (owner, piece), local.transpose(0, 2, 1) @ hats)
+        np.add.at(squares, owner, np.einsum("mki,mki->m", hats, values))
+        mean = integrals / (areas / count)[:, None, None, None]
+        closest = closest_linear(mean.reshape(-1, d, d)).reshape(mean.shape)
+        missed = squares - np.einsum("npai,npai->n", integrals, closest)
+        return closest, missed.clip(min=0.0) + 64 * _EPS * squares
+
+
+def _with_hats(values: Array, area: Array) -> Array:
+    """Integrals over parts of linear functions, given at the vertices, times the hat functions, (m, d, ...)."""
+    count, shape = values.shape[1], (-1, *[1] * (values.ndim - 1))
+    return np.asarray(area.reshape(shape) / (count * (count + 1)) * (values + values.sum(axis=1, keepdims=True)))
+
+
+def _shared(first: Array, second: Array) -> tuple[Array, Ints]:
+    """What segments or triangles share in pairs, as such, shapes (p, d, d - 1) to (m, d, d - 1), and the number of the
+    pair that each one is of, shape (m,).
+    """
+    if first.shape[1] == 2:
+        lowest = np.maximum(first.min(axis=1), second.min(axis=1))
+        highest = np.minimum(first.max(axis=1), second.max(axis=1))
+        numbers = np.flatnonzero((highest > lowest)[:, 0])
+        return np.stack((lowest, highest), axis=1)[numbers], numbers
+    first, second = (
+        np.where((_sizes(corners) < 0)[:, None, None], corners[:, ::-1], corners) for corners in (first, second)
+    )
+    triangles: list[Array] = [np.zeros((0, 3, 2))]
+    of_pair = list[int]()
+    for number in range(len(first)):
+        polygon = _clipped(np.asarray(first[number]), np.asarray(second[number]))
+        if len(polygon) > 2:
+            fan = np.stack([polygon[[0, k, k + 1]] for k in range(1, len(polygon) - 1)])
+            triangles.append(fan)
+            of_pair += [number] * len(fan)
+    return np.concatenate(triangles), np.array(of_pair, dtype=np.int64)
+
+
+def _clipped(polygon: Array, triangle: Array) -> Array:
+    """The part of a convex polygon inside a triangle, both counterclockwise, shape (k, 2)."""
+    for corner in range(3):
+        first, last = triangle[corner], triangle[(corner + 1) % 3]
+        if not len(polygon):
+            break
+        way = last - first
+        height = way[0] * (polygon[:, 1] - first[1]) - way[1] * (polygon[:, 0] - first[0])
+        points = []
+        for k in range(len(polygon)):
+            a, b, following = height[k], height[(k + 1) % len(polygon)], polygon[(k + 1) % len(polygon)]
+            if a >= 0:
+                points.append(polygon[k])
+            if (a > 0 > b) or (a < 0 < b):
+                points.append(polygon[k] + a / (a - b) * (following - polygon[k]))
+        polygon = np.array(points).reshape(-1, 2)
+    return polygon
+
+
+def _sizes(corners: Array) -> Array:
+    """Lengths or areas of simplices in a plane of facets, with signs, shape (m, d, d - 1) to (m,)."""
+    return np.asarray(np.linalg.det(corners[:, 1:] - corners[:, :1]) / factorial(corners.shape[2]))
+
+
+def _barycentric(simplices: Array, points: Array) -> Array:
+    """Coordinates of k points in each of some segments or triangles, (m, d, d - 1), (m, k, d - 1) to (m, k, d)."""
+    map_ = (simplices[:, 1:] - simplices[:, :1]).transpose(0, 2, 1)
+    inner = np.linalg.solve(map_[:, None], (points - simplices[:, :1])[..., None])[..., 0]
+    return np.concatenate((1 - inner.sum(axis=2, keepdims=True), inner), axis=2)
+
+
+def _near(first: Array, second: Array) -> Ints:
+    """Segments or triangles whose boxes meet, shapes (m, d, d - 1), in pairs, shape (p, 2)."""
+    centres = [corners.mean(axis=1) for corners in (first, second)]
+    radii = [
+        np.linalg.norm(corners - at[:, None], axis=2).max(axis=1)
+        for corners, at in zip((first, second), centres, strict=True)
+    ]
+    around = cKDTree(centres[1]).query_ball_point(centres[0], radii[0] + radii[1].max())
+    pairs = np.array([(k, number) for k, numbers in enumerate(around) for number in numbers], dtype=np.int64).reshape(
+        -1, 2
+    )
+    lowest, highest = (
+        np.stack([function(corners, axis=1)[pairs[:, side]] for side, corners in enumerate((first, second))])
+        for function in (np.min, np.max)
+    )
+    return pairs[(lowest.max(axis=0) < highest.min(axis=0)).all(axis=1)]

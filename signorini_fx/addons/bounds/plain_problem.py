@@ -1,0 +1,332 @@
+"""A scene with its solution on triangles or tetrahedra: displacement, supports, loads, contact."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from signorini_fx.addons.bounds.arrays import Array, Ints
+from signorini_fx.addons.bounds.balanced_tractions import onto_disc
+from signorini_fx.addons.bounds.bounded_scene import refused
+from signorini_fx.addons.bounds.contact_parts import MASTER, SLAVE, ContactParts
+from signorini_fx.addons.bounds.facets import coefficients
+from signorini_fx.addons.bounds.scene_arrays import Rows
+from signorini_fx.addons.bounds.simplices import (
+    EDGES,
+    EDGES_OF_FACET,
+    TWICE,
+    Moduli,
+    Simplices,
+    divide,
+    moments_of,
+)
+from signorini_fx.tuned import SAME_LENGTH, ZERO_IN_SOLUTION
+
+# Values at both ends and in the middle of the linear function whose moments with linear ones are those that Simpson's
+# rule has from nodal values.
+_LINEAR: Array = np.array([[4, 4, -2], [1, 4, 1], [-2, 4, 4]]) / 6
+# The order of the middles of both halves of an edge, and of its own middle, among its points at fourths.
+_OF_HALVES = np.array([[3, 6, -1], [-1, 6, 3]]) / 8
+
+
+@dataclass
+class FacetsInContact:
+    """One contact.
+
+    Attributes:
+        parts: where it is, m of them, on f facets with contact points.
+        gap: coefficients of Bernstein on the parts, length, shape (m, 3 or 6).
+        bound: g at the vertices of the facets, stress, shape (f, d).
+        pressure: p, see ``bound``.
+        shear: mu there, perpendicular to the normal, stress, shape (f, d, d).
+        share: of a change of the jump that the side with the contact points takes.
+    """
+
+    parts: ContactParts
+    gap: Array
+    bound: Array
+    pressure: Array
+    shear: Array
+    share: float
+
+    @property
+    def paired(self) -> bool:
+        """Whether it is between two bodies."""
+        return len(self.parts.facets) == 2
+
+    @property
+    def traction(self) -> Array:
+        """On the first body at the vertices of the parts, stress, shape (m, d, d)."""
+        pressure, shear = self.parts.on_parts(self.pressure), self.parts.on_parts(self.shear)
+        return np.asarray(-pressure[:, :, None] * self.parts.normal[:, None] - shear)
+
+    def excess(self, displacement: Array) -> Array:
+        """Coefficients of Bernstein of what a displacement is beyond the foundation or the other body, length, (m, c).
+
+        Args:
+            displacement: its coefficients, see ``ContactParts.displacement``.
+        """
+        return np.einsum("fcd,fd->fc", displacement, self.parts.normal) - self.gap
+
+    def work(self, motions: Array) -> tuple[Array, Array]:
+        """Of unit pressures and shears at the vertices of the facets, shapes (f, d, k) and (f, d, d, k).
+
+        Args:
+            motions: linear displacements at the vertices of the parts, relative to the other side, length, shape
+                (m, d, d, k).
+        """
+        d, parts = motions.shape[1], self.parts
+        unit = parts.area[:, None, None, None] / (d * (d + 1))
+        moments = unit * (motions + motions.sum(axis=1, keepdims=True))
+        normal = -np.einsum("fadk,fd->fak", moments, parts.normal)
+        across = -(moments + np.einsum("fak,fd->fadk", normal, parts.normal))
+        return parts.moments(normal), parts.moments(across)
+
+
+class PlainProblem:
+    """A scene with its solution as plain arrays.
+
+    Attributes:
+        t: the cells; triangles of degree 2 are divided.
+        y: the displacement at vertices, and at the middles of edges, length, shapes (v, d) and (e, d).
+        middle: see ``y``.
+        held: projectors onto the directions in which supports hold facets, shape (f, d, d).
+        body: force per volume at the corners of the cells, shape (n, d + 1, d).
+        traction: of loads at the vertices of the facets, without what supports take of it, stress, shape (f, d, d).
+        named: the facets of the boundary that is asked for.
+        contacts: the contacts of the scene, in its order.
+        cells: how many the mesh has.
+    """
+
+    def __init__(self, rows: Rows, degree: int) -> None:
+        self._rows, self.cells = rows, len(rows["corners"])
+        d = int(rows["x"].shape[2])
+        numbers, corners = np.unique(rows["corners"], return_inverse=True)
+        corners = corners.reshape(-1, d + 1)
+        self._numbers, x, y = numbers, np.zeros((len(numbers), d)), np.zeros((len(numbers), d))
+        x[corners], y[corners] = rows["x"], rows["displacement"]
+        ends, body = corners[:, EDGES[d]], rows["body"]
+        turned = np.linalg.det(x[corners][:, 1:] - x[corners][:, :1]) < 0
+        order = np.where(turned[:, None], [*range(d - 1), d, d - 1], np.arange(d + 1))
+        corners, body = np.take_along_axis(corners, order, axis=1), np.take_along_axis(body, order[:, :, None], axis=1)
+        t = Simplices(x, corners, _moduli(rows, d))
+        middle = np.zeros((len(t.edges), d))
+        middle[np.searchsorted(t.keys(t.edges), t.keys(np.sort(ends, axis=2)))] = rows["middle"]
+        self._given, self._halves = t, np.arange(len(t.facets))[:, None]
+        if d == 2 and degree == 2:
+            # The stress is linear: on four triangles it is as accurate as that of degree 2.
+            self.t, self.y, self.middle, self._halves = divide(t, y, middle)
+            inner = body[:, [[1, 2], [0, 2], [0, 1]]].mean(axis=2)  # at the middles opposite the corners
+            at_corners = [
+                np.stack([body[:, i] if j == i else inner[:, 3 - i - j] for j in range(3)], 1) for i in range(3)
+            ]
+            body = np.concatenate((*at_corners, inner))
+        else:
+            self.t, self.y, self.middle = t, y, middle
+        self.body = body
+        self.held = self._supports(middle, y)
+        self.traction: Array = np.zeros((len(self.t.facets), d, d))
+        facets, (values,) = self._placed(rows["loaded"], rows["traction"])
+        facets, values = self._on_halves(facets, values)
+        np.add.at(self.traction, facets, values)
+        self.traction = self.traction @ (np.eye(d) - self.held)
+        named, _ = self._placed(rows["named"])
+        self.named: Ints = self._halves[named].ravel()
+        count = sum(name.startswith("slave ") for name in rows)
+        self.contacts = [self._contact(number) for number in range(count)] if "point" in rows else []
+
+    @property
+    def body_moments(self) -> Array:
+        """Integrals of the force per volume times the barycentric coordinates, force, shape (n, d + 1, d)."""
+        return _moments(self.t, self.body)
+
+    def work(self, y: Array) -> float:
+        """Of the loads on a displacement that is linear on the cells, an energy.
+
+        Args:
+            y: at the vertices, length, shape (v, d).
+        """
+        t = self.t
+        on_facets = np.einsum("fad,fad->", moments_of(t, self.traction), y[t.facets])
+        return float(on_facets + np.einsum("ncd,ncd->", self.body_moments, y[t.corners]))
+
+    def on_facets(self, y: Array, middle: Array, facets: Ints) -> Array:
+        """Coefficients of Bernstein of a displacement of degree 2 on facets, length, shape (m, 3 or 6, d)."""
+        nodal = np.concatenate((y[self.t.facets[facets]], middle[self.t.edges_of_facets[facets]]), axis=1)
+        return coefficients(nodal)
+
+    def relative(self, surface: FacetsInContact, y: Array, middle: Array) -> Array:
+        """Coefficients of Bernstein of a displacement of degree 2 relative to the other body, on parts."""
+        parts = surface.parts
+        of_sides = [parts.restricted(self.on_facets(y, middle, parts.facet(side)), side) for side in parts.sides]
+        return np.asarray(of_sides[SLAVE] - of_sides[MASTER] if surface.paired else of_sides[SLAVE])
+
+    def _placed(self, vertices: Ints, *values: Array) -> tuple[Ints, list[Array]]:
+        """Facets of the undivided cells from their vertices, shape (m, d), and values in their order: at these, shape
+        (m, d, ...), or at these and the middles of edges, shape (m, 3 or 6, ...).
+        """
+        t, d = self._given, self._given.dimension
+        vertex_numbers = np.searchsorted(self._numbers, vertices)
+        order = np.argsort(vertex_numbers, axis=1)
+        facets = np.searchsorted(t.keys(t.facets), t.keys(np.take_along_axis(vertex_numbers, order, axis=1)))
+        ordered = []
+        for array in values:
+            places = order
+            if array.shape[1] > d:  # in space each edge is opposite a vertex
+                places = np.concatenate(
+                    (order, d + (order if d == 3 else np.zeros((len(order), 1), dtype=np.int64))), 1
+                )
+            ordered.append(np.take_along_axis(array, places.reshape(*places.shape, *[1] * (array.ndim - 2)), axis=1))
+        return facets, ordered
+
+    def _on_halves(self, facets: Ints, values: Array) -> tuple[Ints, Array]:
+        """Facets of the cells from undivided ones, and linear functions on them, see ``_placed``."""
+        halves = self._halves[facets]
+        if halves.shape[1] == 1:
+            return halves[:, 0], values
+        middle = values.mean(axis=1)
+        # Each half of a facet ends with its middle, which has the higher number.
+        return halves.ravel(), np.stack((values[:, 0], middle, values[:, 1], middle), axis=1).reshape(
+            -1, 2, *values.shape[2:]
+        )
+
+    def _quadratics(self, facets: Ints, values: Array) -> tuple[Ints, Array]:
+        """The same of polynomials of degree 2 from values at vertices and middles: values of the halves there."""
+        halves = self._halves[facets]
+        if halves.shape[1] == 1:
+            return halves[:, 0], values
+        first, last, middle = values[:, 0], values[:, 1], values[:, 2]
+        between = values[:, [0, 2, 1]] @ _OF_HALVES.T
+        halved = np.stack((first, middle, between[:, 0], last, middle, between[:, 1]), axis=1)
+        return halves.ravel(), halved.reshape(-1, 3)
+
+    def _supports(self, middle: Array, y: Array) -> Array:
+        """Projectors onto the directions that supports hold, where the displacement is what they prescribe."""
+        t, undivided, d = self.t, self._given, self.t.dimension
+        facets, (prescribed,) = self._placed(self._rows["supported"], self._rows["prescribed"])
+        direction = self._rows["direction"]
+        nodal = np.concatenate((y[undivided.facets[facets]], middle[undivided.edges_of_facets[facets]]), axis=1)
+        missed = np.abs(np.einsum("mcd,md->mc", nodal, direction) - prescribed).max(initial=0.0)
+        if missed > ZERO_IN_SOLUTION * max(np.abs(y).max(), np.abs(prescribed).max(initial=0.0)):
+            raise refused("supports that prescribe different displacements where they meet")
+        held: Array = np.zeros((len(t.facets), d, d))
+        for halves in self._halves[facets].T:
+            np.add.at(held, halves, direction[:, :, None] * direction[:, None])
+        sizes, vectors = np.linalg.eigh(held)
+        return np.einsum("fik,fk,fjk->fij", vectors, np.where(sizes > SAME_LENGTH, 1.0, 0.0), vectors)
+
+    def _contact(self, number: int) -> FacetsInContact:
+        """With admissible tractions near the nodal ones."""
+        t, rows, d = self.t, self._rows, self.t.dimension
+        undivided, (gap, bound) = self._placed(rows[f"slave {number}"], rows[f"gap {number}"], rows[f"bound {number}"])
+        towards = np.repeat(rows[f"towards {number}"], self._halves.shape[1], axis=0)
+        facets, gap = self._quadratics(undivided, gap)
+        _, bound = self._on_halves(undivided, bound)
+        if f"master {number}" in rows:
+            opposite, _ = self._placed(rows[f"master {number}"])
+            parts = ContactParts.between(t, facets, self._halves[opposite].ravel())
+            self._refuse_pair(number, parts, acts=bool(bound.any()))
+        else:
+            parts = ContactParts.on_foundation(t, facets, towards)
+        points = np.flatnonzero(rows["contact of point"] == number)
+        linear = _OnFacets(self, undivided, rows["point"][points])
+        pressure, shear = linear(rows["pressure"][points], positive=True), linear(rows["shear"][points])
+        order = np.argsort(facets)
+        of_facets = order[np.searchsorted(facets, parts.facets[SLAVE], sorter=order)]
+        normal = np.zeros((len(of_facets), d))
+        normal[parts.row[SLAVE]] = parts.normal
+        shear, bound = shear[of_facets], bound[of_facets].clip(min=0.0)
+        shear = onto_disc(shear - np.einsum("fad,fd,fe->fae", shear, normal, normal), bound)
+        given_gap = parts.restricted(coefficients(gap)[of_facets][parts.row[SLAVE]], SLAVE)
+        gap = given_gap + coefficients(self._apart(number, parts))
+        surface = FacetsInContact(parts, gap, bound, pressure[of_facets].clip(min=0.0), shear, 1.0)
+        if surface.paired:
+            soft = [float(t.moduli.stiffest[t.sides[side, 0]].mean()) for side in parts.facets]
+            surface.share = soft[MASTER] / (soft[SLAVE] + soft[MASTER])
+        return surface
+
+    def _apart(self, number: int, parts: ContactParts) -> Array:
+        """The distance of both sides along the normal that counts as a gap at the vertices of the parts and at the
+        middles of their edges, length, shape (m, 3 or 6).
+        """
+        d, count = self.t.dimension, len(parts.area)
+        if len(parts.facets) < 2 or not self._rows[f"by geometry {number}"].any():
+            return np.zeros((count, d + len(EDGES_OF_FACET[d])))
+        at = self._away(parts)
+        return np.concatenate((at, at[:, EDGES_OF_FACET[d]].mean(axis=2)), axis=1)
+
+    def _away(self, parts: ContactParts) -> Array:
+        """The distance of both sides along the normal at the vertices of the parts, length, shape (m, d)."""
+        x = [parts.local[side] @ self.t.x[self.t.facets[parts.facet(side)]] for side in (SLAVE, MASTER)]
+        return np.einsum("fad,fd->fa", x[MASTER] - x[SLAVE], parts.normal)
+
+    def _refuse_pair(self, number: int, parts: ContactParts, *, acts: bool) -> None:
+        """Refuse sides that the proof does not know.
+
+        Args:
+            number: of the contact.
+            parts: of both sides.
+            acts: whether it has friction.
+        """
+        covered = float(self._rows[f"covered {number}"].sum())
+        if abs(float(parts.area.sum()) - covered) > SAME_LENGTH * covered or not covered > 0:
+            raise refused("sides of two bodies that neither match nor are flat and parallel")
+        if acts and np.abs(self._away(parts)).max() > SAME_LENGTH * float(np.ptp(self.t.x, axis=0).max()):
+            raise refused("friction of sides that are apart")
+
+
+class _OnFacets:
+    """Linear functions on the facets of a contact from values of its points, zero where there is none; on halved ones
+    with the moments of the nodal rule, or not negative with its resultants.
+    """
+
+    def __init__(self, problem: PlainProblem, undivided: Ints, points: Array) -> None:
+        """Look for the points among the vertices.
+
+        Args:
+            problem: the cells.
+            undivided: facets of the contact before cells are divided, shape (f,).
+            points: length, shape (p, d).
+        """
+        t = problem.t
+        self._t, self._facets = t, problem._halves[undivided]
+        # Of this side alone: vertices of the other body may be at the same places.
+        vertices = np.unique(t.facets[self._facets])
+        self._near = vertices[cKDTree(t.x[vertices]).query(points)[1]]
+
+    def __call__(self, values: Array, *, positive: bool = False) -> Array:
+        """At the vertices of the facets, shape (m, d, ...).
+
+        Args:
+            values: of the points, shape (p, ...).
+            positive: see above.
+        """
+        nodal = np.zeros((len(self._t.x), *values.shape[1:]))
+        nodal[self._near] = values
+        tractions = nodal[self._t.facets[self._facets]]  # (f, halves, d, ...)
+        if self._facets.shape[1] == 2:
+            # Each half of a facet ends with its middle, which has the higher number.
+            together = np.concatenate((tractions[:, 0], tractions[:, 1, :1]), axis=1)  # an end, the middle, an end
+            together = np.einsum("ab,mb...->ma...", _LINEAR, together)
+            if positive:  # with the resultant of each facet, of which a thin body takes notice
+                cut = together.clip(min=0.0)
+                share = together @ [0.25, 0.5, 0.25] / np.maximum(cut @ [0.25, 0.5, 0.25], np.finfo(float).tiny)
+                together = cut * share.clip(0.0, 1.0)[:, None]
+            tractions = np.stack((together[:, :2], together[:, [2, 1]]), axis=1)
+        return tractions.reshape(-1, *tractions.shape[2:])
+
+
+def _moduli(rows: Rows, d: int) -> Moduli:
+    """Of the cells of the mesh."""
+    if "stiffness" not in rows:
+        return Moduli.isotropic(rows["lame"], rows["mu"], d)
+    stiffness = rows["stiffness"]
+    return Moduli(stiffness * TWICE[d], np.linalg.inv(stiffness) / TWICE[d][:, None])
+
+
+def _moments(t: Simplices, values: Array) -> Array:
+    """Integrals over the cells of linear functions, given at corners, times the barycentric coordinates."""
+    d = t.dimension
+    return np.asarray(t.volume[:, None, None] / ((d + 1) * (d + 2)) * (values + values.sum(axis=1, keepdims=True)))

@@ -1,0 +1,346 @@
+"""A scene with its solution as plain arrays, which ranks send to the first one, where all is bounded.
+
+Each rank gives what is of its own cells: corners by their global numbers, and all else at these.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any, TypeVar
+
+import basix
+import numpy as np
+import numpy.typing as npt
+from dolfinx import fem
+
+from signorini_fx.addons.bounds.arrays import Array, Ints
+from signorini_fx.addons.bounds.bounded_scene import profile_of, refused
+from signorini_fx.addons.bounds.simplices import COLUMNS, EDGES, EDGES_OF_FACET, ROWS
+from signorini_fx.machine import compat, parallel
+from signorini_fx.mechanics.assembly.mesh_entities import facet_entities
+from signorini_fx.mechanics.contact_points.contact_state import ContactState
+from signorini_fx.mechanics.effects.contact import Contact
+from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
+from signorini_fx.mechanics.model import Model
+from signorini_fx.mechanics.statement.effect import Effect, Force
+from signorini_fx.mechanics.statement.expressions import Expression, in_space, sample
+from signorini_fx.tuned import SAME_LENGTH
+
+T = TypeVar("T")
+# Arrays by their names, with the rows of one rank or of all of them.
+Rows = dict[str, npt.NDArray[Any]]
+
+
+@dataclass(frozen=True)
+class DensityPoints:
+    """Points at which a load is asked for its density, ``statement.effect.Points``.
+
+    Attributes:
+        x: shape (f, q, d).
+        normal: outward, shape (f, q, d).
+        mass: of the material, mass per volume, shape (f,).
+        area: of the boundary that the load acts on.
+    """
+
+    x: Array
+    normal: Array
+    mass: Array
+    area: float
+
+    @property
+    def displacement(self) -> Array:
+        """That at rest, on which no linear load depends, shape (f, q, d)."""
+        return np.zeros_like(self.x)
+
+    @property
+    def position(self) -> Array:
+        """Of the points, shape (f, q, d)."""
+        return self.x
+
+    @property
+    def density(self) -> Array:
+        """Of the material, shape (f, 1)."""
+        return self.mass[:, None]
+
+    def total(self, effect: Effect) -> float:
+        """The integral of a constant weighting."""
+        return self.area * float(effect.weighting)
+
+    def value(self, value: Any) -> Array:
+        """Of a number or an expression, shape (f, q)."""
+        return sample(value, in_space(self.x.reshape(-1, self.x.shape[2]))).reshape(self.x.shape[:2])
+
+    def vector(self, values: tuple[Any, ...]) -> Array:
+        """Values along the axes, shape (f, q, d)."""
+        return np.stack([self.value(value) for value in values[: self.x.shape[2]]], axis=2)
+
+
+def on_first_rank(
+    model: Model,
+    y: fem.Function,
+    contact: ContactState | None,
+    step: float,
+    prove: Callable[[Rows], T],
+    named: str | None = None,
+) -> T:
+    """What ``prove`` says of the arrays of all ranks, on all ranks; collective.
+
+    Args:
+        model: the model.
+        y: the displacement.
+        contact: the contact points; None: there are none.
+        step: the place of the load step in the lists of factors.
+        prove: gives what can be sent to the other ranks.
+        named: a boundary whose facets it looks at.
+
+    Raises:
+        Exception: what was raised on any rank, the same on all of them.
+    """
+    comm, local, failure = model.comm, Rows(), None
+    areas = _areas(model, step)
+    try:
+        local = _SceneRows(model, y, step, areas).rows
+        facets = np.zeros(0, dtype=np.int32) if named is None else model.tagged.facets(named)
+        local["named"] = _Facets.of(model, facets).vertices
+        if contact is not None:
+            local |= _points(contact)
+    except Exception as error:
+        failure = error
+    parallel.raise_together(comm, failure)
+    rows = {name: parallel.rows_on_root(comm, values) for name, values in local.items()}
+    return parallel.on_root(comm, lambda: prove(rows))
+
+
+def of_rank(model: Model, values: Array) -> Array:
+    """Values of the cells that this rank owns, of those of all ranks, one rank after the other."""
+    return values[slice(*model.tagged.mesh.topology.index_map(model.tagged.dimension).local_range)]
+
+
+def _areas(model: Model, step: float) -> list[float]:
+    """Of the boundary of each load, zero in the body; collective."""
+    entries = model.statement.placed(step).of(Force)
+    areas = np.zeros(len(entries))
+    for number, load in enumerate(entries):
+        if load.where is not None:
+            areas[number] = _Facets.of(model, model.tagged.facets(load.where)).area.sum()
+    return [float(area) for area in parallel.global_sum(model.comm, areas)]
+
+
+def _points(contact: ContactState) -> Rows:
+    """The contact points, their pressure, and their shear as a vector, stresses."""
+    boundary, d = contact.boundary, contact.boundary.normal.shape[1]
+    return {
+        "point": boundary.x[:, :d],
+        "contact of point": boundary.part,
+        "pressure": contact.pressure,
+        "shear": np.einsum("nij,nj->ni", boundary.tangents, contact.shear),
+    }
+
+
+@dataclass(frozen=True)
+class _Facets:
+    """Facets of the own cells of a rank.
+
+    Attributes:
+        cell: of each, shape (m,).
+        vertices: their global numbers, shape (m, d).
+        x: of these, length, shape (m, d, d).
+        normal: outward, shape (m, d).
+        area: shape (m,).
+    """
+
+    cell: Ints
+    vertices: Ints
+    x: Array
+    normal: Array
+    area: Array
+
+    @staticmethod
+    def of(model: Model, facets: npt.NDArray[np.int32]) -> _Facets:
+        """Those of the own cells among some of a rank."""
+        mesh, d = model.tagged.mesh, model.tagged.dimension
+        entities = facet_entities(mesh, facets).astype(np.int64)
+        entities = entities[entities[:, 0] < mesh.topology.index_map(d).size_local]
+        of_cell = np.array(basix.topology(getattr(basix.CellType, mesh.topology.cell_name()))[d - 1])
+        cells = np.asarray(compat.geometry_cells(mesh), dtype=np.int64)[entities[:, 0]]
+        nodes = np.take_along_axis(cells, of_cell[entities[:, 1]], axis=1)
+        x = np.asarray(mesh.geometry.x[nodes][..., :d], dtype=np.float64)
+        along = x[:, 1:] - x[:, :1]
+        scaled = np.column_stack((along[:, 0, 1], -along[:, 0, 0])) if d == 2 else np.cross(along[:, 0], along[:, 1])
+        inside = mesh.geometry.x[cells][..., :d].mean(axis=1)
+        scaled = scaled * np.sign(np.einsum("md,md->m", scaled, x[:, 0] - inside))[:, None]
+        size = np.linalg.norm(scaled, axis=1)
+        return _Facets(entities[:, 0], _numbers(model, nodes), x, scaled / size[:, None], size / (d - 1))
+
+    def with_middles(self) -> Array:
+        """Vertices and the middles of the edges, in the order of ``EDGES_OF_FACET``, length, shape (m, 3 or 6, d)."""
+        return np.concatenate((self.x, self.x[:, EDGES_OF_FACET[self.x.shape[1]]].mean(axis=2)), axis=1)
+
+
+def _numbers(model: Model, nodes: npt.NDArray[Any]) -> Ints:
+    """Global numbers of nodes of the mesh of this rank."""
+    names = model.tagged.mesh.geometry.index_map().local_to_global(nodes.ravel().astype(np.int32))
+    return np.asarray(names, dtype=np.int64).reshape(nodes.shape)
+
+
+class _SceneRows:
+    """What a rank sends but for contact points.
+
+    Attributes:
+        rows: by name.  ``corners``, ``x``, ``displacement`` and ``body``, the force per volume, at corners; ``middle``,
+            the displacement at the middles of edges; ``lame`` and ``mu``, or ``stiffness``; ``traction``, ``support``
+            and for each contact k ``slave k`` and ``master k``, facets by their vertices, with values at these.
+    """
+
+    def __init__(self, model: Model, y: fem.Function, step: float, areas: list[float]) -> None:
+        self._model, self._step, self._d = model, step, model.tagged.dimension
+        self._statement = model.statement.placed(step)
+        mesh = model.tagged.mesh
+        self._count = int(mesh.topology.index_map(self._d).size_local)
+        self._cells = np.asarray(compat.geometry_cells(mesh), dtype=np.int64)[: self._count]
+        self._x = np.asarray(mesh.geometry.x[self._cells][..., : self._d], dtype=np.float64)
+        self.rows: Rows = {"corners": _numbers(model, self._cells), "x": self._x}
+        self.rows |= self._displacement(y) | self._moduli() | self._loads(areas) | self._supports()
+        for number, effect in enumerate(self._statement.contact):
+            self.rows |= self._contact(number, effect)
+
+    def _displacement(self, y: fem.Function) -> Rows:
+        """At corners, and at the middles of edges in the order of ``EDGES``."""
+        d, cell_type = self._d, self._model.tagged.mesh.topology.cell_name()
+        values = y.x.array.reshape(-1, d)[y.function_space.dofmap.list[: self._count]]
+        at, middles = values[:, : d + 1], values[:, : d + 1][:, EDGES[d]].mean(axis=2)
+        if values.shape[1] > d + 1:
+            edges = np.array(basix.topology(getattr(basix.CellType, cell_type))[1])
+            order = [int((edges == edge).all(axis=1).argmax()) for edge in EDGES[d]]
+            middles = values[:, d + 1 :][:, order]
+        return {"displacement": at, "middle": middles}
+
+    def _moduli(self) -> Rows:
+        """Lame's parameters, or stiffness in the components ``ROWS`` and ``COLUMNS``, of the cells."""
+        d, elastic, cells = self._d, self._model.elastic, np.arange(self._count)
+        if elastic.stiffness is None:
+            lame, mu = (_values_of(part, cells) for part in elastic.lame)
+            return {"lame": lame, "mu": mu}
+        pairs = [(int(i), int(j)) for i, j in np.sort(np.column_stack((ROWS[d], COLUMNS[d])), axis=1)]
+        axes = [self._model.kinematics.pairs.index(pair) for pair in pairs]
+        return {"stiffness": elastic.stiffness.at_cells[cells][:, axes][:, :, axes]}
+
+    def _inside(self, region: str | None) -> npt.NDArray[np.bool_]:
+        """Which cells are in a region; None: all of them."""
+        cells = np.arange(self._count)
+        return np.ones(self._count, dtype=bool) if region is None else np.isin(cells, self._model.tagged.cells(region))
+
+    def _loads(self, areas: list[float]) -> Rows:
+        """Force per volume at corners, and per area at the vertices of facets."""
+        body, mass = np.zeros_like(self._x), np.zeros(self._count)
+        for material in self._statement.material:
+            mass[self._inside(material.region)] = material.density or 0.0
+        vertices: list[Ints] = [np.zeros((0, self._d), dtype=np.int64)]
+        tractions: list[Array] = [np.zeros((0, self._d, self._d))]
+        for listed, area in zip(self._statement.of(Force), areas, strict=True):
+            factor, load = self._statement.now(listed, self._step)
+            if factor == 0:
+                continue
+            if load.where is None:
+                body = body + factor * self._density(load, DensityPoints(self._x, np.zeros_like(self._x), mass, area))
+                continue
+            facets = _Facets.of(self._model, self._model.tagged.facets(load.where))
+            across = np.broadcast_to(facets.normal[:, None], facets.x.shape)
+            vertices.append(facets.vertices)
+            tractions.append(factor * self._density(load, DensityPoints(facets.x, across, mass[facets.cell], area)))
+        return {"body": body, "loaded": np.concatenate(vertices), "traction": np.concatenate(tractions)}
+
+    def _density(self, load: Force, at: DensityPoints) -> Array:
+        """Of a load at the vertices of cells or facets, seen from their inside, shape (m, k, d)."""
+        for value in profile_of(load, self._d):
+            _refuse_jumps(value, at.x, load.label)
+        inside = replace(at, x=_inside(at.x))
+        return _from_inside(np.broadcast_to(load.density_at(inside), at.x.shape))
+
+    def _supports(self) -> Rows:
+        """Facets with the direction that is held, and the prescribed component at vertices and middles of edges."""
+        d = self._d
+        vertices: list[Ints] = [np.zeros((0, d), dtype=np.int64)]
+        directions: list[Array] = [np.zeros((0, d))]
+        prescribed: list[Array] = [np.zeros((0, d + len(EDGES_OF_FACET[d])))]
+        for entry in self._statement.of(PrescribedDisplacement):
+            if not entry.holding:
+                continue
+            factor, effect = self._statement.now(entry, self._step)
+            facets = _Facets.of(self._model, self._model.tagged.facets(str(effect.boundary)))
+            x = facets.with_middles()
+            axes = [np.broadcast_to(axis, facets.normal.shape) for axis in np.eye(d)]
+            for value, direction in ((effect.normal, facets.normal), *zip(effect.components[:d], axes, strict=True)):
+                if value is not None:
+                    vertices.append(facets.vertices)
+                    directions.append(direction)
+                    prescribed.append(factor * _sampled(value, x))
+        return {
+            "supported": np.concatenate(vertices),
+            "direction": np.concatenate(directions),
+            "prescribed": np.concatenate(prescribed),
+        }
+
+    def _contact(self, number: int, effect: Contact) -> Rows:
+        """Facets with contact points, their gap at vertices and middles of edges, and the friction bound at vertices;
+        the direction to a foundation, or the facets of the other body and the area that the pair covers.
+        """
+        d, pair = self._d, self._model.pairs.get(number)
+        named = self._model.tagged.facets(effect.boundary) if pair is None else pair.slave.facets
+        facets = _Facets.of(self._model, named)
+        bound = effect.friction.given_bound if effect.friction.acts else 0.0
+        _refuse_jumps(bound, facets.x, "friction bound")
+        towards = facets.normal
+        if effect.foundation is not None:
+            towards = -effect.foundation.distance(facets.x.mean(axis=1))[1]
+        elif effect.direction is not None:
+            direction = np.array(effect.direction[:d])
+            towards = np.broadcast_to(direction / np.linalg.norm(direction), facets.normal.shape)
+        rows = {
+            f"slave {number}": facets.vertices,
+            f"towards {number}": towards,
+            f"gap {number}": _sampled(effect.gap_in(d), facets.with_middles()),
+            f"bound {number}": _from_inside(_sampled(bound, _inside(facets.x))),
+        }
+        if pair is not None:
+            still = pair.coupling.still.weight.sum()
+            first = parallel.is_root(self._model.comm)
+            rows |= {
+                f"master {number}": _Facets.of(self._model, pair.master.facets).vertices,
+                f"covered {number}": np.array([still + first * pair.coupling.covered]),
+                f"by geometry {number}": np.array([pair.by_geometry]),
+            }
+        return rows
+
+
+def _sampled(value: Any, x: Array) -> Array:
+    """A number or an expression at points, shapes (m, q, d) to (m, q)."""
+    return sample(value, in_space(x.reshape(-1, x.shape[2]))).reshape(x.shape[:2])
+
+
+def _inside(x: Array) -> Array:
+    """Points inside simplices, half-way from their centroids to their corners, shape (m, k, d)."""
+    return np.asarray((x + x.mean(axis=1, keepdims=True)) / 2)
+
+
+def _from_inside(values: Array) -> Array:
+    """Values of linear functions at corners from those at points ``_inside``, shape (m, k, ...)."""
+    return np.asarray(2 * values - values.mean(axis=1, keepdims=True))
+
+
+def _refuse_jumps(value: Any, x: Array, label: str) -> None:
+    """Refuse a value with a jump or a kink inside a simplex, given by its corners, shape (m, k, d)."""
+    if not isinstance(value, Expression) or not x.size:
+        return
+    switches = value.switches(in_space(x.reshape(-1, x.shape[2]))).reshape(-1, *x.shape[:2])
+    tiny = SAME_LENGTH * np.abs(switches).max(axis=(1, 2), initial=0.0)[:, None]
+    if ((switches.min(axis=2) < -tiny) & (switches.max(axis=2) > tiny)).any():
+        raise refused(f"a {label} that jumps or has a kink between nodes")
+
+
+def _values_of(part: Any, cells: Ints) -> Array:
+    """Of a coefficient in cells, shape (n,)."""
+    if isinstance(part, fem.Function):
+        return np.asarray(part.x.array[part.function_space.dofmap.list[cells, 0]])
+    return np.full(len(cells), float(part.value))
