@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from signorini_fx import Solution, solve
-from signorini_fx.mechanics.mesh.files.gmsh_files import read_gmsh
+from signorini_fx.mechanics.mesh.files.formats import read_file
 from signorini_fx.mechanics.mesh.files.gmsh_session import gmsh_session
 from signorini_fx.scenes.reading import parse_scene
 
@@ -94,7 +94,7 @@ def from_a_drawing(dimension: int, cells: int, facets: int) -> None:
             solution = solve(drawn)
             rounds.append((seconds() - begin, without))
         begin = seconds()
-        count = sum(len(nodes) for _, nodes in read_gmsh(file, size=size, skin=True).blocks)
+        count = len(read_file(file, degree=1, size=size).facets)
         reading = seconds() - begin
     force, other = (one.contact.forces[0][-1] for one in (solution, exact))
     print(f"{solution.model.dofs} unknowns, {count} facets, force {force:.6g} for {other:.6g}")

@@ -23,9 +23,6 @@ from _pytest.faulthandler import fault_handler_stderr_fd_key
 from dolfinx import jit
 from hypothesis import given, settings
 from hypothesis.strategies import none
-from loaded_reader import LoadedReader
-
-from signorini_fx.mechanics.mesh.files import reading
 
 if os.environ.get("SFX_WITHOUT_ADD_ONS"):
     pytest_plugins = ["without_add_ons"]
@@ -82,16 +79,6 @@ def pytest_collection_finish():
     )()  # hypothesis makes its generator of random numbers, and asks the collector who has it
     gc.collect()
     gc.freeze()
-
-
-@pytest.fixture(autouse=True, scope="session")
-def loaded_reader():
-    """Foreign files are read by forks of one process, see ``loaded_reader``."""
-    reader = LoadedReader()
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(reading, "_run", reader)
-        yield
-    reader.end()
 
 
 @pytest.hookimpl(wrapper=True)

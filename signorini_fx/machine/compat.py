@@ -8,7 +8,6 @@ from typing import Any
 
 import basix
 import basix.ufl
-import mpi4py.MPI as MPI  # first, see signorini_fx.mechanics.body
 import numpy as np
 import numpy.typing as npt
 import ufl
@@ -33,19 +32,6 @@ def share_cells() -> None:
 
 
 share_cells()
-
-
-def gmsh_model_to_mesh(model: Any, comm: MPI.Comm, dim: int) -> tuple[mesh.Mesh, Any, Any]:
-    """Distribute the current gmsh model of rank 0: (mesh, cell tags, facet tags), tags possibly None."""
-    if VERSION >= (0, 10):
-        from dolfinx.io import gmsh as gmsh_io  # type: ignore[attr-defined,unused-ignore]
-
-        data = gmsh_io.model_to_mesh(model, comm, 0, gdim=dim)
-        return data.mesh, data.cell_tags, data.facet_tags
-    from dolfinx.io import gmshio
-
-    result: tuple[mesh.Mesh, Any, Any] = gmshio.model_to_mesh(model, comm, 0, gdim=dim)
-    return result
 
 
 def interpolation_points(element: Any) -> npt.NDArray[np.float64]:
@@ -177,7 +163,6 @@ __all__ = [
     "geometry_degree",
     "geometry_element",
     "geometry_in_space",
-    "gmsh_model_to_mesh",
     "has_vtkhdf",
     "has_vtx",
     "interpolation_points",

@@ -9,7 +9,13 @@ from mpi4py import MPI
 
 from signorini_fx.errors import SceneError
 from signorini_fx.mechanics.mesh.bodies import together
-from signorini_fx.mechanics.mesh.tagged import TaggedMesh, check_dimension, generate_mesh, load_file
+from signorini_fx.mechanics.mesh.tagged import (
+    TaggedMesh,
+    cells_of_generator,
+    check_dimension,
+    generate_mesh,
+    load_file,
+)
 from signorini_fx.mechanics.statement.contact_sizes import contact_sizes
 from signorini_fx.mechanics.statement.mesh_sources import DRAWN, MeshFile, MeshGenerator
 from signorini_fx.scenes.scene import Scene
@@ -24,8 +30,33 @@ def load_mesh(scene: Scene, comm: MPI.Comm) -> TaggedMesh:
     """
     if scene.body:
         _refuse_contact_sizes(scene)
-        return TaggedMesh(**together(scene.body, partial(_load_one, scene), scene.statement.touching, comm))
+        scene = with_cells_alike(scene)
+        return together(scene.body, partial(_load_one, scene), scene.statement.touching, comm)
     return _load_one(scene, None, comm)
+
+
+def with_cells_alike(scene: Scene) -> Scene:
+    """The scene with one kind of cell for all generators of several bodies, where it leaves that open.
+
+    It is that which the scene gives one of them, otherwise the first of their own ones that all can make.
+
+    Raises:
+        SceneError: unknown generator, or wrong parameters.
+    """
+    generators = [mesh for body in scene.body if isinstance(mesh := body.mesh, MeshGenerator)]
+    given = [mesh.parameters["cell"] for mesh in generators if "cell" in mesh.parameters]
+    able = [cells_of_generator(mesh.generator, mesh.parameters) for mesh in generators]
+    wanted = given or [cell for cell, *_ in filter(None, able) if all(cell in cells for cells in able)]
+    if not wanted or all(cells[:1] == (wanted[0],) for cells in able):
+        return scene
+    bodies = []
+    for body in scene.body:
+        mesh: Any = body.mesh
+        if isinstance(mesh, MeshGenerator) and wanted[0] in cells_of_generator(mesh.generator, mesh.parameters):
+            parameters = {"cell": wanted[0], **mesh.parameters}
+            body = body.model_copy(update={"mesh": mesh.model_copy(update={"parameters": parameters})})
+        bodies.append(body)
+    return scene.model_copy(update={"body": tuple(bodies)})
 
 
 def _load_one(scene: Scene, number: int | None, comm: MPI.Comm) -> TaggedMesh:

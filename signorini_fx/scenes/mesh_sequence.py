@@ -29,7 +29,7 @@ from signorini_fx.results.accuracy.level_results import compliance_of
 from signorini_fx.results.restart_files import Checkpoint
 from signorini_fx.results.solution import Solution
 from signorini_fx.scenes.hierarchy import scene_on, with_halved_bodies
-from signorini_fx.scenes.mesh import load_mesh
+from signorini_fx.scenes.mesh import load_mesh, with_cells_alike
 from signorini_fx.scenes.plan import Plan, planned
 from signorini_fx.scenes.scene import Scene
 from signorini_fx.solving.checkpointed_steps import MeshCheckpoint
@@ -179,7 +179,7 @@ def _remade(
     Raises:
         MeshError: gmsh cannot make them.
     """
-    dim, first = last.dimension, plan.scene
+    dim, first = last.dimension, with_cells_alike(plan.scene)
 
     def with_lengths(mesh: Any, field: SizeField, sections: Collection[str]) -> TaggedMesh:
         """The cells of a table ``mesh``, of these lengths."""

@@ -8,6 +8,7 @@ import pytest
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from scenes import PATCH, example1, rectangle
+from signorini_fx.mechanics.mesh.balance import unevenness
 from test_ranks import agree, same_on_all_ranks
 
 from signorini_fx.algebra.contact.active_sets import natural_sets
@@ -16,7 +17,6 @@ from signorini_fx.mechanics.assembly.mesh_entities import facet_vertices
 from signorini_fx.mechanics.body.discretisation import discretise
 from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
 from signorini_fx.mechanics.effects.traction import SurfaceTraction
-from signorini_fx.mechanics.mesh.balance import unevenness
 from signorini_fx.mechanics.mesh.refinement import cells_at, mark, refine
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, generate_mesh
 from signorini_fx.records import History, Status, Timings

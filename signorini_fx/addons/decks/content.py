@@ -541,21 +541,6 @@ class Deck:
         return sum(int((~np.isin(nodes, held)).any(axis=1).sum()) for nodes in faces)
 
 
-def give_to_ends(mesh: MeshArrays, values: Floats) -> None:
-    """Values at nodes that divide the cells of the file, such as forces, go to the nodes between which these are.
-
-    Args:
-        mesh: of the file.
-        values: of its nodes, shape (n,) or (n, k); changed in place.
-    """
-    divides = slice(len(mesh.points) - len(mesh.ends), None)
-    counts = (mesh.ends >= 0).sum(axis=1)
-    shares = (values[divides].T / counts).T
-    for ends in mesh.ends.T:
-        np.add.at(values, ends[ends >= 0], shares[ends >= 0])
-    values[divides] = 0.0
-
-
 def _by_capitals(names: Iterable[str]) -> dict[str, str]:
     """Names by their capitals, which the programs do not distinguish; the first of several."""
     return {label.upper(): label for label in reversed(list(names))}

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from signorini_fx.addons.decks.bolts import drive, hold
-from signorini_fx.addons.decks.content import Deck, DeckLoad, give_to_ends, plain_name
+from signorini_fx.addons.decks.content import Deck, DeckLoad, plain_name
 from signorini_fx.addons.decks.couplings import spread
 from signorini_fx.addons.decks.keywords import GOES_ON
 from signorini_fx.addons.decks.load_areas import read_area_loads
@@ -382,9 +382,7 @@ def _areas(deck: Deck, where: str) -> Floats:
     shares = nodal_measures(deck.mesh.points, facets, deck.mesh.facet)
     if deck.mesh.completed and deck.mesh.dim == 3 and (full_cell := completed("quad8")) is not None:
         facets, shares = facets[:, :-1], shares @ full_cell[1]
-    areas = np.bincount(facets.ravel(), shares.ravel(), minlength=len(deck.mesh.points)).astype(np.float64)
-    give_to_ends(deck.mesh, areas)
-    return areas
+    return np.bincount(facets.ravel(), shares.ravel(), minlength=len(deck.mesh.points)).astype(np.float64)
 
 
 def _like_an_even_one(deck: Deck, group: Group, where: str, axis: str) -> bool:

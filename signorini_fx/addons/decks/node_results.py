@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
 
-from signorini_fx.addons.decks.content import Deck, give_to_ends
+from signorini_fx.addons.decks.content import Deck
 from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.mesh.files.cells import completed
 from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
@@ -182,7 +182,6 @@ def _give_back(deck: Deck, forces: Floats) -> None:
     count = len(deck.numbers)
     if len(forces) == count:
         return
-    give_to_ends(deck.mesh, forces)
     for kind in {kind for kind, _ in deck.model.raw.blocks}:
         full_cell = completed(kind)
         if full_cell is None or full_cell[0].kind != deck.mesh.kind:

@@ -16,6 +16,7 @@ from dolfinx.io import distribute_entity_data
 from dolfinx.io.utils import cell_perm_gmsh
 from mpi4py import MPI
 
+from signorini_fx.machine import compat
 from signorini_fx.mechanics.mesh.files.arrays import MeshArrays
 from signorini_fx.mechanics.mesh.files.cells import CELLS, Cell
 from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
@@ -121,6 +122,12 @@ def _word(kind: Cell) -> str:
     """The word of dolfinx for a shape."""
     four = "quadrilateral" if kind.dim == 2 else "tetrahedron"
     return {2: "interval", 3: "triangle", 4: four, 8: "hexahedron"}[len(kind.corners)]
+
+
+def kind_of_mesh(mesh: dmesh.Mesh) -> Cell | None:
+    """The kind of the cells of a mesh of dolfinx; None for a geometry of a degree above 2."""
+    word, degree = mesh.topology.cell_name(), compat.geometry_degree(mesh)
+    return next((cell for cell in CELLS.values() if (_word(cell), cell.degree) == (word, degree)), None)
 
 
 def order_of_nodes(kind: Cell) -> npt.NDArray[np.int64]:

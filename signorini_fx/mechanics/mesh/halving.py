@@ -16,7 +16,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from signorini_fx.mechanics.mesh.files.arrays import MeshArrays, sides_of
-from signorini_fx.mechanics.mesh.files.cells import Cell, straight
+from signorini_fx.mechanics.mesh.files.cells import CELLS, Cell, straight
 from signorini_fx.mechanics.mesh.files.raw import row_keys, rows_of
 from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
 
@@ -42,8 +42,18 @@ def straightened(mesh: MeshArrays) -> MeshArrays:
     )
 
 
+def quadratic(mesh: MeshArrays) -> MeshArrays:
+    """A mesh of straight cells with nodes in the middle of their edges and faces, of the same shape."""
+    cell = next(kind for kind in CELLS.values() if kind.corners == mesh.cell.corners and kind.degree == 2)
+    nodes = _nodes([tuple(_SIDE * value for value in corner) for corner in cell.corners], cell)
+    lattice, number, points = _on_lattice(mesh, [nodes])
+    cells = number[:, _places([nodes], lattice)[0]]
+    rows = rows_of(mesh.facet_corners, sides_of(mesh.cells, mesh.cell)[:, : len(mesh.facet.corners)])
+    return replace(mesh, points=points, kind=cell.kind, cells=cells, facets=sides_of(cells, cell)[rows])
+
+
 def halved(mesh: MeshArrays) -> MeshArrays:
-    """The mesh with every side of every cell halved; it remembers what was made of the cells of its file."""
+    """The mesh with every side of every cell halved."""
     cell = mesh.cell
     children = [_nodes(child, cell) for child in _children(cell)]
     lattice, number, points = _on_lattice(mesh, children)
@@ -59,8 +69,6 @@ def halved(mesh: MeshArrays) -> MeshArrays:
         facets=halves.reshape(-1, halves.shape[2]),
         boundaries={name: _repeated(rows, halves.shape[1]) for name, rows in mesh.boundaries.items()},
         regions={name: _repeated(rows, len(children)) for name, rows in mesh.regions.items()},
-        note=mesh.note,
-        subdivided=mesh.subdivided,
     )
 
 
@@ -108,8 +116,6 @@ def halved_in_part(mesh: MeshArrays, chosen: npt.NDArray[np.bool_]) -> MeshArray
         facets=renumbered[np.concatenate(facets)[order]],
         boundaries={name: np.flatnonzero(np.isin(facet_parent, rows)) for name, rows in mesh.boundaries.items()},
         regions={name: np.flatnonzero(np.isin(parent, rows)) for name, rows in mesh.regions.items()},
-        note=mesh.note,
-        subdivided=mesh.subdivided,
     )
 
 

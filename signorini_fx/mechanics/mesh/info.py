@@ -24,7 +24,6 @@ def mesh_info(mesh: MeshArrays) -> dict[str, Any]:
         each), ``area`` and ``perimeter``, in space ``volume`` and ``surface``, with curved sides where they are;
         ``quality`` with ``min``, ``mean`` and ``worst`` (where the worst cell is);
         ``pieces`` (parts of the body that share no facet), ``coincident`` (points at the place of another one);
-        ``note``, if the cells are not those of the file;
         ``boundaries`` and ``unnamed`` (exterior facets without a name) with ``facets``, ``bounds`` and
         ``length``, in space ``area``; ``regions`` and ``rest`` (cells without a name) with ``cells`` and ``area``, in
         space ``volume``.
@@ -56,7 +55,6 @@ def mesh_info(mesh: MeshArrays) -> dict[str, Any]:
         },
         "pieces": _pieces(mesh),
         "coincident": _coincident(mesh.points, COINCIDENT_POINTS * diagonal),
-        **({"note": mesh.note} if mesh.note else {}),
         "boundaries": {name: facets(rows) for name, rows in mesh.boundaries.items()},
         "unnamed": facets(_without(mesh.boundaries, len(mesh.facets))),
         "regions": {name: cells(rows) for name, rows in mesh.regions.items()},
@@ -108,8 +106,6 @@ def render(info: Mapping[str, Any], name: str) -> str:
     if info["pieces"] > 1:
         shared = "face" if "volume" in info else "side"
         row("pieces", f"{info['pieces']} parts of the body share no {shared}: each must be held by itself")
-    if "note" in info:
-        row("note", info["note"])
     if info["coincident"]:
         row("warning", f"{info['coincident']} points coincide with another one: the cells there are not connected")
     for title, entries in (("boundaries", info["boundaries"]), ("regions", info["regions"])):

@@ -5,6 +5,7 @@ The names of boundaries and regions are kept.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import mpi4py.MPI  # noqa: F401  # first, see signorini_fx.mechanics.body
@@ -15,8 +16,8 @@ from mpi4py import MPI
 
 from signorini_fx.errors import MeshError
 from signorini_fx.machine import compat, parallel
-from signorini_fx.mechanics.mesh.balance import balanced
-from signorini_fx.mechanics.mesh.tagged import TaggedMesh
+from signorini_fx.mechanics.mesh.tagged import TaggedMesh, arrays_of, from_arrays
+from signorini_fx.tuned import UNEVEN
 
 
 def mark(comm: MPI.Comm, squares: npt.NDArray[np.float64], share: float = 0.5) -> npt.NDArray[np.int32]:
@@ -107,7 +108,12 @@ def refine(tagged: TaggedMesh, cells: npt.NDArray[np.int32] | None = None) -> Ta
     kinds = _table(tagged.facet_tags, mesh.topology.index_map(dim - 1))[origin]
     facets, index = np.unique(facets[kinds != _NO_TAG], return_index=True)
     facet_tags = dmesh.meshtags(fine, dim - 1, facets.astype(np.int32), kinds[kinds != _NO_TAG][index])
-    return balanced(TaggedMesh(fine, facet_tags, tagged.boundaries, cell_tags, tagged.regions, tagged.origin))
+    refined = TaggedMesh(fine, facet_tags, tagged.boundaries, cell_tags, tagged.regions, tagged.origin)
+    counts = fine.topology.index_map(dim)
+    if parallel.global_max(mesh.comm, counts.size_local) * mesh.comm.size <= UNEVEN * counts.size_global:
+        return refined
+    arrays = arrays_of(refined)
+    return replace(from_arrays(mesh.comm, lambda: arrays), origin=tagged.origin)
 
 
 _NO_TAG = np.iinfo(np.int32).min

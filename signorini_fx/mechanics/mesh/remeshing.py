@@ -17,8 +17,7 @@ from mpi4py import MPI
 
 from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.mesh.files.cells import CELLS
-from signorini_fx.mechanics.mesh.files.local_sizes import edges_of
-from signorini_fx.mechanics.mesh.files.size_field import SizeField
+from signorini_fx.mechanics.mesh.files.size_field import SizeField, edges_of
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.tuned import SHORTEST_CHILD, SIZE_GROWTH
 

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import contextlib
 import inspect
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping
 from contextvars import ContextVar
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, get_type_hints
+from typing import TYPE_CHECKING, Any, get_args, get_type_hints
 
 import basix
 import mpi4py.MPI  # noqa: F401  # first, see signorini_fx.mechanics.body
@@ -21,25 +20,18 @@ from pydantic import TypeAdapter, ValidationError
 
 from signorini_fx.errors import MeshError, SceneError, SignoriniError
 from signorini_fx.machine import compat, parallel
-from signorini_fx.mechanics.mesh.distribution import from_root
+from signorini_fx.mechanics.mesh.distribution import from_root, kind_of_mesh, order_of_nodes
 from signorini_fx.mechanics.mesh.drawing import set_order
 from signorini_fx.mechanics.mesh.extent import diameter, extremes
-from signorini_fx.mechanics.mesh.files.arrays import MeshArrays, Selection, combinations, from_raw
+from signorini_fx.mechanics.mesh.files.arrays import MeshArrays, Selection, combinations, from_raw, sides_of
 from signorini_fx.mechanics.mesh.files.cells import CELLS
 from signorini_fx.mechanics.mesh.files.gmsh_reader import content
-from signorini_fx.mechanics.mesh.files.gmsh_session import (
-    disjoint_groups,
-    gmsh_session,
-    kinds_of_cells,
-    loaded_gmsh,
-)
-from signorini_fx.mechanics.mesh.files.local_sizes import with_contact_sizes
+from signorini_fx.mechanics.mesh.files.gmsh_session import gmsh_session
 from signorini_fx.mechanics.mesh.files.raw import rows_of
 from signorini_fx.mechanics.mesh.files.shape import Ints
-from signorini_fx.mechanics.mesh.files.size_field import SizeField
+from signorini_fx.mechanics.mesh.files.size_field import SizeField, Sizes, with_sizes
 from signorini_fx.mechanics.mesh.halving import straightened
 from signorini_fx.mechanics.mesh.section import is_section
-from signorini_fx.mechanics.statement.contact_sizes import ContactSize
 from signorini_fx.mechanics.statement.dimension import dimension_problems
 from signorini_fx.mechanics.statement.expressions import Expression
 from signorini_fx.mechanics.statement.generators import known_generators
@@ -64,8 +56,6 @@ class TaggedMesh(TaggedMeshBase):
         cell_tags: tags on cells; None if the body is one region.
         regions: name of a part of the body -> its tag, or all its tags.
         origin: what a scene calls the file or the generator that it was made from; empty if the caller made it.
-        note: what was made of the cells of its file, in words; empty if they are as they were.
-        subdivided: whether cells of its file are cut or divided into several.
         left_out: name of a boundary -> how many of its facets in the file are inside of the body, and have no tag.
     """
 
@@ -75,8 +65,6 @@ class TaggedMesh(TaggedMeshBase):
     cell_tags: dmesh.MeshTags | None = None
     regions: Mapping[str, int | tuple[int, ...]] = field(default_factory=dict)
     origin: Mapping[str, Any] = field(default_factory=dict)
-    note: str = ""
-    subdivided: bool = False
     left_out: Mapping[str, int] = field(default_factory=dict)
 
     def __repr__(self) -> str:
@@ -206,11 +194,14 @@ def load_file(
     degree: int | None = None,
     sections: Collection[str] = (),
     touching: Collection[str] = (),
-    sizes: Sequence[ContactSize] | SizeField = (),
+    sizes: Sizes = (),
 ) -> TaggedMesh:
     """The mesh of a file with the names that a scene gives it; see ``read_mesh``."""
     names = (mesh.boundaries, mesh.regions, mesh.data)
-    tagged = read_mesh(mesh.file, comm, *names, halvings, degree, mesh.size, sections, touching, sizes)
+    try:
+        tagged = read_mesh(mesh.file, comm, *names, halvings, degree, mesh.size, sections, touching, sizes)
+    except MeshError as error:
+        raise MeshError(f"mesh.file: {error}") from None
     return replace(tagged, origin={"file": mesh.file.name})
 
 
@@ -226,9 +217,7 @@ def curvature(tagged: TaggedMesh) -> float:
     return parallel.largest(mesh.comm, np.linalg.norm(away, axis=2))
 
 
-def generate_mesh(
-    name: str, parameters: Mapping[str, Any], comm: MPI.Comm, sizes: Sequence[ContactSize] | SizeField = ()
-) -> TaggedMesh:
+def generate_mesh(name: str, parameters: Mapping[str, Any], comm: MPI.Comm, sizes: Sizes = ()) -> TaggedMesh:
     """Run the generator ``name``, see ``signorini_fx.meshes``.
 
     Args:
@@ -299,6 +288,17 @@ def generated_cell(name: str, parameters: Mapping[str, Any]) -> str | None:
     return parameters.get("cell", accepted["cell"].default) if "cell" in accepted else None
 
 
+def cells_of_generator(name: str, parameters: Mapping[str, Any]) -> tuple[str, ...]:
+    """The kinds of cells that the generator ``name`` can make, its own choice first; none if no parameter says so.
+
+    Raises:
+        SceneError: unknown generator, or wrong parameters.
+    """
+    generate = _generator(name, parameters)
+    own = generated_cell(name, parameters)
+    return () if own is None else (own, *(cell for cell in get_args(_types(generate)["cell"]) if cell != own))
+
+
 def curved_parameters(name: str, parameters: Mapping[str, Any]) -> dict[str, Any] | None:
     """The parameters with which the generator ``name`` uses cells of degree 2 on its arcs; None if it has no arcs.
 
@@ -320,7 +320,7 @@ def read_mesh(
     size: float | None = None,
     sections: Collection[str] = (),
     touching: Collection[str] = (),
-    sizes: Sequence[ContactSize] | SizeField = (),
+    sizes: Sizes = (),
 ) -> TaggedMesh:
     """A mesh from a file, read on the first rank; ``formats.read_file`` has the formats.
 
@@ -366,18 +366,63 @@ def from_arrays(comm: MPI.Comm, make: Callable[[], MeshArrays], touching: Collec
     """
     arrays_on_root: list[tuple[MeshArrays, Ints, Ints]] = []
 
-    def made() -> tuple[str, Tags, Tags, str, bool, Mapping[str, int]]:
+    def made() -> tuple[str, Tags, Tags, Mapping[str, int]]:
         arrays = make()
         of_side, sides = combinations(arrays.boundaries, len(arrays.facets))
         of_cell, parts = combinations(arrays.regions, len(arrays.cells))
         arrays_on_root.append((arrays, of_side, of_cell))
-        return arrays.kind, sides, parts, arrays.note, arrays.subdivided, arrays.inside
+        return arrays.kind, sides, parts, arrays.inside
 
-    kind, sides, parts, note, subdivided, inside = parallel.on_root(comm, made)
+    kind, sides, parts, inside = parallel.on_root(comm, made)
     held = arrays_on_root.pop() if arrays_on_root else None
     mesh, facet_tags, cell_tags = from_root(comm, CELLS[kind], held, touching)
-    tagged = TaggedMesh(mesh, facet_tags, _plain(sides), cell_tags if parts else None, _plain(parts))
-    return replace(tagged, note=note, subdivided=subdivided, left_out=inside)
+    return TaggedMesh(mesh, facet_tags, _plain(sides), cell_tags if parts else None, _plain(parts), left_out=inside)
+
+
+def arrays_of(tagged: TaggedMesh) -> MeshArrays:
+    """All cells and names of a mesh on the first rank, none on the others; collective.
+
+    Raises:
+        MeshError: its geometry has a degree above 2.
+    """
+    mesh, comm, dim = tagged.mesh, tagged.mesh.comm, tagged.dimension
+    kind, nodes = kind_of_mesh(mesh), mesh.geometry.index_map()
+    if kind is None:
+        raise MeshError("the geometry of its cells has a degree above 2: give it one of 1 or 2")
+    corners, count = len(CELLS[kind.facet].corners), mesh.topology.index_map(dim).size_local
+    cells = np.empty((count, len(kind.nodes)), dtype=np.int64)
+    cells[:, order_of_nodes(kind)] = _global_nodes(mesh, compat.geometry_cells(mesh)[:count])
+    parts: Ints = np.empty((0, 2), dtype=np.int64)
+    if tagged.cell_tags is not None:
+        here = tagged.cell_tags.indices < count
+        numbers = parallel.rows_before(comm, count) + tagged.cell_tags.indices[here]
+        parts = np.column_stack((numbers, tagged.cell_tags.values[here])).astype(np.int64)
+    owned = tagged.facet_tags.indices < mesh.topology.index_map(dim - 1).size_local
+    entities = tagged.facet_tags.indices[owned]
+    mesh.topology.create_connectivity(dim - 1, dim)
+    # dolfinx divides by the number of entities, and a rank may have none.
+    rows = dmesh.entities_to_geometry(mesh, dim - 1, entities) if entities.size else np.empty((0, corners), np.int32)
+    facets = np.column_stack((_global_nodes(mesh, rows)[:, :corners], tagged.facet_tags.values[owned]))
+    points = parallel.rows_on_root(comm, mesh.geometry.x[: nodes.size_local, :dim].astype(np.float64))
+    cells, parts, facets = (parallel.rows_on_root(comm, table) for table in (cells, parts, facets.astype(np.int64)))
+    sides = sides_of(cells, kind)
+    return MeshArrays(
+        points=points,
+        kind=kind.kind,
+        cells=cells,
+        facets=sides[rows_of(facets[:, :corners], sides[:, :corners])],
+        boundaries={
+            name: np.flatnonzero(np.isin(facets[:, corners], tags)) for name, tags in tagged.boundaries.items()
+        },
+        regions={name: np.sort(parts[np.isin(parts[:, 1], tags), 0]) for name, tags in tagged.regions.items()},
+        inside=tagged.left_out,
+    )
+
+
+def _global_nodes(mesh: dmesh.Mesh, rows: npt.NDArray[np.int32]) -> Ints:
+    """Global numbers of geometry nodes, of the same shape."""
+    numbers: Ints = mesh.geometry.index_map().local_to_global(np.ascontiguousarray(rows).ravel())
+    return numbers.reshape(rows.shape)
 
 
 def _generator(name: str, parameters: Mapping[str, Any]) -> Callable[..., Any]:
@@ -433,7 +478,7 @@ class _LocalSizes:
         taken: whether it lets gmsh make its mesh, which has them.
     """
 
-    sizes: Sequence[ContactSize] | SizeField
+    sizes: Sizes
     taken: bool = False
 
 
@@ -455,82 +500,54 @@ def gmsh_mesh(comm: MPI.Comm, draw: Callable[[Any], None], name: str, unit: floa
         MeshError: the model has no cells, no physical group for the body, or no named boundary.
         InstallationError: gmsh is not installed, or cannot be loaded.
     """
-
-    def build(gmsh: Any) -> tuple[int, Tags, Tags]:
-        try:
-            draw(gmsh)
-        except SignoriniError:
-            raise
-        except Exception as error:  # gmsh has no exceptions of its own
-            raise MeshError(f"{name}: gmsh cannot make the mesh: {error}") from None
-        top = max((dim for dim, _ in gmsh.model.getPhysicalGroups()), default=0)
-        if top < 2:
-            raise MeshError(f"{name}: the mesh has no physical group of dimension 2 or 3 (the body)")
-        if wanted is not None and (isinstance(wanted.sizes, SizeField) or wanted.sizes):
-            _mesh_again(gmsh, top, wanted.sizes, name, unit)
-        regions, boundaries = disjoint_groups(gmsh, top, "region"), disjoint_groups(gmsh, top - 1, "boundary")
-        kinds = kinds_of_cells(gmsh, top)
-        if not kinds:
-            raise MeshError(f"{name}: the body has no cells")
-        if len(kinds) > 1:
-            raise MeshError(f"{name}: the mesh mixes cell types or orders; use one")
-        if not boundaries:
-            raise MeshError(f"{name}: the mesh has no named boundary: give it physical groups of dimension {top - 1}")
-        return top, boundaries, regions
-
     wanted = _LOCAL_SIZES.get()
     if wanted is not None:
         wanted.taken = True
-    parallel.on_root(comm, lambda: bool(loaded_gmsh()))  # where it is missing, no rank waits for the first one
-    with gmsh_session() if parallel.is_root(comm) else contextlib.nullcontext() as gmsh:
-        dim, boundaries, regions = parallel.on_root(comm, lambda: build(gmsh))
-        model = None if gmsh is None else gmsh.model
-        mesh, cell_tags, facet_tags = compat.gmsh_model_to_mesh(model, comm, dim)
-    mesh.geometry.x[:] *= unit
-    return TaggedMesh(mesh, facet_tags, _plain(boundaries), cell_tags, _plain(regions))
+
+    def make() -> MeshArrays:
+        with gmsh_session() as gmsh:
+            try:
+                draw(gmsh)
+                top = max((dim for dim, _ in gmsh.model.getPhysicalGroups()), default=0)
+                if top < 2:
+                    raise MeshError(f"{name}: the mesh has no physical group of dimension 2 or 3 (the body)")
+                arrays = _drawn(gmsh, top, () if wanted is None else wanted.sizes, name, unit)
+            except SignoriniError:
+                raise
+            except Exception as error:  # gmsh has no exceptions of its own
+                raise MeshError(f"{name}: gmsh cannot make the mesh: {error}") from None
+        if not arrays.boundaries:
+            raise MeshError(f"{name}: the mesh has no named boundary: give it physical groups of dimension {top - 1}")
+        return arrays
+
+    return from_arrays(comm, make)
 
 
-def _mesh_again(gmsh: Any, top: int, sizes: Sequence[ContactSize] | SizeField, name: str, unit: float) -> None:
-    """Mesh the current model a second time, with cells of other lengths.
-
-    Args:
-        gmsh: the module.
-        top: dimension of the body.
-        sizes: lengths of the facets of some boundaries, or of all cells.
-        name: of the mesh in messages.
-        unit: length of the model's unit.
+def _drawn(gmsh: Any, top: int, sizes: Sizes, name: str, unit: float) -> MeshArrays:
+    """The mesh of the current model, or one with cells of other lengths; see ``gmsh_mesh``.
 
     Raises:
         SceneError: a length cannot be had.
-        MeshError: cells of degree 2 would be turned inside out.
     """
 
     def current() -> MeshArrays:
-        arrays = from_raw(content(gmsh), name)
+        raw = content(gmsh)
+        arrays = from_raw(raw, name, sections=tuple(raw.sets))
         return replace(arrays, points=unit * arrays.points)
 
-    first, fields = current(), list[SizeField]()
+    first = current()
 
-    def make(field: SizeField | None) -> MeshArrays:
-        if field is not None and field not in fields:
-            fields.append(field)
-            gmsh.model.mesh.clear()
-            field.over(unit).apply(gmsh)
+    def meshed(degree: int) -> MeshArrays:
+        if not len(gmsh.model.mesh.getNodes()[0]):
             gmsh.model.mesh.generate(top)
-            if first.degree > 1:
-                set_order(gmsh, first.degree)
+            if degree > 1:
+                set_order(gmsh, degree)
         return current()
 
-    try:
-        if isinstance(sizes, SizeField):
-            make(sizes)
-        else:
-            cure = f"the cells of {name} are in rows; make them smaller by its parameters, or draw the body in a .geo"
-            with_contact_sizes(lambda field: straightened(make(field)), make, sizes, cure)
-    except SignoriniError:
-        raise
-    except Exception as error:  # gmsh has no exceptions of its own
-        raise MeshError(f"{name}: gmsh cannot make the mesh: {error}") from None
+    cure = f"the cells of {name} are in rows; make them smaller by its parameters, or draw the body in a .geo"
+    if not isinstance(sizes, SizeField) and not sizes:
+        return first
+    return with_sizes(gmsh, lambda: straightened(meshed(1)), lambda: meshed(first.degree), sizes, cure, unit)
 
 
 def _plain(names: Mapping[str, tuple[int, ...]]) -> dict[str, int | tuple[int, ...]]:

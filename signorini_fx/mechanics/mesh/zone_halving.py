@@ -15,39 +15,18 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from signorini_fx.errors import MeshError
-from signorini_fx.machine import compat, parallel
-from signorini_fx.mechanics.mesh.balance import global_nodes, owned_entities
-from signorini_fx.mechanics.mesh.distribution import order_of_nodes
-from signorini_fx.mechanics.mesh.files.arrays import MeshArrays, sides_of
-from signorini_fx.mechanics.mesh.files.cells import CELLS
-from signorini_fx.mechanics.mesh.files.raw import rows_of
-from signorini_fx.mechanics.mesh.files.shape import Floats, Ints, check_shape
+from signorini_fx.mechanics.mesh.distribution import kind_of_mesh
+from signorini_fx.mechanics.mesh.files.arrays import MeshArrays
+from signorini_fx.mechanics.mesh.files.shape import Floats, check_shape
 from signorini_fx.mechanics.mesh.halving import edges_of, halved_in_part
 from signorini_fx.mechanics.mesh.smooth_middles import pairs_of, sides_of_facets, smooth_middles
-from signorini_fx.mechanics.mesh.tagged import TaggedMesh, from_arrays
+from signorini_fx.mechanics.mesh.tagged import TaggedMesh, arrays_of, from_arrays
 from signorini_fx.tuned import SAME_LENGTH
-
-# The kind of the cells, by dolfinx's word and the degree of their geometry.
-_KINDS = {
-    ("triangle", 1): "triangle",
-    ("triangle", 2): "triangle6",
-    ("quadrilateral", 1): "quad",
-    ("quadrilateral", 2): "quad9",
-    ("tetrahedron", 1): "tetra",
-    ("tetrahedron", 2): "tetra10",
-    ("hexahedron", 1): "hexahedron",
-    ("hexahedron", 2): "hexahedron27",
-}
-
-
-def _kind(tagged: TaggedMesh) -> str | None:
-    mesh = tagged.mesh
-    return _KINDS.get((mesh.topology.cell_name(), compat.geometry_degree(mesh)))
 
 
 def has_divisible_zone(tagged: TaggedMesh) -> bool:
     """Whether ``halved_around`` can divide its cells: those of bodies in the plane or in space, of degree 1 or 2."""
-    return tagged.mesh.topology.dim == tagged.mesh.geometry.dim and _kind(tagged) is not None
+    return tagged.mesh.topology.dim == tagged.mesh.geometry.dim and kind_of_mesh(tagged.mesh) is not None
 
 
 def halved_around(
@@ -69,7 +48,7 @@ def halved_around(
         times: how often: each time with half the reach, and only those cells that come so near.
         everywhere: whether the first time all cells are.
     """
-    gathered = _gathered(tagged)
+    gathered = arrays_of(tagged)
 
     def make() -> MeshArrays:
         arrays = gathered
@@ -81,39 +60,6 @@ def halved_around(
         return arrays
 
     return replace(from_arrays(tagged.mesh.comm, make), origin=tagged.origin)
-
-
-def _gathered(tagged: TaggedMesh) -> MeshArrays:
-    """All cells and names on the first rank, none on the others; collective."""
-    mesh, comm, dim = tagged.mesh, tagged.mesh.comm, tagged.dimension
-    kind, nodes = CELLS[_kind(tagged) or ""], mesh.geometry.index_map()
-    corners = len(CELLS[kind.facet].corners)
-    count = mesh.topology.index_map(dim).size_local
-    cells = np.empty((count, len(kind.nodes)), dtype=np.int64)
-    cells[:, order_of_nodes(kind)] = global_nodes(mesh, compat.geometry_cells(mesh)[:count])
-    first_cell = parallel.rows_before(comm, count)
-    parts: Ints = np.empty((0, 2), dtype=np.int64)
-    if tagged.cell_tags is not None:
-        tagged_here = tagged.cell_tags.indices < count
-        parts = np.column_stack(
-            (first_cell + tagged.cell_tags.indices[tagged_here], tagged.cell_tags.values[tagged_here])
-        )
-    own_facets = owned_entities(mesh, tagged.facet_tags)
-    points = parallel.rows_on_root(comm, mesh.geometry.x[: nodes.size_local, :dim].astype(np.float64))
-    cells, parts = parallel.rows_on_root(comm, cells), parallel.rows_on_root(comm, parts.astype(np.int64))
-    own_corners = own_facets.nodes[:, :corners] if len(own_facets.tags) else np.empty((0, corners), dtype=np.int64)
-    facets = parallel.rows_on_root(comm, np.column_stack((own_corners, own_facets.tags)))
-    sides = sides_of(cells, kind)
-    return MeshArrays(
-        points=points,
-        kind=kind.kind,
-        cells=cells,
-        facets=sides[rows_of(facets[:, :corners], sides[:, :corners])],
-        boundaries={
-            name: np.flatnonzero(np.isin(facets[:, corners], tags)) for name, tags in tagged.boundaries.items()
-        },
-        regions={name: np.sort(parts[np.isin(parts[:, 1], tags), 0]) for name, tags in tagged.regions.items()},
-    )
 
 
 def _on_curves(coarse: MeshArrays, fine: MeshArrays, curved: Collection[str]) -> MeshArrays:

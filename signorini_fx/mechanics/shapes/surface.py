@@ -109,14 +109,6 @@ def _read(file: Path, size: float | None) -> Any:
         raise MeshError(f"{file}: no such file")
     if file.suffix.lower() == ".stl":
         return InSpace(file, *_stl(file))
-    from signorini_fx.mechanics.mesh.files.gmsh_reader import CAD
-
-    if file.suffix.lower() in CAD:
-        from signorini_fx.mechanics.mesh.files.gmsh_files import read_gmsh
-
-        raw = read_gmsh(file, size=size, skin=True)
-        skin = np.concatenate([nodes for _, nodes in raw.blocks])
-        return InSpace(file, raw.points, skin) if skin.shape[1] == 3 else InThePlane(raw.points[:, :2], skin)
     from signorini_fx.mechanics.mesh.files.formats import read_file
 
     mesh = read_file(file, degree=1, size=size)
@@ -128,9 +120,9 @@ def _read(file: Path, size: float | None) -> Any:
 
 def _stl(file: Path) -> tuple[Array, Rows]:
     """Points and triangles of an STL file, points that are the same joined."""
-    from signorini_fx.mechanics.mesh.files.reading import read_separately
+    from signorini_fx.mechanics.mesh.files.meshio_reader import read_meshio
 
-    raw = read_separately(file, "meshio", {"kind": "stl"})
+    raw = read_meshio(file, "stl")
     blocks = [nodes for kind, nodes in raw.blocks if kind == "triangle" and len(nodes)]
     if not blocks or not np.isfinite(raw.points).all():
         raise MeshError(f"{file}: it has no triangles, or points that are not finite")

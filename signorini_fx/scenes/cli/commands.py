@@ -331,14 +331,12 @@ def info(_: argparse.Namespace) -> int:
 
     from signorini_fx.algebra.linalg.factorisation import factorisation_package
     from signorini_fx.machine import parallel
-    from signorini_fx.mechanics.mesh.files import sandbox
     from signorini_fx.results.versions import versions
 
     comm = MPI.COMM_WORLD
     lines = [f"{name:14s} {version}" for name, version in versions().items()]
     lines.append(f"{'Cholesky':14s} {factorisation_package(comm, symmetric=True)}")
     lines.append(f"{'LU':14s} {factorisation_package(comm, symmetric=False)}")
-    lines.append(f"{'sandbox':14s} {' and '.join(sandbox.available()) or 'none'}, for reading mesh files")
     parallel.log_on_root(comm, "\n".join(lines))
     return EXIT_OK
 

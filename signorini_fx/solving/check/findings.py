@@ -57,9 +57,8 @@ def scene_findings(body: Model, *, estimates: bool = True) -> list[Finding]:
         estimates: whether to include findings based on estimated displacements, which a solution replaces.
     """
     statement, data = body.statement, body.data
-    note, paired = body.tagged.note, any(effect.against is not None for effect in statement.contact)
+    paired = any(effect.against is not None for effect in statement.contact)
     findings = [Finding("warning", "incomplete", f"not in the scene: {lost}") for lost in statement.incomplete]
-    findings += [Finding("note", "mesh", note)] if note else []
     findings += [
         *_pieces(body),
         *_locking(body),
@@ -103,7 +102,6 @@ def nonlinear_findings(statement: Statement, body: Model) -> list[Finding]:
         body: the linear one that it is at small strains.
     """
     findings = [Finding("warning", "incomplete", f"not in the scene: {lost}") for lost in statement.incomplete]
-    findings += [Finding("note", "mesh", body.tagged.note)] if body.tagged.note else []
     for number, contact in enumerate(statement.contact):
         if statement.finite_strains and contact.foundation is None and contact.against is None:
             text = "gap and direction are those of the undeformed boundary: a foundation is met anywhere"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -11,9 +11,6 @@ import numpy.typing as npt
 
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.mechanics.mesh.files.cells import CELLS, Cell, completed
-from signorini_fx.mechanics.mesh.files.cutting import cut
-from signorini_fx.mechanics.mesh.files.dividing import divided
-from signorini_fx.mechanics.mesh.files.one_order import complete, of_one_order
 from signorini_fx.mechanics.mesh.files.raw import RawMesh, increases, row_keys, rows_of
 from signorini_fx.mechanics.mesh.files.shape import Floats, Ints, check_shape
 from signorini_fx.mechanics.statement.expressions import Expression
@@ -44,10 +41,6 @@ class MeshArrays:
             that belong to sections.
         boundaries: name -> rows of ``facets``, sorted; boundaries may overlap.
         regions: name -> rows of ``cells``, sorted; regions may overlap.
-        note: what was made of the cells of the file, in words; empty if they are as they were.
-        ends: the nodes in the middle of which each of the last ones is, which divide the cells of the file, shape
-            (k, 4) or (k, 8), -1: none.
-        subdivided: whether cells of the file are cut or divided into several.
         completed: whether cells of the file have got nodes in the middle of their faces.
         inside: name of a boundary -> how many of the elements that it has in the file are no exterior facets.
     """
@@ -58,9 +51,6 @@ class MeshArrays:
     facets: Ints
     boundaries: Mapping[str, Ints]
     regions: Mapping[str, Ints]
-    note: str = ""
-    ends: Ints = field(default_factory=lambda: np.empty((0, 4), dtype=np.int64))
-    subdivided: bool = False
     completed: bool = False
     inside: Mapping[str, int] = field(default_factory=dict)
 
@@ -105,8 +95,7 @@ def from_raw(
 ) -> MeshArrays:
     """The cells of a raw mesh with their exterior facets and all names.
 
-    The mesh is in space if it has cells of three dimensions; otherwise it must be in a plane x[2] = constant.  Some
-    kinds of cells are cut into simplices, or divided into quadrilaterals or hexahedra: ``cutting``, ``dividing``.
+    The mesh is in space if it has cells of three dimensions; otherwise it must be in a plane x[2] = constant.
 
     Args:
         raw: the mesh as read from its file.
@@ -122,22 +111,17 @@ def from_raw(
             is missing.
         SceneError: a selection is empty.
     """
-    raw, raised = of_one_order(raw)
-    raw, divisions, note = divided(raw)
-    if not note:
-        raw, note = cut(raw, name)
-    subdivided = bool(note)
     kind, body = _body(raw, name)
+    if any(nodes.size and not 0 <= nodes.min() <= nodes.max() < len(raw.points) for _, nodes in raw.blocks):
+        raise MeshError(f"{name}: an element has a node that does not exist")
     if (full_cell := completed(kind)) is not None:
-        count = sum(len(raw.blocks[n][1]) for n in body)
-        raw, kind = complete(raw, body, *full_cell)
-        note = f"{count} {full_cell[0].word} get nodes in the middle of their faces, and are {kind}"
-    note = "; ".join(filter(None, (raised, note)))
+        raw, kind = _complete(raw, body, *full_cell)
     cell = CELLS[kind]
     points, cells, renumber = _points_of(raw, body, cell.dim, name)
     corners = cells[:, : len(cell.corners)]
     check_shape(points, cells, cell, name)
     _check_twice(corners, name)
+    _check_middles(cells, cell, name)
     width = len(CELLS[cell.facet].corners)
     facets = _exterior(cells, cell, name)
     if any(label in raw.sets for label in sections):
@@ -184,19 +168,8 @@ def from_raw(
                 problems.append((f"mesh.{entities.key}.{label}", message))
     if problems:
         raise SceneError(problems)
-    divisions = np.where(divisions < 0, -1, renumber[divisions])
     return MeshArrays(
-        points,
-        kind,
-        cells,
-        facets,
-        names,
-        names_of_parts,
-        note,
-        divisions,
-        subdivided=subdivided,
-        completed=full_cell is not None,
-        inside=inside,
+        points, kind, cells, facets, names, names_of_parts, completed=full_cell is not None, inside=inside
     )
 
 
@@ -320,11 +293,13 @@ def _body(raw: RawMesh, name: str) -> tuple[str, list[int]]:
         raise MeshError(
             f"{name}: the mesh has no cells: in gmsh, put the body into a physical group of dimension 2, or 3 in space"
         )
-    if len(sizes) > 1:
+    if len(sizes) > 1 or not {"wedge", "pyramid"}.isdisjoint(kind.rstrip("0123456789") for kind in sizes):
         counts = ", ".join(f"{count} {kind}" for kind, count in sorted(sizes.items()))
-        hint = "; only bodies without common nodes may differ"
-        hint += ": a boundary between tetrahedra and hexahedra would not be conforming" if solid else ""
-        raise MeshError(f"{name}: the mesh mixes cell types or orders ({counts}); use one{hint}")
+        simplices = "tetrahedra" if solid else "triangles"
+        raise MeshError(
+            f"{name}: a mesh has one kind of cell, no wedges and no pyramids, and this one has {counts}: {simplices} "
+            "are made of all by gmsh without Recombine, or from a file by ParaView's filter Tetrahedralize"
+        )
     (kind,) = sizes
     if kind not in CELLS and completed(kind) is None:
         known_kinds = ", ".join(k for k, cell in CELLS.items() if cell.dim == (3 if solid else 2))
@@ -336,8 +311,6 @@ def _points_of(raw: RawMesh, body: list[int], dim: int, name: str) -> tuple[Floa
     """Points that cells use, the cells in their numbers, and the new number of every point (-1: dropped)."""
     cells = np.concatenate([raw.blocks[n][1] for n in body]).astype(np.int64, copy=False)
     count = len(raw.points)
-    if any(nodes.size and not 0 <= nodes.min() <= nodes.max() < count for _, nodes in raw.blocks):
-        raise MeshError(f"{name}: an element has a node that does not exist")
     used = np.zeros(count, dtype=bool)
     used[cells] = True
     renumber = np.where(used, np.cumsum(used) - 1, -1)
@@ -382,6 +355,39 @@ def _check_twice(corners: Ints, name: str) -> None:
     if twice:
         hint = "gmsh's format 2.2 has them so where physical groups overlap: write 4.1"
         raise MeshError(f"{name}: {twice} cells occur twice ({hint})")
+
+
+def _check_middles(cells: Ints, cell: Cell, name: str) -> None:
+    """Refuse cells that have different nodes in the middle of the same edge or face, or one in the middle of two."""
+    count = int(cells.max()) + 1
+    for width in {len(ends) for ends in cell.nodes} - {1}:
+        columns = [k for k, ends in enumerate(cell.nodes) if len(ends) == width]
+        ends = cells[:, [cell.nodes[k] for k in columns]].reshape(-1, width)
+        keys, nodes = row_keys(ends), cells[:, columns].ravel()
+        pairs = np.unique(np.unique(keys, return_inverse=True)[1].reshape(-1) * count + nodes)
+        if not len(pairs) == np.unique(keys).size == np.unique(nodes).size or np.isin(nodes, ends).any():
+            raise MeshError(
+                f"{name}: cells cross: some nodes in the middle of edges or faces belong to two of them, or two to one"
+            )
+
+
+def _complete(raw: RawMesh, body: list[int], cell: Cell, weights: Floats) -> tuple[RawMesh, str]:
+    """The raw mesh with the nodes in the middle of faces that its cells lack, joined where cells meet."""
+    incomplete = np.concatenate([raw.blocks[n][1] for n in body])
+    node_count = incomplete.shape[1]
+    new = cell.nodes[node_count:]
+    # A face is identified by its corners, a cell by its number.
+    faces = np.concatenate([np.empty((0, 4), np.int64), *(incomplete[:, list(corners)] for corners in new[:-1])])
+    first, number = np.unique(row_keys(faces), return_index=True, return_inverse=True)[1:]
+    inside = len(first) + np.arange(len(incomplete))
+    added = np.column_stack((number.reshape(len(new) - 1, len(incomplete)).T, inside)) + len(raw.points)
+    x = np.einsum("nt,ctd->cnd", weights[node_count:], np.asarray(raw.points, dtype=np.float64)[incomplete])
+    points = np.concatenate((raw.points, x[:, :-1].transpose(1, 0, 2).reshape(-1, x.shape[2])[first], x[:, -1]))
+    blocks, start = list(raw.blocks), 0
+    for n in body:
+        rows = slice(start, start := start + len(raw.blocks[n][1]))
+        blocks[n] = (cell.kind, np.column_stack((incomplete[rows], added[rows])))
+    return replace(raw, points=points, blocks=blocks), cell.kind
 
 
 def sides_of(cells: Ints, cell: Cell) -> Ints:

@@ -2,33 +2,24 @@
 
 from __future__ import annotations
 
-import importlib
 import math
 import os
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from signorini_fx.errors import MeshError, SceneError
-from signorini_fx.mechanics.mesh.files import abaqus, abaqus_include, gmsh_files
-from signorini_fx.mechanics.mesh.files.arrays import (
-    MeshArrays,
-    Selection,
-    combinations,
-    from_raw,
-    plain,
-)
-from signorini_fx.mechanics.mesh.files.gmsh_reader import CAD
+from signorini_fx.mechanics.mesh.files import abaqus, abaqus_include
+from signorini_fx.mechanics.mesh.files.arrays import MeshArrays, Selection, combinations, from_raw, plain
+from signorini_fx.mechanics.mesh.files.gmsh_reader import CAD, read_gmsh
 from signorini_fx.mechanics.mesh.files.gmsh_session import gmsh_session
-from signorini_fx.mechanics.mesh.files.local_sizes import with_contact_sizes
+from signorini_fx.mechanics.mesh.files.meshio_reader import meshio_format, read_meshio
 from signorini_fx.mechanics.mesh.files.raw import RawMesh
-from signorini_fx.mechanics.mesh.files.reading import read_separately
 from signorini_fx.mechanics.mesh.files.shape import Floats, Ints, is_straight
-from signorini_fx.mechanics.mesh.files.size_field import SizeField
+from signorini_fx.mechanics.mesh.files.size_field import SizeField, Sizes
 from signorini_fx.mechanics.mesh.halving import halved, straightened
-from signorini_fx.mechanics.statement.contact_sizes import ContactSize
 from signorini_fx.mechanics.statement.mesh_sources import DRAWN
 
 # Name of a boundary or region -> its tags.
@@ -44,7 +35,7 @@ def read_file(
     degree: int | None = None,
     size: float | None = None,
     sections: Collection[str] = (),
-    sizes: Sequence[ContactSize] | SizeField = (),
+    sizes: Sizes = (),
 ) -> MeshArrays:
     """A mesh in the plane or in space from a file, the format by its suffix.
 
@@ -67,41 +58,36 @@ def read_file(
         MeshError: there is no such file, it cannot be read, or it is not a mesh of one kind of cell.
         SceneError: a selection is empty, or a length cannot be had.
     """
-    reader = _READERS.get(file.suffix.lower())
-    if reader is None:
-        raise MeshError(f"{file}: unknown mesh format {file.suffix!r}; known are {', '.join(sorted(_READERS))}")
+    suffix = file.suffix.lower()
+    if suffix not in _FORMATS:
+        raise MeshError(f"{file}: unknown mesh format {file.suffix!r}; known are {', '.join(sorted(_FORMATS))}")
     if not os.path.isfile(file):  # a name may be of any length
         raise MeshError(f"{file}: no such file")
     if size is not None and not 0 < size < math.inf:
         raise SceneError([("mesh.size", f"a positive length is expected, got {size:g}")])
-    if size is not None and file.suffix.lower() not in CAD:
+    if size is not None and suffix not in CAD:
         suffixes = ", ".join(CAD)
         raise SceneError(
             [("mesh.size", f"a {file.suffix} file determines the size of its cells; a size is for {suffixes}")]
         )
-    if file.suffix.lower() in DRAWN:
-        names = (str(file), boundaries, regions, data, sections)
-
-        def made(halved_times: int, order: int | None, field: SizeField | None) -> MeshArrays:
-            return from_raw(gmsh_files.read_gmsh(file, halved_times, order, size, sizes=field), *names)
-
-        def finished(field: SizeField | None) -> MeshArrays:
-            return made(halvings, degree, field)
-
-        if isinstance(sizes, SizeField) or not sizes:
-            drawn = finished(sizes if isinstance(sizes, SizeField) else None)
-        else:
-            cure = "take Transfinite or Layers there out of the drawing"
-            drawn = with_contact_sizes(lambda field: made(0, 1, field), finished, sizes, cure)
-        # Nodes between the corners are for curves.
-        return straightened(drawn) if degree == 2 and is_straight(drawn.points, drawn.cells, drawn.cell) else drawn
-    if not isinstance(sizes, SizeField) and sizes:
+    if suffix not in DRAWN and not isinstance(sizes, SizeField) and sizes:
         message = (
             f"a {file.suffix} file has its cells already: give its drawing ({', '.join(DRAWN)}), or let "
             "[accuracy] with refinement = 'adaptive' divide straight triangles or tetrahedra"
         )
         raise SceneError([(sizes[0].path, message)])
-    mesh = from_raw(reader(file), str(file), boundaries, regions, data, sections)
+
+    def named(raw: RawMesh) -> MeshArrays:
+        return from_raw(raw, str(file), boundaries, regions, data, sections)
+
+    if suffix in DRAWN:
+        drawn = read_gmsh(file, named, halvings, degree, size, sizes)
+        # Nodes between the corners are for curves.
+        return straightened(drawn) if degree == 2 and is_straight(drawn.points, drawn.cells, drawn.cell) else drawn
+    if suffix == ".msh":
+        mesh = read_gmsh(file, named)
+    else:
+        mesh = named(abaqus.read(file) if suffix == ".inp" else read_meshio(file, suffix[1:]))
     if degree == 1:
         mesh = straightened(mesh)
     for _ in range(halvings):
@@ -186,31 +172,9 @@ def _all_named(mesh: MeshArrays) -> bool:
 # --- meshio ----------------------------------------------------------------------------------------------------------
 
 
-def _meshio(kind: str) -> Any:
-    """A format of meshio.
-
-    Raises:
-        MeshError: meshio, or h5py which it needs for HDF5, is not installed.
-    """
-    try:
-        if kind == "med":
-            importlib.import_module("h5py")
-        return importlib.import_module(f"meshio.{kind}")
-    except ModuleNotFoundError as error:
-        raise MeshError(f".{kind} needs the Python package {error.name}: apt install python3-{error.name}") from None
-
-
-def _by_meshio(kind: str) -> Callable[[Path], RawMesh]:
-    def read(file: Path) -> RawMesh:
-        _meshio(kind)
-        return read_separately(file, "meshio", {"kind": kind})
-
-    return read
-
-
 def _write_meshio(kind: str) -> Callable[[MeshArrays, Path], None]:
     def write(mesh: MeshArrays, file: Path) -> None:
-        module = _meshio(kind)
+        module = meshio_format(kind)
         import meshio
 
         if kind == "xdmf" and mesh.degree > 1:  # meshio cannot read it again
@@ -261,14 +225,7 @@ def _marked(count: int, rows: Ints) -> Ints:
     return marks
 
 
-_READERS: dict[str, Callable[[Path], RawMesh]] = {
-    **dict.fromkeys(DRAWN, gmsh_files.read_gmsh),
-    ".inp": abaqus.read,
-    ".med": _by_meshio("med"),
-    ".msh": gmsh_files.read_gmsh,
-    ".vtu": _by_meshio("vtu"),
-    ".xdmf": _by_meshio("xdmf"),
-}
+_FORMATS = (*DRAWN, ".inp", ".med", ".msh", ".vtu", ".xdmf")
 _WRITERS: dict[str, Callable[[MeshArrays, Path], None]] = {
     ".inp": abaqus.write,
     ".med": _write_meshio("med"),

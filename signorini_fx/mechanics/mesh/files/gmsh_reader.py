@@ -1,92 +1,102 @@
-"""gmsh files, within the process that reads them: ``reading_process``."""
+"""Files that gmsh reads, in this process: its meshes, its scripts, and CAD drawings, which it meshes."""
 
 from __future__ import annotations
 
-import importlib
-import resource
+import contextlib
+import os
+import re
+import sys
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from signorini_fx.mechanics.mesh.files.cells import CELLS
-from signorini_fx.mechanics.mesh.files.cutting import BETWEEN, CORNERS, shape_of
+from signorini_fx.errors import MeshError, SignoriniError
+from signorini_fx.mechanics.mesh.files.arrays import MeshArrays
+from signorini_fx.mechanics.mesh.files.cells import CELLS, completed
+from signorini_fx.mechanics.mesh.files.gmsh_script import check_script
+from signorini_fx.mechanics.mesh.files.gmsh_session import gmsh_session
 from signorini_fx.mechanics.mesh.files.raw import RawMesh
 from signorini_fx.mechanics.mesh.files.shape import Ints
-from signorini_fx.mechanics.mesh.files.size_field import SizeField
-from signorini_fx.tuned import BYTES_PER_CELL, DIGITS_OF_FILES, TETRAHEDRON_VOLUME
+from signorini_fx.mechanics.mesh.files.size_field import Sizes, with_sizes
+from signorini_fx.tuned import BYTES_PER_CELL, TETRAHEDRON_VOLUME
 
 # Drawings of CAD programs, by what OpenCASCADE calls them.
 CAD = {".step": "step", ".stp": "step", ".brep": "brep"}
+_HEADERS = {
+    "msh": ("no mesh of gmsh", (b"$MeshFormat", b"$Comments")),
+    "step": ("no STEP file", (b"ISO-10303-21",)),
+    "brep": ("no BREP file of OpenCASCADE", (b"DBRep_DrawableShape", b"CASCADE Topology")),
+}
+# The last lines of drawings.
+_LAST = {"step": re.compile(rb"END-ISO-10303-21\s*;\s*$"), "brep": re.compile(rb"\n[+-]\d+ \d+\s*$")}
 # A body's diagonal is so many cells long where no size is given.
 _CELLS_ALONG = 25
-# The length, area and volume of a line, a triangle and a tetrahedron with edges of length 1.
-_CONTENT = {1: 1.0, 2: 0.43, 3: TETRAHEDRON_VOLUME}
+# The area and volume of a triangle and a tetrahedron with edges of length 1.
+_CONTENT = {2: 0.43, 3: TETRAHEDRON_VOLUME}
 # Where the surface is curved, so many cells are a full turn.
 _TO_A_TURN = 16
-# More triangles or lines than this are many.
-_FEW = 5_000
 # Elements by gmsh's number, in meshio's words.
-_TYPES = {1: "line", 2: "triangle", 3: "quad", 8: "line3", 9: "triangle6", 10: "quad9", 15: "vertex", 16: "quad8"}
-_TYPES |= {4: "tetra", 5: "hexahedron", 6: "wedge", 7: "pyramid", 11: "tetra10", 12: "hexahedron27"}
-_TYPES |= {13: "wedge18", 14: "pyramid14", 17: "hexahedron20", 18: "wedge15", 19: "pyramid13"}
+_TYPES = {cell.gmsh: kind for kind, cell in CELLS.items()} | {15: "vertex", 16: "quad8", 17: "hexahedron20"}
+_TYPES |= {6: "wedge", 7: "pyramid", 13: "wedge18", 14: "pyramid14", 18: "wedge15", 19: "pyramid13"}
 
 
-def load_libraries(_suffix: str) -> None:
-    """Load gmsh, which reads none of its files of options."""
-    gmsh = importlib.import_module("gmsh")
-    gmsh.initialize(readConfigFiles=False, interruptible=False)
-    gmsh.option.setNumber("General.Terminal", 0)
-    gmsh.option.setNumber("Mesh.RandomSeed", 1)
+def read_gmsh(
+    file: Path,
+    named: Callable[[RawMesh], MeshArrays],
+    halvings: int = 0,
+    degree: int | None = None,
+    size: float | None = None,
+    sizes: Sizes = (),
+) -> MeshArrays:
+    """A mesh, or a drawing after gmsh has meshed it.
 
-
-def files_of(file: Path) -> list[Path]:
-    """The files that are opened."""
-    return [file]
-
-
-def read(
-    file: Path, halvings: int, degree: int, size: float, *, skin: bool = False, sizes: SizeField | None = None
-) -> RawMesh:
-    """The content of a mesh, or of a drawing after gmsh has meshed it; physical groups are sets.
+    The surfaces and solids of a CAD drawing are physical groups with their numbers.
 
     Args:
-        file: what it is, its suffix says.
-        halvings: how often the cells that gmsh makes of a drawing are divided.
-        degree: 2: they get nodes between their corners; 1: they get none; 0: as the drawing asks for.
-        size: length of the cells of a CAD drawing; 0: a fraction of the size of the body.
-        skin: of a CAD drawing only its ``_skin``.
-        sizes: lengths of the cells of a drawing that take the place of its own; None: there are none.
+        file: an existing file that ends in ``.msh`` or one of ``DRAWN``.
+        named: makes the mesh of its content.
+        halvings: how often gmsh divides all cells that it makes, with the new nodes on the true shape.
+        degree: 1: the cells that it makes have straight sides; 2: nodes between their corners on the true shape;
+            None: what the script asks for, 1 for a drawing of a CAD program.
+        size: length of the cells of a CAD drawing, in its unit; None: a fraction of the size of the body.
+        sizes: of a drawing the lengths of facets of some boundaries, or of all cells.
 
     Raises:
-        ValueError: gmsh cannot read it.
+        MeshError: its content does not fit its suffix, a script does more than draw, or gmsh cannot make a mesh of it.
+        SceneError: a length cannot be had.
     """
-    gmsh = importlib.import_module("gmsh")
-    corners: dict[int, Any] = {}
-    try:
-        suffix = file.suffix.lower()
-        if skin:
-            return _skin(gmsh, str(file), CAD[suffix], size)
-        if suffix in CAD:
-            corners = _import(gmsh, str(file), CAD[suffix], size)
-        else:
-            gmsh.merge(str(file))
-        if suffix in CAD or suffix == ".geo":
-            if sizes is not None:
-                sizes.apply(gmsh)
-            _mesh(gmsh, halvings, degree)
-    except Exception as error:
-        reason = str(error).replace(f"'{file}', ", "")
-        raise ValueError(f"gmsh cannot read it: {reason}") from None
-    return content(gmsh, corners)
+    suffix = file.suffix.lower()
+    with gmsh_session() as gmsh:
+        try:
+            if suffix == ".geo":
+                _run(gmsh, file)
+            else:
+                _check_ends(file, CAD.get(suffix, "msh"))
+            if suffix in CAD:
+                _import(gmsh, file, CAD[suffix], size)
+            elif suffix == ".msh":
+                gmsh.merge(str(file.absolute()))
+                return named(content(gmsh))
+
+            def make(times: int, order: int | None) -> MeshArrays:
+                _mesh(gmsh, times, order)
+                return named(content(gmsh))
+
+            cure = "take Transfinite or Layers there out of the drawing"
+            return with_sizes(gmsh, lambda: make(0, 1), lambda: make(halvings, degree), sizes, cure)
+        except SignoriniError:
+            raise
+        except OSError as error:
+            raise MeshError(f"{file}: cannot be read: {error.strerror or error}") from None
+        except Exception as error:  # gmsh has no exceptions of its own
+            reason = str(error).replace(f"'{file.absolute()}', ", "")
+            raise MeshError(f"{file}: gmsh cannot read it: {reason or type(error).__name__}") from None
 
 
-def content(gmsh: Any, corners: dict[int, Any] | None = None) -> RawMesh:
+def content(gmsh: Any) -> RawMesh:
     """The mesh of the current model; physical groups are sets.
-
-    Args:
-        gmsh: the module.
-        corners: see ``RawMesh``.
 
     Raises:
         ValueError: two nodes have the same number.
@@ -99,160 +109,134 @@ def content(gmsh: Any, corners: dict[int, Any] | None = None) -> RawMesh:
     grouped = {dim for dim, _ in gmsh.model.getPhysicalGroups()}
     # Boundaries have one dimension less than the body.
     top = 3 if len(gmsh.model.mesh.getElementTypes(3)) else 2
-    blocks: list[Any] = []
-    physical: list[Any] = []
+    raw = RawMesh(np.asarray(x).reshape(-1, 3), [])
     members: dict[str, list[int]] = {}
+    physical: list[Ints] = []
     for dim, entity in gmsh.model.getEntities():
         numbers = [int(tag) for tag in gmsh.model.getPhysicalGroupsForEntity(dim, entity)]
         if dim < top - 1 or ((dim in grouped or dim < top) and not numbers):
             continue
         types, _, nodes = gmsh.model.mesh.getElements(dim, entity)
-        for kind, flat in zip(types, nodes, strict=True):
-            name, _, _, count, local, _ = gmsh.model.mesh.getElementProperties(kind)
+        for number, flat in zip(types, nodes, strict=True):
+            name, _, _, count, _, _ = gmsh.model.mesh.getElementProperties(number)
             for tag in numbers:
                 label = gmsh.model.getPhysicalName(dim, tag) or f"{'boundary' if dim < top else 'region'}_{tag}"
-                members.setdefault(label, []).append(len(blocks))
+                members.setdefault(label, []).append(len(raw.blocks))
+            kind = _TYPES.get(int(number), name)
             rows = _places(tags, order, np.asarray(flat, dtype=np.int64)).reshape(-1, count)
-            order_here = _order(_TYPES.get(int(kind), name), np.reshape(local, (count, -1)))
-            blocks.append((_TYPES.get(int(kind), name), rows[:, order_here]))
+            raw.blocks.append((kind, rows[:, _order(kind, count)]))
             physical.append(np.tile(np.array(numbers or [-1], dtype=np.int64), (len(rows), 1)))
-    all_rows: list[Ints] = [np.arange(len(nodes)) for _, nodes in blocks]
-    no_rows: Ints = np.empty(0, dtype=np.int64)
-    sets = {
-        name: [rows if k in numbers else no_rows for k, rows in enumerate(all_rows)]
-        for name, numbers in members.items()
-    }
-    return RawMesh(np.asarray(x).reshape(-1, 3), blocks, sets, {}, {"gmsh:physical": physical}, corners or {})
+    for name, blocks in members.items():
+        rows_of_blocks = (np.arange(len(nodes) if k in blocks else 0) for k, (_, nodes) in enumerate(raw.blocks))
+        raw.sets[name] = list(rows_of_blocks)
+    raw.data["gmsh:physical"] = physical
+    return raw
 
 
-def _order(kind: str, places: Any) -> Any:
-    """Node k of an element here is the node with this number in gmsh, whose nodes are at these places of its cell."""
-    if kind in CELLS:
-        return np.argsort(CELLS[kind].gmsh_order)
-    if (shape := shape_of(kind)) not in BETWEEN:
-        return np.arange(len(places))
-    corners = CORNERS[shape]
-    middles = [places[list(between)].mean(axis=0) for between in BETWEEN[shape][: len(places) - corners]]
-    return [*range(corners), *(int(np.argmin(np.linalg.norm(places - x, axis=1))) for x in middles)]
+def _order(kind: str, count: int) -> Any:
+    """Node k of an element here is the node with this number in gmsh."""
+    cell = CELLS.get(kind)
+    if cell is None and (full_cell := completed(kind)) is not None:
+        cell = full_cell[0]
+    return np.arange(count) if cell is None else np.argsort(cell.gmsh_order[:count])
 
 
-def _import(gmsh: Any, file: str, form: str, size: float) -> dict[int, Any]:
+def _places(tags: Ints, order: Ints, wanted: Ints) -> Ints:
+    """Where the nodes with these numbers are; -1 for one that is not there."""
+    if not len(tags):
+        return np.full(len(wanted), -1)
+    places = order[np.searchsorted(tags, wanted, sorter=order).clip(max=len(tags) - 1)]
+    return np.where(tags[places] == wanted, places, -1)
+
+
+def _check_ends(file: Path, form: str) -> None:
+    """Refuse a file without the header of its format, which gmsh would take for a script, and a drawing that is cut
+    off, whose end OpenCASCADE may wait for without end.
+    """
+    with file.open("rb") as stream:
+        start = stream.read(256)
+        stream.seek(max(stream.seek(0, os.SEEK_END) - 200, 0))
+        end = stream.read()
+    format_name, beginnings = _HEADERS[form]
+    if not any(word in start for word in beginnings) if form == "brep" else not start.lstrip().startswith(beginnings):
+        raise MeshError(f"{file}: is {format_name}: it does not begin with {beginnings[0].decode()}")
+    if form in _LAST and not _LAST[form].search(end):
+        raise MeshError(f"{file}: gmsh cannot read it: it ends before its last line")
+
+
+def _run(gmsh: Any, file: Path) -> None:
+    """Run a script, to its end in any case: gmsh's parser would begin the next one where it left this one.
+
+    Raises:
+        MeshError: it is none, does more than draw, or has an error.
+    """
+    with file.open("rb") as stream:
+        if stream.read(1) == b"$":
+            raise MeshError(f"{file}: is not a gmsh script: it begins with $; a mesh must end in .msh")
+    check_script(file)
+    gmsh.logger.start()
+    gmsh.option.setNumber("General.AbortOnError", 0)
+    try:
+        gmsh.merge(str(file.absolute()))
+        errors = [line.partition(": ")[2] for line in gmsh.logger.get() if line.startswith("Error")]
+    finally:
+        gmsh.option.setNumber("General.AbortOnError", 2)
+        gmsh.logger.stop()
+    if errors:
+        reason = errors[0].replace(f"'{file.absolute()}', ", "")
+        raise MeshError(f"{file}: gmsh cannot read it: {reason}")
+
+
+def _import(gmsh: Any, file: Path, form: str, size: float | None) -> None:
     """Import a CAD drawing; each surface is a physical group with its number, and so is each solid.
 
-    Returns:
-        Surface -> its vertices, by which names of the file can be assigned.
+    Raises:
+        MeshError: there is no body, or too many cells for the memory.
     """
-    top, length, _ = _drawn(gmsh, file, form, size, 0)
-    _set_sizes(gmsh, length, 1)
+    with _silence():
+        shapes = gmsh.model.occ.importShapes(str(file.absolute()), highestDimOnly=True, format=form)
+    gmsh.model.occ.synchronize()
+    top = max((dim for dim, _ in shapes), default=0)
+    if top < 2:
+        raise MeshError(f"{file}: it has neither solids nor faces")
+    low, high = (gmsh.model.getBoundingBox(-1, -1)[k : k + 3] for k in (0, 3))
+    length = size or sum((b - a) ** 2 for a, b in zip(low, high, strict=True)) ** 0.5 / _CELLS_ALONG
+    with np.errstate(over="ignore", divide="ignore"):
+        masses = sum(abs(gmsh.model.occ.getMass(dim, tag)) for dim, tag in gmsh.model.getEntities(top))
+        cells = np.float64(masses) / _CONTENT[top] / np.float64(length) ** top
+    if BYTES_PER_CELL * cells > os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"):
+        raise MeshError(
+            f"{file}: cells of size {length:g} would be about {cells:.2g}, too many for the memory: use larger ones"
+        )
+    # Cells are smaller where the surface is curved, by a factor of 8 at most.
+    gmsh.option.setNumber("Mesh.MeshSizeMax", length)
+    gmsh.option.setNumber("Mesh.MeshSizeMin", length / 8)
+    gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", _TO_A_TURN)
     for dim in (top, top - 1):
         for _, tag in gmsh.model.getEntities(dim):
             name = gmsh.model.getEntityName(dim, tag).rpartition("/")[2]
             if name.startswith("Open CASCADE STEP translator"):  # what the library writes for a part without a name
                 name = ""
             gmsh.model.addPhysicalGroup(dim, [tag], tag, name if dim == top else "")
-    corners = {}
-    for _, tag in gmsh.model.getEntities(2):
-        ends = gmsh.model.getBoundary([(2, tag)], combined=False, oriented=False, recursive=True)
-        corners[tag] = [list(gmsh.model.getValue(0, point, [])) for point in sorted({end for _, end in ends})]
-    return corners
 
 
-def _drawn(gmsh: Any, file: str, form: str, size: float, codimension: int) -> tuple[int, float, float]:
-    """Import a CAD drawing.
-
-    Args:
-        gmsh: the module.
-        file: the drawing.
-        form: its format.
-        size: length of the cells; 0: a fraction of the size of the body.
-        codimension: 0: the body is to be meshed; 1: its skin, which has one dimension less, and where its solids (or
-            faces in a plane) that touch or overlap are divided into ones that share faces (or curves).
-
-    Returns:
-        The dimension of the body, the length of the cells, and about how many there will be.
-
-    Raises:
-        ValueError: there is no body, or too many cells for the memory.
-    """
-    shapes = gmsh.model.occ.importShapes(file, highestDimOnly=True, format=form)
-    gmsh.model.occ.synchronize()
-    top = max((dim for dim, _ in shapes), default=0)
-    if codimension and len(shapes) > 1:
-        gmsh.model.occ.removeAllDuplicates()
-        gmsh.model.occ.synchronize()
-        if not any(_is_inner(gmsh, top - 1, tag) for _, tag in gmsh.model.getEntities(top - 1)):
-            # Solids that have only a line in common stay apart: their surfaces would not be closed along it.
-            gmsh.clear()
-            gmsh.model.occ.importShapes(file, highestDimOnly=True, format=form)
-            gmsh.model.occ.synchronize()
-    if top < 2:
-        raise ValueError("it has neither solids nor faces")
-    low, high = (gmsh.model.getBoundingBox(-1, -1)[k : k + 3] for k in (0, 3))
-    length = size or sum((b - a) ** 2 for a, b in zip(low, high, strict=True)) ** 0.5 / _CELLS_ALONG
-    sizes = [(gmsh.model.occ.getMass(dim, tag), dim) for dim, tag in gmsh.model.getEntities(top - codimension)]
-    with np.errstate(over="ignore"):
-        cells = sum((np.float64(abs(mass)) ** (1 / dim) / length) ** dim / _CONTENT[dim] for mass, dim in sizes)
-    if BYTES_PER_CELL * cells > resource.getrlimit(resource.RLIMIT_AS)[0]:
-        raise ValueError(
-            f"cells of size {length:g} would be about {cells:.2g}, too many for the memory: use larger ones"
-        )
-    return top, length, cells
+@contextlib.contextmanager
+def _silence() -> Iterator[None]:
+    """Let nothing be printed, as OpenCASCADE does itself."""
+    sys.stdout.flush()
+    kept = [os.dup(number) for number in (1, 2)]
+    with Path(os.devnull).open("wb") as nowhere:
+        try:
+            for number in (1, 2):
+                os.dup2(nowhere.fileno(), number)
+            yield
+        finally:
+            for number, copy in enumerate(kept, start=1):
+                os.dup2(copy, number)
+                os.close(copy)
 
 
-def _is_inner(gmsh: Any, dim: int, tag: int) -> bool:
-    """Whether a face is between two solids, or a curve between two faces."""
-    return len(gmsh.model.getAdjacencies(dim, tag)[0]) > 1
-
-
-def _set_sizes(gmsh: Any, length: float, times: int) -> None:
-    """Cells are so many times a length, and smaller where the surface is curved, by a factor of 8 at most."""
-    gmsh.option.setNumber("Mesh.MeshSizeMax", times * length)
-    gmsh.option.setNumber("Mesh.MeshSizeMin", times * length / 8)
-    gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", _TO_A_TURN / times)
-
-
-def _skin(gmsh: Any, file: str, form: str, size: float) -> RawMesh:
-    """Triangles on the surface of the solids of a CAD drawing, or lines around its plane faces, counterclockwise.
-
-    Where they are many, triangles are made of a coarse mesh, whose cells gmsh divides on the true shape, and the lines
-    of a curve are of one length: this takes a tenth of the time.
-
-    Raises:
-        ValueError: it has neither solids nor faces in a plane.
-    """
-    top, length, cells = _drawn(gmsh, file, form, size, 1)
-    extents = np.diff(np.reshape(gmsh.model.getBoundingBox(-1, -1), (2, 3)), axis=0)[0]
-    if top == 2 and extents[2] > DIGITS_OF_FILES * max(extents):
-        raise ValueError("it has no solids, and its faces are in no plane x[2] = constant")
-    halvings = 0 if top == 2 else int(np.clip(np.log2(max(cells / _FEW, 1.0)) / 2, 0, 3))
-    _set_sizes(gmsh, length, 2**halvings)
-    if top == 2 and cells > _FEW:
-        for _, curve in gmsh.model.getEntities(1):
-            least = 1 if gmsh.model.getType(1, curve) == "Line" else _TO_A_TURN
-            count = max(int(np.ceil(gmsh.model.occ.getMass(1, curve) / length)), least)
-            gmsh.model.mesh.setTransfiniteCurve(curve, count + 1)
-    gmsh.model.mesh.generate(top - 1)
-    for _ in range(halvings):
-        gmsh.model.mesh.refine()
-    tags, x, _ = gmsh.model.mesh.getNodes()
-    points, order = np.asarray(x).reshape(-1, 3), np.argsort(tags)
-    blocks: list[Any] = []
-    for face in (tag for _, tag in gmsh.model.getEntities(2)):
-        if top == 2:
-            around = gmsh.model.getBoundary([(2, face)], combined=False, oriented=True)
-            lines = [gmsh.model.mesh.getElementsByType(1, abs(tag))[1].reshape(-1, 2) for _, tag in around]
-            turned = [nodes[:, :: 1 if tag > 0 else -1] for (_, tag), nodes in zip(around, lines, strict=True)]
-            rows = _places(tags, order, np.concatenate(turned).ravel()).reshape(-1, 2)
-            begin, end = points[rows, :2].transpose(1, 0, 2)
-            area = np.sum(begin[:, 0] * end[:, 1] - begin[:, 1] * end[:, 0])
-            blocks.append(("line", rows if area > 0 else rows[:, ::-1]))
-        elif not _is_inner(gmsh, 2, face):
-            nodes = gmsh.model.mesh.getElementsByType(2, face)[1]
-            blocks.append(("triangle", _places(tags, order, nodes).reshape(-1, 3)))
-    return RawMesh(points, blocks)
-
-
-def _mesh(gmsh: Any, halvings: int, degree: int) -> None:
+def _mesh(gmsh: Any, halvings: int, degree: int | None) -> None:
     """Mesh the drawing."""
     if degree:  # a script's own order would interfere with the division, and with the kinds of cells
         gmsh.option.setNumber("Mesh.ElementOrder", 1)
@@ -275,11 +259,3 @@ def _untangle(gmsh: Any) -> None:
             gmsh.model.mesh.getElementQualities(tags, "minDetJac") > 0
         ):
             gmsh.model.mesh.optimize("HighOrder")
-
-
-def _places(tags: Any, order: Any, wanted: Any) -> Any:
-    """Where the nodes with these numbers are; -1 for one that is not there."""
-    if not len(tags):
-        return np.full(len(wanted), -1)
-    places = order[np.searchsorted(tags, wanted, sorter=order).clip(max=len(tags) - 1)]
-    return np.where(tags[places] == wanted, places, -1)

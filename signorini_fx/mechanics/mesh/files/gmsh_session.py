@@ -106,36 +106,3 @@ def _changed_options(gmsh: Any) -> list[tuple[Any, str, tuple[Any, ...]]]:
             elif name not in ("General.Terminal", "Print.Format"):
                 changed.append((option.setNumber, name, (option.getNumber(name),)))
     return changed
-
-
-def disjoint_groups(gmsh: Any, dim: int, word: str) -> dict[str, tuple[int, ...]]:
-    """The names of the physical groups of a dimension; where groups overlap, each combination becomes a group.
-
-    dolfinx keeps one tag for each facet.
-
-    Returns:
-        Name -> its groups, the one with its own number where no other overlaps it.
-    """
-    groups = [tag for _, tag in gmsh.model.getPhysicalGroups(dim)]
-    names = {tag: gmsh.model.getPhysicalName(dim, tag) or f"{word}_{tag}" for tag in groups}
-    owners: dict[int, tuple[int, ...]] = {}
-    for tag in groups:
-        for entity in gmsh.model.getEntitiesForPhysicalGroup(dim, tag):
-            owners[int(entity)] = (*owners.get(int(entity), ()), tag)
-    if all(len(combination) == 1 for combination in owners.values()):
-        return {names[tag]: (tag,) for tag in groups}
-    gmsh.model.removePhysicalGroups([(dim, tag) for tag in groups])
-    new = {combination: combination[0] if len(combination) == 1 else 0 for combination in sorted(set(owners.values()))}
-    for combination, tag in new.items():
-        if not tag:
-            new[combination] = max(*groups, *new.values()) + 1
-        gmsh.model.addPhysicalGroup(
-            dim, [entity for entity, of in owners.items() if of == combination], new[combination]
-        )
-    return {names[tag]: tuple(new[combination] for combination in new if tag in combination) for tag in groups}
-
-
-def kinds_of_cells(gmsh: Any, dim: int) -> set[int]:
-    """The kinds of the elements in the physical groups of a dimension, by gmsh's numbers."""
-    entities = [gmsh.model.getEntitiesForPhysicalGroup(*group) for group in gmsh.model.getPhysicalGroups(dim)]
-    return {int(kind) for tags in entities for tag in tags for kind in gmsh.model.mesh.getElementTypes(dim, tag)}

@@ -1,10 +1,8 @@
-"""The content of a mesh file as plain arrays, and how it gets from one process to another."""
+"""The content of a mesh file as plain arrays."""
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass, field
-from typing import IO, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -23,7 +21,6 @@ class RawMesh:
         node_sets: name -> numbers of points.
         data: name -> for each block the whole number of each element, shape (elements,), or where an element may have
             several its numbers, shape (elements, k); below 0 is none.
-        corners: of a CAD drawing: surface -> its vertices, by which names of the file can be assigned.
     """
 
     points: npt.NDArray[np.float64]
@@ -31,40 +28,6 @@ class RawMesh:
     sets: dict[str, list[_Ints]] = field(default_factory=dict)
     node_sets: dict[str, _Ints] = field(default_factory=dict)
     data: dict[str, list[_Ints]] = field(default_factory=dict)
-    corners: dict[int, list[list[float]]] = field(default_factory=dict)
-
-    def save(self, stream: IO[bytes]) -> None:
-        """Write everything; ``load`` reads it again."""
-        arrays: dict[str, npt.NDArray[Any]] = {"points": self.points}
-
-        def stored(values: npt.NDArray[Any]) -> str:
-            key = f"array_{len(arrays)}"
-            arrays[key] = values
-            return key
-
-        header = {
-            "blocks": [(kind, stored(nodes)) for kind, nodes in self.blocks],
-            "sets": {name: [stored(rows) for rows in tables] for name, tables in self.sets.items()},
-            "node_sets": {name: stored(nodes) for name, nodes in self.node_sets.items()},
-            "data": {name: [stored(values) for values in tables] for name, tables in self.data.items()},
-            "corners": self.corners,
-        }
-        everything: dict[str, Any] = {"header": json.dumps(header), **arrays}
-        np.savez(stream, **everything)
-
-    @classmethod
-    def load(cls, stream: IO[bytes]) -> RawMesh:
-        """What ``save`` has written."""
-        with np.load(stream, allow_pickle=False) as arrays:
-            header = json.loads(str(arrays["header"]))
-            return cls(
-                arrays["points"],
-                [(kind, arrays[key]) for kind, key in header["blocks"]],
-                {name: [arrays[key] for key in keys] for name, keys in header["sets"].items()},
-                {name: arrays[key] for name, key in header["node_sets"].items()},
-                {name: [arrays[key] for key in keys] for name, keys in header["data"].items()},
-                {int(tag): places for tag, places in header["corners"].items()},
-            )
 
 
 def increases(numbers: _Ints) -> bool:

@@ -1,16 +1,24 @@
-"""The lengths of cells as a field on a mesh that exists already, by which gmsh makes the next one.
+"""The lengths of cells as one background field of gmsh, on a mesh that exists already, by which it makes the next one.
 
-gmsh interpolates the lengths at the corners of that mesh: its size field ``PostView``.
+gmsh interpolates the lengths at the corners of that mesh: its size field ``PostView``.  That mesh also tells where a
+boundary in contact is, so that it may be a part of a surface, or several.  No dolfinx here.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import IO, Any
+from itertools import combinations
+from typing import Any
 
 import numpy as np
 
+from signorini_fx.errors import SceneError
+from signorini_fx.mechanics.mesh.files.arrays import MeshArrays
+from signorini_fx.mechanics.mesh.files.cells import Cell
 from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
+from signorini_fx.mechanics.statement.contact_sizes import ContactSize
+from signorini_fx.tuned import FACET_SAMPLES, LONGEST_FACET, MOST_MESHINGS, SIZE_GROWTH
 
 # gmsh's words for the elements of a view, by their dimension and the number of their corners.
 _VIEWS = {(2, 3): "ST", (2, 4): "SQ", (3, 4): "SS", (3, 8): "SH"}
@@ -30,28 +38,19 @@ class SizeField:
     cells: Ints
     sizes: Floats
 
-    def save(self, stream: IO[bytes]) -> None:
-        """Write everything; ``load`` reads it again."""
-        np.savez(stream, points=self.points, cells=self.cells, sizes=self.sizes)
+    def apply(self, gmsh: Any, unit: float = 1.0) -> None:
+        """Let the current model of gmsh have cells of these lengths alone, whatever its own settings are.
 
-    @classmethod
-    def load(cls, stream: IO[bytes]) -> SizeField:
-        """What ``save`` has written."""
-        with np.load(stream, allow_pickle=False) as arrays:
-            return cls(arrays["points"], arrays["cells"], arrays["sizes"])
-
-    def over(self, unit: float) -> SizeField:
-        """The same in a drawing with this unit of length."""
-        return SizeField(np.asarray(self.points / unit), self.cells, np.asarray(self.sizes / unit))
-
-    def apply(self, gmsh: Any) -> None:
-        """Let the current model of gmsh have cells of these lengths alone, whatever its own settings are."""
+        Args:
+            gmsh: the module.
+            unit: length of the model's unit.
+        """
         dim = self.points.shape[1]
         x = np.zeros((len(self.points), 3))
-        x[:, :dim] = self.points
+        x[:, :dim] = self.points / unit
         # Cells that are divided in the end are twice as long before.
         halved = gmsh.option.getNumber("Mesh.SubdivisionAlgorithm") > 0
-        values = self.sizes * (2.0 if halved else 1.0)
+        values = self.sizes / unit * (2.0 if halved else 1.0)
         rows = np.concatenate([x[self.cells].transpose(0, 2, 1).reshape(len(self.cells), -1), values[self.cells]], 1)
         view = gmsh.view.add("sizes")
         gmsh.view.addListData(view, _VIEWS[dim, self.cells.shape[1]], len(self.cells), rows.ravel())
@@ -63,3 +62,104 @@ class SizeField:
             gmsh.option.setNumber(f"Mesh.MeshSize{option}", 0)
         gmsh.option.setNumber("Mesh.MeshSizeFactor", 1)
         gmsh.option.setNumber("Mesh.MeshSizeMax", float(values.max()))
+
+
+# Lengths of the facets of some boundaries, or of all cells.
+Sizes = Sequence[ContactSize] | SizeField
+
+
+def with_sizes(
+    gmsh: Any,
+    make: Callable[[], MeshArrays],
+    finish: Callable[[], MeshArrays],
+    sizes: Sizes,
+    cure: str,
+    unit: float = 1.0,
+) -> MeshArrays:
+    """The mesh of the current model with cells of some lengths.
+
+    The chords of a coarse mesh may be far from a curved side, by many of the short facets: then the mesh that was made
+    with them is the better one to begin from.
+
+    Args:
+        gmsh: the module.
+        make: meshes the model with straight cells.
+        finish: makes the mesh that is wanted, whose facets may be shorter.
+        sizes: the lengths; none: as the model has them.
+        cure: what to change where gmsh cannot make them.
+        unit: length of the model's unit.
+
+    Raises:
+        SceneError: no facet of a boundary is longer than it is to be, or gmsh cannot make such facets.
+    """
+
+    def anew(field: SizeField, mesh: Callable[[], MeshArrays]) -> MeshArrays:
+        gmsh.model.mesh.clear()
+        field.apply(gmsh, unit)
+        return mesh()
+
+    if isinstance(sizes, SizeField):
+        return anew(sizes, finish)
+    if not sizes:
+        return finish()
+    before = make()
+    wanted = [size for size in sizes if before.boundaries.get(size.boundary, np.empty(0)).size]
+    for size in wanted:
+        longest = float(_longest_edges(before, size.boundary).max())
+        if longest < size.size:
+            message = f"the facets of {size.boundary!r} are no longer than {longest:.3g} without it: give less"
+            raise SceneError([(size.path, message)])
+    if not wanted:
+        return finish()
+    for _ in range(MOST_MESHINGS):
+        field = _graded_at(before, wanted)
+        mesh = anew(field, finish)
+        lengths = [float(np.median(_longest_edges(mesh, size.boundary))) for size in wanted]
+        longer = [pair for pair in zip(wanted, lengths, strict=True) if pair[1] > LONGEST_FACET * pair[0].size]
+        if not longer:
+            return mesh
+        before = anew(field, make)
+    size, length = longer[0]
+    raise SceneError([(size.path, f"gmsh has made facets of {length:.3g} of {size.boundary!r}: {cure}")])
+
+
+def _graded_at(mesh: MeshArrays, wanted: Sequence[ContactSize]) -> SizeField:
+    """The lengths that cells have, at each corner the mean of the edges around it; at some boundaries shorter, and from
+    there on no more than ``SIZE_GROWTH`` per length larger.
+    """
+    from scipy.spatial import cKDTree
+
+    used, corners = np.unique(mesh.corners, return_inverse=True)
+    cells, points = corners.reshape(mesh.corners.shape), mesh.points[used]
+    ends = np.concatenate([cells[:, pair] for pair in edges_of(mesh.cell)])
+    lengths = np.linalg.norm(points[ends[:, 0]] - points[ends[:, 1]], axis=1)
+    total = np.bincount(ends.ravel(), np.repeat(lengths, 2), minlength=used.size)
+    sizes = total / np.bincount(ends.ravel(), minlength=used.size)
+    for size in wanted:
+        distance, _ = cKDTree(_sampled(mesh, size.boundary)).query(points)
+        sizes = np.minimum(sizes, size.size + SIZE_GROWTH * distance)
+    return SizeField(points, cells, sizes)
+
+
+def edges_of(cell: Cell) -> list[list[int]]:
+    """The ends of each edge of a cell, by the numbers of its corners."""
+    pairs = combinations(range(len(cell.corners)), 2)
+    ends = np.array(cell.corners)
+    return [list(pair) for pair in pairs if cell.simplex or np.abs(ends[pair[0]] - ends[pair[1]]).sum() == 1]
+
+
+def _longest_edges(mesh: MeshArrays, boundary: str) -> Floats:
+    """The longest edge of each facet of a boundary, shape (f,)."""
+    x = mesh.points[mesh.facet_corners[mesh.boundaries[boundary]]]
+    return np.asarray(np.linalg.norm(x - np.roll(x, 1, axis=1), axis=2).max(axis=1))
+
+
+def _sampled(mesh: MeshArrays, boundary: str) -> Floats:
+    """Places on the facets of a boundary, from corner to corner, shape (n, d)."""
+    facet = mesh.facet
+    steps = [np.linspace(0.0, 1.0, FACET_SAMPLES + 1)] * facet.dim
+    x = np.stack(np.meshgrid(*steps, indexing="ij"), axis=-1).reshape(-1, facet.dim)
+    if facet.simplex:
+        x = x[x.sum(axis=1) < 1 + 1e-9]
+    corners = mesh.points[mesh.facet_corners[mesh.boundaries[boundary]]]
+    return np.asarray(np.einsum("pc,fcd->fpd", facet.weights(x), corners).reshape(-1, mesh.dim))

@@ -1,0 +1,221 @@
+"""Files that are broken end in one clear error with their name, and scripts that do more than draw are refused."""
+
+import re
+
+import h5py
+import meshio
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+from signorini_fx.errors import MeshError
+from signorini_fx.mechanics.mesh.files.formats import read_file, write_file
+from signorini_fx.mechanics.mesh.tagged import read_mesh
+from signorini_fx.scenes import cli
+
+GEO = """Point(1) = {0, 0, 0, .5}; Point(2) = {2, 0, 0, .5}; Point(3) = {2, 1, 0, .5}; Point(4) = {0, 1, 0, .5};
+Line(1) = {1, 2}; Line(2) = {2, 3}; Line(3) = {3, 4}; Line(4) = {4, 1};
+Curve Loop(1) = {1:4}; Plane Surface(1) = {1};
+Physical Curve("foot") = {1}; Physical Surface("body") = {1};
+"""
+SUFFIXES = ("geo", "msh", "step", "brep", "inp", "med", "vtu", "xdmf")
+
+
+@pytest.fixture(scope="module")
+def sound(tmp_path_factory):
+    """A rectangle in every format."""
+    import gmsh
+
+    folder = tmp_path_factory.mktemp("sound")
+    (folder / "body.geo").write_text(GEO)
+    mesh = read_file(folder / "body.geo")
+    for suffix in ("msh", "inp", "med", "vtu"):
+        write_file(mesh, folder / f"body.{suffix}")
+    meshio.xdmf.write(folder / "body.xdmf", meshio.Mesh(mesh.points, [("triangle", mesh.cells)]), data_format="XML")
+    gmsh.initialize(readConfigFiles=False)
+    gmsh.option.setNumber("General.Terminal", 0)
+    gmsh.model.occ.addRectangle(0, 0, 0, 2, 1)
+    gmsh.model.occ.synchronize()
+    gmsh.write(str(folder / "body.step"))
+    gmsh.write(str(folder / "body.brep"))
+    gmsh.merge(str(folder / "body.msh"))
+    gmsh.option.setNumber("Mesh.Binary", 1)
+    gmsh.write(str(folder / "binary.msh"))
+    gmsh.finalize()
+    return folder
+
+
+def refused(file, capfd):
+    """The message, which names the file, prints nothing, and has no characters that a terminal would obey."""
+    with pytest.raises(MeshError) as caught:
+        read_mesh(file, MPI.COMM_SELF)
+    message = str(caught.value)
+    assert message.startswith(str(file))
+    assert capfd.readouterr() == ("", "")
+    return message
+
+
+@pytest.mark.parametrize("kept", [0.0, 0.02, 0.4, 0.8])
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_truncated(sound, tmp_path, suffix, kept, capfd):
+    """Only the first part of a file is there."""
+    file = tmp_path / f"body.{suffix}"
+    content = (sound / f"body.{suffix}").read_bytes()
+    if suffix == "geo" and kept == 0.8:
+        kept = 0.5  # what comes last names the body
+    file.write_bytes(content[: int(kept * len(content))])
+    refused(file, capfd)
+
+
+@pytest.mark.parametrize("kept", [0.1, 0.5, 0.9])
+def test_truncated_binary(sound, tmp_path, kept, capfd):
+    """The same of numbers in binary."""
+    file = tmp_path / "body.msh"
+    content = (sound / "binary.msh").read_bytes()
+    file.write_bytes(content[: int(kept * len(content))])
+    refused(file, capfd)
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_another_program(sound, tmp_path, suffix, capfd):
+    """The content of another format, here a picture."""
+    file = tmp_path / f"body.{suffix}"
+    file.write_bytes(b"\x89PNG\r\n\x1a\n\x1b[31m\x00\x07" + bytes(range(256)) * 8)
+    refused(file, capfd)
+
+
+REPLACED = [
+    ("msh", r"\$MeshFormat\n4\.1", "$MeshFormat\n9.9", ""),
+    ("msh", r"\$MeshFormat", "$MeshFormt", "does not begin with"),
+    ("msh", r"\n2 0 0\n", "\n2 nan 0\n", "not finite"),
+    ("msh", r"\n2 0 0\n", "\n2 1e400 0\n", "not finite"),
+    ("msh", r"\n2 0 0\n", "\n2 zero 0\n", ""),
+    ("inp", r"(?m)^(1, .*), \S+$", r"\1, nan", "not finite|number"),
+    ("inp", r"(?m)^\d+, 1, .*$", "1, 1, 2, 77", "node 77|twice|does not"),
+    ("inp", r"(?i)type=CPS3|type=CPE3", "type=CPE9X", "CPE9X"),
+    ("vtu", r'NumberOfCells="\d+"', 'NumberOfCells="3"', ""),
+    ("vtu", r'NumberOfPoints="\d+"', 'NumberOfPoints="3"', ""),
+    ("vtu", r"</Piece>", "", ""),
+    ("vtu", r'compressor="\w+"', 'compressor="none"', ""),
+    ("xdmf", r"Triangle", "Heptagon", ""),
+    ("xdmf", r"(?s)(<Topology.*?)</Topology>", r"\1", ""),
+    ("step", r"ADVANCED_FACE", "ADVANCED_FICE", ""),
+    ("step", r"ISO-10303-21", "ISO-10303-22", "no STEP file"),
+    ("brep", r"(?s)TShapes.*", "TShapes 3\n", ""),
+    ("geo", r"Plane Surface", "Plain Surface", "gmsh cannot read it"),
+    ("geo", r"\{1, 2\}", "{1, 9}", ""),
+    ("geo", r"Physical.*", "", "no named boundary"),
+]
+
+
+@pytest.mark.parametrize(("suffix", "old", "new", "message"), REPLACED)
+def test_replaced(sound, tmp_path, suffix, old, new, message, capfd):
+    """A word, a number or a header that is wrong."""
+    file = tmp_path / f"body.{suffix}"
+    text = (sound / f"body.{suffix}").read_text()
+    assert re.search(old, text), "the test changes nothing"
+    file.write_text(re.sub(old, new, text, count=1))
+    assert re.search(message, refused(file, capfd))
+    file.write_text(text)  # mended, it is read in the same session
+    read_file(file)
+
+
+SQUARE = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0.5, -0.5, 0], [2, 0.5, 0]]
+TETRA = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 1]]
+MIDDLES = [[0.5, 0, 0], [1, 0.5, 0], [0.5, 1, 0], [0, 0.5, 0], [0.5, 0.5, 0]]
+SIMPLICES = "are made of all by gmsh without Recombine, or from a file by ParaView's filter Tetrahedralize"
+
+
+@pytest.mark.parametrize(
+    ("points", "blocks", "message"),
+    [
+        (SQUARE, [("triangle", [[0, 1, 9]])], "a node that does not exist"),
+        (SQUARE, [("triangle", [[0, 1, -3]])], "a node that does not exist"),
+        (SQUARE, [("triangle", [[0, 1, 1]])], "a corner without an angle"),
+        (SQUARE, [("triangle", [[0, 1, 2], [2, 0, 1]])], "1 cells occur twice"),
+        (SQUARE, [("triangle", [[0, 1, 2], [0, 1, 3], [0, 1, 4]])], "a facet belongs to 3 cells"),
+        (SQUARE, [("triangle", [[0, 1, 2]]), ("quad", [[0, 2, 3, 5]])], f"1 quad, 1 triangle: triangles {SIMPLICES}"),
+        (SQUARE, [("line", [[0, 1]])], "no cells"),
+        (SQUARE, [("vertex", [[0]])], "no cells"),
+        ([[0, 0, 0], [1, 0, 0], [1, np.inf, 0]], [("triangle", [[0, 1, 2]])], "not finite"),
+        ([[0, 0, 0], [1, 0, 0], [1, 1e300, 0]], [("triangle", [[0, 1, 2]])], "or larger than"),
+        (TETRA, [("tetra", [[0, 1, 2, 3]]), ("pyramid", [[0, 1, 4, 2, 3]])], f"1 pyramid, .*tetrahedra {SIMPLICES}"),
+        (np.eye(6, 3), [("wedge", [range(6)])], f"1 wedge: tetrahedra {SIMPLICES}"),
+        (np.eye(8, 3), [("tetra", [[0, 1, 2, 3]]), ("hexahedron", [range(8)])], SIMPLICES),
+        ([*SQUARE[:4], *MIDDLES], [("triangle6", [[0, 1, 2, 4, 5, 8], [0, 2, 3, 7, 6, 5]])], "folded"),
+        ([*SQUARE[:4], *MIDDLES], [("triangle6", [[0, 1, 2, 4, 5, 8], [0, 2, 3, 5, 6, 7]])], "cells cross"),
+        ([*SQUARE[:4], *MIDDLES], [("triangle6", [[0, 1, 2, 4, 5, 3]])], ""),
+    ],
+)
+def test_meshes_that_cannot_be(tmp_path, points, blocks, message, capfd):
+    """Nodes that are missing, cells that are twice, cross, or are of several kinds."""
+    file = tmp_path / "odd.vtu"
+    meshio.write(file, meshio.Mesh(np.array(points, dtype=float), [(kind, np.array(nodes)) for kind, nodes in blocks]))
+    capfd.readouterr()
+    assert re.search(message, refused(file, capfd))
+
+
+def test_sets_that_are_not_there(sound, tmp_path, capfd):
+    """A MED file without its coordinates."""
+    file = tmp_path / "body.med"
+    file.write_bytes((sound / "body.med").read_bytes())
+    with h5py.File(file, "r+") as data:
+        (mesh,) = data["ENS_MAA"].values()
+        del next(iter(mesh.values()))["NOE"]
+    refused(file, capfd)
+
+
+@pytest.mark.parametrize(
+    ("text", "word"),
+    [
+        ('SystemCall "touch left";', "SystemCall"),
+        ('System "touch left";', "System"),
+        ('NonBlockingSystemCall "touch left";', "NonBlockingSystemCall"),
+        ('OnelabRun("a", "touch left");', "OnelabRun"),
+        ('Field[1] = ExternalProcess; Field[1].CommandLine = "touch left";', "ExternalProcess"),
+        ('Parse[ Str("Sys", "tem") ];', "Parse"),
+        ("Exit;", "Exit"),
+        ('Save "left.msh";', "Save"),
+        ('Print "left.opt";', "Print"),
+        ('Printf("x") > "left";', "Printf"),
+        ('CreateDir "left";', "CreateDir"),
+        ('Merge "../other.geo";', "Merge"),
+        ('Include "/etc/passwd";', "Include"),
+        ('Merge StrCat("oth", "er.geo");', "Merge"),
+        ('x[] = ListFromFile["../secret.txt"];', "ListFromFile"),
+        ('Include "other.geo";', "SystemCall"),
+        ('/* " */ SystemCall "touch left"; // "', "SystemCall"),
+    ],
+)
+def test_scripts_that_do_more_than_draw(tmp_path, text, word, capfd):
+    """They are refused by the word, before anything is run."""
+    (tmp_path / "other.geo").write_text('SystemCall "touch left";\n')
+    file = tmp_path / "body.geo"
+    file.write_text(f"{GEO}// SystemCall in a comment\n{text}\n")
+    assert f": {word} is not allowed in a script" in refused(file, capfd)
+    assert not (tmp_path / "left").exists()
+
+
+def test_files_in_the_folder_of_a_script(sound, tmp_path):
+    """A script may draw with what is beside it; words in comments and names are no commands."""
+    (tmp_path / "sizes.geo").write_text("h = 0.25; // Exit\n")
+    file = tmp_path / "body.geo"
+    text = GEO.replace(".5}", "h}").replace('"body"', '"System"')
+    file.write_text(f'Include "sizes.geo"; /* SystemCall */\n{text}Printf("%g", h);\n')
+    found = read_file(file)
+    assert len(found.cells) > 2 * len(read_file(sound / "body.geo").cells)
+    assert list(found.regions) == ["System"]
+
+
+@pytest.mark.parametrize("name", ["nope.msh", "odd.vtu", "odd.msh"])
+def test_the_key_of_the_scene(tmp_path, name, capsys):
+    """The error of a command names the key, and nothing of a binary file reaches the terminal."""
+    if name != "nope.msh":
+        (tmp_path / name).write_bytes(b"$MeshFormat\n4.1 0 8\n$EndMeshFormat\n$Nodes\n\x1b]0;title\x07\x9b31m\n")
+    scene = tmp_path / "scene.toml"
+    scene.write_text(f'mesh.file = "{name}"\nmaterial = {{ young = 1.0, poisson = 0.3 }}\ncontact.boundary = "foot"\n')
+    assert cli.main(["check", str(scene)]) == 2
+    said = capsys.readouterr().err
+    assert "mesh.file" in said
+    assert name in said
+    assert not re.search(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]", said)
