@@ -8,7 +8,7 @@ from typing import Any
 from mpi4py import MPI
 
 from signorini_fx.errors import SceneError
-from signorini_fx.mechanics.mesh.bodies import together
+from signorini_fx.mechanics.mesh.bodies import in_body, together
 from signorini_fx.mechanics.mesh.tagged import (
     TaggedMesh,
     cells_of_generator,
@@ -43,19 +43,25 @@ def with_cells_alike(scene: Scene) -> Scene:
     Raises:
         SceneError: unknown generator, or wrong parameters.
     """
-    generators = [mesh for body in scene.body if isinstance(mesh := body.mesh, MeshGenerator)]
-    given = [mesh.parameters["cell"] for mesh in generators if "cell" in mesh.parameters]
-    able = [cells_of_generator(mesh.generator, mesh.parameters) for mesh in generators]
-    wanted = given or [cell for cell, *_ in filter(None, able) if all(cell in cells for cells in able)]
-    if not wanted or all(cells[:1] == (wanted[0],) for cells in able):
+    able: dict[int, tuple[str, ...]] = {}
+    for number, body in enumerate(scene.body):
+        if isinstance(mesh := body.mesh, MeshGenerator):
+            try:
+                able[number] = cells_of_generator(mesh.generator, mesh.parameters)
+            except SceneError as error:
+                raise SceneError(in_body(number, error.problems)) from None
+    tables: list[Any] = [scene.body[number].mesh for number in able]
+    given = [table.parameters["cell"] for table in tables if "cell" in table.parameters]
+    common = [cell for cells in able.values() for cell in cells[:1] if all(cell in others for others in able.values())]
+    wanted = next(iter((*given, *common)), None)
+    if all(cells[:1] == (wanted,) for cells in able.values()):
         return scene
-    bodies = []
-    for body in scene.body:
-        mesh: Any = body.mesh
-        if isinstance(mesh, MeshGenerator) and wanted[0] in cells_of_generator(mesh.generator, mesh.parameters):
-            parameters = {"cell": wanted[0], **mesh.parameters}
-            body = body.model_copy(update={"mesh": mesh.model_copy(update={"parameters": parameters})})
-        bodies.append(body)
+    bodies = list(scene.body)
+    for number, cells in able.items():
+        if wanted in cells:
+            table: Any = bodies[number].mesh
+            table = table.model_copy(update={"parameters": {"cell": wanted, **table.parameters}})
+            bodies[number] = bodies[number].model_copy(update={"mesh": table})
     return scene.model_copy(update={"body": tuple(bodies)})
 
 

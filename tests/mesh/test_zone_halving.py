@@ -12,8 +12,8 @@ from signorini_fx.errors import MeshError
 from signorini_fx.mechanics.mesh.files.arrays import sides_of
 from signorini_fx.mechanics.mesh.files.raw import row_keys
 from signorini_fx.mechanics.mesh.halving import halved, halved_in_part
-from signorini_fx.mechanics.mesh.tagged import from_arrays, generate_mesh, load_file, tag_boundaries
-from signorini_fx.mechanics.mesh.zone_halving import _gathered, halved_around, has_divisible_zone
+from signorini_fx.mechanics.mesh.tagged import arrays_of, from_arrays, generate_mesh, load_file, tag_boundaries
+from signorini_fx.mechanics.mesh.zone_halving import halved_around, has_divisible_zone
 from signorini_fx.mechanics.statement.mesh_sources import MeshFile
 
 WORLD = MPI.COMM_WORLD
@@ -56,7 +56,7 @@ def measures(tagged):
 
 
 def test_areas_and_lengths_stay_and_the_mesh_is_conforming(body):
-    arrays = _gathered(body)
+    arrays = arrays_of(body)
     around = np.linalg.norm(arrays.points[arrays.corners].mean(axis=1) - (1.0, 0.3), axis=1) < 0.4
     chosen = around | (np.arange(len(around)) % 9 == 0)  # some others have two neighbours that are halved
     assert 4 < np.count_nonzero(chosen) < 0.6 * len(chosen)
@@ -79,7 +79,7 @@ def test_areas_and_lengths_stay_and_the_mesh_is_conforming(body):
 
 
 def test_all_cells_as_halved(body):
-    arrays = _gathered(body)
+    arrays = arrays_of(body)
     finer, expected = halved_in_part(arrays, np.ones(len(arrays.cells), dtype=bool)), halved(arrays)
     assert len(finer.cells) == len(expected.cells)
     places = [np.sort(mesh.points, axis=0) for mesh in (finer, expected)]
@@ -90,7 +90,7 @@ def test_all_cells_as_halved(body):
 
 
 def test_none():
-    arrays = _gathered(generate_mesh("half_disk", HALF_DISK, MPI.COMM_SELF))
+    arrays = arrays_of(generate_mesh("half_disk", HALF_DISK, MPI.COMM_SELF))
     same = halved_in_part(arrays, np.zeros(len(arrays.cells), dtype=bool))
     assert len(same.cells) == len(arrays.cells)
     assert len(same.points) == len(arrays.points)
@@ -152,7 +152,7 @@ def test_other_cells(kind):
     """Volumes and areas stay; what two cells share they divide alike; all cells halved are those of ``halved``."""
     name, parameters = KINDS[kind]
     tagged = generate_mesh(name, parameters, MPI.COMM_SELF)
-    arrays = _gathered(tagged)
+    arrays = arrays_of(tagged)
     middles = arrays.points[arrays.corners].mean(axis=1)
     chosen = np.linalg.norm(middles - arrays.points.min(axis=0), axis=1) < 0.5
     chosen |= np.arange(len(chosen)) % 29 == 28  # tetrahedra beside several of these have any pattern
@@ -174,7 +174,7 @@ def test_other_cells(kind):
 
 def test_rows_of_quadrilaterals_end_at_the_boundary():
     """One cell in the corner of 7 x 5 halves a column and a row: 8 x 6."""
-    arrays = _gathered(generate_mesh(*KINDS["quadrilaterals"], MPI.COMM_SELF))
+    arrays = arrays_of(generate_mesh(*KINDS["quadrilaterals"], MPI.COMM_SELF))
     chosen = np.zeros(len(arrays.cells), dtype=bool)
     chosen[arrays.points[arrays.corners].mean(axis=1).sum(axis=1).argmin()] = True
     assert len(halved_in_part(arrays, chosen).cells) == 8 * 6

@@ -13,7 +13,7 @@ from scipy.linalg import expm
 from two_bodies import assembled, grid
 
 from signorini_fx import MeshError, SceneError, solve
-from signorini_fx.machine import parallel
+from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.mesh.tagged import tag_boundaries
 from signorini_fx.results.summary import summarise
 from signorini_fx.scenes.checks import check_scene
@@ -209,10 +209,10 @@ ON_EACH_OTHER = {"boundary": "b.bottom", "against": "a.top"}
         ({"body": {"name": "a", "mesh": ONE, "shift": [0, 0, 1]}}, r"body\[0\].shift: the mesh is plane: give 2"),
         ({"body": {"name": "a", "mesh": ONE, "rotation": [0, 0, 1]}}, r"body\[0\].rotation: the mesh is plane"),
         ({"body": {"name": "a", "mesh": {"generator": "blob"}}}, r"body\[0\].mesh.generator: no generator 'blob'"),
-        ({"body": {"name": "a", "mesh": {"file": "no.msh"}}}, "body 'a': no.msh"),
+        ({"body": {"name": "a", "mesh": {"file": "no.msh"}}}, "body 'a': mesh.file: no.msh"),
         (
             {"body": [{"name": "a", "mesh": ONE}, {"name": "b", "mesh": {"generator": "box"}}]},
-            "body 'b' has hexahedron cells, body 'a' quadrilateral cells: the elements of a mesh are all of one kind",
+            "body 'b' has hexahedra, body 'a' quadrilaterals: a mesh has one kind of cell",
         ),
         ({"body": [{"name": "a", "mesh": ONE}, {"name": "b", "mesh": ONE}], "contact": {"boundary": "top"}}, "a.top"),
         # A material of one body is not that of the other, which was the case in silence.
@@ -339,3 +339,57 @@ def test_pictures_of_nodes_that_coincide():
     assert np.abs(wanted).max() > 1e-4
     apart = body.displacement[lower, :2] - body.displacement[upper, :2]
     np.testing.assert_allclose(apart, wanted, rtol=0, atol=1e-9 * np.abs(wanted).max())
+
+
+PRESSED = {
+    "material": {"young": 1000.0, "poisson": 0.3},
+    "displacement": [{"boundary": "low.bottom", "x": 0.0, "y": 0.0}, {"boundary": "high.top", "x": 0.0, "y": -0.01}],
+}
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "cell"),
+    [
+        ({}, {}, "quadrilateral"),
+        ({"cell": "triangle"}, {}, "triangle"),
+        ({}, {"cell": "triangle"}, "triangle"),
+    ],
+)
+def test_generators_agree_on_a_kind_of_cell(low, high, cell):
+    """Of generators with other defaults all make the cells that one is given, or else those of the first."""
+    bodies = [
+        {"name": "low", "mesh": {"generator": "rectangle", "parameters": {"length": 4.0, "height": 1.0, **low}}},
+        {"name": "high", "mesh": {"generator": "punch", "parameters": {"size": 0.8, **high}}, "shift": [2.0, 1.0]},
+    ]
+    given = parse_scene({**PRESSED, "body": bodies, "contact": {"boundary": "high.foot", "against": "low.top"}})
+    assert load_mesh(given, MPI.COMM_SELF).mesh.topology.cell_name() == cell
+    assert solve(given, MPI.COMM_SELF).converged
+
+
+ARC = "Point(5) = {1, 0.3, 0, 0.4}; Circle(1) = {1, 5, 2};"
+BLOCK = """
+Point(1) = {0, 0, 0, 0.4}; Point(2) = {2, 0, 0, 0.4}; Point(3) = {2, 1, 0, 0.4}; Point(4) = {0, 1, 0, 0.4};
+Line(2) = {2, 3}; Line(3) = {3, 4}; Line(4) = {4, 1}; Curve Loop(1) = {1:4}; Plane Surface(1) = {1};
+Physical Curve("bottom") = {1}; Physical Curve("top") = {3}; Physical Surface("body") = {1};
+"""
+
+
+def test_a_curved_drawing_and_a_straight_one(tmp_path):
+    """Elements of degree 2 are on the arc of one body, and the other one gets nodes between its corners."""
+    beginning, end = BLOCK.split("\nLine(2)")
+    for name, line in (("straight", "Line(1) = {1, 2};"), ("curved", ARC)):
+        (tmp_path / f"{name}.geo").write_text(f"{beginning}\n{line} Line(2){end}")
+    bodies = [
+        {"name": "low", "mesh": {"file": tmp_path / "straight.geo"}},
+        {"name": "high", "mesh": {"file": tmp_path / "curved.geo"}, "shift": [0.0, 1.8]},
+    ]
+    contact = {"boundary": "high.bottom", "against": "low.top", "gap": 0.0}
+    given = parse_scene({**PRESSED, "element": {"degree": 2}, "body": bodies, "contact": contact})
+    tagged = load_mesh(given, MPI.COMM_SELF)
+    assert compat.geometry_degree(tagged.mesh) == 2
+    # A segment of a circle through (0, 0) and (2, 0) with its centre above is below the upper block.
+    half = np.arctan2(1.0, 0.3)
+    segment = (1.0 + 0.3**2) * (half - np.sin(half) * np.cos(half))
+    size = fem.assemble_scalar(fem.form(fem.Constant(tagged.mesh, 1.0) * ufl.dx))
+    assert size == pytest.approx(4.0 + segment, rel=1e-4)
+    assert solve(given, MPI.COMM_SELF).status
