@@ -773,9 +773,6 @@ WEAK_IMAGE = 1e-4
 WEIGHTLESS_IMAGE = 1e-15
 # More nodes than these get their forces from a file beside the scene.  Choice.
 NODES_OF_TABLES = 12
-# Cells in space are divided where that makes at most so many nodes: three times as many unknowns are solved in minutes;
-# those of 60,000 hexahedra and wedges, 375,000 nodes, need more memory than most machines have.  Choice.
-DIVIDED_AT_MOST = 100_000
 # Where a deck asks for NLGEOM and the strain that linear elasticity neglects is more than this share of its own, the
 # answer is another one.  Choice: as much as an accuracy that is usually asked for.
 LINEAR_IN_DECK = 0.01
