@@ -1,5 +1,4 @@
 """Mesh files of other programs as plain arrays, and back.
 
-These modules know formats and names.  They must not know what a scene does with a mesh; foreign files are read in a
-process of their own, in a sandbox.
+These modules know formats and names.  They must not know what a scene does with a mesh.
 """
