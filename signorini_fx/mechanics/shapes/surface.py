@@ -111,7 +111,7 @@ def _read(file: Path, size: float | None) -> Any:
         return InSpace(file, *_stl(file))
     from signorini_fx.mechanics.mesh.files.formats import read_file
 
-    mesh = read_file(file, degree=1, size=size)
+    mesh = read_file(file, degree=1, size=size, joined=True)
     if mesh.dim == 2:
         return InThePlane(mesh.points, _rim(mesh.points, mesh.corners))
     faces = mesh.facet_corners

@@ -36,6 +36,8 @@ def read_file(
     size: float | None = None,
     sections: Collection[str] = (),
     sizes: Sizes = (),
+    *,
+    joined: bool = False,
 ) -> MeshArrays:
     """A mesh in the plane or in space from a file, the format by its suffix.
 
@@ -53,6 +55,7 @@ def read_file(
         size: length of the cells of a .step, .stp or .brep; None: a fraction of the size of the body.
         sections: names of the file whose facets inside the body are wanted, too.
         sizes: of a drawing the lengths of facets of some boundaries, or of all cells.
+        joined: whether solids of a CAD drawing that touch or overlap share faces.
 
     Raises:
         MeshError: there is no such file, it cannot be read, or it is not a mesh of one kind of cell.
@@ -81,7 +84,7 @@ def read_file(
         return from_raw(raw, str(file), boundaries, regions, data, sections)
 
     if suffix in DRAWN:
-        drawn = read_gmsh(file, named, halvings, degree, size, sizes)
+        drawn = read_gmsh(file, named, halvings, degree, size, sizes, joined=joined)
         # Nodes between the corners are for curves.
         return straightened(drawn) if degree == 2 and is_straight(drawn.points, drawn.cells, drawn.cell) else drawn
     if suffix == ".msh":

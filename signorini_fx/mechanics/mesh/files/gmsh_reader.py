@@ -49,6 +49,8 @@ def read_gmsh(
     degree: int | None = None,
     size: float | None = None,
     sizes: Sizes = (),
+    *,
+    joined: bool = False,
 ) -> MeshArrays:
     """A mesh, or a drawing after gmsh has meshed it.
 
@@ -62,6 +64,7 @@ def read_gmsh(
             None: what the script asks for, 1 for a drawing of a CAD program.
         size: length of the cells of a CAD drawing, in its unit; None: a fraction of the size of the body.
         sizes: of a drawing the lengths of facets of some boundaries, or of all cells.
+        joined: whether solids of a CAD drawing that touch or overlap are divided into ones that share faces.
 
     Raises:
         MeshError: its content does not fit its suffix, a script does more than draw, or gmsh cannot make a mesh of it.
@@ -75,7 +78,7 @@ def read_gmsh(
             else:
                 _check_ends(file, CAD.get(suffix, "msh"))
             if suffix in CAD:
-                _import(gmsh, file, CAD[suffix], size)
+                _import(gmsh, file, CAD[suffix], size, joined=joined)
             elif suffix == ".msh":
                 gmsh.merge(str(file.absolute()))
                 return named(content(gmsh))
@@ -187,7 +190,7 @@ def _run(gmsh: Any, file: Path) -> None:
         raise MeshError(f"{file}: gmsh cannot read it: {reason}")
 
 
-def _import(gmsh: Any, file: Path, form: str, size: float | None) -> None:
+def _import(gmsh: Any, file: Path, form: str, size: float | None, *, joined: bool) -> None:
     """Import a CAD drawing; each surface is a physical group with its number, and so is each solid.
 
     Raises:
@@ -195,6 +198,8 @@ def _import(gmsh: Any, file: Path, form: str, size: float | None) -> None:
     """
     with _silence():
         shapes = gmsh.model.occ.importShapes(str(file.absolute()), highestDimOnly=True, format=form)
+        if joined and len(shapes) > 1:
+            gmsh.model.occ.removeAllDuplicates()
     gmsh.model.occ.synchronize()
     top = max((dim for dim, _ in shapes), default=0)
     if top < 2:
