@@ -14,6 +14,12 @@ INSTEAD: dict[str, str] = {
     "solver.uniqueness": "signorini-fx check --verbose says below which friction coefficient there is one solution",
     "fluid.enters": "state the uplift as a traction with a pressure on the contact boundary",
     "fluid.closed": "state the uplift as a traction with a pressure on the contact boundary",
+    "links": "tie bodies by a contact with kind = 'bonded'; MPCs of forms of your own are those of dolfinx_mpc",
+    "Links": "tie bodies by BondedContact",
+    "periodic_sides": "model several periods, of which the one in the middle counts",
+    "point_force.file": "write one [[point_force]] with 'at' for each node",
+    "contact.overclosure.law = exponential": "use the stiffness at the pressure that is expected: { stiffness = ... }",
+    "contact.overclosure.law = tabular": "use the stiffness at the pressure that is expected: { stiffness = ... }",
     "signorini-fx gauntlet": "compare a result of another program by signorini-fx judge",
     "signorini-fx work-precision": "set accuracy.target in the scene, by which meshes and their number are chosen",
 }

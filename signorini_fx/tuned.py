@@ -758,31 +758,6 @@ HARD_CONTACT = 1e4
 # Forces at nodes that differ by less than this share of the largest from those of a uniform traction are those; points
 # and moments that differ by its square are the same.  Choice: decks have few digits.
 ALIKE_IN_DECK = 1e-3
-# Links of decks are stiffer than a cell by this factor: what they give way is a share of 1e-5 of the strain of a cell,
-# and round-off of their forces is below that of the certificate up to 1e5 cells along a body.  Choice.
-STIFF_LINK = 1e5
-# Faces around single nodes in contact look at the other side if the cosine between both normals is below minus this.
-# Choice: 45 degrees.
-FACING = 0.7
-# Nodes of a sector find a place of its other side within this share of the size of the body, or are lost.  Choice.
-TIED_AT_MOST = 0.01
-# Elements of the next sector that a sector touches have this share of the smallest stiffness of a deck: they stiffen
-# those that they are images of by less than that, and the stiffness of contact stays above round-off.  Choice.
-WEAK_IMAGE = 1e-4
-# Their density likewise, as nothing else needs it.  Choice: round-off.
-WEIGHTLESS_IMAGE = 1e-15
-# More nodes than these get their forces from a file beside the scene.  Choice.
-NODES_OF_TABLES = 12
-# Where a deck asks for NLGEOM and the strain that linear elasticity neglects is more than this share of its own, the
-# answer is another one.  Choice: as much as an accuracy that is usually asked for.
-LINEAR_IN_DECK = 0.01
-# A distance of surfaces that nothing closes, in sizes of the mesh.  Choice.
-NEVER_CLOSED = 2.0
-# The difference of places of a reference facet that gives its slopes: shape functions are polynomials.  Choice.
-FACET_DIFFERENCE = 1e-6
-# A deck whose sides slide is solved anew on cells half as large with at most so many unknowns.  Choice: a minute on a
-# small machine.
-FINER_AT_MOST = 120_000
 
 # --- contact between two bodies --------------------------------------------------------------------------------------
 
@@ -1176,12 +1151,3 @@ JUDGED_BESIDE = 0.02
 # The square of the share of the normal that supports must leave free, so that the force along it is that of contact.
 # Choice.
 JUDGED_FREE_NORMAL = 0.5
-
-# --- soft contact ----------------------------------------------------------------------------------------------------
-
-# Contact problems of a load step, and by how much of the largest one overclosures may miss their law in the end: the
-# certificate asks for 1e-6 of the largest displacement.  Choice.
-OVERCLOSURE_PROBLEMS, OVERCLOSURE_MISSED = 40, 1e-10
-# A pressure falls to no less than this share of itself from one tangent to the next: exponential laws are steep.
-# Choice.
-PRESSURE_FALLS = 1e-2

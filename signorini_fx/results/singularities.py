@@ -7,7 +7,7 @@ Where a load along the boundary jumps it grows like a logarithm (Timoshenko and 
 38), and where materials meet at the boundary, or their interface has a corner, like a power again (Bogy, J. Appl. Mech.
 38 (1971) 377-386): for most pairs of materials, a few are bounded and named all the same.
 
-At a node that is held, loaded or linked alone it grows like the inverse of the distance, in space of its square (the
+At a node that is held or loaded alone it grows like the inverse of the distance, in space of its square (the
 solutions of Flamant and Boussinesq).
 
 Bodies that touch are judged one by one.  Where the edge of one of them, of 90 degrees or more, presses on another one
@@ -24,7 +24,7 @@ import numpy as np
 import numpy.typing as npt
 
 from signorini_fx.mechanics.model import Model
-from signorini_fx.mechanics.statement.effect import Force, Resistance
+from signorini_fx.mechanics.statement.effect import Force
 from signorini_fx.results.near_singularity import BoundaryFacet, cells_near, facets_near, size_of_cells
 from signorini_fx.tuned import BESIDE_VERTEX, CORNER_ANGLE, JUMP_OF_LOAD, SAME_ANGLE, SAME_PLACE_IN_CELL, SAME_POSITION
 
@@ -151,16 +151,14 @@ def _where_loads_jump(
 
 
 def _at_a_single_node(body: Model, point: Array, step: float) -> str | None:
-    """Whether a node within a cell from a place is held, loaded or linked alone; collective."""
+    """Whether a node within a cell from a place is held or loaded alone; collective."""
     statement, dim = body.statement, body.tagged.dimension
     held = [np.array([support.at]) for support in statement.displacement if support.at is not None]
     loads: list[Any] = [effect for effect in statement.of(Force) if effect.nodal and effect.acts]
-    links: list[Any] = [effect for effect in statement.of(Resistance) if effect.nodal and effect.acts]
-    acting = [load.table(load.label, dim) for factor, load in (statement.now(load, step) for load in loads) if factor]
+    acting = [load.table(dim) for factor, load in (statement.now(load, step) for load in loads) if factor]
     nodes = {
         "held alone": held,
         "loaded alone": [table.points[np.any(table.vectors, axis=1)] for table in acting],
-        "linked to others": [effect.table(effect.label, dim).points for effect in links],
     }
     if not any(nodes.values()):
         return None

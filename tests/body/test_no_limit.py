@@ -297,11 +297,3 @@ def test_single_nodes(how):
     reason = how and f"it is at a node that is {how}"
     assert [said(scene, place) for place in ((1.0, 1.0), (1.25, 1.0))] == [reason] * 2
     assert said(scene, (1.5, 0.75)) is None
-
-
-def test_linked_nodes(tmp_path):
-    """Links act at single nodes, too."""
-    (tmp_path / "links.csv").write_text("link,x,y,cx,cy\n1,1.0,1.0,1.0,0.0\n1,1.0,0.0,-1.0,0.0\n")
-    scene = block(CLAMPED, 4, links={"file": str(tmp_path / "links.csv"), "stiffness": 1e3})
-    assert {said(scene, (1.0, y)) for y in (0.0, 1.0)} == {"it is at a node that is linked to others"}
-    assert said(scene, (1.0, 0.5)) is None

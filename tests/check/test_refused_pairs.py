@@ -74,8 +74,7 @@ WITH = {
     "prescribed rotation": {"displacement": [{"boundary": "top", "rotation": 1e-4}]},
     "springs": {"springs": [{"boundary": "right", "x": 1.0}]},
     "point force": {"point_force": [{"at": [0.0, 0.5], "y": -1.0}]},
-    "links": {"links": [{"file": "links.csv", "stiffness": 0.0}]},
-    "soft contact": {"contact": {"overclosure": {"law": "linear", "stiffness": 1e3}}},
+    "soft contact": {"contact": {"overclosure": {"stiffness": 1e3}}},
     "gravity": {"gravity": {"y": -1.0}, "material": {"density": 1e-3}},
     "nonlinear material": {"material": {"law": "neo-hooke"}},
 }  # fmt: skip

@@ -3,11 +3,8 @@
 import tomllib
 
 import numpy as np
-import pytest
 from mpi4py import MPI
 
-from signorini_fx.addons.decks.deck import read_deck
-from signorini_fx.addons.decks.node_results import at_nodes
 from signorini_fx.scenes import cli
 from signorini_fx.scenes.reading import read_scene
 from signorini_fx.scenes.solver import solve
@@ -64,51 +61,6 @@ def test_a_hot_ring_in_a_cold_one(tmp_path):
     np.testing.assert_allclose(solution.table.columns["pressure"], pressure, rtol=5e-3)
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("seed", range(10))
-def test_unequal_temperatures_at_one_place(tmp_path, seed):
-    """Bodies in a row under plane stress, each with a linear temperature of its own: without stress they take
-    displacements of degree 2, which the elements have.  Each is held at nodes, of which others are at the same places.
-    """
-    rng = np.random.default_rng(seed)
-    count, alone = int(rng.integers(2, 4)), seed % 3 == 0
-    rows = rng.integers(1, 4, count) if seed % 2 else np.full(count, rng.integers(1, 4))
-    names = ["ALL" if alone else f"B{k}" for k in range(count)]
-    # Where a body is held, value and slopes of its temperature: such that they part at their interfaces above y = 0.
-    sides = [max(k, 1) for k in range(count)]
-    slopes = [(rng.uniform(-300, 300), rng.uniform(20, 60), -rng.uniform(20, 60)),
-              (-rng.uniform(200, 300), -rng.uniform(20, 60), -rng.uniform(20, 60)),
-              (rng.uniform(-300, 300), -rng.uniform(20, 60), -rng.uniform(20, 60))]  # fmt: skip
-    lines, heat, held, exact = [], [], [], {}
-    for k, side, (a, b, c) in zip(range(count), sides, slopes, strict=False):
-        low, high = (float(k), 0.0), (k + 1.0, 1.0)
-        written, _, x = block("CPS8", int(rng.integers(1, 3)), int(rows[k]), 1 + 100 * k, low, high, names[k])
-        lines += written
-        node_at = {at: node for node, at in x.items()}
-        far = 2 * k + 1 - side
-        held += [f"{node_at[float(side), 0.0]}, 1, 2", f"{node_at[float(far), 0.0]}, 2, 2"]
-        turn = c * (far - side) / 2  # a rotation, by which the second point keeps its height
-        for node, (at, y) in x.items():
-            s = at - side
-            heat.append(f"{node}, {a + b * s + c * y!r}")
-            u = a * s + b * (s * s - y * y) / 2 + c * s * y - turn * y
-            exact[node] = EXPANSION * u, EXPANSION * (a * y + b * s * y + c * (y * y - s * s) / 2 + turn * s)
-    lines += [*MATERIAL, *(f"*SOLID SECTION, ELSET={name}, MATERIAL=M" for name in dict.fromkeys(names))]
-    lines += ["*SURFACE INTERACTION, NAME=I", "*CONTACT PAIR, INTERACTION=I"]
-    lines += [f"WEST{1 + 100 * (k + 1)}, EAST{1 + 100 * k}" for k in range(count - 1)]
-    lines += ["*BOUNDARY", *held, "*STEP", "*STATIC", "*TEMPERATURE", *rng.permutation(heat), "*END STEP"]
-    scene, data = drafted(tmp_path, lines)
-    assert [table["region"] for table in data["temperature"]] == (
-        [f"body_{k + 1}" for k in range(count)] if alone else names
-    )
-    solution = solve(read_scene(scene), MPI.COMM_SELF)
-    deck = read_deck(tmp_path / "deck.inp")
-    (results,) = at_nodes(solution, deck)
-    assert set(deck.names) == exact.keys()
-    wanted = np.array([exact[node] for node in deck.names])
-    np.testing.assert_allclose(results.displacement[:, :2], wanted, atol=1e-9 * np.abs(wanted).max())
-
-
 def test_nodes_of_one_body_at_one_place(tmp_path):
     """Both sides of a crack: two temperatures there, or the support of one of them, are not in the scene."""
     low, _, x_low = block("CPS8", 2, 1, 1, (0.0, 0.0), (2.0, 1.0), "B")
@@ -121,12 +73,11 @@ def test_nodes_of_one_body_at_one_place(tmp_path):
     tip = next(node for node, at in x_high.items() if at == (2.0, 1.0))
     ends = ["*STEP", "*STATIC", "*TEMPERATURE", *(f"{node}, 10." for node in x_low), "*END STEP"]
     _, data = drafted(tmp_path, [*lines, *ends], code=4)
-    assert "several temperatures at one place of a body" in " ".join(data["incomplete"])
-    assert "region" not in data["temperature"]
+    assert "temperatures that differ within a body" in " ".join(data["incomplete"])
+    assert "temperature" not in data
     (tmp_path / "draft.toml").unlink()
-    (tmp_path / "draft_temperature_1.csv").unlink()
     _, data = drafted(tmp_path, [*lines, f"{tip}, 2", "*STEP", "*STATIC", "*END STEP"], code=4)
-    assert f"support of node {tip}: its body has another node at the same place" in data["incomplete"][0]
+    assert f"*BOUNDARY: node {tip}: its body has another node at the same place" in data["incomplete"][0]
     assert [table["at"] for table in data["displacement"]] == [[0.0, 0.0]]
 
 

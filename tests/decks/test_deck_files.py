@@ -7,8 +7,7 @@ import pytest
 from deck_lines import STEEL, squares, stacked
 
 from signorini_fx.addons.decks.draft import draft
-from signorini_fx.mechanics.mesh.files import abaqus_include
-from signorini_fx.mechanics.mesh.files.abaqus import read_model
+from signorini_fx.addons.decks.mesh import read_model
 from signorini_fx.scenes import cli
 
 BASE = stacked(["*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=HARD"])
@@ -61,36 +60,19 @@ def test_byte_order_marks(tmp_path, encoding):
 @pytest.mark.parametrize("parts", [("*NSET, NSET=MORE,", "GENERATE"), ("*NSET,", "NSET=MORE,", " generate, UNSORTED")])
 def test_keywords_of_several_lines(tmp_path, parts):
     """A line that ends with a comma goes on with parameters of one word or of two, or with one that has no value."""
-    node, coupled = ["*NODE", "900, 0.5, 3."], "*COUPLING, CONSTRAINT NAME=C, SURFACE=UP_TOP,"
-    within = ["*CLOAD", "900, 2, -1.", "MORE, 1, 2."]
-    lines = [*node, *parts, "111, 115, 4", f"{coupled} REF NODE=900", "*DISTRIBUTING"]
+    within = ["*CLOAD", "MORE, 1, 2."]
+    rigid = ["*NODE", "900, 0.5, 3.", "*RIGID BODY, ELSET=UP,"]
+    lines = [*parts, "111, 115, 4", *rigid[:2], f"{rigid[2]} REF NODE=900"]
     text = drafted(written(tmp_path, lines, within)).text
     assert "[[point_force]]" in text
-    lines = [*node, "*NSET, NSET=MORE", "111, 115", coupled, "  REF NODE = 900", "*DISTRIBUTING"]
+    lines = ["*NSET, NSET=MORE", "111, 115", *rigid, "  REF NODE = 900"]
     again = drafted(written(tmp_path, lines, within)).text
-    assert re.sub(r"line \d+", "", again) == re.sub(r"line \d+", "", text)
+    assert [re.sub(r"line \d+", "", one).split("\n", 2)[2] for one in (again, text)] == [
+        re.sub(r"line \d+", "", text).split("\n", 2)[2]
+    ] * 2
     deck = written(tmp_path, [])
     deck.write_text(deck.read_text().replace("*STEP", "*STEP,\nNLGEOM"))
-    assert any("NLGEOM: displacements and rotations are taken as small" in remark for remark in drafted(deck).noted)
-
-
-def test_files_that_are_too_large(tmp_path, capsys):
-    """Their size is looked at before they are read: these have 20 GB on no disk."""
-    deck, large = written(tmp_path, ["*INCLUDE, INPUT=large.inp"]), tmp_path / "large.inp"
-    with large.open("wb") as stream:
-        stream.truncate(20 << 30)
-    for file, place in ((deck, f"deck.inp: line {STEP + 1}, *INCLUDE"), (large, "large.inp")):
-        assert cli.main(["convert", str(file), str(tmp_path / "draft.toml")]) == 2
-        assert f"{place}: the file has 2.1e+10 bytes" in capsys.readouterr().err
-
-
-def test_files_that_are_too_large_together(tmp_path, capsys, monkeypatch):
-    """Each of them alone would do."""
-    deck = written(tmp_path, ["*INCLUDE, INPUT=more.inp"])
-    (tmp_path / "more.inp").write_text("** nothing\n" * 300, encoding="utf-8")
-    monkeypatch.setattr(abaqus_include, "_LARGEST", deck.stat().st_size + 3000)
-    assert cli.main(["convert", str(deck), str(tmp_path / "draft.toml")]) == 2
-    assert f"line {STEP + 1}, *INCLUDE: the file has 3.3e+03 bytes" in capsys.readouterr().err
+    assert "saint-venant-kirchhoff" in drafted(deck).text
 
 
 def test_the_work_for_instances(tmp_path):

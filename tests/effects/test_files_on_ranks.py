@@ -9,8 +9,6 @@ from signorini_fx.scenes.solver import solve
 
 COMM = MPI.COMM_WORLD
 TABLES = {
-    "links": ("link,x,y,cx,cy\n1,1,1,0,1\n1,1,0,0,-1\n", {"stiffness": 1.0}),
-    "point_force": ("x,y,fx,fy\n1,1,0,-1\n", {}),
     "temperature": ("x,y,change\n0,0,1\n1,0,1\n0,1,1\n1,1,1\n", {}),
 }
 

@@ -549,7 +549,6 @@ MISTAKES = {
     "neither": ({"section": "cut"}, "give either force or shortening"),
     "nowhere": ({"point": [1.0, 0.0], "shortening": 0.1}, "give either section"),
     "pushes": ({"section": "cut", "force": -1.0}, "force must be positive"),
-    "no contact": ({"section": "cut", "force": 1.0}, "preload.force: needs contact"),
     "field": ({"section": "cut", "shortening": "x[0]"}, "a number or an expression of the time t is expected"),
     "locks": ({"section": "cut", "shortening": 1.0, "locked_after": 2}, "locked_after is that of a force"),
 }

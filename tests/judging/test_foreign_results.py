@@ -43,7 +43,7 @@ def replaced(old, new):
 def test_there_are_results_of_each_kind():
     """Of plane strain and stress, revolution and space, with linear and quadratic elements."""
     assert len(NAMES) >= 15
-    assert {name.partition("_")[0] for name in NAMES} == {"heated", "press", "rings", "shelf", "stack"}
+    assert {name.partition("_")[0] for name in NAMES} == {"press", "rings", "shelf", "stack"}
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -58,33 +58,6 @@ def test_a_good_result_agrees(name):
         known = judgement.figures["equilibrium"]["value"] < 1e-3
         if figure.get("threshold") is not None and label not in ("penalty_energy", "cone_ratio") and known:
             assert figure["value"] < 0.3 * figure["threshold"], label
-
-
-@pytest.mark.parametrize(
-    ("name", "reading"),
-    [
-        ("heated_CPE4", "constant in each element"),
-        ("heated_C3D8I", "constant in each element"),
-        ("heated_CAX8", "linear between the points of reduced integration"),
-        ("heated_CPS8R", ""),
-    ],
-)
-def test_temperatures_between_the_nodes(name, reading):
-    """As elements of CalculiX take them: its results are in equilibrium up to print."""
-    judgement = verdict(name)
-    # The rings store a hundredth of what their strains would, of which digits are lost.
-    assert judgement.figures["equilibrium"]["value"] < (1e-4 if name == "heated_CAX8" else 1e-5)
-    assert f"initial strains {reading}" in str(judgement) if reading else "initial strains" not in str(judgement)
-
-
-@pytest.mark.parametrize("name", ["heated_CPE4", "heated_C3D8I", "heated_CAX8", "heated_CPS8R"])
-def test_another_expansion(name, tmp_path):
-    """Of 5 % more: a load that is another one."""
-    judgement = verdict(name, tmp_path, replaced(r"\*EXPANSION\n1e-4", "*EXPANSION\n1.05e-4"))
-    assert judgement.word == "another problem: load or modulus", str(judgement)
-    heated = [factor for load, factor in judgement.factors.items() if load.startswith("temperature")]
-    assert heated == pytest.approx([1 / 1.05] * len(heated), rel=2e-3)
-    assert heated
 
 
 @pytest.mark.parametrize("name", ["shelf_CPE4", "shelf_C3D20R", "stack_CPE8R"])

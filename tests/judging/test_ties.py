@@ -61,38 +61,6 @@ def test_a_tie_that_does_not_hold(name):
     assert any("tie" in finding.text or "bond" in finding.text for finding in judgement.findings)
 
 
-def test_a_tied_node_that_does_not_balance():
-    """A node of the other side, and those that are tied to it with it: they keep to the tie, and do not balance."""
-    problem, v = result_of("shelf_capped")
-    basis, components = free_directions(problem.links, np.flatnonzero(problem.free.ravel()), v.size)
-    leading = components[np.flatnonzero((abs(basis) > 0).sum(axis=0) > 1)[0]]
-    moved = basis[:, [int(np.flatnonzero(components == leading)[0])]].toarray().reshape(v.shape)
-    judgement = judge(DATA / "shelf_capped.inp", v + 0.1 * np.abs(v).max() * moved, compare=False)
-    assert judgement.word == "not in equilibrium", str(judgement)
-    assert judgement.figures["supports"]["value"] < 1e-6
-
-
-def test_an_equation(tmp_path):
-    """Our solution of a deck whose two upper corners sink alike agrees with it, and not with the deck without."""
-    text, name = (DATA / "shelf_CPE4.inp").read_text(), "BODY_TOP_N"
-    plain = tmp_path / "plain.inp"
-    plain.write_text(text)
-    problem, _ = judged_problem(plain)
-    x = problem.mesh.points
-    top = problem.mesh.names[(x[:, 1] == 0.5) & (x[:, 0] > 0.6)]
-    assert name in text
-    (tmp_path / "linked.inp").write_text(
-        text.replace("*STEP", f"*EQUATION\n2\n{top[0]}, 2, 1., {top[-1]}, 2, -1.\n*STEP", 1)
-    )
-    problem, reasons = judged_problem(tmp_path / "linked.inp")
-    assert reasons == []
-    ours = at_nodes_of(solved(problem.solve), problem)
-    assert judge(tmp_path / "linked.inp", ours, compare=False).word == "agrees"
-    assert judge(plain, ours, compare=False).word == "not in equilibrium"
-    without = judge(tmp_path / "linked.inp", DATA / "shelf_CPE4.dat", compare=False)
-    assert without.word == "violates supports"
-
-
 @pytest.mark.parametrize("seed", range(5))
 def test_directions_that_links_leave(seed):
     """They are as many as the null space has, keep to all links, and are one where they begin; a link may say the same
@@ -144,21 +112,3 @@ def test_equal_forces_at_nodes_stay_there(tmp_path):
     forces = sum(problem.loads.values())
     np.testing.assert_allclose(forces[top], [[0.0, -0.2]] * np.count_nonzero(top), atol=1e-12)
     assert not forces[~top].any()
-
-
-def test_linked_nodes_in_contact(tmp_path):
-    """What an equation exerts on nodes of a contact is no force of the contact, and no reaction of the other body."""
-    problem, _ = judged_problem(DATA / "stack_CPE4.inp")
-    contact = problem.contacts[0]
-    inner = np.intersect1d(np.unique(contact.facets), np.flatnonzero(np.isnan(problem.prescribed).all(axis=1)))
-    inner = inner[np.argsort(problem.mesh.points[inner, 0])]
-    names = problem.mesh.names[inner[[1, -2]]]
-    text = (DATA / "stack_CPE4.inp").read_text()
-    equation = f"*EQUATION\n2\n{names[0]}, 2, 1., {names[1]}, 2, -3.\n*STEP"
-    (tmp_path / "linked.inp").write_text(text.replace("*STEP", equation, 1))
-    problem, reasons = judged_problem(tmp_path / "linked.inp")
-    assert reasons == []
-    ours = at_nodes_of(solved(problem.solve), problem)
-    judgement = judge(tmp_path / "linked.inp", ours, compare=False)
-    assert judgement.agrees, str(judgement)
-    assert judge(DATA / "stack_CPE4.inp", ours, compare=False).exit_code == 6

@@ -56,7 +56,6 @@ REFUSED = {
         "load_steps": {},
     },
     "fluid: changes as the body moves": {"fluid": {"boundary": "left", "level": 1.0, "weight": 1.0}},
-    "links: is not possible yet": {"links": {"file": "links.csv", "stiffness": 1.0}},
     "displacement.rotation: is a small one": {
         "displacement": {"boundary": "bottom", "x": 0.0, "y": 0.0, "rotation": 0.1}
     },

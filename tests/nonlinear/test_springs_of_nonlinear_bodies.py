@@ -7,7 +7,7 @@ from scipy.optimize import root
 from support.nonlinear_scenes import force, indented, material
 from test_nonlinear_scenes import energy_of_stretches
 
-from signorini_fx import ConvergenceError, SceneError, solve
+from signorini_fx import ConvergenceError, solve
 from signorini_fx.mechanics.effects.springs import Springs
 from signorini_fx.scenes.reading import parse_scene
 
@@ -112,12 +112,3 @@ def test_the_certificate_knows_them_by_their_own_formula(monkeypatch):
     monkeypatch.setattr(Springs, "reaction_at", lambda springs, at: 1.001 * reaction(springs, at))
     with pytest.raises(ConvergenceError, match="certificate does not hold"):
         cube(material("neo-hooke"), {"boundary": "bottom", "z": STIFFNESS}, **scene)
-
-
-def test_links_are_refused(tmp_path):
-    """They were left out of the residual and of its certificate."""
-    table = "link,x,y,z,cx,cy,cz\n1,1.0,1.0,1.0,1.0,0.0,0.0\n1,1.0,0.0,0.0,-1.0,0.0,0.0\n"
-    (tmp_path / "links.csv").write_text(table, encoding="utf-8")
-    links = {"file": str(tmp_path / "links.csv"), "stiffness": 1e4}
-    with pytest.raises(SceneError, match="links: is not possible yet with a nonlinear material"):
-        cube(material("neo-hooke"), {"boundary": "bottom", "z": STIFFNESS}, links=links)

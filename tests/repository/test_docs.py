@@ -35,7 +35,6 @@ from signorini_fx.mechanics.effects import (
     fluid,
     force,
     gravity,
-    links,
     point_force,
     preload,
     rotation,
@@ -57,7 +56,6 @@ from signorini_fx.mechanics.materials.saint_venant_kirchhoff import SaintVenantK
 from signorini_fx.mechanics.statement import settings
 from signorini_fx.mechanics.statement.generators import known_generators
 from signorini_fx.mechanics.statement.load_path import LoadSteps
-from signorini_fx.mechanics.statement.overclosure import ExponentialOverclosure, LinearOverclosure, TabularOverclosure
 from signorini_fx.mechanics.statement.rigid_motion import PivotSprings, Prescribed
 from signorini_fx.quantities.table import markdown
 from signorini_fx.records import Status
@@ -499,12 +497,10 @@ MODELS = {
         rotation.Rotation,
         temperature.TemperatureChange,
         preload.Preload,
+        point_force.PointForce,
     ],
     ("`[[springs]]`", "key"): [springs.Springs],
-    ("Nodes", "key of `point_force`"): [point_force.PointForce],
-    ("Nodes", "key of `links`"): [links.Links],
     ("`[[contact]]`", "key"): [contact.UnilateralContact, contact.BilateralContact, contact.BondedContact],
-    ("Soft contact", "key of `overclosure`"): [LinearOverclosure, ExponentialOverclosure, TabularOverclosure],
     ("`[[contact]]`", "key of `friction`"): [NoFriction, Tresca, Coulomb],
     ("Rigid bodies", "key of `rigid`"): [Rigid],
     ("Rigid bodies", "key of `prescribed`, `spring`"): [Prescribed, PivotSprings],

@@ -1,4 +1,4 @@
-"""Abaqus and CalculiX input files as scenes: what their keywords say, step by step, and what a scene cannot say.
+"""Input files of Abaqus and CalculiX: their meshes, and scenes drafted from them keyword by keyword.
 
-No other package imports it: an add-on.  The mesh of such a file is read by ``mesh.files.abaqus``.
+No other package imports it: an add-on.
 """

@@ -1,4 +1,4 @@
-"""*PRE-TENSION SECTION of an Abaqus or CalculiX input file, as the preload of a scene.  No dolfinx here.
+"""*PRE-TENSION SECTION of an Abaqus or CalculiX input file, as the preload of a scene.
 
 Its reference node has one component: *CLOAD gives the tension through the section, *BOUNDARY the shortening, and with
 FIXED keeps the one that has been reached.
@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from signorini_fx.addons.decks.content import Deck, DeckLoad
-from signorini_fx.mechanics.mesh.files.abaqus_blocks import DeckBlock, components, real
+from signorini_fx.addons.decks.text import DeckBlock, components, quoted, real
 from signorini_fx.mechanics.mesh.files.cells import dimension
 from signorini_fx.mechanics.mesh.files.shape import Floats
 from signorini_fx.tuned import DIGITS_OF_FILES
@@ -21,35 +21,32 @@ _ALONG = 1 - DIGITS_OF_FILES
 def read_bolt(deck: Deck, block: DeckBlock) -> None:
     """The section of a reference node."""
     node, name = deck.single(block.parameters["NODE"]), block.parameters.get("SURFACE", "")
+    surface = deck.surface(name)
     if not name:
         deck.lose(block, "the preload of a beam or truss, which is no part of the body")
-        return
-    surface = deck.surface(name)
-    if node is None or surface is None:
-        reason = f"{name!r} is no surface of faces" if surface is None else "NODE is not a single node"
-        deck.lose(block, f"the preload: {reason}")
-        return
-    normal = _normal(deck, surface)
-    direction = [real(word) for row in block.rows[:1] for word in row]
-    if any(direction) and normal is not None and abs(normal @ direction) < _ALONG * np.linalg.norm(direction):
-        deck.lose(block, "the direction of the preload: it is taken across the section")
-    if normal is None:
-        deck.lose(block, f"the preload: the surface {name!r} is not in one plane: give point and axis of one")
-        return
-    deck.bolts[node] = surface
+    elif surface is None:
+        deck.lose(block, f"the preload: {name!r} is no surface of faces")
+    elif node is None:
+        deck.lose(block, "the preload: NODE is not a single node")
+    elif (normal := _normal(deck, surface)) is None:
+        deck.lose(block, f"the preload: the surface {name!r} is not in one plane")
+    else:
+        direction = [real(word) for row in block.rows[:1] for word in row]
+        if any(direction) and abs(normal @ direction) < _ALONG * np.linalg.norm(direction):
+            deck.lose(block, "the direction of the preload: it is taken across the section")
+        deck.bolts[node] = surface
 
 
 def _normal(deck: Deck, name: str) -> Floats | None:
-    """The normal of a surface that is in a plane, with as many components as the file gives; None: it is in none."""
+    """The normal of a surface that is in a plane, shape (3,); None: it is in none."""
     raw, dim = deck.model.raw, deck.mesh.dim
     nodes = [
         np.unique(block[rows])
         for (kind, block), rows in zip(raw.blocks, raw.sets[name], strict=False)
         if dimension(kind) == dim - 1
     ]
-    x = np.zeros((sum(map(len, nodes)), 3))
-    x[:, : raw.points.shape[1]] = raw.points[np.concatenate(nodes)]
-    _, sizes, axes = np.linalg.svd(x[:, :dim] - x[:, :dim].mean(axis=0))
+    x = raw.points[np.concatenate(nodes)][:, :dim]
+    _, sizes, axes = np.linalg.svd(x - x.mean(axis=0))
     if len(x) < dim or sizes[dim - 1] > (1 - _ALONG) * sizes[0]:
         return None
     return np.pad(axes[dim - 1], (0, 3 - dim))
@@ -76,39 +73,36 @@ def drive(deck: Deck, block: DeckBlock, kind: str, node: int, component: int, va
 
 def bolt_tables(deck: Deck, steps: int) -> list[tuple[str, list[str]]]:
     """Each table of a preload with its lines."""
-    courses: dict[int, dict[str, list[float | None]]] = {}
+    courses: dict[int, dict[str, DeckLoad]] = {}
     for load in deck.loads.values():
         if load.table == "bolt":
-            courses.setdefault(int(load.target), {})[load.keys[0]] = load.by_step(steps)
+            courses.setdefault(int(load.target), {})[load.keys[0]] = load
     tables = []
     for node, course in courses.items():
-        no_values: list[float | None] = [None] * steps
-        force, fixed, moved = (course.get(key, no_values) for key in ("force", "fixed", "prescribed"))
+        force, fixed, moved = (
+            course[key].by_step(steps) if key in course else [None] * steps for key in ("force", "fixed", "prescribed")
+        )
+        block = next(iter(course.values())).block
         label = f"preload of {deck.bolts[node]!r}"
-        tight = next((k for k in range(steps) if force[k]), None)
-        if tight is None:
-            values = [value or 0.0 for value in moved]
-            if any(values):
-                tables.append(_table(deck, node, "shortening", values, []))
+        if not any(force):
+            if any(moved):
+                tables.append(_table(deck, block, node, "shortening", [value or 0.0 for value in moved], []))
             continue
         until = next((k for k in range(steps) if fixed[k] or moved[k] is not None), steps)
-        if until == 0 or not all(force[k] and float(force[k] or 0.0) > 0 for k in range(until)):
-            deck.lose(None, f"{label}: give a positive force in each step until it is fixed, or a shortening")
+        if until == 0 or not all(value is not None and value > 0 for value in force[:until]):
+            deck.lose(block, f"{label}: give a positive force in each step until it is fixed, or a shortening")
             continue
         if any(value is not None for value in moved):
-            deck.lose(None, f"{label}: prescribed after a force: the length that the force leads to is kept")
-        # What comes after the section is fixed does not matter.
-        values = [float(value or 0.0) for value in force[:until]]
-        values += values[-1:] * (steps - until)
+            deck.lose(block, f"{label}: prescribed after a force: the length that the force leads to is kept")
         share = deck.thickness if deck.mesh.dim == 2 else 1.0
-        values = [value / share for value in values]
-        tables.append(_table(deck, node, "force", values, [f"locked_after = {until}"] * (until > 1)))
+        values = [(value or 0.0) / share for value in force[:until]]
+        values += values[-1:] * (steps - until)  # the force after the section is fixed does not matter
+        tables.append(_table(deck, block, node, "force", values, [f"locked_after = {until}"] * (until > 1)))
     return [("[[preload]]", lines) for lines in tables]
 
 
-def _table(deck: Deck, node: int, key: str, values: list[float], extra_lines: list[str]) -> list[str]:
+def _table(deck: Deck, block: DeckBlock, node: int, key: str, values: list[float], extra: list[str]) -> list[str]:
     largest = max(values, key=abs)
     factors = [value / largest for value in values]
-    name = deck.bolts[node].replace("\\", "\\\\").replace('"', '\\"')
-    lines = [f'section = "{name}"', f"{key} = {largest!r}", *extra_lines]
+    lines = [f"# {block.origin}", f"section = {quoted(deck.bolts[node])}", f"{key} = {largest!r}", *extra]
     return lines + ([f"factors = {factors}"] if set(factors) != {1.0} else [])

@@ -1,77 +1,112 @@
-"""Materials, sections and orientations of an Abaqus input file, as the materials of a scene.  No dolfinx here."""
+"""Materials, sections and orientations of an Abaqus input file, as the materials of a scene."""
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from signorini_fx.addons.decks.content import Deck, DeckSection, frame
-from signorini_fx.addons.decks.keywords import FIRST_LINE, LOAD_AREA
-from signorini_fx.addons.decks.nonlinear_material import nonlinear_law, obstacle_of
-from signorini_fx.mechanics.mesh.files.abaqus_blocks import DeckBlock, DeckError, quoted, real
+from signorini_fx.addons.decks.content import Deck, DeckSection
+from signorini_fx.addons.decks.keywords import (
+    BESIDE_RUBBER,
+    FIRST_LINE,
+    NO_BODY_PART,
+    NOT_YET_NONLINEAR,
+    OTHER_HARDENING,
+    OTHER_RUBBER,
+    SMALL,
+    YIELDING_RUBBER,
+)
+from signorini_fx.addons.decks.text import DeckBlock, DeckError, parameter, quoted, real
 from signorini_fx.mechanics.mesh.files.arrays import plain
 from signorini_fx.mechanics.mesh.files.shape import Floats
 from signorini_fx.tuned import ZERO_SUM
 
-_SECTIONS = {"SHELLSECTION": "shells", "MEMBRANESECTION": "membranes", "BEAMSECTION": "beams"}
 # Where the first six constants of stiffness of *ELASTIC, TYPE=ORTHO belong; the others are shear moduli.
 _NORMAL = ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))
 _CONSTANTS = 9
+# By the parameters of *HYPERELASTIC that name an energy: its law; a polynomial is the default.
+_ENERGIES = {
+    "NEOHOOKE": "neo-hooke",
+    "MOONEY-RIVLIN": "mooney-rivlin",
+    "OGDEN": "ogden",
+    "POLYNOMIAL": "mooney-rivlin",
+    "REDUCEDPOLYNOMIAL": "neo-hooke",
+}
+_OTHER_ENERGIES = {"ARRUDA-BOYCE", "YEOH", "MARLOW", "VANDERWAALS", "USER", "TESTDATAINPUT"}
+_FIRST_TERM = ("POLYNOMIAL", "REDUCEDPOLYNOMIAL")
 
 
 def read_section(deck: Deck, block: DeckBlock) -> None:
-    """The material of a part, and the thickness of a plane one."""
-    word = _SECTIONS.get(block.keyword)
+    """*SOLID SECTION and others: the material of a part, and the thickness of a plane one."""
     name = deck.model.sections.get(block.number, block.parameters["ELSET"])
     region = None if name is None else deck.region(name)
-    if word == "shells" and (members := deck.shells.get((name or "").upper())) and set(members) <= deck.areas.keys():
-        deck.note(block, LOAD_AREA)
-        return
-    if word is not None and (deck.mesh.dim == 3 or region is None or word == "beams"):
-        deck.lose(block, f"{word}, which are no part of the body")
-        return
-    if word is not None:
-        deck.note(block, f"{word}: as a plane body under plane stress, without bending")
+    if block.keyword != "SOLIDSECTION":
+        if deck.mesh.dim == 3 or region is None:
+            deck.lose(block, NO_BODY_PART)
+            return
+        deck.note(block, "as a plane body under plane stress, without bending")
     if "MATERIAL" not in block.parameters:
         raise ValueError("MATERIAL is missing; sections of several layers are not known")
-    if name != block.parameters["ELSET"]:
-        deck.note(
-            block,
-            f"its elements that a later section has too are of that one: the rest is {name!r}"
-            if name
-            else "all of its elements are of later sections",
-        )
+    if name is None:
+        deck.note(block, "all of its elements are of later sections")
+    elif name != block.parameters["ELSET"]:
+        deck.note(block, f"its elements that a later section has too are of that one: the rest is {name!r}")
     if region is not None:
-        material, turned = (block.parameters.get(key, "").upper() for key in ("MATERIAL", "ORIENTATION"))
-        deck.sections.append(DeckSection(region, material, turned, block))
+        material, orientation = (block.parameters.get(key, "").upper() for key in ("MATERIAL", "ORIENTATION"))
+        deck.sections.append(DeckSection(region, material, orientation, block))
     if deck.mesh.dim == 2 and deck.kinematics.uniform and block.rows and block.rows[0] and block.rows[0][0]:
         deck.thickness = real(block.rows[0][0])
         if deck.thickness != 1:
             deck.note(block, f"the thickness {deck.thickness:g}: forces are per unit of it")
 
 
-def read_constants(deck: Deck, block: DeckBlock, material: str) -> None:
-    """*ELASTIC, *DENSITY or *EXPANSION of a material."""
-    properties = deck.materials[material]
-    if block.keyword == "DENSITY":
-        properties["density"] = real(block.rows[0][0])
+def read_material(deck: Deck, block: DeckBlock) -> None:
+    """*MATERIAL."""
+    deck.material = block.parameters["NAME"].upper()
+    deck.materials.setdefault(deck.material, {})
+
+
+def _properties(deck: Deck) -> dict[str, Any]:
+    if not deck.material:
+        raise ValueError("no *MATERIAL is before it")
+    return deck.materials[deck.material]
+
+
+def read_density(deck: Deck, block: DeckBlock) -> None:
+    """*DENSITY."""
+    _properties(deck)["density"] = real(block.rows[0][0])
+
+
+def read_expansion(deck: Deck, block: DeckBlock) -> None:
+    """*EXPANSION; ZERO, a temperature of reference, matters for a coefficient that varies only."""
+    properties = _properties(deck)
+    if block.parameters.get("TYPE", "ISO").upper() not in ("ISO", "ISOTROPIC"):
+        deck.lose(block, "expansion that depends on the direction is not read")
         return
-    kind, rows = block.parameters.get("TYPE", "ISOTROPIC").upper().replace(" ", ""), len(block.rows)
-    if block.keyword == "ELASTIC" and kind in ("ORTHO", "ORTHOTROPIC", "ENGINEERINGCONSTANTS"):
+    properties["expansion"] = real(block.rows[0][0])
+    if len(block.rows) > 1:
+        deck.lose(block, FIRST_LINE)
+
+
+def read_elastic(deck: Deck, block: DeckBlock) -> None:
+    """*ELASTIC: isotropic, or orthotropic by constants of stiffness or of engineering."""
+    properties, rows = _properties(deck), len(block.rows)
+    kind = block.parameters.get("TYPE", "ISOTROPIC").upper().replace(" ", "")
+    if kind in ("ORTHO", "ORTHOTROPIC", "ENGINEERINGCONSTANTS"):
         words = [real(word) for row in block.rows[:2] for word in row][:_CONSTANTS]
         if len(words) < _CONSTANTS:
             raise ValueError(f"{_CONSTANTS} constants are expected")
-        properties["orthotropic"] = _by_axes(words) if kind == "ENGINEERINGCONSTANTS" else _by_axes(_engineering(words))
+        words = words if kind == "ENGINEERINGCONSTANTS" else _engineering(words)
+        properties["orthotropic"] = {"young": words[:3], "poisson": words[3:6], "shear": words[6:]}
         rows -= 1
-    elif kind not in ("ISOTROPIC", "ISO"):
-        deck.lose(block, f"{block.name.lower()} of the material {material!r}: it is neither isotropic nor orthotropic")
-        return
-    elif block.keyword == "EXPANSION":  # ZERO, a temperature of reference, matters for a coefficient that varies only
-        properties["expansion"] = real(block.rows[0][0])
-    else:
+    elif kind in ("ISOTROPIC", "ISO"):
         properties["young"], properties["poisson"] = (real(word) for word in (*block.rows[0], "0")[:2])
+    else:
+        deck.lose(block, f"elasticity of type {kind} is not read")
+        return
     if rows > 1:
         deck.lose(block, FIRST_LINE)
 
@@ -88,21 +123,72 @@ def _engineering(words: list[float]) -> list[float]:
     return [*young, *(-float(strains[i, j]) * young[i] for i, j in ((0, 1), (0, 2), (1, 2))), *words[6:]]
 
 
-def _by_axes(words: list[float]) -> dict[str, list[float]]:
-    return {"young": words[:3], "poisson": words[3:6], "shear": words[6:]}
+def read_rubber(deck: Deck, block: DeckBlock) -> None:
+    """*HYPERELASTIC: its energy, with kappa = 2 / D1 and, of Ogden, 2 mu / alpha for its mu.
+
+    Raises:
+        DeckError: scenes do not know the energy.
+    """
+    properties, parameters = _properties(deck), block.parameters
+    named = [key for key in _ENERGIES if key in parameters] or ["POLYNOMIAL"]
+    terms = round(parameter(block, "N")) if "N" in parameters else 1
+    law = _ENERGIES[named[0]]
+    if parameters.keys() & _OTHER_ENERGIES or (named[0] in _FIRST_TERM and terms != 1):
+        raise DeckError(block, OTHER_RUBBER)
+    count = {"neo-hooke": 2, "mooney-rivlin": 3, "ogden": 3 * terms}[law]
+    words = [real(word) for row in block.rows for word in row]
+    if len(words) < count:
+        raise ValueError(f"{count} constants are expected")
+    volumes = words[count - (terms if law == "ogden" else 1) : count]
+    if not volumes[0] > 0 or any(volumes[1:]):
+        raise DeckError(block, OTHER_RUBBER)
+    if len(block.rows) > -(-count // 8):
+        deck.lose(block, FIRST_LINE)
+    lines: dict[str, Any] = {"law": "ogden" if law == "ogden" else "mooney-rivlin"}
+    if law == "ogden":
+        mu, alpha = words[: 2 * terms : 2], words[1 : 2 * terms : 2]
+        if not all(alpha) or not min(mu) > 0:
+            raise ValueError("mu must be above 0 here, and no exponent alpha zero")
+        lines |= {"mu": [2 * m / a for m, a in zip(mu, alpha, strict=True)], "alpha": alpha}
+    else:
+        if min(words[: count - 1]) < 0 or not sum(words[: count - 1]) > 0:
+            raise ValueError("C10 and C01 must not be negative here, and their sum be above 0")
+        lines |= dict(zip(("c10", "c01"), words[: count - 1], strict=False))
+    properties["rubber"] = lines | {"bulk": 2 / volumes[0]}, block
+
+
+def read_hardening(deck: Deck, block: DeckBlock) -> None:
+    """*PLASTIC: rows of yield stresses and plastic strains, which begin at 0, of one temperature."""
+    properties = _properties(deck)
+    if block.parameters.get("HARDENING", "ISOTROPIC").upper() != "ISOTROPIC":
+        deck.lose(block, OTHER_HARDENING)
+        return
+    rows = [[*map(real, row), 0.0, 0.0][:3] for row in block.rows]
+    if any(row[2] != rows[0][2] for row in rows):
+        deck.lose(block, FIRST_LINE)
+    curve = [(strain, stress) for stress, strain, temperature in rows if temperature == rows[0][2]]
+    if curve[0][0] != 0.0:
+        raise ValueError("the first plastic strain must be 0")
+    if any(b[0] <= a[0] or b[1] < a[1] for a, b in itertools.pairwise(curve)):
+        raise ValueError("plastic strains must increase from row to row, and yield stresses not decrease")
+    properties["plastic"] = curve, block
 
 
 def _axes_of(deck: Deck, name: str) -> list[str]:
-    """The keys for the directions of an *ORIENTATION."""
+    """The keys for the directions of an *ORIENTATION.
+
+    Raises:
+        ValueError: it is missing, or neither rectangular nor cylindrical.
+    """
     block = deck.orientations.get(name)
     if block is None:
         raise ValueError(f"there is no *ORIENTATION {name!r}")
     system, dim = block.parameters.get("SYSTEM", "RECTANGULAR").upper(), deck.mesh.dim
     words = [real(word) for word in block.rows[0]]
     if len(words) not in (6, 9) or block.parameters.get("DEFINITION", "COORDINATES").upper() != "COORDINATES":
-        raise ValueError(f"*ORIENTATION {name!r}: two points are expected, or three")
+        raise DeckError(block, "two points are expected, or three")
     first, second = np.array(words[:3]), np.array(words[3:6])
-    turn, angle = ([real(word) for word in block.rows[1]] + [0.0])[:2] if len(block.rows) > 1 else (1.0, 0.0)
+    about, angle = ([real(word) for word in block.rows[1]] + [0.0])[:2] if len(block.rows) > 1 else (1.0, 0.0)
     if system in ("CYLINDRICAL", "C"):
         along = (second - first) / np.linalg.norm(second - first)
         if angle or (dim == 2 and abs(along[2]) < 1 - ZERO_SUM):
@@ -112,22 +198,32 @@ def _axes_of(deck: Deck, name: str) -> list[str]:
         rows = [_linear(matrix, -matrix @ first, dim) for matrix in (keep, cross)]
     elif system in ("RECTANGULAR", "R"):
         centre = np.array(words[6:9]) if len(words) == 9 else np.zeros(3)
-        axes = _turned(frame(first - centre, second - centre), round(turn) - 1, np.radians(angle))
+        axes = _turned(_frame(first - centre, second - centre), round(about) - 1, np.radians(angle))
         if dim == 2 and abs(axes[2, 2]) < 1 - ZERO_SUM:
             deck.lose(block, "an orientation whose axis 3 is not across the plane")
-        rows = [str((np.where(np.abs(axis) < ZERO_SUM, 0.0, axis) + 0.0)[:dim].tolist()) for axis in axes[:2]]
+        rows = [str(plain((np.where(np.abs(axis) < ZERO_SUM, 0.0, axis) + 0.0)[:dim])) for axis in axes[:2]]
     else:
-        raise ValueError(f"*ORIENTATION {name!r}: its system is neither rectangular nor cylindrical")
+        raise DeckError(block, "its system is neither rectangular nor cylindrical")
     return [f"direction = {rows[0]}"] + ([f"second = {rows[1]}"] if dim == 3 else [])
+
+
+def _frame(first: Floats, second: Floats) -> Floats:
+    """Unit vectors along a vector, across it in its plane with another one, and normal to both, shape (3, 3)."""
+    normal = np.cross(first, second)
+    rows = np.array([first, np.cross(normal, first), normal])
+    sizes = np.linalg.norm(rows, axis=1, keepdims=True)
+    if not sizes.all():
+        raise ValueError("its points are in line")
+    return np.asarray(rows / sizes)
 
 
 def _turned(axes: Floats, about: int, angle: float) -> Floats:
     """A frame turned about one of its axes."""
     if not 0 <= about < 3:
         raise ValueError("an *ORIENTATION is turned about axis 1, 2 or 3")
-    turned, (first_axis, second_axis) = axes.copy(), ((about + 1) % 3, (about + 2) % 3)
-    turned[first_axis] = np.cos(angle) * axes[first_axis] + np.sin(angle) * axes[second_axis]
-    turned[second_axis] = np.cos(angle) * axes[second_axis] - np.sin(angle) * axes[first_axis]
+    turned, first, second = axes.copy(), (about + 1) % 3, (about + 2) % 3
+    turned[first] = np.cos(angle) * axes[first] + np.sin(angle) * axes[second]
+    turned[second] = np.cos(angle) * axes[second] - np.sin(angle) * axes[first]
     return turned
 
 
@@ -141,12 +237,15 @@ def _linear(matrix: Floats, constant: Floats, dim: int) -> str:
     return f"[{', '.join(values)}]"
 
 
-def material_tables(deck: Deck, contacts: Sequence[Sequence[str]], *, heated: bool) -> list[tuple[str, list[str]]]:
+# --- tables of the scene ----------------------------------------------------------------------------------------------
+
+
+def material_tables(deck: Deck, obstacle: str, *, heated: bool) -> list[tuple[str, list[str]]]:
     """The lines of each material.
 
     Args:
         deck: the input file.
-        contacts: the lines of each contact of the scene.
+        obstacle: see ``obstacle_of``.
         heated: whether there are temperatures.
 
     Raises:
@@ -163,12 +262,12 @@ def material_tables(deck: Deck, contacts: Sequence[Sequence[str]], *, heated: bo
             raise ValueError(why)
         element, block = deck.model.bare
         raise DeckError(block, f"{why}, such as element {element}")
-    shown, obstacle = list[tuple[str, list[str]]](), obstacle_of(deck, contacts, heated=heated)
+    shown = list[tuple[str, list[str]]]()
     for section in deck.sections:
         name = f"the material {section.material!r} of {section.region!r}"
         if (properties := deck.materials.get(section.material)) is None:
             raise DeckError(section.block, f"{name} is not defined")
-        law = nonlinear_law(deck, section, obstacle) or _law(deck, properties, section.orientation)
+        law = _nonlinear_law(deck, section, obstacle) or _law(deck, properties, section.orientation)
         if law is None:
             raise DeckError(section.block, f"{name} has no *ELASTIC that is isotropic or orthotropic")
         # without *EXPANSION a material does not expand
@@ -189,3 +288,81 @@ def _law(deck: Deck, properties: dict[str, Any], orientation: str) -> list[str] 
     axes = _axes_of(deck, orientation) if orientation else []
     constants = [f"{key} = {value}" for key, value in properties["orthotropic"].items()]
     return [f"orthotropic = {{ {', '.join([*constants, *axes])} }}"]
+
+
+def has_rubber(deck: Deck) -> bool:
+    """Whether a part of the body is rubber."""
+    return any("rubber" in deck.materials.get(section.material, {}) for section in deck.sections)
+
+
+def obstacle_of(deck: Deck, contacts: Sequence[Sequence[str]], *, heated: bool) -> str:
+    """The part of a scene that excludes nonlinear materials; "": there is none."""
+    lines = [line for contact in contacts for line in contact]
+    tied_rigid = any('kind = "bonded"' in contact and "against" not in "".join(contact) for contact in contacts)
+    elastic = all("young" in deck.materials.get(s.material, {}) for s in deck.sections) or has_rubber(deck)
+    finite = deck.nonlinear is not None or has_rubber(deck)
+    for wrong, words in (
+        (tied_rigid, "with a rigid body that is tied"),
+        (any(line.startswith("overclosure") for line in lines), "with soft contact"),
+        (deck.hypothesis == "plane stress", "in plane stress"),
+        # CalculiX takes alpha T from grad u there: another material than one that expands and is deformed then.
+        (heated and finite, "with temperature at finite strains"),
+        (bool(deck.bolts), "with a preload"),
+        (not elastic, "with directions"),
+    ):
+        if wrong:
+            return words
+    return ""
+
+
+def is_nonlinear(deck: Deck, obstacle: str) -> bool:
+    """Whether the scene has nonlinear materials."""
+    if obstacle:
+        return False
+    made = [deck.materials.get(section.material, {}) for section in deck.sections]
+    return deck.nonlinear is not None or any({"rubber", "plastic"} & properties.keys() for properties in made)
+
+
+def _nonlinear_law(deck: Deck, section: DeckSection, obstacle: str) -> list[str] | None:
+    """The lines of a material that is not linear; None: it is linear here.
+
+    Beside rubber one with two constants is that of Saint Venant and Kirchhoff, which knows finite strains.
+
+    Raises:
+        DeckError: it is rubber, and there is an obstacle.
+    """
+    properties = deck.materials[section.material]
+    curve, yielding = properties.get("plastic", (None, None))
+    if "rubber" in properties:
+        if yielding is not None:
+            deck.lose(yielding, YIELDING_RUBBER)
+        lines, block = properties["rubber"]
+        if lines["law"] == "ogden" and deck.mesh.dim == 3:
+            obstacle = "in space with OGDEN: take MOONEY-RIVLIN"
+        if obstacle:
+            raise DeckError(block, f"{NOT_YET_NONLINEAR} {obstacle}")
+        return _written(lines)
+    beside_rubber = has_rubber(deck)
+    why = obstacle or ("beside rubber" if beside_rubber else "")
+    if yielding is not None and why:
+        deck.lose(yielding, f"{NOT_YET_NONLINEAR} {why}: elastic here")
+    if "young" not in properties:
+        return None
+    constants = {"young": properties["young"], "poisson": properties["poisson"]}
+    if beside_rubber:
+        deck.note(section.block, BESIDE_RUBBER)
+    elif obstacle or (yielding is None and deck.nonlinear is None):
+        if deck.nonlinear is not None:
+            deck.lose(deck.nonlinear, f"{SMALL}: finite strains are not possible yet {obstacle}")
+        return None
+    if yielding is None or beside_rubber:
+        return _written({"law": "saint-venant-kirchhoff"} | constants)
+    hardening = {"hardening": [list(row) for row in curve[1:]]} if len(curve) > 1 else {}
+    return _written({"law": "j2"} | constants | {"yield_stress": curve[0][1]} | hardening)
+
+
+def _written(constants: dict[str, Any]) -> list[str]:
+    """As lines of a table."""
+    return [
+        f'{key} = "{value}"' if isinstance(value, str) else f"{key} = {value!r}" for key, value in constants.items()
+    ]

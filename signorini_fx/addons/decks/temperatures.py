@@ -1,4 +1,4 @@
-"""Temperatures of an Abaqus input file as the thermal strain of a scene.  No dolfinx here.
+"""Temperatures of an Abaqus input file as the thermal strain of a scene.
 
 With a coefficient of expansion that is constant, the strain is this coefficient times the temperature less the one that
 *INITIAL CONDITIONS gives: where the coefficient counts from, ZERO, makes no difference.
@@ -6,64 +6,39 @@ With a coefficient of expansion that is constant, the strain is this coefficient
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
-
 import numpy as np
 
 from signorini_fx.addons.decks.content import Deck
-from signorini_fx.addons.decks.loads import kept_share
-from signorini_fx.mechanics.mesh.files.abaqus_blocks import DeckBlock, real
-from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
+from signorini_fx.addons.decks.keywords import NODES_DIFFER, UNKNOWN, WITHOUT_EFFECT
+from signorini_fx.addons.decks.loads import share_of_one_step
+from signorini_fx.addons.decks.text import DeckBlock, number_of, quoted, real
+from signorini_fx.mechanics.mesh.files.shape import Floats
 from signorini_fx.tuned import ZERO_IN_SOLUTION
 
 
 def read_temperatures(deck: Deck, block: DeckBlock) -> None:
-    """Temperatures at nodes: *TEMPERATURE of a step, or *INITIAL CONDITIONS, TYPE=TEMPERATURE."""
+    """Temperatures of sets of nodes: *TEMPERATURE of a step, or *INITIAL CONDITIONS, TYPE=TEMPERATURE."""
     parameters = block.parameters
-    if block.keyword == "INITIALCONDITIONS" and parameters.get("TYPE", "").upper() != "TEMPERATURE":
-        if parameters.get("TYPE", "").upper() == "VELOCITY":
-            deck.note(block, "without effect in static steps")
+    if block.keyword == "INITIALCONDITIONS" and (kind := parameters.get("TYPE", "").upper()) != "TEMPERATURE":
+        if kind == "VELOCITY":
+            deck.note(block, WITHOUT_EFFECT)
         else:
-            deck.lose(block, "not known to scenes")
+            deck.lose(block, UNKNOWN)
         return
-    if parameters.keys() & {"FILE", "BSTEP", "USER"}:
-        deck.lose(block, "temperatures that are not in the file")
+    if parameters.keys() & {"FILE", "BSTEP", "USER", "LINTEMP"}:
+        deck.lose(block, NODES_DIFFER)
         return
     anew = parameters.get("OP", "MOD").upper() == "NEW" and deck.step not in deck.temperatures
     temperatures = _at(deck, -1 if anew else deck.step).copy()
-    share = kept_share(deck, block)
-    if "LINTEMP" in parameters:
-        _along_a_line(deck, block, temperatures, share)
-    else:
-        for name, value, *_ in block.rows:
-            deck.check_nodes(name)
-            rows = deck.rows([int(name)]) if name.isdigit() else deck.nodes(name)
-            if not rows.size:
-                deck.note(block, f"temperature of {name!r}: no part of the body")
-            temperatures[np.searchsorted(deck.numbers, rows)] = share * real(value)
+    share = share_of_one_step(deck, block)
+    for name, value, *_ in block.rows:
+        deck.check_nodes(name)
+        rows = deck.rows([int(name)]) if number_of(name) is not None else deck.nodes(name)
+        if not rows.size:
+            deck.note(block, f"temperature of {name!r}: no part of the body")
+        temperatures[np.searchsorted(deck.numbers, rows)] = share * real(value)
     deck.temperatures[deck.step] = temperatures
     deck.heating.append(block)
-
-
-def _along_a_line(deck: Deck, block: DeckBlock, temperatures: Floats, share: float) -> None:
-    """Temperatures that are linear along a direction, LINTEMP: its vector, and place and temperature at both ends.
-
-    Raises:
-        ValueError: a row has other than seven numbers, or both of its places are the same.
-    """
-    for row in block.rows:
-        words = [real(word) for word in row]
-        if len(words) != 7:
-            raise ValueError(
-                f"a direction, and two places with their temperatures are expected, not {len(words)} words"
-            )
-        if words[3] == words[5]:
-            raise ValueError(f"both temperatures are at {words[3]:g}, and one place along the direction has only one")
-        (start, first, end, last), points = words[3:], deck.mesh.points[: len(deck.numbers)]
-        along = points @ np.array(words[: deck.mesh.dim])
-        inside = (along >= min(start, end)) & (along <= max(start, end))
-        temperatures[inside] = share * (first + (along[inside] - start) * (last - first) / (end - start))
 
 
 def _at(deck: Deck, step: int) -> Floats:
@@ -72,59 +47,24 @@ def _at(deck: Deck, step: int) -> Floats:
     return deck.temperatures[max(steps)] if steps else np.zeros(len(deck.numbers))
 
 
-@dataclass(frozen=True)
-class TemperatureField:
-    """A field whose multiples are the changes in a body since the beginning.
-
-    Attributes:
-        body: its name; empty: the whole of the file.
-        nodes: where its nodes are among those of the file, shape (n,).
-        values: at them, temperature, shape (n,).
-        factors: in each step.
-    """
-
-    body: str
-    nodes: Ints
-    values: Floats
-    factors: list[float]
-
-    @property
-    def uniform(self) -> float | None:
-        """Its value, if it is the same everywhere."""
-        alike = np.ptp(self.values) <= ZERO_IN_SOLUTION * np.abs(self.values).max()
-        return float(self.values[0]) if alike else None
-
-
-def temperature_fields(deck: Deck, steps: int) -> list[TemperatureField]:
-    """The fields of each body, as nodes of several may be at one place; one field, if all are heated evenly alike.
-
-    Args:
-        deck: what has been read.
-        steps: how many there are.
-    """
-    fields = [field for name, nodes in deck.bodies.items() for field in _fields(deck, name, nodes, steps)]
-    alike = {(field.uniform, *field.factors) for field in fields}
-    if len(alike) == 1 and fields[0].uniform is not None and len(fields) == len(deck.bodies):
-        return [replace(fields[0], body="")]
-    return fields
-
-
-def _fields(deck: Deck, name: str, nodes: Ints, steps: int) -> Iterator[TemperatureField]:
-    """Those of a body."""
-    fields: list[tuple[Floats, list[float]]] = []
-    at_rest = _at(deck, -1)[nodes]
-    for step in range(steps):
-        change = _at(deck, step)[nodes] - at_rest
-        largest = float(np.abs(change).max(initial=0.0))
-        if not largest:
-            continue
-        for field, factors in fields:
-            factor = float(change @ field / (field @ field))
-            if np.abs(change - factor * field).max() <= ZERO_IN_SOLUTION * largest:
-                factors[step] = factor
-                break
-        else:
-            fields.append((change, [float(number == step) for number in range(steps)]))
-    for field, factors in fields:
-        largest_factor = max(factors, key=abs)
-        yield TemperatureField(name, nodes, largest_factor * field, [factor / largest_factor for factor in factors])
+def temperature_tables(deck: Deck, steps: int) -> list[tuple[str, list[str]]]:
+    """The change of the temperature of each body since the beginning, with its course over the steps."""
+    if not any(properties.get("expansion") for properties in deck.materials.values()):
+        return []  # nothing expands
+    courses: dict[str, tuple[float, ...]] = {}
+    for name, nodes in deck.bodies.items():
+        changes = [(_at(deck, step) - _at(deck, -1))[nodes] for step in range(steps)]
+        if any(np.ptp(change) > ZERO_IN_SOLUTION * np.abs(change).max(initial=0.0) for change in changes):
+            deck.lose(deck.heating[-1], NODES_DIFFER)
+        elif any(change[0] for change in changes):
+            courses[name] = tuple(float(change[0]) for change in changes)
+    if len(courses) == len(deck.bodies) and len({*courses.values()}) == 1:
+        courses = {"": next(iter(courses.values()))}
+    tables = []
+    for name, course in courses.items():
+        largest = max(course, key=abs)
+        factors = [value / largest for value in course]
+        origins = f"# {' and '.join(dict.fromkeys(block.origin for block in deck.heating))}"
+        lines = [origins, f"change = {largest!r}", *([f"region = {quoted(name)}"] if name else [])]
+        tables.append(("[[temperature]]", lines + ([f"factors = {factors}"] if set(factors) != {1.0} else [])))
+    return tables

@@ -10,9 +10,9 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from signorini_fx.addons.decks.content import Deck
+from signorini_fx.addons.decks.text import real_or_none
 from signorini_fx.addons.judging.problem_data import JudgedMesh
 from signorini_fx.addons.judging.projection import outward_signs
-from signorini_fx.mechanics.mesh.files.abaqus_blocks import real_or_none
 from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
 from signorini_fx.tuned import ADJUSTED_BESIDE, ADJUSTED_BESIDE_OF_DISTANCE, ADJUSTED_SAME, ADJUSTED_TRIED
 
@@ -35,9 +35,9 @@ def adjusted_points(deck: Deck, mesh: JudgedMesh) -> tuple[Floats, list[str]]:
         mesh: the nodes and cells of the file.
     """
     points, unclear = mesh.points.copy(), []
-    for pair, adjustment in deck.adjusted.items():
-        slave, master = map(deck.boundary, pair[:2])
-        if slave is None or master is None:
+    for pair in deck.pairs:
+        adjustment, slave, master = pair.adjust, deck.boundary(pair.slave), deck.boundary(pair.master)
+        if adjustment is None or slave is None or master is None:
             continue
         nodes = np.unique(mesh.boundaries[slave])
         limit = real_or_none(adjustment)

@@ -17,7 +17,6 @@ from signorini_fx.tuned import (
     JUDGED_CONE_MARGIN,
     JUDGED_DEEP,
     JUDGED_ELASTIC_SLIP,
-    JUDGED_PENALTY_ENERGY,
     JUDGED_PENETRATION_OF_PRESSURE,
     JUDGED_SAME_WAY,
     JUDGED_SOFT_ENERGY,
@@ -96,9 +95,7 @@ class JudgedContactFigures:
         hard.
         """
         law = self.surface.contact.law
-        return law is not None and self.gives_way > (
-            JUDGED_PENALTY_ENERGY if law.kind != "linear" else JUDGED_SOFT_ENERGY
-        )
+        return law is not None and self.gives_way > JUDGED_SOFT_ENERGY
 
 
 def contact_stiffness(problem: JudgedProblem, surface: TouchingSurface) -> float:
@@ -141,10 +138,7 @@ def contact_figures(
     around = np.array([pressure[s.neighbours[[row]].indices].max(initial=0.0) for row in range(len(s.corners))])
     hardness = stated if stated > 0 else stiffness
     law = s.contact.law
-    if law is not None and law.kind != "linear":
-        allowed = law.overclosure(JUDGED_PENETRATION_OF_PRESSURE * around).clip(min=0.0)
-    else:
-        allowed = JUDGED_PENETRATION_OF_PRESSURE * around / hardness if hardness > 0 else np.zeros_like(around)
+    allowed = JUDGED_PENETRATION_OF_PRESSURE * around / hardness if hardness > 0 else np.zeros_like(around)
     entered = np.where(s.judged, s.penetration - allowed - s.uneven, 0.0)
     reach = 0.0 if law is None else law.reach
     is_apart = (s.clearance > JUDGED_APART * largest + reach) & s.judged
@@ -180,10 +174,7 @@ def _lawful(s: TouchingSurface, push: Floats, pressure: Floats, energy: float, l
     low, high = np.where(s.judged, s.lawful, 0.0)
     away = (low - push).clip(min=0.0) + (push - high).clip(min=0.0)
     most = max(float(push.clip(min=0.0).sum()), float(low.sum()), least)
-    # By the larger one of both forces, so that sides that enter without any are soft, too; of a linear law, which may
-    # be as hard as can be, by that which is there.
-    larger = pressure if law.kind == "linear" else np.maximum(pressure, low / s.area)
-    work = float((larger * s.area * law.give(larger)).sum())
+    work = float((pressure * s.area * law.give(pressure)).sum())
     return {
         "gives_way": work / energy,
         "unlawful": float(away.sum()) / most if most > 0 else 0.0,

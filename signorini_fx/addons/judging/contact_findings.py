@@ -94,9 +94,6 @@ def contact_findings(
 
 def _of_penalty(figures: JudgedContactFigures, stated: float, finding: Any) -> Iterator[JudgedFinding]:
     """How hard contact is."""
-    law = figures.surface.contact.law
-    if law is not None and law.kind != "linear":
-        return
     if figures.penalty_energy <= JUDGED_PENALTY_ENERGY or not np.isfinite(figures.stiffness):
         return
     shown = f"contact has the stiffness {figures.stiffness:.3g}"

@@ -61,7 +61,7 @@ def judge(problem: object, result: object, *, compare: bool = True) -> Judgement
         "program": theirs.program,
         "element": stated.element,
         "formulation": None,
-        "step": None if stated.deck is None else max(1, stated.deck.given_steps),
+        "step": None if stated.deck is None else max(1, len(stated.deck.steps)),
         "time": theirs.time,
         "digits": theirs.digits,
     }

@@ -7,46 +7,8 @@ from scipy.linalg import qr, solve_triangular
 from scipy.sparse import coo_array, csc_array, csr_array, diags_array, vstack
 from scipy.sparse.csgraph import connected_components
 
-from signorini_fx.addons.decks.content import Deck
-from signorini_fx.addons.judging.problem_data import JudgedMesh
-from signorini_fx.mechanics.mesh.files.cells import completed
 from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
 from signorini_fx.tuned import JUDGED_FOLLOWER, SAME_LENGTH
-
-
-def links_of(deck: Deck, mesh: JudgedMesh) -> csr_array:
-    """The links of nodes, of which C v = 0, without unit, shape (links, n d).
-
-    Nodes that complete cells, which no result has, move as the shape functions of these say, and are tied to nothing.
-    """
-    count, dim = len(mesh.points), mesh.dim
-    stated = [link.terms for link in deck.links if link.terms[0][0] < count]
-    rows = np.array([row for row, terms in enumerate(stated) for _ in terms], dtype=np.int64)
-    nodes = np.array([node for terms in stated for node, _ in terms], dtype=np.int64)
-    vectors = np.array([vector[:dim] for terms in stated for _, vector in terms]).reshape(-1, dim)
-    columns = dim * nodes[:, None] + np.arange(dim)
-    at = (rows.repeat(dim), columns.ravel())
-    links = csr_array((vectors.ravel(), at), shape=(len(stated), dim * len(deck.mesh.points)))
-    links.eliminate_zeros()
-    return csr_array(links @ _from_file(deck, mesh))
-
-
-def _from_file(deck: Deck, mesh: JudgedMesh) -> csr_array:
-    """The displacement of all nodes of the mesh from that of those of the file."""
-    count, dim = len(mesh.points), mesh.dim
-    extra = np.arange(count, len(deck.mesh.points))
-    rows, columns, values = np.arange(count), np.arange(count), np.ones(count)
-    full_cell = completed(mesh.kind)
-    if extra.size and full_cell is not None:
-        first = np.unique(deck.mesh.cells.ravel(), return_index=True)
-        cell, number = np.divmod(first[1][np.searchsorted(first[0], extra)], deck.mesh.cells.shape[1])
-        weights = full_cell[1][number]
-        rows = np.concatenate((rows, np.repeat(extra, weights.shape[1])))
-        columns = np.concatenate((columns, mesh.cells[cell].ravel()))
-        values = np.concatenate((values, weights.ravel()))
-    axes = np.arange(dim)
-    at = (dim * rows[:, None] + axes).ravel(), (dim * columns[:, None] + axes).ravel()
-    return csr_array((values.repeat(dim), at), shape=(dim * len(deck.mesh.points), dim * count))
 
 
 def free_directions(links: csr_array, free: Ints, size: int) -> tuple[csc_array, Ints]:

@@ -6,7 +6,7 @@ import re
 import shutil
 import tempfile
 import weakref
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -22,9 +22,8 @@ from signorini_fx.addons.decks.content import Deck
 from signorini_fx.addons.decks.deck import read_deck
 from signorini_fx.addons.decks.draft import draft_of
 from signorini_fx.addons.decks.tagged_arrays import tagged
-from signorini_fx.addons.decks.ties import tie_nodes
+from signorini_fx.addons.decks.text import DeckBlock
 from signorini_fx.addons.judging.adjusted_nodes import adjusted_points
-from signorini_fx.addons.judging.linked_nodes import links_of
 from signorini_fx.addons.judging.problem_data import (
     JudgedContact,
     JudgedMaterial,
@@ -85,14 +84,13 @@ def _of_deck(file: Path) -> tuple[JudgedProblem, list[str]]:
     if moved:
         mesh = replace(mesh, points=points)
         deck = replace(deck, mesh=_with_points(deck.mesh, mesh))
-    deck = replace(deck, adjusted={})  # which would close distances in the scene
+    # ADJUST would close distances in the scene.
+    deck = replace(deck, pairs=[replace(pair, adjust=None) for pair in deck.pairs])
     folder = tempfile.mkdtemp()
-    # What is at nodes may be in files of the folder, which our own solution needs, too.
     weakref.finalize(deck, shutil.rmtree, folder, ignore_errors=True)
     target = Path(folder) / f"{file.stem}.toml"
-    drafted = draft_of(deck, file, target, file.name)
-    for path, text in drafted.files.items():
-        path.write_text(text, encoding="utf-8")
+    drafted = draft_of(deck, file, target)
+    target.write_text(drafted.text, encoding="utf-8")
     try:
         scene = read_scene(target)
     except SceneError as error:
@@ -208,11 +206,10 @@ def _problem(
     stated = statement, position, mesh, materials
     loads, misfits = loads_of(*stated, revolved=revolved)
     reasons += misfits
-    linked = deck is not None and not deck.grounded
     springs, misfits = springs_of(statement, position, mesh, revolved=revolved)
     reasons += misfits
     strains = strains_of(statement, position, mesh, materials)
-    unjudged = {"preload", "fluid", "links"} - ({"links"} if linked else set())
+    unjudged = {"preload"}
     reasons += [
         f"{entry.name} is not judged yet"
         for _, entry in statement.listed()
@@ -221,13 +218,7 @@ def _problem(
     prescribed, misfits = prescribed_of(statement, position, mesh)
     reasons += misfits
     no_links = csr_array((0, mesh.points.size))
-    links = links_of(deck, mesh) if deck is not None and linked else no_links
-    ties = set() if deck is None else _linked_ties(deck, placed.contact)  # adds links to the deck, behind the others
-    bonds = links_of(deck, mesh)[links.shape[0] :] if deck is not None and linked else no_links
-    contacts = tuple(
-        replace(_contact(entry, mesh, deck), of_nodes=(entry.boundary, entry.against) in ties)
-        for entry in placed.contact
-    )
+    contacts = tuple(_contact(entry, mesh, deck) for entry in placed.contact)
     for entry in placed.contact:
         if entry.tool:
             reasons.append(f"the foundation of {entry.boundary} is driven, which is not judged yet")
@@ -250,10 +241,9 @@ def _problem(
         solve=solve,
         deck=deck,
         lost=lost,
-        links=links,
-        bonds=bonds,
-        # Where friction changes before the loads of the step, its slip is not that between its beginning and its end.
-        begun=None if deck is None or deck.taken[-2:-1] == [None] else deck.ends.get(len(deck.steps) - 2),
+        links=no_links,
+        bonds=no_links,
+        begun=None if deck is None else deck.ends.get(len(deck.steps) - 2),
         strains=strains,
         springs=springs,
         other_readings=lambda: _other_readings(stated, strains, revolved=revolved, loads=deck is None),
@@ -280,15 +270,6 @@ def _other_readings(
     return {words: {"loads": forces} for words, forces in integrated.items()} | {
         words: {"strains": read} for words, read in strains_by_reading(stated[2].element, strains).items()
     }
-
-
-def _linked_ties(deck: Deck, contacts: Sequence[Any]) -> set[tuple[str | None, str | None]]:
-    """The boundaries of the ties that are bonds in the scene; their nodes are linked, as programs do it."""
-    sides = {(deck.boundary(slave), deck.boundary(master)): (slave, master) for slave, master in deck.ties}
-    ties = {(entry.boundary, entry.against) for entry in contacts if entry.bonded} & sides.keys()
-    for boundaries in sorted(ties):
-        tie_nodes(deck, deck.pairing[sides[boundaries]], *sides[boundaries])
-    return ties
 
 
 def _element(deck: Deck) -> str:
@@ -359,31 +340,26 @@ def _contact(entry: Any, mesh: JudgedMesh, deck: Deck | None) -> JudgedContact:
     facets = mesh.boundaries[entry.boundary]
     opposite = mesh.boundaries[entry.against] if entry.against else facets[:0]
     nodal, law = False, law_of_scene(entry)
-    stiffness, stick = (law.rows[0][0] if law is not None and law.kind == "linear" else None), None
+    stiffness, stick = (None if law is None else law.stiffness), None
     if deck is not None:
-        for names, interaction in _interactions(deck):
+        for names, interaction, block in _interactions(deck):
             if entry.boundary in names:
-                stiffness, stick = deck.stiffness.get(interaction), deck.sticking.get(interaction)
-                block = deck.pairing[(*deck_names(deck, names), interaction)] if interaction else None
-                kind = "" if block is None else block.parameters.get("TYPE", "NODE TO SURFACE").upper()
+                stated = deck.interactions.get(interaction)
+                stiffness, stick = (None, None) if stated is None else (stated.stiffness, stated.sticking)
+                kind = block.parameters.get("TYPE", "NODE TO SURFACE").upper()
                 nodal = kind.replace(" ", "").startswith("NODE")
                 law = law_of_deck(deck, interaction, nodal=nodal)
     sides = entry.boundary, entry.against or "", facets, opposite
     return JudgedContact(*sides, entry, entry.bonded, stiffness, stick, nodal, law)
 
 
-def _interactions(deck: Deck) -> list[tuple[tuple[str | None, str | None], str]]:
-    """The boundaries of each pair of a deck, and its interaction."""
-    return [((deck.boundary(slave), deck.boundary(master)), name) for slave, master, name in deck.pairs]
-
-
-def deck_names(deck: Deck, boundaries: tuple[str | None, str | None]) -> tuple[str, str]:
-    """How a pair of boundaries is called in its deck."""
-    return next(
-        (slave, master)
-        for slave, master, _ in deck.pairs
-        if (deck.boundary(slave), deck.boundary(master)) == boundaries
-    )
+def _interactions(deck: Deck) -> list[tuple[tuple[str | None, str | None], str, DeckBlock]]:
+    """The boundaries of each pair of a deck, its interaction and its keyword."""
+    return [
+        ((deck.boundary(pair.slave), deck.boundary(pair.master)), pair.interaction, pair.block)
+        for pair in deck.pairs
+        if pair.interaction
+    ]
 
 
 def rigid_planes(problem: JudgedProblem) -> Mapping[str, tuple[Floats, Floats]]:

@@ -161,7 +161,7 @@ def springs_of(
     springs: dict[str, csr_array] = {}
     reasons: Reasons = []
     for _, entry in statement.listed():
-        if not entry.acts or not isinstance(entry, Resistance) or entry.nodal:  # those between nodes are links
+        if not entry.acts or not isinstance(entry, Resistance):
             continue
         if entry.where is None or entry.timed:
             reasons.append(f"{entry.name} is not judged yet")

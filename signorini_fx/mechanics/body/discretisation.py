@@ -38,7 +38,6 @@ from signorini_fx.mechanics.loads.load_vectors import (
     group_of,
     load_groups,
 )
-from signorini_fx.mechanics.loads.nodal_effects import links_of
 from signorini_fx.mechanics.loads.supports import Conditions, Supports, at_rest, check_overlap
 from signorini_fx.mechanics.materials.trial import check_materials
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, check_fits
@@ -147,8 +146,6 @@ def _prepared(statement: Statement, tagged: TaggedMesh, timings: Timings) -> Mod
         fixed, turned = supports.fixed, supports.turned
         on_mesh = FormCoefficients(statement, tagged, space, inventory)
         resisting, resistance = compile_resistance(on_mesh, z)
-        links = links_of(statement, space, tagged)
-        pieces = pieces if links is None else links.assemblies(pieces, space)
         applied = [
             applied_load(group, loads, on_mesh, z, supports.at) for group, loads in load_groups(statement).items()
         ]
@@ -198,9 +195,8 @@ def _prepared(statement: Statement, tagged: TaggedMesh, timings: Timings) -> Mod
         settings=statement.solver,
         inventory=inventory,
         kinematics=kinematics,
-        compressible=_compressible(statement) and links is None,
+        compressible=_compressible(statement),
         elastic=elastic,
-        links=links,
         statement=statement,
         tagged=tagged,
         supports=supports.conditions,

@@ -41,7 +41,6 @@ from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.contact_points.turned_supports import TurnedNodes, block_rotation
 from signorini_fx.mechanics.elasticity.elastic_law import ElasticLaw
 from signorini_fx.mechanics.kinematics.protocol import Kinematics
-from signorini_fx.mechanics.loads.nodal_effects import LinkStiffness
 from signorini_fx.mechanics.rigid.mesh_levels import MeshLevel
 from signorini_fx.mechanics.rigid.rigid_bodies import Driven, with_more_unknowns, without_more
 from signorini_fx.mechanics.rigid.rigid_motions import (
@@ -86,7 +85,6 @@ class ElasticBody:
             nothing.
         definite: whether a(., .) is positive semi-definite, as far as ``elastic`` is.
         symmetric: whether a(., .) is symmetric; else it is not definite.
-        links: between nodes, which a(., .) has beside ``terms``; None: there are none.
         far: which contact points are not expected to touch, shape (n,), and a displacement that tells where they are;
             None: any of them may.
         eliminated: what a condensed system with another boundary has made of the same stiffness; None: there is none.
@@ -113,7 +111,6 @@ class ElasticBody:
     relative: Array | None = None
     definite: bool = True
     symmetric: bool = True
-    links: LinkStiffness | None = None
     far: tuple[npt.NDArray[np.bool_], fem.Function] | None = None
     eliminated: SchurComplement | None = field(default=None, repr=False, compare=False)
     of_body: dict[str, Any] = field(default_factory=dict, repr=False, compare=False)
@@ -168,10 +165,10 @@ class ElasticBody:
 
     @shared_in("of_body")
     def _free(self) -> RigidMotions:
-        motions, linked = self._supported, self.links is not None
-        if motions.free.shape[1] == 0 or (self.resists is not None and not self.resists and not linked):
+        motions = self._supported
+        if motions.free.shape[1] == 0 or (self.resists is not None and not self.resists):
             return motions
-        if self.resists is None or linked:
+        if self.resists is None:
             return without_energy(motions, self.stiffness, self.vector)
         matrix = sum_of(self.resists, [])
         return without_energy(motions, matrix, partial(vector_like, matrix))
@@ -222,8 +219,6 @@ class ElasticBody:
             stiffness = sum_of(self.forms, [] if frames else self.bcs)
             if self.beside is not None:
                 self.beside.add_to(stiffness, None if frames else self.fixed)
-        if self.links is not None:
-            stiffness = self.links.added_to(stiffness, None if frames else self.fixed)
         rotation, fixed = None, self._held
         if frames:
             rotation = block_rotation(stiffness, frames)
@@ -267,7 +262,7 @@ class ElasticBody:
         boundary = self.boundary
         if boundary is None or boundary.moving is not None or self.turned is not None or self.elastic.pressed:
             return False
-        if self.links is not None or (self.beside is not None and self.beside.joint):
+        if self.beside is not None and self.beside.joint:
             return False
         if (
             self.settings.algorithm == "exact"
@@ -491,9 +486,7 @@ class ElasticBody:
         if nodes is None:
             nodes = np.arange(displacement.x.array.size // self.dimension, dtype=np.int32)
         forces = action(self.forms, displacement, nodes)
-        for beside in (self.beside, self.links):
-            forces = forces if beside is None else forces + beside.times(displacement)
-        return forces
+        return forces if self.beside is None else forces + self.beside.times(displacement)
 
     def forces_where_free(self, displacement: fem.Function) -> Array:
         """``forces_of``, which may be anything at the unknowns that supports prescribe: the product with the stiffness

@@ -12,7 +12,7 @@ from signorini_fx.mechanics.laws.none import NoFriction
 from signorini_fx.mechanics.laws.registry import OneLaw
 from signorini_fx.mechanics.statement.base import refused
 from signorini_fx.mechanics.statement.effect import Contradictions, Effect, Features
-from signorini_fx.mechanics.statement.overclosure import OneOverclosure
+from signorini_fx.mechanics.statement.overclosure import Overclosure
 from signorini_fx.mechanics.statement.rigid_motion import driven_twice
 from signorini_fx.mechanics.statement.rigid_shape import Distance, OneShape
 from signorini_fx.mechanics.statement.values import (
@@ -186,7 +186,7 @@ class UnilateralContact(Contact):
     }
 
     kind: Literal["unilateral"] = "unilateral"
-    overclosure: OneOverclosure | None = None
+    overclosure: Overclosure | None = None
 
     @property
     def interface(self) -> str:

@@ -112,8 +112,6 @@ class Preload(Load):
             yield (*path, "axis"), reason
         if self.force is None:
             return
-        if not statement.contact:
-            yield (*path, "force"), "needs contact: without it give shortening, which the force is proportional to"
         if self.factors is not None and min(self.factors[: self.locked_after]) <= 0:
             yield (*path, "factors"), "must be positive while the force acts"
 

@@ -413,7 +413,7 @@ def _compiled_strains(
 def compile_resistance(on: FormCoefficients, z: Any) -> tuple[str, fem.Form | None]:
     """The terms of a(., .) that resist the displacement on the boundary, compiled together, and their name."""
     y = ufl.TrialFunction(on.space)
-    acting = [effect for effect in on.statement.of(Resistance) if effect.acts and not effect.nodal]
+    acting = [effect for effect in on.statement.of(Resistance) if effect.acts]
     return _compiled(acting, lambda effect: ufl.inner(effect.reaction(y, on), z), on)
 
 

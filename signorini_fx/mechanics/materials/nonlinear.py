@@ -67,7 +67,6 @@ class NonlinearMaterial(Material):
             "statement of an error bound": "a nonlinear body has no guaranteed bound",
             "soft contact": "soft contact is for linear materials: leave 'overclosure' out",
             "fluid": "changes as the body moves, which is not possible yet with a nonlinear material",
-            "links": _NOT_YET,
             "preload": _NOT_YET,
         },
         "finite strain": {

@@ -201,7 +201,6 @@ def balance_of(forces: NodalForces, displacement: fem.Function, step: float, sca
         forces.resisted(nodal_displacements),
         *forces.initial(step, scale, displacement),
         dilation=forces.volume.dilation(forces, displacement, step, scale),
-        lost=forces.lost_in_links(nodal_displacements),
     )
     values = {name: value for name, value in vars(balance).items() if name != "surface"}  # which would be a circle
     of = {"displacement": displacement, "y": displacement.x.array.copy(), "at": (step, scale)}
@@ -396,8 +395,7 @@ def contact_conditions(
     entered = overlap - pressure / law.gamma_n
     for number, soft in law.overclosures.items():
         on = nodes.part(number)
-        missing = soft.pressure_at(overlap[on]) - pressure[on]
-        entered[on] = missing * soft.tangent(np.maximum(pressure[on], 0.0))[1]
+        entered[on] = np.maximum(overlap[on], 0.0) - pressure[on] / soft.stiffness
     xi = slip - (shear - origin) / law.gamma_t
     overlap, entered = np.where(immovable, np.minimum(overlap, 0.0), overlap), np.where(immovable, 0.0, entered)
     distance = np.where(immovable, np.inf, np.where(bilateral, 0.0, np.maximum(-entered, 0.0)))

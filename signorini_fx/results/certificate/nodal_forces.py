@@ -168,21 +168,10 @@ class NodalForces(SurfaceQuadrature):
         """What resists nodal displacements with ghosts, shape (nodes, d), on the boundary: all of it, or some; forces,
         shape (owned nodes, d).
         """
-        total, linked = self.zero(), np.zeros((self.owned, self.dimension))
+        total = self.zero()
         for effect in self.statement.of(Resistance) if resistances is None else resistances:
-            if effect.nodal and effect.acts:
-                linked += self._linked(effect, displacement)
-            elif not effect.nodal:
-                total += self._integral(effect, effect.reaction_at, displacement)
-        return self.over_ranks(total) + linked
-
-    def lost_in_links(self, displacement: Array) -> Array | None:
-        """Round-off of the forces of links at nodal displacements with ghosts, shape (owned nodes, d); None: there are
-        no links.
-        """
-        links = [effect for effect in self.statement.of(Resistance) if effect.nodal and effect.acts]
-        parts = [self._linked(effect, displacement, lost=True) for effect in links]
-        return sum(parts[1:], parts[0]) if parts else None
+            total += self._integral(effect, effect.reaction_at, displacement)
+        return self.over_ranks(total)
 
     def strain_energy(self, displacement: fem.Function) -> float:
         """The energy of the strains, per thickness."""
@@ -258,26 +247,9 @@ class NodalForces(SurfaceQuadrature):
 
     def _at_points(self, load: Any) -> Array:
         """A ``PointForce``, shape (owned nodes, d)."""
-        table, forces = load.table(load.label, self.across), np.zeros((self.owned, self.dimension))
+        table, forces = load.table(self.across), np.zeros((self.owned, self.dimension))
         node, row = self._listed(table)
         np.add.at(forces[:, : self.across], node, table.vectors[row])
-        return forces
-
-    def _linked(self, links: Any, displacement: Array, *, lost: bool = False) -> Array:
-        """The forces of ``Links`` at nodal displacements, shape (owned nodes, d): stiffness times sum, of each.
-
-        With ``lost``: their round-off, as a solver knows each displacement to the digits of the largest one.
-        """
-        table, forces = links.table(links.label, self.across), np.zeros((self.owned, self.dimension))
-        node, row = self._listed(table)
-        link, number = np.unique(table.groups, return_inverse=True)
-        of_link, vectors, terms = number.ravel()[row], table.vectors[row], displacement[node, : self.across]
-        if lost:
-            largest = parallel.largest(self.tagged.mesh.comm, np.abs(displacement))
-            vectors, terms = np.abs(vectors), np.full_like(terms, np.finfo(np.float64).eps * largest)
-        work = np.bincount(of_link, np.sum(vectors * terms, axis=1), minlength=link.size).astype(np.float64)
-        sums = parallel.global_sum(self.tagged.mesh.comm, work)
-        np.add.at(forces[:, : self.across], node, links.stiffness * sums[of_link][:, None] * vectors)
         return forces
 
     def _listed(self, table: NodalTable) -> tuple[Indices, Indices]:

@@ -69,10 +69,8 @@ def _say_of_another_problem(why: str) -> None:
     parallel.log_on_root(MPI.COMM_WORLD, [told], error=True)
 
 
-def _solved(options: argparse.Namespace, judged: Callable[[Solution], Solution] | None = None) -> tuple[Solution, int]:
-    """The solution of a scene, whose results are written, and the exit code; ``judged``: the solution with what it says
-    of where its scene is from, collective.
-    """
+def _solved(options: argparse.Namespace) -> tuple[Solution, int]:
+    """The solution of a scene, whose results are written, and the exit code."""
     from mpi4py import MPI
 
     from signorini_fx.machine import parallel
@@ -126,7 +124,6 @@ def _solved(options: argparse.Namespace, judged: Callable[[Solution], Solution] 
                 )
             finally:
                 line.erase()
-            solution = solution if judged is None else judged(solution)
             progress.solved = True
             progress.is_written = lambda: folder.committed
             pictures = False if options.no_pictures else options.picture or True
@@ -148,64 +145,32 @@ def run(options: argparse.Namespace) -> int:
 
     from signorini_fx.machine import parallel
 
+    comm = MPI.COMM_WORLD
     out = options.out = options.out or Path("results") / options.deck.stem
     options.scene = out.parent / f"{out.name}.toml"
-    draft: Any = None  # on the first rank
-    finite: Any = None  # the same with finite strains, once small displacements are known not to be enough
 
     def drafted() -> tuple[int, list[terminal.TerminalLine], dict[str, str], bool]:
-        nonlocal draft, finite
-        draft, finite = _drafts_of_run(options.deck, options.scene)
+        draft = _drafted(options.deck, options.scene)
+        _write_draft(draft.text, options.scene)
         graded = [("changes the answer: ", remark, "error") for remark in draft.lost]
         graded += [("does not change it: ", remark, "") for remark in draft.noted]
-        return len(draft.lost), [terminal.TerminalLine(*line) for line in graded], draft.origins, draft.deck.apart
+        return len(draft.lost), [terminal.TerminalLine(*line) for line in graded], draft.origins, draft.apart
 
-    lost, lines, origins, apart = parallel.on_root(MPI.COMM_WORLD, drafted)
-    remarks: list[terminal.TerminalLine] = []
-
-    def judged(solution: Solution) -> Solution:
-        nonlocal lost
-        graded = add_on("draft_grades")(solution, draft)
-        if parallel.on_root(MPI.COMM_WORLD, lambda: finite is not None) and add_on("lacks_finite_strains")(graded):
-            raise _SmallDisplacements
-        larger = graded.statement.incomplete[len(solution.statement.incomplete) :]
-        small = [finding.message for finding in graded.findings[len(solution.findings) :]]
-        lost += len(larger)
-        remarks.extend(terminal.TerminalLine("changes the answer: ", remark, "error") for remark in larger)
-        remarks.extend(terminal.TerminalLine("does not change it: ", remark) for remark in small)
-        return graded
-
+    lost, lines, origins, apart = parallel.on_root(comm, drafted)
+    if not options.quiet:
+        parallel.log_on_root(comm, lines)
+    if apart:
+        why = f"not solved, as all contact of the deck is left out: complete {options.scene}, and solve it"
+        parallel.log_on_root(comm, [terminal.TerminalLine("signorini-fx: ", why, "error")], error=True)
+        return EXIT_INCOMPLETE
     try:
-        if not options.quiet:
-            parallel.log_on_root(MPI.COMM_WORLD, lines)
-        if apart:
-            why = f"not solved, as all contact of the deck is left out: complete {options.scene}, and solve it"
-            told = terminal.TerminalLine("signorini-fx: ", why, "error")
-            parallel.log_on_root(MPI.COMM_WORLD, [told], error=True)
-            return EXIT_INCOMPLETE
-        try:
-            solution, code = _solved(options, judged)
-        except _SmallDisplacements:
-
-            def drafted_anew() -> tuple[int, list[terminal.TerminalLine], dict[str, str], bool]:
-                _write_draft(finite.files, replaces=draft.files)
-                return drafted()
-
-            lost, lines, origins, apart = parallel.on_root(MPI.COMM_WORLD, drafted_anew)
-            if not options.quiet:
-                words = "small displacements are not enough for its NLGEOM: solved once more with finite strains"
-                parallel.log_on_root(MPI.COMM_WORLD, [terminal.TerminalLine("", words), *lines])
-            solution, code = _solved(options, judged)
+        _, code = _solved(options)
     except SceneError as error:
         problems = [(path, _with_origin(path, message, options.deck, origins)) for path, message in error.problems]
         raise SceneError(problems, str(options.scene)) from None
+    report = parallel.on_root(comm, lambda: add_on("report")(out, None))
     if not options.quiet:
-        parallel.log_on_root(MPI.COMM_WORLD, remarks)
-    written = add_on("deck_tables")(solution, None if draft is None else draft.deck, out, options.deck.stem)
-    written.append(parallel.on_root(MPI.COMM_WORLD, lambda: add_on("report")(out, None)))
-    if not options.quiet:
-        named = ", ".join(file.name for file in written)
-        parallel.log_on_root(MPI.COMM_WORLD, [terminal.TerminalLine("  and ", named)])
+        parallel.log_on_root(comm, [terminal.TerminalLine("  and ", report.name)])
     if lost and code in (EXIT_OK, EXIT_INCOMPLETE):
         count = "1 thing that changes" if lost == 1 else f"{lost} things that change"
         _say_of_another_problem(f"left out of the deck: {count} the answer")
@@ -218,22 +183,6 @@ def _with_origin(path: str, message: str, deck: Path, origins: Mapping[str, str]
     table = path.partition(".")[0]
     origin = origins.get(table, origins.get(f"{table}[0]"))  # one table alone needs no number
     return message if origin is None else f"{message} (from {deck.name}, {origin})"
-
-
-class _SmallDisplacements(Exception):
-    """A scene takes displacements as small where its deck needs finite strains, which are possible."""
-
-
-def _drafts_of_run(deck: Path, target: Path) -> tuple[Any, Any]:
-    """The draft of a deck, which is written unless it is there already, and that with finite strains, if the deck may
-    need them; None: it does not, or the draft is that one, as an earlier run has found that it does.
-    """
-    drafted = _drafted(deck, target)
-    finite = None if drafted.deck.nonlinear is None else add_on("finite_draft")(deck, target)
-    if finite is not None and target.is_file() and target.read_text(encoding="utf-8") == finite.text:
-        drafted, finite = finite, None
-    _write_draft(drafted.files, keep=True)
-    return drafted, finite
 
 
 class _SolveProgress:
@@ -419,7 +368,7 @@ def mesh_file(options: argparse.Namespace) -> str | tuple[str, int]:
 
 def _written_draft(drafted: Any, target: Path) -> tuple[str, int]:
     """Write a draft; what to say of it, and the exit code."""
-    _write_draft(drafted.files)
+    _write_draft(drafted.text, target)
     lines = [f"{target} is the draft of a scene; check it: signorini-fx check {target}"]
     lines += [f"left out: {remark}" for remark in drafted.noted]
     if drafted.lost:
@@ -429,42 +378,29 @@ def _written_draft(drafted: Any, target: Path) -> tuple[str, int]:
 
 
 def _drafted(source: Path, target: Path, size: float | None = None) -> Any:
-    """The draft of a deck, with ``text``, ``lost``, ``noted`` and ``files``; ``size``: of the cells of a drawing."""
+    """The draft of a deck, with ``text``, ``lost`` and ``noted``; ``size``: of the cells of a drawing."""
     from signorini_fx.mechanics.mesh.files.formats import read_file
 
     if source.suffix.lower() != ".inp" or size is not None:
         read_file(source, size=size)  # what is wrong with it comes first
     if source.suffix.lower() != ".inp":
         raise OutputError(f"{target}: a scene is drafted from an Abaqus input file, .inp, and not from {source.name}")
-    return add_on("draft")(source, target)
+    return add_on("draft").draft(source, target)
 
 
-def _write_draft(files: Mapping[Path, str], *, keep: bool = False, replaces: Mapping[Path, str] | None = None) -> None:
-    """Write the files of a draft.
-
-    Args:
-        files: path -> text.
-        keep: whether those that are there already with the same text may stay.
-        replaces: the files of an earlier draft, which these may replace.
+def _write_draft(text: str, target: Path) -> None:
+    """Write a draft, also over an earlier one that nobody has edited.
 
     Raises:
-        OutputError: a file is there already, or cannot be written.
+        OutputError: another file is there, or it cannot be written.
     """
-    for file, content in files.items():
-        try:
-            existing = file.read_text(encoding="utf-8") if (keep or replaces) and file.is_file() else None
-            if keep and existing == content:
-                continue
-            if replaces is not None and existing is not None and existing in (replaces.get(file), content):
-                file.write_text(content, encoding="utf-8")
-                continue
-            if os.path.lexists(file):
-                changed = ", and is not what is drafted now: solve it, " if keep else ": give another name, "
-                raise OutputError(f"{file}: already exists{changed}or remove it")
-            file.parent.mkdir(parents=True, exist_ok=True)
-            file.write_text(content, encoding="utf-8")
-        except (OSError, ValueError) as error:
-            raise cannot_be_written(file, error) from None
+    try:
+        if os.path.lexists(target) and not add_on("draft").is_unedited(target.read_text(encoding="utf-8")):
+            raise OutputError(f"{target}: already exists, and is no draft or was edited: solve it, or remove it")
+        target.parent.mkdir(parents=True, exist_ok=True)
+        target.write_text(text, encoding="utf-8")
+    except (OSError, ValueError) as error:
+        raise cannot_be_written(target, error) from None
 
 
 def completion(options: argparse.Namespace) -> str:

@@ -124,6 +124,7 @@ def from_raw(
     _check_middles(cells, cell, name)
     width = len(CELLS[cell.facet].corners)
     facets = _exterior(cells, cell, name)
+    exterior = len(facets)
     if any(label in raw.sets for label in sections):
         facets = np.concatenate((facets, _inside(raw, sections, renumber, sides_of(cells, cell), facets, width)))
     named = [n for n, (k, nodes) in enumerate(raw.blocks) if _corners_of(k) == width and n not in body]
@@ -136,7 +137,7 @@ def from_raw(
     cell_rows = {n: k + np.arange(len(raw.blocks[n][1])) for n, k in zip(body, first, strict=False)}
     parts = _Entities("regions", "cell", cell_rows, corners)
     # If a name is that of facets and of nodes, as in Abaqus, the facets are meant.
-    names = _from_nodes(raw, renumber, len(points), sides.nodes) | _names(raw, sides, data, name)
+    names = _from_nodes(raw, renumber, len(points), sides.nodes[:exterior]) | _names(raw, sides, data, name)
     inside = _inside_body(raw, sides, data, name)
     names_of_parts = _names(raw, parts, data, name)
     problems: list[tuple[str, str]] = []

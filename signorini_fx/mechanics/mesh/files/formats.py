@@ -1,4 +1,4 @@
-"""Mesh files: read into arrays and written from them, by gmsh, by meshio, and by ``abaqus``.  No dolfinx here."""
+"""Mesh files: read into arrays and written, by gmsh, by meshio, and by the add-on for decks.  No dolfinx here."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from signorini_fx.errors import MeshError, SceneError
-from signorini_fx.mechanics.mesh.files import abaqus, abaqus_include
+from signorini_fx.extensions import add_on
 from signorini_fx.mechanics.mesh.files.arrays import MeshArrays, Selection, combinations, from_raw, plain
 from signorini_fx.mechanics.mesh.files.gmsh_reader import CAD, read_gmsh
 from signorini_fx.mechanics.mesh.files.gmsh_session import gmsh_session
@@ -90,7 +90,7 @@ def read_file(
     if suffix == ".msh":
         mesh = read_gmsh(file, named)
     else:
-        mesh = named(abaqus.read(file) if suffix == ".inp" else read_meshio(file, suffix[1:]))
+        mesh = named(add_on("deck_files").read_mesh(file) if suffix == ".inp" else read_meshio(file, suffix[1:]))
     if degree == 1:
         mesh = straightened(mesh)
     for _ in range(halvings):
@@ -104,7 +104,7 @@ def files_of(file: Path) -> list[Path]:
     Raises:
         MeshError: what it includes cannot be read.
     """
-    return abaqus_include.files_of(file) if file.suffix.lower() == ".inp" else [file]
+    return list(add_on("deck_files").files_of(file)) if file.suffix.lower() == ".inp" else [file]
 
 
 def write_file(mesh: MeshArrays, file: Path) -> None:
@@ -230,7 +230,7 @@ def _marked(count: int, rows: Ints) -> Ints:
 
 _FORMATS = (*DRAWN, ".inp", ".med", ".msh", ".vtu", ".xdmf")
 _WRITERS: dict[str, Callable[[MeshArrays, Path], None]] = {
-    ".inp": abaqus.write,
+    ".inp": lambda mesh, file: add_on("deck_files").write_mesh(mesh, file),
     ".med": _write_meshio("med"),
     ".msh": _write_gmsh,
     ".vtu": _write_meshio("vtu"),

@@ -1,4 +1,4 @@
-"""An assembly of parts as one model: the instances of an Abaqus input file get numbers and names of their own.
+"""An assembly of parts as one model: instances get numbers and names of their own.
 
 A name that several instances have, or that the assembly has too, becomes INSTANCE.NAME; one that is unique stays as it
 is.  Nodes of the second instance, and of the assembly, get higher numbers.
@@ -7,28 +7,44 @@ is.  Nodes of the second instance, and of the assembly, get higher numbers.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from signorini_fx.mechanics.mesh.files.abaqus_blocks import DeckBlock, DeckError, check_rows, real
+from signorini_fx.addons.decks.text import DeckBlock, DeckError, coordinates, real
 from signorini_fx.mechanics.mesh.files.arrays import plain
 from signorini_fx.mechanics.mesh.files.shape import Floats
 
 # Parameters whose values are sets, surfaces, orientations or nodes.
-_NAMING = (
-    *("NSET", "ELSET", "SURFACE", "ORIENTATION", "REFNODE", "ROTNODE", "NODE", "ANALYTICALSURFACE"),
-    *("TIENSET", "PINNSET"),
-)
+_NAMING = ("NSET", "ELSET", "SURFACE", "ORIENTATION", "REFNODE", "ROTNODE", "NODE", "ANALYTICALSURFACE")
 # Keywords whose rows begin with a node, an element or a set of them, and how many such words there are; None: all.
 _REFERRING: dict[str, int | None] = {
     **dict.fromkeys(("NSET", "ELSET", "ELEMENT", "TIE", "CONTACTPAIR"), None),
     **dict.fromkeys(("NODE", "SURFACE", "BOUNDARY", "CLOAD", "DLOAD", "DSLOAD", "TEMPERATURE", "INITIALCONDITIONS"), 1),
 }
 _LEVELS = {"PART", "ENDPART", "INSTANCE", "ENDINSTANCE", "ASSEMBLY", "ENDASSEMBLY"}
-# Copies of parts may not fill the memory.
-_MOST_ROWS = 20_000_000
+_DEFINING = {
+    "NODE": "NSET",
+    "NSET": "NSET",
+    "ELEMENT": "ELSET",
+    "ELSET": "ELSET",
+    "SURFACE": "NAME",
+    "ORIENTATION": "NAME",
+}
+
+
+@dataclass(frozen=True)
+class _Motion:
+    """A shift, shape (3,), a rotation, shape (3, 3), and another shift."""
+
+    turn: Floats
+    before: Floats
+    after: Floats
+
+    def __call__(self, x: Floats) -> Floats:
+        """Moved positions of shape (n, 3)."""
+        return np.asarray((x + self.before) @ self.turn.T + self.after)
 
 
 @dataclass
@@ -38,16 +54,14 @@ class _Scope:
     Attributes:
         name: as it is written; empty: that of the assembly.
         blocks: its keywords.
-        move: from its coordinates to those of the assembly, positions of shape (n, 3); None: they are the same.
-        turn: the same for directions.
+        move: from its coordinates to those of the assembly; None: they are the same.
         first: what is added to its numbers.
         names: of its sets, surfaces and orientations, in capitals.
     """
 
     name: str
     blocks: list[DeckBlock] = field(default_factory=list)
-    move: Callable[[Floats], Floats] | None = None
-    turn: Callable[[Floats], Floats] | None = None
+    move: _Motion | None = None
     first: int = 0
     names: set[str] = field(default_factory=set)
 
@@ -56,14 +70,14 @@ def assembled(blocks: list[DeckBlock]) -> list[DeckBlock]:
     """The keywords without parts and instances; those of a file without instances as they are.
 
     Raises:
-        DeckError: a part is missing, or what positions an instance is no number; or everything is too large.
+        DeckError: a part is missing, or the position of an instance is wrong.
     """
     if not any(block.keyword == "INSTANCE" for block in blocks):
         return blocks
     assembly = _Scope("")
     parts: dict[str, list[DeckBlock]] = {}
     instances: dict[str, _Scope] = {}
-    order: list[DeckBlock | _Scope] = []
+    order: list[tuple[DeckBlock | None, _Scope]] = []
     titles: set[str] = set()
     scope: list[DeckBlock] | None = None
     for block in blocks:
@@ -74,19 +88,17 @@ def assembled(blocks: list[DeckBlock]) -> list[DeckBlock]:
             if instance.name.upper() in instances:
                 raise DeckError(block, f"there are two instances {instance.name!r}")
             instances[instance.name.upper()] = instance
-            order.append(instance)
+            order.append((None, instance))
             scope = instance.blocks
         elif block.keyword in _LEVELS:
             scope = None
             if block.keyword == "ASSEMBLY":
                 titles.add(block.parameters.get("NAME", "").upper())
         elif scope is None:
-            order.append(block)
+            order.append((block, assembly))
             assembly.blocks.append(block)
         else:
             scope.append(block)
-    if sum(len(block.rows) for part_scope in instances.values() for block in part_scope.blocks) > _MOST_ROWS:
-        raise DeckError(blocks[0], f"all instances together have more than {_MOST_ROWS:,} rows")
     first = 0
     for part_scope in (*instances.values(), assembly):
         part_scope.names = {name.upper() for block in part_scope.blocks for name in _defined(block)}
@@ -95,14 +107,11 @@ def assembled(blocks: list[DeckBlock]) -> list[DeckBlock]:
         assembly.first = 0  # numbers are those of the only instance, in files that say so without its name
     counts = Counter(name for part_scope in (*instances.values(), assembly) for name in part_scope.names)
     names = _Names(assembly, instances, counts, titles - instances.keys())
-    joined: list[DeckBlock] = []
-    for entry in order:
-        joined += (
-            [names.written(block, entry) for block in entry.blocks]
-            if isinstance(entry, _Scope)
-            else [names.written(entry, assembly)]
-        )
-    return joined
+    return [
+        names.written(block, part_scope)
+        for one, part_scope in order
+        for block in (part_scope.blocks if one is None else [one])
+    ]
 
 
 def _required(block: DeckBlock, key: str) -> str:
@@ -119,14 +128,12 @@ def _instance(block: DeckBlock, parts: dict[str, list[DeckBlock]]) -> _Scope:
     instance = _Scope(_required(block, "NAME"), list(parts[part.upper()]))
     try:
         rows = [np.array([real(word) for word in row]) for row in block.rows]
-        lengths = [len(row) for row in rows]
-        if lengths not in ([], [3], [3, 7]):
+        if [len(row) for row in rows] not in ([], [3], [3, 7]):
             raise ValueError("a shift of three numbers is expected, then perhaps two points of an axis and an angle")
         if rows:
             turn = _rotation(rows[1][3:6] - rows[1][:3], rows[1][6]) if len(rows) > 1 else np.eye(3)
             pivot = rows[1][:3] if len(rows) > 1 else np.zeros(3)
-            instance.move = lambda x: np.asarray((x + rows[0] - pivot) @ turn.T + pivot)
-            instance.turn = lambda x: np.asarray(x @ turn.T)
+            instance.move = _Motion(turn, rows[0] - pivot, pivot)
     except ValueError as error:
         raise DeckError(block, str(error)) from None
     return instance
@@ -144,9 +151,8 @@ def _rotation(axis: Floats, degrees: float) -> Floats:
 
 def _defined(block: DeckBlock) -> list[str]:
     """The names that a keyword defines."""
-    key = {"NODE": "NSET", "NSET": "NSET", "ELEMENT": "ELSET", "ELSET": "ELSET"}.get(block.keyword, "NAME")
-    named = block.keyword in ("NODE", "NSET", "ELEMENT", "ELSET", "SURFACE", "ORIENTATION")
-    return [block.parameters[key]] if named and key in block.parameters else []
+    key = _DEFINING.get(block.keyword)
+    return [block.parameters[key]] if key in block.parameters else []
 
 
 def _largest_number(block: DeckBlock) -> int:
@@ -161,7 +167,7 @@ class _Names:
     """How names and numbers of instances are written in the whole.
 
     Attributes:
-        whole: what is outside of instances.
+        whole: all that is outside of instances.
         instances: by their names in capitals.
         counts: how many of them have a name.
         titles: of the assembly itself, which may stand before the names of instances and sets.
@@ -172,7 +178,7 @@ class _Names:
     counts: Counter[str]
     titles: set[str]
 
-    def word(self, word: str, scope: _Scope, *, numbered: bool) -> str:
+    def word(self, word: str, scope: _Scope, *, numbered: bool = True) -> str:
         """A set, a surface, a node or an element as it is called in the whole.
 
         Args:
@@ -184,7 +190,7 @@ class _Names:
         if dot and prefix.strip().upper() in self.titles:
             return self.word(suffix.strip(), self.whole, numbered=numbered)
         if dot and (candidate := self.instances.get(prefix.strip().upper())) is not None:
-            return self.word(suffix.strip(), candidate, numbered=True)
+            return self.word(suffix.strip(), candidate)
         if word.isdecimal():
             return str(int(word) + scope.first) if numbered else word
         if scope is self.whole or word.upper() not in scope.names:
@@ -196,46 +202,39 @@ class _Names:
         inside = self.instances.get(block.parameters.get("INSTANCE", "").upper(), scope)
         defined_names = _defined(block)
         parameters = {
-            key: self.word(value, scope, numbered=True) if key in _NAMING or [value] == defined_names else value
+            key: self.word(value, scope) if key in _NAMING or [value] == defined_names else value
             for key, value in block.parameters.items()
         }
-        rows = block.rows
-        if block.keyword in ("NSET", "ELSET") and "GENERATE" in block.parameters:
-            rows = [[*(self.word(word, inside, numbered=True) for word in row[:2]), *row[2:]] for row in rows]
-        elif block.parameters.get("TYPE", "").upper() not in ("SEGMENTS", "CYLINDER", "REVOLUTION"):
-            count = _REFERRING.get(block.keyword, 0)
-            rows = [
-                [self.word(word, inside, numbered=True) for word in row[:count]] + row[len(row[:count]) :]
-                for row in rows
-            ]
-        if scope.move is not None and scope.turn is not None:
-            try:
-                rows = _moved(replace(block, rows=rows), scope.move, scope.turn)
-            except ValueError as error:
-                raise DeckError(block, str(error)) from None
-        return replace(block, parameters=parameters, rows=rows)
+        try:
+            rows = block.rows if scope.move is None else _moved(block, scope.move)
+        except ValueError as error:
+            raise DeckError(block, str(error)) from None
+        if block.parameters.get("TYPE", "").upper() not in ("SEGMENTS", "CYLINDER", "REVOLUTION"):
+            count = 2 if "GENERATE" in block.parameters else _REFERRING.get(block.keyword, 0)
+            rows = [[self.word(word, inside) for word in row[:count]] + row[len(row[:count]) :] for row in rows]
+        return block.changed(parameters, rows)
 
 
-def _moved(block: DeckBlock, move: Callable[[Floats], Floats], turn: Callable[[Floats], Floats]) -> Sequence[list[str]]:
+def _moved(block: DeckBlock, move: _Motion) -> Sequence[list[str]]:
     """The rows of a keyword of a part where its instance is.
 
     Raises:
         ValueError: a row has no word where it has to have one, or a word is no number.
     """
-    check_rows(block)
     rows = block.rows
     if block.keyword == "NODE" and rows:
-        coordinates = [[real(word) for word in row[1:4]] for row in rows]
-        x = move(np.array([node + [0.0] * (3 - len(node)) for node in coordinates]))
-        flat = max(map(len, coordinates)) < 3 and not x[:, 2].any()
-        places = plain(x[:, : 2 if flat else 3])
-        return [[row[0], *map(repr, point)] for row, point in zip(rows, places, strict=True)]
+        _, x = coordinates(block)
+        moved = move(np.pad(x, ((0, 0), (0, 3 - x.shape[1]))))
+        flat = x.shape[1] < 3 and not moved[:, 2].any()
+        return [
+            [row[0], *map(repr, point)] for row, point in zip(rows, plain(moved[:, : 2 if flat else 3]), strict=True)
+        ]
     if block.keyword == "SURFACE" and block.parameters.get("TYPE", "").upper() == "SEGMENTS":
         pairs = [np.array([real(word) for word in row[1:]]).reshape(-1, 2) for row in rows]
-        moved = [move(np.pad(pair, ((0, 0), (0, 1))))[:, :2] for pair in pairs]
-        return [[row[0], *map(repr, x.ravel().tolist())] for row, x in zip(rows, moved, strict=True)]
-    if block.keyword in ("ORIENTATION", "TRANSFORM") and rows:
-        round_ = block.parameters.get("SYSTEM", block.parameters.get("TYPE", "R")).upper().startswith(("C", "S"))
+        ends = [move(np.pad(pair, ((0, 0), (0, 1))))[:, :2] for pair in pairs]
+        return [[row[0], *map(repr, plain(x.ravel()))] for row, x in zip(rows, ends, strict=True)]
+    if block.keyword == "ORIENTATION" and rows:
         x = np.array([real(word) for word in rows[0]]).reshape(-1, 3)
-        return [[*map(repr, (move if round_ else turn)(x).ravel().tolist())], *rows[1:]]
+        x = move(x) if block.parameters.get("SYSTEM", "R").upper().startswith("C") else x @ move.turn.T
+        return [[*map(repr, plain(x.ravel()))], *rows[1:]]
     return rows

@@ -1,0 +1,554 @@
+"""The mesh of an Abaqus input file: nodes, elements, and the sets and surfaces that name parts of them.
+
+Supports, forces and pressures that are given for single nodes and faces name the boundary on which they act, so that a
+scene can refer to it.
+"""
+
+from __future__ import annotations
+
+import itertools
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property, partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from signorini_fx.addons.decks.assembly import assembled
+from signorini_fx.addons.decks.groups import Group, bodies, given_alike, pieces
+from signorini_fx.addons.decks.text import (
+    DeckBlock,
+    DeckError,
+    check_rows,
+    coordinates,
+    number_of,
+    placed,
+    read_keywords,
+)
+from signorini_fx.mechanics.mesh.files.arrays import plain
+from signorini_fx.mechanics.mesh.files.raw import RawMesh
+from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
+
+_SOLID = re.compile(r"(?:C3D|DC3D|AC3D)(\d+)")
+_PLANE = re.compile(r"(?:CPEG|CPE|CPS|CAX|DC2D|STRI|M3D|SFM3D|R3D|DS|S)([34689])")
+_LINE = re.compile(r"(?:T2D|T3D|R2D|B2|B3|DC1D)([123])")
+_SOLID_KINDS = dict(
+    zip(
+        (4, 5, 6, 8, 10, 15, 20),
+        ["tetra", "pyramid", "wedge", "hexahedron", "tetra10", "wedge15", "hexahedron20"],
+        strict=True,
+    )
+)
+_PLANE_KINDS = {3: "triangle", 4: "quad", 6: "triangle6", 8: "quad8", 9: "quad9"}
+# Sides of shells and beams, which a body does not have.
+_OTHER_FACE = re.compile(r"SPOS|SNEG|EDGE\d*|END\d")
+# Points, springs, dampers, couplings and networks of fluid are no part of the body; points have no stiffness.
+POINTS = re.compile("MASS|ROTARYI|HEATCAP")
+NO_BODY = re.compile(r"MASS|ROTARYI|HEATCAP|DASHPOT|SPRING|GAP|DCOUP|CONN|D$")
+# Corners of the faces S1, S2 ... of an element with so many corners; of a plane one its sides.
+_FACES: dict[str, tuple[tuple[int, ...], ...]] = {
+    "triangle": ((0, 1), (1, 2), (2, 0)),
+    "quad": ((0, 1), (1, 2), (2, 3), (3, 0)),
+    "tetra": ((0, 1, 2), (0, 3, 1), (1, 3, 2), (2, 3, 0)),
+    "pyramid": ((0, 1, 2, 3), (0, 4, 1), (1, 4, 2), (2, 4, 3), (3, 4, 0)),
+    "wedge": ((0, 1, 2), (3, 5, 4), (0, 3, 4, 1), (1, 4, 5, 2), (2, 5, 3, 0)),
+    "hexahedron": ((0, 1, 2, 3), (4, 7, 6, 5), (0, 4, 5, 1), (1, 5, 6, 2), (2, 6, 7, 3), (3, 7, 4, 0)),
+}
+_FACET_KINDS = {2: "line", 3: "triangle", 4: "quad"}
+# Keywords that give values to nodes, which belong to their bodies.
+_AT_NODES = {"BOUNDARY", "CLOAD", "TEMPERATURE", "INITIALCONDITIONS", "EQUATION", "MPC", "TIE"}
+_LABELS = {"BOUNDARY": "support", "CLOAD": "force", "DLOAD": "pressure"}
+# Sets of sets may name the same elements repeatedly: more members than this in all sets are an error.
+_MOST_MEMBERS = 20_000_000
+_NO_NUMBERS = np.empty(0, dtype=np.int64)
+
+
+def _kind(element: str) -> tuple[str, int]:
+    """The shape of an element type and its number of nodes.
+
+    Raises:
+        ValueError: it is not one of a plane or solid body.
+    """
+    if match := _SOLID.match(element):
+        if (count := int(match[1])) not in _SOLID_KINDS:
+            raise ValueError(f"element type {element}: known are C3D4, C3D6, C3D8, C3D10, C3D15, C3D20")
+        return _SOLID_KINDS[count], count
+    if match := _PLANE.match(element):
+        return _PLANE_KINDS[int(match[1])], int(match[1])
+    if match := _LINE.match(element):
+        count = int(match[1]) + (element[0] == "B")  # B21 has two nodes, as T2D2
+        return ("line" if count == 2 else "line3"), count
+    raise ValueError(
+        f"element type {element} is neither a plane one nor a solid; known are CPE3, CPE4, CPE6, CPS3, CPS4, CPS6, S3, "
+        "S4 ..., and in space C3D4, C3D8, C3D10, C3D20 ..."
+    )
+
+
+def faces_of(kind: str) -> tuple[tuple[int, ...], ...]:
+    """Corners of the faces S1, S2 ... of a kind of cell; of a plane one its sides; of a line none."""
+    return _FACES.get(kind.rstrip("0123456789"), ())
+
+
+class Numbering(Mapping[int, int]):
+    """Distinct numbers and the row of each.
+
+    Attributes:
+        numbers: in the order of the rows.
+    """
+
+    def __init__(self, numbers: Ints) -> None:
+        self.numbers = numbers
+        self._order = np.argsort(numbers, kind="stable")
+        self._sorted = numbers[self._order]
+
+    def rows(self, wanted: Ints) -> Ints:
+        """The row of each number, -1: it is none of these."""
+        if not self.numbers.size:
+            return np.full(len(wanted), -1)
+        places = np.minimum(np.searchsorted(self._sorted, wanted), len(self.numbers) - 1)
+        return np.where(self._sorted[places] == wanted, self._order[places], -1)
+
+    def check_once(self, word: str, defining: Callable[[int], DeckBlock]) -> None:
+        """Refuse a number that is defined twice.
+
+        Args:
+            word: what has the number.
+            defining: the keyword that defines the one of a row.
+
+        Raises:
+            DeckError: with the keyword that defines it again.
+        """
+        repeated = self._order[1:][self._sorted[1:] == self._sorted[:-1]]
+        if repeated.size:
+            row = int(repeated.min())
+            raise DeckError(defining(row), f"{word} {self.numbers[row]} is defined twice")
+
+    def __getitem__(self, number: int) -> int:
+        row = int(self.rows(np.array([number]))[0])
+        if row < 0:
+            raise KeyError(number)
+        return row
+
+    def __iter__(self) -> Iterator[int]:
+        return iter(plain(self.numbers))
+
+    def __len__(self) -> int:
+        return len(self.numbers)
+
+
+@dataclass(frozen=True)
+class DeckModel:
+    """An Abaqus input file.
+
+    Attributes:
+        raw: its mesh.
+        blocks: its keywords.
+        groups: number of a keyword -> the sets of single nodes and faces to which it gives something.
+        sections: number of the keyword of a section -> the set of its elements that no later section has; None: it has
+            none.  Sections that keep all of their elements are not listed.
+        undefined: name of a set -> how many of its members the file does not define.
+        places: number of a node -> its row in the mesh.
+        surfaces: name of a surface -> its elements, each with a face from 1 on.
+        bare: an element of the body that is in no section, and the keyword that defines it; None: all are in one.
+        bodies: names of the parts that share no node, if there are several and the file gives nodes values.
+        tied: whether there are elements with stiffness that are no part of the body, such as springs.
+    """
+
+    raw: RawMesh
+    blocks: list[DeckBlock]
+    groups: dict[int, list[Group]]
+    sections: dict[int, str | None]
+    undefined: dict[str, int]
+    places: Numbering
+    surfaces: dict[str, list[tuple[int, int]]]
+    bare: tuple[int, DeckBlock] | None
+    bodies: tuple[str, ...]
+    tied: bool
+
+
+@dataclass
+class _Reader:
+    """What has been read so far."""
+
+    node_parts: list[tuple[DeckBlock, Ints, Floats]] = field(default_factory=list)
+    element_parts: list[tuple[DeckBlock, str, Ints]] = field(default_factory=list)
+    node_sets: dict[str, Ints] = field(default_factory=dict)
+    element_sets: dict[str, Ints] = field(default_factory=dict)
+    surfaces: dict[str, list[tuple[int, int]]] = field(default_factory=dict)
+    section_blocks: list[DeckBlock] = field(default_factory=list)
+    nodal_values: list[tuple[DeckBlock, tuple[str, ...], dict[Any, float]]] = field(default_factory=list)
+    passed_over: set[int] = field(default_factory=set)  # elements that are no part of the body
+    undefined: dict[str, int] = field(default_factory=dict)
+    tied: bool = False
+    members: int = 0
+    spelt: dict[str, str] = field(default_factory=dict)  # names in capitals -> as they are written first
+
+    def read(self, block: DeckBlock) -> None:
+        """Take what a keyword says of the mesh."""
+        parameters = block.parameters
+        if block.keyword != "NODE":
+            check_rows(block)
+        match block.keyword:
+            case "NODE":
+                if parameters.get("SYSTEM", "R").upper() not in ("R", "RECTANGULAR"):
+                    raise ValueError("coordinates are expected along x, y and z")
+                numbers, x = coordinates(block)
+                self.node_parts.append((block, numbers, x))
+                if "NSET" in parameters:
+                    self._extend(self.node_sets, parameters["NSET"], numbers)
+            case "ELEMENT":
+                self._read_elements(block)
+            case "NSET":
+                self._read_set(self.node_sets, parameters["NSET"], block)
+                if "ELSET" in parameters:
+                    self._extend(self.node_sets, parameters["NSET"], self._nodes_of(parameters["ELSET"]))
+            case "ELSET":
+                self._read_set(self.element_sets, parameters["ELSET"], block)
+            case "SURFACE":
+                self._read_surface(block)
+            case "BOUNDARY" | "CLOAD" | "DLOAD":
+                # Faces of elements without nodes in their middle share the forces at their nodes in another way.
+                apart = not any(kind in ("quad8", "hexahedron20") for _, kind, _ in self.element_parts)
+                sets = (partial(self._member, of) for of in (self.node_sets, self.element_sets))
+                self.nodal_values += [(block, *group) for group in given_alike(block, *sets, apart=apart)]
+            case "SYSTEM" if block.rows:
+                raise ValueError("coordinates are expected along x, y and z")
+            case "NGEN" | "NFILL" | "NCOPY" | "NMAP" | "ELGEN" | "ELCOPY":
+                raise ValueError("nodes and elements are not generated here: write them all into the file")
+            case "SOLIDSECTION" | "SHELLSECTION" | "MEMBRANESECTION":
+                self.section_blocks.append(block)
+
+    def _name(self, name: str) -> str:
+        return self.spelt.setdefault(name.upper(), name)
+
+    def _free(self, word: str) -> Iterator[str]:
+        """Names that the file does not have: a word and a number."""
+        for n in itertools.count(1):
+            if (name := word.format(n)).upper() not in self.spelt:
+                yield self._name(name)
+
+    def _extend(self, sets: dict[str, Ints], name: str, members: Ints) -> None:
+        name = self._name(name)
+        sets[name] = np.concatenate((sets[name], members)) if name in sets else members
+        self.members += len(members)
+        if self.members > _MOST_MEMBERS:
+            raise ValueError(f"the sets up to {name!r} have more than {_MOST_MEMBERS:,} members together")
+
+    def _read_elements(self, block: DeckBlock) -> None:
+        kind_name = block.parameters["TYPE"].upper()
+        if NO_BODY.match(kind_name):
+            self.tied |= not POINTS.match(kind_name)
+            self.passed_over.update(int(row[0]) for row in block.rows)
+            if "ELSET" in block.parameters:
+                self._extend(self.element_sets, block.parameters["ELSET"], _NO_NUMBERS)
+            return
+        kind, count = _kind(kind_name)
+        at_once = block.numbers(np.int64)
+        single_words = [int(word) for row in block.rows for word in row] if at_once is None else []
+        words = np.array(single_words, dtype=np.int64) if at_once is None else at_once[0]
+        if len(words) % (count + 1):
+            raise ValueError(f"*ELEMENT, TYPE={block.parameters['TYPE']}: {count} nodes per element are expected")
+        table = words.reshape(-1, count + 1)
+        self.element_parts.append((block, kind, table))
+        if "ELSET" in block.parameters:
+            self._extend(self.element_sets, block.parameters["ELSET"], table[:, 0])
+
+    def _nodes_of(self, name: str) -> Ints:
+        """The numbers of the nodes of a set of elements."""
+        elements = self._member(self.element_sets, name)
+        nodes = [table[np.isin(table[:, 0], elements), 1:].ravel() for _, _, table in self.element_parts]
+        return _distinct([_NO_NUMBERS, *nodes])
+
+    def _read_set(self, sets: dict[str, Ints], name: str, block: DeckBlock) -> None:
+        name = self._name(name)
+        parts, taken = [sets.pop(name, _NO_NUMBERS)], set[str]()
+        for row in block.rows:
+            if "GENERATE" in block.parameters:
+                first, last, step = (*map(int, row), 1)[:3]
+                if step < 1 or (last - first) // step > _MOST_MEMBERS:
+                    raise ValueError(f"set {name!r}: {first} to {last} by {step} is not a possible range")
+                parts.append(np.arange(first, last + 1, step, dtype=np.int64))
+                continue
+            for word in filter(None, row):
+                if self._name(word) == name:
+                    raise ValueError(f"set {name!r} contains itself")
+                if word not in taken:
+                    taken.add(word)
+                    parts.append(self._member(sets, word))
+        self._extend(sets, name, _distinct(parts))
+
+    def _member(self, sets: dict[str, Ints], word: str) -> Ints:
+        """A number, or the members of a set, perhaps with the name of its instance before it."""
+        if (number := number_of(word)) is not None:
+            return np.array([number], dtype=np.int64)
+        for name in (word, word.rpartition(".")[2]):
+            if (members := sets.get(self._name(name))) is not None:
+                return members
+        raise ValueError(f"set {word!r} does not exist")
+
+    def _read_surface(self, block: DeckBlock) -> None:
+        name, kind = self._name(block.parameters["NAME"]), block.parameters.get("TYPE", "ELEMENT").upper()
+        for row in block.rows:
+            if kind == "NODE":
+                self._extend(self.node_sets, name, self._member(self.node_sets, row[0]))
+            elif kind == "ELEMENT" and len(row) > 1 and re.fullmatch(r"[SE]\d+", row[1].upper()):
+                elements = plain(self._member(self.element_sets, row[0]))
+                self.surfaces.setdefault(name, []).extend((element, int(row[1][1:])) for element in elements)
+                self.members += len(elements)
+            elif kind == "ELEMENT" and len(row) > 1 and row[1] and not _OTHER_FACE.fullmatch(row[1].upper()):
+                raise ValueError(f"surface {name!r}: a face S1, S2 ... is expected, not {row[1]!r}")
+            if self.members > _MOST_MEMBERS:
+                raise ValueError(f"the surfaces up to {name!r} have more than {_MOST_MEMBERS:,} faces together")
+
+    # --- when all keywords have been read -----------------------------------------------------------------------------
+
+    @cached_property
+    def nodes(self) -> tuple[Numbering, Floats]:
+        """All nodes and their positions, shape (n, 2) or (n, 3).
+
+        Raises:
+            DeckError: a number is defined twice.
+        """
+        rows = Numbering(np.concatenate([_NO_NUMBERS, *(numbers for _, numbers, _ in self.node_parts)]))
+        ends = np.cumsum([len(numbers) for _, numbers, _ in self.node_parts])
+        rows.check_once("node", lambda row: self.node_parts[int(np.searchsorted(ends, row, side="right"))][0])
+        points = np.zeros((len(rows), max((2, *(x.shape[1] for _, _, x in self.node_parts)))))
+        for end, (_, _, x) in zip(ends, self.node_parts, strict=True):
+            points[end - len(x) : end, : x.shape[1]] = x
+        return rows, points
+
+    @cached_property
+    def elements(self) -> _Elements:
+        """All elements of the body, and lines.
+
+        Raises:
+            DeckError: a number is defined twice.
+        """
+        return _Elements([part for part in self.element_parts if len(part[2])])
+
+    def result(self, blocks: list[DeckBlock]) -> DeckModel:
+        """Everything with the numbering of arrays."""
+        elements, (node_rows, points) = self.elements, self.nodes
+        sections, bare = self._resolved_sections()
+        groups = self._named_groups()
+        tables = {kind: self._table(kind) for kind in elements.kinds}
+        sets = {name: self._rows(name, members) for name, members in self.element_sets.items()}
+        facets: dict[int, list[Ints]] = {corners: [] for corners in _FACET_KINDS}
+        ranges: dict[str, dict[int, Ints]] = {}
+        for name, faces in self.surfaces.items():
+            for sides in self._sides(tables, name, faces):
+                corners = sides.shape[1]
+                first = sum(map(len, facets[corners]))
+                ranges.setdefault(name, {})[corners] = np.arange(first, first + len(sides))
+                facets[corners].append(sides)
+        present = [corners for corners, sides in facets.items() if sides]
+        for name, rows in ranges.items():
+            sets[name] = [
+                *sets.get(name, [_NO_NUMBERS] * len(tables)),
+                *(rows.get(corners, _NO_NUMBERS) for corners in present),
+            ]
+        count = len(tables) + len(present)
+        sets = {name: [*members, *([_NO_NUMBERS] * (count - len(members)))] for name, members in sets.items()}
+        all_blocks = [*tables.items(), *((_FACET_KINDS[c], np.concatenate(facets[c])) for c in present)]
+        named = bodies(all_blocks, sets, self._free("body_{}")) if any(b.keyword in _AT_NODES for b in blocks) else {}
+        node_sets = {}
+        for name, nodes in self.node_sets.items():
+            members = node_rows.rows(nodes)
+            node_sets[name] = members[members >= 0]
+            self._count_undefined(name, len(nodes) - len(node_sets[name]))
+        raw = RawMesh(points, all_blocks, sets | named, node_sets)
+        return DeckModel(
+            raw, blocks, groups, sections, self.undefined, node_rows, self.surfaces, bare, tuple(named), self.tied
+        )
+
+    def _count_undefined(self, name: str, count: int) -> None:
+        if count:
+            self.undefined[name] = count
+
+    def _resolved_sections(self) -> tuple[dict[int, str | None], tuple[int, DeckBlock] | None]:
+        """Of an element in several sections the last one holds: the rest of the others becomes a set of its own."""
+        members: list[Ints] = []
+        for block in self.section_blocks:
+            if "ELSET" not in block.parameters:
+                raise DeckError(block, "ELSET is missing")
+            members.append(self.element_sets.get(self._name(block.parameters["ELSET"]), _NO_NUMBERS))
+        numbering = Numbering(np.unique(np.concatenate([_NO_NUMBERS, *members])))
+        owner = np.full(len(numbering), -1)
+        for position, elements in enumerate(members):
+            owner[numbering.rows(elements)] = position
+        solid = self.elements.rows.numbers[self.elements.solid]
+        without = solid[numbering.rows(solid) < 0]
+        bare = (int(without[0]), self.elements.defining(int(without[0]))) if without.size else None
+        sections: dict[int, str | None] = {}
+        for position, (block, elements) in enumerate(zip(self.section_blocks, members, strict=True)):
+            owned = elements[owner[numbering.rows(elements)] == position]
+            if len(owned) < len(elements):
+                sections[block.number] = None
+            if 0 < len(owned) < len(elements):
+                rest_name = f"{block.parameters['ELSET']}_rest"
+                names = [rest_name] if rest_name.upper() not in self.spelt else self._free(rest_name + "{}")
+                sections[block.number] = name = self._name(next(iter(names)))
+                self.element_sets[name] = owned
+        return sections, bare
+
+    def _named_groups(self) -> dict[int, list[Group]]:
+        """The groups by the numbers of their keywords; each is a set that the file names, or one that is added."""
+        names = {label: self._free(f"{label}_{{}}") for label in _LABELS.values()}
+        set_names: dict[frozenset[Any], str] = {
+            **{frozenset(plain(nodes)): name for name, nodes in self.node_sets.items() if self.nodal_values},
+            **{frozenset(faces): name for name, faces in self.surfaces.items() if self.nodal_values},
+        }
+        groups: dict[int, list[Group]] = {}
+        for block, words, nodal_values in self.nodal_values:
+            parts: Iterable[list[Any]] = [list(nodal_values)]
+            if block.keyword == "CLOAD" and len(nodal_values) > 1:
+                parts = pieces(np.array(list(nodal_values)), self.elements.nodes.values())
+            for part in parts:
+                key = frozenset(part)
+                if (name := set_names.get(key)) is None:
+                    name = set_names[key] = next(names[_LABELS[block.keyword]])
+                    if block.keyword == "DLOAD":
+                        self.surfaces[name] = list(part)
+                    elif len(part) > 1:  # one node is no boundary
+                        self.node_sets[name] = np.array(part, dtype=np.int64)
+                nodes = () if block.keyword == "DLOAD" else tuple(part)
+                values = tuple(nodal_values[member] for member in part)
+                groups.setdefault(block.number, []).append(Group(name, words, nodes, values))
+        return groups
+
+    def _table(self, kind: str) -> Ints:
+        """The rows of the nodes of each element of a kind.
+
+        Raises:
+            DeckError: the file does not define one of them.
+        """
+        nodes = self.elements.nodes[kind]
+        table = self.nodes[0].rows(nodes.ravel()).reshape(nodes.shape)
+        missing = np.argwhere(table < 0)
+        if missing.size:
+            row, corner = missing[0]
+            element = self.elements.number(kind, int(row))
+            why = f"element {element} has the node {nodes[row, corner]}, which the file does not define"
+            raise DeckError(self.elements.defining(element), why)
+        return table
+
+    def _rows(self, name: str, members: Ints) -> list[Ints]:
+        """The rows of the elements of a set among those of each kind."""
+        rows = self.elements.rows.rows(members)
+        unknown = rows < 0
+        if self.passed_over:
+            unknown &= ~np.isin(members, list(self.passed_over))
+        self._count_undefined(name, int(np.count_nonzero(unknown)))
+        return self.elements.by_kind(rows[rows >= 0])
+
+    def _sides(self, tables: dict[str, Ints], name: str, faces: Sequence[tuple[int, int]]) -> Iterator[Ints]:
+        """The corners of the faces of a surface that are sides of the body, by their number, shape (n, corners).
+
+        Raises:
+            ValueError: an element has no such face.
+        """
+        elements, listed = self.elements, np.array(faces, dtype=np.int64).reshape(-1, 2)
+        rows = elements.rows.rows(listed[:, 0])
+        on_body = (rows >= 0) & elements.solid[rows]
+        self._count_undefined(name, int(np.count_nonzero(~on_body)))
+        rows, listed = rows[on_body], listed[on_body]
+        corners: Ints = np.full((len(rows), 4), -1)
+        for k, face in plain(np.unique(np.column_stack((elements.kind[rows], listed[:, 1])), axis=0)):
+            chosen = (elements.kind[rows] == k) & (listed[:, 1] == face)
+            kind = elements.kinds[k]
+            if not 1 <= face <= len(faces_of(kind)):
+                element = listed[int(np.argmax(chosen)), 0]
+                raise ValueError(f"surface {name!r}: element {element} is a {kind} and has no face S{face}")
+            side = list(faces_of(kind)[face - 1])
+            corners[chosen, : len(side)] = tables[kind][elements.row[rows[chosen]]][:, side]
+        counts = (corners >= 0).sum(axis=1)
+        for count in plain(np.unique(counts)):
+            yield corners[counts == count, :count]
+
+
+class _Elements:
+    """The elements of a file.
+
+    Attributes:
+        rows: of each number among all elements, in the order of the file.
+        kinds: in meshio's words, in the order in which they occur.
+        kind: of each element its place in ``kinds``, shape (n,).
+        row: its row among the elements of its kind, shape (n,).
+        nodes: kind -> numbers of the nodes of each element, shape (m, k).
+        solid: which ones are no lines, shape (n,).
+    """
+
+    def __init__(self, parts: Sequence[tuple[DeckBlock, str, Ints]]) -> None:
+        self.kinds = list(dict.fromkeys(kind for _, kind, _ in parts))
+        self._blocks = [block for block, _, _ in parts]
+        sizes = [len(table) for _, _, table in parts]
+        self._defined = np.repeat(np.arange(len(parts)), sizes)
+        self.rows = Numbering(np.concatenate([_NO_NUMBERS, *(table[:, 0] for _, _, table in parts)]))
+        self.rows.check_once("element", lambda row: self._blocks[int(self._defined[row])])
+        self.kind = np.repeat(np.array([self.kinds.index(kind) for _, kind, _ in parts], dtype=np.int64), sizes)
+        self.row = np.empty(len(self.kind), dtype=np.int64)
+        for k in range(len(self.kinds)):
+            self.row[self.kind == k] = np.arange(np.count_nonzero(self.kind == k))
+        self.nodes = {
+            name: np.concatenate([table[:, 1:] for _, kind, table in parts if kind == name]) for name in self.kinds
+        }
+        self.solid = np.array([not kind.startswith("line") for kind in self.kinds], dtype=bool)[self.kind]
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def defining(self, number: int) -> DeckBlock:
+        """The keyword that defines an element."""
+        return self._blocks[int(self._defined[self.rows[number]])]
+
+    def number(self, kind: str, row: int) -> int:
+        """The number of an element by its row among those of its kind."""
+        return int(self.rows.numbers[self.kind == self.kinds.index(kind)][row])
+
+    def by_kind(self, rows: Ints) -> list[Ints]:
+        """Rows of all elements as rows of those of each kind."""
+        return [self.row[rows[self.kind[rows] == k]] for k in range(len(self.kinds))]
+
+
+def _distinct(parts: Sequence[Ints]) -> Ints:
+    """Numbers, each where it occurs first."""
+    numbers = np.concatenate(parts)
+    return numbers[np.sort(np.unique(numbers, return_index=True)[1])]
+
+
+def read_model(file: Path) -> DeckModel:
+    """The mesh of an Abaqus input file, and all of its keywords.
+
+    Raises:
+        MeshError: it is not such a file, or one that it includes cannot be read; elements that are neither plane nor
+            solid.
+    """
+    with placed(file):
+        blocks = assembled(read_keywords(file)[0])
+    reader = _Reader()
+    for number, block in enumerate(blocks):
+        block.number = number
+        with placed(file, block):
+            reader.read(block)
+    with placed(file):
+        model = reader.result(blocks)
+        if (reader.passed_over or len(reader.elements)) and not reader.elements.solid.any():
+            raise ValueError("there is no body of solid or plane elements, but beams, springs or the like")
+        if not len(reader.elements):
+            last = blocks[-1] if blocks else DeckBlock("", {}, 1, name="NODE")
+            raise DeckError(last, "up to here, the last keyword, there is no element")
+    return model
+
+
+def read_mesh(file: Path) -> RawMesh:
+    """The mesh of an Abaqus input file.
+
+    Element sets name regions (and boundaries, if they hold lines, or in space shells and membranes), node sets and
+    surfaces name boundaries.
+
+    Raises:
+        MeshError: see ``read_model``.
+    """
+    return read_model(file).raw

@@ -1,0 +1,192 @@
+"""Rigid bodies of an Abaqus input file, as rigid foundations of a scene: planes, and in 2D lines and arcs."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+import numpy as np
+
+from signorini_fx.addons.decks.content import Deck, SurfacePair, plain_name
+from signorini_fx.addons.decks.text import DeckBlock, real
+from signorini_fx.mechanics.mesh.files.arrays import plain
+from signorini_fx.mechanics.mesh.files.shape import Floats
+from signorini_fx.tuned import DIGITS_OF_FILES, ZERO_SUM
+
+_PIECES = 64  # straight ones that an arc of a rigid surface becomes
+
+
+def read_rigid_body(deck: Deck, block: DeckBlock) -> None:
+    """*RIGID BODY: a rigid surface and the nodes that move it."""
+    parameters = block.parameters
+    names = [parameters[key] for key in ("ANALYTICALSURFACE", "ELSET") if key in parameters]
+    node, turner = (deck.single(parameters.get(key, "")) for key in ("REFNODE", "ROTNODE"))
+    if not names or any(deck.region(name) is not None for name in names):
+        deck.lose(block, "a rigid part of the body is not read: it deforms here")
+        return
+    if node is not None and turner is not None:
+        deck.turners[turner] = node
+    deck.rigid |= {plain_name(name) for name in names}
+    deck.movers |= {plain_name(name): node for name in names if node is not None}
+
+
+def find_surfaces(deck: Deck) -> None:
+    """Rigid surfaces, wherever in the file they are named."""
+    for block in deck.model.blocks:
+        if block.keyword == "ELEMENT" and re.match(r"R[23]D", block.parameters.get("TYPE", "").upper()):
+            deck.rigid.add(plain_name(block.parameters.get("ELSET", "")))
+    for block in (block for block in deck.model.blocks if block.keyword == "SURFACE" and "NAME" in block.parameters):
+        name = plain_name(block.parameters["NAME"])
+        if block.parameters.get("TYPE", "").upper() in ("SEGMENTS", "CYLINDER", "REVOLUTION"):
+            deck.drawn[name] = block.rows
+            deck.rigid.add(name)
+        elif block.rows and all(plain_name(row[0]) in deck.rigid for row in block.rows):
+            deck.rigid.add(name)
+            deck.parts[name] = [plain_name(row[0]) for row in block.rows]
+            nodes = [deck.movers[part] for part in deck.parts[name] if part in deck.movers]
+            deck.movers |= {name: nodes[0]} if nodes else {}
+    deck.rigid.discard("")
+
+
+def motion(deck: Deck, node: int, steps: int) -> str:
+    """The loads and motions of a rigid body by its reference node, as keys of a foundation; empty: it rests."""
+    courses = {
+        load.keys: deck.course(load, steps)
+        for load in deck.loads.values()
+        if load.table == "tool" and load.target == str(node)
+    }
+    if not any(any(values) for values in courses.values()):
+        return ""
+    axes, planar = deck.axes, deck.mesh.dim == 2
+    turns = ("rotation",) if planar else tuple(f"rotation_{axis}" for axis in axes)
+    share = deck.thickness if planar else 1.0
+
+    def sums(kind: str, names: Sequence[str]) -> list[str]:
+        selected = [courses.get((kind, name)) for name in names]
+        return [of_time([value / share for value in course or [0.0] * steps]) for course in selected] * any(selected)
+
+    keys = [f"pivot = {plain(deck.model.raw.points[deck.model.places[node]][: deck.mesh.dim])}"]
+    if force := sums("force", axes):
+        keys.append(f"force = [{', '.join(force)}]")
+    if moment := sums("moment", turns):
+        keys.append(f"moment = {moment[0]}" if planar else f"moment = [{', '.join(moment)}]")
+    held = {name: course for name in (*axes, *turns) if (course := courses.get(("prescribed", name))) is not None}
+    if held:
+        keys.append(f"prescribed = {{ {', '.join(f'{name} = {of_time(course)}' for name, course in held.items())} }}")
+    return ", ".join(keys)
+
+
+def of_time(values: Sequence[float]) -> str:
+    """A number, or an expression of the time t, which is 1, 2, 3 and so on in the steps."""
+    *earlier, last = values
+    if all(value == last for value in earlier):
+        return repr(last)
+    pairs = zip(earlier, values[1:], strict=True)
+    parts = [
+        f"{value!r} if t < {step + 0.5} else" for step, (value, following) in enumerate(pairs, 1) if value != following
+    ]
+    return f'"{" ".join(parts)} {last!r}"'
+
+
+def foundation(deck: Deck, block: DeckBlock, where: str, surface: str, moving: str) -> list[str]:
+    """A rigid surface as lines of a contact: the distance to a plane at rest as a formula, else a shape.
+
+    Args:
+        deck: what has been read.
+        block: the contact pair.
+        where: the boundary of the body.
+        surface: the name of the rigid surface.
+        moving: see ``motion``.
+    """
+    driven = f", {moving}" if moving else ""
+    name = plain_name(surface)
+    points = _points_of(deck, name)
+    body = deck.mesh.points[np.unique(deck.mesh.facet_corners[deck.mesh.boundaries[where]])]
+    plane = None if points is None else _plane(points[:, : deck.mesh.dim])
+    if plane is None and points is not None and name in deck.drawn:
+        if len(points) > len(deck.drawn[name]):
+            deck.note(block, f"arcs of the rigid surface {surface!r}: polygons of {_PIECES} sides each")
+        shape = f'shape = "polyline", points = {plain(_with_left(points, body.mean(axis=0)))}'
+        return [f"foundation = {{ {shape}{driven} }}"]
+    if plane is None:
+        deck.lose(block, f"the shape of the rigid surface {surface!r} is not read: give its distance in gap")
+        return ["gap = 0.0  # the distance to the foundation, which is not known here"]
+    middle, normal = plane
+    side = float(np.mean(body, axis=0) @ normal - middle @ normal)
+    if abs(side) <= DIGITS_OF_FILES * float(np.ptp(deck.mesh.points, axis=0).max()):
+        side = -float((body.mean(axis=0) - deck.mesh.points.mean(axis=0)) @ normal)
+    toward = -normal if side > 0 else normal
+    if moving:
+        shape = f'shape = "plane", point = {plain(middle)}, normal = {plain(-toward + 0.0)}'
+        return [f"foundation = {{ {shape}{driven} }}"]
+    at, toward = float(middle @ toward), toward + 0.0  # without negative zeros
+    terms = "".join(
+        f" {'-' if share > 0 else '+'} {'' if abs(share) == 1 else f'{abs(share)!r}*'}x[{k}]"
+        for k, share in enumerate(map(float, toward))
+        if share
+    )
+    distance = f"{at!r}{terms}" if at else terms.removeprefix(" + ").lstrip()
+    return [f'gap = "{distance}"', f"direction = {plain(toward)}"]
+
+
+def _points_of(deck: Deck, name: str) -> Floats | None:
+    """Points of a rigid surface that consists of elements, or in 2D of lines and arcs, which are in order."""
+    if (rows := deck.drawn.get(name)) is not None:
+        try:
+            return None if deck.mesh.dim == 3 else _walked(rows)
+        except (ValueError, IndexError) as error:
+            raise ValueError(f"the rigid surface {name!r}: {error}") from None
+    labels = {name, *deck.parts.get(name, ())}
+    nodes = [
+        block[rows].ravel()
+        for label, members in deck.model.raw.sets.items()
+        if label.upper() in labels
+        for (_, block), rows in zip(deck.model.raw.blocks, members, strict=True)
+    ]
+    return np.asarray(deck.model.raw.points, dtype=np.float64)[np.unique(np.concatenate(nodes))] if nodes else None
+
+
+def _walked(rows: Sequence[list[str]]) -> Floats | None:
+    """Points along START, LINE and CIRCL of a rigid surface; None: it has other pieces."""
+    points: list[Floats] = []
+    for kind, *words in rows:
+        end = np.array([real(word) for word in words[:2]])
+        if kind.upper() == "CIRCL":
+            centre = np.array([real(word) for word in words[2:4]])
+            (x, y), radius = points[-1] - centre, float(np.hypot(*(end - centre)))
+            first, last = np.arctan2(y, x), np.arctan2(*(end - centre)[::-1])
+            turn = (last - first + np.pi) % (2 * np.pi) - np.pi  # an arc is less than half a circle
+            angles = first + turn * np.arange(1, _PIECES) / _PIECES
+            points += list(centre + radius * np.column_stack((np.cos(angles), np.sin(angles))))
+        elif kind.upper() not in ("START", "LINE"):
+            return None
+        points.append(end)
+    return np.array(points)
+
+
+def _with_left(points: Floats, point: Floats) -> Floats:
+    """The points in the order in which a place is on the left of the nearest piece."""
+    ahead = np.diff(points, axis=0)
+    share = np.clip(((point - points[:-1]) * ahead).sum(axis=1) / (ahead**2).sum(axis=1), 0.0, 1.0)
+    near = int(np.argmin(np.linalg.norm(points[:-1] + share[:, None] * ahead - point, axis=1)))
+    (along, across), (x, y) = ahead[near], point - points[near]
+    return points if along * y - across * x > 0 else points[::-1]
+
+
+def _plane(points: Floats) -> tuple[Floats, Floats] | None:
+    """A point and the unit normal of the plane (in 2D: of the line) through points; None: there is none."""
+    middle = points.mean(axis=0)
+    _, sizes, axes = np.linalg.svd(points - middle)
+    small = DIGITS_OF_FILES * sizes[0]
+    if len(points) < points.shape[1] or sizes[-2] <= small or sizes[-1] > small:
+        return None
+    normal = np.where(np.abs(axes[-1]) < ZERO_SUM, 0.0, axes[-1])
+    return middle, np.asarray(normal / np.linalg.norm(normal))
+
+
+def farthest(deck: Deck, x: Floats, pair: SurfacePair) -> float:
+    """The largest distance of points from the plane of the rigid surface of a contact pair; infinite: it is none."""
+    surface = next(name for name in (pair.slave, pair.master) if plain_name(name) in deck.rigid)
+    points = _points_of(deck, plain_name(surface))
+    plane = None if points is None else _plane(points[:, : deck.mesh.dim])
+    return np.inf if plane is None else float(np.abs((x - plane[0]) @ plane[1]).max())

@@ -1,0 +1,331 @@
+"""Abaqus input files as text: keywords with their parameters and data lines, and the numbers in them."""
+
+from __future__ import annotations
+
+import codecs
+import itertools
+import json
+import math
+import os
+import re
+import warnings
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from signorini_fx.errors import MeshError
+from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
+
+# How many words each data line has at least, and how many data lines a keyword has at most.
+_LEAST_WORDS = {
+    **dict.fromkeys(("NODE", "NSET", "ELSET", "SURFACE", "CONTACTPAIR", "TIE", "DLOAD"), 1),
+    **dict.fromkeys(("BOUNDARY", "CLOAD", "DSLOAD", "TEMPERATURE", "INITIALCONDITIONS"), 2),
+}
+_MOST_ROWS = {"STATIC": 1, "SURFACEINTERACTION": 1, "ENDSTEP": 0, "MATERIAL": 0}
+_DEEPEST, _MOST_FILES = 20, 1000  # files that include each other, and all of them
+_LARGEST = 2.0**53  # whole numbers from there on are not exact as floating point numbers
+_STAR = re.compile(r"^[ \t]*\*", re.MULTILINE)
+# A line that continues its keyword: it begins with a parameter that has a value, or with one that is no set.
+_PARAMETER = re.compile(
+    r"[ \t]*([A-Za-z]+([ \t]+[A-Za-z]+)*[ \t]*=|"
+    r"(NLGEOM|GENERATE|PERTURBATION|DIRECT|REMOVE|NO[ \t]*SEPARATION|CYCLIC[ \t]*SYMMETRY|LINTEMP)[ \t]*(,|$))",
+    re.IGNORECASE | re.MULTILINE,
+)
+_LABELS = {
+    **{"ENCASTRE": "123456", "PINNED": "123", "XSYMM": "156", "YSYMM": "246", "ZSYMM": "345"},
+    **{"XASYMM": "234", "YASYMM": "135", "ZASYMM": "126"},
+}
+ROTATIONS = range(4, 7)
+
+
+@dataclass
+class DeckBlock:
+    """A keyword with its parameters and its data lines.
+
+    Attributes:
+        keyword: in capitals and without blanks, which the programs ignore.
+        parameters: in capitals -> value.
+        line: in the file, from 1.
+        name: the keyword as it is written, in capitals.
+        file: the included file that has it, by its name there; empty: the input file itself.
+        number: of the keyword, counted over all files.
+        texts: its data lines, in one or several texts.
+    """
+
+    keyword: str
+    parameters: dict[str, str]
+    line: int
+    name: str = ""
+    file: str = ""
+    number: int = 0
+    texts: list[str] = field(default_factory=list)
+
+    @cached_property
+    def rows(self) -> Sequence[list[str]]:
+        """The data lines, split at commas; empty words at the end of a line are left out."""
+        return [split_words(line.strip()) for line in "\n".join(self.texts).split("\n") if line.strip()]
+
+    def changed(self, parameters: dict[str, str], rows: Sequence[list[str]]) -> DeckBlock:
+        """The same keyword with other parameters and data lines."""
+        block = replace(self, parameters=parameters)
+        block.__dict__["rows"] = rows
+        return block
+
+    @property
+    def place(self) -> str:
+        """Its line and, if it is an included one, its file."""
+        return f"line {self.line}" + (f" of {self.file}" if self.file else "")
+
+    @property
+    def origin(self) -> str:
+        """Its place and its name."""
+        return f"{self.place}, *{self.name}"
+
+    def numbers(self, kind: type[np.float64 | np.int64]) -> tuple[Any, int] | None:
+        """All numbers of the data lines at once, and how many each line has, 0 if lines differ; None: a word is empty,
+        too large or no number.
+        """
+        if "rows" in self.__dict__:  # they have been changed
+            return None
+        lines = re.sub(r",[ \t]*\n", "\n", "\n".join(self.texts).rstrip()).rstrip(", \t")
+        words = lines.encode().translate(None, b" \t")
+        joined = words.replace(b"\n", b",")
+        if not words or joined.startswith(b",") or b",," in joined:
+            return None
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", DeprecationWarning)  # numpy warns of a word that is no number
+            try:
+                values: Any = np.fromstring(lines.replace("\n", ","), dtype=kind, sep=" ,")
+            except (DeprecationWarning, ValueError):
+                return None
+        if (
+            len(values) != joined.count(b",") + 1
+            or not (np.abs(values) < (_LARGEST if kind is np.int64 else math.inf)).all()
+        ):
+            return None
+        characters = np.frombuffer(words, dtype=np.uint8)
+        line_ends = characters[(characters == ord(",")) | (characters == ord("\n"))] == ord("\n")
+        columns = int(np.argmax(line_ends)) + 1 if line_ends.any() else len(values)
+        alike = line_ends[columns - 1 :: columns].all() and np.count_nonzero(line_ends) == len(values) // columns - 1
+        return values, columns if alike and len(values) % columns == 0 else 0
+
+
+class DeckError(ValueError):
+    """An error in a keyword, with the keyword."""
+
+    def __init__(self, block: DeckBlock, why: str) -> None:
+        self.block = block
+        super().__init__(why)
+
+
+@contextmanager
+def placed(file: Path, block: DeckBlock | None = None) -> Iterator[None]:
+    """Turn what goes wrong with a keyword into a ``MeshError`` that names its line."""
+    try:
+        yield
+    except DeckError as error:
+        raise MeshError(f"{file}: {error.block.origin}: {error}") from None
+    except (ValueError, LookupError, OverflowError, TypeError) as error:
+        words = {
+            IndexError: "a data line ends too early, or is missing",
+            KeyError: f"{error.args[0]} is missing",
+            OverflowError: "a number is too large",
+        }
+        why = words.get(type(error), str(error))
+        raise MeshError(f"{file}: {block.origin + ': ' if block else ''}{why}") from None
+
+
+def split_words(line: str) -> list[str]:
+    """The words of a data line; empty ones at its end are none."""
+    words = [word.strip().strip('"') for word in line.rstrip(", \t").split(",")]
+    return words if any(words) else []
+
+
+def read_keywords(file: Path) -> tuple[list[DeckBlock], list[Path]]:
+    """All keywords of an input file and of the files that it includes, and these files.
+
+    Raises:
+        MeshError: a file cannot be read, or an included one is outside of the folder of the input file.
+    """
+    blocks: list[DeckBlock] = []
+    files: list[Path] = []
+    _read(file, file, "", blocks, files, 0)
+    return blocks, files
+
+
+def files_of(file: Path) -> list[Path]:
+    """An input file and all files that it includes.
+
+    Raises:
+        MeshError: one of them cannot be read.
+    """
+    return read_keywords(file)[1]
+
+
+def _read(deck: Path, file: Path, label: str, blocks: list[DeckBlock], files: list[Path], depth: int) -> None:
+    """Add the keywords of a file; data lines at its beginning are those of the last keyword."""
+    try:
+        content = file.read_bytes()
+    except OSError as error:
+        raise MeshError(f"{file}: cannot be read: {error.strerror or error}") from None
+    files.append(file)
+    wide = content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
+    text = content.decode("utf-16" if wide else "utf-8-sig", errors="replace")
+    text = text.replace("\r\n", "\n").replace("\r", "\n")
+    starts = [match.start() for match in _STAR.finditer(text)]
+    line = 1
+    for begin, end in itertools.pairwise([0, *(start for start in starts if start), len(text)]):
+        chunk, heading_line = text[begin:end], line
+        line += chunk.count("\n")
+        heading, _, data = chunk.partition("\n")
+        if begin not in starts:  # it is no keyword
+            data = chunk
+        elif not heading.strip().startswith("**"):
+            while heading.rstrip().endswith(",") and _PARAMETER.match(data):
+                continuation, _, data = data.partition("\n")
+                heading += continuation
+            name, parameters = _heading(heading.strip())
+            block = DeckBlock(name.replace(" ", ""), parameters, heading_line, name, label)
+            included = block.keyword == "INCLUDE"
+            if not included:
+                blocks.append(block)
+            if included or "INPUT" in parameters:
+                with placed(deck, block):
+                    if len(files) > _MOST_FILES:
+                        raise ValueError(f"there are more than {_MOST_FILES} included files")
+                    inner = _beside(deck, parameters["INPUT"], depth)
+                _read(deck, inner, parameters["INPUT"], blocks, files, depth + 1)
+        if blocks and data.strip():
+            blocks[-1].texts.append(data.strip("\n"))
+
+
+def _heading(line: str) -> tuple[str, dict[str, str]]:
+    """A keyword as it is written, in capitals, and its parameters."""
+    first, *words = (word.strip() for word in line[1:].split(","))
+    pairs = (word.partition("=") for word in words)
+    parameters = {"".join(key.split()).upper(): value.strip().strip('"') for key, _, value in pairs}
+    return " ".join(first.upper().split()), parameters
+
+
+def _beside(deck: Path, name: str, depth: int) -> Path:
+    """The included file with a name.
+
+    Raises:
+        ValueError: it is not in the folder of the input file, or files include each other too deep.
+    """
+    if depth >= _DEEPEST:
+        raise ValueError(f"files include each other more than {_DEEPEST} times deep")
+    folder = deck.parent.resolve()
+    path = (folder / name.replace("\\", "/")).resolve()
+    if not path.is_relative_to(folder):
+        raise ValueError(f"{name!r} is outside of the folder of the input file: put it there")
+    if not os.path.isfile(path):
+        raise ValueError(f"there is no file {name!r} in the folder of the input file")
+    return path
+
+
+def check_rows(block: DeckBlock) -> None:
+    """Check the number of data lines, and of words in lines that name nodes, elements, sets or surfaces.
+
+    Raises:
+        ValueError: a line is empty or too short, or there are too many.
+    """
+    least = _LEAST_WORDS.get(block.keyword, 0)
+    if block.keyword not in _MOST_ROWS and not least:
+        return
+    limit = math.inf if "USER" in block.parameters else _MOST_ROWS.get(block.keyword, math.inf)
+    for number, row in enumerate(block.rows, start=1):
+        if number > limit:
+            raise ValueError(f"data line {number}, {', '.join(row)!r}, is one too many: of which keyword is it?")
+        if len(row) < least:
+            expected = "a name or number, and what is said of it, are" if least > 1 else "a name or number is"
+            written = f"only {row[0]!r}" if row else "no word"
+            raise ValueError(f"data line {number} has {written}: {expected} expected")
+
+
+def real(word: str) -> float:
+    """A number of a data line, perhaps as Fortran writes it; an empty word is zero, as in both programs.
+
+    Raises:
+        ValueError: it is no number, or not finite.
+    """
+    if not word:
+        return 0.0
+    try:
+        number = float(word)
+    except ValueError:
+        number = float(re.sub("[dD]", "E", word))
+    if not math.isfinite(number):
+        raise ValueError(f"a finite number is expected, got {word!r}")
+    return number
+
+
+def real_or_none(word: str) -> float | None:
+    """The same; None: it is no number."""
+    try:
+        return real(word)
+    except ValueError:
+        return None
+
+
+def parameter(block: DeckBlock, key: str) -> float:
+    """The number that a parameter of a keyword has.
+
+    Raises:
+        KeyError: there is no such parameter.
+        ValueError: it is no number, or not finite.
+    """
+    if not (word := block.parameters[key]):
+        raise ValueError(f"{key} has no value")
+    return real(word)
+
+
+def number_of(word: str) -> int | None:
+    """The number of a node or element; None: the word is a name."""
+    return int(word) if word.isascii() and word.isdigit() else None
+
+
+def components(words: Sequence[str]) -> dict[int, float]:
+    """The components that a row of *BOUNDARY prescribes: 1 to 3 are displacements, 4 to 6 rotations.
+
+    Args:
+        words: the row without its node or set.
+
+    Raises:
+        ValueError: a number is none.
+        IndexError: nothing is prescribed.
+    """
+    if (held := _LABELS.get(words[0].upper())) is not None:
+        return {int(component): 0.0 for component in held}
+    first, last, value = (*words, "", "")[:3]
+    return dict.fromkeys(range(int(first), int(last or first) + 1), real(value) if value else 0.0)
+
+
+def coordinates(block: DeckBlock) -> tuple[Ints, Floats]:
+    """The numbers of the nodes of *NODE and their coordinates; those that a line lacks are zero.
+
+    Raises:
+        ValueError: a word is no number.
+    """
+    if (number_table := block.numbers(np.float64)) is not None and number_table[1]:
+        table = number_table[0].reshape(-1, number_table[1])
+        if np.all(table[:, 0] % 1 == 0) and np.abs(table[:, 0]).max() < _LARGEST:
+            return table[:, 0].astype(np.int64), table[:, 1:4].copy()
+    check_rows(block)
+    rows = block.rows
+    width = max((len(row) for row in rows), default=1) - 1
+    numbers, x = np.zeros(len(rows), dtype=np.int64), np.zeros((len(rows), min(width, 3)))
+    for k, (number, *words) in enumerate(rows):
+        numbers[k] = int(number)
+        x[k, : len(words[:3])] = [real(word) for word in words[:3]]
+    return numbers, x
+
+
+def quoted(text: str) -> str:
+    """A text as a scene has it."""
+    return json.dumps(text, ensure_ascii=False)
