@@ -146,7 +146,7 @@ def test_two_bodies():
 
 def test_the_certificate_notices_another_law(monkeypatch):
     """With a law that is solved for and another one that is certified it does not hold."""
-    solved_for = {0: Overclosure(stiffness=100.01)}
+    solved_for = {0: Overclosure(stiffness=99.9)}
     monkeypatch.setattr("signorini_fx.solving.iterated_interfaces.overclosures.overclosures_of", lambda _: solved_for)
     solution = solve(block(LAW), MPI.COMM_WORLD, check=False)
     assert not solution.certificate.holds

@@ -522,7 +522,7 @@ def test_loads_with_the_same_component(tmp_path, capsys):
     ("lines", "said"),
     [
         (["*ELASTIC", "abc, 0.3"], "could not convert string to float: 'abc'"),
-        (["*MATERIAL"], "'NAME' is missing"),
+        (["*MATERIAL"], "NAME is missing"),
         (["*STEP", "*STATIC", "*DSLOAD", "LID, TRVEC, 1., 0., 0., 0."], "a direction is expected"),
         (["*BOUNDARY", "WALL"], "data line 1 has only 'WALL': a name or number, and what is said of it, are expected"),
         (["*SURFACE, NAME=G", "1, 1.0"], "surface 'G': a face S1, S2 ... is expected, not '1.0'"),

@@ -15,7 +15,7 @@ from signorini_fx.addons.judging.problems import judged_problem
 from signorini_fx.addons.judging.soft_contact import SoftLaw
 
 DATA = Path(__file__).parent / "data"
-SOFT = ["shelf_linear", "shelf_tetrahedra", "press_linear"]
+SOFT = ["shelf_linear", "press_linear"]
 LENGTHS = {"shelf_adjusted": 0.032, "shelf_adjusted10": 0.032, "shelf_adjusted8": 0.06}
 ADJUSTED = ["shelf_adjusted", "shelf_adjusted8", "shelf_adjusted10", "shelf_adjusted_set"]
 

@@ -56,6 +56,7 @@ from signorini_fx.mechanics.materials.saint_venant_kirchhoff import SaintVenantK
 from signorini_fx.mechanics.statement import settings
 from signorini_fx.mechanics.statement.generators import known_generators
 from signorini_fx.mechanics.statement.load_path import LoadSteps
+from signorini_fx.mechanics.statement.overclosure import Overclosure
 from signorini_fx.mechanics.statement.rigid_motion import PivotSprings, Prescribed
 from signorini_fx.quantities.table import markdown
 from signorini_fx.records import Status
@@ -502,6 +503,7 @@ MODELS = {
     ("`[[springs]]`", "key"): [springs.Springs],
     ("`[[contact]]`", "key"): [contact.UnilateralContact, contact.BilateralContact, contact.BondedContact],
     ("`[[contact]]`", "key of `friction`"): [NoFriction, Tresca, Coulomb],
+    ("`[[contact]]`", "key of `overclosure`"): [Overclosure],
     ("Rigid bodies", "key of `rigid`"): [Rigid],
     ("Rigid bodies", "key of `prescribed`, `spring`"): [Prescribed, PivotSprings],
     ("Two bodies", "key of `body`"): [scene.Body],

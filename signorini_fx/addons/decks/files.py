@@ -22,7 +22,7 @@ def write_mesh(mesh: MeshArrays, file: Path) -> None:
         MeshError: quadrilaterals with nine nodes or hexahedra with 27, which Abaqus does not have.
     """
     if mesh.kind in ("quad9", "hexahedron27"):
-        raise MeshError(f"{file}: Abaqus has no elements of kind {mesh.kind}: use .vtu or .msh")
+        raise MeshError(f"{file}: .inp cannot hold cells of kind {mesh.kind}: use .vtu or .msh")
     lines = ["*HEADING", "*NODE"]
     lines += [f"{n}, {', '.join(map(repr, x))}" for n, x in enumerate(plain(mesh.points), start=1)]
     lines.append(f"*ELEMENT, TYPE={'CPE' if mesh.dim == 2 else 'C3D'}{mesh.cells.shape[1]}")

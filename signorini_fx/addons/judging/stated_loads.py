@@ -191,7 +191,7 @@ def _forces(
     forces = np.zeros(mesh.points.shape)
     if load.nodal:
         listed: Any = load
-        table = listed.table(load.label, mesh.dim)
+        table = listed.table(mesh.dim)
         for at, region, vector in zip(table.points, table.regions, table.vectors, strict=True):
             forces[_node_at(mesh, at, region or None)] += vector
         return forces
