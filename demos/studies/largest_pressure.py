@@ -4,11 +4,9 @@
 
 Every problem of ``peak_problems`` is drawn from the seed and solved with elements of degree 1 and 2 on meshes whose
 cells are halved from mesh to mesh, the first with a third of the half width of the contact; with ``--adaptive`` it is
-asked for its largest pressure with ``refinement = "adaptive"`` too.  The reference is the top of the pressure on finer
+asked for its largest pressure with ``refinement = "adaptive"`` too.  The reference is the largest pressure on finer
 meshes of degree 2, extrapolated; how far it may be wrong is half of what that adds, and errors of less than three times
-this are left out.  Of meshes before the last one the last one tells the error, and of this one the same with halved
-cells in contact, as where the largest pressure is asked for.  Seeds 1, 2, 21 to 24, 51 and 52 are those that the
-estimates were tuned on.  Written are largest_pressure.csv and what is printed.
+this are left out.  Written are largest_pressure.csv and what is printed.
 
 An error passes through zero where nodes miss the top by as much as it is wrong, which no estimate can see: then the
 ratio is large by chance.  A ratio below 1/2 is the worse one.
@@ -22,7 +20,6 @@ import time
 import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -34,10 +31,8 @@ from signorini_fx.errors import SceneError, SignoriniError
 from signorini_fx.machine.csv_text import write_csv
 from signorini_fx.records import History
 from signorini_fx.results.accuracy.mesh_level import LevelResult
-from signorini_fx.results.accuracy.peak_error import Peak
 from signorini_fx.results.accuracy.price_list import Price, price_list
 from signorini_fx.scenes.mesh_sequence import meshed_scene
-from signorini_fx.solving.finer_zone import peak_of_finer_zone
 from signorini_fx.solving.meshed_problem import MeshedProblem, SolvedMesh
 
 # Sizes of the cells of the meshes, relative to those that a problem names, by its dimension and the degree.
@@ -54,9 +49,7 @@ ASKED = 0.005
 
 @dataclass(frozen=True)
 class Row:
-    """The largest pressure on one mesh; errors are relative, ``reference_error`` is how far the reference is wrong;
-    ``last``: whether no finer mesh tells the error.
-    """
+    """The largest pressure on one mesh; errors are relative, ``reference_error`` is how far the reference is wrong."""
 
     problem: str
     seed: int
@@ -67,7 +60,6 @@ class Row:
     estimated: float
     true: float
     reference_error: float
-    last: bool
 
     @property
     def ratio(self) -> float:
@@ -96,14 +88,14 @@ def meshes_of(make: Make, degree: int, sizes: Sequence[float]) -> list[tuple[Mes
 
 
 def prices_of(meshes: Sequence[tuple[MeshedProblem, SolvedMesh]]) -> tuple[list[LevelResult], list[Price]]:
-    """The meshes and their price list, as where the largest pressure is asked for."""
+    """The meshes and their price list."""
     levels = [solved.level for _, solved in meshes]
-    return levels, price_list(levels, 0.0, zone=peak_of_finer_zone(*meshes[-1]))
+    return levels, price_list(levels, 0.0)
 
 
 def reference_of(levels: Sequence[LevelResult]) -> tuple[float, float]:
     """The largest pressure from meshes of degree 2, extrapolated, and how far it may be wrong, relative."""
-    coarse, fine = (Peak.of(level.table).top for level in levels[-2:])
+    coarse, fine = (float(level.table.columns["pressure"].max()) for level in levels[-2:])
     return fine + (fine - coarse) / 3, abs(fine - coarse) / fine / 6
 
 
@@ -122,12 +114,11 @@ def rows_of(name: str, seed: int, folder: Path, *, adaptive: bool = False) -> li
         runs.append(("adaptive", degree, [one.level for one in found], prices))
     rows = []
     for meshes, degree, levels, prices in runs:
-        for number, (level, price) in enumerate(zip(levels, prices, strict=False)):
+        for level, price in zip(levels, prices, strict=False):
             if level is not None and price.peak is not None:
                 true = float(abs(level.table.columns["pressure"].max() / reference - 1))
                 touching = level.table.touching
-                last = number == len(levels) - 1
-                rows.append(Row(name, seed, meshes, degree, level.dofs, touching, price.peak, true, wrong, last))
+                rows.append(Row(name, seed, meshes, degree, level.dofs, touching, price.peak, true, wrong))
     return rows
 
 
@@ -135,16 +126,15 @@ def summary(rows: Sequence[Row]) -> str:
     """How the ratios are distributed."""
     lines = []
     for meshes in dict.fromkeys(row.meshes for row in rows):
-        for degree, last in product((1, 2), (False, True)):
-            own = [row for row in rows if (row.meshes, row.degree, row.last) == (meshes, degree, last)]
+        for degree in (1, 2):
+            own = [row for row in rows if (row.meshes, row.degree) == (meshes, degree)]
             ratios = np.array([row.ratio for row in own if not row.doubtful])
             if not ratios.size:
                 continue
             below, above = int((ratios < 0.5).sum()), int((ratios > 2).sum())
             least, low, median, high = np.quantile(ratios, (0, 0.1, 0.5, 0.9))
-            which = f"{meshes}, degree {degree}, {'last mesh' if last else 'meshes before it'}"
             lines.append(
-                f"{which}: {ratios.size} ratios, {below} below 1/2 (least {least:.2f}), "
+                f"{meshes}, degree {degree}: {ratios.size} ratios, {below} below 1/2 (least {least:.2f}), "
                 f"{ratios.size - below - above} between, {above} above 2; nine of ten from {low:.2f}, median "
                 f"{median:.2f}, nine of ten below {high:.1f}; {len(own) - ratios.size} left out"
             )

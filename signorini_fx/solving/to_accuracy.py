@@ -23,24 +23,22 @@ from signorini_fx.mechanics.statement.settings import Accuracy
 from signorini_fx.records import History, Status
 from signorini_fx.results.accuracy.local_estimates import LOCAL
 from signorini_fx.results.accuracy.mesh_level import LevelResult
-from signorini_fx.results.accuracy.peak_error import FinerZone
+from signorini_fx.results.accuracy.peak_error import diverging_row
 from signorini_fx.results.accuracy.price_list import (
     Price,
     expected_rates,
     fineness_of,
-    grows_for_ever,
     peak_memory,
     predict,
     price_list,
     with_polygon,
 )
-from signorini_fx.results.accuracy.recovered_force import force_by_recovery, peak_by_recovery
+from signorini_fx.results.accuracy.recovered_force import force_by_recovery
 from signorini_fx.results.deferred_quantities import failure_in_words
 from signorini_fx.results.mechanics import StatedBody
 from signorini_fx.results.solution import Solution
 from signorini_fx.solving.coarser_solution import Unsolved
 from signorini_fx.solving.finer_meshes import Meshes
-from signorini_fx.solving.finer_zone import peak_of_finer_zone
 from signorini_fx.solving.meshed_problem import SolvedMesh
 from signorini_fx.tuned import (
     FEW_NODES,
@@ -52,12 +50,10 @@ from signorini_fx.tuned import (
     MARGIN_OF_OTHERS,
     MEMORY_SHARE,
     MOST_MESHES,
-    PEAK_RATES,
     REGULARISATION_SHARE,
     SMALLEST_JUMP,
     SMALLEST_REMADE_JUMP,
     TINY_CELL,
-    ZONE_WORTH,
 )
 
 # The field with the polygon's error of a quantity.
@@ -83,7 +79,7 @@ def solve_to_accuracy(
     """
     goal, comm, notify = budget.goal, budget.comm, history.add
     degree = meshes.problem.degree
-    rates = expected_rates(degree if meshes.adaptive else 1) | {"peak": PEAK_RATES[degree]}
+    rates = expected_rates(degree if meshes.adaptive else 1)
     levels: list[LevelResult] = []
     state: ContactState | None = None
     last: Solution | None = None
@@ -109,8 +105,8 @@ def solve_to_accuracy(
             elif late:
                 notify(f"accuracy: {ended}")
             return replace(solution, levels=tuple(levels))
-        if goal.of in ("force", "peak") and meshes.adaptive:
-            level = _with_recovered_error(solved, level, goal.of)
+        if goal.of == "force" and meshes.adaptive:
+            level = _with_recovered_error(solved, level)
         if not levels:
             meshes.keep(solved)
         polygon = meshes.problem.polygon_error(solved, polygon)
@@ -120,12 +116,9 @@ def solve_to_accuracy(
         seconds = parallel.clock(comm) - started
         same_mesh = bool(levels) and levels[-1].dofs == level.dofs
         levels = [*levels[: len(levels) - same_mesh], replace(with_polygon(level, polygon), seconds=seconds)]
-        prices = partial(price_list, base_memory=budget.base_memory, rates=rates, uniform=not meshes.adaptive)
-        rows = prices(levels) if len(levels) > 1 else []
-        if goal.of == "peak" and rows and (rows[-2].peak or inf) <= ZONE_WORTH[level.dimension] * goal.target:
-            zone, levels[-1] = _with_finer_zone(meshes, solved, levels[-1], partial(budget.exceeded, rows, last=level))
-            levels[-1] = replace(levels[-1], seconds=parallel.clock(comm) - started)
-            rows = prices(levels, zone=zone)
+        rows = []
+        if len(levels) > 1:
+            rows = price_list(levels, budget.base_memory, rates=rates, uniform=not meshes.adaptive)
         solution = last = replace(solution, levels=tuple(levels), price_list=tuple(rows))
         regularisation = level.pressure_regularisation if goal.of == "pressure" else level.regularisation
         estimate = getattr(rows[-2], goal.of) if rows else _estimate_on_one(levels[0], goal)
@@ -182,42 +175,18 @@ def solve_to_accuracy(
             return replace(solution, status=Status.OUT_OF_REACH)
 
 
-def _with_recovered_error(solved: SolvedMesh, level: LevelResult, of: str) -> LevelResult:
-    """The mesh with the error of contact forces, or of the largest pressure, from stress recovery, where this is known
-    of the problem; collective.
+def _with_recovered_error(solved: SolvedMesh, level: LevelResult) -> LevelResult:
+    """The mesh with the error of contact forces from stress recovery, where this is known of the problem; collective.
 
-    Of meshes that are divided here and there changes of both tell no error.
+    Of meshes that are divided here and there changes of forces tell no error.
     """
     solution, outcome = solved.solution, solved.outcome
     covered = (level.dimension, level.degree) in FORCE_OF_ENERGY and len(solution.steps) == 1
     contact = solution.steps[-1].contact
     if not (covered and isinstance(solution.model, StatedBody)) or outcome is None or contact is None:
         return level
-    recover = force_by_recovery if of == "force" else peak_by_recovery
-    error = recover(solution.model, solved.task, outcome, contact, solution.steps[-1].place)
-    return replace(level, recovered_force=error) if of == "force" else replace(level, recovered_peak=error)
-
-
-def _with_finer_zone(
-    meshes: Meshes, solved: SolvedMesh, level: LevelResult, exceeded: Callable[[float], Exceeded | None]
-) -> tuple[FinerZone | None, LevelResult]:
-    """The largest pressure with halved cells in contact, see ``peak_of_finer_zone``, and the mesh with its cost but the
-    seconds.
-
-    Of meshes that are divided here and there all cells are halved: they do not show what is wrong elsewhere.
-    """
-    history = meshes.problem.history
-    solves_so_far = history.linear_solves
-
-    def allowed(growth: float) -> bool:
-        return exceeded(fineness_of(growth, level.dimension)) is None
-
-    zone = peak_of_finer_zone(meshes.problem, solved, everywhere=meshes.adaptive, allowed=allowed)
-    of_zone = history.iterations[solves_so_far:]
-    factorisations = level.factorisations + sum(record.factorised for record in of_zone)
-    memory = peak_memory(meshes.problem.comm)
-    solves = level.linear_solves + len(of_zone)
-    return zone, replace(level, linear_solves=solves, factorisations=factorisations, memory=memory)
+    error = force_by_recovery(solution.model, solved.task, outcome, contact, solution.steps[-1].place)
+    return replace(level, recovered_force=error)
 
 
 def _smaller_mesh(
@@ -267,8 +236,8 @@ def _certified(solved: SolvedMesh, *, first: bool) -> tuple[SolvedMesh, float, s
 def _out_of_reach(goal: Accuracy, levels: list[LevelResult], margin: float, size: float) -> str:
     """Why no mesh will reach the accuracy; "" if one may."""
     table = levels[-1].table
-    if goal.of == "peak" and grows_for_ever(levels):
-        row = int(np.argmax(table.columns["pressure"]))
+    row = diverging_row([level.table for level in levels]) if goal.of == "peak" else None
+    if row is not None:
         axes = [name for name in "xyz" if name in table.columns]
         # Round-off is no position, and -0 no number.
         point = [round(float(table.columns[name][row]) / size, 9) * size + 0.0 for name in axes]

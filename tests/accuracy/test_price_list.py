@@ -1,16 +1,13 @@
 """The price list of a nested solve: estimates against a reference solution, and the arithmetic behind them."""
 
-import re
 from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from effectivity import of_made_up
-from mpi4py import MPI
 from scenes import alone, example1
 
-from signorini_fx.errors import MeshError
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable
 from signorini_fx.mechanics.statement.settings import Accuracy
 from signorini_fx.results.accuracy import price_list as prices
@@ -19,7 +16,6 @@ from signorini_fx.results.accuracy.forecast import seconds_to_come
 from signorini_fx.results.accuracy.pressure_error import interval_squares, pressure_square
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve
-from signorini_fx.solving import finer_zone
 
 
 def table(s, pressure):
@@ -323,64 +319,3 @@ def test_largest_pressure_from_few_nodes(zone, force):
     for level, row in zip(solution.levels, rows, strict=True):
         assert (row.peak is None) >= (level.table.touching < 8)
     assert min(level.table.touching for level in solution.levels) < 4
-
-
-HALF_DISK = {"generator": "half_disk", "parameters": {"radius": 5.0, "size": 1.0, "contact_zone": 0.7}}
-
-
-def half_disk_on(degree, contact_size, **mesh):
-    """Half a disk on a plane, or on another one below it; with cells of this length in contact."""
-    parameters = {**HALF_DISK["parameters"], "contact_size": contact_size, "order": degree, **mesh}
-    return parse_scene(
-        {
-            "body": [
-                {"name": "upper", "mesh": HALF_DISK | {"parameters": parameters}},
-                {"name": "lower", "mesh": HALF_DISK | {"parameters": parameters}, "rotation": 180.0},
-            ],
-            "element": {"degree": degree},
-            "material": [
-                {"region": "upper", "young": 200.0, "poisson": 0.3},
-                {"region": "lower", "young": 300.0, "poisson": 0.2},
-            ],
-            "displacement": [{"boundary": "lower.top", "x": 0.0, "y": 0.0}, {"boundary": "upper.top", "x": 0.0}],
-            "traction": {"boundary": "upper.top", "pressure": 1.0},
-            "contact": {"boundary": "upper.arc", "against": "lower.arc"},
-        }
-    )
-
-
-@pytest.mark.one_quick
-@pytest.mark.parametrize(("degree", "contact_size"), [(1, 0.08), (2, 0.12)])
-def test_one_more_solve_tells_the_error_of_the_largest_pressure(degree, contact_size):
-    """Two disks, as bodies of their own: halved cells in contact say how far the largest pressure is off."""
-    fine = alone(half_disk_on(2, 0.015, size=0.4)).table.columns["pressure"].max()
-    scene, said = half_disk_on(degree, contact_size), []
-    goal = {"target": 0.02, "of": "peak"}
-    solution = solve(scene.model_copy(update={"accuracy": Accuracy(**goal)}), MPI.COMM_SELF, observers=[said.append])
-    (told,) = (event for event in said if isinstance(event, str) and event.startswith("largest pressure:"))
-    assert told in solution.history.events
-    assert int(re.search(r"(\d+) unknowns", told)[1]) < 3 * solution.model.dofs
-    estimate, true = solution.price_list[-2].peak, abs(solution.table.columns["pressure"].max() / fine - 1)
-    assert 0.5 <= estimate / true <= 2.0
-    # Where another quantity is asked for, nothing is solved for the largest pressure.
-    other = alone(scene.model_copy(update={"accuracy": Accuracy(target=0.1, of="energy")}))
-    assert not any(event.startswith("largest pressure:") for event in other.history.events)
-
-
-@pytest.mark.parametrize("failure", [MemoryError("no memory"), MeshError("no mesh")])
-def test_one_more_solve_that_fails(monkeypatch, failure):
-    """The solution stands with the estimate that it has without; what is wrong in the program is an error."""
-    scene = half_disk_on(1, 0.3)
-    goal = {"accuracy": Accuracy(target=0.05, of="peak")}
-
-    def fails(*given, **named):
-        raise failure
-
-    monkeypatch.setattr(finer_zone, "halved_around", fails)
-    solution = alone(scene.model_copy(update=goal))
-    assert solution.converged
-    assert solution.price_list[-2].peak <= 0.05
-    assert not any(event.startswith("largest pressure:") for event in solution.history.events)
-    failure = ZeroDivisionError()
-    with pytest.raises(ZeroDivisionError):
-        alone(scene.model_copy(update=goal))

@@ -1,6 +1,4 @@
-"""The error of contact forces and of the largest pressure that one mesh tells: true errors, what statics determines,
-and where it is not known.
-"""
+"""The error of contact forces that one mesh tells: true errors, what statics determines, and where it is not known."""
 
 from dataclasses import replace
 
@@ -9,12 +7,9 @@ import pytest
 from mpi4py import MPI
 from scenes import alone
 
-from signorini_fx import solve
 from signorini_fx.records import History
-from signorini_fx.results.accuracy import recovered_force
 from signorini_fx.results.accuracy.force_error import force_error
-from signorini_fx.results.accuracy.peak_error import Peak, seen_by_recovery
-from signorini_fx.results.accuracy.recovered_force import force_by_recovery, peak_by_recovery
+from signorini_fx.results.accuracy.recovered_force import force_by_recovery
 from signorini_fx.scenes.mesh_sequence import meshed_scene
 from signorini_fx.scenes.reading import parse_scene
 
@@ -68,56 +63,6 @@ def test_the_error_that_one_mesh_tells(size):
     level = replace(solved.level, recovered_force=error)
     assert force_error([level, level], uniform=False) == error + level.data
     assert true < error < 2 * true
-
-
-@pytest.mark.parametrize("size", [1.0, 0.7, 0.5])
-def test_the_largest_pressure_that_one_mesh_tells(size):
-    """Against curved elements of degree 2: how far it is above the top around it, and the mean pressure there.  On one
-    of these meshes nodes miss the top by what they are too large by: estimates are farthest above the error there.
-    """
-    solved = meshed_scene(ball(1, size), MPI.COMM_SELF, History()).solved(0, None, None)
-    contact = solved.solution.contact
-    of_mean = peak_by_recovery(solved.solution.model, solved.task, solved.outcome, contact, 0.0)
-    peak, reference = Peak.of(solved.level.table), Peak.of(alone(ball(2, 0.7)).table)
-    true = peak.largest / reference.top - 1
-    assert of_mean > 0
-    assert true / 2 < of_mean < 3 * true
-    assert true / 2 < seen_by_recovery(peak, of_mean) < 4 * true
-
-
-def test_the_largest_pressure_that_is_asked_for():
-    """On meshes that are divided here and there each mesh tells its error, besides that of its data."""
-    asked = {"target": 0.3, "of": "peak", "refinement": "adaptive"}
-    solution = solve(block(accuracy=asked), MPI.COMM_SELF, check=False)
-    level, row = solution.levels[-1], solution.price_list[-2]
-    assert level.recovered_peak > 0
-    seen = seen_by_recovery(Peak.of(level.table), level.recovered_peak)
-    assert row.peak == pytest.approx(seen + level.data, rel=1e-12)
-
-
-def test_contributions_that_cancel(monkeypatch):
-    """Those of the cells do so by chance, and then their sum says nothing: a share of their sizes counts."""
-    solved = meshed_scene(block(), MPI.COMM_SELF, History()).solved(0, None, None)
-    contributions = recovered_force._of_cells
-
-    def told_of_peak():
-        return peak_by_recovery(solved.solution.model, solved.task, solved.outcome, solved.solution.contact, 0.0)
-
-    def cancelling(*given):
-        of_cells = contributions(*given)
-        return of_cells - of_cells.mean()
-
-    error = told_of_peak()
-    monkeypatch.setattr(recovered_force, "_of_cells", cancelling)
-    assert abs(told_of_peak()) > abs(error) / 4
-
-
-def test_no_pressure_has_no_error():
-    """Of a block that is lifted."""
-    scene = block(displacement={"boundary": "top", "x": 0.0, "y": 0.0, "z": 0.02})
-    solved = meshed_scene(scene, MPI.COMM_SELF, History()).solved(0, None, None)
-    contact = solved.solution.contact
-    assert peak_by_recovery(solved.solution.model, solved.task, solved.outcome, contact, 0.0) is None
 
 
 def test_between_two_bodies():

@@ -173,6 +173,7 @@ def test_tetrahedra_to_an_accuracy():
 def test_adaptive_meshes_are_those_of_the_scene(of):
     """The same triangles are divided, and gamma is left to the program alike."""
     goal = Accuracy(target=0.15, of=of, refinement="adaptive")
+    bound = 0.01 if of == "peak" else 0.5  # a shear that jumps at the corner is a pressure without a limit there
     coarsest = generate_mesh("rectangle", {"length": 3.0, "height": 1.0, "nx": 6, "ny": 2, "cell": "triangle"}, COMM)
     scene = parse_scene(
         {
@@ -181,12 +182,12 @@ def test_adaptive_meshes_are_those_of_the_scene(of):
             "material": {"young": 1000.0, "poisson": 0.3},
             "displacement": [{"boundary": "left", "x": 0.0, "y": 0.0}],
             "body_force": {"y": -8.0},
-            "contact": {"boundary": "bottom", "gap": 0.002, "friction": {"law": "tresca", "bound": 0.5}},
+            "contact": {"boundary": "bottom", "gap": 0.002, "friction": {"law": "tresca", "bound": bound}},
             "solver": {} if of == "pressure" else GAMMA,
         }
     )
     theirs = solve(scene.model_copy(update={"mesh": coarsest, "accuracy": goal}), COMM)
-    ours = solve_to_accuracy(block(2, Tresca(0.5), **({} if of == "pressure" else GAMMA)), coarsest, goal)
+    ours = solve_to_accuracy(block(2, Tresca(bound), **({} if of == "pressure" else GAMMA)), coarsest, goal)
     assert [level.dofs for level in ours.levels] == [level.dofs for level in theirs.levels]
     assert ours.price_list[-2].pressure == pytest.approx(theirs.price_list[-2].pressure, rel=1e-6)
     assert ours.price_list[-2].energy == pytest.approx(theirs.price_list[-2].energy, rel=1e-6)

@@ -16,7 +16,8 @@ from signorini_fx.mechanics.kinematics.protocol import Kinematics
 from signorini_fx.mechanics.model import Model
 from signorini_fx.results.accuracy.contact_surface import ContactSurface
 from signorini_fx.results.accuracy.data_error import DataError, contact_cells, data_error
-from signorini_fx.results.accuracy.pressure_error import at_peak, interval_squares, on_facets, pressure_square
+from signorini_fx.results.accuracy.peak_error import corner_rows
+from signorini_fx.results.accuracy.pressure_error import beside, interval_squares, on_facets, pressure_square
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery
 from signorini_fx.results.accuracy.surface_pressure import piece_squares
 from signorini_fx.tuned import POLLUTION
@@ -120,7 +121,8 @@ def combined(
     local, inside_total = total(contact), total(inside)
     top: Floats = np.zeros_like(body)
     if pressed > 0 and table.facets is None:
-        np.add.at(top, cells, local * on_facets(boundary, table, at_peak(table)))
+        rows = np.append(corner_rows(table), np.argmax(table.columns["pressure"]))
+        np.add.at(top, cells, local * on_facets(boundary, table, beside(table, rows)))
     wholes = ((body, error**2), (inside, inside_total), (forces, data))
     shares: list[Floats] = [np.asarray(squares / scale) for squares, scale in wholes if scale > 0]
     return Errors(
@@ -133,7 +135,8 @@ def combined(
         squares={
             "energy": body + data * forces,
             "pressure": contact + (POLLUTION * error) ** 2 * body + data * forces,
-            # Half of it at the top, where the kinks of the pressure are small and the error of the largest one is.
+            # Half of it at the top, where the kinks of the pressure are small and the error of the largest one is, and
+            # at corners, where it may become the largest.
             "peak": contact + top + (POLLUTION * error) ** 2 * body + data * forces,
             "force": sum(shares, np.zeros_like(body)),
         },

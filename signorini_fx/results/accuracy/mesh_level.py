@@ -55,7 +55,6 @@ class LevelResult(MeshCost):
         degree: of the displacement.
         recovered_force: error of contact and friction force as ``recovered_force`` tells it; None: it was not asked
             for.
-        recovered_peak: error of the pressure around its top, likewise.
     """
 
     status: str
@@ -73,7 +72,6 @@ class LevelResult(MeshCost):
     paired: bool = False
     degree: int = 1
     recovered_force: float | None = None
-    recovered_peak: float | None = None
 
     @property
     def dimension(self) -> int:

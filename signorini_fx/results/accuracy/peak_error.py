@@ -1,19 +1,12 @@
-"""The error of the largest contact pressure.
+"""The error of the largest contact pressure, from its changes from mesh to mesh.
 
-The pressure ends like a square root, so that its square is smooth from one end of a contact zone to the other, and that
-of Hertz is a parabola.  A parabola (in space a paraboloid) through the squares around the largest nodal pressure has a
-smooth *top*, and separates what adds up in the error of the largest nodal pressure:
+The largest nodal pressure converges with the rate of ``EXPECTED_RATES``, or with that of its last two changes if it is
+smaller.  As a change may be small by chance, earlier ones count as well, and so does the kink of the pressure at its
+largest node, which may be off the top.
 
-- how far it is above or below the top: the nodes miss the top, and pressures of neighbours scatter.  It is known, with
-  its sign;
-- the error of the top itself, by how it and the largest nodal pressure change from mesh to mesh, their geometric mean,
-  extrapolated with its rate; the last change counts at least, with the rate that is seen where both go on changing the
-  same way and that is smaller.  Its sign is that of the last change of the top;
-- on meshes that are divided here and there, what an error elsewhere in the body adds, and a share of what was seen on
-  the mesh before; in space and of degree 1 the stress on the mesh tells all of it: ``seen_by_recovery``.
-
-No function of the pressures on these meshes that was tried tells more (docs/trust.md).  A finer mesh does, once it is
-solved: ``seen_from_finer``; and so does one that is finer around the contact only: ``seen_from_zone``.
+At a corner of the body the stress may be singular.  Then the pressure there grows with every refinement, and on some
+mesh it exceeds every other one.  So the corners in contact are followed, too.  In space the largest pressure on the rim
+of the contact boundary stands for all of them.
 """
 
 from __future__ import annotations
@@ -24,24 +17,20 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from signorini_fx.mechanics.contact_points.contact_table import ContactTable
+from signorini_fx.mechanics.contact_points.contact_table import ContactTable, is_closed
 from signorini_fx.results.accuracy.contact_surface import ContactSurface
-from signorini_fx.results.accuracy.pressure_error import peak_of
+from signorini_fx.results.accuracy.contact_values import places
+from signorini_fx.results.accuracy.pressure_error import turning
 from signorini_fx.tuned import (
     CHANGES_USED,
+    CORNER_ANGLE,
+    EXPECTED_RATES,
+    FEW_NODES,
     FINER_FACTOR,
-    LEAST_SHARE_OF_PARTS,
-    NODES_AROUND_PEAK,
-    PEAK_RATES,
-    RATE_SEEN_BEFORE,
-    SAME_LENGTH,
-    SCATTER_SHARE,
-    SHARE_BESIDE_ZONE,
-    SHARE_ELSEWHERE,
-    SHARE_OF_LAST_ERROR,
-    SHARE_SEEN_BEFORE,
+    GROWING_MESHES,
+    GROWTH_POWER,
+    LASTING_SHARE,
     SLOWEST_PEAK,
-    ZONE_RATE,
 )
 
 Floats = npt.NDArray[np.float64]
@@ -49,293 +38,167 @@ Ints = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True)
-class Peak:
-    """The largest pressure on one mesh.
+class _Place:
+    """A place of the contact boundary on the last mesh, and on those before it that are coarser there.
 
     Attributes:
-        largest: nodal pressure, stress; 0 without contact.
-        top: of the paraboloid around it, stress.
-        scatter: standard deviation of the pressures around it from the paraboloid, relative.
-        spacing: mean distance of the nodes around it, length; 0 where there is a single one.
+        row: in the table of the last mesh.
+        corner: whether it is a corner of the body.
+        pressure: on these meshes, coarsest first, stress.
+        spacing: of the nodes there, length.
     """
 
-    largest: float
-    top: float
-    scatter: float
-    spacing: float
+    row: int
+    corner: bool
+    pressure: Floats
+    spacing: Floats
 
     @classmethod
-    def of(cls, table: ContactTable) -> Peak:
-        """That of a contact table."""
-        pressure = table.columns["pressure"]
-        row = int(np.argmax(pressure)) if pressure.size else 0
-        if not pressure.size or not pressure[row] > 0:
-            return cls(0.0, 0.0, 0.0, 0.0)
-        largest = float(pressure[row])
-        if table.facets is None:
-            position, rows = _around_on_curve(table, row)
-            # Beside a single pressed node the spacing is that to nodes that are not.
-            spacing = float(np.ptp(position)) / (len(rows) - 1) if len(rows) > 1 else peak_of(table)[1]
-            position = position[:, None]
-        else:
-            position, rows = _around_on_surface(table, row)
-            spacing = float(np.sqrt(table.columns["weight"][rows].mean()))
-        top, scatter = _paraboloid(position, (pressure[rows] / largest) ** 2)
-        return cls(largest, largest * top, scatter, spacing)
+    def on(cls, tables: Sequence[ContactTable], rows: Sequence[int], *, corner: bool) -> _Place:
+        """The place that is a row of each table."""
+        pressure = np.array([table.columns["pressure"][row] for table, row in zip(tables, rows, strict=True)])
+        spacing = np.array([_spacing(table)[row] for table, row in zip(tables, rows, strict=True)])
+        meshes = [len(tables) - 1]
+        for mesh in reversed(range(meshes[0])):
+            if spacing[mesh] >= FINER_FACTOR * spacing[meshes[0]]:
+                meshes.insert(0, mesh)
+        return cls(rows[-1], corner, pressure[meshes], spacing[meshes])
 
+    @property
+    def growth(self) -> Floats:
+        """The powers of 1 / h with which the pressure grows from mesh to mesh; infinite where it begins."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            steps = np.diff(np.log(self.pressure))
+        return np.asarray(steps / -np.diff(np.log(self.spacing)))
 
-@dataclass(frozen=True)
-class _Refinement:
-    """From one mesh to the next.
+    @property
+    def grows(self) -> bool:
+        """Whether the pressure grows with every refinement, on the last meshes by about the same power.
 
-    Attributes:
-        changes: of the top and of the largest nodal pressure, relative, shape (2,).
-        finer: the second mesh, by this factor.
-        to_last: by which the last mesh is finer than the second one.
-    """
-
-    changes: Floats
-    finer: float
-    to_last: float
-
-    def beyond(self, rate: float) -> float:
-        """The error of the top on the last mesh, relative, if it decreases with a rate.
-
-        On coarse meshes the parabola is too wide, on unstructured ones the largest pressure is too rough.
+        Elsewhere than at a corner a pressure may grow until the mesh resolves it: then it must do so twice as often.
         """
-        size = float(np.sqrt(np.abs(self.changes).prod()))
-        return size / (self.finer**rate - 1) / self.to_last**rate
+        meshes = GROWING_MESHES if self.corner else 2 * GROWING_MESHES
+        powers = self.growth[-meshes:]
+        lasting = np.isfinite(powers).all() and len(powers) == meshes and powers[-1] > LASTING_SHARE * powers[0]
+        least = self.pressure[0] * (self.spacing[0] / self.spacing[-1]) ** GROWTH_POWER
+        return bool(lasting and powers.min() > GROWTH_POWER and self.pressure[-1] > least)
+
+    @property
+    def settled(self) -> bool:
+        """Whether the pressure has not grown over the last meshes, or grows ever less."""
+        powers = self.growth[-GROWING_MESHES:]
+        if len(powers) < GROWING_MESHES:
+            return False
+        at_rest = max(powers[-1], np.mean(powers)) <= GROWTH_POWER
+        return bool(at_rest or 0 < powers[-1] <= LASTING_SHARE * powers[0])
+
+    @property
+    def error(self) -> float:
+        """The error of the pressure by the expected rate; infinite where no mesh was coarser."""
+        changes = self.pressure[-1] - self.pressure[-1 - CHANGES_USED : -1]
+        finer = self.spacing[-1 - CHANGES_USED : -1] / self.spacing[-1]
+        return float((np.abs(changes) / (finer ** EXPECTED_RATES["peak"] - 1)).max()) if changes.size else np.inf
+
+    @property
+    def error_by_last_changes(self) -> float:
+        """The same by the rate of the last two changes; 0 where that cannot be told."""
+        changes, steps = np.diff(self.pressure)[-2:], -np.diff(np.log(self.spacing))[-2:]
+        if len(changes) < 2 or not changes.prod() > 0:
+            return 0.0
+        rate = np.log(changes[0] / changes[1] * steps[1] / steps[0]) / steps.mean()
+        return float(abs(changes[1]) / (np.exp(steps[1] * np.clip(rate, SLOWEST_PEAK, EXPECTED_RATES["peak"])) - 1))
 
 
-def _rate_seen(first: _Refinement, last: _Refinement, expected: float) -> float:
-    """The rate with which both changes decrease, from ``SLOWEST_PEAK`` to the expected one; this where one turns."""
-    if not (first.changes * last.changes > 0).all():
-        return expected
-    seen = np.log(first.changes / last.changes) / np.log(last.finer)
-    return float(np.clip(seen.max(), SLOWEST_PEAK, expected))
-
-
-def _refinements(peaks: Sequence[Peak], fineness: Sequence[float] | None) -> list[_Refinement]:
-    """From each mesh to the next, where that is finer at the peak, see ``peak_error``."""
-    last, steps = peaks[-1], []
-    for k in range(1, len(peaks)):
-        coarse, fine = peaks[k - 1], peaks[k]
-        # Between two bodies a node may carry a point and have no neighbour that does: then there is no spacing.
-        if min(coarse.largest, fine.largest, coarse.spacing, fine.spacing, last.spacing) <= 0:
-            continue
-        finer, to_last = coarse.spacing / fine.spacing, fine.spacing / last.spacing
-        if finer < FINER_FACTOR and fineness is not None:
-            finer, to_last = fineness[k] / fineness[k - 1], fineness[-1] / fineness[k]
-        if finer >= FINER_FACTOR:
-            changes = np.array([fine.top - coarse.top, fine.largest - coarse.largest]) / last.largest
-            steps.append(_Refinement(changes, finer, max(to_last, 1.0)))
-    return steps
-
-
-def seen_from_finer(
-    peaks: Sequence[Peak], index: int, degree: int, error: float, fineness: Sequence[float]
-) -> float | None:
-    """The relative error of the largest pressure on a mesh, from a finer one that has been solved since.
-
-    The top of the pressure on the last mesh, extrapolated with its rate, takes the place of the solution.  How far that
-    may be wrong is a share of the error that is estimated on the last mesh.
-
-    Args:
-        peaks: on the meshes, coarsest first.
-        index: of the mesh, which is not the last one.
-        degree: of the displacement.
-        error: of the last mesh, relative.
-        fineness: 1 / h of the meshes, each finer than the one before everywhere.
-
-    Returns:
-        None where the last mesh is no finer at the peak, or without contact on the mesh.
-    """
-    mesh, last = peaks[index], peaks[-1]
-    steps = _refinements(peaks, fineness)
-    comparable = min(mesh.largest, last.largest, last.spacing) > 0
-    if not (comparable and steps and mesh.spacing >= FINER_FACTOR * last.spacing):
-        return None
-    step = steps[-1]
-    beyond = step.changes[0] / (step.finer ** PEAK_RATES[degree] - 1) / step.to_last ** PEAK_RATES[degree]
-    better = last.top + beyond * last.largest
-    return float(np.hypot(mesh.largest / better - 1, SHARE_OF_LAST_ERROR * error)) if better > 0 else None
-
-
-@dataclass(frozen=True)
-class FinerZone:
-    """The largest pressure on a mesh with halved cells in contact.
-
-    Attributes:
-        peak: on it.
-        energy: its estimated error in the energy norm, relative.
-    """
-
-    peak: Peak
-    energy: float
-
-
-def seen_from_zone(last: Peak, zone: FinerZone, error: float) -> float | None:
-    """The relative error of the largest pressure on the last mesh, from the same mesh with halved cells in contact.
-
-    What the top changes by, extrapolated, is the error.  As this may be zero by chance, the scatter around the top and
-    a share of the error that is estimated without this mesh count as well.  What is wrong elsewhere in the body, which
-    this mesh does not show, is about the square of its error in the energy norm (Aubin and Nitsche), or less.
-
-    Args:
-        last: on the last mesh.
-        zone: on the one with halved cells.
-        error: estimated by ``peak_error``, relative.
-
-    Returns:
-        None where the cells around the peak are no smaller.
-    """
-    peak = zone.peak
-    if min(last.largest, peak.largest, peak.spacing) <= 0 or last.spacing < FINER_FACTOR * peak.spacing:
-        return None
-    better = peak.top + (peak.top - last.top) / ((last.spacing / peak.spacing) ** ZONE_RATE - 1)
-    if not better > 0:
-        return None
-    elsewhere = SHARE_ELSEWHERE * zone.energy**2
-    parts = [last.largest / better - 1, SCATTER_SHARE * peak.scatter, SHARE_BESIDE_ZONE * error, elsewhere]
-    return float(np.linalg.norm(parts))
-
-
-def seen_by_recovery(peak: Peak, of_mean: float) -> float | None:
-    """The relative error of the largest pressure on a mesh whose stress tells that of the pressure around it.
-
-    Args:
-        peak: on the mesh.
-        of_mean: the relative error of a mean of the pressure there, with its sign, see ``recovered_force``.
-
-    Returns:
-        None without contact.
-    """
-    if not peak.largest > 0:
-        return None
-    return _of_parts(peak, of_mean)
-
-
-def peak_error(
-    peaks: Sequence[Peak], degree: int, fineness: Sequence[float] | None = None, pollution: float = 0.0
-) -> float | None:
+def peak_error(tables: Sequence[ContactTable]) -> float | None:
     """The relative error of the largest pressure on the last mesh.
 
     Args:
-        peaks: on the meshes, coarsest first.
-        degree: of the displacement.
-        fineness: 1 / h of the meshes, where each is finer than the one before everywhere; None: of meshes that are
-            divided here and there the spacing of the nodes around the peak counts alone.
-        pollution: what an error elsewhere in the body adds, relative.
+        tables: the contact boundary on the meshes, coarsest first.
 
     Returns:
-        None where no mesh was coarser at the peak, without contact, or where a single node may be in contact.
+        None without contact, with few nodes in contact, where no mesh was coarser at the peak, and where the pressure
+        grows at some place, or may do so at a corner.
     """
-    seen = _seen(peaks, degree, fineness)
-    if seen is None:
+    if tables[-1].touching < FEW_NODES or (len(tables) > 1 and 2 * tables[-2].touching < FEW_NODES):
         return None
-    # Meshes are divided until little is seen, which may be so by chance: then what was seen before counts.
-    seen_before = _seen_before(peaks, degree) if fineness is None else 0.0
-    # What the changes do not show at all on meshes that were divided for the peak is no more than what they show.
-    return float(np.hypot(max(seen, SHARE_SEEN_BEFORE * seen_before), min(pollution, max(seen, seen_before))))
-
-
-def _seen(peaks: Sequence[Peak], degree: int, fineness: Sequence[float] | None) -> float | None:
-    """What the pressures around the peak show of the error, see ``peak_error``."""
-    last, rate = peaks[-1], PEAK_RATES[degree]
-    if not last.largest > 0:
+    peak, *corners = _followed(tables)
+    if diverging_row(tables) is not None or not all(corner.settled for corner in corners):
         return None
-    steps = _refinements(peaks, fineness)
-    if not steps:
-        return None
-    of_top = np.sqrt(np.mean([step.beyond(rate) ** 2 for step in steps[-CHANGES_USED:]]))
-    seen_rate = _rate_seen(steps[-2], steps[-1], rate) if len(steps) > 1 else rate
-    of_top = -np.copysign(max(of_top, steps[-1].beyond(seen_rate)), steps[-1].changes[0])
-    return _of_parts(last, of_top)
+    largest = peak.pressure[-1]
+    higher = [corner.pressure[-1] + corner.error - largest for corner in corners]
+    error = max(peak.error, peak.error_by_last_changes, _kink(tables[-1], peak.row) / 4, *higher) / largest
+    return float(error) if np.isfinite(error) else None
 
 
-def _of_parts(last: Peak, of_top: float) -> float:
-    """The error of the largest pressure from that of its top and how far it is off this, relative; the parts may cancel
-    by chance.
+def diverging_row(tables: Sequence[ContactTable]) -> int | None:
+    """The row of the last table where the pressure grows with every refinement; None: there is none.
+
+    Where the nodes in contact were few and became more, it may only not have been resolved so far.
     """
-    above_top = last.largest / last.top - 1
-    parts = np.linalg.norm([above_top, of_top, SCATTER_SHARE * last.scatter])
-    return max(float(abs(above_top + of_top)), float(LEAST_SHARE_OF_PARTS * parts))
+    touching = [table.touching for table in tables[-1 - GROWING_MESHES :]]
+    if touching[-1] == 0 or (touching[0] < touching[-1] and min(touching[-2:]) < FEW_NODES):
+        return None
+    return next((place.row for place in _followed(tables) if place.grows), None)
 
 
-def _seen_before(peaks: Sequence[Peak], degree: int) -> float:
-    """What was seen on the mesh before the last one, as it is expected to have decreased since, or more; 0: nothing."""
-    coarse, last = peaks[-2:]
-    seen = _seen(peaks[:-1], degree, None)
-    if seen is None or min(coarse.spacing, last.spacing) <= 0:
-        return 0.0
-    return float(seen / max(coarse.spacing / last.spacing, 1.0) ** RATE_SEEN_BEFORE[degree])
+def _followed(tables: Sequence[ContactTable]) -> list[_Place]:
+    """The place of the largest pressure, then the corners in contact, on all meshes."""
+    last = tables[-1]
+    tops = [int(np.argmax(table.columns["pressure"])) for table in tables]
+    if last.facets is not None:
+        rims = [np.flatnonzero(ContactSurface.of(table).rim_nodes) for table in tables]
+        on_rims = [int(rim[np.argmax(table.columns["pressure"][rim])]) for rim, table in zip(rims, tables, strict=True)]
+        pressed = last.columns["pressure"][on_rims[-1]] > 0
+        corners = [on_rims] if pressed else []
+    else:
+        turns = [_turns(table) for table in tables]
+        corners = []
+        for row in corner_rows(last):
+            rows = [int(np.linalg.norm(places(table) - places(last)[row], axis=1).argmin()) for table in tables]
+            # The facets of a rounding turn ever less.
+            if turns[-1][row] > LASTING_SHARE * min(turns[0][rows[0]], np.pi):
+                corners.append(rows)
+    is_corner = any(rows[-1] == tops[-1] for rows in corners)
+    found = [_Place.on(tables, tops, corner=is_corner)]
+    return found + [_Place.on(tables, rows, corner=True) for rows in corners]
 
 
-def _around_on_curve(table: ContactTable, row: int) -> tuple[Floats, Ints]:
-    """Arc length from a node, and rows, of the pressed nodes that are nearest to it along the boundary."""
-    pressure = table.columns["pressure"]
+def corner_rows(table: ContactTable) -> Ints:
+    """The rows in contact at corners of the body in the plane, and at the ends of the contact boundary."""
+    return np.flatnonzero((_turns(table) > CORNER_ANGLE) & (table.columns["pressure"] > 0))
+
+
+def _turns(table: ContactTable) -> Floats:
+    """How far the boundary turns at each node in the plane, radians; infinite at its ends."""
+    x, turns = places(table), np.full(len(table.columns["x"]), np.inf)
     for path in table.paths:
-        if row not in path:
-            continue
+        around = np.append(path, path[1]) if is_closed(path) else path
+        turns[around[1:-1]] = turning(*x[around].T)
+    return turns
+
+
+def _spacing(table: ContactTable) -> Floats:
+    """The length of the smaller interval beside each node; in space the side of the area that belongs to it."""
+    if table.facets is not None:
+        return np.asarray(np.sqrt(table.columns["weight"]))
+    spacing = np.full(len(table.columns["x"]), np.inf)
+    for path in table.paths:
+        lengths = np.diff(table.arc(path))
+        for rows in (path[:-1], path[1:]):
+            np.minimum.at(spacing, rows, lengths)
+    return spacing
+
+
+def _kink(table: ContactTable, row: int) -> float:
+    """How far the pressure at a node is off the line through its neighbours; in space the largest such value."""
+    pressure = table.columns["pressure"]
+    if table.facets is not None:
+        surface = ContactSurface.of(table)
+        return float(surface.bends(pressure)[(surface.corners == row).any(axis=1)].max(initial=0.0))
+    for path in table.paths:
         rows, s, _ = table.unrolled(path)
-        places = np.flatnonzero(rows == row)
-        first = last = int(places[len(places) // 2])
-        away = np.abs(s - s[first])
-        pressed = np.append(pressure[rows] > 0, False)
-        while last - first + 1 < min(NODES_AROUND_PEAK, len(path)):
-            left = away[first - 1] if first > 0 and pressed[first - 1] else np.inf
-            right = away[last + 1] if pressed[last + 1] else np.inf
-            nearest = min(left, right)
-            if not np.isfinite(nearest):
-                break
-            # Nodes that are equally far are taken together: the parabola leans to neither side.
-            first -= left <= nearest * (1 + SAME_LENGTH)
-            last += right <= nearest * (1 + SAME_LENGTH)
-        around = slice(first, last + 1)
-        return s[around] - s[int(places[len(places) // 2])], rows[around]
-    return np.zeros(1), np.array([row])
-
-
-def _around_on_surface(table: ContactTable, row: int) -> tuple[Floats, Ints]:
-    """Position from a node in the plane that is nearest to the surface there, shape (n, 2), and rows, of the pressed
-    nodes of the pieces around it and around these.
-    """
-    surface, pressed = ContactSurface.of(table), table.columns["pressure"] > 0
-    rows = np.array([row])
-    for _ in range(2):
-        beside = surface.corners[np.isin(surface.corners, rows).any(axis=1)]
-        rows = np.unique(np.append(rows, beside[pressed[beside]]))
-    x = surface.x[rows] - surface.x[row]
-    axes = np.linalg.svd(x, full_matrices=False)[2][:2]
-    return x @ axes.T, rows
-
-
-def _paraboloid(place: Floats, square: Floats) -> tuple[float, float]:
-    """The root of the top of the paraboloid that is nearest to values, and half of their deviation from it.
-
-    Args:
-        place: of the values, shape (n, 1) or (n, 2); the first mesh may have too few for a paraboloid: then its top
-            is the largest of them, and the deviation that of the others from it.
-        square: the values, the largest 1, shape (n,).
-    """
-    size = float(np.abs(place).max())
-    x = place / size if size > 0 else place
-    first, second = np.triu_indices(x.shape[1])
-    powers = np.column_stack((np.ones(len(x)), x, x[:, first] * x[:, second]))
-    count = powers.shape[1]
-    if len(x) <= count:
-        return 1.0, float(1 - np.sqrt(square).mean())
-    weights, _, rank, _ = np.linalg.lstsq(powers, square, rcond=None)
-    if rank < count:
-        return 1.0, float(1 - np.sqrt(square).mean())
-    values = powers @ weights
-    top = float(values.max())
-    bend = np.zeros((x.shape[1], x.shape[1]))
-    bend[first, second] = weights[1 + x.shape[1] :]
-    bend += bend.T
-    if np.linalg.eigvalsh(bend).max() < 0:  # it has a top, which counts where the nodes are around it
-        at = -np.linalg.solve(bend, weights[1 : 1 + x.shape[1]])
-        if (np.abs(at) <= np.abs(x).max(axis=0)).all() and (x.min(axis=0) <= at).all() and (at <= x.max(axis=0)).all():
-            top = float(weights[0] + weights[1 : 1 + x.shape[1]] @ at / 2)
-    scatter = np.linalg.norm(square - values) / np.sqrt(len(x) - count) / 2
-    return float(np.sqrt(max(top, 0.0))), float(scatter)
+        for at in np.flatnonzero(rows == row):
+            if 0 < at < len(rows) - 1:
+                beside = [at - 1, at + 1]
+                return abs(float(pressure[row] - np.interp(s[at], s[beside], pressure[rows[beside]])))
+    return 0.0

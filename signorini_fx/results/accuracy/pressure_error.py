@@ -199,7 +199,7 @@ def _corners(table: ContactTable, rows: Ints, s: Floats, blur: float = 0.0) -> l
     pairs = [(0, 0), (last, last - 1)]
     if "x" in table.columns:
         x, y = table.columns["x"][rows], table.columns["y"][rows]
-        for node in np.flatnonzero(_turning(x, y) > CORNER_ANGLE) + 1:
+        for node in np.flatnonzero(turning(x, y) > CORNER_ANGLE) + 1:
             pairs += [(node, k) for k in (node - 1, node) if 0 < k < last - 1]
     corners = []
     for node, interval in pairs:
@@ -223,7 +223,7 @@ def corners_of_error(table: ContactTable, kinematics: Kinematics = PLANE_STRAIN)
     return np.column_stack((table.columns["x"][nodes], table.columns["y"][nodes]))
 
 
-def _turning(x: Floats, y: Floats) -> Floats:
+def turning(x: Floats, y: Floats) -> Floats:
     """Angle from each interval to the next, radians, shape (nodes - 2,)."""
     angle = np.diff(np.arctan2(np.diff(y), np.diff(x)))
     return np.abs((angle + np.pi) % (2 * np.pi) - np.pi)
@@ -251,7 +251,7 @@ def _turns_of_curve(table: ContactTable) -> list[float]:
     turns: list[float] = []
     for path in table.paths:
         rows = np.append(path, path[1]) if is_closed(path) else path
-        angle, pressed = _turning(c["x"][rows], c["y"][rows]), c["pressure"][rows] != 0
+        angle, pressed = turning(c["x"][rows], c["y"][rows]), c["pressure"][rows] != 0
         near = pressed[1:-1] | pressed[:-2] | pressed[2:]
         turns += angle[near & (angle > STRAIGHT_ANGLE) & (angle <= CORNER_ANGLE)].tolist()
     return turns
@@ -264,27 +264,9 @@ def _turns_of_surface(table: ContactTable) -> Floats:
     return np.asarray(angle[pressed[:, None] & (angle > STRAIGHT_ANGLE) & (angle <= CORNER_ANGLE)])
 
 
-def peak_of(table: ContactTable) -> tuple[float, float]:
-    """The largest pressure, and the spacing of the nodes there; (0, 0) without contact."""
-    pressure = table.columns["pressure"]
-    row = int(np.argmax(pressure)) if pressure.size else 0
-    if table.facets is not None and row < pressure.size and pressure[row] > 0:
-        return float(pressure[row]), float(np.sqrt(table.columns["weight"][row]))
-    for path in table.paths:
-        if row in path and pressure[row] > 0 and len(path) > 1:
-            rows, s, _ = table.unrolled(path)
-            beside = (rows[:-1] == row) | (rows[1:] == row)
-            return float(pressure[row]), float(np.diff(s)[beside].min())
-    return 0.0, 0.0
-
-
-def at_peak(table: ContactTable) -> list[Floats]:
-    """Equal shares of 1 for the intervals at the node with the largest pressure, one array for each path, shape
-    (rows - 1,); zero without contact.
-    """
-    pressure = table.columns["pressure"]
-    row = int(np.argmax(pressure)) if pressure.size else -1
-    touching = [(path[:-1] == row) | (path[1:] == row) for path in table.paths]
+def beside(table: ContactTable, rows: Ints) -> list[Floats]:
+    """Equal shares of 1 for the intervals beside these rows, one array for each path, shape (intervals,)."""
+    touching = [np.isin(path[:-1], rows) | np.isin(path[1:], rows) for path in table.paths]
     count = sum(int(np.count_nonzero(part)) for part in touching)
     return [part / max(count, 1) for part in touching]
 

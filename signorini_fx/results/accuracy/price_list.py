@@ -1,10 +1,8 @@
 """The price list: one row for each mesh of a nested iteration, with its errors and its cost, and one for the next.
 
-But for one case it needs no solves beyond those of the nested iteration.  The error of the displacement in the energy
-norm is estimated on every mesh by stress recovery, that of the contact pressure by its kinks at the nodes; errors of
-contact force and zone ends by the change from the previous mesh, extrapolated with the expected rate; that of the
-largest pressure by ``peak_error``, on meshes before the last one by what that one tells, and on the last one, if the
-largest pressure is asked for, by one more solve with halved cells in contact; the regularisation error by the
+It needs no solves beyond those of the nested iteration.  The error of the displacement in the energy norm is estimated
+on every mesh by stress recovery, that of the contact pressure by its kinks at the nodes; errors of contact force, zone
+ends and largest pressure by the changes from the previous meshes, extrapolated; the regularisation error by the
 dependence on gamma; that of the iteration by its last residual or change.
 """
 
@@ -28,26 +26,13 @@ from signorini_fx.results.accuracy.contact_values import interpolated, places
 from signorini_fx.results.accuracy.force_error import force_error
 from signorini_fx.results.accuracy.forecast import grown, powers
 from signorini_fx.results.accuracy.mesh_level import LevelResult, MeshCost
-from signorini_fx.results.accuracy.peak_error import (
-    FinerZone,
-    Peak,
-    peak_error,
-    seen_by_recovery,
-    seen_from_finer,
-    seen_from_zone,
-)
-from signorini_fx.results.accuracy.pressure_error import peak_of
+from signorini_fx.results.accuracy.peak_error import peak_error
 from signorini_fx.tuned import (
     CHANGES_USED,
     ENERGY_RATES,
     EXPECTED_RATES,
     FEW_NODES,
-    FINER_FACTOR,
-    GROWING_MESHES,
-    GROWTH_POWER,
-    LASTING_SHARE,
     LEAST_GROWING_TIME,
-    PEAK_RATES,
     POLLUTION,
     POLLUTION_OF_PEAK,
     POLYGON_ERRORS,
@@ -94,24 +79,6 @@ def with_polygon(level: LevelResult, polygon: float) -> LevelResult:
     )
 
 
-def grows_for_ever(levels: Sequence[LevelResult]) -> bool:
-    """Whether the largest pressure has no limit: it grew by about as much each time the mesh was made finer.
-
-    Where the nodes in contact were few and became more, it may only not have been resolved so far.
-    """
-    touching = [level.table.touching for level in levels[-1 - GROWING_MESHES :]]
-    if touching[0] < touching[-1] and min(touching[-2:]) < FEW_NODES:
-        return False
-    seen = [peak_of(level.table) for level in levels]
-    steps = [
-        np.log(fine / coarse) / np.log(h / smaller)
-        for (coarse, h), (fine, smaller) in pairwise(seen)
-        if coarse > 0 and fine > 0 and smaller < h / FINER_FACTOR
-    ]
-    last = steps[-GROWING_MESHES:]
-    return len(last) == GROWING_MESHES and min(last) > GROWTH_POWER and bool(last[-1] > LASTING_SHARE * last[0])
-
-
 def peak_memory(comm: MPI.Comm) -> float:
     """Largest resident memory so far, summed over the ranks, MB; collective."""
     # Linux passes ru_maxrss on through fork and exec: in a small child it would be that of its large parent.
@@ -139,7 +106,6 @@ def price_list(
     *,
     rates: Mapping[str, float] = EXPECTED_RATES,
     uniform: bool = True,
-    zone: FinerZone | None = None,
 ) -> list[Price]:
     """The rows for the meshes that were solved, coarsest first, and one for the next.
 
@@ -149,12 +115,9 @@ def price_list(
         rates: how the errors are expected to decrease with h.
         uniform: whether each mesh is finer than the previous one everywhere, and by about the same factor.  Otherwise
             the change from mesh to mesh is no error: where nothing was divided nothing changes.  Then the ends of the
-            zones are told to one interval, and the largest pressure by the spacing of the nodes at it.
-        zone: the largest pressure on the last mesh with halved cells in contact, which tells its error on that mesh;
-            None: it is not known.
+            zones are told to one interval.
     """
     changes = [_changes(coarse, fine) for coarse, fine in pairwise(levels)]
-    peaks, rates = [Peak.of(level.table) for level in levels], {**rates, "peak": PEAK_RATES[levels[-1].degree]}
     rows = []
     for index, level in enumerate(levels):
         errors: dict[str, float | None] = dict.fromkeys(EXPECTED_RATES)
@@ -166,18 +129,15 @@ def price_list(
             # In space and between two bodies a single change was seen to mislead.
             enough = index > 1 or not (level.dimension == 3 or level.paired)
             errors["force"] = force_error(levels[: index + 1], uniform=uniform) if enough else None
-            if level.recovered_peak is None:
-                pollution = 0.0 if uniform else POLLUTION_OF_PEAK * level.energy**2
-                error = peak_error(peaks[: index + 1], level.degree, fineness if uniform else None, pollution)
-            else:
-                error = seen_by_recovery(peaks[index], level.recovered_peak)
-            errors["peak"] = None if error is None else error + level.data + POLYGON_PEAK * level.polygon
+            errors["peak"] = error = peak_error([level.table for level in levels[: index + 1]])
+            if error is not None:
+                # Changes of meshes that are divided here and there do not show the error elsewhere.
+                elsewhere = 0.0 if uniform else min(error, POLLUTION_OF_PEAK * level.energy**2)
+                errors["peak"] = error + elsewhere + level.data + POLYGON_PEAK * level.polygon
         if level.dimension == 3:
             errors["zone"] = border_of(level.table)
         elif not uniform:
             errors["zone"] = max(errors["zone"] or 0.0, ends_of_zones(level.table) or 0.0) or None
-        if _few_nodes(levels[: index + 1]) or grows_for_ever(levels[: index + 1]):
-            errors["peak"] = None
         errors["pressure"] = level.pressure
         change = changes[index - 1]["pressure"] if index > 0 else None
         if change is not None and level.pressure is not None:
@@ -185,34 +145,9 @@ def price_list(
         level_fields = (*(field.name for field in fields(MeshCost)), "energy", "regularisation", "iteration")
         row: dict[str, Any] = {name: getattr(level, name) for name in level_fields} | errors
         rows.append(Price(**row))
-    if uniform:
-        rows = _seen_from_last(rows, levels, peaks)
     last = levels[-1]
-    if zone is not None and rows[-1].peak is not None:
-        missed = last.data + POLYGON_PEAK * last.polygon
-        told = seen_from_zone(peaks[-1], zone, rows[-1].peak - missed)
-        rows[-1] = rows[-1] if told is None else replace(rows[-1], peak=told + missed)
     following = predict(rows, base_memory, rates=rates, dimension=last.dimension, krylov_from=last.krylov_from)
     return [*rows, following]
-
-
-def _seen_from_last(rows: list[Price], levels: Sequence[LevelResult], peaks: Sequence[Peak]) -> list[Price]:
-    """The rows of the solved meshes with the errors of the largest pressure that the last mesh tells.
-
-    Meshes that are divided here and there do not tell: what is wrong elsewhere in the body is so on all of them.  What
-    the last mesh misses of the data coarser ones miss, too, and no difference between them shows it.
-    """
-    error, fineness = rows[-1].peak, [fineness_of(level.dofs, level.dimension) for level in levels]
-    missed = levels[-1].data
-    if error is None:
-        return rows
-    corrected = []
-    for index, (row, level) in enumerate(zip(rows, levels, strict=True)):
-        seen = None
-        if row.peak is not None and index < len(rows) - 1:
-            seen = seen_from_finer(peaks, index, level.degree, error, fineness)
-        corrected.append(row if seen is None else replace(row, peak=seen + missed + POLYGON_PEAK * level.polygon))
-    return corrected
 
 
 def fineness_of(dofs: float, dimension: int) -> float:
@@ -233,12 +168,6 @@ def _confirmed(coarse: LevelResult, fine: LevelResult, change: float, *, uniform
         return max(estimate, float(change / ((fine.dofs / coarse.dofs) ** (SMOOTH_RATE / fine.dimension) - 1)))
     times = max(1.0, change / coarse.pressure) if coarse.pressure else 1.0
     return float(np.hypot(estimate * times, POLLUTION * fine.energy**2))
-
-
-def _few_nodes(levels: Sequence[LevelResult]) -> bool:
-    """Whether the last mesh, or the one before it, has too few nodes in contact for the top of the pressure."""
-    last = levels[-1].table.touching
-    return last < FEW_NODES or (len(levels) > 1 and 2 * levels[-2].table.touching < FEW_NODES)
 
 
 def _changes(coarse: LevelResult, fine: LevelResult) -> dict[str, float | None]:

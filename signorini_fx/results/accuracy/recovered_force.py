@@ -1,5 +1,4 @@
-"""The error of contact forces and of the pressure around its top on one mesh, from that of the stress and that of the
-stress which they depend on.
+"""The error of contact forces on one mesh, from that of the stress and that of the stress which they depend on.
 
 The forces of foundations along f are a(u, w) - L(w) for all displacements w that are -f in contact and vanish at
 supports, so that their error is a(u - u_h, w_h) for any such w_h of the elements.  Let it be the one of least energy,
@@ -10,9 +9,6 @@ contact itself is not known, which is of higher order (R. Becker and R. Rannache
 
 Both errors are those of stress recovery, and their product follows from the squares for u_h + w_h and for u_h - w_h.
 Contributions of cells may cancel, and where they do so by chance their sum says nothing: shares of both are taken.
-
-A mean of the pressure around its top is such a force, too, with w that decreases away from the top.  Its error is that
-of the smooth part of the pressure, with the sign of the sum; how far a nodal value is off this is known.
 """
 
 from __future__ import annotations
@@ -29,7 +25,7 @@ from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.model import Model
 from signorini_fx.results.accuracy.level_results import make_ready
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery
-from signorini_fx.tuned import CAP_OF_PEAK, FORCE_OF_CELLS, FORCE_OF_SUM, PEAK_OF_CELLS
+from signorini_fx.tuned import FORCE_OF_CELLS, FORCE_OF_SUM
 
 Floats = npt.NDArray[np.float64]
 
@@ -60,30 +56,6 @@ def force_by_recovery(model: Model, task: Task, outcome: Outcome, contact: Conta
         return None
     total, of_sizes = parallel.global_sum(model.comm, np.array([of_cells.sum(), np.abs(of_cells).sum()])) / size
     return float(FORCE_OF_SUM * abs(total) + FORCE_OF_CELLS * of_sizes)
-
-
-def peak_by_recovery(model: Model, task: Task, outcome: Outcome, contact: ContactState, step: float) -> float | None:
-    """The error of a mean of the pressure around its top, relative, positive where the pressure is too large; one back
-    substitution with the last factor, collective.
-
-    Its weight is what the squared pressure, a paraboloid for Hertz's, is above a share of the largest one.  Arguments
-    are those of ``force_by_recovery``.
-
-    Returns:
-        None without pressure, and where the tangent is not symmetric or is none of regularised contact.
-    """
-    pressure, boundary = contact.pressure, contact.boundary
-    top = parallel.largest(boundary.comm, pressure)
-    if not top > 0:
-        return None
-    along = np.zeros((len(pressure), model.tagged.dimension))
-    along[:, 0] = ((pressure.clip(min=0.0) / top) ** 2 - CAP_OF_PEAK).clip(min=0.0)
-    size = float(parallel.global_sum(boundary.comm, boundary.weight @ (pressure * along[:, 0])))
-    of_cells = _of_cells(model, task, outcome, contact, along, step)
-    if of_cells is None:
-        return None
-    total, of_sizes = parallel.global_sum(model.comm, np.array([of_cells.sum(), np.abs(of_cells).sum()])) / size
-    return float(np.copysign(np.hypot(total, PEAK_OF_CELLS * of_sizes), -total))
 
 
 def _of_cells(
