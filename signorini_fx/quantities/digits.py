@@ -63,7 +63,9 @@ def _rounded(value: float, size: float, error: float | None) -> str:
     if error is None and value:  # a small component beside a large one has digits of its own
         uncertain = max(math.floor(math.log10(abs(value))) - _UNKNOWN + 1, uncertain)
     elif error:
-        uncertain = max(math.floor(math.log10(error * size) + 1e-9), largest - _MOST_DIGITS + 1)
+        # An error of more than the size leaves the first digit: 0 would be a claim.
+        uncertain = min(math.floor(math.log10(error * size) + 1e-9), largest)
+        uncertain = max(uncertain, largest - _MOST_DIGITS + 1)
     rounded = round(value, -uncertain)
     if rounded == 0:
         return "0"
@@ -72,6 +74,11 @@ def _rounded(value: float, size: float, error: float | None) -> str:
     if not -4 <= largest < _MOST_DIGITS:
         return f"{rounded:.{max(math.floor(math.log10(abs(rounded))) - uncertain, 0)}e}"
     return f"{rounded:.{max(-uncertain, 0)}f}"
+
+
+def figure_or_error(value: Any, error: float | None) -> str:
+    """The same as ``figure``, with the error where it leaves no digit."""
+    return figure(value, error) + (f" (error {percent(error)})" if error is not None and error >= 1 else "")
 
 
 def percent(error: float) -> str:

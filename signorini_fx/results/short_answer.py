@@ -11,7 +11,7 @@ from typing import Any
 from signorini_fx.machine.display import clean, effort_in_words, results_of, status_in_words, touch_each_other
 from signorini_fx.machine.terminal import COLUMNS, TerminalLine, clauses, printable
 from signorini_fx.quantities.answers import error_in_words
-from signorini_fx.quantities.digits import between, figure
+from signorini_fx.quantities.digits import between, figure, figure_or_error
 from signorini_fx.quantities.families.contact_nodes import boundaries_touched_by
 from signorini_fx.quantities.families.cost import cost_in_words
 from signorini_fx.quantities.families.safety import used_friction
@@ -161,7 +161,8 @@ def _forces(summary: dict[str, Any]) -> list[list[TerminalLine]]:
     def of(row: dict[str, Any], key: str) -> str:
         force = clean(row[key], size)
         names = named_components(kinematics, len(force))
-        return figure(force if len(names) == len(force) else force[next(iter(names))], error_of(summary, key))
+        shown = force if len(names) == len(force) else force[next(iter(names))]
+        return figure_or_error(shown, error_of(summary, key))
 
     slides = has_friction(summary)
     texts = []
@@ -175,7 +176,8 @@ def _forces(summary: dict[str, Any]) -> list[list[TerminalLine]]:
 def _contact(summary: dict[str, Any]) -> list[TerminalLine]:
     if "touching_nodes" not in summary:
         return []
-    touching, peak = summary["touching_nodes"], figure(summary["max_pressure"], error_of(summary, "max_pressure"))
+    touching = summary["touching_nodes"]
+    peak = figure_or_error(summary["max_pressure"], error_of(summary, "max_pressure"))
     coarse = boundaries_touched_by(range(1, UNRESOLVED_NODES + 1), summary)
     pressed = f", largest pressure {peak}" if touching else ""
     text = f"at {touching} of {summary['contact_nodes']} nodes{pressed}"

@@ -123,6 +123,15 @@ def test_safety_is_a_sentence(summary, safety, sentence):
     assert line.split(maxsplit=1)[1] == sentence
 
 
+def test_a_force_of_which_no_digit_is_known(summary):
+    """Its first digit stands with the error: 0 would be a claim."""
+    price = {**dict.fromkeys(("energy", "pressure", "zone", "peak")), "force": 1.9, "predicted": False, "seconds": 1.0}
+    price |= {"dofs": 100, "level": 0}
+    found = summary | {"contact_force": [0.0, 544.8], "friction_force": [30.0, 0.0], "price_list": [price]}
+    (line,) = (line for line in told(found) if "force" in line[:14])
+    assert "(0, 500) (error 190 %)" in line
+
+
 @pytest.mark.parametrize("warnings", [0, 1])
 def test_certificate_that_does_not_hold(summary, warnings):
     """It is said aloud, whatever has to be said beside it."""
