@@ -188,6 +188,10 @@ def _findings(model: Model, steps: Sequence[StepResult]) -> list[Finding]:
     findings += _doubtful_laws(model, steps[-1])
     if solved and (last := steps[-1]).contact is not None:
         findings += tilted_frames(placed(model, last.place), 0.0, last.contact)
+        if last.contact.boundary.paired:
+            from signorini_fx.solving.check.bodies import facets_in_result
+
+            findings += facets_in_result(model, last.contact)
     contact = enumerate(model.statement.placed(_shown(steps).place).contact)
     foundations = [(f"contact[{k}].foundation", effect.surface, effect.gap) for k, effect in contact]
     return findings_of_steps(model, steps, findings, foundations)

@@ -11,6 +11,7 @@ from test_summary_schema import VALIDATOR
 
 from signorini_fx import ConvergenceError, SceneError, read_scene, solve, write_results
 from signorini_fx.addons.pictures import load_steps
+from signorini_fx.results.short_answer import short_answer
 from signorini_fx.results.summary import render, summarise
 from signorini_fx.scenes.checks import check_scene
 from signorini_fx.scenes.cli import main
@@ -503,3 +504,42 @@ def test_no_gamma_makes_wrong_pressures_pass(carried):
         except ConvergenceError:
             failed += 1
     assert failed < 3
+
+
+RING = """Point(1) = {{0, 0, 0}}; Point(2) = {{{0}, 0, 0}}; Point(3) = {{{1}, 0, 0}}; Point(4) = {{0, {1}, 0}};
+Point(5) = {{0, {0}, 0}}; Line(1) = {{2, 3}}; Circle(2) = {{3, 1, 4}}; Line(3) = {{4, 5}}; Circle(4) = {{5, 1, 2}};
+Transfinite Curve{{2, 4}} = {2}; Transfinite Curve{{1, 3}} = 5; Curve Loop(1) = {{1, 2, 3, 4}};
+Plane Surface(1) = {{1}}; Transfinite Surface{{1}} = {{2, 3, 4, 5}}; Physical Surface("body") = {{1}};
+Physical Curve("bottom") = {{1}}; Physical Curve("outer") = {{2}}; Physical Curve("left") = {{3}};
+Physical Curve("inner") = {{4}};
+"""
+
+
+@pytest.mark.parametrize(
+    ("facets", "distance", "wrong"),
+    [((24, 36), "geometry", True), ((24, 36), "nominal", False), ((24, 24), "geometry", False)],
+)
+def test_chords_of_round_sides_that_change_the_pressure(tmp_path, facets, distance, wrong):
+    """Two rings of one material under pressure, which are one body (Lame): the first lines say where the distances
+    between facets decide the pressure, and say nothing where the nodes of both sides match.
+    """
+    for name, ends, count in (("small", (4, 10), facets[0]), ("large", (10, 20), facets[1])):
+        (tmp_path / f"{name}.geo").write_text(RING.format(*ends, count + 1))
+    scene = {
+        "body": [{"name": name, "mesh": {"file": str(tmp_path / f"{name}.geo")}} for name in ("small", "large")],
+        "material": {"young": 1000.0, "poisson": 0.3},
+        "displacement": [
+            {"boundary": f"{name}.{side}", axis: 0.0}
+            for name in ("small", "large")
+            for side, axis in (("bottom", "y"), ("left", "x"))
+        ],
+        "traction": {"boundary": "large.outer", "pressure": 1.0},
+        "contact": {"boundary": "small.outer", "against": "large.inner", "distance": distance},
+    }
+    solution = solve(parse_scene(scene))
+    lame = (1 - 4**2 / 10**2) * 20**2 / (20**2 - 4**2)
+    largest = solution.table.columns["pressure"].max()
+    assert (largest > 2 * lame) == wrong
+    assert wrong or largest == pytest.approx(lame, rel=0.05)
+    lines = [str(line) for line in short_answer(summarise(solution), tmp_path)]
+    assert any("straight facets" in line for line in lines) == wrong

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import numpy.typing as npt
 from dolfinx import mesh as dmesh
@@ -9,9 +11,12 @@ from scipy.spatial import cKDTree
 
 from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.assembly.mesh_entities import facet_entities, facet_vertices
+from signorini_fx.mechanics.contact_points.contact_state import ContactState
+from signorini_fx.mechanics.contact_points.contact_table import contact_table
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.obstacles.carrying_side import SideFigures
 from signorini_fx.records import Finding
+from signorini_fx.results.accuracy.pressure_error import polygon_error
 from signorini_fx.tuned import FACETS_OFF, NO_CURVED_SIDE
 
 _Floats = npt.NDArray[np.float64]
@@ -63,6 +68,40 @@ def paired_findings(body: Model, moved: float) -> list[Finding]:
                     'smaller facets, curved cells, or distance = "nominal"',
                 )
             )
+    return findings
+
+
+def facets_in_result(body: Model, contact: ContactState) -> list[Finding]:
+    """Contacts of two bodies whose pressure is that of the distances between the chords of their curved sides.
+
+    The slopes of both sides differ by the angles between facets; slope times modulus is a pressure.
+
+    Args:
+        body: the model.
+        contact: its contact points in a result; collective.
+    """
+    table = contact_table(contact, *body.statement.sides)
+    assert table.nodes is not None
+    assert body.data is not None
+    findings = []
+    for index, effect in enumerate(body.statement.contact):
+        if effect.against is None or effect.distance != "geometry" or effect.kind == "bonded":
+            continue
+        pressure = np.where(table.nodes[:, 0] == index, table.columns["pressure"], 0.0)
+        own = replace(table, columns={**table.columns, "pressure": pressure})
+        if polygon_error(own, body.scales.modulus) < 1:
+            continue
+        names, on_part = (effect.boundary, effect.against), contact.boundary.part == index
+        off = sum(_off(body, name, contact.boundary.x[on_part]) for name in names)
+        gap = body.data.gap[on_part]
+        gap = gap + parallel.largest(body.comm, -gap, -np.inf)
+        if parallel.largest(body.comm, gap[gap <= off]) > FACETS_OFF * off > 0:  # else the nodes of both sides match
+            text = (
+                f"straight facets of {names[0]!r} and {names[1]!r} are up to {off:.2g} off the curved sides that they "
+                "are chords of, and the distances between them change the pressure as much as the loads do: take "
+                'smaller facets, curved cells, or distance = "nominal"'
+            )
+            findings.append(Finding("warning", f"contact[{index}].distance", text))
     return findings
 
 
