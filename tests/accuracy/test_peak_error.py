@@ -77,8 +77,15 @@ PROBLEMS = {
 }
 
 
-@pytest.mark.parametrize("target", [0.05, 0.01])
-@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize(
+    ("degree", "target"),
+    [
+        (1, 0.05),
+        (2, 0.01),
+        pytest.param(1, 0.01, marks=pytest.mark.slow),
+        pytest.param(2, 0.05, marks=pytest.mark.slow),
+    ],
+)
 @pytest.mark.parametrize("name", PROBLEMS)
 @pytest.mark.parametrize("refinement", ["uniform", "adaptive"])
 def test_corners_in_contact(name, degree, target, refinement):
