@@ -90,6 +90,7 @@ def near_the_last_place(task: Task, start: Start, solve: Callable[[Task, Start],
             break
         start = start.begin_from(outcome.problem.sets, outcome.newton.multipliers())
     (x, sets, data), tractions = outcome.newton.checkpoint(), np.column_stack(outcome.newton.multipliers())
+    assert data is not None
     pressed = np.abs(tractions).max(axis=1) > NO_FORCE * task.natural_gamma * farthest
     loose = np.isin(motions.of_point, untouched(motions, numbers, pressed))
     if task.has_coulomb and parallel.any_rank(comm, bool((without_load & ~loose).any())):

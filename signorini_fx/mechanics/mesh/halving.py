@@ -1,19 +1,15 @@
 """Operations on a mesh in plain arrays: straighten its sides, or halve the sides of all cells; names are kept.
 
-A triangle or quadrilateral is divided into four, a tetrahedron or hexahedron into eight.  Where only some cells are,
-those beside them are divided so that the mesh stays conforming.  Cells with curved sides are divided on their own
-geometry: their children lie on the same curves.
+A triangle or quadrilateral is divided into four, a tetrahedron or hexahedron into eight.  Cells with curved sides are
+divided on their own geometry: their children lie on the same curves.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
-from itertools import combinations, product
+from itertools import product
 
 import numpy as np
-import numpy.typing as npt
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from signorini_fx.mechanics.mesh.files.arrays import MeshArrays, sides_of
 from signorini_fx.mechanics.mesh.files.cells import CELLS, Cell, straight
@@ -70,120 +66,6 @@ def halved(mesh: MeshArrays) -> MeshArrays:
         boundaries={name: _repeated(rows, halves.shape[1]) for name, rows in mesh.boundaries.items()},
         regions={name: _repeated(rows, len(children)) for name, rows in mesh.regions.items()},
     )
-
-
-def halved_in_part(mesh: MeshArrays, chosen: npt.NDArray[np.bool_]) -> MeshArrays:
-    """The mesh with the sides of some cells halved, and conforming.
-
-    Of a triangle, or a face of a tetrahedron, one halved side or all three are: of two the third is halved, too, so
-    that neighbours divide it alike (Bank, Sherman and Weiser, Refinement algorithms and data structures for regular
-    local mesh refinement, 1983; Bey, Tetrahedral grid refinement, Computing 55, 1995).  Of quadrilaterals and hexahedra
-    all sides that are opposite to a halved one are halved, in all cells that they lead to.
-
-    Args:
-        mesh: of any kind.
-        chosen: whether all sides of each cell are halved, shape (m,).
-    """
-    cell, pairs = mesh.cell, edges_of(mesh.cell)
-    edges = np.unique(row_keys(mesh.corners[:, pairs].reshape(-1, 2)), return_inverse=True)[1].reshape(-1, len(pairs))
-    halved_edges = _halved_edges(edges, chosen, cell)
-    patterns, pattern = np.unique(halved_edges[edges], axis=0, return_inverse=True)
-    pattern = pattern.reshape(-1)
-    divided = [[_nodes(child, cell) for child in _parts(cell, pairs[row])] for row in patterns]
-    lattice, number, points = _on_lattice(mesh, [child for children in divided for child in children])
-    owner, side = np.divmod(
-        rows_of(mesh.facet_corners, sides_of(mesh.cells, cell)[:, : len(mesh.facet.corners)]), len(cell.facets)
-    )
-    cells, parents, facets, facet_parents = [], [], [], []
-    for which, children in enumerate(divided):
-        places, holds = _places(children, lattice), np.flatnonzero(pattern == which)
-        cells.append(number[holds][:, places].reshape(-1, len(cell.nodes)))
-        parents.append(np.repeat(holds, len(children)))
-        for at, parts in enumerate(_facets_of(children, places, cell)):
-            rows = np.flatnonzero((pattern[owner] == which) & (side == at))
-            facets.append(number[owner[rows][:, None, None], parts].reshape(-1, parts.shape[1]))
-            facet_parents.append(np.repeat(rows, len(parts)))
-    used, numbers = np.unique(np.concatenate(cells), return_inverse=True)
-    renumbered = np.full(len(points), -1)
-    renumbered[used] = np.arange(used.size)
-    parent, facet_parent = np.concatenate(parents), np.concatenate(facet_parents)
-    order = np.argsort(facet_parent, kind="stable")  # those inside the body stay the last ones
-    facet_parent = facet_parent[order]
-    return MeshArrays(
-        points=points[used],
-        kind=mesh.kind,
-        cells=numbers.reshape(-1, len(cell.nodes)),
-        facets=renumbered[np.concatenate(facets)[order]],
-        boundaries={name: np.flatnonzero(np.isin(facet_parent, rows)) for name, rows in mesh.boundaries.items()},
-        regions={name: np.flatnonzero(np.isin(parent, rows)) for name, rows in mesh.regions.items()},
-    )
-
-
-def edges_of(cell: Cell) -> Ints:
-    """The corners of each edge of a cell, shape (e, 2)."""
-    pairs, at = np.array(list(combinations(range(len(cell.corners)), 2))), np.array(cell.corners)
-    if cell.simplex:
-        return pairs
-    return pairs[np.count_nonzero(at[pairs[:, 0]] != at[pairs[:, 1]], axis=1) == 1]
-
-
-def _halved_edges(edges: Ints, chosen: npt.NDArray[np.bool_], cell: Cell) -> npt.NDArray[np.bool_]:
-    """Which edges are halved so that neighbours divide what they share alike, see ``halved_in_part``; shape (edges,).
-
-    Args:
-        edges: of each cell, in the order of ``edges_of``, shape (m, e).
-        chosen: see ``halved_in_part``.
-        cell: the kind of the cells.
-    """
-    pairs, count = [tuple(pair) for pair in edges_of(cell)], int(edges.max()) + 1
-    halved_edges = np.zeros(count, dtype=bool)
-    halved_edges[edges[chosen]] = True
-    if cell.simplex:
-        corners = combinations(range(len(cell.corners)), 3)
-        faces = [[pairs.index(pair) for pair in combinations(face, 2)] for face in corners]
-        triangles = edges[:, faces].reshape(-1, 3)
-        while (two := halved_edges[triangles].sum(axis=1) == 2).any():
-            halved_edges[triangles[two]] = True
-        return halved_edges
-    # Along the same axis of the reference cell.
-    axis = np.array([np.flatnonzero(np.not_equal(cell.corners[a], cell.corners[b]))[0] for a, b in pairs])
-    first = np.array([np.flatnonzero(axis == k)[0] for k in axis])
-    links = coo_array((np.ones(edges.size), (edges[:, first].ravel(), edges.ravel())), shape=(count, count))
-    count, opposite = connected_components(links, directed=False)
-    return np.isin(opposite, opposite[halved_edges])
-
-
-def _parts(cell: Cell, cut: Ints) -> list[list[_VertexKey]]:
-    """The corners of each child of a cell some of whose edges are halved, in the order of a cell of the kind.
-
-    Args:
-        cell: the kind.
-        cut: the corners of each halved edge, as ``_halved_edges`` leaves them, shape (n, 2).
-    """
-    ends = [tuple(_SIDE * value for value in corner) for corner in cell.corners]
-    if not cell.simplex:
-        axes = [any(cell.corners[a][k] != cell.corners[b][k] for a, b in cut) for k in range(cell.dim)]
-        half = _SIDE // 2
-        lows = product(*[(0, half) if is_cut else (0,) for is_cut in axes])
-        size = [half if is_cut else _SIDE for is_cut in axes]
-        return [
-            [tuple(a + s * e for a, s, e in zip(low, size, corner, strict=True)) for corner in cell.corners]
-            for low in lows
-        ]
-    if len(cut) == len(edges_of(cell)):
-        return _children(cell)
-    if len(cut) == 3:  # those of one face of a tetrahedron
-        face = np.unique(cut)
-        (apex,) = np.setdiff1d(np.arange(len(ends)), face)
-        first, second, third = (ends[k] for k in face)
-        between = _middle([first, second]), _middle([second, third]), _middle([third, first])
-        around = [[first, between[0], between[2]], [between[0], second, between[1]], [between[2], between[1], third]]
-        return [[*corners, ends[apex]] for corners in (*around, list(between))]
-    parts = [ends]
-    for a, b in cut:  # one, or two without a common corner
-        middle = _middle([ends[a], ends[b]])
-        parts = [[middle if at == ends[end] else at for at in part] for part in parts for end in (b, a)]
-    return parts
 
 
 def _facets_of(children: list[list[_VertexKey]], places: Ints, cell: Cell) -> list[Ints]:
@@ -281,7 +163,11 @@ def _children(cell: Cell) -> list[list[_VertexKey]]:
     """The corners of each child, in the order of a cell of the kind."""
     ends = [tuple(_SIDE * value for value in corner) for corner in cell.corners]
     if not cell.simplex:
-        return _parts(cell, edges_of(cell))
+        half = _SIDE // 2
+        lows = product((0, half), repeat=cell.dim)
+        return [
+            [tuple(a + half * e for a, e in zip(low, corner, strict=True)) for corner in cell.corners] for low in lows
+        ]
     mid = {(a, b): _middle([ends[a], ends[b]]) for b in range(len(ends)) for a in range(b)}
     if cell.dim == 2:
         return [
