@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from signorini_fx.addons.judging.printed_digits import last_digit, printed_number
 from signorini_fx.errors import MeshError
-from signorini_fx.tuned import JUDGED_SAME_TIME
 
 # The end of a number whose exponent lacks digits: CalculiX prints two at least.
 _CUT = re.compile(r"[eEdD][-+]?\d?$")
@@ -28,53 +26,37 @@ class NodeTables:
 
     Attributes:
         displacement: three components of each, length, each with half a unit of its last digit.
-        forces: of supports and loads, force, likewise.
         positions: of the nodes, length; none in tables.
         time: of the increment.
         program: that wrote them; "": it does not say.
-        begun: when the last load step began; None: it is not known.
-        step_start: displacement of the increment that ended then, likewise; empty: it is not there.
     """
 
     displacement: Table = field(default_factory=dict)
-    forces: Table = field(default_factory=dict)
     positions: dict[int, list[float]] = field(default_factory=dict)
     time: float | None = None
     program: str = ""
-    begun: float | None = None
-    step_start: Table = field(default_factory=dict)
-
-    def end_increment(self, displacement: Table) -> None:
-        """Another increment follows: keep these displacements if the last load step begins with them."""
-        begun, ended = self.begun, self.time
-        if begun is not None and ended is not None and math.isclose(begun, ended, rel_tol=JUDGED_SAME_TIME):
-            self.step_start = displacement
 
 
-def read_dat(file: Path, begun: float | None = None) -> NodeTables:
-    """The tables of the last increment of a .dat file.
-
-    Args:
-        file: it.
-        begun: when the last load step began, whose first displacement is wanted, too; None: it is not.
+def read_dat(file: Path) -> NodeTables:
+    """The displacements of the last increment of a .dat file.
 
     Raises:
         MeshError: it cannot be read, a row is none, or no table has displacements.
     """
-    tables = NodeTables(program="CalculiX", begun=begun)
-    of_sets: dict[tuple[str, str], Table] = {}
+    tables = NodeTables(program="CalculiX")
+    of_sets: dict[str, Table] = {}
     rows: Table | None = None
     apart = True  # whether the last line was empty
     for row, line in _lines(file):
         if match := _HEADING.match(line):
             time = _number(file, row, match[3])
             if tables.time is not None and time != tables.time:
-                tables.end_increment(_joined(of_sets, "displacements"))
                 of_sets = {}
             tables.time = time
             # Increments that are nearer to each other than times are printed have the same: the last one counts.
-            rows = of_sets[match[1].lower(), match[2].upper()] = {}
-            rows, apart = None if match[1].lower() == "total force" else rows, True  # which is of no node
+            rows, apart = None, True
+            if match[1].lower() == "displacements":
+                rows = of_sets[match[2].upper()] = {}
             continue
         words = line.split()
         if rows is None or not words:
@@ -85,7 +67,7 @@ def read_dat(file: Path, begun: float | None = None) -> NodeTables:
             node = _node(file, row, words[0])
             rows[node] = _row(file, row, words[1:4])
             apart = False
-    tables.displacement, tables.forces = (_joined(of_sets, kind) for kind in ("displacements", "forces"))
+    tables.displacement = {node: values for table in of_sets.values() for node, values in table.items()}
     return _with_displacements(file, tables)
 
 
@@ -94,17 +76,13 @@ def _begins_table(words: list[str]) -> bool:
     return words[0][0].isalpha() and not (len(words) > 2 and all(map(_NUMERIC.match, words[1:])))
 
 
-def read_frd(file: Path, begun: float | None = None) -> NodeTables:
-    """The fields of the last increment of a .frd file.
-
-    Args:
-        file: it.
-        begun: when the last load step began, whose first displacement is wanted, too; None: it is not.
+def read_frd(file: Path) -> NodeTables:
+    """The displacements of the last increment of a .frd file.
 
     Raises:
         MeshError: it cannot be read, a row is none, or no field has displacements.
     """
-    tables = NodeTables(begun=begun)
+    tables = NodeTables()
     rows: Table | None = None
     places = False
     increment: list[str] = []
@@ -112,8 +90,7 @@ def read_frd(file: Path, begun: float | None = None) -> NodeTables:
         head = line[:5]
         if line.startswith("    1PSTEP"):
             if increment != (increment := line.split()[2:]):
-                tables.end_increment(tables.displacement)
-                tables.displacement, tables.forces = {}, {}
+                tables.displacement = {}
         elif line.startswith("    1UPGM"):
             tables.program = line[9:].strip() or tables.program
         elif head == "    2":
@@ -121,12 +98,10 @@ def read_frd(file: Path, begun: float | None = None) -> NodeTables:
         elif line.startswith("  100C"):
             time = _number(file, row, line[12:24])
             if tables.time is not None and time != tables.time:
-                tables.end_increment(tables.displacement or tables.step_start)
-                tables.displacement, tables.forces = {}, {}
+                tables.displacement = {}
             tables.time = time
         elif line.startswith(" -4"):
-            name = line[5:13].strip()
-            rows = tables.displacement if name == "DISP" else tables.forces if name == "FORC" else None
+            rows = tables.displacement if line[5:13].strip() == "DISP" else None
             places = False
         elif line.startswith(" -3"):
             rows, places = None, False
@@ -139,11 +114,6 @@ def read_frd(file: Path, begun: float | None = None) -> NodeTables:
                 rows[node] = _row(file, row, words)
     tables.program = tables.program or "a program that writes .frd"
     return _with_displacements(file, tables)
-
-
-def _joined(of_sets: Mapping[tuple[str, str], Table], kind: str) -> Table:
-    """The tables of one kind of all sets."""
-    return {node: values for (of, _), table in of_sets.items() if of == kind for node, values in table.items()}
 
 
 def _lines(file: Path) -> Iterator[tuple[int, str]]:

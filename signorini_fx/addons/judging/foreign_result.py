@@ -13,14 +13,14 @@ import numpy.typing as npt
 from scipy.spatial import cKDTree
 
 from signorini_fx.addons.judging.calculix_results import NodeTables, Table, read_dat, read_frd
+from signorini_fx.addons.judging.judged_problem import JudgedProblem
 from signorini_fx.addons.judging.printed_digits import significant_digits
-from signorini_fx.addons.judging.problem_data import JudgedMesh, JudgedProblem
 from signorini_fx.addons.judging.tables_of_points import PointTable, read_csv, read_vtu
 from signorini_fx.errors import MeshError
 from signorini_fx.mechanics.mesh.files.arrays import plain
 from signorini_fx.mechanics.mesh.files.shape import Floats
 from signorini_fx.results.fields import VTU, VTU_STEPS
-from signorini_fx.tuned import DIGITS_OF_FILES, JUDGED_SAME_PLACE
+from signorini_fx.tuned import DIGITS_OF_FILES, HALF_SECTOR_OF_CALCULIX, JUDGED_SAME_PLACE
 
 
 @dataclass(frozen=True)
@@ -32,20 +32,18 @@ class ForeignResult:
         program: that made it; "": not known.
         displacement: length, NaN where there is none, shape (n, d).
         half_units: half a unit of the last digit of each component, length, shape (n, d).
-        forces: of supports, as the problem counts force, NaN where there is none, shape (n, d); None: there are none.
         time: of the increment; None: not known.
         digits: with which it was printed; None: with all.
-        step_start: the displacement at the end of the load step before, length, shape (n, d); None: it is not known.
+        further: how many values it has at points that are no nodes of the problem.
     """
 
     name: str
     program: str
     displacement: Floats
     half_units: Floats
-    forces: Floats | None
-    time: float | None
-    digits: int | None
-    step_start: Floats | None = None
+    time: float | None = None
+    digits: int | None = None
+    further: int = 0
 
 
 def read_result(result: object, problem: JudgedProblem) -> ForeignResult:
@@ -63,8 +61,8 @@ def read_result(result: object, problem: JudgedProblem) -> ForeignResult:
     if isinstance(result, str | Path):
         return _read(Path(result), problem)
     if isinstance(result, Mapping):
-        return _of_tables("the result", NodeTables(displacement=_of_mapping(result, problem.mesh.dim)), problem)
-    expected = problem.mesh.points.shape
+        return _of_tables("the result", NodeTables(displacement=_of_mapping(result, problem.arrays.dim)), problem)
+    expected = problem.points.shape
     try:
         numbers = np.asarray(result)
         if np.iscomplexobj(numbers):
@@ -75,7 +73,7 @@ def read_result(result: object, problem: JudgedProblem) -> ForeignResult:
     if values.ndim != 2 or len(values) != expected[0] or values.shape[1] not in (expected[1], 3):
         raise MeshError(f"the result: an array of shape {expected} is expected, not {values.shape}")
     values = _finite(values[:, : expected[1]])
-    return ForeignResult("the result", "", values, np.zeros_like(values), None, None, None)
+    return ForeignResult("the result", "", values, np.zeros_like(values))
 
 
 def _of_mapping(result: Mapping[Any, Any], dim: int) -> Table:
@@ -106,59 +104,39 @@ def _read(file: Path, problem: JudgedProblem) -> ForeignResult:
     if kind == ".pvd":
         return _of_steps(file, problem)
     if kind in readers:
-        return _of_tables(file.name, readers[kind](file, problem.begun), problem)
+        return _of_tables(file.name, readers[kind](file), problem)
     if kind in points:
         return _of_points(file, points[kind](file), problem)
     raise MeshError(f"{file}: results are read from {', '.join([*readers, *points, '.pvd'])}, and folders of ours")
 
 
 def _of_steps(file: Path, problem: JudgedProblem) -> ForeignResult:
-    """The last one of a .pvd file; with one for each load step of the problem, that before is where slip began.
+    """The last one of a .pvd file.
 
     Raises:
         MeshError: it cannot be read, or names no file.
     """
     try:
-        entries = list(ElementTree.parse(file).iter("DataSet"))
-        files = [file.parent / entry.attrib["file"] for entry in entries]
+        files = [file.parent / entry.attrib["file"] for entry in ElementTree.parse(file).iter("DataSet")]
     except OSError as error:
         raise MeshError(f"{file}: cannot be read: {error.strerror or error}") from None
     except (ElementTree.ParseError, KeyError) as error:
         raise MeshError(f"{file}: is no .pvd file: {error}") from None
     if not files:
         raise MeshError(f"{file}: it names no file")
-    last = _read(files[-1], problem)
-    if len(files) == 1 or len(files) != problem.statement.steps:
-        return replace(last, name=file.name)
-    begun = _read(files[-2], problem).displacement
-    return replace(last, name=file.name, step_start=begun if np.isfinite(begun).all() else None)
+    return replace(_read(files[-1], problem), name=file.name)
 
 
 def _of_tables(name: str, tables: NodeTables, problem: JudgedProblem) -> ForeignResult:
     """By the numbers of the nodes."""
-    mesh = problem.mesh
-    displacement, half = _rows(tables.displacement, mesh)
-    forces: Floats | None = None
-    if tables.forces:
-        forces = np.asarray(_rows(tables.forces, mesh)[0] / problem.printed_share, dtype=np.float64)
-    if tables.positions and (away := _misplaced(tables, mesh)):
+    displacement, half = _rows(tables.displacement, problem)
+    if tables.positions and (away := _misplaced(tables, problem)):
         raise MeshError(f"{name}: {away}: it is the result of another mesh")
     digits = significant_digits(np.nan_to_num(displacement), half)
-    step_start = _step_start(tables, problem)
-    return ForeignResult(name, tables.program, displacement, half, forces, tables.time, digits, step_start)
-
-
-def _step_start(tables: NodeTables, problem: JudgedProblem) -> Floats | None:
-    """The displacement at the end of the load step before, shape (n, d); None: it is not there.
-
-    Nodes of rigid bodies, which programs need not print, are where they were prescribed to be then.
-    """
-    displacement = _rows(tables.step_start, problem.mesh)[0]
-    missing = np.isnan(displacement)
-    if problem.prescribed_before is not None:
-        missing &= ~problem.deformable[:, None]
-        displacement[missing] = problem.prescribed_before[missing]
-    return displacement if np.isfinite(displacement).all() else None
+    if tables.program.startswith("CalculiX") and problem.scene.statement.kinematics.words == "axisymmetric":
+        # It prints means over a sector.
+        half += np.abs(np.nan_to_num(displacement)) * (1 - np.cos(HALF_SECTOR_OF_CALCULIX))
+    return ForeignResult(name, tables.program, displacement, half, tables.time, digits)
 
 
 def _finite(values: Floats) -> Floats:
@@ -166,29 +144,31 @@ def _finite(values: Floats) -> Floats:
     return np.where(np.isnan(values), np.inf, values)
 
 
-def _rows(table: Table, mesh: JudgedMesh) -> tuple[Floats, Floats]:
-    values, half = np.full(mesh.points.shape, np.nan), np.zeros(mesh.points.shape)
-    for row, name in enumerate(plain(mesh.names)):
+def _rows(table: Table, problem: JudgedProblem) -> tuple[Floats, Floats]:
+    values, half = np.full(problem.points.shape, np.nan), np.zeros(problem.points.shape)
+    for row, name in enumerate(plain(problem.names)):
         if name in table:
             components, units = table[name]
-            values[row] = _finite(np.array(components[: mesh.dim]))
-            half[row] = units[: mesh.dim]
+            values[row] = _finite(np.array(components[: problem.arrays.dim]))
+            half[row] = units[: problem.arrays.dim]
     return values, half
 
 
-def _misplaced(tables: NodeTables, mesh: JudgedMesh) -> str:
+def _misplaced(tables: NodeTables, problem: JudgedProblem) -> str:
     """A node that is somewhere else than in the problem, in words; "": none is."""
-    for name, x in zip(plain(mesh.names), plain(mesh.points), strict=True):
+    for name, x in zip(plain(problem.names), plain(problem.points), strict=True):
         at = tables.positions.get(name)
-        if at is not None and np.linalg.norm(np.subtract(at[: mesh.dim], x)) > JUDGED_SAME_PLACE * mesh.size:
-            return f"node {name} is at {tuple(at[: mesh.dim])}, in the problem at {tuple(x)}"
+        if (
+            at is not None
+            and np.linalg.norm(np.subtract(at[: problem.arrays.dim], x)) > JUDGED_SAME_PLACE * problem.size
+        ):
+            return f"node {name} is at {tuple(at[: problem.arrays.dim])}, in the problem at {tuple(x)}"
     return ""
 
 
 def _of_points(file: Path, table: PointTable, problem: JudgedProblem) -> ForeignResult:
     """By the numbers of nodes where there are some, else by their positions."""
-    mesh = problem.mesh
-    shape = mesh.points.shape
+    shape = problem.points.shape
     displacement, half = np.full(shape, np.nan), np.zeros(shape)
     if table.numbers is not None:
         order = np.argsort(table.numbers, kind="stable")
@@ -198,23 +178,26 @@ def _of_points(file: Path, table: PointTable, problem: JudgedProblem) -> Foreign
         if other.any():
             node = table.numbers[again[np.argmax(other)]]
             raise MeshError(f"{file}: node {node} is there several times, with different displacements")
-        at = np.minimum(np.searchsorted(table.numbers[order], mesh.names), len(order) - 1)
+        at = np.minimum(np.searchsorted(table.numbers[order], problem.names), len(order) - 1)
         rows = order[at]
-        held = table.numbers[rows] == mesh.names
+        held = table.numbers[rows] == problem.names
     else:
-        rows, held = _rows_at(file, table, mesh)
-    displacement[held] = _finite(table.displacement[rows[held], : mesh.dim])
-    half[held] = table.half_units[rows[held], : mesh.dim]
+        rows, held = _rows_at(file, table, problem)
+    displacement[held] = _finite(table.displacement[rows[held], : problem.arrays.dim])
+    half[held] = table.half_units[rows[held], : problem.arrays.dim]
     digits = significant_digits(np.nan_to_num(displacement), half)
-    return ForeignResult(file.name, "", displacement, half, None, None, digits)
+    further = 0 if table.cells else len(table.displacement) - len(np.unique(rows[held]))
+    return ForeignResult(file.name, "", displacement, half, None, digits, further)
 
 
-def _rows_at(file: Path, table: PointTable, mesh: JudgedMesh) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.bool_]]:
+def _rows_at(
+    file: Path, table: PointTable, problem: JudgedProblem
+) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.bool_]]:
     """The row of the table at each node, and which nodes have one."""
-    near = JUDGED_SAME_PLACE * mesh.size
+    near = JUDGED_SAME_PLACE * problem.size
     if table.points is None:
         raise MeshError(f"{file}: has neither numbers nor positions of nodes: give columns node, or x and y")
-    x = np.pad(mesh.points, ((0, 0), (0, table.points.shape[1] - mesh.dim)))
+    x = np.pad(problem.points, ((0, 0), (0, table.points.shape[1] - problem.arrays.dim)))
     tree = cKDTree(table.points)
     away, rows = tree.query(x)
     held = away <= near
@@ -223,10 +206,10 @@ def _rows_at(file: Path, table: PointTable, mesh: JudgedMesh) -> tuple[npt.NDArr
     at_nodes = [len(rows) for rows in cKDTree(x).query_ball_point(x, near)]
     if max(at_nodes) > 1 and max(several) > 1:
         if table.cells:
-            return _rows_by_cells(file, table, mesh, near)
+            return _rows_by_cells(file, table, problem, near)
         node = int(np.argmax(at_nodes))
         cure = "give a column node with the numbers of the problem"
-        raise MeshError(f"{file}: several nodes are at {tuple(plain(mesh.points[node]))}, as in contact: {cure}")
+        raise MeshError(f"{file}: several nodes are at {tuple(plain(problem.points[node]))}, as in contact: {cure}")
     alike = DIGITS_OF_FILES * float(np.abs(table.displacement).max())
     for place, at_place in zip(plain(x), together, strict=True):
         if len(at_place) > 1 and not np.ptp(table.displacement[at_place], axis=0).max() <= alike:
@@ -235,7 +218,7 @@ def _rows_at(file: Path, table: PointTable, mesh: JudgedMesh) -> tuple[npt.NDArr
 
 
 def _rows_by_cells(
-    file: Path, table: PointTable, mesh: JudgedMesh, near: float
+    file: Path, table: PointTable, problem: JudgedProblem, near: float
 ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.bool_]]:
     """``_rows_at`` where several nodes are at one place: cells with the same middle are the same, with their points.
 
@@ -243,11 +226,11 @@ def _rows_by_cells(
         MeshError: a node has points with different displacements, or no cell has the middle of one of the problem.
     """
     assert table.points is not None
-    x = np.pad(mesh.points, ((0, 0), (0, table.points.shape[1] - mesh.dim)))
-    tree, nodes, rows = cKDTree(x[mesh.cells].mean(axis=1)), [], []
+    x = np.pad(problem.points, ((0, 0), (0, table.points.shape[1] - problem.arrays.dim)))
+    tree, nodes, rows = cKDTree(x[problem.cells].mean(axis=1)), [], []
     for block in table.cells:
         away, cells = tree.query(table.points[block].mean(axis=1))
-        same, of_cells = block[away <= near], mesh.cells[cells[away <= near]]
+        same, of_cells = block[away <= near], problem.cells[cells[away <= near]]
         for points in same.T:
             distance = np.linalg.norm(x[of_cells] - table.points[points][:, None], axis=2)
             at = np.argmin(distance, axis=1)
@@ -264,6 +247,6 @@ def _rows_by_cells(
     alike = DIGITS_OF_FILES * float(np.abs(table.displacement).max())
     differ = np.abs(table.displacement[row] - table.displacement[chosen[node]]).max(axis=1) > alike
     if differ.any():
-        place = tuple(plain(mesh.points[node[np.argmax(differ)]]))
+        place = tuple(plain(problem.points[node[np.argmax(differ)]]))
         raise MeshError(f"{file}: several points are at {place}, with different displacements")
     return chosen, np.isin(np.arange(len(x)), numbers)

@@ -329,9 +329,7 @@ def judge(options: argparse.Namespace) -> int:
     comm = MPI.COMM_WORLD
     start_petsc(comm, options.petsc_options)
     # It reads and solves on one rank alone; the others wait for its verdict.
-    judgement = parallel.on_root(
-        comm, lambda: add_on("judge")(options.problem, options.result, compare=not options.alone)
-    )
+    judgement = parallel.on_root(comm, lambda: add_on("judge")(options.problem, options.result))
     text = json.dumps(judgement.as_dict(), indent=2) if options.json else str(judgement)
     parallel.log_on_root(comm, text)
     return int(judgement.exit_code)

@@ -94,12 +94,11 @@ def parser() -> argparse.ArgumentParser:
         "judge",
         help="check another program's result",
         epilog="Exit codes: 0 it agrees, 2 bad input, 3 internal error, 4 it agrees with what was read of the deck, 5 "
-        "it solves another problem, 6 it violates the problem, 7 it cannot be judged.",
+        "it solves another problem, 6 it violates the problem, 7 it cannot be told.",
     )
     judge.add_argument("problem", type=named_path, metavar="PROBLEM", help="input file, .inp, or scene file (TOML)")
     judge.add_argument("result", type=named_path, metavar="RESULT", help="displacements: .dat, .frd, .csv or .vtu")
     judge.add_argument("--json", action="store_true", help="print JSON instead of text")
-    judge.add_argument("--alone", action="store_true", help="skip the comparison with our own solution")
     sweep = commands.add_parser("sweep", help="solve a scene for several values of one of its entries", epilog=epilog)
     sweep.add_argument("scene", type=named_path, metavar="SCENE", help="scene file (TOML)")
     sweep.add_argument(

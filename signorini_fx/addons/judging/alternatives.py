@@ -1,0 +1,237 @@
+"""Other problems that a result may solve: one load, modulus, friction or gap is another one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from signorini_fx.addons.judging.solution_on_mesh import SolutionOnMesh
+from signorini_fx.errors import SceneError
+from signorini_fx.mechanics.laws.none import NoFriction
+from signorini_fx.mechanics.mesh.files.shape import Floats
+from signorini_fx.mechanics.statement.effect import Load
+from signorini_fx.mechanics.statement.expressions import Expression
+from signorini_fx.scenes.scene import Scene
+from signorini_fx.tuned import JUDGED_PROMISING, JUDGED_ROUNDS, JUDGED_TRIED, JUDGED_TRIED_STEP
+
+
+@dataclass(frozen=True)
+class Alternative:
+    """A number of the problem that may be another one.
+
+    Attributes:
+        text: what to say of a value.
+        start: its value in the problem.
+        trial: another value, from which its effect is seen.
+        entries: the entries of the scene with a value.
+        least: the smallest value.
+    """
+
+    text: Callable[[float], str]
+    start: float
+    trial: float
+    entries: Callable[[float], dict[str, Any]]
+    least: float = -np.inf
+
+
+@dataclass(frozen=True)
+class FoundAlternative:
+    """An alternative that a result is near to.
+
+    Attributes:
+        text: in words.
+        value: of it.
+        distance: of the result from our solution of it on the same mesh, in the energy norm.
+    """
+
+    text: str
+    value: float
+    distance: float
+
+
+def nearest_alternative(on_mesh: SolutionOnMesh, v: Floats, enough: float) -> FoundAlternative | None:
+    """The alternative whose solution is nearest to a displacement; None: there is none.
+
+    Args:
+        on_mesh: our solution of the problem.
+        v: the displacement, length, shape (n, d).
+        enough: a distance at which no nearer one is sought, in the energy norm.
+    """
+    size = float(np.abs(on_mesh.displacement).max())
+    tried = [_Trial.of(on_mesh, v, alternative) for alternative in _alternatives(on_mesh.problem.scene, size)]
+    most = JUDGED_PROMISING * on_mesh.norm(v - on_mesh.displacement)
+    promising = [trial for trial in tried if trial is not None and trial.expected <= most]
+    promising.sort(key=lambda trial: trial.expected)
+    found = []
+    for trial in promising[:JUDGED_TRIED]:
+        found.append(trial.followed(enough))
+        if found[-1].distance <= enough:
+            break
+    return min(found, key=lambda candidate: candidate.distance, default=None)
+
+
+@dataclass
+class _Trial:
+    """The values of an alternative that were tried, their solutions, and how far the displacement is from these."""
+
+    on_mesh: SolutionOnMesh
+    v: Floats
+    alternative: Alternative
+    values: list[float]
+    solved: list[Floats]
+    distances: list[float]
+
+    @classmethod
+    def of(cls, on_mesh: SolutionOnMesh, v: Floats, alternative: Alternative) -> _Trial | None:
+        """With two values beside that of the problem; None: there are no solutions, or it has no effect."""
+        ours = on_mesh.displacement
+        trial = cls(on_mesh, v, alternative, [alternative.start], [ours], [on_mesh.norm(v - ours)])
+        return trial if trial.add(alternative.trial) and trial.step() else None
+
+    def add(self, value: float) -> bool:
+        """Try a value; whether it is another one and has a solution."""
+        u = None if value == self.values[-1] else _solved(self.on_mesh, self.alternative, value)
+        if u is None:
+            return False
+        self.values.append(value)
+        self.solved.append(u)
+        self.distances.append(self.on_mesh.norm(self.v - u))
+        return True
+
+    @property
+    def _slope(self) -> Floats:
+        return np.asarray((self.solved[-1] - self.solved[-2]) / (self.values[-1] - self.values[-2]))
+
+    def step(self) -> bool:
+        """Try the value that is best by the last two; whether there is one."""
+        slope, away = self._slope, self.v - self.solved[-1]
+        square = self.on_mesh.product(slope, slope)
+        if not square > 0:
+            return False
+        return self.add(max(self.values[-1] + self.on_mesh.product(away, slope) / square, self.alternative.least))
+
+    @property
+    def expected(self) -> float:
+        """The least distance by the last two values."""
+        slope, away = self._slope, self.v - self.solved[-1]
+        square = self.on_mesh.product(slope, slope)
+        beside = away if not square > 0 else away - self.on_mesh.product(away, slope) / square * slope
+        return min(self.on_mesh.norm(beside), *self.distances)
+
+    def followed(self, enough: float) -> FoundAlternative:
+        """The value whose solution is nearest."""
+        for _ in range(JUDGED_ROUNDS):
+            if min(self.distances) <= enough or not self.step():
+                break
+        best = int(np.argmin(self.distances[1:])) + 1
+        return FoundAlternative(self.alternative.text(self.values[best]), self.values[best], self.distances[best])
+
+
+def _solved(on_mesh: SolutionOnMesh, alternative: Alternative, value: float) -> Floats | None:
+    try:
+        return on_mesh.with_entries(alternative.entries(value))
+    except SceneError:  # the scene with this value contradicts itself
+        return None
+
+
+def _alternatives(scene: Scene, size: float) -> Iterator[Alternative]:
+    """All of a scene; ``size``: of the displacement, length."""
+    loads = [
+        (key, number)
+        for key, entries in scene.statement.effects.items()
+        for number, entry in enumerate(entries)
+        if isinstance(entry, Load) and key != "displacement"
+    ]
+    factor, trial = 1.0, 1.0 + JUDGED_TRIED_STEP
+    if loads:
+        yield Alternative(
+            lambda value: f"its loads are {value:.4g} times the problem's, or its moduli {1 / value:.4g} times",
+            factor,
+            trial,
+            lambda value: _loaded(scene, loads, value),
+        )
+    for load in loads if len(loads) > 1 else ():
+        where = _named(*load, scene)
+        yield Alternative(
+            lambda value, where=where: f"its {where} is {value:.4g} times the problem's",  # type: ignore[misc]
+            factor,
+            trial,
+            lambda value, load=load: _loaded(scene, [load], value),  # type: ignore[misc]
+        )
+    materials = scene.material
+    for number, material in enumerate(materials if len(materials) > 1 else ()):
+        if getattr(material, "young", None) is not None:
+            yield Alternative(
+                lambda value, material=material: (  # type: ignore[misc]
+                    f"its modulus of {material.region} is {value:.4g} times the problem's"
+                ),
+                factor,
+                trial,
+                lambda value, number=number: _changed(  # type: ignore[misc]
+                    scene, "material", number, young=value * materials[number].young
+                ),
+                JUDGED_TRIED_STEP,
+            )
+    for number, contact in enumerate(scene.contact):
+        if contact.bonded:
+            continue
+        yield from _of_friction(scene, number, contact)
+        yield Alternative(
+            lambda value, contact=contact: f"its gap of {contact.boundary} is larger by {value:.4g}",  # type: ignore[misc]
+            0.0,
+            JUDGED_TRIED_STEP * size,
+            lambda value, number=number, contact=contact: _changed(  # type: ignore[misc]
+                scene, "contact", number, gap=_shifted(contact.gap, value)
+            ),
+        )
+
+
+def _of_friction(scene: Scene, number: int, contact: Any) -> Iterator[Alternative]:
+    """Another coefficient or bound of friction, or any, where there is none."""
+    friction = contact.friction
+    law = {"law": "coulomb", "coefficient": 0.0} if isinstance(friction, NoFriction) else friction.model_dump()
+    key = next((key for key in ("coefficient", "bound") if isinstance(law.get(key), float)), None)
+    if key is None:
+        return
+    start = float(law[key])
+
+    def entries(value: float) -> dict[str, Any]:
+        return _changed(scene, "contact", number, friction={**law, key: value} if value > 0 else NoFriction())
+
+    def text(value: float) -> str:
+        return f"its {key} of friction on {contact.boundary} is {value:.4g}, not {start:.4g}"
+
+    yield Alternative(text, start, start / 2 if start > 0 else JUDGED_TRIED_STEP, entries, 0.0)
+
+
+def _named(key: str, number: int, scene: Scene) -> str:
+    entry = scene.statement.effects[key][number]
+    where = next((str(at) for name in ("boundary", "region", "at") if (at := getattr(entry, name, None))), "")
+    return f"{entry.label.replace('_', ' ')} {number + 1}" + (f" on {where}" if where else "")
+
+
+def _loaded(scene: Scene, loads: Sequence[tuple[str, int]], value: float) -> dict[str, Any]:
+    """Entries with some loads that are so many times as large."""
+    entries: dict[str, Any] = {}
+    for key, number in loads:
+        several = list(entries.get(key, scene.statement.effects[key]))
+        factors = several[number].factors or (1.0,) * scene.statement.steps
+        several[number] = several[number].model_copy(update={"factors": tuple(value * share for share in factors)})
+        entries[key] = several
+    return {key: several[0] if key in scene.statement.single else several for key, several in entries.items()}
+
+
+def _changed(scene: Scene, key: str, number: int, **values: Any) -> dict[str, Any]:
+    """The list of one key with other values of one entry."""
+    entries = list(getattr(scene, key))
+    entries[number] = entries[number].remade(**values)
+    return {key: entries}
+
+
+def _shifted(gap: Any, by: float) -> Any:
+    if isinstance(gap, float):
+        return gap + by
+    return Expression(f"({gap}) + {by!r}", allows_time=True) if isinstance(gap, Expression) else gap

@@ -1,0 +1,163 @@
+"""The problem that a result is judged against: a scene on a mesh whose nodes have the numbers of the result."""
+
+from __future__ import annotations
+
+import tempfile
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import mpi4py.MPI  # noqa: F401  # first: PETSc and dolfinx from PyPI find the library of MPI where it is loaded
+import numpy as np
+from dolfinx import mesh as dmesh
+from dolfinx.io.utils import cell_perm_vtk
+from mpi4py import MPI
+
+from signorini_fx.addons.decks.draft import draft
+from signorini_fx.errors import SceneError
+from signorini_fx.machine import compat
+from signorini_fx.mechanics.mesh.files.arrays import MeshArrays, sides_of
+from signorini_fx.mechanics.mesh.files.cells import CELLS, Cell
+from signorini_fx.mechanics.mesh.files.raw import row_keys, rows_of
+from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
+from signorini_fx.mechanics.mesh.tagged import TaggedMesh, check_fits
+from signorini_fx.scenes.mesh import load_mesh
+from signorini_fx.scenes.reading import as_scene, read_scene
+from signorini_fx.scenes.scene import Scene
+
+
+@dataclass(frozen=True)
+class JudgedProblem:
+    """A problem.
+
+    Attributes:
+        scene: what is stated.
+        arrays: its mesh with the nodes of its elements.
+        names: the numbers of the nodes that a result has, which are the first ones of the mesh, shape (n,).
+        lost: what the scene lacks of its input file.
+        time: at the end of the last load step; None: not known.
+        unjudged: what it has that cannot be judged; empty: nothing.
+    """
+
+    scene: Scene
+    arrays: MeshArrays
+    names: Ints
+    lost: tuple[str, ...] = ()
+    time: float | None = None
+    unjudged: tuple[str, ...] = ()
+
+    @property
+    def points(self) -> Floats:
+        """Positions of the nodes that a result has, length, shape (n, d)."""
+        return self.arrays.points[: len(self.names)]
+
+    @property
+    def cells(self) -> Ints:
+        """Of each cell the nodes that a result has, shape (m, k)."""
+        cells = self.arrays.cells
+        return cells[:, (cells < len(self.names)).all(axis=0)]
+
+    @cached_property
+    def size(self) -> float:
+        """The diagonal of the box around the mesh, length."""
+        return float(np.linalg.norm(np.ptp(self.arrays.points, axis=0)))
+
+
+def judged_problem(problem: object) -> JudgedProblem:
+    """The problem of an input file or of a scene.
+
+    Args:
+        problem: the path of an input file (.inp) of Abaqus or CalculiX or of a scene; a ``Scene``, or its mapping.
+
+    Raises:
+        MeshError: the file is no such input file.
+        SceneError: the scene is wrong, or what was drafted from the input file.
+    """
+    if isinstance(problem, str | Path) and Path(problem).suffix.lower() == ".inp":
+        return _of_deck(Path(problem))
+    scene = as_scene(problem)
+    mesh = load_mesh(scene, MPI.COMM_SELF)
+    check_fits(scene.statement, mesh)
+    arrays = _arrays_of(mesh, scene.element.degree)
+    names, unjudged = np.arange(1, len(arrays.points) + 1), _unjudged(scene, arrays)
+    if mesh.subdivided:
+        unjudged.append(f"its mesh has other cells than its file: {mesh.note}")
+    return JudgedProblem(scene, arrays, names, unjudged=tuple(unjudged))
+
+
+def _of_deck(file: Path) -> JudgedProblem:
+    with tempfile.TemporaryDirectory() as folder:
+        target = Path(folder) / f"{file.stem}.toml"
+        drafted = draft(file, target)
+        target.write_text(drafted.text, encoding="utf-8")
+        try:
+            scene = read_scene(target)
+        except SceneError as error:
+            raise error.of(file) from None
+    deck = drafted.deck
+    time = deck.ends.get(len(deck.steps) - 1, float(max(1, len(deck.steps))))
+    unjudged = tuple(_unjudged(scene, deck.mesh))
+    return JudgedProblem(scene, deck.mesh, deck.names, tuple(drafted.lost), time, unjudged)
+
+
+def _unjudged(scene: Scene, arrays: MeshArrays) -> list[str]:
+    """What of a problem cannot be judged, in words."""
+    reasons = []
+    if scene.statement.nonlinear:
+        reasons.append("materials that are not linear are not judged")
+    if scene.element.volumetric == "mixed":
+        reasons.append("elements with a pressure of their own are not judged")
+    if scene.element.degree < arrays.degree:
+        reasons.append("elements of degree 1 on cells of degree 2 are not judged: set element.degree = 2")
+    if scene.statement.kinematics.out_of_section:
+        reasons.append("displacements out of the section are not judged")
+    if scene.statement.sections:
+        reasons.append("sections inside a body, such as those of bolts, are not judged")
+    if scene.rigid or any(entry.tool is not None for entry in scene.contact):
+        reasons.append("rigid bodies that forces move are not judged")
+    return reasons
+
+
+def _arrays_of(mesh: TaggedMesh, degree: int) -> MeshArrays:
+    """A mesh as arrays, with the nodes between corners that elements of a degree have."""
+    of_mesh, dim = mesh.mesh, mesh.dimension
+    geometry_degree = compat.geometry_degree(of_mesh)
+    corners = {"triangle": 3, "quadrilateral": 4, "tetrahedron": 4, "hexahedron": 8}[of_mesh.topology.cell_name()]
+    kind = next(
+        kind
+        for kind, cell in CELLS.items()
+        if cell.dim == dim and cell.degree == geometry_degree and len(cell.corners) == corners
+    )
+    order = np.argsort(cell_perm_vtk(of_mesh.topology.cell_type, len(CELLS[kind].nodes)))
+    cells = compat.geometry_cells(of_mesh)[:, order].astype(np.int64)
+    points = of_mesh.geometry.x[:, :dim].astype(np.float64)
+    if degree > geometry_degree:
+        kind, cells, points = _with_nodes_between(CELLS[kind], cells, points)
+    sides, width = sides_of(cells, CELLS[kind]), len(CELLS[CELLS[kind].facet].corners)
+    boundaries, facets, count = {}, [], 0
+    for label in mesh.boundaries:
+        named = mesh.facets(label)
+        ends = dmesh.entities_to_geometry(of_mesh, dim - 1, named)[:, :width].astype(np.int64)
+        facets.append(sides[rows_of(ends, sides[:, :width])] if named.size else sides[:0])
+        boundaries[label] = count + np.arange(named.size)
+        count += named.size
+    rows = np.concatenate(facets)
+    _, first, number = np.unique(row_keys(rows[:, :width]), return_index=True, return_inverse=True)
+    boundaries = {label: np.sort(number[members]) for label, members in boundaries.items()}
+    regions = {label: np.sort(mesh.cells(label).astype(np.int64)) for label in mesh.regions}
+    return MeshArrays(points, kind, cells, rows[first], boundaries, regions)
+
+
+def _with_nodes_between(cell: Cell, cells: Ints, points: Floats) -> tuple[str, Ints, Floats]:
+    """Kind, nodes and points of the cells of degree 2 with the corners, and the shape, of some of degree 1."""
+    full_cell = next(c for c in CELLS.values() if c.corners == cell.corners and c.degree == 2)
+    columns, further = [cells], [points]
+    count = len(points)
+    for size in sorted({len(members) for members in full_cell.nodes} - {1}):
+        between = np.array([members for members in full_cell.nodes if len(members) == size])
+        rows = cells[:, between].reshape(-1, size)
+        _, first, numbers = np.unique(row_keys(rows), return_index=True, return_inverse=True)
+        columns.append(count + numbers.reshape(len(cells), -1))
+        further.append(points[rows[first]].mean(axis=1))
+        count += len(first)
+    return full_cell.kind, np.hstack(columns), np.concatenate(further)

@@ -1,0 +1,236 @@
+"""Our solution of a problem on one mesh, and what another displacement of that mesh is beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import mpi4py.MPI  # noqa: F401  # first: PETSc and dolfinx from PyPI find the library of MPI where it is loaded
+import numpy as np
+import scipy.sparse as sp
+from dolfinx import fem
+from mpi4py import MPI
+from scipy.sparse.linalg import lsqr, splu
+
+from signorini_fx.addons.decks.tagged_arrays import tagged
+from signorini_fx.addons.judging.judged_problem import JudgedProblem
+from signorini_fx.machine import compat
+from signorini_fx.mechanics.body.elastic_body import sum_of
+from signorini_fx.mechanics.mesh.files.arrays import MeshArrays
+from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
+from signorini_fx.mechanics.mesh.halving import halved
+from signorini_fx.mechanics.mesh.tagged import TaggedMesh
+from signorini_fx.results.certificate.certificate import Certificate
+from signorini_fx.results.certificate.promised_law import PreviousStep, Tractions
+from signorini_fx.results.solution import Solution
+from signorini_fx.scenes.solver import solve
+
+
+class NotJudgedError(Exception):
+    """Why a result cannot be judged."""
+
+
+@dataclass(frozen=True)
+class SolutionOnMesh:
+    """Our solution on a mesh.  Displacements have the order of its nodes, shape (n, d).
+
+    Attributes:
+        problem: what is solved.
+        arrays: the mesh.
+        mesh: the same for the solver.
+        solution: ours.
+        block: of each node, the number of its unknowns, shape (n,).
+    """
+
+    problem: JudgedProblem
+    arrays: MeshArrays
+    mesh: TaggedMesh
+    solution: Solution
+    block: Ints
+
+    @classmethod
+    def of(cls, problem: JudgedProblem, arrays: MeshArrays) -> SolutionOnMesh:
+        """That on a mesh in arrays.
+
+        Raises:
+            NotJudgedError: there is none.
+        """
+        mesh = tagged(arrays, straight=False)
+        solution = _solved(problem, mesh)
+        space = solution.displacement.function_space
+        block = np.empty(len(arrays.points), dtype=np.int64)
+        numbers = np.asarray(space.mesh.geometry.input_global_indices)[compat.geometry_cells(space.mesh)]
+        block[numbers.ravel()] = space.dofmap.list.ravel()
+        return cls(problem, arrays, mesh, solution, block)
+
+    def finer(self) -> SolutionOnMesh:
+        """That on the mesh with all sides halved.
+
+        Raises:
+            NotJudgedError: there is none.
+        """
+        return SolutionOnMesh.of(self.problem, halved(self.arrays))
+
+    def on_finer(self, u: Floats) -> Floats:
+        """The same displacement at the nodes of the mesh with all sides halved."""
+        # What is done to positions, which the shape functions of the cells interpolate, is done to displacements, too.
+        return halved(replace(self.arrays, points=u)).points
+
+    def with_entries(self, entries: Mapping[str, Any]) -> Floats | None:
+        """The displacement that solves the problem with other entries of its scene; None: there is none."""
+        try:
+            return self._at_nodes(_solved(self.problem, self.mesh, **entries).displacement)
+        except NotJudgedError:
+            return None
+
+    @cached_property
+    def displacement(self) -> Floats:
+        """Ours."""
+        return self._at_nodes(self.solution.displacement)
+
+    @cached_property
+    def steps(self) -> list[Floats]:
+        """Ours at the ends of the load steps before the last one."""
+        return [self._at_nodes(step.displacement) for step in self.solution.shown_steps[:-1]]
+
+    def _at_nodes(self, u: fem.Function) -> Floats:
+        return np.asarray(u.x.array.reshape(-1, self.arrays.dim)[self.block], dtype=np.float64)
+
+    @cached_property
+    def unknowns(self) -> Ints:
+        """The unknowns of the nodes, shape (n, d)."""
+        return self.arrays.dim * self.block[:, None] + np.arange(self.arrays.dim)
+
+    @cached_property
+    def stiffness(self) -> sp.csr_array:
+        """Of the components of the nodes, force per length, shape (n d, n d)."""
+        model = self.solution.model
+        matrix = sum_of(model.forms, [])
+        if model.beside is not None:
+            model.beside.add_to(matrix)
+        if model.links is not None:
+            matrix = model.links.added_to(matrix)
+        starts, columns, values = matrix.getValuesCSR()
+        of_unknowns = sp.csr_array((values, columns, starts), shape=matrix.getSize())
+        order = self.unknowns.ravel()
+        return sp.csr_array(of_unknowns[order][:, order])
+
+    def product(self, a: Floats, b: Floats) -> float:
+        """a(., .) of two displacements, energy."""
+        return float(a.ravel() @ (self.stiffness @ b.ravel()))
+
+    def norm(self, u: Floats) -> float:
+        """The energy norm of a displacement."""
+        return float(np.sqrt(max(self.product(u, u), 0.0)))
+
+    def round_off(self, half_units: Floats) -> float:
+        """The energy norm that the last printed digits of a displacement have, each of them at random."""
+        square = half_units.ravel() ** 2 / 3
+        return float(np.sqrt(self.stiffness.diagonal()[: square.size] @ square))
+
+    def completed(self, v: Floats) -> Floats:
+        """A displacement of some nodes, the others NaN, with the least distance to ours that others permit."""
+        v = np.where(self.held & np.isnan(v), self.displacement, v)
+        missing = np.isnan(v).ravel()
+        if not missing.any():
+            return v
+        difference = np.where(missing, 0.0, (v - self.displacement).ravel())
+        within = sp.csc_array(self.stiffness[missing][:, missing])
+        difference[missing] = splu(within).solve(-(self.stiffness @ difference)[missing])
+        return np.asarray(np.where(np.isnan(v), self.displacement + difference.reshape(v.shape), v))
+
+    @cached_property
+    def held(self) -> Floats:
+        """Which components supports prescribe, shape (n, d)."""
+        fixed = self.solution.model.fixed.reshape(-1, self.arrays.dim)[self.block]
+        return np.asarray(fixed)
+
+    @cached_property
+    def points_of_contact(self) -> sp.csr_array | None:
+        """From displacements of the nodes to relative ones at the contact points, shape (points d, n d)."""
+        if self.solution.contact is None:
+            return None
+        boundary = self.solution.contact.boundary
+        averages, dim = boundary.selection if boundary.averages is None else boundary.averages, self.arrays.dim
+        node = np.empty(len(self.block), dtype=np.int64)
+        node[self.block] = np.arange(len(self.block))
+        columns = (dim * node[averages.nodes][:, None] + np.arange(dim)).ravel()
+        place = sp.csr_array(
+            (np.ones(columns.size), (np.arange(columns.size), columns)), (columns.size, node.size * dim)
+        )
+        return sp.csr_array(averages.operator @ place)
+
+    def tractions(self, v: Floats) -> tuple[Floats, Floats]:
+        """Of a displacement the tractions at the contact points, shape (points, d), and the forces at nodes that they
+        leave unbalanced, shape (n, d).
+        """
+        left = -(self.stiffness @ (v - self.displacement).ravel())
+        operator, state, free = self.points_of_contact, self.solution.contact, ~self.held.ravel()
+        if operator is None or state is None:
+            return np.zeros((0, self.arrays.dim)), np.where(self.held, 0.0, left.reshape(v.shape))
+        boundary, dim = state.boundary, self.arrays.dim
+        spread = sp.csr_array(operator.T @ sp.diags_array(np.repeat(boundary.weight, dim)))
+        of_ours = Tractions.of(state)
+        ours = of_ours.pressure[:, None] * boundary.normal + of_ours.shear
+        change = lsqr(spread[free], left[free], atol=0.0, btol=1e-14)[0]
+        left = np.where(free, left - spread @ change, 0.0)
+        return ours + change.reshape(-1, dim), left.reshape(v.shape)
+
+    def unbalanced(self, left: Floats) -> tuple[float, int, bool]:
+        """How far a displacement is from equilibrium in the energy norm where nothing touches, the worst node, and
+        whether this has most of it.
+
+        Args:
+            left: the forces at nodes that are not balanced, shape (n, d).
+        """
+        inside = ~self.held.ravel()
+        if self.points_of_contact is not None:
+            inside[self.points_of_contact.nonzero()[1]] = False
+        rows = np.flatnonzero(inside)
+        within = self.stiffness[rows][:, rows]
+        # Bodies that nothing holds would make it singular.
+        shifted = within + sp.diags_array(np.full(rows.size, np.finfo(float).eps * abs(within.diagonal()).max()))
+        correction = splu(sp.csc_array(shifted)).solve(left.ravel()[rows])
+        works = np.zeros(left.size)
+        works[rows] = np.abs(left.ravel()[rows] * correction)
+        at_nodes = works.reshape(left.shape).sum(axis=1)
+        return float(np.sqrt(works.sum())), int(at_nodes.argmax()), bool(2 * at_nodes.max() > works.sum())
+
+    def certificate(self, v: Floats, traction: Floats) -> Certificate:
+        """The certificate of a displacement of the last load step with tractions at the contact points."""
+        solution, u = self.solution, fem.Function(self.solution.displacement.function_space)
+        u.x.array[self.unknowns] = v
+        claimed = None if solution.contact is None else self._claimed(traction)
+        steps, law = solution.shown_steps, solution.certificate.law
+        last = None
+        if len(steps) > 1 and steps[-2].contact is not None:
+            last = PreviousStep.of(steps[-2].displacement, Tractions.of(steps[-2].contact), law, None)
+        return solution.model.certified(u, claimed, law=law, step=steps[-1].place, last=last, rigid=())
+
+    def _claimed(self, traction: Floats) -> Tractions:
+        assert self.solution.contact is not None
+        boundary = self.solution.contact.boundary
+        pressure = np.einsum("nd,nd->n", traction, boundary.normal)
+        shear = traction - pressure[:, None] * boundary.normal
+        return Tractions(boundary.part, boundary.nodes, pressure, shear)
+
+    def force(self, traction: Floats) -> float:
+        """The sum of what presses at the contact points, force."""
+        assert self.solution.contact is not None
+        boundary = self.solution.contact.boundary
+        return float(boundary.weight @ np.einsum("nd,nd->n", traction, boundary.normal))
+
+
+def _solved(problem: JudgedProblem, mesh: TaggedMesh, **entries: Any) -> Solution:
+    """The solution on a mesh with other entries of the scene.
+
+    Raises:
+        NotJudgedError: there is none.
+    """
+    scene = problem.scene.remade(mesh=mesh, body=(), accuracy=None, **entries)
+    solution = solve(scene, MPI.COMM_SELF, check=False)
+    if not solution.converged:
+        raise NotJudgedError(f"our own solve of the problem ended as {solution.status.value}")
+    return solution

@@ -1,0 +1,229 @@
+"""Verdicts on results of CalculiX and of our own: good ones agree, and what is spoiled is named."""
+
+import json
+import re
+from pathlib import Path
+
+import meshio
+import numpy as np
+import pytest
+from scipy.sparse.linalg import splu
+
+import signorini_fx as sfx
+from signorini_fx import MeshError
+from signorini_fx.addons.judging.calculix_results import read_dat
+from signorini_fx.addons.judging.judge import judge
+from signorini_fx.addons.judging.judged_problem import judged_problem
+from signorini_fx.addons.judging.judgement import AGREES, ANOTHER, NOT_TOLD, VIOLATES
+from signorini_fx.addons.judging.solution_on_mesh import SolutionOnMesh
+from signorini_fx.scenes import cli
+
+DATA = Path(__file__).parent / "data"
+DEMOS = Path(__file__).parents[2] / "demos" / "scenes"
+
+
+def displacements(name):
+    """Of a .dat file, by the numbers of the nodes."""
+    return {node: values for node, (values, _) in read_dat(DATA / f"{name}.dat").displacement.items()}
+
+
+def changed(name, folder, pattern, new):
+    """The deck with another text, judged with its result."""
+    text = (DATA / f"{name}.inp").read_text()
+    deck = folder / f"{name}.inp"
+    deck.write_text(re.sub(pattern, new, text))
+    assert deck.read_text() != text
+    return judge(deck, DATA / f"{name}.dat")
+
+
+@pytest.mark.parametrize("name", sorted(file.stem for file in DATA.glob("*.dat")))
+def test_good_results_agree(name):
+    """Of full, reduced and quadratic elements, in the plane, of revolution and in space."""
+    judgement = judge(DATA / f"{name}.inp", DATA / f"{name}.dat")
+    assert (judgement.word, judgement.exit_code) == (AGREES, 0), str(judgement)
+
+
+def test_equal_elements_have_equal_solutions():
+    """Far below the error of the mesh; in all ten lines there is no fault."""
+    judgement = judge(DATA / "shelf_CPE4.inp", DATA / "shelf_CPE4.frd")
+    distance = judgement.figures["distance"]
+    assert distance["value"] < 1e-3 < 0.1 < distance["threshold"]
+    assert judgement.theirs["digits"] == 6
+    assert judgement.beside["displacement"] < 1e-2 < judgement.beside["displacement_of_mesh"]
+    assert len(str(judgement).splitlines()) == 10
+
+
+SPOILED = {
+    "load x 1.3": ("shelf_CPE4", "BODY_TOP, P, 1.0", f"BODY_TOP, P, {1 / 1.3!r}", ANOTHER, r"on BODY_TOP is 1\.3"),
+    "modulus": ("shelf_CPE4", r"\n1000.0, 0.3", r"\n700.0, 0.3", ANOTHER, r"moduli 1\.4\d* times"),
+    "modulus of one body": ("stack_CPE8R", r"\n3000.0, 0.3", r"\n1500.0, 0.3", ANOTHER, "modulus of BASE is (2|1.9)"),
+    "gap": ("shelf_CPE4", r"(?m), -0\.020*\d*$", ", -0.005", ANOTHER, r"gap of BODY_BOTTOM is larger by 0\.01[45]"),
+    "friction x 2": ("press_CPE4", r"FRICTION\n0.3", r"FRICTION\n0.15", ANOTHER, r"is 0\.(29|30?)\d*, not 0\.15"),
+    "no friction": ("press_CPE4", r"\*FRICTION\n.*\n", "", ANOTHER, "coefficient of friction on BODY_BOTTOM"),
+    "support": ("press_C3D8", "BODY_TOP_N, 1, 1, 0.01", "BODY_TOP_N, 1, 1, 0.012", VIOLATES + "supports", "along x"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("fault", SPOILED)
+def test_what_is_another_problem_is_named(fault, tmp_path):
+    """The deck is changed the other way round."""
+    name, pattern, new, word, reason = SPOILED[fault]
+    judgement = changed(name, tmp_path, pattern, new)
+    assert judgement.word == word, str(judgement)
+    assert re.search(reason, judgement.reason), str(judgement)
+    assert judgement.exit_code == (5 if word == ANOTHER else 6)
+
+
+def test_units_and_single_nodes():
+    """Displacements in millimetres, a node moved by a tenth of the largest displacement, and none that moves."""
+    table = displacements("shelf_CPE4")
+    deck = DATA / "shelf_CPE4.inp"
+    judgement = judge(deck, {node: [1000 * u for u in row] for node, row in table.items()})
+    assert (judgement.word, judgement.exit_code) == (ANOTHER, 5)
+    assert "1000 times the solution: it has other units" in judgement.reason
+    moved = dict(table)
+    moved[22] = [moved[22][0], moved[22][1] + 0.1 * max(abs(u) for row in table.values() for u in row)]
+    judgement = judge(deck, moved)
+    assert judgement.word == VIOLATES + "equilibrium", str(judgement)
+    assert "around node 22" in judgement.reason
+    judgement = judge(deck, {node: [0.0, 0.0] for node in table})
+    assert (judgement.word, judgement.reason, judgement.exit_code) == (NOT_TOLD, "nothing moves at all", 7)
+
+
+def test_what_a_result_lacks(tmp_path):
+    """Digits, nodes, and time."""
+    text = (DATA / "shelf_CPE4.dat").read_text()
+    (tmp_path / "three.dat").write_text(re.sub(r"(-?\d\.\d\d)\d{4}(E[+-]\d\d)", r"\1\2", text))
+    assert "3 digits" in judge(DATA / "shelf_CPE4.inp", tmp_path / "three.dat").reason
+    (tmp_path / "some.dat").write_text("\n".join(row for row in text.splitlines() if not row.startswith("        17")))
+    judgement = judge(DATA / "shelf_CPE4.inp", tmp_path / "some.dat")
+    assert (judgement.word, judgement.exit_code) == (NOT_TOLD, 7)
+    assert "1 nodes have no displacement, such as node 17" in judgement.reason
+    (tmp_path / "early.dat").write_text(text.replace("0.1000000E+01", "0.5000000E+00"))
+    judgement = judge(DATA / "shelf_CPE4.inp", tmp_path / "early.dat")
+    assert (judgement.word, judgement.reason) == (ANOTHER, "it ends at time 0.5, and the problem at 1")
+
+
+@pytest.mark.parametrize(
+    ("spoil", "says"),
+    [
+        (lambda row: row.replace("17", "1x", 1), "the number of a node is expected, not '1x'"),
+        (lambda row: "garbage", "the number of a node is expected, not 'garbage'"),
+        (lambda row: row[:26], "three components are expected, not 2"),
+        (lambda row: row[:14] + "x" + row[15:], "a number is expected"),
+    ],
+)
+def test_rows_that_are_none(tmp_path, spoil, says):
+    """One error with the line."""
+    lines = (DATA / "shelf_CPE4.dat").read_text().splitlines()
+    at = next(k for k, line in enumerate(lines) if line.startswith("        17"))
+    lines[at] = spoil(lines[at])
+    (tmp_path / "spoiled.dat").write_text("\n".join(lines) + "\n")
+    with pytest.raises(MeshError, match=f"line {at + 1}: {says}"):
+        judge(DATA / "shelf_CPE4.inp", tmp_path / "spoiled.dat")
+
+
+def shelf(degree=1, **changes):
+    """A body that is held on the left, and bent down onto a foundation."""
+    stated = {
+        "mesh": {"generator": "rectangle", "parameters": {"length": 2.0, "height": 0.5, "nx": 12, "ny": 4}},
+        "element": {"degree": degree},
+        "material": {"young": 1000.0, "poisson": 0.3},
+        "displacement": {"boundary": "left", "x": 0.0, "y": 0.0},
+        "traction": {"boundary": "top", "y": "-1 - 0.5*x[0]"},
+        "contact": {"boundary": "bottom", "gap": 0.005},
+    }
+    return sfx.Scene(**stated | changes)
+
+
+def solved(scene):
+    """Positions and displacements of the nodes of a scene."""
+    problem = judged_problem(scene)
+    return problem.points, SolutionOnMesh.of(problem, problem.arrays).displacement
+
+
+def test_formats(tmp_path):
+    """An array, numbers of nodes, tables with positions or numbers, and .vtu: the same verdict."""
+    scene = shelf()
+    x, v = solved(scene)
+    rows = np.hstack((x, v))[::-1].tolist()
+    (tmp_path / "xy.csv").write_text("x,y,ux,uy\n" + "\n".join(",".join(map(repr, row)) for row in rows))
+    numbered = [f"{n},{a:.8e},{b:.8e}" for n, (a, b) in enumerate(v.tolist(), start=1)]
+    (tmp_path / "node.csv").write_text("node,ux,uy\n" + "\n".join(numbered))
+    at, u = (np.pad(values, ((0, 0), (0, 1))) for values in (x, v))
+    meshio.Mesh(at, [("vertex", np.arange(len(x))[:, None])], point_data={"u": u}).write(tmp_path / "u.vtu")
+    files = [tmp_path / name for name in ("xy.csv", "node.csv", "u.vtu")]
+    for result in (v, dict(enumerate(v.tolist(), start=1)), *files):
+        judgement = judge(scene, result)
+        assert judgement.agrees, str(judgement)
+        assert judgement.figures["distance"]["value"] < 1e-6
+
+
+def test_values_between_all_nodes_are_told(tmp_path):
+    """Elements of degree 2 judged by a scene of degree 1: they agree at its nodes, and the cure is said."""
+    x, v = solved(shelf(2))
+    rows = np.hstack((x, v)).tolist()
+    (tmp_path / "xy.csv").write_text("x,y,ux,uy\n" + "\n".join(",".join(map(repr, row)) for row in rows))
+    judgement = judge(shelf(), tmp_path / "xy.csv")
+    assert judgement.agrees, str(judgement)
+    between = len(x) - 13 * 5
+    assert f"{between} values are between the nodes of the problem, as elements of degree 2 have" in str(judgement)
+    assert judge(shelf(2), tmp_path / "xy.csv").figures["distance"]["value"] < 1e-8
+
+
+def test_contact_that_is_ignored():
+    """The body goes through its foundation, which another gap explains, or it enters."""
+    free = solved(shelf(contact=()))[1]
+    judgement = judge(shelf(), free)
+    assert judgement.word == VIOLATES + "penetration" or "gap of bottom" in judgement.reason, str(judgement)
+
+
+def test_friction_turned_round():
+    """In equilibrium, with the opposite of the friction there is: along the slip."""
+    problem = judged_problem(DATA / "press_CPE4.inp")
+    ours = SolutionOnMesh.of(problem, problem.arrays)
+    state = ours.solution.contact
+    shear = np.einsum("nij,nj->ni", state.boundary.tangents, state.shear) * state.boundary.weight[:, None]
+    forces = ours.points_of_contact.T @ shear.ravel()
+    free = np.flatnonzero(~ours.held.ravel())
+    v = ours.displacement.ravel().copy()
+    v[free] += splu(ours.stiffness[free][:, free].tocsc()).solve(2 * forces[free])
+    judgement = judge(DATA / "press_CPE4.inp", v.reshape(-1, 2)[: len(problem.names)])
+    assert judgement.word == VIOLATES + "friction", str(judgement)
+    assert judgement.figures["equilibrium"]["value"] < 1e-6
+
+
+@pytest.mark.parametrize("name", ["press_fit", "two_cylinders"])
+def test_solutions_of_demos_agree(name, tmp_path):
+    """Of two bodies, with friction and load steps; the end of an earlier load step is named."""
+    scene = sfx.read_scene(DEMOS / f"{name}.toml")
+    solution = sfx.solve(scene)
+    sfx.write_results(solution, tmp_path / "out")
+    judgement = judge(scene, tmp_path / "out")
+    assert judgement.agrees, str(judgement)
+    assert judgement.figures["distance"]["value"] < 1e-6
+    problem = judged_problem(scene)
+    steps = SolutionOnMesh.of(problem, problem.arrays).steps
+    for number, step in enumerate(steps, start=1):
+        if np.abs(step).any():
+            other = judge(scene, step)
+            assert other.word == VIOLATES + "supports" or f"load step {number}" in other.reason, str(other)
+
+
+def test_materials_that_are_not_linear_are_refused():
+    """By their name."""
+    scene = shelf(material={"law": "neo-hooke", "young": 1.0, "poisson": 0.3})
+    judgement = judge(scene, np.ones((65, 2)))
+    assert (judgement.word, judgement.exit_code) == (NOT_TOLD, 7)
+    assert judgement.reason == "materials that are not linear are not judged"
+
+
+@pytest.mark.parametrize(("result", "code"), [("shelf_CPE4.dat", 0), ("press_CPE4.dat", 6), ("absent.dat", 2)])
+def test_the_command(result, code, capsys):
+    """Its exit code, and JSON."""
+    assert cli.main(["judge", str(DATA / "shelf_CPE4.inp"), str(DATA / result), "--json"]) == code
+    printed = capsys.readouterr()
+    if code == 2:
+        assert "cannot be read" in printed.err
+    else:
+        assert json.loads(printed.out)["exit_code"] == code
