@@ -18,7 +18,7 @@ CORNERS = {2: ((0, 0), (1, 0), (1, 1), (0, 1))}
 CORNERS[3] = (*((*c, 0) for c in CORNERS[2]), *((*c, 1) for c in CORNERS[2]))
 EDGES = {2: ((0, 1), (1, 2), (2, 3), (3, 0))}
 EDGES[3] = (*EDGES[2], (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7))
-LOWER, UPPER = {2: "S1", 3: "S1"}, {2: "S3", 3: "S2"}
+UPPER = {2: "S3", 3: "S2"}
 BASE = {"young": 1000.0, "pressure": 1.0, "gap": 0.02, "friction": 0.3, "below": 3000.0, "along": 0.01, "down": 0.03}
 
 
@@ -41,7 +41,7 @@ def box(element, cells, low, high, first):
         corners = [tuple(2 * (b + c) for b, c in zip(base, corner, strict=True)) for corner in CORNERS[dim]]
         middles = [tuple((p + q) // 2 for p, q in zip(corners[a], corners[b], strict=True)) for a, b in EDGES[dim]]
         elements[number] = [node(at) for at in (*corners, *(middles if quadratic else ()))]
-        faces["LOWER"] += [f"{number}, {LOWER[dim]}"] * (base[-1] == 0)
+        faces["LOWER"] += [f"{number}, S1"] * (base[-1] == 0)
         faces["UPPER"] += [f"{number}, {UPPER[dim]}"] * (base[-1] == cells[-1] - 1)
     sides = {"LEFT": [n for at, n in numbers.items() if at[0] == 0]}
     sides |= {"TOP": [n for at, n in numbers.items() if at[-1] == 2 * cells[-1]]}
@@ -62,11 +62,8 @@ def text_of(kind, element, cells, steps=1, settled=False, **values):
         lines += ["*NODE", *(f"{n}, {', '.join(map(repr, x))}" for n, x in nodes.items())]
         lines.append(f"*ELEMENT, TYPE={element}, ELSET={name}")
         for number, members in elements.items():
-            words = [str(number), *map(str, members)]
-            lines += [
-                ", ".join(words[:11]) + ("," if words[11:] else ""),
-                *([", ".join(words[11:])] * bool(words[11:])),
-            ]
+            words = [f"{word}," for word in (number, *members)]
+            lines += [" ".join(words[:11]), *([" ".join(words[11:])] * bool(words[11:]))]
         for side, rows in faces.items():
             lines += [f"*SURFACE, NAME={name}_{side}", *rows]
         for side, rows in sides.items():
@@ -89,9 +86,7 @@ def text_of(kind, element, cells, steps=1, settled=False, **values):
         else:
             lines += ["*BOUNDARY", f"BODY_LEFT_N, {dim}, {dim}, -0.01"] * settled
             lines += ["*DSLOAD", f"BODY_UPPER, P, {share * now['pressure']!r}"]
-        for name in ("BODY", "BASE"):
-            lines += [f"*NODE PRINT, NSET={name}_ALL_N", "U"]
-        lines += ["*NODE FILE", "U", "*END STEP"]
+        lines += ["*NODE PRINT, NSET=BODY_ALL_N", "U", "*NODE PRINT, NSET=BASE_ALL_N", "U", "*END STEP"]
     return "\n".join(lines) + "\n"
 
 
@@ -119,13 +114,8 @@ def cases():
             yield name, deck, deck | change, "", right
         if element in ("CPE4", "CPE8R"):
             yield "units", deck, deck, "v * 1000", "units"
-            yield (
-                "step",
-                deck | {"steps": 2},
-                deck | {"pressure": 0.5, "along": 0.005, "down": 0.015},
-                "",
-                "step|supports",
-            )
+            half = {"pressure": 0.5, "along": 0.005, "down": 0.015}
+            yield "step", deck | {"steps": 2}, deck | half, "", "step|supports"
             yield "node", deck, deck, "node", "violates"
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,7 @@ from signorini_fx.mechanics.mesh.files.shape import Floats
 from signorini_fx.mechanics.statement.effect import Load
 from signorini_fx.mechanics.statement.expressions import Expression
 from signorini_fx.scenes.scene import Scene
-from signorini_fx.tuned import JUDGED_PROMISING, JUDGED_ROUNDS, JUDGED_TRIED, JUDGED_TRIED_STEP
+from signorini_fx.tuned import JUDGED_ALIKE, JUDGED_PROMISING, JUDGED_ROUNDS, JUDGED_TRIED, JUDGED_TRIED_STEP
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class FoundAlternative:
     """An alternative that a result is near to.
 
     Attributes:
-        text: in words.
+        text: in words, with those that are as near.
         value: of it.
         distance: of the result from our solution of it on the same mesh, in the energy norm.
     """
@@ -65,12 +65,12 @@ def nearest_alternative(on_mesh: SolutionOnMesh, v: Floats, enough: float) -> Fo
     most = JUDGED_PROMISING * on_mesh.norm(v - on_mesh.displacement)
     promising = [trial for trial in tried if trial is not None and trial.expected <= most]
     promising.sort(key=lambda trial: trial.expected)
-    found = []
-    for trial in promising[:JUDGED_TRIED]:
-        found.append(trial.followed(enough))
-        if found[-1].distance <= enough:
-            break
-    return min(found, key=lambda candidate: candidate.distance, default=None)
+    found = sorted((trial.followed(enough) for trial in promising[:JUDGED_TRIED]), key=lambda other: other.distance)
+    if not found:
+        return None
+    nearest = found[0].distance
+    alike = [other.text for other in found if other.distance <= max(JUDGED_ALIKE * nearest, enough)]
+    return replace(found[0], text="; or ".join(alike))
 
 
 @dataclass

@@ -134,8 +134,8 @@ class _Judging:
 
     @cached_property
     def error(self) -> tuple[float, float, float]:
-        """Energy norms: of our solution, of its error on the mesh with the margin, and of the distance of theirs to ours
-        on the mesh or on the finer one.
+        """Energy norms: of our solution, of its error with the margin, and of their distance to ours on the mesh or on
+        the finer one.
         """
         ours, finer, v = self.ours, self.finer, self.v
         distance = ours.norm(v - ours.displacement)
