@@ -32,7 +32,8 @@ SCENE = {"contact": {"boundary": "bottom", "friction": {"law": "coulomb", "coeff
 def words_of(name):
     """What is written on the command line: the command, what it needs, and what left."""
     _, command, *rest = name.split()
-    return [command, *(["scene.toml"] if rest else []), *rest]
+    needed = ["scene.toml", "result.csv"] if command == "judge" else ["scene.toml"]
+    return [command, *(needed if rest else []), *rest]
 
 
 def told_of(name, capsys):

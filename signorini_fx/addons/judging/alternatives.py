@@ -164,14 +164,15 @@ def _alternatives(scene: Scene, size: float) -> Iterator[Alternative]:
     materials = scene.material
     for number, material in enumerate(materials if len(materials) > 1 else ()):
         if getattr(material, "young", None) is not None:
+            # Of the compliance the displacement is nearly linear.
             yield Alternative(
                 lambda value, material=material: (  # type: ignore[misc]
-                    f"its modulus of {material.region} is {value:.4g} times the problem's"
+                    f"its modulus of {material.region} is {1 / value:.4g} times the problem's"
                 ),
                 factor,
                 trial,
                 lambda value, number=number: _changed(  # type: ignore[misc]
-                    scene, "material", number, young=value * materials[number].young
+                    scene, "material", number, young=materials[number].young / value
                 ),
                 JUDGED_TRIED_STEP,
             )
