@@ -193,7 +193,9 @@ def _alternatives(scene: Scene, size: float) -> Iterator[Alternative]:
 def _of_friction(scene: Scene, number: int, contact: Any) -> Iterator[Alternative]:
     """Another coefficient or bound of friction, or any, where there is none."""
     friction = contact.friction
-    law = {"law": "coulomb", "coefficient": 0.0} if isinstance(friction, NoFriction) else friction.model_dump()
+    law: dict[str, Any] = friction.model_dump()
+    if isinstance(friction, NoFriction):
+        law = {"law": "coulomb", "coefficient": 0.0}
     key = next((key for key in ("coefficient", "bound") if isinstance(law.get(key), float)), None)
     if key is None:
         return

@@ -9,6 +9,7 @@ from typing import Any
 
 import mpi4py.MPI  # noqa: F401  # first: PETSc and dolfinx from PyPI find the library of MPI where it is loaded
 import numpy as np
+import numpy.typing as npt
 import scipy.sparse as sp
 from dolfinx import fem
 from mpi4py import MPI
@@ -142,10 +143,9 @@ class SolutionOnMesh:
         return np.asarray(np.where(np.isnan(v), self.displacement + difference.reshape(v.shape), v))
 
     @cached_property
-    def held(self) -> Floats:
+    def held(self) -> npt.NDArray[np.bool_]:
         """Which components supports prescribe, shape (n, d)."""
-        fixed = self.solution.model.fixed.reshape(-1, self.arrays.dim)[self.block]
-        return np.asarray(fixed)
+        return np.asarray(self.solution.model.fixed.reshape(-1, self.arrays.dim)[self.block], dtype=np.bool_)
 
     @cached_property
     def points_of_contact(self) -> sp.csr_array | None:
