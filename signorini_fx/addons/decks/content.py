@@ -19,9 +19,6 @@ from signorini_fx.mechanics.mesh.files.cells import dimension
 from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
 from signorini_fx.mechanics.statement.point_values import same_places
 
-# CalculiX takes a body of revolution as a sector of so many degrees, whose nodal forces it prints.
-_SECTOR = 2.0
-
 
 @dataclass
 class DeckLoad:
@@ -120,7 +117,6 @@ class Deck:
     Attributes:
         mesh: the mesh as the scene has it.
         model: the mesh and the keywords of the file.
-        at_nodes: whether equal forces at the nodes of a side stay there, and do not become an even traction.
         said: (keyword, remark, whether the answer changes) -> places in the file.
         material: the current *MATERIAL; ``interaction`` likewise.
         assumed: the assumption of plane elements, of which ``hypothesis`` is the key.
@@ -135,7 +131,6 @@ class Deck:
 
     mesh: MeshArrays
     model: DeckModel
-    at_nodes: bool = False
     remark_places: dict[tuple[str, str, bool], list[str]] = field(default_factory=dict)
     title: str = ""
     material: str = ""
@@ -169,13 +164,6 @@ class Deck:
     def kinematics(self) -> Kinematics:
         """That of its cells."""
         return of_materials([(self.hypothesis, False)])
-
-    @property
-    def printed_share(self) -> float:
-        """Of the forces of a scene those that CalculiX prints: over the thickness, or of its sector of a ring."""
-        if self.mesh.dim == 3:
-            return 1.0
-        return self.thickness if self.kinematics.uniform else _SECTOR / 360.0
 
     @property
     def step(self) -> int:

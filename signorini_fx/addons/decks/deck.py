@@ -29,12 +29,11 @@ _OF_STEPS = {"STATIC", "BOUNDARY", "CLOAD", "DLOAD", "DSLOAD", "TEMPERATURE", "M
 _PROCEDURES = {"STATIC", *(rule.key for rule in keywords.RULES if rule.effect == keywords.OTHER_PROCEDURE)}
 
 
-def read_deck(file: Path, *, at_nodes: bool = False) -> Deck:
+def read_deck(file: Path) -> Deck:
     """An input file: its mesh, and what acts on the body.
 
     Args:
         file: the input file.
-        at_nodes: whether equal forces at the nodes of a side stay there, and do not become an even traction.
 
     Raises:
         MeshError: there is no such file, or it is no mesh; a number is none, or a line has too few; the first step is
@@ -43,7 +42,7 @@ def read_deck(file: Path, *, at_nodes: bool = False) -> Deck:
     if not os.path.isfile(file):  # a name may be of any length
         raise MeshError(f"{file}: no such file")
     model = read_model(file)
-    deck = Deck(from_raw(model.raw, str(file)), model, at_nodes=at_nodes)
+    deck = Deck(from_raw(model.raw, str(file)), model)
     for block in model.blocks:
         if block.keyword in _DEFINITIONS:
             with placed(file, block):

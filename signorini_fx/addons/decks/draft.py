@@ -53,15 +53,7 @@ def draft(file: Path, target: Path) -> Draft:
     Raises:
         MeshError: see ``read_deck``; there is no material.
     """
-    return draft_of(read_deck(file), file, target)
-
-
-def draft_of(deck: Deck, file: Path, target: Path) -> Draft:
-    """The scene of an input file that has been read.
-
-    Raises:
-        MeshError: a number is none, or there is no material.
-    """
+    deck = read_deck(file)
     with placed(file):
         tables = _tables(deck)
     keywords = {block.keyword for block in deck.model.blocks}

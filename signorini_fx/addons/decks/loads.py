@@ -194,7 +194,7 @@ def read_forces(deck: Deck, block: DeckBlock) -> None:
         uniform = _uniform(deck, where, rows, values)
         if uniform is not None:
             _set_load(deck, DeckLoad("traction", where, (axis,), block), factor * uniform / deck.thickness)
-        elif not deck.at_nodes and total and _like_an_even_one(deck, where, rows, values, axis):
+        elif total and _like_an_even_one(deck, where, rows, values, axis):
             _set_load(deck, DeckLoad("force", where, (axis,), block), total / deck.thickness)
             deck.note(block, f"forces at nodes, {total:g} along {axis} in all ({len(rows)} nodes): on {where!r} evenly")
         else:

@@ -79,10 +79,10 @@ def judged_problem(problem: object) -> JudgedProblem:
     mesh = load_mesh(scene, MPI.COMM_SELF)
     check_fits(scene.statement, mesh)
     arrays = _arrays_of(mesh, scene.element.degree)
-    names, unjudged = np.arange(1, len(arrays.points) + 1), _unjudged(scene, arrays)
-    if mesh.subdivided:
-        unjudged.append(f"its mesh has other cells than its file: {mesh.note}")
-    return JudgedProblem(scene, arrays, names, unjudged=tuple(unjudged))
+    names = np.arange(1, len(arrays.points) + 1)
+    contacts = [contact.model_copy(update={"contact_size": None}) for contact in scene.contact]  # cells are made
+    scene = scene.model_copy(update={"contact": contacts})
+    return JudgedProblem(scene, arrays, names, unjudged=tuple(_unjudged(scene, arrays)))
 
 
 def _of_deck(file: Path) -> JudgedProblem:

@@ -15,14 +15,13 @@ from dolfinx import fem
 from mpi4py import MPI
 from scipy.sparse.linalg import lsqr, splu
 
-from signorini_fx.addons.decks.tagged_arrays import tagged
 from signorini_fx.addons.judging.judged_problem import JudgedProblem
 from signorini_fx.machine import compat
 from signorini_fx.mechanics.body.elastic_body import sum_of
 from signorini_fx.mechanics.mesh.files.arrays import MeshArrays
 from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
 from signorini_fx.mechanics.mesh.halving import halved
-from signorini_fx.mechanics.mesh.tagged import TaggedMesh
+from signorini_fx.mechanics.mesh.tagged import TaggedMesh, from_arrays
 from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.results.certificate.promised_law import PreviousStep, Tractions
 from signorini_fx.results.solution import Solution
@@ -58,7 +57,7 @@ class SolutionOnMesh:
         Raises:
             NotJudgedError: there is none.
         """
-        mesh = tagged(arrays, straight=False)
+        mesh = from_arrays(MPI.COMM_SELF, lambda: arrays)
         solution = _solved(problem, mesh)
         space = solution.displacement.function_space
         block = np.empty(len(arrays.points), dtype=np.int64)
@@ -111,8 +110,6 @@ class SolutionOnMesh:
         matrix = sum_of(model.forms, [])
         if model.beside is not None:
             model.beside.add_to(matrix)
-        if model.links is not None:
-            matrix = model.links.added_to(matrix)
         starts, columns, values = matrix.getValuesCSR()
         of_unknowns = sp.csr_array((values, columns, starts), shape=matrix.getSize())
         order = self.unknowns.ravel()
