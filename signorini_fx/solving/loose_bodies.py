@@ -29,7 +29,7 @@ def explained(body: Model, task: Task, outcome: Outcome, when: str) -> Finding |
         return None
     loose = idle(task)
     if len(loose) < len(task.motions.assemblies):  # what a load moves away lies beside them
-        loose = untouched(task.motions, loose, np.column_stack(outcome.newton.multipliers()).any(axis=1))
+        loose = untouched(task.motions, loose, np.asarray(np.column_stack(outcome.newton.multipliers()).any(axis=1)))
     if not loose:
         return None
     message = (
@@ -44,7 +44,7 @@ def loose_in(body: ElasticBody, step: StepResult) -> list[int]:
     motions = body.at_contact
     if step.contact is None or not motions.count:
         return []
-    pressed = np.column_stack((step.contact.pressure, step.contact.shear)).any(axis=1)
+    pressed = np.asarray(np.column_stack((step.contact.pressure, step.contact.shear)).any(axis=1))
     return untouched(motions, [number for number, _ in motions.assemblies], pressed)
 
 

@@ -978,7 +978,7 @@ class LinearisedProblem(FormSolver):
     def loose(self) -> list[int]:
         """The numbers of the assemblies that nothing presses on in the last outcome; collective."""
         task, state = self.task, self.state
-        pressed = np.column_stack((state.pressure, state.shear)).any(axis=1)
+        pressed = np.asarray(np.column_stack((state.pressure, state.shear)).any(axis=1))
         return untouched(task.motions, idle(task), pressed)
 
     def internal(self, displacement: fem.Function) -> tuple[Array, Array, float]:
