@@ -50,7 +50,8 @@ class ParameterStudy:
         rows: of each value in order: ``value``, ``status``, ``linear_solves``, ``certificate_holds`` and ``FIGURES``:
             sizes of the contact and friction force (per thickness in the plane), between bodies the sum of those of all
             boundaries, areas in contact and of what sticks (in the plane lengths); not a number where there is no
-            solution.
+            solution.  With several load steps also ``solved_until``, the time of the last one with a solution: where a
+            ramp ends without one, its limit.
     """
 
     entry: str
@@ -112,7 +113,8 @@ def run(
         row = rows[-1]
         # Without contact there are no figures of it.
         figures = "  ".join(f"{row[name]:14.6g}" if name in row else f"{'-':>14s}" for name in FIGURES)
-        report(f"{value!s:>12s}  {figures}  {solution.status.value}")
+        limit = f" after time {row['solved_until']:g}" if "solved_until" in row and not solution.converged else ""
+        report(f"{value!s:>12s}  {figures}  {solution.status.value}{limit}")
     return ParameterStudy(entry, title, units, tuple(rows))
 
 
@@ -140,7 +142,10 @@ def figures_of(solution: Solution) -> dict[str, Any]:
         figures = dict.fromkeys(figures, float("nan"))
     history, recorded = solution.history, solution.contact is not None  # without contact there are no iterations
     solves = history.linear_solves if recorded else sum(step.linear_solves for step in solution.steps)
-    outcome = {"status": solution.status.value, "linear_solves": solves}
+    outcome: dict[str, Any] = {"status": solution.status.value, "linear_solves": solves}
+    if solution.statement.several_steps:
+        times = [step.time for step in solution.steps if step.status is Status.CONVERGED]
+        outcome["solved_until"] = times[-1] if times else float("nan")
     return {**outcome, "certificate_holds": solution.certificate.holds, **figures}
 
 
