@@ -64,7 +64,7 @@ cold = Scene(
     material=LinearElastic(young=YOUNG, poisson=POISSON),
     displacement=PrescribedDisplacement(boundary="top", y=0.0),
     contact=UnilateralContact(boundary="bottom", gap=GAP),
-    solver={"algorithm": "exact"},
+    solver={"algorithm": "alm"},
 )
 held = cold.model_copy(update={"displacement": (*cold.displacement, PrescribedDisplacement(boundary="left", x=0.0))})
 uniform = solve(heated(held, 100.0, ALPHA))

@@ -322,7 +322,7 @@ BULK = (0.5, 0.75)
 # Tuned on a sweep over Example 1 with 25 to 241 contact nodes.
 SOLVES_PER_DOUBLING = {"none": (0.6, 2.0), "tresca": (0.8, 3.0), "fp": (1.5, 6.0), "newton": (1.4, 4.5)}
 # Linear solves that the algorithm adds, from and to.  No record.
-MORE_SOLVES = {"continuation": (1, 3), "alm": (1, 5), "exact": (1, 3)}
+MORE_SOLVES = {"continuation": (1, 3), "alm": (1, 5)}
 # Linear solves of a later load step, which starts from the sets of the previous one, at least; and of a finer mesh,
 # which starts from those of the coarser one, from and to.  No record.
 SOLVES_OF_LATER_STEP, SOLVES_OF_FINER_MESH = 2, (2, 5)
@@ -420,7 +420,7 @@ NO_PART = 1e-10
 POINTS_OF_PIECES = 8
 # What a projection leaves of a motion or a load below this share of it is round-off.  Choice.
 NOTHING_LEFT = 1e-10
-# Entries of B, of which a selected unknown has one, differ by less than this from 1 or 0 by round-off.  Choice.
+# Entries of B differ by less than this from 1 or 0 by round-off.  Choice.
 SAME_TRACE = 1e-11
 # Forces are round-off below this share of all loads, of stiffness times displacement, or of those of the largest piece.
 # Choice: Newton's method ends at a residual as large.
@@ -515,9 +515,6 @@ SLOPE_TOLERANCE, ROUGH_SLOPE_TOLERANCE = 1e-10, 1e-2
 # Residuals are measured by forces that are at least this share of stiffness times displacement, of which
 # RESIDUAL_TOLERANCE is then still above round-off.  Choice.
 ATTAINABLE_SHARE = 1e-7
-# The largest stiffness of a turning direction of slip, friction bound over slip, in stiffnesses at a contact node.
-# No record.
-LARGEST_TURNING_STIFFNESS = 1e4
 
 # --- assembly, contact boundaries and supports -----------------------------------------------------------------------
 

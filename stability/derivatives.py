@@ -107,9 +107,9 @@ def scene(seed: int) -> tuple[dict[str, Any], list[str], list[str]]:
         return choices[random.integers(len(choices))]
 
     dimension, steps = int(one_of(2, 2, 3)), int(one_of(1, 2, 3, 4, 5))
-    algorithm = one_of("ssn", "ssn", "alm", "exact")
-    law, law_data = _law(random, one_of, dimension, steps, algorithm)
-    contact, more = _foundation(random, dimension, steps, simple=algorithm == "exact" or "ratio" in law)
+    algorithm = one_of("ssn", "ssn", "alm", "alm")
+    law, law_data = _law(random, one_of, dimension, steps)
+    contact, more = _foundation(random, dimension, steps, simple="ratio" in law)
     contact |= {"boundary": "bottom", "friction": law}
     down = -float(random.uniform(5, 20))
     axis, along = ("y", ["x"]) if dimension == 2 else ("z", ["x", "y"])
@@ -150,9 +150,7 @@ def scene(seed: int) -> tuple[dict[str, Any], list[str], list[str]]:
     return given, [*of, f"displacement {point} {axis}"], [*law_data, *more, "traction[1].x"]
 
 
-def _law(
-    random: np.random.Generator, one_of: Any, dimension: int, steps: int, algorithm: str
-) -> tuple[dict[str, Any], list[str]]:
+def _law(random: np.random.Generator, one_of: Any, dimension: int, steps: int) -> tuple[dict[str, Any], list[str]]:
     coefficient = float(random.uniform(0.05, 0.6))
     laws: list[tuple[dict[str, Any], list[str]]] = [
         ({"law": "none"}, []),
@@ -162,7 +160,7 @@ def _law(
         ({"law": "coulomb", "coefficient": coefficient, "cap": float(random.uniform(1, 5))}, ["contact.friction.cap"]),
         ({"law": "coulomb", "coefficient": f"{coefficient:.3g}*(1 + 0.1*t)"}, []),
     ]
-    if dimension == 3 and algorithm != "exact":
+    if dimension == 3:
         directed = {"law": "coulomb", "coefficient": coefficient, "ratio": 0.6, "along": [1.0, 0.0, 0.0]}
         laws.append((directed, []))
     return one_of(*laws)

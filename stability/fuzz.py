@@ -230,7 +230,7 @@ def _in_a_child(action: Callable[[], object], seconds: float) -> int | None:
 
 
 _SOLVED = (
-    ("solver", "algorithm", ("ssn", "continuation", "path-following", "alm", "exact")),
+    ("solver", "algorithm", ("ssn", "continuation", "path-following", "alm")),
     ("solver", "gamma_n", (1e-6, 1e4, 1e8, 1e18)),
     ("solver", "levels", (1, 2)),
     ("solver", "linear_algebra", ("full", "krylov", "condensed")),

@@ -31,7 +31,7 @@ SOLVED: dict[str, dict[str, Any]] = {
     "path-following": {"algorithm": "path-following"},
     "continuation": {"algorithm": "continuation"},
     "ALM": {"algorithm": "alm"},
-    "exact Coulomb": {"law": "Coulomb", "algorithm": "exact"},
+    "ALM-FP": {"law": "Coulomb", "algorithm": "alm"},
     "nested": {"law": "Coulomb", "levels": 3},
     "P2": {"mesh": _TRIANGLES, "element": {"degree": 2}},
     "gmsh": {"mesh": _GMSH},

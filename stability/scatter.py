@@ -184,7 +184,7 @@ def _settings(random: np.random.Generator, one_of: Any) -> dict[str, Any]:
     if random.random() < 0.2:
         settings["gamma_n"] = settings["gamma_t"] = float(10 ** random.uniform(6, 11))
     if random.random() < 0.25:
-        settings["algorithm"] = one_of("alm", "exact", "path-following", "continuation")
+        settings["algorithm"] = one_of("alm", "path-following", "continuation")
     if random.random() < 0.3:
         settings["coulomb"] = one_of("newton", "fp")
     if random.random() < 0.1:

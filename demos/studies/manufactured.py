@@ -88,6 +88,6 @@ def made_up(tagged, degree, law, **solver):
             "traction": [{"boundary": name, "x": load[0], "y": load[1]} for name, load in loads.items()],
             "body_force": {"x": force[0], "y": force[1]},
             "contact": {"boundary": "bottom", "gap": gap, "friction": LAWS[law]},
-            "solver": {"algorithm": "exact", **solver},
+            "solver": {"algorithm": "alm", **solver},
         }
     )

@@ -48,34 +48,32 @@ class Method:
 
 def methods(statement: Statement, *, quick: bool = False) -> list[Method]:
     """The list, simplest first."""
-    exact = {"algorithm": "exact"}
-    candidates = [Method("Q1, exact", tuple(FAMILIES), settings=exact)]
+    limit = {"algorithm": "alm"}
+    augmented = "ALM-FP" if statement.has_coulomb else "ALM"
+    candidates = [Method(f"Q1, {augmented}", tuple(FAMILIES), settings=limit)]
     elements = ("Q2",) if quick else ("Q2", "P1", "P2")
-    candidates += [Method(f"{name}, exact", ("element",), name, settings=exact) for name in elements]
+    candidates += [Method(f"{name}, {augmented}", ("element",), name, settings=limit) for name in elements]
     for name, settings in (
         ("gamma automatic", {}),
         ("continuation", {"algorithm": "continuation"}),
         ("path-following", {"algorithm": "path-following"}),
-        ("ALM", {"algorithm": "alm"}),
     ):
-        if statement.has_coulomb:
-            name = f"{name}-FP" if name == "ALM" else f"{name}, FP"
-        if not quick or "ALM" in name:
+        if not quick:
+            name = f"{name}, FP" if statement.has_coulomb else name
             candidates.append(Method(name, ("algorithm",), settings=settings))
     powers = (5,) if quick else (3, 4, 5, 6, 7, 8, 9, 10)
     candidates += [Method(f"gamma = 1e{power}", ("gamma",), gamma=10.0**power) for power in powers]
     if statement.has_coulomb:
         candidates.append(Method("gamma automatic, monolithic", ("algorithm",), settings={"coulomb": "newton"}))
     for kind in ("condensed", "full", "krylov")[: 2 if quick else 3]:
-        candidates.append(Method(f"Q1, exact, {kind}", ("linear algebra",), settings={**exact, "linear_algebra": kind}))
+        candidates.append(Method(f"Q1, {kind}", ("linear algebra",), settings={**limit, "linear_algebra": kind}))
     for element in ("Q1", "Q2"):
-        nested = {**exact, "levels": 2 if quick else 3}
-        candidates.append(Method(f"{element}, exact, nested", ("meshes",), element, settings=nested))
+        nested = {**limit, "levels": 2 if quick else 3}
+        candidates.append(Method(f"{element}, nested", ("meshes",), element, settings=nested))
     if not quick:
-        candidates.append(Method("Q2, ALM, nested", ("meshes",), "Q2", settings={"algorithm": "alm", "levels": 3}))
-        candidates.append(Method("Q2, exact", ("meshes",), "Q2", settings=exact))
-        candidates.append(Method("P1, exact, adaptive", ("meshes",), "P1", settings=exact, adaptive=True))
-    candidates.append(Method("P2, exact, adaptive", ("meshes",), "P2", settings=exact, adaptive=True))
+        candidates.append(Method(f"Q2, {augmented}", ("meshes",), "Q2", settings=limit))
+        candidates.append(Method("P1, adaptive", ("meshes",), "P1", settings=limit, adaptive=True))
+    candidates.append(Method("P2, adaptive", ("meshes",), "P2", settings=limit, adaptive=True))
     return list({method.name: method for method in _merge(candidates)}.values())
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from mpi4py import MPI
 from dolfinx import mesh as dmesh
 from methods import work_of
-from reference import EXACT, Reference
+from reference import LIMIT, Reference
 
 from signorini_fx.errors import SignoriniError
 from signorini_fx.machine import compat
@@ -262,7 +262,7 @@ def on(one: RandomScene, factor: float, degree: int) -> Scene:
         update={
             "mesh": one.body.mesh(factor),
             "element": element,
-            "solver": SolverSettings(**EXACT, tolerance=1e-9),
+            "solver": SolverSettings(**LIMIT, tolerance=1e-9),
             "accuracy": None,
         }
     )

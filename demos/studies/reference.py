@@ -30,7 +30,7 @@ from signorini_fx.results.solution import Solution
 from signorini_fx.tuned import EXPECTED_RATES
 
 Floats = npt.NDArray[np.float64]
-EXACT = {"algorithm": "exact", "linear_algebra": "condensed"}
+LIMIT = {"algorithm": "alm", "linear_algebra": "condensed"}
 # The slowest rate that is assumed of the errors of a reference: half of the rate of a square-root end.
 SLOWEST_RATE = 0.5
 # Adaptive meshes of a reference begin with cells so many times as large as those of the scene: all its important nodes,
@@ -163,13 +163,13 @@ def reference_solution(problem: VariedProblem, fine: float, unknowns: int) -> tu
 
 def uniform(problem: VariedProblem, fine: float, element: str) -> list[Solution]:
     """Solutions on uniform meshes with cells 4, 2 and 1 times ``fine`` times as large as those of the problem."""
-    settings = studied_settings(problem.statement, EXACT)
+    settings = studied_settings(problem.statement, LIMIT)
     return [problem.on(k * fine, element, settings, None)() for k in (4, 2, 1)]
 
 
 def divided(problem: VariedProblem, first: float, unknowns: int) -> list[Solution]:
     """Solutions on triangles of degree 2, refined adaptively up to this number of unknowns."""
-    tagged, settings = problem.mesh(first, "P2"), studied_settings(problem.statement, EXACT)
+    tagged, settings = problem.mesh(first, "P2"), studied_settings(problem.statement, LIMIT)
     solutions: list[Solution] = []
     while not solutions or solutions[-1].model.dofs < unknowns:
         solutions.append(problem.on(tagged, "P2", settings, None)())

@@ -150,18 +150,14 @@ def step_limit(max_iterations: int) -> int:
     return PROBLEMS_PER_STEP * max_iterations
 
 
-def for_problem(*, finite_sigma: bool, eliminated: bool) -> tuple[Attempt, ...]:
+def for_problem(*, finite_sigma: bool) -> tuple[Attempt, ...]:
     """What is tried for one problem with a given friction bound.
 
     Args:
         finite_sigma: whether sigma is finite.
-        eliminated: whether constraints are eliminated: then there is no penalty to reduce, and no energy to minimise.
     """
-    return tuple(
-        attempt
-        for attempt in PLAN["problem with given friction"]
-        if (finite_sigma or attempt is not THROUGH_STICK) and (not eliminated or attempt in (FULL_STEPS, EXACT_SOLVES))
-    )
+    plan = PLAN["problem with given friction"]
+    return tuple(attempt for attempt in plan if finite_sigma or attempt is not THROUGH_STICK)
 
 
 def for_coulomb(

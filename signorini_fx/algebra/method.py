@@ -10,7 +10,7 @@ from typing import Literal
 class Settings:
     """Algorithms, their parameters and limits; ``statement.settings.SolverSettings`` explains them."""
 
-    algorithm: Literal["auto", "ssn", "continuation", "path-following", "alm", "exact"] = "auto"
+    algorithm: Literal["auto", "ssn", "continuation", "path-following", "alm"] = "auto"
     coulomb: Literal["auto", "fp", "newton"] = "auto"
     gamma_n: float | Literal["auto"] = "auto"
     gamma_t: float | Literal["auto"] = "auto"

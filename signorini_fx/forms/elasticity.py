@@ -57,7 +57,7 @@ def elastic_body(
         more: ``beside``, ``definite`` and others; with a stiffness that is ``of_body`` nothing is assembled.
 
     Raises:
-        FormError: the form is not symmetric, not positive, or not finite; see also ``ContactBoundary.aligned``.
+        FormError: the form is not symmetric, not positive, or not finite.
     """
     body = ElasticBody(
         space=space,

@@ -92,7 +92,6 @@ def _solved(
     solver.history = problem.history
     if problem.changed is not None:
         solver.settings = problem.changed
-        solver.foundations.check_driven(problem.changed.algorithm)
     solver.coarser = CoarserMesh(coarser, state, None if path.several else coarser)
 
     def estimate(result: StepResult) -> None:

@@ -141,7 +141,7 @@ class FormSolver:
         self.foundations = self._foundations_class(
             space, forms.contact, forms.facets, forms.names, Inventory(), forms.masters
         )
-        self.foundations.check_driven(settings.algorithm)
+        self.foundations.check_driven()
         self.fields = ContactFields.on(space)
         self.history, self.timings = History(), Timings()
         self.memory, self.solves_before, self.cost = peak_memory(space.mesh.comm), 0, (0.0, 0.0)

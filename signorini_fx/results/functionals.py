@@ -48,18 +48,15 @@ def functionals(elastic: float, contact: PointState, data: RegularisedData) -> F
     pressure, shear = project(c.pressure, c.shear, data)
     bound = data.friction_bound(pressure)
     overlap, slip = c.u_n - c.gap, c.slip_length
-    if np.isinf(data.gamma_n):  # the unregularised J of (P) and its dual (2.7)
-        primal, dual = bound * length(slip), pressure * overlap + inner(shear, slip)
-    else:
-        trial = trial_pressure(c.u_n, data)
-        pushing = np.where(c.bilateral, trial, np.maximum(0.0, trial))
-        primal = pushing**2 / (2 * data.gamma_n) + _smoothed_friction(slip, data, bound)
-        dual = (
-            pressure * overlap
-            + (data.lambda_hat**2 - (pressure - data.lambda_hat) ** 2) / (2 * data.gamma_n)
-            + inner(shear, slip)
-            + (inner(data.mu_hat, data.mu_hat) - inner(shear - data.mu_hat, shear - data.mu_hat)) / (2 * data.gamma_t)
-        )
+    trial = trial_pressure(c.u_n, data)
+    pushing = np.where(c.bilateral, trial, np.maximum(0.0, trial))
+    primal = pushing**2 / (2 * data.gamma_n) + _smoothed_friction(slip, data, bound)
+    dual = (
+        pressure * overlap
+        + (data.lambda_hat**2 - (pressure - data.lambda_hat) ** 2) / (2 * data.gamma_n)
+        + inner(shear, slip)
+        + (inner(data.mu_hat, data.mu_hat) - inner(shear - data.mu_hat, shear - data.mu_hat)) / (2 * data.gamma_t)
+    )
     sums = parallel.global_sum(
         contact.points.comm,
         np.array([np.dot(w, primal), np.dot(w, dual)]),

@@ -16,9 +16,6 @@ from signorini_fx.records import Finding
 from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.results.certificate.promised_law import UNREGULARISED
 
-# The algorithms whose result is to have no regularisation.
-_UNREGULARISED = ("alm", "exact")
-
 
 @dataclass(frozen=True)
 class AskedLaw:
@@ -64,7 +61,7 @@ def asked_law(
     laws = {step: certificate.law for step, certificate in certificates.items()}
     last = list(laws.values())[-1]
     delivered = str(last)
-    if settings.algorithm in _UNREGULARISED:
+    if settings.algorithm == "alm":
         others = [step for step, law in laws.items() if law.regularised]
         asked = str(UNREGULARISED)
         if not others:
@@ -73,7 +70,7 @@ def asked_law(
         error = "" if left is None else f", a regularisation error of {left:.1e} by estimate{_beside(settings)}"
         left_over = f"penetration {worst.penetration:.1e} and elastic slip {worst.stick_slip:.1e}"
         told = (
-            f"'{settings.algorithm}' was not reached{_where(laws, others)}, the regularised law with gamma_n = "
+            f"'alm' was not reached{_where(laws, others)}, the regularised law with gamma_n = "
             f"{laws[others[-1]].gamma_n:.3g} was solved instead; it leaves {left_over} "
             f"times the largest displacement{error}; raise solver.gamma_n and solver.gamma_t to lessen them, or change "
             "the loads in smaller steps"
@@ -90,7 +87,7 @@ def asked_law(
             return AskedLaw(asked, delivered, "", "solver.regularisation_error")
         told = (
             f"{asked} was asked for and {left:.2g} is left; with a gamma above {last.gamma_n:.3g} round-off would "
-            "take over; take algorithm = 'exact' or 'alm', which leave none"
+            "take over; take algorithm = 'alm', which leaves none"
         )
         return AskedLaw(asked, delivered, told, "solver.regularisation_error")
     given = {name: value for name in ("gamma_n", "gamma_t") if (value := getattr(settings, name)) != "auto"}

@@ -22,7 +22,6 @@ from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.algebra.contact.nodal_vectors import Nodal, unit
 from signorini_fx.algebra.linalg import ElasticSystem
-from signorini_fx.algebra.problem.exact import ExactProblem
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.elastic_body import ElasticBody
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary, no_points
@@ -193,7 +192,6 @@ class MeshCheckpoint:
             "place": start.place,
             "path": path.stored(),
             "parameters": parameters,
-            "exact": isinstance(problem, ExactProblem),
             "monolithic": outcome.monolithic,
             "augmented": outcome.augmented,
             "regularisation_error": outcome.regularisation_error,
@@ -243,13 +241,8 @@ class MeshCheckpoint:
         )
         sets = release(sets, solved)  # in space points without a bound slip in no direction
         newton = task.iterate.newton
-        # The regularised problem is where the next load step begins, also where this one has no regularisation.
-        newton.pose(posed if figures["exact"] else solved, sets)
-        newton.restore((x, sets, newton.problem.data))
-        if figures["exact"]:
-            newton = task.iterate.exact_newton
-            newton.pose(solved, sets)
-            newton.restore((x, sets, solved))
+        newton.pose(solved, sets)
+        newton.restore((x, sets, solved))
         outcome = Outcome(
             Status.CONVERGED,
             newton,

@@ -73,12 +73,12 @@ class Meshes:
         self.remade: bool = problem.remake is not None
         settings = problem.settings
         automatic = (settings.algorithm, settings.gamma_n, settings.gamma_t) == ("auto", "auto", "auto")
-        self._regularised: SolverSettings | None = None  # where nothing else works
-        if (goal.of == "pressure" or goal.certified) and automatic and not problem.paired:
-            # The regularisation smears the pressure at a corner over a length that hardly depends on the mesh.  Between
-            # two bodies "exact" is not possible.
-            self._regularised = settings
-            problem = replace(problem, changed=settings.model_copy(update={"algorithm": "exact"}))
+        self._stated: SolverSettings | None = None  # where they are changed
+        if (goal.of == "pressure" or goal.certified) and automatic and not (problem.paired or problem.soft):
+            # The regularisation smears the pressure at a corner over a length that hardly depends on the mesh.  Two
+            # bodies keep it, as their estimates were tested with it.
+            self._stated = settings
+            problem = replace(problem, changed=settings.model_copy(update={"algorithm": "alm"}))
         self.problem: MeshedProblem[Any] = problem
         self._divisions = 1
         self._coarser: MeshLevel | None = None
@@ -107,23 +107,11 @@ class Meshes:
             self.problem = self.problem.beginning_finer()
 
     def solve(self, state: ContactState | None, number: int) -> SolvedMesh:
-        """Solve on the current mesh; with regularisation if the problem leaves it open and nothing else works."""
-        regularised = self._regularised
-        if regularised is None:
-            return self._solved(state, number)
-        try:
-            solved = self._solved(state, number)
-            if solved.level is not None or _used_up(solved):
-                return solved
-        except SceneError:
-            solved = None
-        self._regularised, self.problem = None, replace(self.problem, changed=regularised)
-        try:
-            return self._solved(state, number)
-        except SceneError:
-            if solved is not None:
-                return solved
-            raise
+        """Solve on the current mesh; with regularisation on all finer ones if augmentation fails on it."""
+        solved = self._solved(state, number)
+        if self._stated is not None and solved.outcome is not None and solved.outcome.regularised:
+            self._stated, self.problem = None, replace(self.problem, changed=self._stated)
+        return solved
 
     def jump(self, excess: float, rate: float, *, compared: bool, dimension: int, touching: int) -> float:
         """How many times finer the next mesh is, for an error that is ``excess`` times too large; where it is not known

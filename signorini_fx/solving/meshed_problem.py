@@ -69,6 +69,7 @@ class MeshedProblem(Generic[P]):
         history: of all meshes.
         degree: of the displacement.
         paired: whether two bodies are in contact somewhere.
+        soft: whether contact gives way by a law of its own, which augmentation would make hard.
         stated: how a source says that it is solved.
         solve: solves this from the contact state of a coarser mesh, with coarser meshes as levels of multigrid, and
             with a checkpoint, each None where there is none; errors of each load step are appended; collective.
@@ -102,6 +103,7 @@ class MeshedProblem(Generic[P]):
     in_parts: bool = False
     stored: Checkpoint | None = None
     changed: SolverSettings | None = None
+    soft: bool = False
 
     @property
     def settings(self) -> SolverSettings:

@@ -140,7 +140,7 @@ def _cohesion(dice: Dice, scene: dict[str, Any], sides: list[str], scale: float,
 def _shape(dice: Dice, scene: dict[str, Any], sides: list[str], scale: float, stepped: Any, drawn: Trial) -> int:
     """A plane or a circle under the lowest node of the contact boundary, seen along its mean normal."""
     effect, mesh = scene["contact"][0], drawn.mesh
-    if mesh is None or "kind" in effect or scene.get("solver", {}).get("algorithm") == "exact":
+    if mesh is None or "kind" in effect:
         return 0
     ends = mesh.points[mesh.boundaries[effect["boundary"]]]
     down = ends.reshape(-1, 2).mean(axis=0) - mesh.points.mean(axis=0)

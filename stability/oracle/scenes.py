@@ -143,18 +143,9 @@ def trial(seed: int, units: Units | None = None) -> Trial:
     _hold_and_load(dice, turn, scene, names, steps)
     scene["contact"] = _contacts(dice, turn, scene, names, mesh)
     solver = _solver(dice, turn, scene)
-    if solver.get("algorithm") == "exact" and _held_across(scene, names, turn):
-        solver["algorithm"] = "alm"
     if solver:
         scene["solver"] = solver
     return Trial(seed, scene, mesh, units or drawn_units(seed, 2))
-
-
-def _held_across(scene: dict[str, Any], names: dict[str, str], turn: _Turn) -> bool:
-    """Whether ``exact`` is mostly refused: a support holds an end of the contact boundary across its normal."""
-    supports = [effect for effect in scene.get("displacement", []) if effect["boundary"] != names["top"]]
-    sliding = [e for e in supports if "normal" in e or (len({"x", "y"} & set(e)) == 1 and turn.straight)]
-    return len(sliding) < len(supports) or any("gap" in effect for effect in scene["contact"][1:] if supports)
 
 
 @dataclass(frozen=True)
@@ -525,9 +516,7 @@ def _contacts(
 def _solver(dice: Dice, turn: _Turn, scene: dict[str, Any]) -> dict[str, Any]:
     natural = 1e5
     found: dict[str, Any] = {}
-    algorithm = dice.one_of(
-        "auto", "auto", "auto", "ssn", "continuation", "path-following", "alm", "alm", "exact", "exact"
-    )
+    algorithm = dice.one_of("auto", "auto", "auto", "ssn", "continuation", "path-following", "alm", "alm", "alm", "alm")
     if algorithm != "auto":
         found["algorithm"] = algorithm
     if dice.chance(0.5):

@@ -11,7 +11,7 @@ import tempfile
 import time
 import traceback
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -76,7 +76,6 @@ class Row:
 
 
 # What the documentation says is refused; the scenes contain nothing else that is.
-_NO_EXACT = "exact cannot be used here"
 _REASONS = ("prescribes the normal displacement on", "initial_contact: holds no contact node")
 
 
@@ -87,9 +86,6 @@ def examined(drawn: Trial, where: str) -> tuple[Verdict, dict[str, Any]]:
             solution = solution_of(drawn.write(Path(folder)))
         except SignoriniError as error:
             message = str(error).split("\n")[0]
-            if _NO_EXACT in message and drawn.scene["solver"]["algorithm"] == "exact":
-                # As documented; the message names this method.
-                return examined(replace(drawn, scene=drawn.scene | {"solver": {"algorithm": "alm"}}), where)
             kind = REFUSED if any(reason in message for reason in _REASONS) else REFUSED_WRONGLY
             return Verdict(kind, type(error).__name__, note=message), {}
         except Exception as error:

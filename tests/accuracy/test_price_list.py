@@ -103,7 +103,7 @@ def test_error_of_a_force_that_a_coarse_mesh_does_not_have():
 def nested(request):
     """A nested solve, a much finer one by another method, and the scene of the first."""
     scene = example1(**request.param, nx=120, ny=40, levels=4)
-    return solve(scene), solve(example1(**request.param, nx=360, ny=120, algorithm="exact")), scene
+    return solve(scene), solve(example1(**request.param, nx=360, ny=120, algorithm="alm")), scene
 
 
 @pytest.mark.slow
@@ -175,7 +175,7 @@ def test_ends_of_zones_to_one_interval():
 def test_meshes_divided_in_some_places(of):
     """The estimate of the ends of the zone is no less than their error, that of the largest pressure than its half."""
     scene = example1(bound=1.5, gamma="auto", nx=30, ny=10)
-    fine = alone(example1(bound=1.5, gamma="auto", nx=360, ny=120, algorithm="exact")).table
+    fine = alone(example1(bound=1.5, gamma="auto", nx=360, ny=120, algorithm="alm")).table
     known, largest = zone_ends(fine), fine.columns["pressure"].max()
     solution = alone(scene.model_copy(update={"accuracy": Accuracy(target=0.02, of=of)}))
     assert len(solution.levels) > 2
@@ -202,7 +202,7 @@ def test_data_that_every_mesh_misses():
 def test_largest_pressure_where_cells_are_small_there_only():
     """An error that is asked for is met on meshes with few cells elsewhere."""
     scene = example1(bound=1.5, gamma="auto", nx=30, ny=10, cell="triangle")
-    fine = alone(example1(bound=1.5, gamma="auto", nx=360, ny=120, algorithm="exact")).table.columns["pressure"].max()
+    fine = alone(example1(bound=1.5, gamma="auto", nx=360, ny=120, algorithm="alm")).table.columns["pressure"].max()
     solution = alone(scene.model_copy(update={"accuracy": Accuracy(target=0.02, of="peak", refinement="adaptive")}))
     assert solution.converged
     assert abs(solution.table.columns["pressure"].max() / fine - 1) < 0.02
@@ -249,7 +249,7 @@ def test_what_a_change_says_of_the_error():
 def test_regularisation_part(nested):
     """The error that gamma leaves, estimated on the path, is the distance to the unregularised solution."""
     level = nested[0].levels[-1]
-    exact = solve(nested[2].model_copy(update={"solver": example1(algorithm="exact").solver}))
+    exact = solve(nested[2].model_copy(update={"solver": example1(algorithm="alm").solver}))
     columns, limit = level.table.columns, exact.table.columns
     difference = np.sqrt(np.dot(limit["weight"], (columns["pressure"] - limit["pressure"]) ** 2))
     true = difference / np.sqrt(np.dot(limit["weight"], limit["pressure"] ** 2))

@@ -341,7 +341,7 @@ def asked(cell, law="none", nx=12, comm=MPI.COMM_SELF, **goal):
 @pytest.fixture(scope="module")
 def fine():
     """The block without friction on a fine mesh."""
-    return Reference(solve(block(24, gamma="auto", algorithm="exact"), MPI.COMM_SELF))
+    return Reference(solve(block(24, gamma="auto", algorithm="alm"), MPI.COMM_SELF))
 
 
 @pytest.mark.one_quick

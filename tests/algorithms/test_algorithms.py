@@ -4,16 +4,13 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 from scenes import alone, example1
-from spaces import block
 
 from signorini_fx.algebra.algorithms.ssn import SemismoothNewton
 from signorini_fx.algebra.algorithms.strategy import solve_task
-from signorini_fx.algebra.contact.active_sets import ActiveSets
 from signorini_fx.mechanics.body.discretisation import discretise
 from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
 from signorini_fx.records import History, Status, Timings
 from signorini_fx.scenes.mesh import load_mesh
-from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.solving.solve_on_mesh import contact_task
 
 
@@ -23,68 +20,6 @@ def solved_task(scene):
     task = contact_task(d, History())
     assert solve_task(task, task.start).status is Status.CONVERGED
     return task, d.boundary
-
-
-@pytest.mark.parametrize("wrong", ["turned round", "all slip", "all stick", "all in contact"])
-def test_exact_method_finds_its_sets(wrong):
-    """The unregularised limit does not live on the sets that it is given: nodes are caught and released, both ways."""
-    task, boundary = solved_task(example1(bound=1.5, nx=30, ny=10, algorithm="exact"))
-    newton = task.iterate.exact_newton
-    right = newton.problem.sets
-    slip = right.direction
-    assert {-1, 0, 1} <= set(slip[:, 0])
-    slips = {
-        "turned round": np.where(slip == 0, 1, -slip),
-        "all slip": np.ones_like(slip),
-        "all stick": np.zeros_like(slip),
-        "all in contact": slip,
-    }
-    contact = np.ones_like(right.contact) if wrong == "all in contact" else right.contact
-    given = ActiveSets.of(contact, slips[wrong])
-    assert newton.solve(newton.problem.data, given) is Status.CONVERGED
-    free = boundary.free.all(axis=1)  # elsewhere the support decides, and either set is as good
-    assert not newton.problem.sets.changed(right)[free].any()
-
-
-@pytest.mark.parametrize("push", [1e-2, -1e-2])
-def test_exact_method_sees_where_a_support_drags_a_node(push):
-    """Nodes that a support moves along the foundation slip, and bear their bound, whatever sets it begins with."""
-    scene = parse_scene(
-        {
-            "mesh": {"generator": "rectangle", "parameters": {"nx": 6, "ny": 2}},
-            "material": {"young": 5000.0, "poisson": 0.3},
-            "displacement": [{"boundary": side, "x": push} for side in ("left", "right")],
-            "traction": {"boundary": "top", "y": -20.0},
-            "contact": {"boundary": "bottom", "friction": {"law": "tresca", "bound": 2.0}},
-            "solver": {"algorithm": "exact"},
-        }
-    )
-    task, boundary = solved_task(scene)
-    newton, size = task.iterate.exact_newton, boundary.size
-    assert np.count_nonzero(~boundary.free[:, 0]) == 2
-    for slip in (-1, 0, 1):
-        given = ActiveSets.of(np.ones(size, dtype=bool), np.full((size, 1), float(slip)))
-        assert newton.solve(newton.problem.data, given) is Status.CONVERGED
-        np.testing.assert_allclose(newton.multipliers()[1], 2.0 * np.sign(push), rtol=1e-9)
-
-
-def test_the_limit_in_space_sees_a_shear_beside_its_slip():
-    """How far mu is from the projection, where directions that the sets have do not fit the slip."""
-    task, boundary = solved_task(block(6, bound=1.5, gamma="auto", algorithm="exact"))
-    newton = task.iterate.exact_newton
-    problem = newton.problem
-    assert problem.law_residual(newton.x) < 1e-8
-    turn = np.array([[0.8, -0.6], [0.6, 0.8]])
-    direction = problem.sets.direction @ turn.T
-    problem.sets = ActiveSets.of(problem.sets.contact, direction)
-    slip = problem.sets.slip
-    assert slip.any()
-    diagonal = task.system.matrix.getDiagonal().getArray().max()
-    trial = 1.5 * direction + diagonal / boundary.weight[:, None] * problem.system.contact.traces(newton.x)[1]
-    away = np.linalg.norm(direction[slip] - trial[slip] / np.linalg.norm(trial[slip], axis=1)[:, None], axis=1)
-    assert away.min() > 0.2
-    np.testing.assert_allclose(problem.away(newton.x)[slip], 1.5 * away, rtol=1e-9)
-    assert problem.law_residual(newton.x) == pytest.approx(away.max(), rel=1e-9)
 
 
 @pytest.mark.parametrize("law", [{"bound": 1.5}, {"coefficient": 0.3}])

@@ -190,7 +190,7 @@ def two_pieces(comm, **effects):
 @pytest.mark.one_quick
 @pytest.mark.mpi
 @pytest.mark.parametrize("linear_algebra", LINEAR_ALGEBRA)
-@pytest.mark.parametrize("algorithm", ["ssn", "exact", "alm", "path-following"])
+@pytest.mark.parametrize("algorithm", ["ssn", "alm", "path-following"])
 @pytest.mark.parametrize("gap", [0.0, 0.01])
 def test_a_piece_that_nothing_holds(linear_algebra, algorithm, gap):
     """Said by name, before anything is solved."""
@@ -236,7 +236,7 @@ def test_pieces_together_are_as_each_alone(seed):
     rng = np.random.default_rng(100 + seed)
     bodies = [random_piece(rng, f"b{k}", 3.0 * k) for k in range(int(rng.integers(2, 5)))]
     solver = {
-        "algorithm": ["ssn", "exact", "alm"][seed % 3],
+        "algorithm": ["ssn", "alm"][seed % 2],
         "linear_algebra": LINEAR_ALGEBRA[seed % 3] if WORLD.size == 1 else "auto",
         "gamma_n": 1e7,
         "gamma_t": 1e7,
@@ -297,7 +297,7 @@ def test_each_piece_comes_to_rest_by_itself():
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize("algorithm", ["ssn", "exact", "alm"])
+@pytest.mark.parametrize("algorithm", ["ssn", "alm"])
 def test_a_squeezed_piece(algorithm):
     """A piece between two foundations, without a load, beside one that friction nearly does not hold: statics of both,
     and the pressure of uniaxial stress, E / (1 - nu^2) times the strain.

@@ -203,7 +203,7 @@ ESTIMATED = {
     "coulomb": example1(coefficient=0.3, generator="rectangle"),
     "newton": example1(coefficient=0.3, generator="rectangle", coulomb="newton"),
     "nested": example1(coefficient=0.3, generator="rectangle", levels=3),
-    "exact": example1(bound=1.5, generator="rectangle", algorithm="exact"),
+    "alm": example1(bound=1.5, generator="rectangle", algorithm="alm"),
     "steps": block(**tresca(1.0), traction={"boundary": "top", "y": -20.0, "factors": [0.5, 1.0, 1.5]}),
 }
 
@@ -627,17 +627,6 @@ def test_a_file_that_is_not_there(capsys, tmp_path):
     code, _, err = run(capsys, "check", tmp_path / "none.toml")
     assert code == 2
     assert "none.toml: file: cannot be read" in err
-
-
-def test_what_exact_refuses():
-    """Said by check and by the solver in the same words."""
-    data = example1(bound=1.5, nx=12, ny=4, algorithm="exact")
-    turned = data.contact[0].model_copy(update={"direction": (0.3, -1.0)})
-    sides = (data.displacement[0].model_copy(update={"boundary": "bottom"}),)
-    data = data.model_copy(update={"contact": (turned,), "displacement": (*data.displacement, *sides)})
-    with pytest.raises(SceneError, match="exact cannot be used here") as caught:
-        check(data.model_copy(update={"displacement": data.displacement[:2]}))
-    assert caught.value.problems[0][0] == "solver.algorithm"
 
 
 # --- new -------------------------------------------------------------------------------------------------------------

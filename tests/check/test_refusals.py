@@ -109,11 +109,6 @@ REFUSED = {
     | PRESSED
     | {"contact": [BLOCK["contact"][0] | {"foundation": MOVING}], "load_steps": {"times": [0.0, 1.0]}},
     "certified with a tool": tool(mesh=TRIANGLES, **CERTIFIED),
-    "exact on a node with two normals": BLOCK
-    | PRESSED
-    | {"contact": [{"boundary": "bottom"}, {"boundary": "left"}], "solver": {"algorithm": "exact"}},
-    "exact with a tool": tool(solver={"algorithm": "exact"}),
-    "exact with two bodies": bodies(solver={"algorithm": "exact"}),
     "no contact to begin with": BLOCK | HELD | {"solver": {"initial_contact": "x[0] - 5"}},
     "pressure of an enclosed body": {
         "mesh": BLOCK["mesh"],
@@ -199,7 +194,7 @@ REFUSED = {
 }  # fmt: skip
 ACCEPTED = {
     "block": BLOCK | PRESSED,
-    "exact": BLOCK | PRESSED | {"solver": {"algorithm": "exact"}},
+    "alm": BLOCK | PRESSED | {"solver": {"algorithm": "alm"}},
     "foundation that moves": BLOCK
     | HELD
     | {"contact": [BLOCK["contact"][0] | {"foundation": MOVING}], "load_steps": {"times": [0.0, 1.0]}},
@@ -209,7 +204,6 @@ ACCEPTED = {
     | PRESSED
     | {"material": {"young": 1000.0, "poisson": 0.5}, "element": {"degree": 2, "volumetric": "mixed"}},
     "accuracy": BLOCK | HELD | {"accuracy": {"target": 0.3}},
-    # A refusal of the method that is tried first, exact, is not one of the scene.
     "certified": BLOCK | HELD | {"mesh": TRIANGLES, "contact": [{"boundary": "bottom"}]} | CERTIFIED | SSN,
     "traction in space that is not linear": certified_in_space(traction={"boundary": "left", "x": "x[2]**3"}) | SSN,
     "body force in space that is not constant": certified_in_space(body_force={"z": "-x[2]"}) | SSN,

@@ -42,7 +42,6 @@ WITH = {
     "axisymmetric, torsion": {"material": TURNED | {"torsion": True}},
     "mixed element": {"element": {"degree": 2, "volumetric": "mixed"}},
     "reduced integration": {"element": {"volumetric": "reduced"}},
-    "exact": {"solver": {"algorithm": "exact"}},
     "krylov": {"solver": {"linear_algebra": "krylov"}},
     "nested iteration": {"solver": {"levels": 2}},
     "requested accuracy": {"accuracy": {"target": 0.3}},

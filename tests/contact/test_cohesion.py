@@ -47,7 +47,6 @@ def dragged(dim=2, gap=0.0, comm=COMM, friction=None, **solver):
         (2, {}),
         (2, {"coulomb": "newton"}),
         (2, {"algorithm": "alm"}),
-        (2, {"algorithm": "exact"}),
         (2, {"algorithm": "path-following"}),
         (3, {}),
         (3, {"algorithm": "alm", "linear_algebra": "krylov"}),

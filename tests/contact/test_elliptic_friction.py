@@ -297,31 +297,6 @@ def test_the_other_axis(algebra):
 # --- independent judges ----------------------------------------------------------------------------------------------
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("askew", [False, True])
-def test_exact(askew):
-    """Multiples of unknowns are tied, which axes askew turn first: the augmentation converges to the same tractions."""
-    found = []
-    for name in ("exact", "alm"):
-        law = law_of(law="coulomb", coefficient=0.2, ratio=2.5, along=[0.0, 1.0, 0.0])
-        scene = pulled(law, nx=4, algorithm=name, tolerance=1e-10)
-        if askew:
-            drive = {"boundary": "top", "x": 0.004, "y": 0.005, "z": -0.02}
-            scene = brick(
-                {}, contact={"boundary": "bottom", "friction": LAWS["coulomb"]}, traction=(), displacement=drive
-            )
-            settings = {"algorithm": name, "tolerance": 1e-10}
-            scene = scene.model_copy(update={"solver": scene.solver.model_copy(update=settings)})
-        found.append(alone(scene))
-    exact, other = found
-    assert exact.certificate.holds
-    assert exact.certificate.law.gamma_t == np.inf
-    ours, theirs = exact.table.columns, other.table.columns
-    assert {"stick", "slip"} <= {*ours["state"]}
-    for name in ("pressure", "shear_x", "shear_y", "slip_x", "slip_y"):
-        np.testing.assert_allclose(ours[name], theirs[name], atol=1e-6 * np.abs(theirs[name]).max())
-
-
 def test_certificate_sees_a_disc():
     """Tractions on the ellipse break the law of the disc and of another ellipse, and those of the disc that."""
     friction = law_of(law="coulomb", coefficient=0.4, ratio=0.25, along=ALONG)

@@ -81,7 +81,6 @@ def by_hand(cells=8):
     "solver",
     [
         {"algorithm": "alm"},
-        {"algorithm": "exact"},
         {"gamma_n": 1e7},
         {"gamma_n": 1e9},
         {"algorithm": "path-following", "regularisation_error": 1e-5},

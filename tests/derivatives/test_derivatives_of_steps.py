@@ -70,7 +70,7 @@ def space(friction, **solver):
 
 DATA = ["contact.gap", "material.young", "traction[0]", "displacement[0].x"]
 WAYS = {
-    "tresca exact": (TRESCA, ["contact.friction.bound"], {"algorithm": "exact"}),
+    "tresca alm": (TRESCA, ["contact.friction.bound"], {"algorithm": "alm"}),
     "fixed point": (COULOMB, ["contact.friction.coefficient"], {"coulomb": "fp", "linear_algebra": "krylov"}),
     "alm": (COULOMB, ["contact.friction.coefficient"], {"algorithm": "alm"}),
 }

@@ -56,7 +56,6 @@ def pull(solution):
         (2, {}),
         (2, {"coulomb": "newton"}),
         (2, {"algorithm": "alm"}),
-        (2, {"algorithm": "exact"}),
         (2, {"algorithm": "path-following"}),
         (3, {}),
         (3, {"linear_algebra": "krylov"}),

@@ -31,7 +31,7 @@ def square(x, *, n=8, degree=1, body_force=None, **more):
         "displacement": [{"boundary": "left", "x": 0.0}],
         "traction": [{"boundary": "top", "y": x}],
         "contact": [{"boundary": "bottom"}],
-        "solver": {"algorithm": "exact"},
+        "solver": {"algorithm": "alm"},
     }
     if body_force is not None:
         scene["body_force"] = body_force

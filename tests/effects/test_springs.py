@@ -174,7 +174,7 @@ def test_against_a_spring_form(cells, degree, linear_algebra):
     load = {"x": 4.0, ("y" if cells in PLANE else "z"): -10.0}
     friction = {"law": "coulomb", "coefficient": coefficient}
     settings = {"linear_algebra": linear_algebra, "tolerance": 1e-13, "gamma_n": 1e6, "gamma_t": 1e6}
-    settings["algorithm"] = "alm" if linear_algebra == "krylov" else "exact"
+    settings["algorithm"] = "alm"
     given = scene(
         tagged,
         degree,

@@ -582,7 +582,6 @@ REFUSED = [
     ({"force": [0.0, "x[0]"]}, "number or an expression of the time t"),
     ({"force": [0.0, -1.0], "shift": ["0.1 * t", 0.0]}, "choose one of both"),
     ({"force": [0.0, -1.0], "pivot": None}, "pivot: give the point where the force acts"),
-    ({"force": [0.0, -1.0], "solver": {"algorithm": "exact"}}, "exact needs one unknown .* take 'alm'"),
 ]
 
 

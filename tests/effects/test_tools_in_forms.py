@@ -150,7 +150,6 @@ def test_a_rigid_body_has_several_contacts():
 MISTAKES = [
     ({"bonded": True, "shape": None}, r"contact\[0\].bonded: needs a shape"),
     ({"shape": "timed"}, r"contact\[0\].shape: depends on t"),
-    ({"algorithm": "exact"}, r"contact\[0\].shape: exact ties one unknown, .* take 'alm'"),
     ({"measure": 1.0}, r"contact\[0\].measure: is not possible yet"),
 ]
 

@@ -9,7 +9,7 @@ from scenes import example1
 from test_ranks import agree, same_on_all_ranks
 
 from signorini_fx import solve
-from signorini_fx.algebra.linalg import choice, keep_diagonal, partial_factor
+from signorini_fx.algebra.linalg import choice, partial_factor
 from signorini_fx.algebra.linalg.schur import SchurComplement
 from signorini_fx.machine import parallel
 from signorini_fx.scenes.reading import parse_scene
@@ -66,25 +66,11 @@ def test_schur_complement(touched, empty):
             np.testing.assert_allclose(every, x[here], rtol=0, atol=1e-12 * np.abs(x).max())
 
 
-def test_diagonal_rows_and_columns():
-    """Of a dense matrix as of a sparse one, rows of any rank."""
-    dense = np.add.outer(np.arange(8.0), np.arange(8.0)) + 1
-    sparse, here = distributed(dense, np.diff(np.linspace(0, 8, WORLD.size + 1).astype(int))[WORLD.rank])
-    rows = np.flatnonzero(np.isin(np.arange(here.start, here.stop), (1, 6)))
-    expected = dense.copy()
-    expected[[1, 6]] = expected[:, [1, 6]] = 0
-    expected[[1, 6], [1, 6]] = 3.5
-    for matrix in (sparse, sparse.convert("dense", PETSc.Mat())):
-        keep_diagonal(matrix, rows, 3.5)
-        found = matrix.convert("dense", PETSc.Mat())
-        np.testing.assert_array_equal(found.getDenseArray(), expected[here])
-
-
 LONG = {"nx": 320, "ny": 3, "linear_algebra": "condensed", "patch": "auto", "bound": 1.5}
 SCENES = {
     "many nodes": example1(**LONG),
     "degree 2": example1(**LONG | {"degree": 2, "nx": 160}),
-    "without regularisation": example1(**LONG | {"nx": 60, "algorithm": "exact"}),
+    "without regularisation": example1(**LONG | {"nx": 60, "algorithm": "alm"}),
     "newton": example1(**LONG | {"nx": 60, "bound": None, "coefficient": 0.3, "coulomb": "newton"}),
 }
 

@@ -85,7 +85,7 @@ def turned(**solver):
 
 
 @pytest.mark.one_quick
-@pytest.mark.parametrize("algorithm", ["ssn", "exact"])
+@pytest.mark.parametrize("algorithm", ["ssn", "alm"])
 def test_condensed_with_turned_nodes(algorithm):
     """The dense matrix in the frames of the nodes, against the sparse one."""
     ours, theirs = (table_of(alone(turned(algorithm=algorithm, linear_algebra=k))) for k in ("condensed", "full"))

@@ -91,7 +91,6 @@ SCENES = {
     "full": lambda: plane(linear_algebra="full"),
     "condensed": lambda: plane(linear_algebra="condensed"),
     "krylov": lambda: block(3, "tetrahedra", coefficient=0.3, gamma="auto", linear_algebra="krylov", comm=COMM),
-    "exact": lambda: plane(algorithm="exact"),
     "alm": lambda: plane(algorithm="alm"),
     "path-following": lambda: plane(algorithm="path-following", coulomb="newton"),
     "several steps": ramp,

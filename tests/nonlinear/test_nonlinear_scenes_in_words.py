@@ -37,7 +37,6 @@ REFUSED = {
         "material": material("saint-venant-kirchhoff"),
         "element": {"volumetric": "reduced"},
     },
-    "solver.algorithm: the exact algorithm is not possible yet": {"solver": {"algorithm": "exact"}},
     "solver.levels: several meshes are not possible yet": {"solver": {"levels": 2}},
     "solver.error_bound: a nonlinear body has no guaranteed bound": {"solver": {"error_bound": True}},
     "solver.regularisation_error: must be a number": {"solver": {"algorithm": "path-following"}},

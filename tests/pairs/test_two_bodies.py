@@ -245,7 +245,6 @@ def test_what_is_refused():
     refused(Pair(slave, slave), r"contact\[0\].against: shares 3 facets")
     refused(Pair(slave, facets(mesh, lambda x: np.isclose(x[1], 1))), r"contact\[0\]: its facets lie up to 1 behind")
     refused(Pair(slave, master, gap="nominal"), r'contact\[0\].gap: must be "geometry" or values')
-    refused(Pair(slave, master), "exact cannot be used here: contact of two bodies", algorithm="exact")
 
 
 @pytest.mark.parametrize(

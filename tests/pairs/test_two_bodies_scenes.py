@@ -90,7 +90,6 @@ def test_gamma_that_is_too_large_for_the_softest_body(young, warned):
         ({"against": None, "distance": "nominal"}, r"contact\[0\].distance: is for contact against"),
         ({"kind": "bonded"}, r"contact\[0\].friction: a bond has none"),
         ({"kind": "bonded", "friction": None, "against": None}, r"contact\[0\]: a bond needs the boundary"),
-        ({"solver": {"algorithm": "exact"}}, "solver.algorithm: exact needs one unknown for each constraint"),
     ],
 )
 def test_what_a_scene_cannot_say(changes, match):

@@ -157,7 +157,7 @@ def missed(reaction, velocity, coefficient):
 @pytest.mark.one_quick
 @pytest.mark.parametrize("kind", SYSTEMS)
 def test_in_the_form_of_fclib(kind, tmp_path):
-    solution = alone(cube(algorithm="exact"))
+    solution = alone(cube(algorithm="alm"))
     body, boundary = solution.model, solution.model.boundary
     # The free unknowns of the cube, from PETSc's matrix; supports are part of the load.
     indptr, indices, data = body.stiffness.getValuesCSR()
@@ -180,7 +180,7 @@ def test_in_the_form_of_fclib(kind, tmp_path):
 
     m, h, f, w, mu = read_fclib(tmp_path / "cube.hdf5")
     frame = sp.diags_array(np.tile([-1.0, 1.0, 1.0], mu.size))  # towards the foundation
-    settings = Settings(algorithm="exact", tolerance=1e-12)
+    settings = Settings(algorithm="alm", tolerance=1e-12)
     v, state = solved(kind, m, f, frame @ h.T, np.ones(mu.size), w[::3], mu, settings=settings)
     reaction = np.column_stack((state.pressure, -state.shear))
     velocity = (h.T @ v + w).reshape(-1, 3)

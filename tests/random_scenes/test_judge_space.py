@@ -137,7 +137,7 @@ TRESCA, COULOMB = {"law": "tresca", "bound": 0.5}, {"law": "coulomb", "coefficie
 TRIALS = {
     "tresca": Trial(0, scene(TRESCA), block(inner=0.03)[0], same(3)),
     "coulomb": Trial(0, scene(COULOMB, 2), block("tetrahedron", shape=(2, 1, 1))[0], Units(1e-6, 1e5, 3)),
-    "exact": Trial(0, scene(COULOMB, solver={"algorithm": "alm"}), block("tetrahedron")[0], same(3)),
+    "limit": Trial(0, scene(COULOMB, solver={"algorithm": "alm"}), block("tetrahedron")[0], same(3)),
 }
 ANSWERS: dict[str, Answer] = {}
 
@@ -312,7 +312,7 @@ def test_the_cone_programme_notices_too(name, tmp_path):
     table = given.steps[-1].table
     rows = np.argmin(np.linalg.norm(contact.x[:, None] - vectors_of_place(table), axis=2), axis=1)
     bound = contact.bound(table["pressure"][rows])
-    law = (0.0, 0.0) if name == "exact" else (1 / given.gamma[0], 1 / given.gamma[1])
+    law = (0.0, 0.0) if name == "limit" else (1 / given.gamma[0], 1 / given.gamma[1])
     nothing = cones.Origin.nothing(contact)
     right, wrong = (
         cones.compare(body_, contact, 0, given.steps[-1].displacement[order], factor * bound, nothing, law)

@@ -46,7 +46,7 @@ frictions = st.one_of(
 solvers = tables(
     {"max_iterations": st.sampled_from((1, 30)), "max_outer_iterations": st.sampled_from((1, 20))},
     {
-        "algorithm": st.sampled_from(("ssn", "continuation", "path-following", "alm", "exact")),
+        "algorithm": st.sampled_from(("ssn", "continuation", "path-following", "alm")),
         "coulomb": st.sampled_from(("fp", "newton")),
         "gamma_n": numbers(1e4, 1e8, "auto"),
         "gamma_t": numbers(1e4, 1e8, "auto"),

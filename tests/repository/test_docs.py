@@ -696,7 +696,6 @@ def test_linear_solves():
         {"algorithm": "path-following"},
         {"algorithm": "path-following", "regularisation_error": 1e-4},
         {"algorithm": "alm", "gamma": 1e7},
-        {"algorithm": "exact"},
     ]
     for (name, tresca, coulomb, *_), setting in zip(table([THEORY], "Tresca, g = 1.5"), settings, strict=True):
         assert f"`{setting['algorithm']}`" in name

@@ -26,7 +26,7 @@ def judged(laws, left=None, accuracy=None, **settings):
     ("laws", "asked"),
     [
         ([LIMIT], {"algorithm": "alm"}),
-        ([LIMIT], {"algorithm": "exact", "gamma_n": 1e8}),
+        ([LIMIT], {"algorithm": "alm", "gamma_n": 1e8}),
         ([REGULARISED], {}),
         ([LIMIT], {}),
         ([REGULARISED], {"gamma_n": 1e8}),
@@ -46,7 +46,7 @@ def test_what_was_asked_for(laws, asked):
     ("laws", "asked", "words"),
     [
         ([REGULARISED], {"algorithm": "alm"}, "'alm' was not reached, the regularised law with gamma_n = 1e+08"),
-        ([LIMIT, REGULARISED], {"algorithm": "exact"}, "in load step 2"),
+        ([LIMIT, REGULARISED], {"algorithm": "alm"}, "in load step 2"),
         ([REGULARISED, LIMIT, REGULARISED], {"algorithm": "alm"}, "in load steps 1, 3"),
         ([REGULARISED], {"algorithm": "alm", "left": 3e-3, "regularisation_error": 4.3e-5}, "4.3e-05 was asked for"),
         ([LIMIT], {"gamma_n": 1e8}, "a fall-back has solved the unregularised law in its place"),

@@ -52,7 +52,7 @@ SCENES = {
     "Coulomb, degree 2": lambda **s: example1(coefficient=0.3, nx=15, ny=5, degree=2, gamma="auto", **s),
     "wedge": wedge,
 }
-METHODS = ("ssn", "alm", "exact")
+METHODS = ("ssn", "alm")
 
 
 @cache
@@ -93,8 +93,7 @@ def at(row, change):
     return changed
 
 
-# A contact node of the wedge is held across its normal: nothing for elimination.
-PAIRS = [(name, algorithm) for name in SCENES for algorithm in METHODS if (name, algorithm) != ("wedge", "exact")]
+PAIRS = [(name, algorithm) for name in SCENES for algorithm in METHODS]
 each = pytest.mark.parametrize(("name", "algorithm"), PAIRS)
 by = pytest.mark.parametrize("algorithm", METHODS)
 
@@ -141,10 +140,9 @@ def test_one_node_of_many(algorithm):
     refused(certificate, "equilibrium")
 
 
-@pytest.mark.parametrize("algorithm", ["alm", "exact"])
-def test_shear_along_the_normal(algorithm):
+def test_shear_along_the_normal():
     """A part of the pressure that is called shear does the same to the body: it is refused all the same."""
-    solution = solved("Tresca", algorithm)
+    solution = solved("Tresca", "alm")
     tractions, boundary = Tractions.of(solution.contact), solution.contact.boundary
     sticks = np.linalg.norm(tractions.shear, axis=1) < 0.5 * 1.5  # so that the bound is kept
     part = np.where(sticks, 1e-3 * tractions.pressure, 0.0)
@@ -315,7 +313,7 @@ def test_bilateral_contact_does_not_open():
             "displacement": [{"boundary": side, "x": 0.0} for side in ("left", "right")],
             "traction": {"boundary": "top", "y": 5.0},
             "contact": {"boundary": "bottom", "kind": "bilateral"},
-            "solver": {"algorithm": "exact"},
+            "solver": {"algorithm": "alm"},
         }
     )
     solution = alone(scene)
@@ -326,7 +324,7 @@ def test_bilateral_contact_does_not_open():
 
 
 @pytest.mark.parametrize("offset", [1e-4, -1e-4])
-@pytest.mark.parametrize("algorithm", ["ssn", "alm", "exact"])
+@pytest.mark.parametrize("algorithm", METHODS)
 def test_bilateral_contact_where_a_support_holds_a_node(algorithm, offset):
     """The corner of a clamped side cannot follow bilateral contact with a gap: all other nodes do, and one more that
     does not is noticed.
@@ -494,13 +492,6 @@ def test_faults_of_the_solver_are_refused(monkeypatch, fault, algorithm):
     assert alone(scene).converged
     module, name, wrong = FAULTS[fault]
     monkeypatch.setattr(module, name, wrong(getattr(module, name)))
-    if (algorithm, fault) == (
-        "exact",
-        "wrong normals",
-    ):  # no unknown is along them, so that the solver notices it first
-        with pytest.raises(ValueError, match="none can be tied"):
-            alone(scene, check=False)
-        return
     solution = alone(scene, check=False)
     assert not solution.converged
     assert fault == "wrong pressure" or solution.status is Status.NOT_CERTIFIED

@@ -56,9 +56,7 @@ def judged(solution, displacement=lambda y: y, pressure=lambda p: p, shear=lambd
 
 
 @pytest.mark.one_quick
-@pytest.mark.parametrize(
-    ("share", "dim", "algorithm"), [(1e-8, 2, "ssn"), (1e-5, 2, "alm"), (1e-8, 3, "ssn"), (1e-6, 2, "exact")]
-)
+@pytest.mark.parametrize(("share", "dim", "algorithm"), [(1e-8, 2, "ssn"), (1e-5, 2, "alm"), (1e-8, 3, "ssn")])
 def test_a_body_that_is_hardly_loaded(share, dim, algorithm):
     """Its displacement, pressure and shear may be no more wrong than those of the other one."""
     solution, rng = solved(share, dim, algorithm), np.random.default_rng(0)

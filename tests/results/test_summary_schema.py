@@ -121,7 +121,7 @@ SCENES = {
     "steps in space": stepped_in_space,
     "levels": lambda: example1(bound=1.5, nx=12, ny=4, levels=2, error_bound=True),
     "path-following": lambda: example1(bound=1.5, nx=12, ny=4, algorithm="path-following"),
-    "exact": lambda: example1(coefficient=0.3, nx=12, ny=4, gamma="auto", algorithm="exact"),
+    "alm": lambda: example1(coefficient=0.3, nx=12, ny=4, gamma="auto", algorithm="alm"),
     "free to tip": lambda: live(standing(0.1, COULOMB)),
     "linear": linear,
     "torsion": twisted,

@@ -204,7 +204,7 @@ def test_forms_and_residuals_have_parameter_studies():
                 "material": [{"young": 5000.0, "poisson": 0.3}],
                 "displacement": [{"boundary": "top", "x": 0.01, "y": -0.02}],
                 "contact": [{"boundary": "bottom", "friction": friction}],
-                "solver": {"algorithm": "exact", "coulomb": "newton"},
+                "solver": {"algorithm": "alm", "coulomb": "newton"},
             }
         )
 
@@ -217,9 +217,9 @@ def test_forms_and_residuals_have_parameter_studies():
     floor = Foundation(tagged.facets("bottom"), friction=Coulomb(shared))
     none = ufl.inner(fem.Constant(tagged.mesh, (0.0, 0.0)), v) * ufl.dx
     a = hooke(ufl.TrialFunction(space), v, 5000.0)
-    forms = ContactProblem(a, none, moved, floor, algorithm="exact", coulomb="newton")
+    forms = ContactProblem(a, none, moved, floor, algorithm="alm", coulomb="newton")
     residual = NonlinearContactProblem(
-        hooke(u, v, 5000.0), u, bcs=moved, contact=floor, algorithm="exact", coulomb="newton"
+        hooke(u, v, 5000.0), u, bcs=moved, contact=floor, algorithm="alm", coulomb="newton"
     )
 
     def solved(problem, coefficient):

@@ -34,11 +34,6 @@ IN_SPACE = [
     ({"material": STRESSED}, "material[0].hypothesis", "plane stress and plane strain"),
     ({"contact": {**FOOT, "direction": [0.0, -1.0]}}, "contact[0].direction", "3 numbers, not 2"),
     ({"displacement": {**FOOT, "z": 0.0}}, "displacement[0]", "prescribes the normal displacement"),
-    (
-        {"element": {"degree": 2}, "solver": {"algorithm": "exact"}, **TETRAHEDRA},
-        "solver.algorithm",
-        "quadratic tetrahedra",
-    ),
     ({"element": {"volumetric": "reduced"}, **TETRAHEDRA}, "element.volumetric", "linear tetrahedra"),
 ]
 IN_THE_PLANE = [

@@ -18,7 +18,6 @@ TOOL |= {"prescribed": {"rotation": 0.0, "x": 0.0}}
 WITH = {
     "ssn": {},
     "alm": {"solver": {"algorithm": "alm"}},
-    "exact": {"solver": {"algorithm": "exact"}},
     "multigrid": {"solver": {"linear_algebra": "krylov"}},
     "degree 2": {"element": {"degree": 2}},
     "axisymmetric": {"material": {"young": 1000.0, "poisson": 0.3, "hypothesis": "axisymmetric"}},

@@ -14,7 +14,7 @@ from scenes import example1
 
 from signorini_fx.algebra.algorithms import ssn
 from signorini_fx.algebra.linalg import callbacks, multigrid, schur
-from signorini_fx.algebra.problem import exact, regularised, tangent
+from signorini_fx.algebra.problem import regularised, tangent
 from signorini_fx.machine import signals
 from signorini_fx.machine.manifest import MANIFEST
 from signorini_fx.records import History
@@ -61,7 +61,6 @@ PLACES = {
     "residual, space": (regularised.RegularisedProblem, "_hold", (SOLID, FULL)),
     "residual, condensed": (regularised.RegularisedProblem, "_hold", (PLANE, CONDENSED)),
     "residual, krylov": (regularised.RegularisedProblem, "_hold", (SOLID, KRYLOV)),
-    "residual, exact": (exact.ExactProblem, "_constraints", (PLANE, f'{FULL}, algorithm = "exact"')),
     "jacobian": (tangent.ContactTangent, "insert", (SOLID, FULL)),
     "convergence": (ssn.SemismoothNewton, "_record", (SOLID, FULL)),
     "convergence, krylov": (ssn.SemismoothNewton, "_record", (SOLID, KRYLOV)),

@@ -183,7 +183,7 @@ NESTED = {
     "tetrahedra": lambda **s: [block(n, "tetrahedra", gamma=1e5, **LAWS["tresca"], **s) for n in (6, 12)],
     "three meshes": lambda **s: [example1(bound=1.5, nx=n, ny=n // 3, **s) for n in (15, 30, 60)],
     "not nested": lambda **s: [block(n, bound=1.5, gamma=1e7, **s) for n in (6, 15)],
-    "exact": lambda **s: [block(n, bound=1.5, gamma="auto", algorithm="exact", **s) for n in (6, 12)],
+    "alm": lambda **s: [block(n, bound=1.5, gamma="auto", algorithm="alm", **s) for n in (6, 12)],
     "quadratic": lambda **s: [example1(bound=1.5, nx=n, ny=n // 3, degree=2, **s) for n in (15, 30)],
 }
 

@@ -92,7 +92,7 @@ def test_bad_paths(arguments, message):
 @pytest.mark.one_quick
 @pytest.mark.mpi
 @pytest.mark.parametrize("push", [1.2, 40.0])
-@pytest.mark.parametrize("method", [{}, {"coulomb": "newton"}, {"algorithm": "exact"}, {"algorithm": "alm"}])
+@pytest.mark.parametrize("method", [{}, {"coulomb": "newton"}, {"algorithm": "alm"}])
 def test_limit_load(push, method):
     """Statics: the block slides at F times the normal force; the ramp ends within 1 % of that, with a certificate."""
     solution = solve(ramp(push, nx=18, **method), check=False)
@@ -111,7 +111,7 @@ def test_limit_load(push, method):
 @pytest.mark.parametrize(
     ("method", "push"),
     [
-        *(({}, 1.2), ({"coulomb": "newton"}, 1.2), ({"algorithm": "exact"}, 1.2), ({"algorithm": "alm"}, 1.2)),
+        *(({}, 1.2), ({"coulomb": "newton"}, 1.2), ({"algorithm": "alm"}, 1.2)),
         # With fall-backs such a ramp would begin again with augmentation.
         *(({"max_iterations": 2, "fallbacks": False}, 0.9), ({"max_iterations": 6, "algorithm": "alm"}, 0.99)),
     ],

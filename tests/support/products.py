@@ -80,8 +80,6 @@ class Product:
             {"law": "coulomb", "coefficient": round(float(random.uniform(0.1, 0.4)), 3)},
         ][int(random.integers(3))]
         methods: list[dict[str, object]] = [{}, {"algorithm": "alm"}, {"algorithm": "continuation"}]
-        if "quadratic tetrahedra" not in features and "skew walls" not in features:
-            methods.append({"algorithm": "exact"})
         if law["law"] == "coulomb":
             methods.append({"coulomb": "newton"})
         method = methods[int(random.integers(len(methods)))]
@@ -107,9 +105,7 @@ class Product:
         solver = {"tolerance": 1e-10, "gamma_n": 1e4 * _YOUNG, "gamma_t": 1e4 * stretch * _YOUNG, **self.method}
         alone = MPI.COMM_WORLD.size == 1  # which condensing is for, and a run that is restarted keeps its settings
         solver["linear_algebra"] = "full" if plain or (self.algebra == "condensed" and not alone) else self.algebra
-        if self.method.get("algorithm") == "exact":
-            del solver["gamma_n"], solver["gamma_t"]
-        elif has("fall-back") and not plain:
+        if has("fall-back") and not plain:
             solver["sigma"] = 1e-4 / (stretch * _YOUNG)  # nodes jump from slip to slip, which cycles
         if has("levels") and not plain:
             solver["levels"] = 2

@@ -72,7 +72,7 @@ def ellipse(x, pressure, half_width):
 
 
 @pytest.mark.one_quick
-@pytest.mark.parametrize("algorithm", ["ssn", "exact"])
+@pytest.mark.parametrize("algorithm", ["ssn", "alm"])
 @each_element
 def test_half_disk(cell, degree, algorithm):
     """Half-width and peak pressure to half a percent where (a/R)^2 is a quarter of one."""

@@ -113,7 +113,7 @@ def fitted(gap, support, algorithm="ssn", **mesh):
 LEFT = {"boundary": "left", "x": 0.0}
 
 
-@pytest.mark.parametrize("algorithm", ["ssn", "exact", "alm"])
+@pytest.mark.parametrize("algorithm", ["ssn", "alm"])
 @pytest.mark.parametrize("gap", [(-0.01, -0.01), (0.03, -0.05)])
 def test_squeezed(gap, algorithm):
     """An interference fit needs no load: the block is compressed by 0.02, free to widen, wherever the foundations are.
@@ -124,7 +124,7 @@ def test_squeezed(gap, algorithm):
     assert solution.status is Status.CONVERGED
     # What gamma leaves of the penetration, as a share of the interference.
     exact = 1000.0 / (1 - 0.3**2) * 0.01
-    leaves = 0.0 if algorithm in ("exact", "alm") else 2 * exact / solution.parameters["gamma_n"] / 0.02
+    leaves = 0.0 if algorithm == "alm" else 2 * exact / solution.parameters["gamma_n"] / 0.02
     np.testing.assert_allclose(solution.contact.pressure, exact, rtol=1e-7 + 2 * leaves)
     assert solution.contact.in_contact.all()
     assert not any("no load presses" in found.message for found in solution.findings)
@@ -167,7 +167,7 @@ def test_loads_that_balance_each_other(friction, cell, nx, ny):
 
 
 @pytest.mark.parametrize("friction", [{"law": "coulomb", "coefficient": 0.3}, {"law": "tresca", "bound": 0.3}])
-@pytest.mark.parametrize("algorithm", ["ssn", "exact", "alm"])
+@pytest.mark.parametrize("algorithm", ["ssn", "alm"])
 @pytest.mark.parametrize("gap", [(0.01, 0.01), (0.03, -0.01)])
 def test_strains_that_press(gap, algorithm, friction):
     """A block with clearance of 0.02 in sum, compressed by 3 % along its foundations: it becomes too thick for them."""
@@ -191,7 +191,7 @@ def test_strains_that_press(gap, algorithm, friction):
     assert solution.contact.pressure.min() > 0
 
 
-@pytest.mark.parametrize("algorithm", ["ssn", "exact", "alm", "path-following"])
+@pytest.mark.parametrize("algorithm", ["ssn", "alm", "path-following"])
 @pytest.mark.parametrize(("pressure", "status"), [(10.0, Status.CONVERGED), (-10.0, Status.OPEN)])
 def test_held_by_friction_where_a_beam_bends_down(pressure, status, algorithm):
     """Both ends rest on rollers and nothing is pushed along them: friction holds the beam if it bends down, not up."""

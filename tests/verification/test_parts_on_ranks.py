@@ -235,12 +235,12 @@ HALF_DISK = parse_scene(
         "material": {"young": 5000.0, "poisson": 0.3},
         "traction": {"boundary": "top", "x": 0.5, "y": -5.0},
         "contact": {"boundary": "arc", "gap": 1e-3, "friction": {"law": "tresca", "bound": 1.0}},
-        "solver": {"algorithm": "exact"},
+        "solver": {"algorithm": "alm"},
     }
 )
 LIMITS = {
-    "along the axes": example1(bound=1.5, nx=30, ny=10, algorithm="exact"),
-    "Coulomb": example1(coefficient=0.3, nx=30, ny=10, algorithm="exact"),
+    "along the axes": example1(bound=1.5, nx=30, ny=10, algorithm="alm"),
+    "Coulomb": example1(coefficient=0.3, nx=30, ny=10, algorithm="alm"),
     "turned nodes": HALF_DISK,
 }
 

@@ -74,7 +74,7 @@ SCENES = {
     "tresca": lambda comm: block(12, bound=1.5, comm=comm),
     "coulomb, tetrahedra": lambda comm: block(12, "tetrahedra", coefficient=0.3, comm=comm),
     "monolithic": lambda comm: block(12, coefficient=0.3, coulomb="newton", comm=comm),
-    "exact": lambda comm: block(12, bound=1.5, gamma="auto", algorithm="exact", comm=comm),
+    "alm": lambda comm: block(12, bound=1.5, gamma="auto", algorithm="alm", comm=comm),
     "quadratic tetrahedra": lambda comm: block(6, "tetrahedra", bound=1.5, degree=2, comm=comm),
     "quadratic, monolithic": lambda comm: block(
         6, "tetrahedra", coefficient=0.3, coulomb="newton", degree=2, comm=comm

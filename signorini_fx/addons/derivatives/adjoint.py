@@ -32,7 +32,6 @@ from signorini_fx.algebra.contact.contact_map import ContactMap
 from signorini_fx.algebra.contact.nodal_vectors import Nodal, length
 from signorini_fx.algebra.linalg import ElasticSystem, callbacks, petsc_options
 from signorini_fx.algebra.linalg.failures import unprinted
-from signorini_fx.algebra.problem.regularised import RegularisedProblem
 from signorini_fx.algebra.problem.tangent import ContactTangent
 from signorini_fx.errors import SignoriniError
 from signorini_fx.machine import parallel
@@ -121,7 +120,7 @@ class TransposedTangent:
 
     def _reused(self, newton: SemismoothNewton | None) -> PETSc.PC | None:
         """The last factor of a method, if it is of the same blocks; collective."""
-        if newton is None or not isinstance(newton.problem, RegularisedProblem):
+        if newton is None:
             return None
         jacobian, ksp = newton.snes.getJacobian()[0], newton.snes.getKSP()
         tables = newton.problem.tangent.factorised, newton.problem.tangent.inserted

@@ -41,7 +41,7 @@ def next_steps(summary: dict[str, Any], contact: dict[str, Any]) -> list[str]:
         if last["energy"] and last["regularisation"] > 0.2 * last["energy"]:
             advice.append(
                 "The regularisation takes a notable part of the error: raise solver.gamma_n and solver.gamma_t, or "
-                "take solver.algorithm = 'path-following' or 'exact'."
+                "take solver.algorithm = 'path-following' or 'alm'."
             )
     elif contact and "steps" not in summary:
         mean = (summary.get("stress") or {}).get("error")

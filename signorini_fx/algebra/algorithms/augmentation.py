@@ -101,7 +101,8 @@ class Augmentation:
         sticks = length_of(new_shifts[1]) < data.friction_bound(newton.multipliers()[0])
         open_at = (np.abs(new_shifts[0] - old_shifts[0]), length_of(new_shifts[1] - old_shifts[1]) * sticks)
         slip = slip_of(u_t, data)
-        wrong = np.minimum(length_of(slip) / lengths, length_of(_astray(new_shifts[1], slip)) / stresses)
+        with np.errstate(over="ignore"):  # all but nothing presses: the smaller one decides
+            wrong = np.minimum(length_of(slip) / lengths, length_of(_astray(new_shifts[1], slip)) / stresses)
         least = (np.zeros(groups.count), groups.largest(wrong))
         lefts, violations, slow = [], [], []
         for change, last, gamma, movement, floor in zip(changes, self.changes, gammas, open_at, least, strict=True):

@@ -19,12 +19,10 @@ from signorini_fx.tuned import AUGMENTED_NEWTON_SHARE, AUGMENTED_SHARE, AUTOMATI
 
 def softened(task: Task, start: Start, failed: Outcome) -> RegularisedData:
     """The first problem of augmentation, whose limit is the same for every gamma: a small one makes the problems
-    easiest.  Where the problem with gamma was solved and only its limit was not, gamma stays.  Slip counts without the
-    part of it in earlier load steps that is due to the regularisation.
+    easiest.  Slip counts without the part of it in earlier load steps that is due to the regularisation.
     """
     scene_data = replace(failed.data, slip_origin=failed.data.slip_origin - start.elastic_slip)
-    solved = task.settings.algorithm == "exact" and failed.newton is not task.iterate.newton
-    share = 1.0 if solved else max(AUGMENTED_SHARE, min(1.0, START_GAMMA * task.natural_gamma / scene_data.gamma_n))
+    share = max(AUGMENTED_SHARE, min(1.0, START_GAMMA * task.natural_gamma / scene_data.gamma_n))
     return replace(scene_data, gamma_n=share * scene_data.gamma_n, gamma_t=share * scene_data.gamma_t)
 
 

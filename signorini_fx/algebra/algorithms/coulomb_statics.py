@@ -13,7 +13,7 @@ from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.contact.friction import PointFriction, as_given, stuck
 from signorini_fx.algebra.contact.reactions import reactions
 from signorini_fx.algebra.contact.statics import largest_multiple, no_balance
-from signorini_fx.algebra.problem.protocol import Problem
+from signorini_fx.algebra.problem.regularised import RegularisedProblem
 from signorini_fx.records import Status
 
 
@@ -40,7 +40,7 @@ def coulomb_start(task: Task, data: RegularisedData) -> RegularisedData:
     return replace(data, bound=np.where(stick, np.inf, 0.0))
 
 
-def proved(task: Task, problem: Problem, law: PointFriction, status: Status) -> Status:
+def proved(task: Task, problem: RegularisedProblem, law: PointFriction, status: Status) -> Status:
     """An outcome of Coulomb friction: that a body moves away with the bound of one Tresca problem proves nothing else.
 
     The bound of such a problem is that of the previous pressure.  If the law itself allows for an equilibrium, as it

@@ -61,10 +61,10 @@ class FallBacks:
             return failed
         start = newton.checkpoint()
         ways = _ways(newton, data, first_sets, failed, measure)
-        if np.isfinite(data.gamma_n) and (touching := _touching(newton, data, self._coordinate_error)) is not None:
+        if (touching := _touching(newton, data, self._coordinate_error)) is not None:
             through = replace(data, sigma=np.inf)
             ways[AT_REST] = lambda: newton.solve_once(through, touching, measure)
-        names = for_problem(finite_sigma=bool(np.isfinite(data.sigma)), eliminated=bool(np.isinf(data.gamma_n)))
+        names = for_problem(finite_sigma=bool(np.isfinite(data.sigma)))
         statuses = tried(
             ((name, ways[name]) for name in names if name in ways),
             history=newton.history,

@@ -45,7 +45,6 @@ from signorini_fx.algebra.contact.complementarity import (
 from signorini_fx.algebra.contact.nodal_vectors import Nodal, inner, length
 from signorini_fx.algebra.linalg import finite, petsc_options
 from signorini_fx.algebra.linalg.failures import factor_lacks_memory, unprinted
-from signorini_fx.algebra.problem.regularised import RegularisedProblem
 from signorini_fx.machine import parallel
 from signorini_fx.records import IterationRecord, Status
 from signorini_fx.tuned import (
@@ -154,7 +153,6 @@ class _Programme:
     """The interior-point method for one problem; the iterate is that of ``newton``."""
 
     def __init__(self, newton: SemismoothNewton, data: RegularisedData) -> None:
-        assert isinstance(newton.problem, RegularisedProblem)
         self._newton, self._data, self._problem = newton, data, newton.problem
         self._points, self._comm = newton.problem.points, newton.problem.points.comm
         # Where supports alone decide about the distance, no pressure acts that could be bounded.

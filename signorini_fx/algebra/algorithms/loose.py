@@ -16,7 +16,7 @@ from petsc4py import PETSc
 
 from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
 from signorini_fx.algebra.contact.motions import FreeMotions
-from signorini_fx.algebra.problem.regularised import RegularisedProblem, SoftSprings
+from signorini_fx.algebra.problem.regularised import SoftSprings
 from signorini_fx.machine import parallel
 from signorini_fx.records import Status
 from signorini_fx.tuned import NO_FORCE
@@ -69,7 +69,6 @@ def near_the_last_place(task: Task, start: Start, solve: Callable[[Task, Start],
         settings=replace(task.settings, algorithm="ssn"),
     )
     start, problem = replace(start, factors=None), held.iterate.newton.problem
-    assert isinstance(problem, RegularisedProblem)
     held.iterate.newton.begin_at(newton.x)
     position = np.column_stack(problem.system.contact.traces(newton.x))
     farthest, moved = parallel.largest(comm, np.abs(position), 0.0), np.inf
@@ -99,5 +98,5 @@ def near_the_last_place(task: Task, start: Start, solve: Callable[[Task, Start],
     if system.load.norm() == system.start.norm() == 0.0 and reached <= NO_FORCE * farthest:  # round-off of the way back
         x.set(0.0)
     newton.restore((x, replace(sets, contact=sets.contact & ~(loose & ~data.bilateral)), data))
-    regularised = task.settings.algorithm in ("alm", "exact")
+    regularised = task.settings.algorithm == "alm"
     return replace(outcome, status=Status.CONVERGED, newton=newton, regularised=regularised)

@@ -17,7 +17,7 @@ from signorini_fx.algebra.linalg import callbacks, finite, petsc_options
 from signorini_fx.algebra.linalg.callbacks import called_back, weakly
 from signorini_fx.algebra.linalg.failures import factor_lacks_memory, memory_ended, unlock, unprinted
 from signorini_fx.algebra.linalg.petsc_c import call
-from signorini_fx.algebra.problem.protocol import Problem
+from signorini_fx.algebra.problem.regularised import RegularisedProblem
 from signorini_fx.machine import parallel, signals
 from signorini_fx.records import History, IterationRecord, OuterRecord, Status
 from signorini_fx.tuned import (
@@ -84,7 +84,7 @@ class SemismoothNewton:
 
     def __init__(
         self,
-        problem: Problem,
+        problem: RegularisedProblem,
         x: PETSc.Vec,
         max_iterations: int,
         history: History,
@@ -234,7 +234,7 @@ class SemismoothNewton:
         limit = int(min(self.max_iterations, max_iterations or self.max_iterations, remaining))
         self.snes.setTolerances(max_it=limit)
         self._may_keep, self._loosened, self._assembled = True, False, False
-        given = data.follows is None and np.isfinite(data.gamma_n) and np.isinf(data.sigma)
+        given = data.follows is None and np.isinf(data.sigma)
         self._may_propose = given and self._symmetric and max_iterations is None and self._propose_sets is not None
         self._slow = False
         try:

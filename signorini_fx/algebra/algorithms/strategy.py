@@ -1,7 +1,7 @@
 """Which algorithms a scene runs, in which order: the only module that knows all of them.
 
 Two independent choices make a method.  ``algorithm`` says how the regularisation is treated: ``ssn`` (gamma fixed),
-``continuation``, ``path-following``, ``alm``, ``exact``.  ``coulomb`` says how the friction bound is coupled to the
+``continuation``, ``path-following``, ``alm``.  ``coulomb`` says how the friction bound is coupled to the
 pressure: ``fp`` (fixed-point iteration of Tresca problems) or ``newton`` (monolithic).  (FP) of the paper is ssn with
 fp, (ALM-FP) alm with fp.  Load steps repeat the method, each from the state at the end of the previous one.
 """
@@ -180,15 +180,12 @@ def _may_augment(task: Task, start: Start) -> bool:
 
 
 def _by_method(task: Task, start: Start) -> Outcome:
-    """The method of the scene, and the unregularised limit if it is to follow."""
+    """The method of the scene."""
     if start.law is None or not task.has_coulomb:
-        outcome = _given_friction(task, start, start.data)
-    elif start.augmented:
-        outcome = _augmented_first(task, start, start.law)
-    else:
-        outcome = _coulomb(task, start, start.law)
-    exact = task.settings.algorithm == "exact" and outcome.status is Status.CONVERGED and not outcome.augmented
-    return _exact(task, start, outcome) if exact else outcome
+        return _given_friction(task, start, start.data)
+    if start.augmented:
+        return _augmented_first(task, start, start.law)
+    return _coulomb(task, start, start.law)
 
 
 def _augmented_first(task: Task, start: Start, law: PointFriction) -> Outcome:
@@ -491,45 +488,3 @@ def _either_way(
         told=lambda outcome: outcome.status.value,
     )[-1]
     return replace(last, status=Status.SLIDES_AT_PRESSURES) if slid and not settled(last) else last
-
-
-def _exact(task: Task, start: Start, regularised: Outcome) -> Outcome:
-    """The unregularised limit, from the sets of the regularised solution; Coulomb friction as it was solved there."""
-    s, law, sets = task.settings, start.law, regularised.problem.sets
-    pressure, _ = regularised.newton.multipliers()
-    newton = task.iterate.exact_newton
-    newton.begin_at(newton.problem.system.start)
-    begun = replace(regularised, newton=newton)
-    limit = replace(regularised.data, gamma_n=np.inf, gamma_t=np.inf)
-    if law is None or not task.has_coulomb:
-        problem = replace(limit, bound=None if law is None else law.bound(pressure))
-        return replace(begun, status=newton.solve(problem, sets))
-    if not parallel.any_rank(task.motions.points.comm, bool(sets.contact.any())):  # round-off would close some of them
-        newton.begin_at(regularised.newton.x)
-        moved = newton.x.norm(PETSc.NormType.NORM_INFINITY)
-        if (released := _released(task, begun, law, moved)) is not None:
-            return released
-        newton.begin_at(newton.problem.system.start)
-
-    def fixed(damping: float, carried: Carried | None = None) -> Status:
-        data = replace(limit, bound=law.bound(pressure))
-        status = newton.solve(data, sets)
-        if status is not Status.CONVERGED:
-            return status
-        first, max_outer = newton.multipliers(), s.max_outer_iterations
-        return fixed_point(
-            newton,
-            data,
-            law,
-            first,
-            None,
-            tolerance=s.tolerance,
-            max_outer=max_outer,
-            damping=damping,
-            carried=carried,
-        )
-
-    def monolithic() -> Status:
-        return coulomb_newton(task.iterate.exact_unsymmetric_newton, limit, law, sets)
-
-    return _either_way(task, start, law, begun, fixed, monolithic, monolithic_first=regularised.monolithic)

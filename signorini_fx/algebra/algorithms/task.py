@@ -23,8 +23,6 @@ from signorini_fx.algebra.contact.resting_place import RestingMotion, resting_pl
 from signorini_fx.algebra.contact.state import PointState
 from signorini_fx.algebra.linalg import ElasticSystem, petsc_options
 from signorini_fx.algebra.method import Settings
-from signorini_fx.algebra.problem.exact import ExactProblem
-from signorini_fx.algebra.problem.protocol import Problem
 from signorini_fx.algebra.problem.regularised import RegularisedProblem
 from signorini_fx.machine import parallel
 from signorini_fx.records import History, Status
@@ -99,7 +97,7 @@ class Outcome:
     unrecorded: int = 0
 
     @property
-    def problem(self) -> Problem:
+    def problem(self) -> RegularisedProblem:
         """The problem of the result."""
         return self.newton.problem
 
@@ -118,8 +116,8 @@ class Outcome:
         data, solved, elastic = replace(self.data, slip_origin=u_t), self.problem.data, start.elastic_slip
         if start.law is not None:
             data = replace(data, mu_hat=shear, bound=start.law.bound(pressure))
-            kept = np.isfinite(solved.gamma_t) and not self.augmented
-            elastic = elastic + (shear - solved.mu_hat) / solved.gamma_t if kept else np.zeros_like(shear)
+            kept = elastic + (shear - solved.mu_hat) / solved.gamma_t
+            elastic = np.zeros_like(shear) if self.augmented else kept
         return Start(
             data,
             start.law,
@@ -240,13 +238,13 @@ class Task:
 
     def promised(self, outcome: Outcome) -> tuple[float, float, float]:
         """(gamma_1, gamma_2) of the contact law that a result promises to satisfy, infinite: without regularisation;
-        and the largest finite gamma that its tractions were computed with, 0: none.
+        and the largest gamma that its tractions were computed with, 0: none.
         """
         if outcome.newton.linear:
             return np.inf, np.inf, 0.0
         gammas = outcome.problem.data.gamma_n, outcome.problem.data.gamma_t
-        penalty = max((gamma for gamma in gammas if np.isfinite(gamma)), default=0.0)
-        if outcome.augmented or (self.settings.algorithm in ("alm", "exact") and not outcome.regularised):
+        penalty = max(gammas)
+        if outcome.augmented or (self.settings.algorithm == "alm" and not outcome.regularised):
             gammas = np.inf, np.inf
         return *gammas, penalty
 
@@ -287,7 +285,7 @@ class Iterate:
         self.x: PETSc.Vec = system.start.copy()
         self.fall_backs = FallBacks(coordinate_error)
 
-    def _newton(self, problem: Problem, x: PETSc.Vec, *, symmetric: bool = True) -> SemismoothNewton:
+    def _newton(self, problem: RegularisedProblem, x: PETSc.Vec, *, symmetric: bool = True) -> SemismoothNewton:
         settings = self._settings
         return SemismoothNewton(
             problem,
@@ -319,17 +317,6 @@ class Iterate:
     def unsymmetric_newton(self) -> SemismoothNewton:
         """The same with an unsymmetric tangent, on the same iterate."""
         return self._newton(self.newton.problem, self.x, symmetric=False)
-
-    @cached_property
-    def exact_newton(self) -> SemismoothNewton:
-        """The inner method on the unregularised problem, with an iterate of its own."""
-        return self._newton(ExactProblem(self._system, self._motions), self._system.start.copy())
-
-    @cached_property
-    def exact_unsymmetric_newton(self) -> SemismoothNewton:
-        """The same with an unsymmetric tangent, on the same iterate."""
-        exact = self.exact_newton
-        return self._newton(exact.problem, exact.x, symmetric=False)
 
     def begin_step(self, start: Start) -> None:
         """Apply the loads and prescribed displacements of a load step to the current iterate."""

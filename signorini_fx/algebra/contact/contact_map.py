@@ -20,7 +20,6 @@ from petsc4py import PETSc
 from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.algebra.contact.points import ContactPoints
 from signorini_fx.machine import parallel
-from signorini_fx.tuned import SAME_TRACE
 
 
 @dataclass(frozen=True)
@@ -161,28 +160,6 @@ class ContactMap:
         points, weight = self.points, self.points.weight
         side = (weight / parallel.global_sum(points.comm, weight.sum())) ** (1.0 / (points.dimension - 1))
         return float(parallel.largest(points.comm, self.stiffness(diagonal) * side))
-
-    def selected(self) -> tuple[npt.NDArray[np.int64], Nodal]:
-        """The unknown that each component of the relative displacement is a multiple of, and the factor: a sign, and in
-        axes of friction that times the scale of the axis, both of shape (n, d).
-
-        Of each row the entry that is not zero, or round-off, among the unknowns of this rank; collective.
-
-        Raises:
-            ValueError: some component is no unknown, or two of them are the same one.
-        """
-        starts, columns, values = self.operator.getValuesCSR()
-        row = np.repeat(np.arange(len(starts) - 1), np.diff(starts))
-        largest = np.lexsort((-np.abs(values), row))[starts[:-1]]
-        shape = self.points.movable.shape[:2]
-        first, last = self.operator.getOwnershipRangeColumn()
-        unknown = columns[largest].astype(np.int64) - first
-        factors, size = values[largest], np.sqrt(np.add.reduceat(values**2, starts[:-1])) if largest.size else 1.0
-        several = (1.0 - np.abs(factors) / size >= SAME_TRACE) | (unknown < 0) | (unknown >= last - first)
-        if parallel.any_rank(self.points.comm, bool(several.any() or np.unique(unknown).size < unknown.size)):
-            raise ValueError("a component of the displacement at a contact point is no unknown: none can be tied")
-        scale = np.where(np.abs(np.abs(factors) - 1.0) < SAME_TRACE, np.sign(factors), factors)
-        return unknown.reshape(shape), scale.reshape(shape)
 
     @cached_property
     def _relative(self) -> PETSc.Vec:

@@ -14,7 +14,6 @@ from petsc4py import PETSc
 
 from signorini_fx.algebra.contact.contact_map import ContactMap
 from signorini_fx.algebra.linalg.elasticity import LoadCase
-from signorini_fx.machine import parallel
 
 
 class ElasticSystem(Protocol):
@@ -115,22 +114,3 @@ def row_by_row(matrix: PETSc.Mat) -> PETSc.Mat:
     """
     matrix.setOption(PETSc.Mat.Option.USE_INODES, False)
     return matrix
-
-
-def keep_diagonal(matrix: PETSc.Mat, rows: npt.NDArray[np.int64], diagonal: float) -> None:
-    """Make rows and columns those of a diagonal matrix; collective.
-
-    Args:
-        matrix: sparse or dense.
-        rows: those of this rank, local numbers.
-        diagonal: their entry on the diagonal.
-    """
-    first = matrix.getOwnershipRange()[0]
-    if matrix.getType() != PETSc.Mat.Type.MPIDENSE:  # where PETSc has no such function
-        matrix.zeroRowsColumns((first + rows).astype(PETSc.IntType), diag=diagonal)
-        return
-    entries, numbers = matrix.getDenseArray(), np.asarray(first + rows, dtype=np.int64)
-    entries[:, parallel.gather_rows(matrix.comm.tompi4py(), numbers)] = 0.0
-    entries[rows] = 0.0
-    entries[rows, numbers] = diagonal
-    matrix.assemble()

@@ -6,7 +6,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -18,15 +20,40 @@ from signorini_fx.algebra.contact.active_sets import (
     law_residual,
     linearised,
     multipliers,
+    release,
     tangent,
 )
-from signorini_fx.algebra.contact.complementarity import trial_pressure
+from signorini_fx.algebra.contact.complementarity import RegularisedData, trial_pressure
+from signorini_fx.algebra.contact.contact_map import ContactMap
+from signorini_fx.algebra.contact.friction import as_given
+from signorini_fx.algebra.contact.holding_sets import hold, holds
 from signorini_fx.algebra.contact.motions import FreeMotions
-from signorini_fx.algebra.contact.nodal_vectors import Nodal
+from signorini_fx.algebra.contact.nodal_vectors import Nodal, length
+from signorini_fx.algebra.contact.points import ContactPoints, shares
+from signorini_fx.algebra.contact.statics import Escape, no_balance
 from signorini_fx.algebra.linalg import ElasticSystem
 from signorini_fx.algebra.linalg.callbacks import called_back
-from signorini_fx.algebra.problem.protocol import NextSets, Problem
 from signorini_fx.algebra.problem.tangent import ContactTangent
+from signorini_fx.machine import parallel
+from signorini_fx.records import Status
+from signorini_fx.tuned import ATTAINABLE_SHARE, NO_FORCE
+
+
+@dataclass(frozen=True)
+class NextSets:
+    """The active sets of the next linear solve, and where they come from.
+
+    Attributes:
+        sets: the sets of the next linear solve.
+        trial: the sets that follow from the iterate; ``sets`` differ from them if they would not hold the body.
+        repaired: whether ``sets`` differ from them.
+        escapes: the status if the body moves away whatever the sets are; None: it does not.
+    """
+
+    sets: ActiveSets
+    trial: ActiveSets
+    repaired: bool = False
+    escapes: Status | None = None
 
 
 @dataclass(frozen=True)
@@ -42,27 +69,85 @@ class SoftSprings:
     position: Nodal
 
 
-class RegularisedProblem(Problem):
+class RegularisedProblem:
     """R(x) = A x - b + (lambda, tau_N .) + (mu, tau_T .) with lambda and mu of the current active sets (3.3a).
 
     For fixed sets R is affine, so that a full Newton step solves step 4 of Algorithm (SSN) exactly.
 
+    ``sets`` are those of the last linear solve; evaluating the residual finds the next ones (``next``) without changing
+    ``sets``, so that SNES may evaluate it any number of times; assembling the Jacobian makes the next sets current.
+
+    Args:
+        system: the elastic system.
+        motions: the free rigid motions at its contact points.
+
     Attributes:
+        system: the elastic system.
+        points: its contact points.
+        tangent: what inserts their tangents into Jacobians.
+        groups: which of them are judged together.
         springs: that act beside contact; None: there are none.
+        data: the data that outer algorithms change.
+        affine: whether the residual is affine for fixed sets and directions, so that repeated sets mean a solution, and
+            sets that come back mean a cycle: not in space, where the direction of slip changes, nor where a friction
+            bound follows the pressure along a curve.
+        sets: active sets of the last linear solve.
+        next: active sets of the last residual.
+        force_scale: size of the forces on the unknowns that are not prescribed, in the last residual.
+        law_tolerance: see ``Start``.
+        left_early: whether the last solve has ended by it alone.
+        moved: contact points whose blocks in the Jacobian differ from those of its last factorisation; None: there is
+            none, or too many to tell.
     """
 
-    springs: SoftSprings | None = None
-
     def __init__(self, system: ElasticSystem, motions: FreeMotions) -> None:
-        super().__init__(system, motions)
+        self.system = system
+        self.points: ContactPoints = system.contact.points
         self.tangent = ContactTangent(system.matrix, system.contact)
+        self.groups = motions.groups
+        self.springs: SoftSprings | None = None
+        self.data: RegularisedData
+        self.sets = ActiveSets.all_in_contact(self.points.size, self.points.dimension - 1)
+        self.next = NextSets(self.sets, self.sets)
+        self.force_scale = 0.0
+        self.law_tolerance = 0.0
+        self.left_early = False
+        self.moved: int | None = None
+        self._motions = motions
+        self._forced_first = False
+        self._definite: set[int] = set()
+        self._stiffness = parallel.largest(system.comm, system.matrix.getDiagonal().getArray(readonly=True))
+
+    def set_data(self, data: RegularisedData, first_sets: ActiveSets | None = None) -> None:
+        """Begin a new problem.
+
+        Args:
+            data: its data.
+            first_sets: sets of the first linear solve; None: from the iterate and the sets of the previous problem.
+        """
+        self.data, self.left_early = data, False
+        curved = data.follows is not None and not data.follows.affine
+        self.affine = (self.points.dimension == 2 or data.bound is None) and not curved
+        moved = self.system.start.copy()
+        moved.getArray()[self.system.contact.fixed] = 0.0
+        self._lifted = None if moved.norm() == 0.0 else self.system.load.duplicate()
+        if self._lifted is not None:
+            self.system.matrix.mult(moved, self._lifted)
+        self._load_size = self._acting(self.system.load)
+        self._escaping: tuple[Escape | None] | None = None
+        self._forced_first = first_sets is not None
+        if data.bound is not None:  # sets of the previous problem may slip where this one has no limit
+            self.sets = self.sets.sticking(np.isinf(data.bound))
+        if first_sets is not None:
+            first = release(first_sets, data)
+            self.next = NextSets(first, first)
 
     def multipliers(self, x: PETSc.Vec, sets: ActiveSets) -> tuple[Nodal, Nodal]:
-        """See ``Problem``."""
+        """(lambda, mu) at the contact points for given sets."""
         return multipliers(sets, *self.system.contact.traces(x), self.data)
 
     def friction_bounds(self, x: PETSc.Vec) -> tuple[Nodal, Nodal]:
-        """See ``Problem``."""
+        """The friction bounds of the current and the next sets."""
         data = self.data
         if data.follows is None:  # given, whatever the iterate
             bound = np.zeros(self.points.size) if data.bound is None else data.bound
@@ -72,12 +157,12 @@ class RegularisedProblem(Problem):
         return data.friction_bound(pressure), data.friction_bound(trial_pressure(u_n, data))
 
     def away(self, x: PETSc.Vec) -> Nodal:
-        """See ``Problem``."""
+        """Distance of mu from the projection (3.4) at each contact point, stress, shape (n,)."""
         return law_residual(self.sets, *self.system.contact.traces(x), self.data)
 
     @called_back
     def residual(self, snes: PETSc.SNES | None, x: PETSc.Vec, f: PETSc.Vec) -> None:
-        """See ``Problem``."""
+        """The residual with the sets that follow from x."""
         u_n, u_t = self.system.contact.traces(x)
         trial = self.next.trial if self._forced_first else classify(self.sets, u_n, u_t, self.data)
         if self.data.follows is not None:
@@ -95,8 +180,86 @@ class RegularisedProblem(Problem):
         f.axpy(-1.0, self.system.load)
         self.system.contact.add_forces(pressure, shear, f)
 
+    def assemble_jacobian(self, snes: PETSc.SNES | None, x: PETSc.Vec, jacobian: PETSc.Mat, _: Any = None) -> None:
+        """The Jacobian with the sets of the last residual, which become the current ones."""
+        self.sets = self.next.sets
+        self._forced_first = False
+        # PETSc keeps its factor as long as the matrix is not changed.
+        self.insert(jacobian, tangent(self.sets, self.data))
+
+    def insert(self, jacobian: PETSc.Mat, blocks: Nodal) -> None:
+        """Make A + B^T D B of a Jacobian; D: shape (n, d, d), stress per length; collective."""
+        if self.springs is not None:
+            blocks = blocks + self.springs.stiffness * np.eye(blocks.shape[1])
+        self.moved = self.tangent.insert(jacobian, blocks)
+        if jacobian.handle in self._definite:
+            # PETSc forgets it at every assembly, and LAPACK's Cholesky is three times as fast as its LDL^T.
+            jacobian.setOption(PETSc.Mat.Option.SPD, True)
+
+    def factorised(self, jacobian: PETSc.Mat) -> None:
+        """Note that the current Jacobian is factorised."""
+        self.tangent.factorised[jacobian.handle] = self.tangent.inserted[jacobian.handle]
+
+    def law_residual(self, x: PETSc.Vec) -> float:
+        """Largest distance of mu from the projection (3.4), relative to the largest bound or shear that the body feels,
+        of each group of points its own; collective.
+        """
+        bound, _ = self.friction_bounds(x)
+        pressure, shear = self.multipliers(x, self.sets)
+        alone, felt = self.points.felt(shear), self.points.felt(shear, pressure)
+        felt_ratio = np.divide(felt, alone, out=np.ones_like(felt), where=alone > 0)
+        # What follows the pressure of nodes that supports press into the foundation is no scale for others, nor is
+        # what a pressure and a shear undo in each other.
+        felt = np.maximum(felt_ratio * self.points.felt(np.where(np.isfinite(bound), bound, 0.0)), felt)
+        away, size = map(self.groups.largest, (self.away(x), felt))
+        size = self.scales(size, x)
+        if self.system.contact.paired:
+            size = np.maximum(size, self._least_traction(x))
+        return float(shares(away, size, away).max())
+
+    def scales(self, sizes: Nodal, x: PETSc.Vec) -> Nodal:
+        """What tractions of each group are judged by, see ``PointGroups.scales``: of several groups no less than what
+        the penalty makes of the round-off of displacements, stress, shape (groups,); collective.
+        """
+        scales = self.groups.scales(sizes)
+        if self.groups.count == 1:
+            return scales
+        floors = self.groups.largest(self.round_off(x))
+        # Where no group carries more than that, nothing is pressed, and only a change tells round-off from convergence.
+        return np.asarray(np.maximum(scales, floors)) if np.any(scales > floors) or self.bonds_alone else scales
+
+    @property
+    def bonds_alone(self) -> bool:
+        """Whether nothing is in contact but what cannot open, and this holds all bodies: none is loose; collective."""
+        opens = self.sets.contact & ~self.data.bilateral
+        return not parallel.any_rank(self.points.comm, bool(opens.any())) and self.holds(self.sets, self.data)
+
+    def round_off(self, x: PETSc.Vec) -> Nodal:
+        """What the penalty makes of the round-off of displacements, a stress at each point, shape (n,); collective."""
+        unsigned = x.copy()
+        unsigned.abs()
+        terms = length(np.column_stack(self._unsigned.traces(unsigned)))
+        return np.asarray(NO_FORCE * max(self.data.gamma_n, self.data.gamma_t) * terms)
+
+    def least_share(self, x: PETSc.Vec) -> float:
+        """The tractions of the group with the smallest ones as a share of the largest; collective."""
+        if self.groups.count == 1:
+            return 1.0
+        pressure, shear = self.multipliers(x, self.sets)
+        sizes = self.groups.scales(self.groups.norms(np.column_stack((pressure, shear))))
+        return float(sizes.min() / sizes.max()) if sizes.max() > 0 else 1.0
+
+    @cached_property
+    def _unsigned(self) -> ContactMap:
+        """|B|: times magnitudes of unknowns, what relative displacements are added up of."""
+        operator = self.system.contact.operator.copy()
+        starts, columns, values = operator.getValuesCSR()
+        operator.setValuesCSR(starts, columns, np.abs(values))
+        operator.assemble()
+        return replace(self.system.contact, operator=operator)
+
     def accept(self, x: PETSc.Vec, sets: ActiveSets, tolerance: float) -> bool:
-        """See ``Problem``."""
+        """Accept these sets as those of the solution if the residual is at most a share of the forces; collective."""
         force = x.duplicate()
         self.imbalance(x, *self.multipliers(x, sets), force)
         if not force.norm() <= tolerance * self.force_scale:
@@ -105,24 +268,77 @@ class RegularisedProblem(Problem):
         self.next = NextSets(sets, sets)
         return True
 
-    def assemble_jacobian(self, snes: PETSc.SNES | None, x: PETSc.Vec, jacobian: PETSc.Mat, _: Any = None) -> None:
-        """See ``Problem``."""
-        self.sets = self.next.sets
-        self._forced_first = False
-        # PETSc keeps its factor as long as the matrix is not changed.
-        self.insert(jacobian, tangent(self.sets, self.data))
+    def holds(self, sets: ActiveSets, data: RegularisedData) -> bool:
+        """Whether these sets resist every rigid motion; collective."""
+        return holds(sets, data, self._motions)
 
-    def new_jacobian(self) -> PETSc.Mat:
-        """See ``Problem``."""
-        return self.tangent.create()
+    def lost_to_round_off(self, x: PETSc.Vec, tolerance: float) -> bool:
+        """Whether the round-off of the penalty is above a share of the forces in the last residual; collective."""
+        data = self.data
+        u_n, u_t = self.system.contact.traces(x)
+        far = 2 * x.norm(PETSc.NormType.NORM_INFINITY) if self.system.contact.paired else np.abs(u_n)
+        stretch = data.gamma_n * np.maximum(far, np.abs(data.gap))
+        if data.bound is not None:
+            stretch = np.maximum(stretch, data.gamma_t * length(u_t))
+        largest = parallel.largest(self.points.comm, self.points.weight * stretch)
+        return bool(largest * np.finfo(float).eps > tolerance * self.force_scale)
 
-    def insert(self, jacobian: PETSc.Mat, blocks: Nodal) -> None:
-        """Make A + B^T D B of a Jacobian; D: shape (n, d, d), stress per length; collective."""
-        if self.springs is not None:
-            blocks = blocks + self.springs.stiffness * np.eye(blocks.shape[1])
-        self.moved = self.tangent.insert(jacobian, blocks)
-        self._declare(jacobian)
+    def create_jacobian(self, *, symmetric: bool) -> PETSc.Mat:
+        """A matrix for the Jacobian, so far A; collective."""
+        jacobian = self.tangent.create()
+        if symmetric and self.system.definite:
+            self._definite.add(jacobian.handle)
+        return jacobian
 
-    def factorised(self, jacobian: PETSc.Mat) -> None:
-        """See ``Problem``."""
-        self.tangent.factorised[jacobian.handle] = self.tangent.inserted[jacobian.handle]
+    def _hold(self, trial: ActiveSets, multipliers: Callable[[], tuple[Nodal, Nodal]]) -> None:
+        """Choose next sets that hold the body, or note that it moves away; ``multipliers``: see ``hold``."""
+        points, motions, resultant = self.points, self._motions, self.system.resultant
+
+        def escaping() -> Status | None:
+            if self._escaping is None:  # until the data change
+                data = self.data
+                law = data.follows or as_given(np.zeros(points.size) if data.bound is None else data.bound)
+                # Strains change the gaps: without a load there are none.
+                at_rest = self.system.load.norm() == 0.0 and self.system.start.norm() == 0.0
+                gap = data.gap if at_rest else None
+                self._escaping = (no_balance(law, data.bilateral, motions, resultant, gap),)
+            (verdict,) = self._escaping
+            return None if verdict is None else verdict.status
+
+        sets, escapes, repaired = hold(trial, self.sets, multipliers, self.data, motions, escaping)
+        self.next = NextSets(sets, trial, repaired, escapes)
+
+    def _measure(self, forces: PETSc.Vec, x: PETSc.Vec) -> None:
+        """Use the size of the forces A x as the scale of the residual.
+
+        In a prescribed row there is no force, but the value that is prescribed times an arbitrary factor.  Beside one
+        there is its force on the free rows, however large; only what differs from a rigid motion does anything.
+        """
+        acting = [self._acting(forces), self._load_size]
+        if self.system.contact.paired:
+            area = float(np.sqrt(parallel.global_sum(self.points.comm, np.sum(self.points.weight**2))))
+            acting.append(area * self._least_traction(x))
+        self.force_scale = max(*acting, ATTAINABLE_SHARE * self._stiffness * x.norm())
+
+    def _acting(self, forces: PETSc.Vec) -> float:
+        """Size of forces without those beside a prescribed row, and in it; collective."""
+        free = self._scratch
+        forces.copy(free)
+        if self._lifted is not None:
+            free.axpy(-1.0, self._lifted)
+        free.getArray()[self.system.contact.fixed] = 0.0
+        return float(free.norm())
+
+    @cached_property
+    def _scratch(self) -> PETSc.Vec:
+        return self.system.load.duplicate()
+
+    def _least_traction(self, x: PETSc.Vec) -> float:
+        """What the penalty makes of ``ATTAINABLE_SHARE`` times the largest displacements of two bodies, stress; in
+        relative ones these cancel where both move together.  What is prescribed is none of a body that follows: a tool
+        that is driven far would be a scale of its friction.
+        """
+        free = x.copy()
+        free.getArray()[self.system.contact.fixed] = 0.0
+        gamma, far = max(self.data.gamma_n, self.data.gamma_t), free.norm(PETSc.NormType.NORM_INFINITY)
+        return float(2 * ATTAINABLE_SHARE * gamma * far)

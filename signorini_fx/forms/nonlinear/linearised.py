@@ -299,7 +299,7 @@ class LinearisedProblem(FormSolver):
         self.shapes |= {k: self._shape_of(k, entry) for k, entry in enumerate(contact) if entry.shape is not None}
         foundations.at, foundations.sliding, foundations.shapes_of_tools = at, {}, self.shapes
         foundations._undeformed = {}
-        foundations.check_driven(self.settings.algorithm)
+        foundations.check_driven()
 
     def _bilinear_form(self) -> Any:
         """See ``FormSolver``: moduli of other tangents depend on the displacement."""
@@ -668,11 +668,10 @@ class LinearisedProblem(FormSolver):
 
     @property
     def can_keep_stiffness(self) -> bool:
-        """Whether another solve may have the stiffness of the last one: it has no unknowns of rigid bodies, none in
-        frames that turn with the contact points, and is not damped.
+        """Whether another solve may have the stiffness of the last one: it has no unknowns of rigid bodies, and is not
+        damped.
         """
-        plain = not self.rigid.bodies and self.relative is None and self.settings.algorithm != "exact"
-        return plain and self._damping == 0.0 and self.set_up
+        return not self.rigid.bodies and self.relative is None and self._damping == 0.0 and self.set_up
 
     def solve(self, *, keeps_stiffness: bool = False) -> None:
         """Solve it; a tangent that Cholesky's factorisation refuses is factorised as LDL^T; collective.

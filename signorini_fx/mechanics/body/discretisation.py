@@ -174,8 +174,6 @@ def _prepared(statement: Statement, tagged: TaggedMesh, timings: Timings) -> Mod
     )
     data = law = None
     if boundary is not None:
-        if statement.solver.algorithm == "exact":
-            boundary.aligned()
         scales = Scales(tagged.dimension, statement.young, tagged.size)
         data, law = foundations.problem(boundary, foundations.data(shapes), Settings.of(statement.solver), scales)
         for step in range(1, statement.steps if any(effect.friction.timed for effect in statement.contact) else 1):
@@ -234,9 +232,7 @@ def placed(model: M, step: float) -> M:
         return _with_supports(model, statement)
     if not any(effect.moves or effect.gap_timed for effect in statement.contact):
         return replace(model, statement=statement, law=law_of(model, statement))
-    aligned = statement.solver.algorithm == "exact"  # whose unknowns are along the normals
-    of_body = {} if aligned else model.of_body
-    return replace(model, statement=statement, of_body=of_body, **contact_of(model, statement))
+    return replace(model, statement=statement, **contact_of(model, statement))
 
 
 def held_at(model: M, step: float) -> M:

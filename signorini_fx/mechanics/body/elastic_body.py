@@ -209,9 +209,6 @@ class ElasticBody:
             return self.elastic.joined(block_stiffness(self.forms, self.fixed, self.beside), None, None, self.fixed)
         owned, turned, boundary = self.space.dofmap.index_map.size_local, self.turned, self.boundary
         frames = [] if turned is None else [(turned.nodes[on_rank := turned.nodes < owned], turned.frames[on_rank])]
-        aligned = self.settings.algorithm == "exact"  # each component of a relative displacement must be an unknown
-        if aligned and boundary is not None and (aligned_frames := boundary.aligned()) is not None:
-            frames.append(aligned_frames)
         if self.beside is not None and self.beside.joint and not frames and self.comm.size == 1:
             last: JointPattern | None = self.of_body.get(_PATTERN)
             stiffness, self.of_body[_PATTERN] = joined_stiffness(self.forms, self.bcs, self.beside, self.fixed, last)
@@ -264,11 +261,7 @@ class ElasticBody:
             return False
         if self.beside is not None and self.beside.joint:
             return False
-        if (
-            self.settings.algorithm == "exact"
-            or petsc_options.user_chooses_solver()
-            or self.dofs < FEWEST_BLOCK_UNKNOWNS
-        ):
+        if petsc_options.user_chooses_solver() or self.dofs < FEWEST_BLOCK_UNKNOWNS:
             return False
         # Nothing that resists is assembled yet: without it more motions are free, and contact holds them or not.
         at_contact = self._supported.joined(boundary).at(boundary)
@@ -308,9 +301,6 @@ class ElasticBody:
     def stiffness(self) -> PETSc.Mat:
         """Of a(., .) on Y_h, symmetric; prescribed rows and columns are eliminated and have its largest entry on their
         diagonal.
-
-        Raises:
-            SceneError: ``exact`` cannot be used, see ``ContactBoundary.aligned``.
         """
         return self._assembled[0]
 

@@ -23,7 +23,6 @@ from mpi4py import MPI
 
 from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.algebra.contact.points import ContactPoints, SharedNodes, onto_range
-from signorini_fx.errors import SceneError
 from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.assembly import contact_forms
 from signorini_fx.mechanics.assembly.averages import Averages, AveragingForms, averaged_points
@@ -34,7 +33,7 @@ from signorini_fx.mechanics.kinematics.protocol import Kinematics
 from signorini_fx.mechanics.kinematics.space import SPACE
 from signorini_fx.mechanics.laws.directed import FrictionAxes
 from signorini_fx.mechanics.statement.rigid_motion import RigidBody
-from signorini_fx.tuned import PARALLEL, SAME_DIRECTION
+from signorini_fx.tuned import SAME_DIRECTION
 
 
 @dataclass(frozen=True)
@@ -208,41 +207,6 @@ class ContactBoundary:
                 movable[on_moving] + np.einsum("nik,njk->nij", moves[on_moving], moves[on_moving])
             )
         return ContactPoints(self.comm, self.weight, movable, self.x, self._shared)
-
-    def aligned(self) -> tuple[npt.NDArray[np.int32], Nodal] | None:
-        """The nodes whose unknowns must be turned so that each component of a relative displacement is one of them, and
-        their frames, shapes (m,) and (m, d, d); None: there are none on any rank; collective.
-
-        A component that is prescribed stays in its place.
-
-        Raises:
-            SceneError: contact points average, a contact node has two normals, or a prescribed component is along
-                neither its normal nor a tangent.
-        """
-        sizes = np.abs(self.frames_in_axes)
-        frames = np.concatenate((self.normal[:, :, None], self._axes), axis=2)
-        across = 1.0 - sizes.max(axis=2) >= PARALLEL
-        for reason, applies in (
-            (
-                "contact of two bodies ties several unknowns to each other",
-                self.paired,
-            ),
-            (
-                "contact points of quadratic tetrahedra average over several nodes, of which none can be tied",
-                self.averages is not None,
-            ),
-            ("a contact node has two normals", np.unique(self.nodes).size < self.size),
-            ("a contact node is prescribed askew to its normal", bool((across & ~self.free).any())),
-        ):
-            if parallel.any_rank(self.comm, applies):
-                text = f"exact cannot be used here: {reason}; use ssn, alm or path-following"
-                raise SceneError([("solver.algorithm", text)])
-        off = across.any(axis=1)
-        for point, component in np.argwhere(~self.free & off[:, None]):
-            pair = [component, sizes[point, component].argmax()]
-            for directions in (sizes[point], frames[point]):
-                directions[:, pair] = directions[:, pair[::-1]]
-        return (self.nodes[off], frames[off]) if parallel.any_rank(self.comm, bool(off.any())) else None
 
     @property
     def _shared(self) -> SharedNodes:

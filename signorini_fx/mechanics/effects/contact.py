@@ -57,13 +57,8 @@ class Contact(Effect):
     bonded: ClassVar[bool] = False
     refuses: ClassVar[Mapping[str, Mapping[str, str]]] = {
         "contact of two bodies": {
-            "exact": "exact needs one unknown for each constraint, and contact of two bodies ties several",
             "local refinement": "contact of two bodies shows its error on the side with the points alone, so that "
             "cells of the other one would not be divided: use 'uniform'",
-        },
-        "driven foundation": {
-            "exact": "exact needs one unknown for each constraint, and where a force moves a foundation contact ties "
-            "several, those of the body and of the tool: take 'alm'",
         },
     }
 
@@ -180,11 +175,6 @@ class UnilateralContact(Contact):
         kind: its name.
     """
 
-    refuses: ClassVar[Mapping[str, Mapping[str, str]]] = {
-        **Contact.refuses,
-        "soft contact": {"exact": "exact makes constraints of contact, which do not give way: take 'ssn'"},
-    }
-
     kind: Literal["unilateral"] = "unilateral"
     overclosure: Overclosure | None = None
 
@@ -205,7 +195,7 @@ class UnilateralContact(Contact):
     def contradictions(self, statement: Any, number: int) -> Contradictions:
         """See ``Effect``."""
         yield from super().contradictions(statement, number)
-        if self.overclosure is not None and statement.solver.algorithm not in ("auto", "ssn", "exact"):
+        if self.overclosure is not None and statement.solver.algorithm not in ("auto", "ssn"):
             reason = f"is for 'ssn': {statement.solver.algorithm!r} makes contact harder and harder"
             yield ("contact", number, "overclosure"), reason
 

@@ -61,7 +61,6 @@ class NonlinearMaterial(Material):
             "axisymmetric, torsion": "a nonlinear material with torsion is not possible yet",
             "mixed element": "a pressure as an unknown is not possible yet with a nonlinear material: take 'reduced' "
             "or 'auto'",
-            "exact": "the exact algorithm is not possible yet with a nonlinear material: take 'alm'",
             "nested iteration": "several meshes are not possible yet with a nonlinear material",
             "requested accuracy": "a nonlinear body has no estimate of its error: compare solutions on two meshes",
             "statement of an error bound": "a nonlinear body has no guaranteed bound",

@@ -180,7 +180,7 @@ class Foundations:
         bodies = rigid_bodies(self.driven, self._names)
         return RigidBodies(bodies, CARTESIAN[self._dimension], self._length if bodies else 1.0)
 
-    def check_driven(self, algorithm: str) -> None:
+    def check_driven(self) -> None:
         """Refuse what foundations that forces move are not possible with, and bonds to others.
 
         Raises:
@@ -197,7 +197,6 @@ class Foundations:
                     "measure",
                     f"is not possible yet {driven}",
                 ),
-                (shape and algorithm == "exact", "shape", f"exact ties one unknown, not several {driven}: take 'alm'"),
                 (shape and (shape.timed or shape.driven_in_time), "shape", "depends on t: give numbers, and place()"),
             ):
                 problems += [(f"contact[{k}].{key}", reason)] if wrong else []

@@ -33,7 +33,6 @@ def features(statement: Any) -> Iterator[tuple[str, Keys]]:
     for name, path, used in (
         (statement.kinematics.words, ("material",), True),
         (treatment.words, ("element", "volumetric"), bool(treatment.words)),
-        ("exact", ("solver", "algorithm"), solver.algorithm == "exact"),
         ("krylov", ("solver", "linear_algebra"), solver.linear_algebra == "krylov"),
         ("nested iteration", ("solver", "levels"), solver.levels > 1),
         ("requested accuracy", ("accuracy",), accuracy is not None),

@@ -86,7 +86,7 @@ class SolverSettings(Table):
     Attributes:
         algorithm: how the regularisation is treated: ``ssn`` (gamma as given), ``continuation`` (from a first gamma to
             the given one), ``path-following`` (the smallest gamma that ``regularisation_error`` needs), ``alm``
-            (augmented Lagrangian, section 5), ``exact`` (the unregularised limit); ``auto`` is ssn.
+            (augmented Lagrangian, section 5, without regularisation in the limit); ``auto`` is ssn.
         coulomb: how the friction bound is coupled to the pressure: ``fp`` (fixed-point iteration of Tresca problems,
             section 6.3; with alm it is (ALM-FP)) or ``newton`` (monolithic, falls back to fp); ``auto`` is newton where
             a coarser mesh gives the start, else fp.
@@ -121,7 +121,7 @@ class SolverSettings(Table):
         error_bound: whether the summary has a guaranteed bound of the error in the energy norm.
     """
 
-    algorithm: Literal["auto", "ssn", "continuation", "path-following", "alm", "exact"] = "auto"
+    algorithm: Literal["auto", "ssn", "continuation", "path-following", "alm"] = "auto"
     coulomb: Literal["auto", "fp", "newton"] = "auto"
     gamma_n: Automatic = "auto"
     gamma_t: Automatic = "auto"

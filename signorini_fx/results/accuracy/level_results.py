@@ -12,7 +12,6 @@ from signorini_fx.algebra.algorithms.ssn import SemismoothNewton
 from signorini_fx.algebra.algorithms.task import Outcome, Task
 from signorini_fx.algebra.linalg import callbacks, petsc_options
 from signorini_fx.algebra.linalg.choice import krylov_from
-from signorini_fx.algebra.problem.regularised import RegularisedProblem
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.elastic_body import ElasticBody
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
@@ -31,7 +30,6 @@ def compliance_of(outcome: Outcome, comm: MPI.Comm) -> float:
 def make_ready(newton: SemismoothNewton) -> None:
     """Factorise the matrix of an iterate from a checkpoint, with which nothing has been solved; collective."""
     problem, jacobian = newton.problem, newton.snes.getJacobian()[0]
-    assert isinstance(problem, RegularisedProblem)
     if jacobian.handle not in problem.tangent.factorised:
         newton.pose(problem.data, problem.sets)
         problem.assemble_jacobian(newton.snes, newton.x, jacobian)

@@ -19,7 +19,6 @@ import numpy.typing as npt
 from signorini_fx.algebra.algorithms.path_following import solved_again
 from signorini_fx.algebra.algorithms.task import Outcome, Task
 from signorini_fx.algebra.contact.active_sets import tangent
-from signorini_fx.algebra.problem.regularised import RegularisedProblem
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.model import Model
@@ -65,10 +64,10 @@ def _of_cells(
     contact points, which are normal and tangential, shape (n, d).
 
     Returns:
-        None where the tangent is not symmetric or is none of regularised contact.
+        None where the tangent is not symmetric.
     """
     newton, data = task.iterate.newton, outcome.problem.data
-    if data.follows is not None or not isinstance(newton.problem, RegularisedProblem):
+    if data.follows is not None:
         return None
     make_ready(newton)
     system = newton.problem.system

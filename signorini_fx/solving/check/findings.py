@@ -480,13 +480,13 @@ def _regularisation(statement: Statement, data: RegularisedData, natural: float)
     gammas = {"gamma_n": data.gamma_n, "gamma_t": data.gamma_t}
     if not statement.has_friction:
         del gammas["gamma_t"]
-    # Path-following determines gamma itself; the result of exact does not depend on it.
-    for name, gamma in gammas.items() if settings.algorithm not in ("path-following", "exact") else ():
+    # Path-following determines gamma itself.
+    for name, gamma in gammas.items() if settings.algorithm != "path-following" else ():
         most = LARGEST_GAMMA * natural * (1.0 if getattr(settings, name) == "auto" else softest)
         if gamma > most:
             message = (
                 f"{gamma:g} is above {most:.1g}, {LARGEST_GAMMA:g} times the smallest E over the size of the body: "
-                "round-off spoils the digits of the pressures; set 'auto', or algorithm = 'alm' or 'exact'"
+                "round-off spoils the digits of the pressures; set 'auto', or algorithm = 'alm'"
             )
             findings.append(Finding("warning", f"solver.{name}", message))
         if gamma < START_GAMMA * natural and settings.algorithm != "alm":

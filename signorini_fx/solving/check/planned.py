@@ -30,7 +30,7 @@ def attempts_for(statement: Statement) -> tuple[tuple[str, tuple[str, ...], str]
     if not statement.contact:
         return ()
     limit = step_limit(s.max_iterations)
-    problem = for_problem(finite_sigma=s.sigma != "auto", eliminated=False)
+    problem = for_problem(finite_sigma=s.sigma != "auto")
     problem = problem if s.fallbacks else (FULL_STEPS, EXACT_SOLVES)
     rows = [("a problem with given friction", problem, f"at most {s.max_iterations} linear solves each")]
     if statement.has_coulomb:

@@ -20,9 +20,9 @@ def refuse_beforehand(model: Model, *, linear: bool = True) -> None:
         linear: whether this body is what is solved, and not that of nonlinear materials at small strains.
 
     Raises:
-        SceneError: the first sets of contact hold no node; ``exact`` has no unknown for a constraint; nothing
-            determines the pressure of an incompressible body; a foundation moves although contact alone holds the
-            linear body; a certified accuracy is asked for where there is no guaranteed bound.
+        SceneError: the first sets of contact hold no node; nothing determines the pressure of an incompressible body;
+            a foundation moves although contact alone holds the linear body; a certified accuracy is asked for where
+            there is no guaranteed bound.
         InstallationError: the scene asks for a proof by an add-on that is not installed.
     """
     if model.elastic.pressed and model.elastic.encloses(model.vector, model.prescribed):
@@ -30,8 +30,6 @@ def refuse_beforehand(model: Model, *, linear: bool = True) -> None:
         raise SceneError([("displacement", reason)])
     if model.boundary is not None:
         first_sets(model.statement, model.boundary)
-        if model.statement.solver.algorithm == "exact":
-            model.boundary.aligned()
         if linear:
             _refuse_moving(model)
     if model.statement.solver.error_bound:

@@ -132,7 +132,7 @@ def _promised(body: Body, answer: Answer, number: int, worse: Any) -> tuple[floa
     algorithm = solver.get("algorithm", "auto")
     # Augmentation may have taken over in a later load step only.
     augmented = any("augmented Lagrangian" in event for event in answer.events)
-    if (algorithm in ("alm", "exact") or augmented) and not answer.steps[number].regularised:
+    if (algorithm == "alm" or augmented) and not answer.steps[number].regularised:
         return 0.0, 0.0
     if algorithm == "alm":  # whose fall-back is regularised, with the gamma that it tells
         return 1 / answer.gamma[0], 1 / answer.gamma[1]

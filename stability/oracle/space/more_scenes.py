@@ -55,8 +55,6 @@ def _orthotropic(dice: Dice, scene: dict[str, Any], sides: list[str], scale: flo
 
 def _ellipse(dice: Dice, scene: dict[str, Any], sides: list[str], scale: float, *_: Any) -> int:
     held = [effect["boundary"] for effect in listed(scene, "displacement")]
-    if scene.get("solver", {}).get("algorithm") == "exact":
-        return 0
     found = 0
     for number, effect in enumerate(scene["contact"]):
         # Supports on the edge of the contact would have to be along the axes.
@@ -117,7 +115,7 @@ def _cohesion(dice: Dice, scene: dict[str, Any], sides: list[str], scale: float,
 def _shape(dice: Dice, scene: dict[str, Any], sides: list[str], scale: float, stepped: Any, drawn: Trial) -> int:
     """A plane or a sphere under the lowest node of the contact boundary, seen nearly along its mean normal."""
     effect, mesh = scene["contact"][0], drawn.mesh
-    if mesh is None or "kind" in effect or scene.get("solver", {}).get("algorithm") == "exact":
+    if mesh is None or "kind" in effect:
         return 0
     x = mesh.points[mesh.boundaries[effect["boundary"]]].reshape(-1, 3)
     down = x.mean(axis=0) - mesh.points.mean(axis=0)

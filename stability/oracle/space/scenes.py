@@ -58,8 +58,6 @@ def trial(seed: int, units: Units | None = None) -> Trial:
     _hold_and_load(dice, turn, scene, names, steps, size, flat=flat, triangles=tetrahedra)
     scene["contact"] = _contacts(dice, turn, scene, names, size)
     solver = _solver(dice, turn, scene)
-    if solver.get("algorithm") == "exact" and tetrahedra and degree == 2:
-        solver["algorithm"] = "alm"
     if solver.get("algorithm") == "path-following" and steps > 1:
         del solver["algorithm"]
         solver.pop("regularisation_error", None)
@@ -393,9 +391,7 @@ def _contacts(
 def _solver(dice: Dice, turn: _Turn, scene: dict[str, Any]) -> dict[str, Any]:
     natural = 1e5
     found: dict[str, Any] = {}
-    algorithm = dice.one_of(
-        "auto", "auto", "auto", "ssn", "continuation", "path-following", "alm", "alm", "exact", "exact"
-    )
+    algorithm = dice.one_of("auto", "auto", "auto", "ssn", "continuation", "path-following", "alm", "alm", "alm", "alm")
     if algorithm != "auto":
         found["algorithm"] = algorithm
     if dice.chance(0.5):
