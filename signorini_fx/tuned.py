@@ -402,8 +402,6 @@ SAME_LENGTH = 1e-9
 # What is computed from a solution (forces, pressures, displacements, normals of facets) below this share of the largest
 # one is round-off.  Choice: solves leave up to 1e-10 of the forces.
 ZERO_IN_SOLUTION = 1e-9
-# What a function misses of an affine one, as a share of its size, so that it counts as affine.  Choice.
-AFFINE = 1e-9
 # Entries of assembled matrices and vectors that differ by less than this share of the largest one are equal.  Choice:
 # sums over quadrature points in another order leave 1e-14 to 1e-12.
 SAME_ENTRY = 1e-10
@@ -592,12 +590,6 @@ SLOPE_OF_HEIGHT, TURNED_NORMALS = 1e-5, 5.0
 GAP_DIFFERENCE = 1e-4
 # A body that moves by a smaller share of its size than this carries next to nothing: steel, less than 2 kPa.  Choice.
 HARDLY_MOVED = 1e-8
-# Shares that a rule may miss without a word: of a load, and of the largest force on a facet or cell, which of a
-# function of Python is also what a smooth one between nodes has.  Choice.
-MISSED_LOAD, MISSED_INTERPOLATED_LOAD = 1e-3, 0.05
-# Of more facets or cells than this only those are compared so closely on which a rule of this degree, halved once on
-# facets, finds this share of the largest force missed: on fine meshes the others are many.  Choice.
-MANY_LOADED, FIRST_DEGREE, SUSPECT_LOAD = 200, 2, 1e-4
 # Shear of tilted frames over F P, as a multiple of the tilt at the end of contact over F: .46 to .73 (docs/theory.md).
 # It is said where it is more than a share, and where bodies first touch along one direction, up to the cosine of 26
 # degrees.  Choice of the last two.

@@ -238,20 +238,13 @@ class Body:
         for load in listed(self.scene, "traction"):
             varies = any(isinstance(load.get(k), str) for k in ("x", "y", "pressure"))
             s, weights = elements.gauss(11 if varies else self.degree + 2)
-            for begin, end in self._parts(load):
-                at = begin[:, None] + (end - begin)[:, None] * s
-                values = np.array([elements.line(self.degree, row)[0] for row in at])
-                frames = [self.facet_frames(load["boundary"], row) for row in at]
-                x = np.array([places[k] for k, (places, _) in enumerate(frames)])
-                normal = np.array([normals[k] for k, (_, normals) in enumerate(frames)])
-                normal = normal * (end - begin)[:, None, None]
-                flat, length = x.reshape(-1, 2), np.linalg.norm(normal, axis=2)
-                force = np.stack(
-                    [at_points(load.get(k, 0.0), flat).reshape(length.shape) * length for k in "xy"], axis=2
-                )
-                force -= at_points(load.get("pressure", 0.0), flat).reshape(length.shape)[:, :, None] * normal
-                nodal = np.einsum("fpi,p,fpk->fki", force, weights, values) * factor_of(load, step)
-                np.add.at(total, self.facet_nodes(load["boundary"]), nodal)
+            values, _ = elements.line(self.degree, s)
+            x, normal = self.facet_frames(load["boundary"], s)
+            flat, length = x.reshape(-1, 2), np.linalg.norm(normal, axis=2)
+            force = np.stack([at_points(load.get(k, 0.0), flat).reshape(length.shape) * length for k in "xy"], axis=2)
+            force -= at_points(load.get("pressure", 0.0), flat).reshape(length.shape)[:, :, None] * normal
+            nodal = np.einsum("fpi,p,pk->fki", force, weights, values) * factor_of(load, step)
+            np.add.at(total, self.facet_nodes(load["boundary"]), nodal)
         for load in listed(self.scene, "body_force"):
             xi, weights = elements.triangle(6) if self.corners.shape[1] == 3 else elements.square(self.degree + 2)
             values, _ = elements.shape(self.cells.shape[1], xi)
@@ -268,21 +261,6 @@ class Body:
                     self._forces[key, number] = effects.forces(self, key, load)
                 total += self._forces[key, number] * factor_of(load, step)
         return total.ravel()
-
-    def _parts(self, load: dict[str, Any]) -> list[tuple[Array, Array]]:
-        """Begin and end of the parts of each facet on which a traction does not jump, each of shape (facets,).
-
-        Straight facets are divided where the comparison of a pressure changes its sign; on curved ones the rule of the
-        whole facet is a part of the discretisation.
-        """
-        ends, pressure = self.mesh.points[self.mesh.boundaries[load["boundary"]]], load.get("pressure")
-        begin, end = np.zeros(len(ends)), np.ones(len(ends))
-        if self.geometry_degree > 1 or not isinstance(pressure, str) or " if " not in pressure:
-            return [(begin, end)]
-        low, high = pressure.partition(" if ")[2].partition(" else ")[0].split(" < ")
-        first, last = (at_points(low, ends[:, k]) - at_points(high, ends[:, k]) for k in (0, 1))
-        cut = np.divide(first, first - last, out=end.copy(), where=first * last < 0)
-        return [(begin, cut), (cut, end)]
 
     def prescribed(self, step: int) -> Array:
         """Prescribed displacement of each dof in a load step, NaN where it is free; a later support wins."""

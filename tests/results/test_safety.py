@@ -390,3 +390,10 @@ def test_friction_of_a_wheel_is_that_of_the_nodes_in_contact():
     best = linprog([0.0] * (2 * len(bound)) + [-1.0], A_eq=rows, b_eq=[0.0, 0.0], bounds=limits)
     assert 1.0 < -best.fun < 10.0
     assert solution.safety.friction_used == pytest.approx(-1 / best.fun, rel=1e-6)
+
+
+@pytest.mark.slow
+def test_statements_say_what_they_rest_on():
+    """Where contact is not stated, and on straight cells of a curved body."""
+    assert alone(block(1.0, COULOMB)).safety.assumed == "the foundation presses where the body touches it now"
+    assert "straight cells of the mesh" in alone(hub(0.5)).safety.assumed

@@ -30,15 +30,6 @@ def strain_degree(space: fem.FunctionSpace, kinematics: Kinematics = SPACE) -> i
     return elastic_degree(mesh.topology.cell_name(), element, geometry) + further
 
 
-def has_affine_parts(mesh: dmesh.Mesh, *, in_body: bool) -> bool:
-    """Whether the map of every facet, or of every cell, is affine, so that loads can be cut where they jump;
-    collective.
-    """
-    plane = mesh.topology.dim == 2 and not in_body
-    straight = plane or mesh.topology.cell_name() in ("triangle", "tetrahedron")
-    return (straight and compat.geometry_degree(mesh) == 1) or _has_affine_cells(mesh)
-
-
 def parallelepipeds(mesh: dmesh.Mesh) -> bool:
     """Whether all cells of all ranks are quadrilaterals or hexahedra with affine maps: parallelograms in the plane;
     collective.

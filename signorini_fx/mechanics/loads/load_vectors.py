@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from itertools import count
@@ -24,7 +24,6 @@ from signorini_fx.mechanics.elasticity.choice_of_law import elastic_law
 from signorini_fx.mechanics.elasticity.elastic_law import SceneLaw
 from signorini_fx.mechanics.elasticity.moduli import of_materials
 from signorini_fx.mechanics.kinematics.protocol import Kinematics
-from signorini_fx.mechanics.loads.cut_loads import CutRule, cut_rule
 from signorini_fx.mechanics.loads.nodal_effects import forces_at_nodes
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.rigid.rigid_bodies import Driven, RigidBodies
@@ -36,10 +35,6 @@ from signorini_fx.mechanics.statement.load_path import factor_at
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.records import Inventory
 from signorini_fx.tuned import LARGEST_NUMBER, ZERO_SUM
-
-# The rules of loads that jumps cut, by the identity of the load: two of them may be equal.
-Cuts = Mapping[int, CutRule]
-NO_CUTS: Cuts = {}
 
 
 @dataclass(frozen=True)
@@ -195,15 +190,11 @@ class FormCoefficients:
         """
         boundary, spread, mesh = str(effect.where), effect.weighting, self.space.mesh
         if (boundary, spread) not in self._totals:
-            rule = cut_rule(effect, self) if isinstance(effect, Force) else None
-            (where,) = measures(
-                self.space, [effect], self.tagged.facets, NO_CUTS if rule is None else {id(effect): rule}
-            )
+            (where,) = measures(self.space, [effect], self.tagged.facets)
             degree = {"quadrature_degree": effect.degree(self.space.element.basix_element.degree)}
             density = self.value(spread) * self.around
             form = self.inventory.compile(f"total of {effect.name}", lambda: fem.form(density * where(metadata=degree)))
-            cut = 0.0 if rule is None else float(np.sum(rule.size * rule.value(spread)))
-            integral = float(parallel.global_sum(mesh.comm, np.array(fem.assemble_scalar(form) + cut)))
+            integral = float(parallel.global_sum(mesh.comm, np.array(fem.assemble_scalar(form))))
             corners = facet_vertices(mesh, self.tagged.facets(boundary))
             largest = parallel.largest(mesh.comm, np.abs(sample(spread, corners.reshape(-1, 3).T)))
             size = self.tagged.size
@@ -249,28 +240,11 @@ def _path_of(value: Any, statement: Statement) -> str:
 Facets = Callable[[str], npt.NDArray[np.int32]]
 
 
-def measures(space: fem.FunctionSpace, effects: Sequence[Effect], facets: Facets, cuts: Cuts = NO_CUTS) -> list[Any]:
-    """Integration over what each effect acts on, the body, or the facets of its boundary, without what jumps cut."""
-    surfaces = [
-        np.setdiff1d(facets(effect.where), cuts[id(effect)].entities) if id(effect) in cuts else facets(effect.where)
-        for effect in effects
-        if effect.where is not None
-    ]
-    ds = measure(space.mesh, surfaces, {})
+def measures(space: fem.FunctionSpace, effects: Sequence[Effect], facets: Facets) -> list[Any]:
+    """Integration over what each effect acts on, the body, or the facets of its boundary."""
+    ds = measure(space.mesh, [facets(effect.where) for effect in effects if effect.where is not None], {})
     number = count(1)
-    in_body = iter(_in_body(space.mesh, [cuts.get(id(effect)) for effect in effects if effect.where is None]))
-    return [next(in_body) if effect.where is None else ds(next(number)) for effect in effects]
-
-
-def _in_body(mesh: Any, rules: list[CutRule | None]) -> list[Any]:
-    """Integration over the cells that no jump of a load cuts, for each load in the body."""
-    if all(rule is None for rule in rules):
-        return [ufl.dx] * len(rules)
-    every = np.arange(mesh.topology.index_map(mesh.topology.dim).size_local, dtype=np.int32)
-    cells = [every if rule is None else np.setdiff1d(every, rule.entities) for rule in rules]
-    # All integrals over cells of one form share their data.
-    dx = ufl.Measure("dx", domain=mesh, subdomain_data=list(enumerate(cells, start=1)))
-    return [dx(number) for number in range(1, len(rules) + 1)]
+    return [ufl.dx if effect.where is None else ds(next(number)) for effect in effects]
 
 
 class LoadGroup(NamedTuple):
@@ -340,8 +314,7 @@ def _assembled(
     space = on.space
     on.move_to(step)
     at_step = {id(load): on.statement.now(load, step)[1] for load in loads if isinstance(load, Force)}
-    cuts = {key: rule for key, moved in at_step.items() if (rule := cut_rule(moved, on)) is not None}
-    names, forms = compiled = compile_loads(loads, on, z, cuts) if cuts or compiled is None else compiled
+    names, forms = compiled = compile_loads(loads, on, z) if compiled is None else compiled
     prescribed = fem.Function(space)
     axes, turned = supports(step)
     for effect, support in axes:  # the later one applies where two meet
@@ -354,15 +327,13 @@ def _assembled(
         turned.place(prescribed.x.array.reshape(-1, space.mesh.geometry.dim), loads)
     owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
     forces, swelling = on.elastic.work(forms, owned) if balanced else (sum(map(assemble, forms), np.zeros(owned)), None)
-    for key, rule in cuts.items():
-        forces = forces + rule.integrals(at_step[key].density_at(rule), space)
     paths = {id(effect): path for path, effect in on.statement.listed()}
     for load in loads:
         if load.nodal:
             path = paths.get(id(load), load.label)
             forces = forces + forces_at_nodes(at_step[id(load)], path, space, on.tagged)
     # No function that refers to itself: such a cycle keeps the mesh until the garbage collector comes.
-    reassemble = partial(_assembled, group, loads, on, z, supports, None if cuts else compiled) if timed else None
+    reassemble = partial(_assembled, group, loads, on, z, supports, compiled) if timed else None
     return AppliedLoad(
         factors, names, forms, forces, prescribed, grows, reassemble, balanced=balanced, swelling=swelling
     )
@@ -385,17 +356,15 @@ def driving_load(
     )
 
 
-def compile_loads(
-    loads: Sequence[Load], on: FormCoefficients, z: Any, cuts: Cuts = NO_CUTS
-) -> tuple[tuple[str, ...], tuple[fem.Form, ...]]:
-    """The terms of L of section 2.1 that the loads list, (f, z) and (h, z), compiled together, without what jumps cut,
-    or those of initial strains, see ``materials.isotropic.initial_strain_forms``, and their names.
+def compile_loads(loads: Sequence[Load], on: FormCoefficients, z: Any) -> tuple[tuple[str, ...], tuple[fem.Form, ...]]:
+    """The terms of L of section 2.1 that the loads list, (f, z) and (h, z), compiled together, or those of initial
+    strains, see ``materials.isotropic.initial_strain_forms``, and their names.
     """
     if strains := [load for load in loads if isinstance(load, InitialStrain)]:
         return _compiled_strains(strains, on, z)
     formed = (load for load in loads if isinstance(load, Force) and not load.nodal)
     forces = sorted(formed, key=lambda load: load.where is not None)
-    name, form = _compiled(forces, lambda load: ufl.inner(load.density(on), z), on, cuts)
+    name, form = _compiled(forces, lambda load: ufl.inner(load.density(on), z), on)
     return ((), ()) if form is None else ((name,), (form,))
 
 
@@ -418,13 +387,13 @@ def compile_resistance(on: FormCoefficients, z: Any) -> tuple[str, fem.Form | No
 
 
 def _compiled(
-    effects: Sequence[Any], integrand: Callable[[Any], Any], on: FormCoefficients, cuts: Cuts = NO_CUTS
+    effects: Sequence[Any], integrand: Callable[[Any], Any], on: FormCoefficients
 ) -> tuple[str, fem.Form | None]:
     """The integrals of effects over what each of them acts on, and their name; "" and None without effects."""
     if not effects:
         return "", None
     space, inventory = on.space, on.inventory
-    element, where = space.element.basix_element.degree, measures(space, effects, on.tagged.facets, cuts)
+    element, where = space.element.basix_element.degree, measures(space, effects, on.tagged.facets)
     terms = [
         integrand(effect) * on.around * d(metadata={"quadrature_degree": effect.degree(element)})
         for effect, d in zip(effects, where, strict=True)

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from signorini_fx.mechanics.statement.expressions import Expression, in_space
-from signorini_fx.tuned import AFFINE, SAME_LENGTH
+from signorini_fx.tuned import SAME_LENGTH
 
 Array = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
@@ -33,15 +33,9 @@ def cut(x: Array, values: Iterable[Any]) -> tuple[Ints, Array]:
         The simplex that each part is in, shape (m,), and its corners as barycentric coordinates of that simplex, shape
         (m, k, k).
     """
-    return exactly_cut(x, values)[:2]
-
-
-def exactly_cut(x: Array, values: Iterable[Any]) -> tuple[Ints, Array, npt.NDArray[np.bool_]]:
-    """``cut``, and in which simplices all functions that are compared are affine on each part, shape (n,)."""
     count, size = x.shape[:2]
     owner: Ints = np.arange(count)
     parts: Array = np.tile(np.eye(size), (count, 1, 1))
-    exact = np.ones(count, dtype=bool)
     for value in values:
         if not isinstance(value, Expression):
             continue
@@ -52,14 +46,8 @@ def exactly_cut(x: Array, values: Iterable[Any]) -> tuple[Ints, Array, npt.NDArr
                 at = np.einsum("mqk,mkd->mqd", places, x[owner])
                 return value.switch(number, in_space(at.reshape(-1, x.shape[2]))).reshape(at.shape[:2])
 
-            corners = np.nan_to_num(sign(owner, parts))
-            most: Array = np.zeros(count)
-            np.maximum.at(most, owner, np.abs(corners).max(axis=1))
-            for a, b in combinations(range(size), 2):
-                middle = np.nan_to_num(sign(owner, (parts[:, [a]] + parts[:, [b]]) / 2))[:, 0]
-                exact[owner[np.abs(middle - (corners[:, a] + corners[:, b]) / 2) > AFFINE * most[owner]]] = False
             owner, parts = _cut(owner, parts, sign)
-    return owner, parts, exact
+    return owner, parts
 
 
 def _cut(owner: Ints, parts: Array, sign: Callable[[Ints, Array], Array]) -> tuple[Ints, Array]:
@@ -98,9 +86,3 @@ def _root(owner: Ints, a: Array, b: Array, at_a: Array, sign: Callable[[Ints, Ar
         same_sign = np.sign(values) == at_a
         low, high = np.where(same_sign, middle, low), np.where(same_sign, high, middle)
     return (low + high) / 2
-
-
-def halved(segments: Array) -> Array:
-    """The first half of each segment, then the second one of each, shape (2 m, 2, 2)."""
-    middle = segments.mean(axis=1)
-    return np.concatenate((np.stack((segments[:, 0], middle), axis=1), np.stack((middle, segments[:, 1]), axis=1)))

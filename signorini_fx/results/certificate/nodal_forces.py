@@ -33,7 +33,6 @@ from signorini_fx.mechanics.statement.expressions import Expression, in_space, s
 from signorini_fx.mechanics.statement.nodal_table import NodalTable
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.records import Inventory
-from signorini_fx.results.certificate.cut_entities import cut_rules
 from signorini_fx.results.certificate.quadrature_points import QuadraturePoints
 from signorini_fx.results.certificate.surface_quadrature import QuadratureFacets, SurfaceQuadrature
 from signorini_fx.tuned import SAME_DIRECTION
@@ -269,10 +268,9 @@ class NodalForces(SurfaceQuadrature):
             counts |= (regions == region) & (self.over_ranks(inside)[node, 0] > 0)
         return node[counts].astype(np.int32), row[counts].astype(np.int32)
 
-    def _chunks(self, some: Indices | None = None) -> Iterator[Indices]:
-        every = self._owned_cells if some is None else some
-        for first in range(0, every.size, _CHUNK):
-            yield every[first : first + _CHUNK]
+    def _chunks(self) -> Iterator[Indices]:
+        for first in range(0, self._owned_cells.size, _CHUNK):
+            yield self._owned_cells[first : first + _CHUNK]
 
     def _integral(self, effect: Effect, density: Callable[[Points], Array], y: Array) -> Array:
         """A force per volume or area, integrated with the shape functions on this rank alone, shape (nodes, d)."""
@@ -295,28 +293,18 @@ class NodalForces(SurfaceQuadrature):
         return float(parallel.global_sum(self.tagged.mesh.comm, np.array(local_integral)))
 
     def _parts(self, effect: Effect, degree: int) -> Iterator[tuple[QuadratureFacets, Array]]:
-        """What an effect acts on, on this rank, with the volumes or areas of its points: cells or facets that no jump
-        of a load cuts together, others one by one.
-        """
-        inside = effect.where is None
-        every = self._owned_cells if inside else self.facets(effect.where)
-        rules = dict(cut_rules(self.tagged.mesh, effect, every, degree))
-        left = np.setdiff1d(every, list(rules)).astype(np.int32) if rules else every
-        rule = basix.make_quadrature(self.cell_type if inside else self._facet, degree)
-        for some, points, weights in [(left, *rule), *((np.array([one], np.int32), *rules[one]) for one in rules)]:
-            if inside:
-                yield from self.cells(degree, some, (points, weights))
-            else:
-                for facets in self._facets(some, points, weights):
-                    yield facets, np.linalg.norm(facets.moment, axis=2)
+        """What an effect acts on, on this rank, with the volumes or areas of its points."""
+        if effect.where is None:
+            yield from self.cells(degree)
+            return
+        for facets in self._facets(self.facets(effect.where), *basix.make_quadrature(self._facet, degree)):
+            yield facets, np.linalg.norm(facets.moment, axis=2)
 
-    def cells(
-        self, degree: int, some: Indices | None = None, rule: tuple[Array, Array] | None = None
-    ) -> Iterator[tuple[QuadratureFacets, Array]]:
-        """All cells of this rank, or some, and the volumes of their points."""
-        points, weight = rule or basix.make_quadrature(self.cell_type, degree)
+    def cells(self, degree: int) -> Iterator[tuple[QuadratureFacets, Array]]:
+        """All cells of this rank, and the volumes of their points."""
+        points, weight = basix.make_quadrature(self.cell_type, degree)
         table = self._table(points)
-        for cells in self._chunks(some):
+        for cells in self._chunks():
             yield (
                 QuadratureFacets(cells, table, np.empty(0)),
                 weight * np.abs(adjugates(self.jacobian(cells, table))[1]),

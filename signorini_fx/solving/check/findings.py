@@ -31,7 +31,6 @@ from signorini_fx.mechanics.statement.point_values import PointValues
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.records import Finding
 from signorini_fx.solving.check.balanced_loads import equilibrium
-from signorini_fx.solving.check.jumping_loads import jumping_loads
 from signorini_fx.solving.check.one_step import one_step, tilted_frames
 from signorini_fx.tuned import (
     FAR_GAP,
@@ -65,7 +64,6 @@ def scene_findings(body: Model, *, estimates: bool = True) -> list[Finding]:
         *_idle(body),
         *(_across_bodies(statement) if paired else ()),
         *equilibrium(body),
-        *jumping_loads(body),
     ]
     # Without an estimate it only matters whether anything acts at all; it is that of a beam in the plane or in space.
     unsolved = estimates

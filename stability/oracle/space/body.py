@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -196,52 +194,19 @@ class Body:
         """A rule on a facet: exact on triangles, so many points along each side of a quadrilateral."""
         return plane.triangle(points) if self.corners.shape[1] == 4 else plane.square(points)
 
-    def _parts(
-        self, load: dict[str, Any], facets: Facets, rule: tuple[Array, Array]
-    ) -> Iterator[tuple[Ints, tuple[Array, Array]]]:
-        """Facets with the rule for a traction on them.
-
-        A facet of a mesh of parallelepipeds is divided where the comparison of a pressure changes its sign; on others
-        the rule of the whole facet is a part of the discretisation.
-        """
-        pressure, whole = load.get("pressure"), np.ones(len(facets.nodes), dtype=bool)
-        x = self.mesh.points[self.corners]
-        corner = {tuple(place): k for k, place in enumerate(elements.reference_nodes(self.corners.shape[1]).tolist())}
-        if (
-            isinstance(pressure, str)
-            and " if " in pressure
-            and self.corners.shape[1] == 8
-            and self.mesh.cells.shape[1] == 8
-        ):
-            edges = [x[:, corner[tuple(axis)]] - x[:, corner[0.0, 0.0, 0.0]] for axis in np.eye(3).tolist()]
-            skew = [
-                x[:, k] - x[:, corner[0.0, 0.0, 0.0]] - np.tensordot(place, edges, 1) for place, k in corner.items()
-            ]
-            if np.abs(skew).max() <= 1e-9 * np.linalg.norm(edges, axis=2).min():
-                low, high = pressure.partition(" if ")[2].partition(" else ")[0].split(" < ")
-                places = self.mesh.points[facets.places]
-                signs = np.stack(
-                    [at_points(low, places[:, k]) - at_points(high, places[:, k]) for k in range(4)], axis=1
-                )
-                for row in np.flatnonzero((signs.min(axis=1) < 0) & (signs.max(axis=1) > 0)):
-                    whole[row] = False
-                    yield np.array([row]), _on_both_sides(signs[row])
-        yield np.flatnonzero(whole), rule
-
     def load(self, step: int) -> Array:
         """L of a load step, one force per dof."""
         total = np.zeros((len(self.x), 3))
         for load in listed(self.scene, "traction"):
             varies = any(isinstance(load.get(k), str) for k in ("x", "y", "z", "pressure"))
-            rule, facets = self.rule(11 if varies else self.degree + 2), self.facets(load["boundary"])
-            for rows, (xi, weights) in self._parts(load, facets, rule):
-                values, _ = plane.shape(facets.nodes.shape[1], xi)
-                x, normal = (array[rows] for array in self.frames(facets, xi))
-                flat, area = x.reshape(-1, 3), np.linalg.norm(normal, axis=2)
-                force = np.stack([at_points(load.get(k, 0.0), flat).reshape(area.shape) * area for k in "xyz"], axis=2)
-                force -= at_points(load.get("pressure", 0.0), flat).reshape(area.shape)[:, :, None] * normal
-                nodal = np.einsum("fpi,p,pk->fki", force, weights, values) * factor_of(load, step)
-                np.add.at(total, facets.nodes[rows], nodal)
+            (xi, weights), facets = self.rule(11 if varies else self.degree + 2), self.facets(load["boundary"])
+            values, _ = plane.shape(facets.nodes.shape[1], xi)
+            x, normal = self.frames(facets, xi)
+            flat, area = x.reshape(-1, 3), np.linalg.norm(normal, axis=2)
+            force = np.stack([at_points(load.get(k, 0.0), flat).reshape(area.shape) * area for k in "xyz"], axis=2)
+            force -= at_points(load.get("pressure", 0.0), flat).reshape(area.shape)[:, :, None] * normal
+            nodal = np.einsum("fpi,p,pk->fki", force, weights, values) * factor_of(load, step)
+            np.add.at(total, facets.nodes, nodal)
         for load in listed(self.scene, "body_force"):
             xi, weights = elements.tetrahedron(5) if self.corners.shape[1] == 4 else elements.cube(self.degree + 2)
             values, _ = elements.shape(self.cells.shape[1], xi)
@@ -340,25 +305,6 @@ class Body:
                 columns.append((np.eye(3)[axis] * here[:, None]).ravel())
                 columns.append((np.cross(np.eye(3)[axis], x) * here[:, None]).ravel())
         return np.stack(columns, axis=1)
-
-
-def _on_both_sides(signs: Array) -> tuple[Array, Array]:
-    """A rule on the unit square, exact where a linear function with these values at the corners changes its sign."""
-    corners, (xi, weights) = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]]), plane.triangle(11)
-    points, sizes = [], []
-    for ring in ([0, 1, 2], [1, 3, 2]):
-        for side in (signs, -signs):
-            polygon = []  # the part of the triangle where ``side`` is positive
-            for a, b in zip(ring, ring[1:] + ring[:1], strict=True):
-                if side[a] >= 0:
-                    polygon.append(corners[a])
-                if side[a] * side[b] < 0:
-                    polygon.append(corners[a] + side[a] / (side[a] - side[b]) * (corners[b] - corners[a]))
-            for second, third in pairwise(polygon[1:]):
-                edges = np.stack((second - polygon[0], third - polygon[0]))
-                points.append(polygon[0] + xi @ edges)
-                sizes.append(weights * abs(np.linalg.det(edges)))
-    return np.concatenate(points), np.concatenate(sizes)
 
 
 def _one_more(kept: Array, direction: Array) -> tuple[Array, float]:
