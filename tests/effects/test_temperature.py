@@ -12,7 +12,6 @@ from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from scenes import alone
-from scipy.spatial import Delaunay
 from test_axisymmetric import section
 from test_springs import ELEMENTS, PLANE, body
 
@@ -390,59 +389,6 @@ def test_values_from_a_file(tmp_path_factory):
     assert first.displacement.x.array == pytest.approx(second.displacement.x.array, abs=1e-12)
 
 
-@pytest.mark.parametrize(("suffix", "dim"), [("vtu", 2), ("vtu", 3), ("xdmf", 3)])
-def test_values_of_a_mesh(suffix, dim, tmp_path):
-    """Nodal values of another mesh that are linear are those of the formula; of the same mesh any are as they are."""
-    meshio = pytest.importorskip("meshio")
-    if suffix == "xdmf":
-        pytest.importorskip("h5py")
-    tagged = body("quadrilateral" if dim == 2 else "hexahedra", MPI.COMM_SELF)
-    x = np.array(np.meshgrid(*[np.linspace(0, end, 4) for end in (2.0, 1.0, 1.0)[:dim]])).reshape(dim, -1).T
-    cells = Delaunay(x).simplices
-    kind = "triangle" if dim == 2 else "tetra"
-    linear = 10 + 3 * x[:, 0] - 2 * x[:, -1]
-
-    def written(name, x, cells, kind, values):
-        points = np.column_stack((x, np.zeros((len(x), 3 - x.shape[1]))))
-        meshio.write(tmp_path / name, meshio.Mesh(points, [(kind, cells)], point_data=values))
-        given = {"mesh": tagged, "material": STEEL, "displacement": sides("quadrilateral" if dim == 2 else "hexahedra")}
-        return alone(parse_scene({**given, "temperature": {"file": name}}, folder=tmp_path), check=False)
-
-    def exact(change):
-        given = {"mesh": tagged, "material": STEEL, "displacement": sides("quadrilateral" if dim == 2 else "hexahedra")}
-        return alone(parse_scene({**given, "temperature": {"change": change}}), check=False)
-
-    other = written(f"other.{suffix}", x, cells, kind, {"T": linear})
-    assert other.certificate.holds
-    y = exact(f"10 + 3*x[0] - 2*x[{dim - 1}]").displacement.x.array
-    assert other.displacement.x.array == pytest.approx(y, abs=1e-12)
-    nodes = tagged.mesh.geometry.x[:, :dim]
-    values = np.sin(5 * nodes[:, 0]) * np.cos(4 * nodes[:, 1])
-    same = written(f"same.{suffix}", nodes, Delaunay(nodes).simplices, kind, {"change": values, "T": 0 * values})
-    y = exact(lambda x: np.sin(5 * x[0]) * np.cos(4 * x[1])).displacement.x.array
-    assert same.displacement.x.array == pytest.approx(y, abs=1e-9 * np.abs(y).max())
-    half = x[:, 0] < 1.5
-    with pytest.raises(SceneError, match="has no points around") as raised:
-        written(f"half.{suffix}", x[half], Delaunay(x[half]).simplices, kind, {"T": linear[half]})
-    assert len(raised.value.problems) == 1
-
-
-def test_a_mesh_around_the_body_does_not_cover_it(tmp_path):
-    """Cells along three sides of the body: their hull covers it, they do not."""
-    meshio = pytest.importorskip("meshio")
-    x = np.array([(a, b, 0.0) for a in np.linspace(0, 2, 21) for b in np.linspace(0, 1, 11)])
-    rim = [row for row in Delaunay(x[:, :2]).simplices if np.abs(x[row].mean(axis=0)[:2] - (1.0, 0.5))[0] > 0.8]
-    kept, numbers = np.unique(np.array(rim), return_inverse=True)
-    mesh = meshio.Mesh(x[kept], [("triangle", numbers.reshape(-1, 3))], point_data={"T": x[kept, 0], "p": x[kept, 0]})
-    meshio.write(tmp_path / "rim.vtu", mesh)
-    given = {"mesh": body("quadrilateral", MPI.COMM_SELF), "material": STEEL, "displacement": sides("quadrilateral")}
-    with pytest.raises(SceneError, match="one must be called change"):
-        alone(parse_scene({**given, "temperature": {"file": "rim.vtu"}}, folder=tmp_path), check=False)
-    meshio.write(tmp_path / "rim.vtu", meshio.Mesh(mesh.points, mesh.cells, point_data={"T": x[kept, 0]}))
-    with pytest.raises(SceneError, match="has no points around"):
-        alone(parse_scene({**given, "temperature": {"file": "rim.vtu"}}, folder=tmp_path), check=False)
-
-
 def test_values_across_bodies_that_touch(tmp_path):
     """``check`` warns of one table for both; of a file for each, or of bodies that do not touch, it says nothing."""
     corners = [f"{x},{y},{x}" for x in (0.0, 1.0, 2.0) for y in (0.0, 1.0)]
@@ -484,8 +430,7 @@ def test_values_across_bodies_that_touch(tmp_path):
         ({"file": "line.csv"}, {}, "temperature.file", "span no area"),
         ({"file": "small.csv"}, {}, "temperature.file", "has no points around"),
         ({"file": "twice.csv"}, {}, "temperature.file", "has several values at one place, 1 and 2 at (1, 0.5)"),
-        ({"file": "nowhere.vtu"}, {}, "temperature.file", "cannot be read"),
-        ({"file": "words.xdmf"}, {}, "temperature.file", "cannot be read"),
+        ({"file": "nodal.vtu"}, {}, "temperature.file", "is no .csv: write the nodes and their values to one"),
     ],
 )
 def test_what_is_wrong(temperature, material, place, words, tmp_path):
@@ -498,7 +443,6 @@ def test_what_is_wrong(temperature, material, place, words, tmp_path):
         "small": "x,y,change\n0,0,1\n1,0,1\n0,1,1\n1,1,1",
     }.items():
         (tmp_path / f"{name}.csv").write_text(text, encoding="utf-8")
-    (tmp_path / "words.xdmf").write_text("hot", encoding="utf-8")
     own = {key: value for key, value in {**STEEL, **material}.items() if value is not None}
     given = {"mesh": body("quadrilateral", MPI.COMM_SELF), "material": own, "displacement": sides("quadrilateral")}
     with pytest.raises(SceneError) as caught:

@@ -19,8 +19,7 @@ class TemperatureChange(InitialStrain):
     Attributes:
         change: since the body was without stress, temperature.
         file: instead, a .csv with the columns x, y, in space z, and change: values at points of the body, between
-            which they are interpolated linearly; or a mesh with nodal values, .vtu or .xdmf, called change unless
-            there are no others.
+            which they are interpolated linearly.
         region: name of the part of the body that it is in; None: all of it.
         factors: one number per load step; None: 1 in every step.
     """
@@ -72,7 +71,7 @@ EXAMPLE = """
 # Thermal strain, from the expansion of the materials.  As many [[temperature]] as you like; they add up.
 [[temperature]]
 change = 0.0                               # VALUE, since the stress-free state; may depend on t
-#file = "temperature.csv"                  # instead of it: columns x, y, (z,) change; or .vtu, .xdmf with nodal values
+#file = "temperature.csv"                  # instead of it: columns x, y, (z,) change
 #region = "rubber"                         # the part of the body that is heated; without: all of it
 #factors = [0.5, 1.0]                      # load steps, as above
 """

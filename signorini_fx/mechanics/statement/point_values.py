@@ -1,4 +1,4 @@
-"""Values at points from a table or a mesh, interpolated between them."""
+"""Values at points from a table, interpolated between them."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ import numpy as np
 import numpy.typing as npt
 
 from signorini_fx.errors import SceneError
-from signorini_fx.mechanics.statement.mesh_values import SUFFIXES, nodal_values
 from signorini_fx.tuned import DIGITS_OF_FILES, OUTSIDE_HULL, SAME_POSITION
 
 Array = npt.NDArray[np.float64]
@@ -19,11 +18,11 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class PointValues:
-    """A function of the position from a .csv with the columns x, y, in space z, and a value, or from nodal values of a
-    mesh, see ``mesh_values``; linear between the points, whose triangulation is that of Delaunay.
+    """A function of the position from a .csv with the columns x, y, in space z, and a value; linear between the points,
+    whose triangulation is that of Delaunay.
 
     Attributes:
-        file: the table, or the mesh.
+        file: the table.
         column: of the value.
     """
 
@@ -39,17 +38,15 @@ class PointValues:
         """Values at points of shape (3, n), shape (n,).
 
         Raises:
-            SceneError: the file cannot be read, or a point is not among those of the file: outside of their hull, or
-                further from them than a cell of its mesh is long.
+            SceneError: the file cannot be read, or a point is outside of the hull of those of the file.
         """
         changed = self.file.stat().st_mtime_ns if self.file.is_file() else 0
-        middle, function, far = _table(self.file, self.column, changed)
+        middle, function = _table(self.file, self.column, changed)
         at = x[: middle.size].T
         values = np.asarray(function(at), dtype=np.float64)
         for share in OUTSIDE_HULL:
             outside = np.isnan(values)
             values[outside] = function(middle + (1 - share) * (at[outside] - middle))
-        values[far(at)] = np.nan
         if np.isnan(values).any():
             point = ", ".join(f"{c:g}" for c in at[np.argmax(np.isnan(values))])
             raise _wrong(self.file, f"has no points around ({point}) of the body; check its unit of lengths")
@@ -57,29 +54,23 @@ class PointValues:
 
 
 @lru_cache(maxsize=8)
-def _table(file: Path, column: str, _changed: int) -> tuple[Array, Any, Any]:
-    """The middle of the points, shape (d,), the interpolation, and which of other points are far from all of them."""
+def _table(file: Path, column: str, _changed: int) -> tuple[Array, Any]:
+    """The middle of the points, shape (d,), and the interpolation."""
     from scipy.interpolate import LinearNDInterpolator
-    from scipy.spatial import QhullError, cKDTree
+    from scipy.spatial import QhullError
 
-    reach = np.inf
-    if file.suffix.lower() in SUFFIXES:
-        try:
-            points, values, reach = nodal_values(file, column)
-        except ValueError as error:
-            raise _wrong(file, str(error)) from None
-    else:
-        points, values = _rows(file, column)
-    points, values = _distinct(file, points, values)
+    points, values = _distinct(file, *_rows(file, column))
     try:
-        function, tree = LinearNDInterpolator(points, values), cKDTree(points)
+        function = LinearNDInterpolator(points, values)
     except (QhullError, ValueError):
         raise _wrong(file, "has points that span no area, in space no volume") from None
-    return points.mean(axis=0), function, lambda at: np.asarray(tree.query(at)[0] > reach)
+    return points.mean(axis=0), function
 
 
 def _rows(file: Path, column: str) -> tuple[Array, Array]:
     """The points of a table and the values at them, shapes (n, d) and (n,)."""
+    if file.suffix.lower() != ".csv":
+        raise _wrong(file, "is no .csv: write the nodes and their values to one")
     try:
         head, *rows = [line.split(",") for line in file.read_text(encoding="utf-8-sig").splitlines() if line.strip()]
     except (OSError, UnicodeDecodeError, ValueError) as error:
