@@ -205,7 +205,6 @@ ACCEPTED = {
     | {"material": {"young": 1000.0, "poisson": 0.5}, "element": {"degree": 2, "volumetric": "mixed"}},
     "accuracy": BLOCK | HELD | {"accuracy": {"target": 0.3}},
     "certified": BLOCK | HELD | {"mesh": TRIANGLES, "contact": [{"boundary": "bottom"}]} | CERTIFIED | SSN,
-    "traction in space that is not linear": certified_in_space(traction={"boundary": "left", "x": "x[2]**3"}) | SSN,
     "body force in space that is not constant": certified_in_space(body_force={"z": "-x[2]"}) | SSN,
     "preload": bodies(preload=[{"point": [0.5, 1.37], "axis": [0.0, 1.0], "force": 1.0}]),
     "preload in steps": bodies(

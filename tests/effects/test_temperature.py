@@ -453,14 +453,13 @@ def test_what_is_wrong(temperature, material, place, words, tmp_path):
 
 
 def test_what_is_said():
-    """The report of check, and the guaranteed bound."""
+    """The report of check."""
     given = scene(
         body("quadrilateral", MPI.COMM_SELF), displacement=sides("quadrilateral"), temperature={"change": 5.0}
     )
     told = str(check_scene(given, MPI.COMM_SELF))
     assert "temperature" in told
     assert "change = 5" in told
-    assert alone(given, check=False).error_bound.relative < 1e-8
 
 
 def test_thermostat():

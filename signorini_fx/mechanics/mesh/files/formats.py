@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Callable, Collection, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -175,51 +176,46 @@ def _all_named(mesh: MeshArrays) -> bool:
 # --- meshio ----------------------------------------------------------------------------------------------------------
 
 
-def _write_meshio(kind: str) -> Callable[[MeshArrays, Path], None]:
-    def write(mesh: MeshArrays, file: Path) -> None:
-        module = meshio_format(kind)
-        import meshio
+def _write_meshio(kind: str, mesh: MeshArrays, file: Path) -> None:
+    module = meshio_format(kind)
+    import meshio
 
-        if kind == "xdmf" and mesh.degree > 1:  # meshio cannot read it again
-            raise MeshError(f"{file}: xdmf cannot hold cells of kind {mesh.kind} beside their facets: use .vtu or .msh")
-        sides, boundaries = combinations(mesh.boundaries, len(mesh.facets))
-        families, regions = combinations(mesh.regions, len(mesh.cells))
-        named_facets = np.flatnonzero(sides)
-        blocks = [(mesh.kind, mesh.cells)] + (
-            [(mesh.facet.kind, mesh.facets[named_facets])] if named_facets.size else []
-        )
-        out = meshio.Mesh(mesh.points, blocks)
-        if kind == "med":  # families count down from -1
-            top = int(families.max(initial=0))
-            numbers = [-families, -(sides[named_facets] + top)]
-            out.cell_data = {"cell_tags": numbers[: len(blocks)]}
-            groups: dict[int, list[str]] = {}
-            for shift, named in ((0, regions), (top, boundaries)):
-                for name, tags in named.items():
-                    for tag in tags:
-                        groups.setdefault(-(tag + shift), []).append(name)
-            out.cell_tags = groups
-        else:
-            columns: dict[str, list[Ints]] = {}
-            for name, rows in mesh.regions.items():
-                columns[f"region:{name}"] = [
-                    _marked(len(mesh.cells), rows),
-                    np.zeros(len(named_facets), dtype=np.int64),
-                ]
-            for name, rows in mesh.boundaries.items():
-                columns[f"boundary:{name}"] = [
-                    np.zeros(len(mesh.cells), dtype=np.int64),
-                    _marked(len(sides), rows)[named_facets],
-                ]
-            out.cell_data = {name: values[: len(blocks)] for name, values in columns.items()}
-            if kind == "vtu":
-                out.points = _in_space(mesh.points)
-        try:
-            module.write(str(file), out)
-        except (KeyError, meshio.WriteError) as error:
-            raise MeshError(f"{file}: {kind} cannot hold cells of kind {mesh.kind} ({error})") from None
-
-    return write
+    if kind == "xdmf" and mesh.degree > 1:  # meshio cannot read it again
+        raise MeshError(f"{file}: xdmf cannot hold cells of kind {mesh.kind} beside their facets: use .vtu or .msh")
+    sides, boundaries = combinations(mesh.boundaries, len(mesh.facets))
+    families, regions = combinations(mesh.regions, len(mesh.cells))
+    named_facets = np.flatnonzero(sides)
+    blocks = [(mesh.kind, mesh.cells)] + ([(mesh.facet.kind, mesh.facets[named_facets])] if named_facets.size else [])
+    out = meshio.Mesh(mesh.points, blocks)
+    if kind == "med":  # families count down from -1
+        top = int(families.max(initial=0))
+        numbers = [-families, -(sides[named_facets] + top)]
+        out.cell_data = {"cell_tags": numbers[: len(blocks)]}
+        groups: dict[int, list[str]] = {}
+        for shift, named in ((0, regions), (top, boundaries)):
+            for name, tags in named.items():
+                for tag in tags:
+                    groups.setdefault(-(tag + shift), []).append(name)
+        out.cell_tags = groups
+    else:
+        columns: dict[str, list[Ints]] = {}
+        for name, rows in mesh.regions.items():
+            columns[f"region:{name}"] = [
+                _marked(len(mesh.cells), rows),
+                np.zeros(len(named_facets), dtype=np.int64),
+            ]
+        for name, rows in mesh.boundaries.items():
+            columns[f"boundary:{name}"] = [
+                np.zeros(len(mesh.cells), dtype=np.int64),
+                _marked(len(sides), rows)[named_facets],
+            ]
+        out.cell_data = {name: values[: len(blocks)] for name, values in columns.items()}
+        if kind == "vtu":
+            out.points = _in_space(mesh.points)
+    try:
+        module.write(str(file), out)
+    except (KeyError, meshio.WriteError) as error:
+        raise MeshError(f"{file}: {kind} cannot hold cells of kind {mesh.kind} ({error})") from None
 
 
 def _marked(count: int, rows: Ints) -> Ints:
@@ -231,8 +227,8 @@ def _marked(count: int, rows: Ints) -> Ints:
 _FORMATS = (*DRAWN, ".inp", ".med", ".msh", ".vtu", ".xdmf")
 _WRITERS: dict[str, Callable[[MeshArrays, Path], None]] = {
     ".inp": lambda mesh, file: add_on("deck_files").write_mesh(mesh, file),
-    ".med": _write_meshio("med"),
+    ".med": partial(_write_meshio, "med"),
     ".msh": _write_gmsh,
-    ".vtu": _write_meshio("vtu"),
-    ".xdmf": _write_meshio("xdmf"),
+    ".vtu": partial(_write_meshio, "vtu"),
+    ".xdmf": partial(_write_meshio, "xdmf"),
 }
