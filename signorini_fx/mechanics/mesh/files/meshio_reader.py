@@ -45,7 +45,7 @@ def read_meshio(file: Path, kind: str) -> RawMesh:
     form = meshio_format(kind)
     try:
         with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
-            grids = ElementTree.parse(file).getroot().findall("./Domain/Grid") if kind == "xdmf" else []
+            grids = _grids(file) if kind == "xdmf" else []
             return _of_grids(file, grids) if len(grids) > 1 else _of_meshio(form.read(str(file)))
     except (Exception, SystemExit) as error:  # meshio passes on whatever its parsers raise
         reason = str(error) or type(error).__name__
@@ -71,6 +71,20 @@ def _of_meshio(mesh: Any) -> RawMesh:
             members = np.flatnonzero(np.asarray(nodes) == number)
             raw.node_sets[name] = np.union1d(raw.node_sets.get(name, members), members)
     return raw
+
+
+def _grids(file: Path) -> list[ElementTree.Element]:
+    """The grids of an XDMF file.
+
+    Raises:
+        ValueError: a file with their data is none, such as a pipe, which would be waited for.
+    """
+    root = ElementTree.parse(file).getroot()
+    for item in root.iter("DataItem"):
+        name = (item.text or "").strip().partition(":")[0]
+        if item.get("Format") == "HDF" and not (file.parent / name).is_file():
+            raise ValueError(f"there is no regular file {name!r}")
+    return root.findall("./Domain/Grid")
 
 
 def _of_grids(file: Path, grids: list[ElementTree.Element]) -> RawMesh:
