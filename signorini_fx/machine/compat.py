@@ -8,6 +8,7 @@ from typing import Any
 
 import basix
 import basix.ufl
+import mpi4py.MPI  # noqa: F401  # before dolfinx, which finds MPI once it is loaded
 import numpy as np
 import numpy.typing as npt
 import ufl

@@ -888,7 +888,6 @@ def test_the_schema_knows_every_class():
         "Table",
         "Effect",
         "Load",
-        "Overclosure",
         "Force",
         "VectorForce",
         "InitialStrain",

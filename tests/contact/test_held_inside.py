@@ -394,11 +394,6 @@ def test_check_in_space_with_quadratic_tetrahedra():
     assert before(scene) == told(alone(scene))
 
 
-def test_bounds_refuse_by_the_same_rule():
-    """At the nodes that are told, and with the words of the finding."""
-    assert str(alone(square(cells=3)).error_bound) == "supports push the body into its foundation"
-
-
 @pytest.mark.mpi
 def test_on_ranks():
     """The message is the same on all of them."""

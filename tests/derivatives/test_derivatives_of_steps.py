@@ -82,7 +82,9 @@ WAYS = {
 def test_in_the_plane(way):
     """Each law, with regularisation and without, at the last load step and at earlier ones."""
     friction, more, solver = WAYS[way]
-    found = agrees(plane(friction, **solver), OF, [*more, *DATA])
+    # With a given bound the node that a support pushes along slips in either direction: there the force jumps.
+    data = DATA[:-1] if friction is TRESCA else DATA
+    found = agrees(plane(friction, **solver), OF, [*more, *data])
     steps = [step.contact for step in found[0].solution.steps]
     slips = [np.any(state.direction != 0, axis=1) for state in steps]
     met = [

@@ -137,10 +137,10 @@ ITERATION = {"recorded_solves", "linear_solves", "factorisations", "newton_itera
 
 
 def test_example_1_pays_for_what_it_lists(count):
-    """docs/trust.md counts: of 21 effects that a scene may list it has six, with three forms and a matrix."""
+    """docs/trust.md counts: of 20 effects that a scene may list it has six, with three forms and a matrix."""
     file = Path(__file__).parents[2] / "demos" / "scenes" / "example1_tresca.toml"
     effects = check_scene(read_scene(file), MPI.COMM_SELF).effects
-    assert (len(effects), sum(effect.on for effect in effects)) == (21, 6)
+    assert (len(effects), sum(effect.on for effect in effects)) == (20, 6)
     data = {key: value for key, value in tomllib.loads(file.read_text(encoding="utf-8")).items() if key != "mesh"}
     _, counts = count(data, rectangle(MPI.COMM_SELF, length=3.0, nx=12, ny=4))
     assert counts.named == ("elasticity", "traction top", "contact bottom")

@@ -200,10 +200,6 @@ def test_a_constant_is_a_smaller_modulus(key):
         ours, theirs = (getattr(one.stress.recovered, name).x.array for one in (graded, plain))
         assert ours == pytest.approx(theirs, abs=1e-5 * np.abs(theirs).max())
     assert graded.stress.error == pytest.approx(plain.stress.error, rel=1e-6)
-    if key == "young":
-        assert graded.error_bound.error == pytest.approx(plain.error_bound.error, rel=1e-6)
-    else:
-        assert "Poisson's ratio or axes that vary have no guaranteed bound" in str(graded.error_bound)
 
 
 @pytest.mark.parametrize("key", ["grading", "poisson_grading"])

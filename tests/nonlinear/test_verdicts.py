@@ -52,7 +52,7 @@ def last_factor(problem, at_end=None):
     (tangent, found), stability = solver.stability._derivative(), solver.stability
     linear = problem.linear
     linear.bend()
-    negative = stability._negative(tangent)
+    negative, _ = stability._negative(tangent)
     said = is_positive(linear.elastic, linear.task.system, stability._restraint(), at_end or found)
     return said, negative
 

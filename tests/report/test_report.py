@@ -675,7 +675,7 @@ def test_errors_of_figures():
     assert found == pytest.approx(
         {"contact_force": 0.01, "friction_force": 50.0, "max_pressure": 0.02, "strain_energy": 0.01}
     )
-    assert figure(summary["friction_force"], found["friction_force"]) == "(0, 0)"
+    assert figure(summary["friction_force"], found["friction_force"]) == "(0.01, 0)"
     assert figure(summary["contact_force"], found["contact_force"]) == "(0, 50.0)"
     stress = {"von_mises": {"value": 20.0}, "recovered": {"von_mises": {"value": 19.0}}}
     for table in ({"stress": stress}, {}):

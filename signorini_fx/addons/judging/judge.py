@@ -122,8 +122,8 @@ class _Judging:
         """Their displacement at all nodes of the mesh, length, shape (n, d)."""
         v = np.full(self.problem.arrays.points.shape, np.nan)
         v[: len(self.theirs.displacement)] = self.theirs.displacement
-        known = ~np.isnan(v).any(axis=1)
-        fixed = self.ours.held.all(axis=1) & ~known  # programs need not print what they prescribe
+        printed_nodes = ~np.isnan(v).any(axis=1)
+        fixed = self.ours.held.all(axis=1) & ~printed_nodes  # programs need not print what they prescribe
         v[fixed] = self.ours.displacement[fixed]
         missing = np.flatnonzero(np.isnan(v[: len(self.problem.names)]).any(axis=1))
         if missing.size:
@@ -170,9 +170,9 @@ class _Judging:
             return AGREES, ""
         # So far elements with fewer points may be away.
         farthest = _COARSER * error + printed
-        other = self._other(on_mesh, farthest, printed, agrees=distance <= allowed)
-        if other:
-            return ANOTHER, other
+        other_problem = self._other_problem(on_mesh, farthest, printed, agrees=distance <= allowed)
+        if other_problem:
+            return ANOTHER, other_problem
         if distance <= allowed:
             return AGREES, ""
         if any(contact.adjust is not None for contact in self.problem.scene.contact):
@@ -208,11 +208,11 @@ class _Judging:
         u = self.ours.with_entries({"load_steps": scene.load_steps.remade(steps=JUDGED_INCREMENTS)})
         return np.inf if u is None else self.ours.norm(self.v - u)
 
-    def _other(self, on_mesh: float, farthest: float, printed: float, *, agrees: bool) -> str:
+    def _other_problem(self, on_mesh: float, farthest: float, printed: float, *, agrees: bool) -> str:
         """The other problem that the result solves, in words; "": there is none."""
         ours, v = self.ours, self.v
-        left = JUDGED_SURELY_LEFT if agrees else JUDGED_LEFT
-        enough = min(left * on_mesh + printed, farthest)
+        share_left = JUDGED_SURELY_LEFT if agrees else JUDGED_LEFT
+        enough = min(share_left * on_mesh + printed, farthest)
         names = [step.name for step in ours.solution.shown_steps]
         steps = [ours.norm(v - step) for step in ours.steps]
         if steps and min(steps) <= enough:
@@ -234,8 +234,8 @@ class _Judging:
         self._figure("supports", away.max() / largest, JUDGED_SUPPORTS)
         meant = ours.displacement[node, axis]
         moved = f"{self._node(node)} is moved by {v[node, axis]:.4g} along {'xyz'[axis]}, prescribed is {meant:.4g}"
-        tractions, left = ours.tractions(v)
-        unbalanced, worst, self._at_one_node = ours.unbalanced(left)
+        tractions, remaining_forces = ours.tractions(v)
+        unbalanced, worst, self._at_one_node = ours.unbalanced(remaining_forces)
         self._figure("equilibrium", unbalanced / size, allowed / size)
         texts = {"supports": moved, "equilibrium": f"forces are not balanced, most around {self._node(worst)}"}
         self.lines["supports"] = f"missed by {_percent(away.max() / largest)} of the largest displacement"

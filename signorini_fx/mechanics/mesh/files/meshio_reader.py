@@ -44,7 +44,8 @@ def read_meshio(file: Path, kind: str) -> RawMesh:
     """
     form = meshio_format(kind)
     try:
-        with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
+        silent = contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO())
+        with silent[0], silent[1], np.errstate(over="ignore"):
             grids = _grids(file) if kind == "xdmf" else []
             return _of_grids(file, grids) if len(grids) > 1 else _of_meshio(form.read(str(file)))
     except (Exception, SystemExit) as error:  # meshio passes on whatever its parsers raise
