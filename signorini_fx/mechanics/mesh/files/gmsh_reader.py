@@ -6,6 +6,7 @@ import contextlib
 import os
 import re
 import sys
+import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -173,14 +174,20 @@ def _run(gmsh: Any, file: Path) -> None:
     Raises:
         MeshError: it is none, does more than draw, or has an error.
     """
-    with file.open("rb") as stream:
-        if stream.read(1) == b"$":
-            raise MeshError(f"{file}: is not a gmsh script: it begins with $; a mesh must end in .msh")
+    text = file.read_bytes()
+    if text.startswith(b"$"):
+        raise MeshError(f"{file}: is not a gmsh script: it begins with $; a mesh must end in .msh")
     check_script(file)
     gmsh.logger.start()
     gmsh.option.setNumber("General.AbortOnError", 0)
     try:
-        gmsh.merge(str(file.absolute()))
+        if text.endswith(b"\n"):
+            gmsh.merge(str(file.absolute()))
+        else:  # gmsh leaves a last line out that does not end
+            with tempfile.NamedTemporaryFile(suffix=".geo") as ended:
+                ended.write(text + b"\n")
+                ended.flush()
+                gmsh.merge(ended.name)
         errors = [line.partition(": ")[2] for line in gmsh.logger.get() if line.startswith("Error")]
     finally:
         gmsh.option.setNumber("General.AbortOnError", 2)

@@ -37,6 +37,8 @@ def check_script(file: Path, name: str = "", checked: frozenset[Path] = frozense
     """
     where = f"{name}: {file.name}" if name else str(file)
     text = file.read_text(encoding="utf-8-sig", errors="replace")
+    if name and not text.endswith("\n"):
+        raise MeshError(f"{where}: its last line does not end, so that gmsh would leave it out: add a line break")
     # Blanks in place of comments and texts leave all other places where they are.
     bare = _SKIPPED.sub(lambda skipped: re.sub(r"[^\n]", " ", skipped[0]), text)
     if word := _FORBIDDEN.search(bare):
