@@ -29,7 +29,7 @@ golden:     ## compare the answers of hundreds of problems with those recorded, 
 	./env python3 -m tests.golden
 
 nightly:    ## run what .ci/run leaves out: hours; it goes on after a failure
-	$(MAKE) -k test-slow golden-two test-sid test-wheel oracle
+	$(MAKE) -k test-slow golden golden-two test-sid test-wheel oracle
 
 golden-two: ## compare the same answers on two ranks
 	./env python3 -m tests.golden --ranks 2 --jobs 1
