@@ -1,6 +1,6 @@
 """Compare with CalculiX: both programs solve the same Abaqus deck.
 
-    ./env python3 bench/calculix.py block [--cells 8,16,24] [--law coulomb]   # contact in space: answers and times
+    ./env python3 bench/calculix.py block [--cells 8,16,24] [--law coulomb]   # contact in 3D: answers and times
     ./env python3 bench/calculix.py deck part.inp [scene.toml]                # displacements of a deck of your own
 
 The program is ccx (Debian's package calculix-ccx), or what CCX in the environment names; without it nothing is done.

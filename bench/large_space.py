@@ -1,4 +1,4 @@
-"""Large problems in space: CPU seconds over CG with GAMG, memory, growth, and a linear solve in the same storage.
+"""Large problems in 3D: CPU seconds over CG with GAMG, memory, growth, and a linear solve in the same storage.
 
     ./env python3 bench/run.py --only large-space,space-growth --repeats 3
     ./env python3 bench/large_space.py coulomb 144            # one solve, in a process of its own: a line of JSON
@@ -36,7 +36,7 @@ from signorini_fx.mechanics.assembly.block_stiffness import block_stiffness, why
 from signorini_fx.mechanics.body.discretisation import prepare
 from signorini_fx.mechanics.rigid.mesh_levels import MeshLevel
 from signorini_fx.records import Timings
-from signorini_fx.results.accuracy.price_list import peak_memory
+from signorini_fx.results.accuracy.convergence_table import peak_memory
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.scene import Scene
 from signorini_fx.tuned import KRYLOV_TOLERANCE, SMOOTHED_SPECTRUM

@@ -1,4 +1,4 @@
-"""What is alive at the peak of memory of a whole solve in space: names, bytes per unknown.
+"""What is alive at the peak of memory of a whole solve in 3D: names, bytes per unknown.
 
     ./env python3 bench/memory.py [--cells 96] [--law coulomb]
 

@@ -1,4 +1,4 @@
-"""Messages, reductions and gathered bytes of a nested solve in space, by phase, and the memory of each rank.
+"""Messages, reductions and gathered bytes of a nested solve in 3D, by phase, and the memory of each rank.
 
     ./env mpirun -n 4 python3 bench/messages.py [--cells 48] [--law coulomb]
 

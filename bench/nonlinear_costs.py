@@ -103,7 +103,7 @@ def held(u: fem.Function, facets: npt.NDArray[np.int32], value: Any) -> fem.Diri
 
 
 def ploughing(scale: int) -> Problem:
-    """A circle pressed into a block in the plane, and moved over it."""
+    """A circle pressed into a block in 2D, and moved over it."""
     size = [[0.0, 0.0], [4.0, 1.0]]
     mesh = dmesh.create_rectangle(MPI.COMM_SELF, size, [48 * scale, 12 * scale], dmesh.CellType.quadrilateral)
     u = fem.Function(fem.functionspace(mesh, ("Lagrange", 1, (2,))))
@@ -120,7 +120,7 @@ def ploughing(scale: int) -> Problem:
 
 
 def indentation(scale: int) -> Problem:
-    """A sphere pressed into a block in space and moved over it; half the scale."""
+    """A sphere pressed into a block in 3D and moved over it; half the scale."""
     n = 6 * ((scale + 1) // 2)
     mesh = dmesh.create_box(MPI.COMM_SELF, [[-1, -1, -1], [1, 1, 0]], [2 * n, 2 * n, n], dmesh.CellType.hexahedron)
     u = fem.Function(fem.functionspace(mesh, ("Lagrange", 1, (3,))))
@@ -137,7 +137,7 @@ def indentation(scale: int) -> Problem:
 
 
 def sliding(scale: int) -> Problem:
-    """A block with a round bottom that slides over a softer one in the plane, facet by facet."""
+    """A block with a round bottom that slides over a softer one in 2D, facet by facet."""
     n = 6 * scale
     grid = dmesh.create_rectangle(MPI.COMM_SELF, [[0, 0], [4, 2]], [4 * n, 2 * n], dmesh.CellType.quadrilateral)
     upper = (0.99, 2.01)

@@ -20,7 +20,7 @@ from mpi4py import MPI
 
 from signorini_fx import TaggedMesh, solve
 from signorini_fx.machine import parallel
-from signorini_fx.results.accuracy.price_list import peak_memory
+from signorini_fx.results.accuracy.convergence_table import peak_memory
 from signorini_fx.scenes import mesh_sequence, solver
 
 _WARM = 96  # cells along the bottom of the first solve, which loads and compiles everything

@@ -57,7 +57,7 @@ class Sizes:
     """Cells along the bottom: two for ratios, a small one for growth, a large one for time and memory.
 
     Attributes:
-        space: cells along the block in space, of a mesh and of one with eight times as many cells.
+        space: cells along the block in 3D, of a mesh and of one with eight times as many cells.
     """
 
     small: int

@@ -1,4 +1,4 @@
-"""The block in space: the package with multigrid, one linear solve, and the form in which all programs answer.
+"""The block in 3D: the package with multigrid, one linear solve, and the form in which all programs answer.
 
 The linear solve is the same body held at the bottom: assemble, set up GAMG, CG to the residual at which the package
 ends its own solves.
@@ -52,7 +52,7 @@ class Answer:
     Attributes:
         deflection: u_z in the middle of the top, length.
         force: resultant of the foundation on the body, shape (3,).
-        x: the contact nodes in the plane of the bottom, shape (n, 2), ordered along x[0], then x[1].
+        x: the contact nodes in 2D of the bottom, shape (n, 2), ordered along x[0], then x[1].
         contact: nodes in contact.
         slip: nodes that slip; none without friction, nor where the bound is zero.
     """

@@ -1,4 +1,4 @@
-"""A program in space written by hand: Newton's method in plain dolfinx, GAMG set up on stiffness plus contact terms.
+"""A program in 3D written by hand: Newton's method in plain dolfinx, GAMG set up on stiffness plus contact terms.
 
 It has the usual optimisations that PETSc allows.  The stiffness is assembled once.  The contact terms are blocks of 3 x
 3 at the bottom nodes (lumped by the vertices), which are written into the stiffness.  CG, or GMRES where Coulomb

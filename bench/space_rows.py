@@ -25,7 +25,7 @@ def space_levels(nx: int) -> int:
 
 
 def in_space(sizes: Sizes, repeats: int, say: Say) -> list[Row]:
-    """Krylov steps on the finest of three meshes, and whole solves, over one linear solve in space."""
+    """Krylov steps on the finest of three meshes, and whole solves, over one linear solve in 3D."""
     rows = []
     for cell in space.CELLS:
         once = {nx: space.linear(nx, cell) for nx in sizes.space}
@@ -60,7 +60,7 @@ def _in_space_timed(nx: int, cell: str, repeats: int, say: Say) -> list[Row]:
         unit = space.linear(nx, cell).seconds
         for law, found in seconds.items():
             found.append(space.package(law, nx, cell, _SPACE_GAMMA, space_levels(nx)).seconds / unit)
-    what = "whole solve in space over a linear solve, CG with GAMG"
+    what = "whole solve in 3D over a linear solve, CG with GAMG"
     return [Row("space", f"{what}, {law}", f"{cell} {nx}", found, 1.8) for law, found in seconds.items()]
 
 
@@ -79,7 +79,7 @@ def sweeps(sizes: Sizes, repeats: int, say: Say) -> Iterator[Row]:
             )
             found.append(run.cpu / unit.cpu if run.converged else np.inf)
             notes = [run.note, f"one linear solve {unit.steps}, {run.dofs} unknowns, {_cpu(run, unit)}"]
-        what = f"{len(COEFFICIENTS)} values of F in space over a linear solve"
+        what = f"{len(COEFFICIENTS)} values of F in 3D over a linear solve"
         yield Row("space-sweep", what, f"{cell} {nx}", found, 8.0, note="; ".join(notes))
 
 

@@ -1,7 +1,7 @@
 """CPU time of a rigid tool that a force moves, over that of the same tool where the force brings it.
 
-    ./env python3 bench/tools.py 2 385                      # 600,000 unknowns in the plane
-    ./env python3 bench/tools.py 3 29                       # 300,000 in space
+    ./env python3 bench/tools.py 2 385                      # 600,000 unknowns in 2D
+    ./env python3 bench/tools.py 3 29                       # 300,000 in 3D
     ./env python3 bench/tools.py 3 29 --facets 100000       # a tool from a STEP file, over the same by formula
 
 A block on the ground, and a circle or a ball without friction that may tilt about the axes along its surface.  Each

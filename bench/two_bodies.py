@@ -1,7 +1,7 @@
 """Two bodies in contact: the rows of plane and space, beside both as one mesh and one of them on a rigid foundation.
 
-Two blocks 3 x 1, in space 3 x 1 x 1, whose meshes do not match, lie on each other; the upper one is pressed in the
-middle of its top onto a gap of a parabola or paraboloid, in space pulled sideways too.  *As one* is a mesh with as many
+Two blocks 3 x 1, in 3D 3 x 1 x 1, whose meshes do not match, lie on each other; the upper one is pressed in the
+middle of its top onto a gap of a parabola or paraboloid, in 3D pulled sideways too.  *As one* is a mesh with as many
 unknowns in which both are bonded, held at the bottom; one linear solve is that of ``linear.py`` or ``space.py``.
 """
 
@@ -131,7 +131,7 @@ def package(made: Scene) -> tuple[Run, float, int]:
 
 
 def as_one(nx: int, dimension: int) -> Run:
-    """One linear solve: in the plane by MUMPS, in space by CG with GAMG."""
+    """One linear solve: in 2D by MUMPS, in 3D by CG with GAMG."""
     nx = 3 * round(0.3 * nx)  # as many unknowns
     if dimension == 3:
         return space.linear(nx, "hexahedron", 2)

@@ -68,7 +68,7 @@ def make_grid(problem: Problem, level: int = 0, *, triangles: bool = False) -> G
     if level < 0:
         raise ValueError("the level of a mesh is not negative")
     if triangles and problem.dimension == 3:
-        raise ValueError("meshes in space have hexahedra")
+        raise ValueError("meshes in 3D have hexahedra")
     points, cells, body, facets, start = [], [], [], dict[str, list[Ints]](), 0
     for number, part in enumerate(problem.bodies):
         x, corners, sides = _lattice(part, 2**level)
@@ -142,7 +142,7 @@ def _mapped(body: Body, at: list[Floats]) -> Floats:
 
 
 def _bilinear(coarse: Floats, at: list[Floats]) -> Floats:
-    """Between the points of a lattice in the plane, at places in units of its cells."""
+    """Between the points of a lattice in 2D, at places in units of its cells."""
     parts = []
     for count, places in zip(coarse.shape[:2], at, strict=True):
         low = np.minimum(places.astype(int), count - 2)

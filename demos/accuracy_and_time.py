@@ -1,15 +1,15 @@
 # %% [markdown]
 # # What accuracy costs
 #
-# How large is the error of a result, and what would the next digit cost? A nested iteration solves on coarser meshes
+# How large is the error of a result, and what would the next accuracy cost? A nested iteration solves on coarser meshes
 # anyway, and their solutions give an estimate. For the contact pressure it is derived from the difference between
 # successive meshes,
 #
 # $$\frac{\|\lambda - \lambda_h\|}{\|\lambda\|} \approx \eta_h ,$$
 #
-# see [theory](../docs/theory.md#the-price-list). Here it is compared with the true error, that is, with a solution on a
-# much finer mesh, for Example 1 of the paper with Coulomb friction. Then an accuracy is requested, and the result is
-# checked in the same way.
+# see [theory](../docs/theory.md#the-convergence-table). Here it is compared with the true error, that is, with a
+# solution on a much finer mesh, for Example 1 of the paper with Coulomb friction. Then an accuracy is requested, and
+# the result is checked in the same way.
 
 # %%
 import os
@@ -64,10 +64,10 @@ cells = [CELLS // 4, CELLS // 2, CELLS]
 estimated, true, seconds = [], [], []
 for count in cells:
     solution = solve(on_mesh(count, 3))
-    *_, price, following = solution.price_list
+    *_, price, following = solution.convergence_table
     estimated.append(price.pressure)
     true.append(true_error(solution.table.columns))
-    seconds.append(sum(row.seconds for row in solution.price_list if not row.predicted))
+    seconds.append(sum(row.seconds for row in solution.convergence_table if not row.predicted))
     if MPI.COMM_WORLD.rank == 0:
         print(
             f"{count:4d} cells: {price.dofs:6d} unknowns, error of the pressure {estimated[-1]:.4f} estimated, "
@@ -85,7 +85,7 @@ TARGET = 0.05
 asked = solve(on_mesh(CELLS, 1).model_copy(update={"accuracy": Accuracy(target=TARGET, of="pressure")}))
 reached = true_error(asked.table.columns)
 if MPI.COMM_WORLD.rank == 0:
-    print(f"asked for {TARGET}: reached {reached:.4f} with {asked.price_list[-2].dofs} unknowns")
+    print(f"asked for {TARGET}: reached {reached:.4f} with {asked.convergence_table[-2].dofs} unknowns")
     figure, axes = plt.subplots(figsize=(6, 3.6), layout="constrained")
     axes.loglog(seconds, true, "ko-", label="true")
     axes.loglog(seconds, estimated, "k^--", label="estimated")

@@ -133,7 +133,7 @@ if MPI.COMM_WORLD.rank == 0:
     left.axhline(1.0, color="0.7", linestyle=":")
     left.text(turns[-1], 0.985, r"$\frac{2}{3} F N a$", ha="right", va="top")
     left.plot(np.append(0, fine), np.append(0, curve) / most[-1], color="0.75", linewidth=4, label="scalar problem")
-    left.plot(turns, torque / most, "k.", label="computed in space")
+    left.plot(turns, torque / most, "k.", label="computed in 3D")
     left.plot(turns[:4], elastic[:4] / most[0], "k--", linewidth=0.8, label="if all of it stuck")
     left.set(xlabel=r"$\varphi / \varphi_1$", ylabel=r"$M / M_{\max}$", xlim=(0, None), ylim=(0, 1.08))
     left.legend(frameon=False, loc="lower right")

@@ -21,7 +21,7 @@ sys.path.insert(0, str(ROOT))
 from signorini_fx.quantities.answers import answers  # noqa: E402
 from signorini_fx.quantities.validity import Validity  # noqa: E402
 from signorini_fx.records import SHORT_OF_ACCURACY, Status  # noqa: E402
-from signorini_fx.results.accuracy.next_digit import CostOfAccuracy  # noqa: E402
+from signorini_fx.results.accuracy.next_accuracy import CostOfAccuracy  # noqa: E402
 from signorini_fx.results.short_answer import short_answer  # noqa: E402
 from signorini_fx.scenes.cli.exit_codes import of_solve  # noqa: E402
 
@@ -91,7 +91,7 @@ def ended(status: Status, *, step: bool = False) -> dict[str, Any]:
         if solved:
             changes["results_of"] = {**last, "status": Status.CONVERGED.value}
     if status in SHORT_OF_ACCURACY:
-        changes["price_list"] = [_PRICE]
+        changes["convergence_table"] = [_PRICE]
         changes["scene"] = {**BASE["scene"], "accuracy": {"target": 0.01, "of": "energy"}}
     return changes
 
@@ -126,7 +126,7 @@ STATICS: dict[str, dict[str, Any]] = {
 ERRORS: dict[str, dict[str, Any]] = {
     "of the stress": {},
     "none": {"stress": {"error": None}, "cost": None},
-    "estimated": {"price_list": [_PRICE]},
+    "estimated": {"convergence_table": [_PRICE]},
     "guaranteed": {"error_bound": {"relative_error": 0.043, "guaranteed": True}},
 }
 LAWS: dict[str, dict[str, Any]] = {

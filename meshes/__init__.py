@@ -5,7 +5,7 @@ of a scene.  Those of this package are the functions of this name in its modules
 entry points of the group ``signorini_fx.generators``.  The decorator ``generator`` says what a nested iteration and
 adaptive refinement need to know.  Outlines and solids that several of them draw are in ``mesh.drawing``.
 
-Bodies in space have the axis x[2] upwards and the foundation below.
+Bodies in 3D have the axis x[2] upwards and the foundation below.
 """
 
 from signorini_fx.mechanics.statement.generators import Length, cells_of_grid, generator, refuse, refuse_too_large

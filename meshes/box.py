@@ -1,4 +1,4 @@
-"""A box in space with a uniform structured mesh, made on all ranks at once.
+"""A box in 3D with a uniform structured mesh, made on all ranks at once.
 
 ::
 

@@ -1,4 +1,4 @@
-r"""A cylinder in space that stands on the origin, with a structured mesh by gmsh.
+r"""A cylinder in 3D that stands on the origin, with a structured mesh by gmsh.
 
 ::
 

@@ -1,4 +1,4 @@
-r"""A round punch in space with a flat foot and a rounded edge, meshed by gmsh, with small cells where the edge rises.
+r"""A round punch in 3D with a flat foot and a rounded edge, meshed by gmsh, with small cells where the edge rises.
 
 ::
 

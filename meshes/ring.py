@@ -1,4 +1,4 @@
-r"""A flat ring in space that lies on the plane through the origin, with a structured mesh by gmsh.
+r"""A flat ring in 3D that lies on the plane through the origin, with a structured mesh by gmsh.
 
 ::
 

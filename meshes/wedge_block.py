@@ -1,4 +1,4 @@
-r"""A wedge in space for a straight groove, with a structured mesh by gmsh.
+r"""A wedge in 3D for a straight groove, with a structured mesh by gmsh.
 
 ::
 

@@ -94,7 +94,7 @@ class OutputError(SignoriniError):
     """A result cannot be written."""
 
 
-# What draws bodies in space, for messages.
+# What draws bodies in 3D, for messages.
 PYVISTA = "PyVista (pip install pyvista; on Debian: python3-pyvista and xvfb)"
 
 

@@ -99,7 +99,7 @@ _ADVICE = {
         "or look with -- -sfx_ksp_monitor -sfx_ksp_converged_reason"
     ),
     Status.NO_MEMORY: (
-        "the memory was used up by the factor of the matrix: use a larger machine, a coarser mesh, or in space "
+        "the memory was used up by the factor of the matrix: use a larger machine, a coarser mesh, or in 3D "
         "solver.linear_algebra = 'krylov'; ulimit -a shows the limits of this process, and signorini-fx check what a "
         "scene needs"
     ),

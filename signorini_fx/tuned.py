@@ -5,9 +5,9 @@ length, a stress or a time: each is a share, a factor, a power or a count, excep
 describes a machine, and where a unit is given.
 
 *Choice* means that a value follows from reasoning alone; *no record* means that it is not recorded what the value was
-compared with, so that whoever changes it has to measure.  Unless it says otherwise a constant was tuned in the plane,
+compared with, so that whoever changes it has to measure.  Unless it says otherwise a constant was tuned in 2D,
 on Examples 1 and 2 of Kunisch & Stadler (2005) and Hertz's problem (``demos/scenes``), and on the random scenes of
-``demos/studies/random_scenes.py``; those of Krylov methods were tuned in space.
+``demos/studies/random_scenes.py``; those of Krylov methods were tuned in 3D.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ FAILED_STEP, FAILED_RAMP = 3, 4
 # Choice: the limit is the same for every gamma, and the problems are easiest with a small one.
 AUGMENTED_SHARE = 1e-3
 # With alm the first attempt takes at most as many linear solves as this many problems that run to their last iteration;
-# augmentation that begins at the solution of ssn takes at most this many linear solves.  Of 150 random scenes in space
+# augmentation that begins at the solution of ssn takes at most this many linear solves.  Of 150 random scenes in 3D
 # (seeds 500000 to 500149) alm takes 438 to 2,263 solves on the six where it does not contract, ssn 15 to 938.
 ALM_PROBLEMS, AUGMENTED_SOLVES = 2, 30
 # With friction bounds that follow the pressure it begins with a gamma this much smaller again.  Tuned on the cube of
@@ -85,7 +85,7 @@ FAINT_DISPLACEMENT = 1e-3
 # --- linear algebra --------------------------------------------------------------------------------------------------
 
 # Below this number of unknowns the sparse factorisations of a whole solve cost no more than condensing onto the contact
-# nodes once.  In the plane tuned on Example 1 with 24 x 8 to 72 x 24 cells, no record: times are equal at 1,300.  In
+# nodes once.  In 2D tuned on Example 1 with 24 x 8 to 72 x 24 cells, no record: times are equal at 1,300.  In
 # space, docs/evidence/linear_algebra_in_space.csv.
 FEWEST_CONDENSED_UNKNOWNS = 1_500
 # A sparse factorisation takes about 50 n^1.5 operations in two dimensions and 8 n^2 in three, a dense one n^3 / 3: the
@@ -94,7 +94,7 @@ FEWEST_CONDENSED_UNKNOWNS = 1_500
 SPARSE_OPERATIONS = {2: (50.0, 1.5), 3: (8.0, 2.0)}
 # In three dimensions memory is the limit: three dense matrices of this many unknowns take 0.6 GB.
 MOST_CONDENSED_UNKNOWNS = {2: 10**9, 3: 5_000}
-# Of a nonlinear body in space those contact points are condensed onto that are in contact, or nearer to their shapes
+# Of a nonlinear body in 3D those contact points are condensed onto that are in contact, or nearer to their shapes
 # than this many times the largest motion to be expected; not for less than this share of the points to be left out.
 # The answers do not depend on it: what touches beyond is added, and the tangent is condensed once more.  Source:
 # docs/evidence/nonlinear_costs.csv, where no tangent had to be condensed twice.
@@ -102,7 +102,7 @@ RETAINED_REACH, FEWEST_LEFT_OUT = 0.5, 0.2
 # Those of the last tangent are retained again if they are at most this many times those that are needed; else the reach
 # is so many times as large, so that the next tangents may have the same points.  Choice, by the same table.
 RETAINED_AGAIN, RETAINED_MARGIN = 1.3, 1.2
-# From this number of unknowns on a Krylov method with multigrid is taken, by dimension; in the plane where the memory
+# From this number of unknowns on a Krylov method with multigrid is taken, by dimension; in 2D where the memory
 # ends.  Source: docs/evidence/linear_algebra_in_space.csv.
 FEWEST_KRYLOV_UNKNOWNS = {3: 20_000}
 # The same where the contact points are so few that the system can be condensed onto them.
@@ -205,7 +205,7 @@ BOUNDARY_RESIDUAL_SHARE = 0.2
 # to 8 on meshes that were divided for the pressure alone.
 POLLUTION = 6.0
 # The same of the largest pressure: tuned on half disks and spheres of degree 1, on a plane and on each other, in the
-# plane, of revolution and in space (tests/accuracy/test_remade_meshes.py); no others were held out.
+# plane, of revolution and in 3D (tests/accuracy/test_remade_meshes.py); no others were held out.
 POLLUTION_OF_PEAK = 2.0
 # The deviation of a smooth function from its linear interpolant is not an error of the data: it is an eighth of the
 # second difference, on average a twelfth; a little more is allowed.  Choice of how much more.
@@ -215,7 +215,7 @@ STRAIGHT_ANGLE = 1e-7
 # Where the projection that recovers the stress ends, as a share of its right-hand side.  Choice: far below the error
 # that is estimated from it.
 PROJECTION_TOLERANCE = 1e-8
-# In space the pressure is looked at this many heights of the piece away from the rim of contact.  Choice.
+# In 3D the pressure is looked at this many heights of the piece away from the rim of contact.  Choice.
 PLACES_BESIDE_RIM = (0.0, 1.0, 2.0, 3.0, 4.0, 6.0, 8.0)
 # So much of the factor by which the pressure falls over the first stretch from the rim may be missing over the second.
 # No record.
@@ -223,7 +223,7 @@ SAME_POWER = 0.8
 # A place that is more than this many heights away from the surface is beyond it.  Choice.
 BEYOND_SURFACE = 0.1
 
-# --- price list: errors and costs from mesh to mesh ------------------------------------------------------------------
+# --- convergence table: errors and costs from mesh to mesh ------------------------------------------------------------
 
 # Seconds beyond which the rate of a slow forecast says no more than that the error hardly decreases: a day.  Choice.
 SLOW_FORECAST = 86_400.0
@@ -261,13 +261,13 @@ SLOWEST_DECREASE = 0.95
 # A force that differs by more than this from that of the finest mesh says nothing about its error, between two bodies.
 # Fixed on two half balls, whose first mesh has a single node in contact.
 LARGEST_CHANGE = 0.5
-# Sparse factors, by dimension: in the plane time between n for all else and n^1.5, memory n log n; in space time
-# between n and n^2, memory n^(4/3).  Tuned by demos/studies/prediction.py, in space on its block.
+# Sparse factors, by dimension: in 2D time between n for all else and n^1.5, memory n log n; in 3D time
+# between n and n^2, memory n^(4/3).  Tuned by demos/studies/prediction.py, in 3D on its block.
 TIME_POWER, MEMORY_POWER = {2: 1.2, 3: 1.6}, {2: 1.1, 3: 1.3}
 # At least this share of the time is taken to grow: the previous mesh may have had a cold start, or a busy machine.
 # Tuned by the same.
 LEAST_GROWING_TIME = 0.25
-# The forecast of what a smaller error costs is for this share of the error: a digit; in space, where a digit takes a
+# The forecast of what a smaller error costs is for this share of the error: a digit; in 3D, where a digit takes a
 # thousand times the unknowns, half.  Choice.
 NEXT_ERROR = {2: 0.1, 3: 0.5}
 # Cells with more than this many times the mean of the squared error crowd at singular points; the error in them
@@ -275,15 +275,15 @@ NEXT_ERROR = {2: 0.1, 3: 0.5}
 # demos/studies/forecasts.py, where errors decrease like h^0.52 to h^1.05: with 3 to 12 times and powers of 0.6 to 0.8
 # forecasts of h are off by h^0.09 to h^0.18 in the mean, with these by h^0.10; 37 of 41 are between the extremes.
 CROWDED, CORNER_EXPONENTS = 3.0, (0.5, 0.7, 1.0)
-# The slowest rate that a forecast assumes of an error in a price list, and how many times finer a mesh is at most that
-# one is for.  Choice.
+# The slowest rate that a forecast assumes of an error in a convergence table, and how many times finer a mesh is at
+# most that one is for.  Choice.
 SLOWEST_FORECAST, MOST_FINER = 0.25, 1e4
 # Seconds of a solve per unknown to the power of TIME_POWER that grow from mesh to mesh, by dimension; what small meshes
-# take besides stays.  Tuned on the same, seconds of one core: 7e-7 to 1.1e-6 in the plane, 2.8e-6 with meshes of gmsh,
-# and 1.2e-7 to 2e-7 in space.
+# take besides stays.  Tuned on the same, seconds of one core: 7e-7 to 1.1e-6 in 2D, 2.8e-6 with meshes of gmsh,
+# and 1.2e-7 to 2e-7 in 3D.
 SECONDS_OF_UNKNOWNS = {2: 1e-6, 3: 2e-7}
 # Seconds foretold are known within this factor at least.  Tuned on the same: 0.88 to 1.02 for four of six lists; on
-# single meshes in space, where the range of unknowns is narrow, two of six were beyond it by 1.06 and 1.24.
+# single meshes in 3D, where the range of unknowns is narrow, two of six were beyond it by 1.06 and 1.24.
 SPREAD_OF_SECONDS = 1.5
 # The change from one uniform mesh to the next of a pressure that the mesh resolves is caused elsewhere in the body,
 # and decreases with this rate.  Source: the square of the first-order error in the energy norm.
@@ -295,7 +295,7 @@ SMOOTH_RATE = 2.0
 # unknowns. Choice, by degree.
 COARSER_START = {1: 4, 2: 8}
 # Estimates that compare meshes need three of them (see to_accuracy), these two: one to begin with and one to confirm.
-# By dimension: in space, where the first meshes are coarse, a force was seen to change by 1e-3 between two of them that
+# By dimension: in 3D, where the first meshes are coarse, a force was seen to change by 1e-3 between two of them that
 # were both wrong by a tenth (demos/studies/accuracy_in_space.py).
 FEWEST_MESHES = {2: {"energy": 2, "pressure": 2, "force": 2}, 3: {"energy": 2, "pressure": 2}}
 # No run came close to this number of meshes.  Choice.
@@ -306,7 +306,7 @@ MARGIN, MARGIN_OF_OTHERS = {("energy", 1): 1.7, ("energy", 2): 1.4}, 2.0
 # Share of the allowed error that the regularisation may take.  Choice.
 REGULARISATION_SHARE = 0.2
 # By dimension: a mesh is at most this many times finer than the previous one, whose contact state is its start and
-# whose rates are used; twice as fine has eight times the unknowns in space.  Where meshes are compared it is at least
+# whose rates are used; twice as fine has eight times the unknowns in 3D.  Where meshes are compared it is at least
 # this much finer, because small changes mean little.  No record.
 LARGEST_JUMP, SMALLEST_JUMP = {2: 4.0, 3: 2.0}, 1.5
 # The smallest rate with which the pressure's error at a corner is taken to decrease with h, and the divisions between
@@ -326,9 +326,9 @@ MORE_SOLVES = {"continuation": (1, 3), "alm": (1, 5)}
 # Linear solves of a later load step, which starts from the sets of the previous one, at least; and of a finer mesh,
 # which starts from those of the coarser one, from and to.  No record.
 SOLVES_OF_LATER_STEP, SOLVES_OF_FINER_MESH = 2, (2, 5)
-# Entries of a sparse factor by dimension: n times the larger of the first and, in the plane, the second times (log2 n -
-# the third), in space the second times n^third.  Seconds of the factorisation: the first times n and the second times
-# n^1.5, in space n^2.  Nested dissection.
+# Entries of a sparse factor by dimension: n times the larger of the first and, in 2D, the second times (log2 n -
+# the third), in 3D the second times n^third.  Seconds of the factorisation: the first times n and the second times
+# n^1.5, in 3D n^2.  Nested dissection.
 # Tuned with CHOLMOD and MUMPS on one core; test_cost_model.py compares those of the plane with MUMPS's counts.
 FACTOR_ENTRIES = {2: (15.0, 7.6, 5.1), 3: (40.0, 9.0, 1 / 3)}
 FACTOR_SECONDS = {2: (1e-6, 3e-9), 3: (1e-6, 4e-10)}
@@ -346,7 +346,7 @@ MULTIGRID_SHARE = 1.2
 # the stiffness matrix by dimension.  Source: 18 and 81 are those of Q1.  No record of the bytes.
 BASE_BYTES, BYTES_PER_DOF, ROW_ENTRIES = 1.4e8, 1.0e3, {2: 18, 3: 81}
 # Bytes more for each contact node of a body that is against another one, where contact widens the rows of the matrices:
-# peaks of solves in space with 1,764, 5,041 and 40,804 such nodes of degree 1 (193 to 202 kB), and 1,502 in the plane.
+# peaks of solves in 3D with 1,764, 5,041 and 40,804 such nodes of degree 1 (193 to 202 kB), and 1,502 in 2D.
 PAIRED_BYTES = {2: 1.7e4, 3: 2.0e5}
 # Share of the machine's memory above which check warns that a scene needs too much, and no finer mesh is begun.
 # Choice.
@@ -413,7 +413,7 @@ SINGULAR = 1e-10
 # A part of a facet or of a cell with less than this share of its length, area or volume is none.  Choice.
 NO_PART = 1e-10
 
-# Points of Gauss' rule on a segment of the overlap of two sides in the plane, which belong to the definition of the map
+# Points of Gauss' rule on a segment of the overlap of two sides in 2D, which belong to the definition of the map
 # between them: integrands are rational where normals turn, and not polynomials on curved facets.  Choice.
 POINTS_OF_PIECES = 8
 # What a projection leaves of a motion or a load below this share of it is round-off.  Choice.
@@ -497,9 +497,9 @@ FIRST_SHEAR = 0.5
 # after the last number of full steps.  None of 400 random compact problems gets there, nor do the tables of the paper;
 # with 6 steps and a share of 0.6 two of 200 did.
 SLOW_STEPS, SLOW_CHANGES, STILL_CHANGING, STEPS_LEFT, SLOWEST_STEPS = 7, 6, 0.7, 15, 25
-# In space, without friction, a whole row of a coarse plate opens with each full step and few rows open at all: sets are
+# In 3D, without friction, a whole row of a coarse plate opens with each full step and few rows open at all: sets are
 # asked for if full steps would be through in no fewer than this.  Tuned on 51 plates of demos/studies/slender.py, which
-# take 943 solves then, 1,012 with the number above; beams in the plane are better with that.
+# take 943 solves then, 1,012 with the number above; beams in 2D are better with that.
 STEPS_LEFT_OF_FRONTS = 40
 # They propose sets once their products are at most the first share of the first ones, a step has gone at least the
 # second share of its way, and the sets of at most the third share of the points still change.  Of two iterates the
@@ -562,7 +562,7 @@ PROGRAMME_TOLERANCE = 1e-10
 # --- bounds of the error ---------------------------------------------------------------------------------------------
 
 # Of tractions between facets that do not match: parts along the edges of a facet into which it is divided so many
-# times.  Tuned on random scenes of two bodies in space.
+# times.  Tuned on random scenes of two bodies in 3D.
 PARTS_OF_EDGE, DIVISIONS = 3, 2
 # Steps of Newton's method that balances contact tractions.  Choice: five were enough from none and 1e4 times more.
 BALANCING_STEPS = 50
@@ -598,7 +598,7 @@ SHEAR_OF_TILT, NOTABLE_SHEAR, ONE_DIRECTION = 0.55, 0.05, 0.9
 # Facets of Hertz's half width that check asks for, and how many times longer they may be before it does.  Choice.
 CONTACT_FACETS, COARSE_IN_CONTACT = 8, 1.5
 # By dimension the facets from whose normals the curvature of a side is taken, and the points from whose gaps.  Choice:
-# few in the plane, where they may be a quarter of an arc; in space normals of triangles scatter.
+# few in 2D, where they may be a quarter of an arc; in 3D normals of triangles scatter.
 FITTED_FACETS, FITTED_NODES = {2: 4, 3: 40}, {2: 5, 3: 20}
 # Shares of the size of a boundary: gaps that differ by less are alike, and sides that part by less over it are flat.
 # Choice.
@@ -664,7 +664,7 @@ PROGRESS_PAUSE = 0.2
 ADDRESS_SPACE, DATA_SEGMENT = 1.0e9, 0.5e9
 # Bytes that a cell takes at least until its body is solved: the mesh, the stiffness and the Jacobian.  No record.
 BYTES_PER_CELL = 1000.0
-# Seconds for one picture in space, and for a display to start.  Choice.
+# Seconds for one picture in 3D, and for a display to start.  Choice.
 PICTURE_PATIENCE, DISPLAY_PATIENCE = 300.0, 30.0
 # Seconds for a program that says its version.  Choice.
 VERSION_PATIENCE = 20.0
@@ -687,7 +687,7 @@ SIZE_GROWTH = 0.25
 # by a factor in this range.  Choice: the errors of a mesh say little of cells that are much smaller.
 SHORTEST_CHILD, FALL_OF_ERROR = 0.25, (1.5, 4.0)
 # Where a mesh made anew would exceed the budget a coarser one is tried, as long as it is at least this many times finer
-# than the last one, on average over the body.  Choice: in space it has 1.5 times the cells.
+# than the last one, on average over the body.  Choice: in 3D it has 1.5 times the cells.
 SMALLEST_REMADE_JUMP = 1.15
 # Along each edge of a facet of the last mesh so many steps between the places from which distances are measured.
 # Choice: the error is a tenth of an edge.
@@ -769,7 +769,7 @@ FEW_NODES = 8
 # Choice.
 UNRESOLVED_NODES = 2
 # What a penalty makes of round-off counts as at most this many times the mean stress, in bodies that are not without
-# stress: FAINT of it is allowed.  Choice.
+# stress: NEGLIGIBLE of it is allowed.  Choice.
 ABOVE_THE_MEAN = 1e3
 # Units in the last place of displacements and loads that an evaluation of their nodal forces may lose.  Choice.
 LOST_UNITS = 100.0
@@ -781,7 +781,7 @@ UNITS_OF_PLACES = 10.0
 LAST_DIGITS, ROUNDINGS = 10.0, 4
 # Contact stresses below this share of the mean stress in the body cannot be distinguished from zero, nor can forces
 # below this share of the reactions of its supports.  Choice.
-FAINT = 1e-3
+NEGLIGIBLE = 1e-3
 # A boundary is closed if the sum of its normals, by their areas, is a smaller share of its area: on straight facets of
 # unequal lengths it is no exact zero.  Choice.
 CLOSED_BOUNDARY = 0.01
@@ -817,12 +817,12 @@ PROVED_SHARE = 1 - 1e-6
 # Width over height from which on a picture of a report is not made smaller than it can be read, and from which on the
 # two panels of a contact surface stand one above the other.
 BROAD_PICTURE, STACKED_PANELS = 1.6, 1.5
-# Width and height at most, inches: of a set-up, of a body in space, of each panel of bodies drawn apart; and the
-# narrowest picture, for its lettering.  Pixels per inch of what is drawn in space.
+# Width and height at most, inches: of a set-up, of a body in 3D, of each panel of bodies drawn apart; and the
+# narrowest picture, for its lettering.  Pixels per inch of what is drawn in 3D.
 SETUP_INCHES, SOLID_INCHES, APART_INCHES, NARROWEST = 6.0, 4.8, 4.0, 3.4
 PIXELS_PER_INCH = 240.0
 # How far a foundation is drawn beside the body, over its longest side, and on a grid of how many lines along that, in
-# the plane and in space; a round one whose diameter is at most about this share of that side is drawn whole.
+# the plane and in 3D; a round one whose diameter is at most about this share of that side is drawn whole.
 FOUNDATION_BESIDE, FOUNDATION_GRID, FOUNDATION_GRID_IN_SPACE, WHOLE_FOUNDATION = 0.25, 300, 40, 0.7
 # Margins over the longer side: of a plane around the contact boundary, around a boundary, where arrows need room, and
 # around a moving body.
@@ -832,8 +832,8 @@ PLANE_MARGIN, SURFACE_MARGIN, MOTION_MARGIN = 0.12, 0.08, 0.04
 SMALL_PART, SMALL_ZONE = 0.5, 0.2
 # Length of a mean normal below which a boundary is drawn as a closed one.
 CLOSED_IN_PICTURE = 0.3
-# Sizes from which on the edges of a cell are drawn, in 1/72 inch: in the plane, where colours vary within cells, which
-# they would otherwise hardly show, and of a facet in space.
+# Sizes from which on the edges of a cell are drawn, in 1/72 inch: in 2D, where colours vary within cells, which
+# they would otherwise hardly show, and of a facet in 3D.
 VISIBLE_CELL, VISIBLE_COLOURED_CELL, VISIBLE_FACET = 2.5, 5.0, 9.0
 # A foundation whose direction the magnified gap turns by more than these degrees is another one; a gap that is
 # magnified to more than this share of the diagonal of the body leaves the picture.
@@ -953,8 +953,8 @@ SAME_INERTIA = 0.01
 # What holds a contact point where the inertia of the tangent is looked at, in units of the largest entry on the
 # diagonal.  Choice.
 HOLDING_STIFFNESS = 1e4
-# ICNTL(7) of MUMPS for that factorisation in the plane: approximate minimum degree.  With 18,914 and 116,402 unknowns
-# of bench/nonlinear_costs.py 0.019 s and 0.22 s, with the order that MUMPS chooses 0.045 s and 0.34 s; in space that
+# ICNTL(7) of MUMPS for that factorisation in 2D: approximate minimum degree.  With 18,914 and 116,402 unknowns
+# of bench/nonlinear_costs.py 0.019 s and 0.22 s, with the order that MUMPS chooses 0.045 s and 0.34 s; in 3D that
 # order is better, 0.47 s and 0.83 s with 24,375.
 ORDER_IN_PLANE = (7, 6)
 # A tangent is tried by differences of the residual over these strains, and is its derivative if both differ by less
@@ -979,7 +979,7 @@ MOST_PLACES = 400
 # and the radius of the smallest one, as a share of the size of the body.  Choice.
 SAMPLED_POINTS, SMALLEST_SHAPE = 100, 1e-6
 # Points along each axis of the grid on which the middle of the largest ball in a surface of a file is sought.  Choice:
-# an odd number, so that the middle of a ball is on it; in space its 729 distances take milliseconds.
+# an odd number, so that the middle of a ball is on it; in 3D its 729 distances take milliseconds.
 INRADIUS_GRID = 9
 # Share of the radius of the largest ball in a rigid shape at which its middle is.  Choice.
 SHAPE_MIDDLE = 0.9
@@ -1007,7 +1007,7 @@ JUDGED_SUPPORTS, JUDGED_DIGITS = 1e-3, 4
 JUDGED_SAME_TIME = 1e-4
 # Factors of units in powers of ten: a thousand, but no load or modulus that is tried.
 JUDGED_UNITS = 2.5
-# Numbers on the next mesh up to which it is solved for the error on the mesh of a result: half a minute in space.
+# Numbers on the next mesh up to which it is solved for the error on the mesh of a result: half a minute in 3D.
 JUDGED_FINEST = 60_000
 # In so many increments a problem with friction is solved again.  Choice: CalculiX takes ten or fewer.
 JUDGED_INCREMENTS = 8

@@ -42,7 +42,7 @@ _TOOLS: dict[str, tuple[int, dict[str, Any]]] = {
 
 @dataclass(frozen=True)
 class ToolCase:
-    """A tool on a block that is held at its bottom, [0, 3] x [0, 1], in space [0, 3] x [0, 2] x [0, 1].
+    """A tool on a block that is held at its bottom, [0, 3] x [0, 1], in 3D [0, 3] x [0, 2] x [0, 1].
 
     Attributes:
         tool: its name.

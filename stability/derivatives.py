@@ -3,7 +3,7 @@
     ./env python3 -m stability.derivatives 0 40
 
 A derivative is compared where every point keeps its set, in every load step, between the two solves of the difference.
-These end Newton's method at a hundredth of the usual residual: where directions of slip turn, in space, the usual one
+These end Newton's method at a hundredth of the usual residual: where directions of slip turn, in 3D, the usual one
 leaves errors of 1e-10 of the forces, or none, as one more step is taken or not, and a difference divides them by 1e-5.
 """
 

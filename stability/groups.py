@@ -16,7 +16,7 @@ GROUPS = {
     "friction": "friction laws",
     "geometry": "foundations and meshes",
     "units": "units and scale",
-    "space": "bodies in space",
+    "space": "bodies in 3D",
     "scatter": "random scenes",
     "ranks": "numbers of ranks",
     "faults": "kills, interruptions, full disks, missing packages",

@@ -1,4 +1,4 @@
-"""Bodies in space: gamma, Poisson's ratio, starts, friction of every size, what holds the body, bad cells, units."""
+"""Bodies in 3D: gamma, Poisson's ratio, starts, friction of every size, what holds the body, bad cells, units."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _LAWS = {"frictionless": _NONE, "Tresca": _TRESCA, "Coulomb": _COULOMB}
 
 
 def cases(*, short: bool) -> Iterator[Case]:
-    """The block of the first example in space, and a block that only its foundation holds."""
+    """The block of the first example in 3D, and a block that only its foundation holds."""
     laws = {"Tresca": _TRESCA} if short else _LAWS
     for name, law in laws.items():
         for power in (7,) if short else (2, 3, 5, 7, 9, 11):

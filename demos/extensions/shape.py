@@ -1,4 +1,4 @@
-"""A rigid shape of one's own: a box with round corners in the plane.  Scenes have it as shape = "rounded box"."""
+"""A rigid shape of one's own: a box with round corners in 2D.  Scenes have it as shape = "rounded box"."""
 
 from pathlib import Path
 from typing import Literal

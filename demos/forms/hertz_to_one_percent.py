@@ -42,4 +42,4 @@ def make(disk):
 
 solution = solve_to_accuracy(make, disk, Accuracy(target="1%", of="peak"))
 largest, peak = solution.table.columns["pressure"].max(), np.sqrt(LOAD * E / (1 - NU**2) / (np.pi * RADIUS))
-print(f"{largest:.4g} of {peak:.4g}, estimated error {solution.price_list[-2].peak:.1%}")
+print(f"{largest:.4g} of {peak:.4g}, estimated error {solution.convergence_table[-2].peak:.1%}")

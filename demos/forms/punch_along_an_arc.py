@@ -2,7 +2,7 @@
 # # A round punch is pressed into rubber and drawn along an arc
 #
 # A punch with a paraboloid at its tip, ten times as stiff as a block of rubber, is pressed into it and drawn along an
-# arc, with friction. Both are bodies in space in one mesh, and their facets slide past each other.
+# arc, with friction. Both are bodies in 3D in one mesh, and their facets slide past each other.
 # The force along the block turns with the way.
 
 # %%

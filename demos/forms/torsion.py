@@ -3,7 +3,7 @@
 #
 # A body is pressed onto a rigid sphere and turned about its axis. Nothing depends on the angle around the axis, but
 # displacements have a component around it, and friction acts in two directions along the surface. The mesh is a section
-# of the body in space: its points are $(r, z, 0)$, and the third component of a displacement is that around the axis.
+# of the body in 3D: its points are $(r, z, 0)$, and the third component of a displacement is that around the axis.
 # Along it the gradient is that of a vector which turns with the section. At the end everything slips, and
 #
 # $$T = \frac{3 \pi}{16} F N a$$

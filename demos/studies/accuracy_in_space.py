@@ -1,4 +1,4 @@
-"""Bodies in space: how good the estimates are, and whether an accuracy that is asked for is met.
+"""Bodies in 3D: how good the estimates are, and whether an accuracy that is asked for is met.
 
     ./env python3 demos/studies/accuracy_in_space.py --out results/accuracy_in_space
 
@@ -135,7 +135,7 @@ def effectivity(name: str) -> list[dict]:
     finest = scene.element.degree  # with about the same unknowns
     nested = scene.model_copy(update={"solver": SolverSettings(levels=3)})
     found.append(solve(on_mesh(nested, finest), MPI.COMM_SELF, on_level=found.append))
-    for solution, price in zip(found, found[-1].price_list, strict=False):
+    for solution, price in zip(found, found[-1].convergence_table, strict=False):
         errors = reference.errors(solution)
         for of in ("energy", "pressure", "force", "peak", "zone"):
             estimated, error = getattr(price, of), errors[of]
@@ -170,7 +170,7 @@ def asked(name: str) -> list[dict]:
                 "of": of,
                 "asked": target,
                 "status": solution.status.value,
-                "estimated": getattr(solution.price_list[-2], of) if len(solution.levels) > 1 else None,
+                "estimated": getattr(solution.convergence_table[-2], of) if len(solution.levels) > 1 else None,
                 "true": true,
                 "reference_error": own[of],
                 "met": true <= target,

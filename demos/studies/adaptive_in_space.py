@@ -1,4 +1,4 @@
-"""How good the estimate of contact forces is on meshes in space that are divided here and there.
+"""How good the estimate of contact forces is on meshes in 3D that are divided here and there.
 
     ./env python3 demos/studies/adaptive_in_space.py --seed 21 --out results/adaptive_in_space
 

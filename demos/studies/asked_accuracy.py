@@ -102,7 +102,7 @@ def asked(name: str) -> list[dict]:
                 "scene": name,
                 "of": of,
                 "asked": target,
-                "estimated": getattr(solution.price_list[-2], of),
+                "estimated": getattr(solution.convergence_table[-2], of),
                 "true": true,
                 "reference_error": own[of],
                 "status": solution.status.value,
@@ -177,7 +177,7 @@ def asked_of(one: random_scenes.RandomScene) -> list[dict]:
             solution = solve(scene, MPI.COMM_SELF, check=False)
             seconds = time.process_time() - begin
             true, prices = fine.errors(solution)[of], {"work": work_of(solution), "seconds": seconds}
-            estimated = getattr(solution.price_list[-2], of) if len(solution.levels) > 1 else None
+            estimated = getattr(solution.convergence_table[-2], of) if len(solution.levels) > 1 else None
             row = {
                 "scene": one.name,
                 "traits": ", ".join(one.traits),

@@ -1,4 +1,4 @@
-"""How good the estimates of the price list are: estimated over true error, mesh by mesh.
+"""How good the estimates of the convergence table are: estimated over true error, mesh by mesh.
 
     ./env python3 demos/studies/effectivity.py --out results/effectivity
 
@@ -26,7 +26,7 @@ from signorini_fx.machine.csv_text import write_csv
 from signorini_fx.mechanics.mesh.tagged import generate_mesh
 from signorini_fx.mechanics.statement.settings import Accuracy
 from signorini_fx.records import History
-from signorini_fx.results.accuracy.price_list import price_list
+from signorini_fx.results.accuracy.convergence_table import convergence_table
 from signorini_fx.scenes.hierarchy import scene_on
 from signorini_fx.scenes.mesh_sequence import meshed_scene, meshes_of
 from signorini_fx.solving.meshed_problem import SolvedMesh
@@ -52,7 +52,7 @@ def one_after_the_other(scenes) -> list[SolvedMesh]:
 
 
 def as_asked(scene, target: float, **goal) -> tuple[list[SolvedMesh], list]:
-    """The meshes that an asked-for accuracy takes, and their price list."""
+    """The meshes that an asked-for accuracy takes, and their convergence table."""
     history, found, goal = History(), [], Accuracy(target=target, **goal)
     meshes = meshes_of(scene, goal, MPI.COMM_SELF, history)
     solve = meshes.solve
@@ -64,7 +64,7 @@ def as_asked(scene, target: float, **goal) -> tuple[list[SolvedMesh], list]:
     meshes.solve = noted
     solution = solve_to_accuracy(meshes, Budget.begins(goal, MPI.COMM_SELF, history), history)
     assert len(found) == len(solution.levels)
-    return found, list(solution.price_list)
+    return found, list(solution.convergence_table)
 
 
 def compare(name: str, found: list[SolvedMesh], prices: list, true: list[dict], own: dict) -> list[dict]:
@@ -98,7 +98,7 @@ def of_scene(name: str) -> list[dict]:
     reference, own = reference_of(name)
     scene = scene_of(name)
     found = one_after_the_other([scene_on(scene, factor) for factor in MESHES])
-    prices = price_list([solved.level for solved in found], 0.0)
+    prices = convergence_table([solved.level for solved in found], 0.0)
     rows = compare(name, found, prices, [reference.errors(solved.solution) for solved in found], own)
     if name in ADAPTIVE:
         found, prices = as_asked(scene, ASKED, of="pressure")
@@ -113,7 +113,7 @@ def of_made_up(law: str, element: str) -> list[dict]:
     size = {"length": manufactured.LENGTH, "height": manufactured.HEIGHT, "cell": cell}
     meshes = [generate_mesh("rectangle", {**size, "nx": n, "ny": n // 2}, MPI.COMM_SELF) for n in counts]
     found = one_after_the_other([manufactured.made_up(tagged, degree, law) for tagged in meshes])
-    prices = price_list([solved.level for solved in found], 0.0)
+    prices = convergence_table([solved.level for solved in found], 0.0)
     return compare(f"made up, {law}, {element}", found, prices, [exact_errors(s.solution) for s in found], {})
 
 

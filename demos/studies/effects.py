@@ -21,7 +21,7 @@ from mpi4py import MPI
 
 from signorini_fx.machine.csv_text import write_csv
 from signorini_fx.mechanics.mesh.tagged import generate_mesh
-from signorini_fx.results.accuracy.price_list import peak_memory
+from signorini_fx.results.accuracy.convergence_table import peak_memory
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve
 

@@ -35,8 +35,8 @@ COARSE_ROUNDS, FINE_ROUNDS = 5, 2
 
 
 def _seconds(solution: Any) -> float:
-    if solution.price_list:
-        return float(sum(price.seconds for price in solution.price_list if not price.predicted))
+    if solution.convergence_table:
+        return float(sum(price.seconds for price in solution.convergence_table if not price.predicted))
     return float(sum(solution.timings.total.values()))
 
 
@@ -51,7 +51,7 @@ def row_of(problem: Problem, known: tuple[float, float] | None = None) -> dict[s
     coarse = _fastest(problem.solved, 1.0, COARSE_ROUNDS)
     cost, dimension = coarse.cost, coarse.model.tagged.dimension
     if known is None:
-        known = _by_list(problem, cost) if coarse.price_list else _on_mesh(problem, cost, dimension)
+        known = _by_list(problem, cost) if coarse.convergence_table else _on_mesh(problem, cost, dimension)
     unknowns, seconds = known
     low, high = cost.next_seconds
     foretold = math.sqrt(low * high)
@@ -93,10 +93,10 @@ def _on_mesh(problem: Problem, cost: Any, dimension: int) -> tuple[float, float]
 
 
 def _by_list(problem: Problem, cost: Any) -> tuple[float, float]:
-    """The same from the price list of a run to a better accuracy."""
+    """The same from the convergence table of a run to a better accuracy."""
     fine = _fastest(problem.solved, cost.error / cost.next_error, FINE_ROUNDS)
-    rows = [price for price in fine.price_list if not price.predicted and getattr(price, cost.of)]
-    spent = {price.level: sum(row.seconds for row in fine.price_list[: price.level + 1]) for price in rows}
+    rows = [price for price in fine.convergence_table if not price.predicted and getattr(price, cost.of)]
+    spent = {price.level: sum(row.seconds for row in fine.convergence_table[: price.level + 1]) for price in rows}
     for before, after in pairwise(rows):
         errors = getattr(before, cost.of), getattr(after, cost.of)
         if errors[1] <= cost.next_error:

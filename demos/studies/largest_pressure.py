@@ -30,8 +30,8 @@ from peak_problems import PLANE, SPACE, Make
 from signorini_fx.errors import SceneError, SignoriniError
 from signorini_fx.machine.csv_text import write_csv
 from signorini_fx.records import History
+from signorini_fx.results.accuracy.convergence_table import Price, convergence_table
 from signorini_fx.results.accuracy.mesh_level import LevelResult
-from signorini_fx.results.accuracy.price_list import Price, price_list
 from signorini_fx.scenes.mesh_sequence import meshed_scene
 from signorini_fx.solving.meshed_problem import MeshedProblem, SolvedMesh
 
@@ -88,9 +88,9 @@ def meshes_of(make: Make, degree: int, sizes: Sequence[float]) -> list[tuple[Mes
 
 
 def prices_of(meshes: Sequence[tuple[MeshedProblem, SolvedMesh]]) -> tuple[list[LevelResult], list[Price]]:
-    """The meshes and their price list."""
+    """The meshes and their convergence table."""
     levels = [solved.level for _, solved in meshes]
-    return levels, price_list(levels, 0.0)
+    return levels, convergence_table(levels, 0.0)
 
 
 def reference_of(levels: Sequence[LevelResult]) -> tuple[float, float]:

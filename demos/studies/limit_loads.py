@@ -1,4 +1,4 @@
-"""Limit loads in space with several contacts: what a ramp beyond the limit finds, and what its end costs.
+"""Limit loads in 3D with several contacts: what a ramp beyond the limit finds, and what its end costs.
 
     ./env python3 demos/studies/limit_loads.py
 

@@ -1,4 +1,4 @@
-"""The largest pressure of bodies from CAD in space: smaller cells everywhere, in contact, or where the error is.
+"""The largest pressure of bodies from CAD in 3D: smaller cells everywhere, in contact, or where the error is.
 
     ./env python3 demos/studies/local_meshes.py --out results/local_meshes
 
@@ -125,7 +125,7 @@ def rows_of(name: str, budget: float, pictures: Path | None) -> list[dict[str, o
 
 
 def _row(name: str, way: str, solution: Solution, took: float, known: float) -> dict[str, object]:
-    estimate = solution.price_list[-2].peak if len(solution.levels) > 1 else None
+    estimate = solution.convergence_table[-2].peak if len(solution.levels) > 1 else None
     peak = largest(solution)
     return {
         "scene": name,

@@ -1,4 +1,4 @@
-"""How well the price list foretells the next mesh: predicted and measured time and memory, mesh by mesh.
+"""How well the convergence table foretells the next mesh: predicted and measured time and memory, mesh by mesh.
 
     ./env python3 demos/studies/prediction.py --out results/prediction
 
@@ -35,7 +35,7 @@ def levels_of(name: str) -> None:
     from mpi4py import MPI
     from effectivity import one_after_the_other
 
-    from signorini_fx.results.accuracy.price_list import peak_memory
+    from signorini_fx.results.accuracy.convergence_table import peak_memory
     from signorini_fx.scenes.hierarchy import scene_on
 
     scene = accuracy_in_space.SCENES[name]() if name in accuracy_in_space.SCENES else scene_of(name)
@@ -49,7 +49,7 @@ def levels_of(name: str) -> None:
 
 def measured(name: str) -> list[dict]:
     """One row per mesh that could be predicted."""
-    from signorini_fx.results.accuracy.price_list import Price, predict
+    from signorini_fx.results.accuracy.convergence_table import Price, predict
 
     command = [sys.executable, __file__, "--levels-of", name]
     rounds = [

@@ -34,7 +34,7 @@ def run(name: str) -> None:
     from cases import on_mesh, scene_of
 
     from signorini_fx.machine import parallel
-    from signorini_fx.results.accuracy.price_list import peak_memory
+    from signorini_fx.results.accuracy.convergence_table import peak_memory
     from signorini_fx.scenes.solver import solve
 
     factor, settings = METHODS[name]

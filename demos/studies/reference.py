@@ -25,7 +25,7 @@ from signorini_fx.mechanics.statement.features import refuse
 from signorini_fx.mechanics.statement.settings import SolverSettings
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.results.accuracy.contact_values import interpolated
-from signorini_fx.results.accuracy.price_list import zone_change
+from signorini_fx.results.accuracy.convergence_table import zone_change
 from signorini_fx.results.solution import Solution
 from signorini_fx.tuned import EXPECTED_RATES
 

@@ -42,7 +42,7 @@ class VariedProblem:
 
 
 def cell_of(element: str) -> str:
-    """The cells of an element in the plane."""
+    """The cells of an element in 2D."""
     return {"P": "triangle", "Q": "quadrilateral"}[element[0]]
 
 

@@ -43,7 +43,7 @@ EXACT_SOLVES = Attempt(
 THROUGH_STICK = Attempt("through stick", "if `sigma` is finite: the same iteration with an infinite one")
 AT_REST = Attempt(
     "contact where the body rests",
-    "for a body that only contact holds: the same iteration, started from the nodes that touch at its resting place",
+    "for a body that only contact holds: the same iteration, started from the nodes that touch at its reference motion",
 )
 SMALLER_GAMMA = Attempt("smaller gamma", "continuation from 1e-4 gamma to gamma by powers of ten")
 CONVEX = Attempt("interior point", "the problem as a convex programme, which has no sets that could cycle")

@@ -82,7 +82,7 @@ def _supported(space: fem.FunctionSpace) -> fem.FunctionSpace:
     if mesh.topology.cell_name() not in ("triangle", "quadrilateral", "tetrahedron", "hexahedron"):
         raise FormError([("a", f"its mesh has {mesh.topology.cell_name()} cells, which are not supported")])
     if is_section(mesh) and parallel.any_rank(mesh.comm, bool(mesh.geometry.x[:, 2].any())):
-        raise FormError([("a", "its mesh of plane cells in space must lie in the plane x[2] = 0")])
+        raise FormError([("a", "its mesh of plane cells in 3D must lie in 2D x[2] = 0")])
     return space
 
 
@@ -157,7 +157,7 @@ def facets_of(contact: Sequence[Foundation | Pair], mesh: dmesh.Mesh) -> tuple[l
     """
     pairs = [k for k, entry in enumerate(contact) if entry.against is not None]
     if is_section(mesh) and pairs:
-        text = "contact of two bodies is not possible yet on a plane mesh in space"
+        text = "contact of two bodies is not possible yet on a plane mesh in 3D"
         raise FormError([(f"contact[{k}]", text) for k in pairs])
     dim = mesh.topology.dim - 1
     mesh.topology.create_connectivity(dim, dim + 1)

@@ -30,8 +30,8 @@ from signorini_fx.mechanics.statement.load_path import LoadPath
 from signorini_fx.mechanics.statement.settings import SolverSettings
 from signorini_fx.quantities.functional import Gradient
 from signorini_fx.records import Finding, Status
+from signorini_fx.results.accuracy.convergence_table import Price, convergence_table
 from signorini_fx.results.accuracy.error_estimates import Errors
-from signorini_fx.results.accuracy.price_list import Price, price_list
 from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.results.contact_fields import ContactFields
 from signorini_fx.results.solution import ConvergenceError, Solution, StepResult
@@ -50,7 +50,7 @@ class ContactProblem(ProblemOfForms):
 
     Args:
         a: a symmetric bilinear form on a vector Lagrange space of degree 1 or 2, UFL or compiled; on a mesh of plane
-            cells in space, a section, too.
+            cells in 3D, a section, too.
         L: a linear form on the same space.
         bcs: Dirichlet conditions as dolfinx makes them; where two meet the later one applies.
         contact: the foundations, and the pairs of bodies that can touch; none: the body alone.
@@ -60,7 +60,7 @@ class ContactProblem(ProblemOfForms):
         form_compiler_options: see ``dolfinx.fem.form``.
         jit_options: see ``dolfinx.fem.form``.
         stress: of the displacement, linear in its strain: a function of it that returns UFL, or UFL of ``u`` or of
-            the trial function, shape (d, d), or in the plane (3, 3); None: there are no stresses.
+            the trial function, shape (d, d), or in 2D (3, 3); None: there are no stresses.
         materials: tags on all cells; the stress may jump where they change.  None: it does not jump.
         boundaries: names of parts of the boundary for results, each with its facets, as a ``Foundation`` takes them.
         settings: algorithm, coulomb, gamma_n, ..., see ``SolverSettings``.
@@ -178,7 +178,7 @@ class ContactProblem(ProblemOfForms):
         """
         return errors_of(self.assembled, self.stress)
 
-    def price_list(self, *coarser: ContactProblem) -> list[Price]:
+    def convergence_table(self, *coarser: ContactProblem) -> list[Price]:
         """Errors and costs of the last solve here and on coarser meshes, and those expected of the next; collective.
 
         Args:
@@ -190,12 +190,12 @@ class ContactProblem(ProblemOfForms):
         """
         problems = (*coarser, self)
         if any(problem.assembled.outcome is None or problem.status is not Status.CONVERGED for problem in problems):
-            raise RuntimeError("there is no solution: a price list needs one on each mesh")
+            raise RuntimeError("there is no solution: a convergence table needs one on each mesh")
         levels = [level_of(problem.assembled, number, problem.errors) for number, problem in enumerate(problems)]
         finer = all(coarse.dimension == fine.dimension and coarse.dofs < fine.dofs for coarse, fine in pairwise(levels))
         if not coarser or not finer:
             raise FormError([("coarser", "give the same problem on coarser meshes, solved, the coarsest first")])
-        return price_list(levels, coarser[0].assembled.memory)
+        return convergence_table(levels, coarser[0].assembled.memory)
 
     @property
     def findings(self) -> tuple[Finding, ...]:

@@ -211,7 +211,7 @@ def sides_of(
         facets: of each of them.
         masters: of the other side of each pair, by its number.
         space: the displacements.
-        claims: the second opinions on pairs that slide, by their numbers; None: there are none.
+        claims: the independent checks on pairs that slide, by their numbers; None: there are none.
         moved: displacements of the nodes of this rank, that normals of other pairs follow, length, shape (nodes, d);
             None: they are those of the undeformed sides.
     """

@@ -121,7 +121,7 @@ def solve_nested(
     """Solve a problem on nested meshes, each starting from the solution on the one before; collective.
 
         solution = solve_nested(make, mesh)
-        print(solution.price_list[-2].pressure)
+        print(solution.convergence_table[-2].pressure)
 
     With ``stress`` the errors on each mesh are estimated.
 

@@ -16,7 +16,7 @@ from signorini_fx.results.accuracy.data_error import DataError
 from signorini_fx.results.accuracy.error_estimates import Errors, combined
 from signorini_fx.results.accuracy.level_results import compliance_of, level_result
 from signorini_fx.results.accuracy.mesh_level import LevelResult
-from signorini_fx.results.requested_law import asked_law
+from signorini_fx.results.requested_law import requested_law
 from signorini_fx.results.solution import Solution
 from signorini_fx.results.stresses import RawStresses
 from signorini_fx.solving.check.pushed_nodes import held_in_result, pushed_nodes
@@ -57,7 +57,7 @@ def findings_of_last(solver: FormSolver) -> tuple[Finding, ...]:
     warnings, outcome, certificate = list[Finding](), solver.outcome, solver.certificate
     if outcome is not None and certificate is not None and solver.status is Status.CONVERGED:
         parameters = used_parameters(outcome, outcome.problem.data, certificate.strain_energy)
-        warnings = asked_law(solver.settings, {1: certificate}, parameters.get("regularisation_error")).findings
+        warnings = requested_law(solver.settings, {1: certificate}, parameters.get("regularisation_error")).findings
     held = held_in_result(solver.state, solver.u, solver.foundations.pairs)
     pushed = pushed_nodes(solver.space.mesh.comm, [held], solver.scales.size)
     inside = shapes_in_results(solver.foundations.placed_shapes, solver.u)

@@ -45,9 +45,9 @@ from signorini_fx.mechanics.scales import Scales
 from signorini_fx.mechanics.statement.load_path import LoadPath, counted_path
 from signorini_fx.mechanics.statement.settings import SolverSettings
 from signorini_fx.records import Finding, History, Inventory, Status, Timings
-from signorini_fx.results.accuracy.price_list import peak_memory
+from signorini_fx.results.accuracy.convergence_table import peak_memory
 from signorini_fx.results.certificate.certificate import Certificate
-from signorini_fx.results.certificate.promised_law import PreviousStep
+from signorini_fx.results.certificate.law_of_method import PreviousStep
 from signorini_fx.results.contact_fields import ContactFields
 from signorini_fx.results.solution import StepResult
 from signorini_fx.results.step_frames import LastSolution, StepEnd, from_rest
@@ -65,7 +65,7 @@ class StepBeginning:
         start: of the step, in the frames of ``boundary``; None: the body at rest.
         previous: ``last`` as the certificate sees it from there.
         solution: the last solution.
-        rested: the motions that the resting place of ``last`` is one of; None: there is none.
+        rested: the motions that the reference motion of ``last`` is one of; None: there is none.
         settled: the shapes of foundations as they were at the end of the last step.
         boundary: the contact points.
     """
@@ -157,7 +157,7 @@ class FormSolver:
         self._last_pattern: tuple[tuple[int, ...], tuple[int, ...]] | None = None
         self._last_modulus: tuple[tuple[int, ...], float | None] = (), None
         self._last: StepEnd | None = None  # at the last advance
-        self._rested: RigidMotions | None = None  # of which its resting place is one
+        self._rested: RigidMotions | None = None  # of which its reference motion is one
         self._start: Start | None = None  # of the present step, in the frames of the present foundations
         self._solution: LastSolution | None = None  # from which the next solve may begin
         self._state: ContactState | None = None
@@ -347,7 +347,7 @@ class FormSolver:
         if self._last is not None:
             # A body that has fallen may have been taken hold of since: then it is counted from the initial position.
             held, spin = parallel.any_rank(space.mesh.comm, self._holds_fallen(fixed)), self._spin(boundary)
-            self._start, resting = self._last.seen_from(boundary, held=held, spin=spin)
+            self._start, resting = self._last.projected_onto(boundary, held=held, spin=spin)
         self.boundary, self._first = boundary, None
         elastic = self.elastic = self._body(fixed[:owned], boundary)
         self.scales = scales_of(elastic, boundary, self.foundations.facets, self._size(), self._natural_modulus())
@@ -370,7 +370,9 @@ class FormSolver:
         return data
 
     def _holds_fallen(self, fixed: npt.NDArray[np.bool_]) -> bool:
-        """Whether something that the body has fallen with to its resting place is prescribed by now, on this rank."""
+        """Whether something that the body has fallen with to its reference motion is prescribed by now, on this
+        rank.
+        """
         if self._last is None or self._last.rest is None or self._rested is None:
             return False
         return bool(self._rested.displacement(self._last.rest.motion).ravel()[fixed].any())

@@ -21,7 +21,7 @@ from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.load_path import LoadPath
 from signorini_fx.mechanics.statement.values import kind_of
 from signorini_fx.records import Timings
-from signorini_fx.results.accuracy.price_list import peak_memory
+from signorini_fx.results.accuracy.convergence_table import peak_memory
 from signorini_fx.results.restart_files import Checkpoint
 from signorini_fx.results.solution import StepResult
 from signorini_fx.results.step_frames import StepEnd

@@ -37,10 +37,10 @@ def law_of(stress: Any, u: fem.Function) -> Law | None:
     """What ``ContactProblem`` is given, as a function of the displacement.
 
     Raises:
-        FormError: the mesh is a section in space.
+        FormError: the mesh is a section in 3D.
     """
     if stress is not None and is_section(u.function_space.mesh):
-        raise FormError([("stress", "stresses and their estimates are not possible yet on a plane mesh in space")])
+        raise FormError([("stress", "stresses and their estimates are not possible yet on a plane mesh in 3D")])
     if stress is None or (callable(stress) and not hasattr(stress, "ufl_shape")):
         return stress
     return lambda y: ufl.replace(stress, {u: y, **dict.fromkeys(_arguments(stress), y)})
@@ -88,7 +88,7 @@ def stress_of(law: Law, y: fem.Function, parts: Sequence[Cells]) -> ElementStres
     The moduli are those at the middle of each cell.
 
     Args:
-        law: gives the stress of a displacement as UFL, shape (d, d), or in the plane (3, 3).
+        law: gives the stress of a displacement as UFL, shape (d, d), or in 2D (3, 3).
         y: the displacement.
         parts: see ``ElementStress``.
 

@@ -118,12 +118,12 @@ def _numbers(value: Any, key: str) -> Any:
 
 def seconds_of(summary: Mapping[str, Any]) -> float:
     """The time of the solve, on all its meshes."""
-    solved = [row["seconds"] for row in summary.get("price_list", []) if not row["predicted"]]
+    solved = [row["seconds"] for row in summary.get("convergence_table", []) if not row["predicted"]]
     return float(sum(solved) if solved else sum(summary.get("timings", {}).values()))
 
 
 def in_space(summary: Mapping[str, Any]) -> bool:
-    """Whether the body is in space, not in the plane."""
+    """Whether the body is in 3D, not in 2D."""
     return bool(summary.get("dimension") == 3)
 
 

@@ -33,7 +33,7 @@ class Model(ElasticBody):
     Attributes:
         statement: what is known of contact, loads and supports by name, and the settings; of forms of a user's own this
             is less than all that acts.
-        tagged: the mesh; where displacements have a component out of it a section in space.
+        tagged: the mesh; where displacements have a component out of it a section in 3D.
         law: the friction law; None where no law can act.
         pairs: both sides of each contact of two bodies, by its place in ``statement.contact``.
         rigid: the rigid bodies whose motion is an unknown.
@@ -75,7 +75,7 @@ class Model(ElasticBody):
         return tuple(map(self._case, self.applied))
 
     def _case(self, load: AppliedLoad) -> LoadCase:
-        return self.case(load.forces, load.prescribed, load.driven, load.pushing, load.swelling)
+        return self.case(load.forces, load.prescribed, load.driven, load.pushing, load.pressure_load)
 
     def load(self, system: ElasticSystem, step: float) -> npt.NDArray[np.float64]:
         """Give a system the loads that depend on the time as they are at a place; collective.

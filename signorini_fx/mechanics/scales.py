@@ -1,6 +1,6 @@
 """What lengths, stresses, stiffnesses and energies of a body are compared with: every formula of dimension is here.
 
-In space a force is a stress times an area, in the plane, per thickness, a stress times a length.  So the power of a
+In 3D a force is a stress times an area, in 2D, per thickness, a stress times a length.  So the power of a
 length in a scale depends on the dimension d, and a formula that is right for d = 2 is easily wrong for d = 3.
 
 The solver and the certificate share these formulas, and nothing else: each of them evaluates them with its own data.
@@ -28,7 +28,7 @@ class Scales:
         dimension: d.
         modulus: of the stiffest material, stress.
         size: diameter of the body, length.
-        depth: of a body in the plane, what its areas and lengths of the boundary are multiplied by: 1 per thickness, of
+        depth: of a body in 2D, what its areas and lengths of the boundary are multiplied by: 1 per thickness, of
             a body of revolution a typical length of the circumference, see ``Kinematics.depth``.
     """
 
@@ -39,7 +39,7 @@ class Scales:
 
     @property
     def surface(self) -> float:
-        """Area, in the plane length, of a surface as large as the body."""
+        """Area, in 2D length, of a surface as large as the body."""
         return float(self.depth * self.size ** (self.dimension - 1))
 
     @property
@@ -57,7 +57,7 @@ class Scales:
         return float(self.size / nodes ** (1.0 / self.dimension))
 
     def side(self, area: Array) -> Array:
-        """Lengths of the sides of pieces of the surface with these areas (in the plane: lengths)."""
+        """Lengths of the sides of pieces of the surface with these areas (in 2D: lengths)."""
         return np.asarray((area / self.depth) ** (1.0 / (self.dimension - 1)))
 
     def stiffness(self, spacing: float) -> float:

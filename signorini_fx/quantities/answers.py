@@ -23,7 +23,8 @@ from signorini_fx.tuned import CERTIFICATE_TOLERANCE
 
 # Of a share of the yield stress at a place where the stress has no limit, which the first answer tells.
 _NOT_SHOWN = "strength is not shown"
-# The errors of a price list that say something to somebody who has asked for none of them, as they are called there.
+# The errors of a convergence table that say something to somebody who has asked for none of them, as they are called
+# there.
 _ESTIMATED = ("pressure", "force", "energy")
 # What statics proves of a body without a solution, or finds before one is looked for.
 _MOVES_AWAY = {

@@ -67,7 +67,7 @@ class ContactForce:
 
     Attributes:
         part: number of the contact.
-        component: axis of the force, or of the moment in space; in the plane a moment has one.
+        component: axis of the force, or of the moment in 3D; in 2D a moment has one.
         moment: whether it is the moment.
     """
 
@@ -76,7 +76,7 @@ class ContactForce:
     moment: bool = False
 
     def directions(self, boundary: ContactBoundary) -> Array:
-        """Direction of the traction that counts at each point, in space, zero elsewhere, shape (n, d)."""
+        """Direction of the traction that counts at each point, in 3D, zero elsewhere, shape (n, d)."""
         directions = np.zeros_like(boundary.normal)
         on_part = boundary.part == self.part
         if not self.moment:
@@ -148,7 +148,7 @@ class LargestPressure:
 
 @dataclass(frozen=True)
 class ContactArea:
-    """The area that presses at one contact boundary, in the plane a length, smoothed: (S^q / T)^(1 / (q - 1)) with S
+    """The area that presses at one contact boundary, in 2D a length, smoothed: (S^q / T)^(1 / (q - 1)) with S
     the integral of lambda and T that of lambda^q.
 
     It is the area where lambda is the same all over it, and else below it: by Hoelder's inequality
@@ -199,7 +199,7 @@ def functional_of(model: Model, text: str) -> Functional:
     Args:
         model: the body of a scene, or of forms.
         text: ``force BOUNDARY AXIS`` and ``moment BOUNDARY [AXIS]`` on the body at a contact boundary, a moment about
-            the origin, in space about an axis; ``pressure BOUNDARY [POWER]``, see ``LargestPressure``; ``area BOUNDARY
+            the origin, in 3D about an axis; ``pressure BOUNDARY [POWER]``, see ``LargestPressure``; ``area BOUNDARY
             [POWER]``, see ``ContactArea``; ``mean BOUNDARY AXIS``, the mean displacement; ``displacement X,Y[,Z] AXIS``
             at a point; and the requests of quantities that others have added.
 

@@ -13,8 +13,10 @@ _UNKNOWN, _MOST_DIGITS = 4, 6
 
 
 def solved_prices(summary: Mapping[str, Any]) -> Mapping[str, Any]:
-    """The estimates of the finest mesh that was solved, the last solved row of the price list; empty: there is none."""
-    solved = [row for row in summary.get("price_list", []) if not row["predicted"]]
+    """The estimates of the finest mesh that was solved, the last solved row of the convergence table; empty: there is
+    none.
+    """
+    solved = [row for row in summary.get("convergence_table", []) if not row["predicted"]]
     return solved[-1] if solved else {}
 
 

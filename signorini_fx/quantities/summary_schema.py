@@ -102,13 +102,15 @@ class Run(Row):
     factorisations: Count = described("New factorisations.")
     outer_iterations: Count = described("Regularised problems.")
     events: list[str] = described("Fall-backs in the order of their use, and the meshes of a nested iteration.")
-    dimension: Literal[2, 3] = described("2 in the plane, 3 in space.")
+    dimension: Literal[2, 3] = described("2 in 2D, 3 in 3D.")
     dofs: Count = described("Displacement components, prescribed ones included.")
     ranks: int = described("MPI processes.", ge=1)
     linear_algebra: str = described("Kind of elastic system, and why.")
     pieces: list[PieceOfBody] = described("The connected pieces of the body.")
     findings: list[FindingRow] = described("What is to be known about the scene and the result.")
-    price_list: list[PriceOfMesh] = described("Errors and costs of the meshes, if there are several.", default=None)
+    convergence_table: list[PriceOfMesh] = described(
+        "Errors and costs of the meshes, if there are several.", default=None
+    )
     results_of: StepOfResults = described(
         "The load step that all other figures are of: the last one with a solution, or the first one if it has none.",
         default=None,

@@ -21,12 +21,12 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Turning:
-    """Friction on a closed boundary, in the plane per unit thickness.
+    """Friction on a closed boundary, in 2D per unit thickness.
 
     Attributes:
         pressure_integral: integral of the pressure, a force.
         moment: of friction on the body of this boundary about the middle of the boundary, force times length, shape
-            (1,) in the plane (counterclockwise), (3,) in space.
+            (1,) in 2D (counterclockwise), (3,) in 3D.
         limit: the largest moment that the friction bounds allow in that direction; infinite for a bond.
     """
 
@@ -70,7 +70,7 @@ def one_or_three(moment: Array) -> float | list[float]:
 
 
 def _cross(arm: Array, force: Array) -> Array:
-    """Moments, shape (n, 1) in the plane, (n, 3) in space."""
+    """Moments, shape (n, 1) in 2D, (n, 3) in 3D."""
     if arm.shape[1] == 3:
         return np.asarray(np.cross(arm, force))
     return (arm[:, 0] * force[:, 1] - arm[:, 1] * force[:, 0])[:, None]

@@ -19,7 +19,7 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class ContactFigures:
-    """One contact boundary, in the plane per unit thickness, with lengths for areas.
+    """One contact boundary, in 2D per unit thickness, with lengths for areas.
 
     Attributes:
         boundary: its name.
@@ -36,7 +36,7 @@ class ContactFigures:
             bound times the area for Tresca friction, which acts on open nodes too; infinite for a bond.  Of friction
             with a direction the largest resultant in the direction of this one; in any direction, if there is none.
         friction_moment: of a boundary that closes around a body, the moment of friction about its middle, see
-            ``Turning``; a number in the plane, shape (3,) in space; None of others.
+            ``Turning``; a number in 2D, shape (3,) in 3D; None of others.
         moment_limit: the largest possible value of its size; None likewise.
     """
 

@@ -28,7 +28,7 @@ from signorini_fx.tuned import ERROR_PATIENCE
 T = TypeVar("T")
 
 
-def afterthought(comm: MPI.Comm, subject: str, findings: list[dict[str, Any]], state: Callable[[], T]) -> T | None:
+def post_processing(comm: MPI.Comm, subject: str, findings: list[dict[str, Any]], state: Callable[[], T]) -> T | None:
     """What ``state`` returns; None if it fails on any rank, with a warning among the findings; collective.
 
     Args:
@@ -103,7 +103,7 @@ def proved(solution: Solution, findings: list[dict[str, Any]]) -> dict[str, Any]
     """
     comm, entries = solution.comm, dict[str, Any]()
     for quantity in _afterwards(solution):
-        added = afterthought(comm, quantity.key, findings, partial(_entries, quantity, solution)) or {}
+        added = post_processing(comm, quantity.key, findings, partial(_entries, quantity, solution)) or {}
         entries |= added
         if quantity.key in added and (message := quantity.missed(added[quantity.key])):
             findings.append(asdict(Finding("warning", quantity.key, message)))
@@ -119,7 +119,7 @@ def columns_of(quantity: Quantity, solution: Solution, findings: list[dict[str, 
     if not is_added(quantity):
         return quantity.columns(solution)
     rows = list[dict[str, Any]]()
-    columns = afterthought(solution.comm, quantity.key, rows, partial(_columns, quantity, solution))
+    columns = post_processing(solution.comm, quantity.key, rows, partial(_columns, quantity, solution))
     findings += [row for row in rows if row not in findings]
     return columns or {}
 

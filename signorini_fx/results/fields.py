@@ -30,7 +30,7 @@ VTU, VTU_STEPS, VTU_FOLDER = "fields.vtu", "fields.pvd", "fields"
 # Beside the folders of VTX; "vtu" is one that earlier versions wrote.
 FIELD_FILES = (VTU, VTU_STEPS, VTU_FOLDER, "vtu")
 _BYTES_PER_RANK = 200_000  # what ADIOS2 writes about itself, for all files together
-_COMPONENTS = (3, 9, 1, 3, 1, 9, 1)  # of the fields in space, more than those of nonlinear materials
+_COMPONENTS = (3, 9, 1, 3, 1, 9, 1)  # of the fields in 3D, more than those of nonlinear materials
 
 
 def chosen_format(fields: bool | str) -> str | None:
@@ -73,7 +73,7 @@ def write_fields(solution: Solution, folder: Path, kind: str) -> list[str]:
     """Displacement, stresses and shear energy density; collective.
 
     With load steps there are those of all with a solution, at their times.  The stress is a tensor with nine
-    components, which ParaView takes for one, in the plane too.
+    components, which ParaView takes for one, in 2D too.
 
     Args:
         solution: what to write.

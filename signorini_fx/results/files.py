@@ -49,13 +49,13 @@ FILES = (
         "contact.csv",
         "contact_steps.csv",
         "contact_other_side.csv",
-        "price_list.csv",
+        "convergence_table.csv",
     ),
     *(f"{name}.{kind}" for name in FIELDS for kind in ("bp", "vtkhdf")),
     *(*FIELD_FILES, "contact.vtu"),
     *(
         f"{name}.{kind}"
-        for name in ("deformed", "profiles", "history", "price_list", "contact_surface", "load_steps", *_SELDOM)
+        for name in ("deformed", "profiles", "history", "convergence_table", "contact_surface", "load_steps", *_SELDOM)
         for kind in ("png", "pdf")
     ),
     "deformed.gif",
@@ -155,13 +155,13 @@ class _Written:
         drawn = ["pictures"] if gather is not None else []
         self._put(summary, [*deferred_quantities.asked(solution), "tables", *drawn])
         folder.commit()
-        deferred_quantities.afterthought(solution.comm, "tables", findings, lambda: self._tables(table))
+        deferred_quantities.post_processing(solution.comm, "tables", findings, lambda: self._tables(table))
         summary |= deferred_quantities.proved(solution, findings)
         self._put(summary, drawn)
         folder.add()
         if gather is not None:
             count = len(findings)
-            deferred_quantities.afterthought(
+            deferred_quantities.post_processing(
                 solution.comm, "pictures", findings, lambda: self._pictures(table, gather(solution), summary)
             )
             if len(findings) > count:
@@ -175,7 +175,7 @@ class _Written:
         solution, comm, part = self.solution, self.solution.comm, self.folder.part
         summary = summary_of(solution)
         plane = solution.model.tagged.dimension == 2
-        # Keys that a scene in the plane, or one in space, does not have.
+        # Keys that a scene in 2D, or one in 3D, does not have.
         summary["scene"] = describe(solution.statement.tables, ("z" if plane else "hypothesis",))
         summary["finished"] = parallel.on_root(comm, lambda: datetime.now(UTC).isoformat(timespec="seconds"))
         steps = summary.get("steps", [])
@@ -211,8 +211,8 @@ class _Written:
             other = other_side(solution)
 
         def write() -> None:
-            if solution.price_list:
-                write_columns(part / "price_list.csv", as_columns(solution.price_list))
+            if solution.convergence_table:
+                write_columns(part / "convergence_table.csv", as_columns(solution.convergence_table))
             if other is not None:
                 write_columns(part / "contact_other_side.csv", other)
             if table is not None and facets is not None:
@@ -319,7 +319,7 @@ def describe(value: Any, without: tuple[str, ...] = ()) -> Any:
 
     Args:
         value: the data.
-        without: keys of tables to leave out, which a scene in the plane, or one in space, does not have.
+        without: keys of tables to leave out, which a scene in 2D, or one in 3D, does not have.
     """
     if isinstance(value, BaseModel):
         names = (name for name in type(value).model_fields if name not in without)

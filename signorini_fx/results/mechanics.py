@@ -16,8 +16,8 @@ from signorini_fx.results.certificate.certificate import Certificate, certify, e
 from signorini_fx.results.certificate.contact_nodes import ContactSide
 from signorini_fx.results.certificate.contact_sides import sides_of
 from signorini_fx.results.certificate.equilibrium import Balance
+from signorini_fx.results.certificate.law_of_method import Law, PreviousStep, Tractions
 from signorini_fx.results.certificate.nodal_forces import NodalForces
-from signorini_fx.results.certificate.promised_law import Law, PreviousStep, Tractions
 from signorini_fx.results.resultants import ActingForces, NamedForces
 from signorini_fx.results.stresses import RawStresses, Stresses
 
@@ -35,7 +35,7 @@ class SolidBody(Model, ABC):
 
     @abstractmethod
     def sides(self, y: fem.Function) -> list[ContactSide]:
-        """The parts of the boundary with contact at a displacement, for second opinions."""
+        """The parts of the boundary with contact at a displacement, for independent checks."""
 
     @abstractmethod
     def stress(self, y: fem.Function, step: float, shared: dict[str, StressRecovery]) -> RawStresses | str:

@@ -121,7 +121,7 @@ class NonlinearStresses(RawStresses):
 
     @cached_property
     def tensor(self) -> fem.Function:
-        """The Cauchy stress with all components in space, shape (3, 3), discontinuous and of degree k - 1."""
+        """The Cauchy stress with all components in 3D, shape (3, 3), discontinuous and of degree k - 1."""
         return self.filled
 
     @cached_property

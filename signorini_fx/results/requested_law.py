@@ -14,11 +14,11 @@ from dataclasses import dataclass
 from signorini_fx.mechanics.statement.settings import SolverSettings
 from signorini_fx.records import Finding
 from signorini_fx.results.certificate.certificate import Certificate
-from signorini_fx.results.certificate.promised_law import UNREGULARISED
+from signorini_fx.results.certificate.law_of_method import UNREGULARISED
 
 
 @dataclass(frozen=True)
-class AskedLaw:
+class RequestedLaw:
     """What was asked for, and what the result is.
 
     Attributes:
@@ -43,13 +43,13 @@ class AskedLaw:
         return [Finding("warning", self.key, self.differs)] if self.differs else []
 
 
-def asked_law(
+def requested_law(
     settings: SolverSettings,
     certificates: Mapping[int, Certificate],
     left: float | None,
     *,
     raises_gamma: bool = False,
-) -> AskedLaw:
+) -> RequestedLaw:
     """The law that settings ask for beside that of the load steps.
 
     Args:
@@ -65,7 +65,7 @@ def asked_law(
         others = [step for step, law in laws.items() if law.regularised]
         asked = str(UNREGULARISED)
         if not others:
-            return AskedLaw(asked, delivered, "")
+            return RequestedLaw(asked, delivered, "")
         worst = max((certificates[step] for step in others), key=lambda certificate: certificate.penetration)
         error = "" if left is None else f", a regularisation error of {left:.1e} by estimate{_beside(settings)}"
         left_over = f"penetration {worst.penetration:.1e} and elastic slip {worst.stick_slip:.1e}"
@@ -75,33 +75,33 @@ def asked_law(
             f"times the largest displacement{error}; raise solver.gamma_n and solver.gamma_t to lessen them, or change "
             "the loads in smaller steps"
         )
-        return AskedLaw(asked, delivered, told)
+        return RequestedLaw(asked, delivered, told)
     if raises_gamma:
-        return AskedLaw("", delivered, "")
+        return RequestedLaw("", delivered, "")
     if settings.algorithm == "path-following":
         allowed = settings.regularisation_error
         if allowed == "auto":
-            return AskedLaw("", delivered, "")
+            return RequestedLaw("", delivered, "")
         asked = f"a regularisation error of {allowed:.2g}"
         if left is None or left <= allowed:
-            return AskedLaw(asked, delivered, "", "solver.regularisation_error")
+            return RequestedLaw(asked, delivered, "", "solver.regularisation_error")
         told = (
             f"{asked} was asked for and {left:.2g} is left; with a gamma above {last.gamma_n:.3g} round-off would "
             "take over; take algorithm = 'alm', which leaves none"
         )
-        return AskedLaw(asked, delivered, told, "solver.regularisation_error")
+        return RequestedLaw(asked, delivered, told, "solver.regularisation_error")
     given = {name: value for name in ("gamma_n", "gamma_t") if (value := getattr(settings, name)) != "auto"}
     if not given:
-        return AskedLaw("", delivered, "")
+        return RequestedLaw("", delivered, "")
     asked = ", ".join(f"{name} = {value:.3g}" for name, value in given.items())
     others = [step for step, law in laws.items() if any(getattr(law, name) != value for name, value in given.items())]
     if not others:
-        return AskedLaw(asked, delivered, "", "solver.gamma_n")
+        return RequestedLaw(asked, delivered, "", "solver.gamma_n")
     told = (
         f"{asked} was asked for, and a fall-back has solved {laws[others[-1]]} in its place"
         f"{_where(laws, others)}; lower gamma, or set solver.fallbacks = false to have this gamma or nothing"
     )
-    return AskedLaw(asked, delivered, told, "solver.gamma_n")
+    return RequestedLaw(asked, delivered, told, "solver.gamma_n")
 
 
 def _beside(settings: SolverSettings) -> str:

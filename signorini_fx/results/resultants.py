@@ -20,7 +20,7 @@ from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.results.certificate.contact_nodes import ContactNodes, ContactSide
 from signorini_fx.results.certificate.equilibrium import Balance
-from signorini_fx.results.certificate.promised_law import Tractions
+from signorini_fx.results.certificate.law_of_method import Tractions
 from signorini_fx.tuned import ZERO_IN_SOLUTION
 
 Array = npt.NDArray[np.float64]
@@ -30,7 +30,7 @@ NamedForces = tuple[str | None, str, Array]
 
 @dataclass(frozen=True)
 class Resultant:
-    """What acts on the body through a boundary, in the plane per unit thickness.
+    """What acts on the body through a boundary, in 2D per unit thickness.
 
     Over a revolution the first of them is the sum of all radial forces, the third that of all forces around the axis;
     moments are those about the axis alone, the torque.
@@ -40,10 +40,10 @@ class Resultant:
         acts: what acts there: ``support``, ``contact``, and kinds of loads and resistances, such as ``traction`` or
             ``body force``.
         force: force on the body, shape (d,).
-        moment: its moment about ``about``; a number in the plane (counterclockwise), shape (3,) in space.
+        moment: its moment about ``about``; a number in 2D (counterclockwise), shape (3,) in 3D.
         about: a point, length, shape (d,).
         acts_at: a point of the line of action, length, shape (d,): on a flat boundary where that line meets its plane,
-            in space the point of its plane about which the forces have no moment but that along the normal; otherwise
+            in 3D the point of its plane about which the forces have no moment but that along the normal; otherwise
             the point of the central axis next to the middle of the boundary.  None where the forces have no resultant.
         size: sum of the magnitudes of the nodal forces, and of their moments, by which round-off is judged.
     """
@@ -318,14 +318,14 @@ class Resultants:
 
 
 def moments(arms: Array, forces: Array) -> Array:
-    """Moments of forces, shape (..., d), at ``arms`` from a point: shape (..., 1) in the plane, (..., 3) in space."""
+    """Moments of forces, shape (..., d), at ``arms`` from a point: shape (..., 1) in 2D, (..., 3) in 3D."""
     return CARTESIAN[forces.shape[-1]].turned(arms, forces)
 
 
 def arm(moment: Array, force: Array, normal: Array | None) -> Array:
     """From a point to where a force with this moment about it acts, shape (d,).
 
-    With a normal, the place in the plane across it about which no moment is left but that along the normal:
+    With a normal, the place in 2D across it about which no moment is left but that along the normal:
     n x M / (n . F); without, or if the force lies in that plane, the nearest place: F x M / F^2.
     """
     axis = force

@@ -11,7 +11,7 @@ from signorini_fx.algebra.contact.friction import as_given
 from signorini_fx.algebra.contact.motions import total_work
 from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.algebra.contact.reactions import Reactions, reactions
-from signorini_fx.algebra.contact.resting_place import resting_place
+from signorini_fx.algebra.contact.reference_motion import reference_motion
 from signorini_fx.algebra.contact.statics import Limit, along_contact, largest_multiple, null_space
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.statics_of_surface import (
@@ -225,6 +225,6 @@ def _touching(model: Model, contact: ContactState, load: npt.NDArray[np.float64]
     touching = contact.in_contact | contact.bilateral
     if parallel.any_rank(model.comm, any(load.start.any() for _, load in model.applied_at(step))):
         return touching
-    resting = resting_place(contact.gap, contact.bilateral, model.motions.at(contact.boundary), load)
+    resting = reference_motion(contact.gap, contact.bilateral, model.motions.at(contact.boundary), load)
     gap = contact.gap if resting is None else contact.gap - resting.u_n
     return np.asarray(touching | (gap <= SAME_LENGTH * model.tagged.size))

@@ -31,7 +31,7 @@ _LABEL = 14
 
 def short_answer(summary: dict[str, Any], folder: Path) -> list[TerminalLine]:
     """The outcome, what to do unless it is a solution, the forces, the contact, the largest stress, what is left until
-    the body moves, how wrong it is, what that took and the next digit would take, whether the certificate holds, and
+    the body moves, how wrong it is, what that took and the next accuracy would take, whether the certificate holds, and
     where the results are.
 
     Without a solution there are no figures; those of an earlier load step are as many as there is room for.
@@ -94,7 +94,7 @@ def _is_forecast(summary: dict[str, Any]) -> bool:
 def _in_cost(summary: dict[str, Any]) -> bool:
     """Whether the line of the cost says the error, too."""
     guaranteed = (summary.get("error_bound") or {}).get("relative_error") is not None
-    return _is_forecast(summary) and "price_list" not in summary and not guaranteed
+    return _is_forecast(summary) and "convergence_table" not in summary and not guaranteed
 
 
 def _cost(summary: dict[str, Any]) -> list[TerminalLine]:
@@ -238,7 +238,7 @@ def _certificate(summary: dict[str, Any]) -> list[TerminalLine]:
 
 def _effort(summary: dict[str, Any]) -> list[TerminalLine]:
     ranks = f" on {summary['ranks']} ranks" if summary["ranks"] > 1 else ""
-    meshes = [price["seconds"] for price in summary.get("price_list", ()) if not price["predicted"]]
+    meshes = [price["seconds"] for price in summary.get("convergence_table", ()) if not price["predicted"]]
     seconds = sum(value or 0.0 for value in (meshes or summary["timings"].values()))
     return _line("effort", f"{effort_in_words(summary)}, {summary['dofs']} unknowns{ranks}, {seconds:.1f} s")
 

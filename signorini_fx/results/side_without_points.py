@@ -21,7 +21,7 @@ def other_side(solution: Solution) -> dict[str, npt.NDArray[Any]]:
     They are means of those at the contact points that see a node, by |M_il| w_i of ``pairs.coupling``; collective.
 
     Returns:
-        Name -> one entry per node, on every rank: x, y, in space z; boundary, and against, on which the contact points
+        Name -> one entry per node, on every rank: x, y, in 3D z; boundary, and against, on which the contact points
         are; pressure; shear_x and so on, what this body exerts on the other one; distance of the deformed bodies
         along the normal.  Empty where no two bodies are in contact.
     """

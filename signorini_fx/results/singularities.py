@@ -2,12 +2,12 @@
 
 Where two facets of the boundary meet at an angle, or their conditions change, the stress of linear elasticity grows
 like a negative power of the distance if the angle within the body is large enough (Williams, J. Appl. Mech. 19 (1952)
-526-528; Grisvard, Elliptic Problems in Nonsmooth Domains, 1985).  On an edge in space it does so across the edge.
+526-528; Grisvard, Elliptic Problems in Nonsmooth Domains, 1985).  On an edge in 3D it does so across the edge.
 Where a load along the boundary jumps it grows like a logarithm (Timoshenko and Goodier, Theory of Elasticity, section
 38), and where materials meet at the boundary, or their interface has a corner, like a power again (Bogy, J. Appl. Mech.
 38 (1971) 377-386): for most pairs of materials, a few are bounded and named all the same.
 
-At a node that is held or loaded alone it grows like the inverse of the distance, in space of its square (the
+At a node that is held or loaded alone it grows like the inverse of the distance, in 3D of its square (the
 solutions of Flamant and Boussinesq).
 
 Bodies that touch are judged one by one.  Where the edge of one of them, of 90 degrees or more, presses on another one
@@ -174,7 +174,7 @@ def _where_materials_meet(body: Model, point: Array, boundary: list[BoundaryFace
 
     Those of bodies that touch do not, unless they are bonded.
 
-    It shows in the angles, in space solid angles, that the cells of each material have at a vertex.
+    It shows in the angles, in 3D solid angles, that the cells of each material have at a vertex.
     """
     if len(body.statement.material) == 1:
         return None

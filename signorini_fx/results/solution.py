@@ -26,9 +26,9 @@ from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.quantities.proved_statements import Refused
 from signorini_fx.quantities.registry import requested
 from signorini_fx.records import SHORT_OF_ACCURACY, Finding, History, Status, StepRecord, Timings
+from signorini_fx.results.accuracy.convergence_table import Price
 from signorini_fx.results.accuracy.mesh_level import LevelResult
-from signorini_fx.results.accuracy.next_digit import CostOfAccuracy, crowded_share, from_one_mesh, from_prices
-from signorini_fx.results.accuracy.price_list import Price
+from signorini_fx.results.accuracy.next_accuracy import CostOfAccuracy, crowded_share, from_one_mesh, from_prices
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery
 from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.results.certificate.contact_nodes import ContactSide
@@ -38,7 +38,7 @@ from signorini_fx.results.contact_fields import BoundaryFields, boundary_fields
 from signorini_fx.results.exported_checkpoint import export_checkpoint
 from signorini_fx.results.functionals import Functionals
 from signorini_fx.results.mechanics import NO_ESTIMATE, SolidBody
-from signorini_fx.results.requested_law import AskedLaw, asked_law
+from signorini_fx.results.requested_law import RequestedLaw, requested_law
 from signorini_fx.results.resultants import Resultants
 from signorini_fx.results.safety import Safety, safety_of
 from signorini_fx.results.stresses import RawStresses
@@ -125,7 +125,7 @@ class Solution:
         linear_algebra: which kind of elastic system was used, and why.
         found: gives what ``findings`` begins without; collective on several ranks.
         levels: the meshes of a nested iteration, coarsest first; otherwise empty.
-        price_list: errors and cost of each of them, and predictions for the next one; otherwise empty.
+        convergence_table: errors and cost of each of them, and predictions for the next one; otherwise empty.
         shared: what the results of all load steps use, once it is made.
     """
 
@@ -143,7 +143,7 @@ class Solution:
     linear_algebra: str = "full"
     found: Callable[[], tuple[Finding, ...]] = tuple
     levels: tuple[LevelResult, ...] = ()
-    price_list: tuple[Price, ...] = ()
+    convergence_table: tuple[Price, ...] = ()
     shared: dict[str, StressRecovery] = field(default_factory=dict)
 
     def __repr__(self) -> str:
@@ -231,12 +231,12 @@ class Solution:
         return list(dict.fromkeys(type(entry).__name__ for entry in used if not is_of_package(type(entry))))
 
     @property
-    def law(self) -> AskedLaw | None:
+    def law(self) -> RequestedLaw | None:
         """The contact law of the results beside the one that was asked for; None without contact or solution."""
         if self.contact is None or self.last_step.status is not Status.CONVERGED:
             return None
         certificates = {step.step: step.certificate for step in self.shown_steps}
-        return asked_law(
+        return requested_law(
             self.statement.solver,
             certificates,
             self.parameters.get("regularisation_error"),
@@ -328,7 +328,7 @@ class Solution:
 
     @cached_property
     def sides(self) -> list[ContactSide]:
-        """The parts of the boundary with contact, for second opinions."""
+        """The parts of the boundary with contact, for independent checks."""
         return self.model.sides(self.displacement)
 
     @property
@@ -415,9 +415,9 @@ class Solution:
         model, dimension = self.model, self.model.tagged.dimension
         degree = int(self.displacement.function_space.element.basix_element.degree)
         iterative_from = krylov_from(model.system_size, self.statement.solver.linear_algebra)
-        if self.price_list:
+        if self.convergence_table:
             asked = None if self.statement.accuracy is None else self.statement.accuracy.of
-            return from_prices(self.price_list, dimension, degree, iterative_from, asked)
+            return from_prices(self.convergence_table, dimension, degree, iterative_from, asked)
         if self.last_step.strain_energy is None:
             return NO_ESTIMATE
         if (stress := self.known_stress) is None:
@@ -437,7 +437,7 @@ class Solution:
         )
 
     def force_bounds(self, boundary: str, direction: tuple[float, ...]) -> Interval | str:
-        """Guaranteed bounds of the force on a body at a boundary in contact, in the plane per thickness; or why there
+        """Guaranteed bounds of the force on a body at a boundary in contact, in 2D per thickness; or why there
         are none; collective.
 
         Args:

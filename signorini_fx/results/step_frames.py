@@ -14,14 +14,14 @@ from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.algebra.contact.nodal_vectors import Nodal as Array
 from signorini_fx.algebra.contact.nodal_vectors import length, unit
-from signorini_fx.algebra.contact.resting_place import RestingMotion
+from signorini_fx.algebra.contact.reference_motion import ReferenceMotion
 from signorini_fx.errors import FormError
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.elastic_body import ElasticBody
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodies, RigidBodyMotion
-from signorini_fx.results.certificate.promised_law import Law, PreviousStep, Tractions
+from signorini_fx.results.certificate.law_of_method import Law, PreviousStep, Tractions
 from signorini_fx.tuned import SAME_DIRECTION
 
 
@@ -33,14 +33,14 @@ class StepEnd:
 
     Attributes:
         start: of the next step.
-        rest: the resting place from which displacements are counted; None: from the initial position.
+        rest: the reference motion from which displacements are counted; None: from the initial position.
         normal: displacement along the normals, length, shape (n,).
         boundary: the contact points.
         before: the same as the certificate sees it.
     """
 
     start: Start
-    rest: RestingMotion | None
+    rest: ReferenceMotion | None
     normal: Array
     boundary: ContactBoundary
     before: PreviousStep
@@ -108,13 +108,13 @@ class StepEnd:
             first: the problem at them, whose gap counts, and which of them cannot open.
             law: of friction now; None: there is none.
             moved: by which the foundations have moved at the points, length, shape (n, d); None: they have not.
-            start: ``start`` in the frames of these points; None: ``seen_from`` gives it.
+            start: ``start`` in the frames of these points; None: ``projected_onto`` gives it.
             spin: see ``turned``.
 
         Raises:
             FormError: see ``carried``.
         """
-        start = self.seen_from(boundary, held=False, spin=spin)[0] if start is None else start
+        start = self.projected_onto(boundary, held=False, spin=spin)[0] if start is None else start
         assert start.multipliers is not None
         data = replace(
             start.data,
@@ -127,14 +127,15 @@ class StepEnd:
         before = relative_to(self.before, self.boundary, boundary, moved, spin)
         return replace(start, data=data, law=law), before
 
-    def seen_from(
+    def projected_onto(
         self, boundary: ContactBoundary, *, held: bool, spin: Array | None = None
-    ) -> tuple[Start, RestingMotion | None]:
-        """The start of the step and the resting place, in the frames that the same points have now; collective.
+    ) -> tuple[Start, ReferenceMotion | None]:
+        """The start of the step and the reference motion, in the frames that the same points have now; collective.
 
         Args:
             boundary: the points as they are now.
-            held: whether what has fallen to the resting place is held by now, so that slips count from the initial one.
+            held: whether what has fallen to the reference motion is held by now, so that slips count from the initial
+                one.
             spin: see ``turned``.
 
         Raises:
@@ -217,12 +218,12 @@ def _along(boundary: ContactBoundary, moved: Array | None) -> Any:
 
 def carried(
     start: Start,
-    resting: RestingMotion | None,
+    resting: ReferenceMotion | None,
     normal: Array,
     old_boundary: ContactBoundary,
     new_boundary: ContactBoundary,
     spin: Array | None = None,
-) -> tuple[Start, RestingMotion | None]:
+) -> tuple[Start, ReferenceMotion | None]:
     """The start of a step, and the place from which its slips are counted, in the frames that the same points have now;
     collective.
 

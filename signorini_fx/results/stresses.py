@@ -71,7 +71,7 @@ class StressFields:
 
     @cached_property
     def tensor(self) -> fem.Function:
-        """Sigma with all components in space."""
+        """Sigma with all components in 3D."""
         raise NotImplementedError
 
     @cached_property
@@ -95,7 +95,7 @@ class StressFields:
 
     @cached_property
     def principal(self) -> fem.Function:
-        """The principal stresses, the largest (most tensile) first, shape (3,); in the plane one of them acts out of
+        """The principal stresses, the largest (most tensile) first, shape (3,); in 2D one of them acts out of
         it.
         """
         return self._function("principal_stresses", principal_of(self._nodal()))
@@ -220,7 +220,7 @@ class RawStresses(StressFields):
 
     @cached_property
     def tensor(self) -> fem.Function:
-        """Sigma with all components in space, also in the plane, where (2, 2) is that of the hypothesis; a stress,
+        """Sigma with all components in 3D, also in 2D, where (2, 2) is that of the hypothesis; a stress,
         shape (3, 3), discontinuous and of the degree of the element.
         """
         space = self.stress.displacement.function_space
@@ -428,7 +428,7 @@ class RecoveredStresses(StressFields):
 
     @cached_property
     def tensor(self) -> fem.Function:
-        """Sigma with all components in space, shape (3, 3), of degree 1, discontinuous between materials."""
+        """Sigma with all components in 3D, shape (3, 3), of degree 1, discontinuous between materials."""
         stress = self.stress
         mesh = stress.displacement.function_space.mesh
         function = fem.Function(fem.functionspace(mesh, ("DG", 1, (3, 3))), name="recovered_stress")

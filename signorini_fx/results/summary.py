@@ -17,7 +17,7 @@ from signorini_fx.quantities.quantity import SCHEMA_VERSION
 from signorini_fx.quantities.registry import at_stage, quantities, shown_lines
 from signorini_fx.quantities.text import row
 from signorini_fx.records import OuterRecord, Record, StepRecord
-from signorini_fx.results.accuracy import price_list
+from signorini_fx.results.accuracy import convergence_table
 from signorini_fx.results.deferred_quantities import columns_of, proved
 from signorini_fx.results.solution import Solution
 from signorini_fx.results.versions import versions
@@ -57,8 +57,8 @@ def summary_of(solution: Solution) -> dict[str, Any]:
     }
     for quantity in at_stage("results"):
         summary |= quantity.entries(solution)
-    if solution.price_list:
-        summary["price_list"] = [asdict(row) for row in solution.price_list]
+    if solution.convergence_table:
+        summary["convergence_table"] = [asdict(row) for row in solution.convergence_table]
     if solution.statement.several_steps:
         last, shown = solution.last_step, solution.shown_steps
         summary["results_of"] = {"step": last.step, "name": last.name, "time": last.time, "status": last.status.value}
@@ -140,8 +140,12 @@ def _figures(summary: dict[str, Any]) -> list[TerminalLine]:
         return lines
     lines += [line for quantity in quantities() if not quantity.first for line in shown_lines(quantity, summary)]
     lines.append(row("seconds", ", ".join(f"{name} {value:.2f}" for name, value in summary["timings"].items())))
-    if "price_list" in summary:
-        lines.append(TerminalLine(price_list.render([price_list.Price(**price) for price in summary["price_list"]])))
+    if "convergence_table" in summary:
+        lines.append(
+            TerminalLine(
+                convergence_table.render([convergence_table.Price(**price) for price in summary["convergence_table"]])
+            )
+        )
     return lines
 
 

@@ -1,4 +1,4 @@
-"""The contact surface of a body in space as a file for ParaView: its facets with all columns of the table."""
+"""The contact surface of a body in 3D as a file for ParaView: its facets with all columns of the table."""
 
 from __future__ import annotations
 

@@ -6,7 +6,7 @@ import textwrap
 
 from signorini_fx.machine.display import duration, storage
 from signorini_fx.machine.terminal import COLUMNS, clauses
-from signorini_fx.results.accuracy.next_digit import between, count
+from signorini_fx.results.accuracy.next_accuracy import between, count
 from signorini_fx.scenes.checks import Check
 from signorini_fx.solving.check.cost import Cost
 
@@ -29,7 +29,7 @@ def short_text(check: Check) -> str:
     solves = f"{low}" if low == high else f"{low} to {high}"
     seconds = f"{between(check.cost.seconds)} of linear algebra"
     cost = f"{check.cost.unknowns} unknowns, {solves} solves, {seconds}, {storage(check.cost.memory_bytes)}"
-    lines += _paragraph("cost", f"{cost}, estimated; {next_digit(check.cost)}", 3)
+    lines += _paragraph("cost", f"{cost}, estimated; {next_accuracy(check.cost)}", 3)
     findings = sorted(check.findings, key=lambda finding: finding.level != "warning")
     for k, finding in enumerate(findings):
         told = _paragraph(finding.level, f"{finding.path}: {finding.message}", _FINDING)
@@ -86,12 +86,12 @@ def _estimate(cost: Cost) -> str:
         f"{solves} linear solves ({cost.linear_algebra}); "
         f"{factorisation} {duration(cost.factorisation_seconds)} and {storage(cost.factorisation_bytes)}; "
         f"altogether {between(cost.seconds)} of linear algebra and {storage(cost.memory_bytes)}; "
-        f"{next_digit(cost)}"
+        f"{next_accuracy(cost)}"
     )
 
 
-def next_digit(cost: Cost) -> str:
-    """What the next digit would take, before anything is known of the solution."""
+def next_accuracy(cost: Cost) -> str:
+    """What the next accuracy would take, before anything is known of the solution."""
     share = {0.1: "a tenth of", 0.5: "half"}.get(cost.next_error, f"{cost.next_error:.2g} of")
     unknowns = " to ".join(dict.fromkeys(map(count, cost.next_unknowns)))
     return f"{share} the error: {between(cost.next_seconds)}, {unknowns} unknowns"

@@ -26,7 +26,7 @@ from signorini_fx.mechanics.statement.settings import Accuracy
 from signorini_fx.records import History
 from signorini_fx.results.accuracy.error_estimates import Errors, estimate_errors
 from signorini_fx.results.accuracy.level_results import compliance_of
-from signorini_fx.results.certificate.promised_law import overclosures_of
+from signorini_fx.results.certificate.law_of_method import overclosures_of
 from signorini_fx.results.restart_files import Checkpoint
 from signorini_fx.results.solution import Solution
 from signorini_fx.scenes.hierarchy import scene_on, with_halved_bodies

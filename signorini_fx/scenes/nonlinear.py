@@ -21,7 +21,7 @@ from signorini_fx.errors import FormError, SceneError
 from signorini_fx.forms.nonlinear.at_solution import linearised_at
 from signorini_fx.forms.nonlinear.displaced_certificate import DisplacementsAtPlaces, ResidualMechanics
 from signorini_fx.forms.nonlinear.moving_shapes import fitting, not_driven
-from signorini_fx.forms.nonlinear.newton import SecondOpinion
+from signorini_fx.forms.nonlinear.newton import IndependentCheck
 from signorini_fx.forms.nonlinear.problem import NonlinearContactProblem
 from signorini_fx.forms.nonlinear.snapshot import BeginningOnShapes, Snapshot
 from signorini_fx.machine import compat, parallel
@@ -189,7 +189,7 @@ class ProblemOfScene(NonlinearContactProblem):
         """
         self.statement, self.model, self.body, self._held = statement, model, body, held
         anew = NonlinearForces(statement, model.tagged, model.space)
-        self._solver.opinion = OpinionOfScene(self, anew, StatesOnPath(anew))
+        self._solver.independent_check = OpinionOfScene(self, anew, StatesOnPath(anew))
         self.linear.bodies = model.pieces.bodies
         self._solver.tangents.trusted = body.tangent is not None
         self._begins_at(statement.placed(-1))
@@ -339,12 +339,12 @@ class ReachedStep:
 
 
 @dataclass(frozen=True)
-class OpinionOfScene(SecondOpinion):
+class OpinionOfScene(IndependentCheck):
     """What a scene knows beside its residual, in its own words: stresses by NumPy, and the sizes of strains.
 
     Attributes:
         problem: of the scene.
-        anew: the second opinion of its materials and loads.
+        anew: the independent check of its materials and loads.
         states: of its materials.
     """
 
@@ -354,7 +354,7 @@ class OpinionOfScene(SecondOpinion):
     states: StatesOnPath
 
     def too_large(self) -> str:
-        """See ``SecondOpinion``: where all strains are small ones, so must the deformation be."""
+        """See ``IndependentCheck``: where all strains are small ones, so must the deformation be."""
         linear, limit = self.problem.linear, self.problem.statement.solver.largest_deformation
         if (
             self.problem.statement.finite_strains
@@ -364,11 +364,11 @@ class OpinionOfScene(SecondOpinion):
         return f"it is {size:.3g}, of small strains at most {limit:g}"
 
     def advice_on(self, status: Status) -> str:
-        """See ``SecondOpinion``."""
+        """See ``IndependentCheck``."""
         return advice_on_nonlinear(status, self.problem.statement)
 
     def forces(self, residual: Array) -> Array:
-        """See ``SecondOpinion``: those of materials and loads."""
+        """See ``IndependentCheck``: those of materials and loads."""
         problem = self.problem
         states = {
             number: points.begun
@@ -379,12 +379,12 @@ class OpinionOfScene(SecondOpinion):
         return self.anew.residual(problem.u, states, problem.path_step)
 
     def supports(self, claimed_supports: PrescribedNodes) -> PrescribedNodes:
-        """See ``SecondOpinion``: those that the scene says to hold in this load step, whatever the problem holds."""
+        """See ``IndependentCheck``: those that the scene says to hold in this load step, whatever the problem holds."""
         return PrescribedNodes.of(self.anew, self.problem.path_step, 1.0)
 
     def contact_sides(self, claimed_sides: Sequence[ContactSide]) -> list[ContactSide]:
-        """See ``SecondOpinion``: with friction, gaps and foundations of this load step, as the scene says them, but for
-        tools that forces move and gaps of pairs.
+        """See ``IndependentCheck``: with friction, gaps and foundations of this load step, as the scene says them, but
+        for tools that forces move and gaps of pairs.
         """
         x, problem = self.anew.at_nodes[:, : self.anew.dimension], self.problem
         displacement = problem.u.x.array.reshape(x.shape).copy()
@@ -396,7 +396,7 @@ class OpinionOfScene(SecondOpinion):
         return sides
 
     def loaded(self, mechanics: ResidualMechanics) -> ResidualMechanics:
-        """See ``SecondOpinion``."""
+        """See ``IndependentCheck``."""
         anew, problem = self.anew, self.problem
         displacements = problem.u.x.array.reshape(-1, anew.dimension)
         followers = [

@@ -48,8 +48,8 @@ class ParameterStudy:
         title: of the problem.
         units: for labels, see ``signorini_fx.mechanics.statement.units``.
         rows: of each value in order: ``value``, ``status``, ``linear_solves``, ``certificate_holds`` and ``FIGURES``:
-            sizes of the contact and friction force (per thickness in the plane), between bodies the sum of those of all
-            boundaries, areas in contact and of what sticks (in the plane lengths); not a number where there is no
+            sizes of the contact and friction force (per thickness in 2D), between bodies the sum of those of all
+            boundaries, areas in contact and of what sticks (in 2D lengths); not a number where there is no
             solution.  With several load steps also ``solved_until``, the time of the last one with a solution: where a
             ramp ends without one, its limit.
     """

@@ -1,6 +1,6 @@
 """How the mesh of a scene is refined for a requested accuracy: where, with which cells and which elements.
 
-In the plane cells and elements that were found to be cheaper may take the place of the scene's; in space they stay.
+In 2D cells and elements that were found to be cheaper may take the place of the scene's; in 3D they stay.
 """
 
 from __future__ import annotations
@@ -135,7 +135,7 @@ def _planned_bodies(scene: Scene, goal: Accuracy, comm: MPI.Comm) -> Plan:
 
 
 def _with_curved_bodies(scene: Scene) -> Scene:
-    """In the plane with elements and cells of degree 2, if generators with arcs make all bodies; else as it is."""
+    """In 2D with elements and cells of degree 2, if generators with arcs make all bodies; else as it is."""
     curved = []
     for body in scene.body:
         if not isinstance(body.mesh, MeshGenerator):

@@ -26,8 +26,8 @@ class Rigid(RigidMotion):
         shape: its surface; None: each of its contacts says its own.
         pivot: the point where the force acts, about which it turns, length; None: that of the shape of its first
             contact.
-        force: on it at its pivot, force, in the plane per thickness; numbers or expressions of the time t; None: none.
-        moment: about that point, in the plane a number, counterclockwise, in space three; of the same kinds.
+        force: on it at its pivot, force, in 2D per thickness; numbers or expressions of the time t; None: none.
+        moment: about that point, in 2D a number, counterclockwise, in 3D three; of the same kinds.
         prescribed: the components of the motion that are not free.
         spring: between its pivot and the ground; None: there is none.
     """

@@ -37,7 +37,7 @@ from signorini_fx.mechanics.statement.expressions import sample
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.records import History, Status, Timings
 from signorini_fx.results.certificate.certificate import Certificate
-from signorini_fx.results.certificate.promised_law import Law, Tractions
+from signorini_fx.results.certificate.law_of_method import Law, Tractions
 from signorini_fx.results.mechanics import StatedBody
 from signorini_fx.scenes.hierarchy import coarser_scenes
 from signorini_fx.scenes.mesh import load_mesh
@@ -152,7 +152,7 @@ def _coarser(scene: Scene, model: Model, first: Sequence[_Value]) -> tuple[MeshL
         for coarse in coarser_scenes(scene, scene.solver.levels):
             body = discretise(coarse.statement, load_mesh(coarse, model.tagged.mesh.comm), Timings())
             solved = None
-            for value in () if scene.statement.sought_at(0) else first:
+            for value in () if scene.statement.depends_on_solution_at(0) else first:
                 task = contact_task(body, History(), coarser)
                 start = value.start(_begun(task, body, coarser, state), body)
                 outcome = solve_task(task, start)
@@ -391,7 +391,7 @@ def _refuse(scene: Scene, coefficients: Sequence[float] | None, loads: Sequence[
     numbers = np.asarray([] if coefficients is None else coefficients, dtype=float)
     if not (np.isfinite(numbers) & (numbers >= 0)).all():
         raise SceneError([("sweep", f"coefficients must be finite numbers from 0 on, got {numbers.tolist()}")])
-    for clause in scene.statement.sought_at(0).values():
+    for clause in scene.statement.depends_on_solution_at(0).values():
         if loads is not None and min(loads, default=1.0) <= 0:
             raise SceneError([("sweep", f"loads must be positive where {clause}")])
     if coefficients is not None and not scene.statement.has_coulomb:

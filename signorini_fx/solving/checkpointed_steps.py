@@ -239,7 +239,7 @@ class MeshCheckpoint:
         posed, solved = (
             _data(task, start, name, nodal, figures["parameters"][name], boundary) for name in ("given", "solved")
         )
-        sets = release(sets, solved)  # in space points without a bound slip in no direction
+        sets = release(sets, solved)  # in 3D points without a bound slip in no direction
         newton = task.iterate.newton
         newton.pose(solved, sets)
         newton.restore((x, sets, solved))

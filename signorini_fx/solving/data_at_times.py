@@ -18,7 +18,7 @@ from signorini_fx.mechanics.body.discretisation import moved_since, placed
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.model import Model
 from signorini_fx.records import Timings
-from signorini_fx.results.certificate.promised_law import PreviousStep
+from signorini_fx.results.certificate.law_of_method import PreviousStep
 from signorini_fx.results.mechanics import SolidBody
 from signorini_fx.results.solution import StepResult
 from signorini_fx.results.step_frames import StepEnd, carried, from_rest
@@ -97,7 +97,7 @@ def on_moved_foundations(
             begun = begun.begin_from(start.sets, carried_start.multipliers)
         return from_rest(moved.space, moved.boundary, begun, drift)
     end.taken_up(task, moved, moved.rigid)
-    begun, _ = end.seen_from(moved.boundary, held=True)
+    begun, _ = end.projected_onto(moved.boundary, held=True)
     if task.rest is not None:  # contact alone holds the body, which comes to rest elsewhere with another gap
         begun = replace(begun, data=replace(begun.data, slip_origin=begun.data.slip_origin - task.rest.u_t))
     drift = moved_since(moved, earlier.statement)
@@ -113,7 +113,7 @@ def on_moved_foundations(
     if not parallel.any_rank(moved.boundary.comm, bool(across.any())):
         return replace(begun, data=data), before
 
-    def without_across(vectors: Nodal | None) -> Any:  # of shears along the tangents, or in space
+    def without_across(vectors: Nodal | None) -> Any:  # of shears along the tangents, or in 3D
         if vectors is None:
             return None
         inner = across if vectors.shape[1] == across.shape[1] else tangents.swapaxes(1, 2) @ across @ tangents

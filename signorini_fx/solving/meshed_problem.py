@@ -17,11 +17,11 @@ from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.rigid.mesh_levels import MeshLevel
 from signorini_fx.mechanics.statement.settings import SolverSettings
 from signorini_fx.records import History
+from signorini_fx.results.accuracy.convergence_table import peak_memory
 from signorini_fx.results.accuracy.error_estimates import Errors, worst_of
 from signorini_fx.results.accuracy.level_results import level_result
 from signorini_fx.results.accuracy.mesh_level import LevelResult
 from signorini_fx.results.accuracy.pressure_error import polygon_error
-from signorini_fx.results.accuracy.price_list import peak_memory
 from signorini_fx.results.restart_files import Checkpoint
 from signorini_fx.results.solution import Solution
 from signorini_fx.solving.checkpointed_steps import MeshCheckpoint

@@ -22,9 +22,9 @@ from signorini_fx.mechanics.contact_points.contact_boundary import ContactBounda
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.rigid.mesh_levels import MeshLevel
 from signorini_fx.records import History
+from signorini_fx.results.accuracy.convergence_table import convergence_table, peak_memory, with_polygon
 from signorini_fx.results.accuracy.forecast import seconds_to_come
 from signorini_fx.results.accuracy.mesh_level import LevelResult
-from signorini_fx.results.accuracy.price_list import peak_memory, price_list, with_polygon
 from signorini_fx.results.solution import Solution
 from signorini_fx.solving.coarser_solution import Unsolved
 from signorini_fx.solving.meshed_problem import MeshedProblem
@@ -75,7 +75,9 @@ def solve_nested(
             break
         solution, state = solved.solution, None
         if levels and solution.statement.sides != sides:
-            history.add("the price list begins here: on the coarser meshes the contact points are on other boundaries")
+            history.add(
+                "the convergence table begins here: on the coarser meshes the contact points are on other boundaries"
+            )
             levels.clear()
         sides = solution.statement.sides
         coarser = solution.model.level(coarser, solution.displacement)
@@ -95,15 +97,15 @@ def solve_nested(
     if certified is not None and unsolved is not None:
         solution = unsolved.leaves(certified, history)
     solved_one = solution.converged or unsolved is not None
-    prices = price_list(levels, base_memory) if len(levels) > 1 and solved_one else ()
-    return replace(solution, levels=tuple(levels), price_list=tuple(prices))
+    prices = convergence_table(levels, base_memory) if len(levels) > 1 and solved_one else ()
+    return replace(solution, levels=tuple(levels), convergence_table=tuple(prices))
 
 
 def carry_over(coarse: ContactState, fine: ContactBoundary) -> tuple[ActiveSets, tuple[Nodal, Nodal]]:
     """Sets and (lambda, mu) for the nodes of a finer mesh, from the nearest coarse nodes; collective."""
     boundary = coarse.boundary
     tangents = boundary.tangents
-    # Directions and shears as vectors in space, because the tangents of neighbours need not agree.
+    # Directions and shears as vectors in 3D, because the tangents of neighbours need not agree.
     state = [
         boundary.part,
         boundary.x,

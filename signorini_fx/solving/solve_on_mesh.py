@@ -27,7 +27,7 @@ from signorini_fx.mechanics.rigid.mesh_levels import MeshLevel
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.records import Finding, History, Status, Timings
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery
-from signorini_fx.results.certificate.promised_law import overclosures_of
+from signorini_fx.results.certificate.law_of_method import overclosures_of
 from signorini_fx.results.functionals import functionals
 from signorini_fx.results.mechanics import SolidBody, StatedBody
 from signorini_fx.results.solution import Solution, StepResult

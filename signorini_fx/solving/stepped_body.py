@@ -20,7 +20,7 @@ from signorini_fx.mechanics.statement.load_path import LoadPath
 from signorini_fx.mechanics.statement.settings import SolverSettings
 from signorini_fx.records import Finding, Status, Timings
 from signorini_fx.results.certificate.certificate import Certificate
-from signorini_fx.results.certificate.promised_law import Law, PreviousStep, Tractions
+from signorini_fx.results.certificate.law_of_method import Law, PreviousStep, Tractions
 from signorini_fx.results.last_digits import status_by_digits
 from signorini_fx.results.mechanics import SolidBody
 from signorini_fx.results.solution import StepResult

@@ -21,18 +21,18 @@ from signorini_fx.machine.display import duration
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.statement.settings import Accuracy
 from signorini_fx.records import History, Status
-from signorini_fx.results.accuracy.local_estimates import LOCAL
-from signorini_fx.results.accuracy.mesh_level import LevelResult
-from signorini_fx.results.accuracy.peak_error import diverging_row
-from signorini_fx.results.accuracy.price_list import (
+from signorini_fx.results.accuracy.convergence_table import (
     Price,
+    convergence_table,
     expected_rates,
     fineness_of,
     peak_memory,
     predict,
-    price_list,
     with_polygon,
 )
+from signorini_fx.results.accuracy.local_estimates import LOCAL
+from signorini_fx.results.accuracy.mesh_level import LevelResult
+from signorini_fx.results.accuracy.peak_error import diverging_row
 from signorini_fx.results.accuracy.recovered_force import force_by_recovery
 from signorini_fx.results.deferred_quantities import failure_in_words
 from signorini_fx.results.mechanics import StatedBody
@@ -118,8 +118,8 @@ def solve_to_accuracy(
         levels = [*levels[: len(levels) - same_mesh], replace(with_polygon(level, polygon), seconds=seconds)]
         rows = []
         if len(levels) > 1:
-            rows = price_list(levels, budget.base_memory, rates=rates, uniform=not meshes.adaptive)
-        solution = last = replace(solution, levels=tuple(levels), price_list=tuple(rows))
+            rows = convergence_table(levels, budget.base_memory, rates=rates, uniform=not meshes.adaptive)
+        solution = last = replace(solution, levels=tuple(levels), convergence_table=tuple(rows))
         regularisation = level.pressure_regularisation if goal.of == "pressure" else level.regularisation
         estimate = getattr(rows[-2], goal.of) if rows else _estimate_on_one(levels[0], goal)
         margin = MARGIN.get((goal.of, meshes.problem.degree), MARGIN_OF_OTHERS)

@@ -35,13 +35,13 @@ _START = 120.0
 def main(arguments: Sequence[str] | None = None) -> int:
     """Examine random scenes."""
     parser = argparse.ArgumentParser(prog="python3 -m stability.oracle", description=(__doc__ or "").split("\n\n")[0])
-    parser.add_argument("--plane", type=int, metavar="N", help="how many scenes in the plane (2000)")
+    parser.add_argument("--plane", type=int, metavar="N", help="how many scenes in 2D (2000)")
     parser.add_argument(
-        "--space", type=int, metavar="N", help="how many scenes in space (1000); one of these alone: no others"
+        "--space", type=int, metavar="N", help="how many scenes in 3D (1000); one of these alone: no others"
     )
     parser.add_argument("--bodies", type=int, metavar="N", help="how many scenes of two and three bodies (1000)")
     parser.add_argument("--effects", type=int, metavar="N", help="how many scenes with further effects (1000)")
-    parser.add_argument("--space-effects", type=int, metavar="N", help="how many of these in space (1000)")
+    parser.add_argument("--space-effects", type=int, metavar="N", help="how many of these in 3D (1000)")
     parser.add_argument("--first", type=int, default=0, metavar="SEED", help="the first one's number (0)")
     parser.add_argument("--jobs", type=int, default=1, metavar="N", help="processes (1)")
     parser.add_argument("--limit", type=float, default=180.0, metavar="S", help="wall seconds for one scene (180)")
@@ -79,11 +79,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 _SHOWN = {
-    "plane": "in the plane",
-    "space": "in space",
-    "bodies": "of several bodies, in the plane and in space",
-    "effects": "in the plane with further effects",
-    "space-effects": "in space with further effects",
+    "plane": "in 2D",
+    "space": "in 3D",
+    "bodies": "of several bodies, in 2D and in 3D",
+    "effects": "in 2D with further effects",
+    "space-effects": "in 3D with further effects",
 }
 
 

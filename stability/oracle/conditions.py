@@ -213,10 +213,10 @@ def violations(
     stress = max(float(acting), 1e-3 * body.young * shape / body.size)
     length = max(shape, 1e-3 * stress / body.young * body.size)
     near = TOLERANCE * length + 1e3 * _EPS * (moved + float(np.abs(contact.gap).max()))
-    faint = max(TOLERANCE * stress, noise / float(contact.weight.min()), LEAST)
+    negligible = max(TOLERANCE * stress, noise / float(contact.weight.min()), LEAST)
     # What is added to the slip and the shear of the step before has their round-off.
     near = max(near, 1e3 * _EPS * float(np.abs(origin.u_t).max(initial=0.0)), LEAST)
-    faint = max(faint, 1e3 * _EPS * float(np.abs(origin.shear).max(initial=0.0)))
+    negligible = max(negligible, 1e3 * _EPS * float(np.abs(origin.shear).max(initial=0.0)))
     at = u[contact.nodes]
     u_n, u_t = (at * contact.normal).sum(axis=1), (at * contact.tangent).sum(axis=1)
     # In a direction that a support holds, the support determines the force.
@@ -226,24 +226,26 @@ def violations(
     one = ~contact.bilateral & judged_n
     two = contact.bilateral & judged_n
     figures["penetration"] = _most(np.where(two, np.abs(entered), entered)[judged_n]) / near
-    figures["pressure below zero"] = _most(-pressure[one]) / faint
-    figures["pressure at a distance"] = _most(np.minimum(pressure / faint, -entered / near)[one])
-    figures["state of contact"] = _most(pressure[one & (said.state == "open")]) / faint
+    figures["pressure below zero"] = _most(-pressure[one]) / negligible
+    figures["pressure at a distance"] = _most(np.minimum(pressure / negligible, -entered / near)[one])
+    figures["state of contact"] = _most(pressure[one & (said.state == "open")]) / negligible
     bound = contact.bound(pressure)
     if not contact.has_friction:
-        figures["shear without friction"] = _most(np.abs(shear)[judged_t]) / faint
+        figures["shear without friction"] = _most(np.abs(shear)[judged_t]) / negligible
         return figures
     xi = u_t - origin.slip_from(compliance[1]) - compliance[1] * (shear - origin.shear)
     below = bound - np.abs(shear)
-    figures["friction cone"] = _most(-below[judged_t]) / faint
-    figures["slip below the bound"] = _most(np.minimum(np.abs(xi) / near, below / faint)[judged_t])
-    figures["slip against the shear"] = _most(np.minimum(np.abs(shear) / faint, -xi * np.sign(shear) / near)[judged_t])
+    figures["friction cone"] = _most(-below[judged_t]) / negligible
+    figures["slip below the bound"] = _most(np.minimum(np.abs(xi) / near, below / negligible)[judged_t])
+    figures["slip against the shear"] = _most(
+        np.minimum(np.abs(shear) / negligible, -xi * np.sign(shear) / near)[judged_t]
+    )
     stick = (said.state == "stick") & judged_t
     figures["state of stick"] = _most(np.abs(xi)[stick]) / near
     for name, sign in (("slip+", 1), ("slip-", -1)):
         sliding = (said.state == name) & judged_t & (bound > 0)
         figures[f"state of {name}"] = max(
-            _most((bound - sign * shear)[sliding]) / faint, _most((-sign * xi)[sliding]) / near
+            _most((bound - sign * shear)[sliding]) / negligible, _most((-sign * xi)[sliding]) / near
         )
     return figures
 

@@ -1,4 +1,4 @@
-"""Effects beyond tractions: what they do to a body in the plane, assembled anew from plain arrays."""
+"""Effects beyond tractions: what they do to a body in 2D, assembled anew from plain arrays."""
 
 from __future__ import annotations
 

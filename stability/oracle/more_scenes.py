@@ -1,4 +1,4 @@
-"""Random scenes in the plane with effects beyond tractions: scenes of ``scenes``, and what acts on them besides."""
+"""Random scenes in 2D with effects beyond tractions: scenes of ``scenes``, and what acts on them besides."""
 
 from __future__ import annotations
 

@@ -117,7 +117,7 @@ def drawn_units(seed: int, dimension: int) -> Units:
 
 
 def trial(seed: int, units: Units | None = None) -> Trial:
-    """The scene of a seed in the plane, in its own units or in given ones."""
+    """The scene of a seed in 2D, in its own units or in given ones."""
     dice = Dice(seed)
     angle = dice.one_of(0.0, 0.0, 0.0, np.pi / 2, np.pi, dice.between(0, 2 * np.pi))
     if dice.chance(0.4):  # not used: seeds keep their scenes, whose units were once drawn here

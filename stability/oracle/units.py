@@ -1,7 +1,7 @@
 """Units of a scene: the solver sees a scene in units of its own, the oracle judges it in units of the body.
 
 A scene is drawn for a body of about size 1 with E = 1.  It is then written in other units, whose exponents are drawn
-for lengths and for forces independently, and the answer is taken back.  In the plane forces are per unit thickness.
+for lengths and for forces independently, and the answer is taken back.  In 2D forces are per unit thickness.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ _VALUES: dict[str, dict[str, tuple[float, int]]] = {
     # An acceleration has no unit here, so that times are those that make it so.
     "material": {"young": _STRESS, "density": _PER_VOLUME, "grading": (0, 0)},
     "orthotropic": {"young": _STRESS, "shear": _STRESS, "direction": (0, 0), "second": (0, 0)},
-    "force": {"x": (1, 1), "y": (1, 1), "z": (1, 1), "spread": (0, 0)},  # per thickness in the plane
+    "force": {"x": (1, 1), "y": (1, 1), "z": (1, 1), "spread": (0, 0)},  # per thickness in 2D
     "fluid": {"level": _LENGTH, "weight": _PER_VOLUME},
     "rotation": {"speed": (-0.5, 0), "about": _LENGTH},
     "temperature": {"change": (0, 0)},
@@ -60,7 +60,7 @@ class Units:
 
     Attributes:
         length: a length of 1 in the scene's units.
-        force: a force of 1, in the plane per thickness.
+        force: a force of 1, in 2D per thickness.
         dimension: of space.
     """
 
@@ -128,5 +128,5 @@ def same(dimension: int) -> Units:
     return Units(1.0, 1.0, dimension)
 
 
-# A scene in the plane as it is drawn.
+# A scene in 2D as it is drawn.
 AS_DRAWN = same(2)

@@ -30,7 +30,7 @@ from stability.oracle.space import more_scenes as more_in_space
 from stability.oracle.space import scenes as space_scenes
 from stability.oracle.units import Units, same
 
-# The scenes of a seed, and the verdict, by their names; several bodies by turns in the plane and in space.
+# The scenes of a seed, and the verdict, by their names; several bodies by turns in 2D and in 3D.
 TRIAL: dict[str, Callable[..., Trial]] = {
     "plane": scenes.trial,
     "effects": more_scenes.more,

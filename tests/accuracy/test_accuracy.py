@@ -19,7 +19,7 @@ from signorini_fx.mechanics.mesh.tagged import generate_mesh
 from signorini_fx.mechanics.statement.mesh_sources import MeshGenerator
 from signorini_fx.mechanics.statement.settings import Accuracy
 from signorini_fx.records import History, IterationRecord, Status
-from signorini_fx.results.accuracy.price_list import fineness_of, predict
+from signorini_fx.results.accuracy.convergence_table import fineness_of, predict
 from signorini_fx.results.summary import render, summarise
 from signorini_fx.scenes.checks import check_scene
 from signorini_fx.scenes.mesh_sequence import meshes_of
@@ -80,7 +80,7 @@ def test_every_number_of_ranks_meets_it():
     scene = asked("coulomb", target=3e-2, of="pressure")
     ours, alone = solve(scene), solve(scene, MPI.COMM_SELF)
     assert [level.dofs for level in ours.levels] == [level.dofs for level in alone.levels]
-    assert ours.price_list[-2].pressure == pytest.approx(alone.price_list[-2].pressure, rel=1e-6)
+    assert ours.convergence_table[-2].pressure == pytest.approx(alone.convergence_table[-2].pressure, rel=1e-6)
 
 
 def test_nodes_where_loads_jump_are_kept():
@@ -234,7 +234,7 @@ def test_the_memory_of_the_machine_is_a_budget(monkeypatch):
 @pytest.mark.one_quick
 @pytest.mark.parametrize("refinement", ["adaptive", "uniform"])
 def test_forecasts_are_of_the_mesh_that_follows(monkeypatch, refinement):
-    """How much finer it is was guessed once, as twice the unknowns: in space there were six times as many."""
+    """How much finer it is was guessed once, as twice the unknowns: in 3D there were six times as many."""
     finer = []
 
     def noted(*given, **named):
@@ -302,7 +302,7 @@ def test_contact_up_to_a_corner(block_on_table, target):
     solution = solve(scene, MPI.COMM_SELF)
     true = fine.errors(solution)["pressure"]
     assert true <= target
-    assert 2 * solution.price_list[-2].pressure >= 0.7 * true
+    assert 2 * solution.convergence_table[-2].pressure >= 0.7 * true
     assert solution.model.dofs < 4_000
 
 
@@ -311,7 +311,7 @@ def test_the_largest_pressure_at_a_corner_has_no_value():
     scene = parse_scene({**TABLE, "accuracy": {"target": 0.05, "of": "peak"}})
     solution = solve(scene, MPI.COMM_SELF, check=False)
     assert solution.status is Status.OUT_OF_REACH
-    assert solution.price_list[-2].peak is None
+    assert solution.convergence_table[-2].peak is None
     assert any("no finite value" in event and "at (2, " in event for event in solution.history.events)
     assert "the largest pressure has no finite value" in solution.advice  # and so in the first lines
 

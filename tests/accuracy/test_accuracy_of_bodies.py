@@ -14,7 +14,7 @@ from signorini_fx.mechanics.contact_points.contact_table import ContactTable
 from signorini_fx.mechanics.mesh.files.formats import read_file, write_file
 from signorini_fx.mechanics.mesh.tagged import generate_mesh
 from signorini_fx.results.accuracy.contact_values import interpolated
-from signorini_fx.results.accuracy.price_list import zone_change
+from signorini_fx.results.accuracy.convergence_table import zone_change
 from signorini_fx.scenes.reading import parse_scene
 
 WORLD = MPI.COMM_WORLD
@@ -78,7 +78,7 @@ def test_two_cylinders(friction):
     assert found.statement.element.degree == 2
     dofs = [level.dofs for level in found.levels]
     assert dofs == sorted(set(dofs))
-    assert 1.4 * found.price_list[-2].energy <= 0.1
+    assert 1.4 * found.convergence_table[-2].energy <= 0.1
     table = found.table.columns
     assert table["pressure"].max() == pytest.approx(peak_of_hertz(abs(found.contact.forces[0][1])), rel=0.02)
     most = 0.3 * (table["pressure"] if friction and friction["law"] == "coulomb" else np.ones_like(table["pressure"]))
@@ -93,7 +93,7 @@ def test_units():
     one, other = (solve(cylinders(goal, length=a, force=b), MPI.COMM_SELF) for a, b in ((1.0, 1.0), (1e-6, 1e9)))
     assert [level.dofs for level in one.levels] == [level.dofs for level in other.levels]
     for name in ("energy", "pressure", "force", "zone", "peak"):
-        theirs, mine = (getattr(solution.price_list[-2], name) for solution in (one, other))
+        theirs, mine = (getattr(solution.convergence_table[-2], name) for solution in (one, other))
         assert mine is theirs is None or mine == pytest.approx(theirs, rel=1e-4)
 
 
@@ -128,8 +128,8 @@ def test_patch(kind):
     found = solve(stacked((block(8), block(12)), accuracy={"target": 0.01}, **more), WORLD)
     assert [level.dofs for level in found.levels] == [2 * (9 + 16), 2 * (25 + 49)]
     np.testing.assert_allclose(found.contact.pressure, 0.3, rtol=1e-6)
-    assert found.price_list[-2].energy < 1e-6
-    assert found.price_list[-2].pressure < 1e-6
+    assert found.convergence_table[-2].energy < 1e-6
+    assert found.convergence_table[-2].pressure < 1e-6
 
 
 def test_bodies_of_different_origin(tmp_path):
@@ -151,7 +151,7 @@ def test_bodies_of_different_origin(tmp_path):
         cells_of = [level.dofs for level in found.levels]
         assert len(cells_of) >= 2
         assert cells_of[1] > 2.5 * cells_of[0]
-        assert found.price_list[-2].energy < 0.2
+        assert found.convergence_table[-2].energy < 0.2
         assert found.model.tagged.origin["bodies"].keys() == {"lower", "upper"}
 
 
@@ -198,8 +198,8 @@ def test_sides_that_change_between_levels():
     }
     found = solve(stacked((block(10), block(13)), solver={"levels": 2}, **more), WORLD)
     assert found.statement.contact[0].boundary == "upper.bottom"
-    assert not found.price_list
-    assert any("the price list begins here" in event for event in found.history.events)
+    assert not found.convergence_table
+    assert any("the convergence table begins here" in event for event in found.history.events)
     assert found.levels[-1].linear_solves <= 3
     goal = {"target": 0.2, "of": "energy"}
     found = solve(stacked((block(10), block(13)), accuracy=goal, **more), WORLD)
@@ -253,7 +253,7 @@ def pressed_blocks(dimension, goal, friction=None, push=(0.0, 0.0)):
     )
 
 
-# The force on meshes that are much finer: 759,172 unknowns in the plane; in space, to 0.3 %, extrapolated from
+# The force on meshes that are much finer: 759,172 unknowns in 2D; in 3D, to 0.3 %, extrapolated from
 # hexahedra with 314,574 and 1,033,890 unknowns and from some of degree 2.
 @pytest.mark.one_quick
 @pytest.mark.parametrize(("dimension", "target", "force"), [(2, 0.01, 1.7686), (3, 0.12, 1.864)])
@@ -263,7 +263,7 @@ def test_a_force_where_contact_ends_at_edges(dimension, target, force):
     """
     found = solve(pressed_blocks(dimension, {"target": target, "of": "force"}), MPI.COMM_SELF)
     assert found.status is Status.CONVERGED
-    levels, rows = found.levels, found.price_list[:-1]
+    levels, rows = found.levels, found.convergence_table[:-1]
     assert levels[-1].inside > 0.8 * levels[-2].inside or levels[-1].dofs < 2 * levels[-2].dofs
     for level, row in list(zip(levels, rows, strict=True))[2:]:
         true = abs(level.force[dimension - 1] / force - 1)
@@ -284,7 +284,7 @@ def test_a_force_with_friction():
     assert found.status is Status.CONVERGED
     normal, shear = found.contact.forces
     true = np.linalg.norm(np.abs(normal + shear) - PUSHED) / np.linalg.norm(PUSHED)
-    assert true < found.price_list[-2].force < 5 * true
+    assert true < found.convergence_table[-2].force < 5 * true
     assert np.abs(shear[:2]) == pytest.approx(PUSHED[:2], rel=0.025)
     assert {"stick", "slip"} <= set(found.table.columns["friction"])
 
@@ -365,8 +365,8 @@ def test_two_spheres(target, size):
     found = solve(spheres(0.4, 1, accuracy={"target": target, "of": "force"}), MPI.COMM_SELF)
     assert found.status is Status.CONVERGED
     true = abs(abs(found.contact.forces[0][2]) / force - 1)
-    assert true < found.price_list[-2].force < 8 * true
-    assert 2 * found.price_list[-2].force < target
+    assert true < found.convergence_table[-2].force < 8 * true
+    assert 2 * found.convergence_table[-2].force < target
 
 
 def test_curved_facets(monkeypatch):
@@ -418,7 +418,7 @@ def test_a_shrink_fit(of, target):
     assert pytest.approx(0.048940, rel=1e-5) == LAME
     found = solve(ring_in_ring({"target": target, "of": of}), MPI.COMM_SELF)
     assert found.status is Status.CONVERGED
-    for level, row in list(zip(found.levels, found.price_list, strict=False))[2 if of == "force" else 0 :]:
+    for level, row in list(zip(found.levels, found.convergence_table, strict=False))[2 if of == "force" else 0 :]:
         c = level.table.columns
         if of == "force":
             true = np.linalg.norm(np.abs(level.force[:2]) / (2 * LAME) - 1) / np.sqrt(2)
@@ -475,7 +475,7 @@ def test_bonded(of, target):
         "energy": np.sqrt(abs(found.last_step.strain_energy / energy - 1)),
     }
     assert errors[of] < target
-    assert errors[of] < 2 * getattr(found.price_list[-2], of) < 10 * errors[of]
+    assert errors[of] < 2 * getattr(found.convergence_table[-2], of) < 10 * errors[of]
 
 
 def test_a_side_with_a_single_point():

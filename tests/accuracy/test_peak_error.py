@@ -99,7 +99,7 @@ def test_corners_in_contact(name, degree, target, refinement):
     if expected is None:
         assert solution.status is Status.OUT_OF_REACH
         assert any("no finite value" in event and ", 0)" in event for event in solution.history.events)
-        assert solution.price_list[-2].peak is None
+        assert solution.convergence_table[-2].peak is None
     else:
         assert solution.converged
         assert largest == pytest.approx(expected, rel=target)

@@ -157,7 +157,7 @@ def test_largest_pressure(tmp_path, bodies, axisymmetric, degree):
     solution = solve(read(text), MPI.COMM_SELF)
     assert solution.converged
     error = abs(solution.table.columns["pressure"].max() / LARGEST[bodies, axisymmetric] - 1)
-    assert error / 2 < solution.price_list[-2].peak <= 0.005  # the margin is two
+    assert error / 2 < solution.convergence_table[-2].peak <= 0.005  # the margin is two
     assert solution.model.dofs < {1: 9_000, 2: 2_500}[degree] * {"one": 1, "two": 2}[bodies]
 
 
@@ -185,7 +185,7 @@ def test_largest_pressure_in_space(bodies, degree):
     solution = solve(read(text), MPI.COMM_SELF)
     assert solution.converged
     error = abs(solution.table.columns["pressure"].max() / LARGEST[bodies, True] - 1)
-    assert error / 2 < solution.price_list[-2].peak <= 0.05  # the margin is two
+    assert error / 2 < solution.convergence_table[-2].peak <= 0.05  # the margin is two
     growth = np.divide(*(np.array([level.dofs for level in solution.levels])[end] for end in (np.s_[1:], np.s_[:-1])))
     assert growth[1:].max() < 8  # no more than if all cells were halved
     tagged = solution.model.tagged

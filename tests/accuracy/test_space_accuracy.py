@@ -1,4 +1,4 @@
-"""Errors of bodies in space: estimated against known, from one mesh to the next, and as small as is asked for."""
+"""Errors of bodies in 3D: estimated against known, from one mesh to the next, and as small as is asked for."""
 
 from dataclasses import replace
 
@@ -28,9 +28,9 @@ from signorini_fx.mechanics.statement.settings import Accuracy
 from signorini_fx.records import History, Status
 from signorini_fx.results.accuracy import data_error as estimated_data
 from signorini_fx.results.accuracy.contact_surface import ContactSurface
+from signorini_fx.results.accuracy.convergence_table import border_of, fineness_of, predict, zone_change
 from signorini_fx.results.accuracy.data_error import data_error
 from signorini_fx.results.accuracy.pressure_error import interval_squares, polygon_error
-from signorini_fx.results.accuracy.price_list import border_of, fineness_of, predict, zone_change
 from signorini_fx.results.accuracy.surface_pressure import piece_squares
 from signorini_fx.scenes.mesh_sequence import meshed_scene, plane_modulus, solve_scenes
 from signorini_fx.scenes.reading import parse_scene
@@ -45,7 +45,7 @@ CELLS = pytest.mark.parametrize("cells", ["squares", "triangles"])
 
 @CELLS
 def test_a_pressure_along_one_direction_is_that_of_a_curve(cells):
-    """The same error as in the plane times the width, on unequal intervals."""
+    """The same error as in 2D times the width, on unequal intervals."""
     x = np.linspace(-1.0, 1.0, 21) ** 3
     table = grid(x, np.linspace(0.0, 0.5, 6), cells)
     along = (1 - x**2) ** 3
@@ -132,7 +132,7 @@ def test_a_facet_of_degree_2_is_four_pieces():
 
 
 def test_facets_instead_of_a_curved_surface():
-    """Facets of a cylinder turn by the same angle everywhere, and the error follows it as in the plane."""
+    """Facets of a cylinder turn by the same angle everywhere, and the error follows it as in 2D."""
     angle = np.linspace(-0.2, 0.2, 9)
     table = grid(np.sin(angle), np.linspace(0.0, 1.0, 3), "squares", z=np.tile(1 - np.cos(angle), 3))
     surface = ContactSurface.of(table)
@@ -189,7 +189,7 @@ def test_estimates_of_the_block(law):
         found = []
         meshes = [block(n, cells, gamma=1e8, **LAWS[law]) for n in (3, 6, 12)]
         found.append(solve_scenes(meshes, MPI.COMM_SELF, History(), found.append))
-        for solution, level, row in list(zip(found, found[-1].levels, found[-1].price_list, strict=False))[1:]:
+        for solution, level, row in list(zip(found, found[-1].levels, found[-1].convergence_table, strict=False))[1:]:
             true = reference.errors(solution)
             assert 0.7 < 1.7 * level.energy / true["energy"] < 2.5
             assert 0.7 < 2 * row.pressure / true["pressure"] < 9
@@ -230,11 +230,11 @@ def test_pressure_of_hertz(cells):
         assert 0.7 * true < 2 * solved.level.pressure < 20 * true
 
 
-def test_rows_of_the_price_list():
+def test_rows_of_the_convergence_table():
     """Unknowns grow eightfold, time and memory by the powers of space; h is a length."""
     found = []
     found.append(solve_scenes([block(n) for n in (3, 6, 12)], MPI.COMM_SELF, History(), found.append))
-    rows = found[-1].price_list
+    rows = found[-1].convergence_table
     assert rows[-1].dofs == pytest.approx(rows[-2].dofs ** 2 / rows[-3].dofs, rel=1e-3)
     assert rows[2].h == pytest.approx(np.sqrt(3.0 / (13 * 5)))
     assert rows[-1].h == pytest.approx(rows[2].h / fineness_of(rows[2].dofs / rows[1].dofs, 3))

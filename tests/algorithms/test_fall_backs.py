@@ -10,7 +10,7 @@ from scenes import PATCH, alone, energy, example1
 
 from signorini_fx.algebra import attempts
 from signorini_fx.algebra.algorithms import augmented_fall_back, fall_backs, ssn, strategy
-from signorini_fx.algebra.contact import resting_place as resting
+from signorini_fx.algebra.contact import reference_motion as resting
 from signorini_fx.records import Status
 from signorini_fx.results.summary import render, summarise
 from signorini_fx.scenes import solver

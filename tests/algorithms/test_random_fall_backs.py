@@ -13,7 +13,7 @@ from stability.oracle.worker import examined
 
 
 def by(algorithm, seed):
-    """A random scene in space by an algorithm, in units of the body."""
+    """A random scene in 3D by an algorithm, in units of the body."""
     drawn = space.trial(seed, same(3))
     return replace(drawn, scene=drawn.scene | {"solver": {"algorithm": algorithm}})
 

@@ -30,7 +30,7 @@ def lug(slope, friction=0.3, **solver):
 
 
 def ring(slope, **solver):
-    """The same in space: a ring around the pin, loaded all around, which may turn but not tilt."""
+    """The same in 3D: a ring around the pin, loaded all around, which may turn but not tilt."""
     return parse_scene(
         {
             "mesh": {"generator": "ring", "parameters": {"height": 0.5, "nr": 2, "nt": 3, "nz": 1}},
@@ -45,7 +45,7 @@ def ring(slope, **solver):
 
 @pytest.mark.parametrize("law", ["coulomb", "tresca"])
 def test_slip_counts_from_where_the_body_was(law):
-    """Of a body that only contact holds, which turns to its resting place first; the start makes no difference."""
+    """Of a body that only contact holds, which turns to its reference motion first; the start makes no difference."""
 
     tables = []
     for start in ("all", "auto"):
@@ -81,7 +81,7 @@ def test_a_lug_on_a_pin_with_clearance(method):
 @pytest.mark.parametrize("method", [{}, {"coulomb": "newton"}, {"algorithm": "alm"}])
 @pytest.mark.parametrize("slope", [0.0, 0.02])
 def test_a_ring_on_a_pin_with_clearance(slope, method):
-    """In space."""
+    """In 3D."""
     solution = alone(ring(slope, **method))
     normal, tangential = solution.contact.forces
     perimeter = 12 * 2 * 2.0 * np.sin(np.pi / 12)  # of the polygon that replaces the outer circle

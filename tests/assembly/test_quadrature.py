@@ -68,7 +68,7 @@ def test_other_cells_get_more_points(dim: int) -> None:
 
 
 def test_reordered_sums_differ_by_round_off() -> None:
-    """The stiffness of curved cells in space, compiled so that sums may be reordered, and as dolfinx compiles it."""
+    """The stiffness of curved cells in 3D, compiled so that sums may be reordered, and as dolfinx compiles it."""
     mesh = cells(3)
     mesh.geometry.x[:, 2] += 0.2 * mesh.geometry.x[:, 0] ** 2 + 0.1 * mesh.geometry.x[:, 0] * mesh.geometry.x[:, 1]
     space = fem.functionspace(mesh, ("Lagrange", 1, (3,)))

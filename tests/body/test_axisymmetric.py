@@ -1,4 +1,4 @@
-"""Axisymmetric bodies: exact states, Lame, Hertz, a flat punch, and the same body in space."""
+"""Axisymmetric bodies: exact states, Lame, Hertz, a flat punch, and the same body in 3D."""
 
 import itertools
 
@@ -17,8 +17,8 @@ from signorini_fx.mechanics.mesh.tagged import tag_boundaries
 from signorini_fx.records import Status, Timings
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery
 from signorini_fx.results.certificate.certificate import certify
+from signorini_fx.results.certificate.law_of_method import Tractions
 from signorini_fx.results.certificate.nodal_forces import NodalForces
-from signorini_fx.results.certificate.promised_law import Tractions
 from signorini_fx.scenes.checks import check_scene
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve
@@ -316,7 +316,7 @@ def test_friction_on_the_axis():
 
 @pytest.mark.slow
 def test_as_in_space():
-    """The same cylinder, a quarter of it in space: the force agrees to discretisation error."""
+    """The same cylinder, a quarter of it in 3D: the force agrees to discretisation error."""
     from signorini_fx import generate_mesh
 
     found, tagged = {}, section(0.0, 1.0, 1.0, "triangle", (10, 10), MPI.COMM_SELF)
@@ -357,19 +357,19 @@ def test_estimated_error():
 
     solution = alone(made(accuracy={"target": 0.12, "of": "energy", "refinement": "uniform"}), check=False)
     assert solution.converged
-    errors = [row.energy for row in solution.price_list]
+    errors = [row.energy for row in solution.convergence_table]
     assert errors[-1] < 0.12
     assert all(later < earlier for earlier, later in itertools.pairwise(errors))
     assert alone(made(solver={"levels": 2}), check=False).certificate.holds
 
 
-# --- the second opinion, and what is said ----------------------------------------------------------------------------
+# --- the independent check, and what is said --------------------------------------------------------------------------
 
 
 @pytest.mark.mpi
 @pytest.mark.parametrize("volumetric", ["full", "reduced"])
 @pytest.mark.parametrize(("cells", "degree"), ELEMENTS)
-def test_second_opinion(cells, degree, volumetric):
+def test_independent_check(cells, degree, volumetric):
     """What NumPy makes of stiffness and loads is what the compiled forms do."""
     if volumetric == "reduced" and (cells, degree) == ("triangle", 1):
         pytest.skip("linear triangles have no reduced form")

@@ -34,7 +34,7 @@ def nearly(poisson, degree, cell, size, comm=COMM):
 
 
 def exact_stress(x):
-    """Lame's solution in the plane, as UFL, shape (2, 2); it does not depend on the material."""
+    """Lame's solution in 2D, as UFL, shape (2, 2); it does not depend on the material."""
     arm = ufl.as_vector((x[0], x[1] - OUTER))
     square = ufl.inner(arm, arm)
     return MEAN * ufl.Identity(2) + MEAN * OUTER**2 / square * (ufl.Identity(2) - 2 * ufl.outer(arm, arm) / square)

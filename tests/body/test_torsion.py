@@ -1,4 +1,4 @@
-"""Torsion of bodies of revolution with friction: forms on a section in space, against formulas and statics."""
+"""Torsion of bodies of revolution with friction: forms on a section in 3D, against formulas and statics."""
 
 import runpy
 from pathlib import Path
@@ -163,8 +163,8 @@ def test_what_is_not_possible():
     a, nothing = energy(space, 0.3), ufl.inner(fem.Constant(mesh, (0.0, 0.0, 0.0)), v) * ufl.dx
     with pytest.raises(FormError, match=r"contact\[0\]: contact of two bodies is not possible yet on a plane mesh"):
         ContactProblem(a, nothing, [], Pair(low, high))
-    with pytest.raises(FormError, match=r"stress: .*not possible yet on a plane mesh in space"):
+    with pytest.raises(FormError, match=r"stress: .*not possible yet on a plane mesh in 3D"):
         ContactProblem(a, nothing, [], Foundation(low), stress=lambda y: ufl.sym(ufl.grad(y)))
     mesh.geometry.x[0, 2] = 0.1
-    with pytest.raises(FormError, match=r"must lie in the plane x\[2\] = 0"):
+    with pytest.raises(FormError, match=r"must lie in 2D x\[2\] = 0"):
         ContactProblem(a, nothing, [], Foundation(low))

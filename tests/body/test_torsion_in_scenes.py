@@ -285,7 +285,7 @@ def test_prescribed_angle():
 
 @pytest.mark.mpi(slow=True)
 def test_turned_on_a_sphere():
-    """A circle in the section is a sphere: the state is that of forms of one's own on the sphere in space, and the
+    """A circle in the section is a sphere: the state is that of forms of one's own on the sphere in 3D, and the
     torque where all of it slips that of Hertz's pressure, 3 pi F N a / 16.
     """
     poisson, radius, down, angle = 0.49, 4.0, 0.0125, 0.05

@@ -31,7 +31,7 @@ SCENES = {
     "degree 2": partial(example1, bound=1.5, nx=6, ny=2, degree=2, cell="triangle"),
     "two bodies": partial(drawn, "two bodies: plane", 5),
     "space": partial(drawn, "one body: space", 8),
-    "two bodies in space": partial(drawn, "two bodies: space", 11),
+    "two bodies in 3D": partial(drawn, "two bodies: space", 11),
 }
 
 

@@ -145,7 +145,7 @@ def test_the_forms_are_those_of_the_solve(variant):
     tools = [
         one.foundation for one in solution.statement.contact if one.foundation is not None and one.foundation.driven
     ]
-    free = sum(3 - len(tool.prescribed.model_fields_set) for tool in tools)  # in the plane, besides those of the body
+    free = sum(3 - len(tool.prescribed.model_fields_set) for tool in tools)  # in 2D, besides those of the body
     assert report.cost.unknowns == solution.model.dofs - fixed + free
     assert sum(effect.unknowns for effect in report.effects) == report.cost.unknowns
     for end in (0, 1):

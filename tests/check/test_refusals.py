@@ -92,7 +92,7 @@ def mesh_of(mesh, **more):
 
 
 def ellipse(**more):
-    """Friction in space that depends on the direction."""
+    """Friction in 3D that depends on the direction."""
     return contact(SPACE, friction=COULOMB | {"ratio": 2.0, "along": [1.0, 0.0, 0.0]} | more)
 
 
@@ -122,7 +122,7 @@ REFUSED = {
     "support that elements do not hold": certified(
         displacement={"boundary": "top", "x": 0.0, "y": "-0.001*cos(x[0])"}
     ),
-    "support in space that elements do not hold": certified_in_space(
+    "support in 3D that elements do not hold": certified_in_space(
         displacement={"boundary": "top", "x": 0.0, "y": 0.0, "z": "-0.001*cos(x[0])"}
     ),
     "quadrilaterals that are no parallelograms": BLOCK
@@ -146,12 +146,12 @@ REFUSED = {
     "negative coefficient": contact(friction={"law": "coulomb", "coefficient": "x[0] - 0.5"}),
     "negative coefficient later": contact(friction={"law": "coulomb", "coefficient": "0.3*(1 - 2*t)"})
     | {"load_steps": {"times": [0.0, 1.0]}},
-    "ellipse in the plane": contact(friction=COULOMB | {"ratio": 2.0}),
+    "ellipse in 2D": contact(friction=COULOMB | {"ratio": 2.0}),
     "ellipse without size": ellipse(ratio="1e9*(1 + x[0])"),
     "ellipse along the normal": ellipse(along=[0.0, 0.0, 1.0]),
     "ellipse and support": ellipse(along=[1.0, 1.0, 0.0])
     | {"displacement": [SPACE["displacement"], {"boundary": "left", "x": 0.0}]},
-    "plane in space": contact(foundation={"shape": "plane", "point": [0.0] * 3, "normal": [0.0, 1.0, 0.0]}),
+    "plane in 3D": contact(foundation={"shape": "plane", "point": [0.0] * 3, "normal": [0.0, 1.0, 0.0]}),
     "surface without a file": contact(SPACE, foundation={"shape": "surface", "file": "/nowhere.stl"}),
     "force whose spread is nothing": BLOCK
     | HELD
@@ -205,7 +205,7 @@ ACCEPTED = {
     | {"material": {"young": 1000.0, "poisson": 0.5}, "element": {"degree": 2, "volumetric": "mixed"}},
     "accuracy": BLOCK | HELD | {"accuracy": {"target": 0.3}},
     "certified": BLOCK | HELD | {"mesh": TRIANGLES, "contact": [{"boundary": "bottom"}]} | CERTIFIED | SSN,
-    "body force in space that is not constant": certified_in_space(body_force={"z": "-x[2]"}) | SSN,
+    "body force in 3D that is not constant": certified_in_space(body_force={"z": "-x[2]"}) | SSN,
     "preload": bodies(preload=[{"point": [0.5, 1.37], "axis": [0.0, 1.0], "force": 1.0}]),
     "preload in steps": bodies(
         preload=[{"point": [0.5, 1.37], "axis": [0.0, 1.0], "force": 1.0, "factors": [0.5, 1.0]}]

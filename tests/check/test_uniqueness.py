@@ -31,7 +31,7 @@ def coefficient_of(scene):
 
 
 def states(stiffness, friction, load, gap):
-    """All solutions of few points in the plane, components (n, t) per point, by trying all of their states."""
+    """All solutions of few points in 2D, components (n, t) per point, by trying all of their states."""
     count, found = gap.size, []
     size = np.abs(gap).max() + np.abs(np.linalg.solve(stiffness, load)).max()
     for kinds in product(["open", "stick", "+", "-"], repeat=count):

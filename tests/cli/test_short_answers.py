@@ -86,7 +86,7 @@ def test_any_answer_is_short(summary, seed):
         drawn["steps"] = [{"step": k, "name": text(10), "time": 0.5 + k / 4} for k in range(1, 5)]
     if dice.random() < 0.5:
         errors = dict.fromkeys(("energy", "pressure", "force"), 0.0123)
-        drawn["price_list"] = [{**errors, "seconds": 1.0, "predicted": False}, {**errors, "predicted": True}]
+        drawn["convergence_table"] = [{**errors, "seconds": 1.0, "predicted": False}, {**errors, "predicted": True}]
     if dice.random() < 0.5:
         drawn["preloads"] = [
             {"name": text(20), "force": 1.0 / 3.0, "shortening": 2.0 / 3.0} for _ in range(dice.randint(1, 5))
@@ -127,7 +127,7 @@ def test_a_force_of_which_no_digit_is_known(summary):
     """Its first digit stands with the error: 0 would be a claim."""
     price = {**dict.fromkeys(("energy", "pressure", "zone", "peak")), "force": 1.9, "predicted": False, "seconds": 1.0}
     price |= {"dofs": 100, "level": 0}
-    found = summary | {"contact_force": [0.0, 544.8], "friction_force": [30.0, 0.0], "price_list": [price]}
+    found = summary | {"contact_force": [0.0, 544.8], "friction_force": [30.0, 0.0], "convergence_table": [price]}
     (line,) = (line for line in told(found) if "force" in line[:14])
     assert "(0, 500) (error 190 %)" in line
 
@@ -136,7 +136,7 @@ def test_a_force_of_which_no_digit_is_known(summary):
 def test_certificate_that_does_not_hold(summary, warnings):
     """It is said aloud, whatever has to be said beside it."""
     findings = [{"level": "warning", "path": "mesh", "message": "word " * 60}] * warnings
-    prices = {"price_list": [{"energy": 0.1, "seconds": 1.0, "predicted": False}]}
+    prices = {"convergence_table": [{"energy": 0.1, "seconds": 1.0, "predicted": False}]}
     certificate = {"certificate": summary["certificate"] | {"holds": False}}
     (line,) = (line for line in told(summary | certificate | prices | {"findings": findings}) if "certifi" in line)
     assert "NOT" in line

@@ -11,9 +11,9 @@ from signorini_fx.addons.report.interactive import _data
 from signorini_fx.mechanics.contact_points.contact_boundary import chains, in_line
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable, is_closed
 from signorini_fx.results.accuracy.contact_values import interpolated
+from signorini_fx.results.accuracy.convergence_table import zone_ends
 from signorini_fx.results.accuracy.data_error import data_error
 from signorini_fx.results.accuracy.pressure_error import corners_of_error, interval_squares, on_facets
-from signorini_fx.results.accuracy.price_list import zone_ends
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve
 
@@ -140,7 +140,7 @@ def test_levels_and_data_error(changes):
     solver = {"levels": 2} | changes.pop("solver", {})
     scene = plate(solver=solver, **changes)
     solution, alike = solve(scene), alone(scene)
-    for one, other in zip(solution.price_list, alike.price_list, strict=True):
+    for one, other in zip(solution.convergence_table, alike.convergence_table, strict=True):
         assert one.pressure == pytest.approx(other.pressure, rel=1e-6)
         assert one.energy == pytest.approx(other.energy, rel=1e-6)
     table = solution.table

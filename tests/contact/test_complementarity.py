@@ -36,7 +36,7 @@ def data(nodes=1, *, gap=0.0, bound=1.0, sigma=math.inf, lambda_hat=0.0, mu_hat=
 
 
 def in_plane(contact, slip):
-    """Sets in the plane from the signs of the slip."""
+    """Sets in 2D from the signs of the slip."""
     return ActiveSets.of(np.array(contact), np.array(slip, dtype=float)[:, None])
 
 
@@ -46,12 +46,12 @@ def sets(contact, slip):
 
 
 def column(*values):
-    """Tangential numbers of nodes in the plane."""
+    """Tangential numbers of nodes in 2D."""
     return np.array(values)[:, None]
 
 
 def signs(states):
-    """The slip sets in the plane as signs."""
+    """The slip sets in 2D as signs."""
     return states.direction[:, 0].tolist()
 
 
@@ -245,13 +245,13 @@ def test_fixed_points_satisfy_the_complementarity_system(state, sigma):
     np.testing.assert_array_equal(xi - np.maximum(0, over) - np.minimum(0, under), 0.0)
 
 
-# In space: the disc.
+# In 3D: the disc.
 VECTOR = st.tuples(st.floats(-4, 4), st.floats(-4, 4))
 
 
 @st.composite
 def discs(draw):
-    """(direction, u_t, mu_hat, bound) of a few points in space."""
+    """(direction, u_t, mu_hat, bound) of a few points in 3D."""
     nodes = st.tuples(VECTOR, VECTOR, VECTOR, st.floats(0.125, 4))
     columns = zip(*draw(st.lists(nodes, min_size=1, max_size=6)), strict=True)
     direction, u_t, mu_hat, bound = map(np.array, columns)
@@ -259,7 +259,7 @@ def discs(draw):
 
 
 def in_space(u_t, mu_hat, bound, sigma=math.inf):
-    """The data of points in space, all with the gap zero."""
+    """The data of points in 3D, all with the gap zero."""
     zero = np.zeros(bound.size)
     return shifted(zero, GAMMA_N, GAMMA_T, sigma, zero, mu_hat, bound)
 

@@ -20,7 +20,7 @@ from signorini_fx.mechanics.contact_points.contact_boundary import ContactBounda
 from signorini_fx.mechanics.laws.directed import FrictionAxes
 from signorini_fx.records import Status
 from signorini_fx.results.certificate.certificate import certify
-from signorini_fx.results.certificate.promised_law import Tractions
+from signorini_fx.results.certificate.law_of_method import Tractions
 from signorini_fx.results.contact_boundaries import _largest_resultant
 from signorini_fx.scenes.checks import check_scene
 from signorini_fx.scenes.reading import parse_scene

@@ -19,11 +19,11 @@ from signorini_fx import ContactProblem, Foundation, NonlinearContactProblem, Pa
 from signorini_fx.mechanics.mesh.tagged import tag_boundaries
 from signorini_fx.records import Status
 from signorini_fx.results.certificate.certificate import certify
-from signorini_fx.results.certificate.promised_law import Tractions
+from signorini_fx.results.certificate.law_of_method import Tractions
 from signorini_fx.scenes.checks import check_scene
 from signorini_fx.scenes.reading import parse_scene
 
-DEPTH, FORCE = 1e-3, 0.09197869954726  # of ``by_hand``, in the plane
+DEPTH, FORCE = 1e-3, 0.09197869954726  # of ``by_hand``, in 2D
 
 
 def square(gap=-DEPTH, unit=1.0, supports=None, contact=(), friction=None, cells=8, **solver):

@@ -185,7 +185,7 @@ def test_what_does_not_know_the_law():
         sweep(scene, coefficients=[0.1, 0.2])
 
 
-def test_second_opinion():
+def test_independent_check():
     """A law whose two statements differ by less than what is noticed beforehand is not certified."""
 
     class Wrong(Saturating):
@@ -396,7 +396,7 @@ def test_honest_laws(kind, modulus):
 
 @pytest.mark.parametrize("more", [{}, {"cap": 2.0}])
 def test_a_law_derived_from_coulomb(more):
-    """Has the bound, the derivative and the second opinion of Coulomb's law, beyond its cap too."""
+    """Has the bound, the derivative and the independent check of Coulomb's law, beyond its cap too."""
     law = type("Mine", (Coulomb,), {"__module__": __name__})(F, **more).sampled(np.zeros((3, 2)))
     assert law.of_a_user
     assert not fault_of(law, 2, 1000.0)

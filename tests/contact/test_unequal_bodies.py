@@ -10,7 +10,7 @@ from scenes import alone
 
 from signorini_fx.algebra.contact.points import ContactPoints, PointGroups, shares
 from signorini_fx.results.certificate.certificate import certify
-from signorini_fx.results.certificate.promised_law import Tractions
+from signorini_fx.results.certificate.law_of_method import Tractions
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve
 
@@ -54,7 +54,7 @@ def tractions(solution, part):
 
 
 @cache
-def lonely(*size, **options):
+def unpaired(*size, **options):
     """Tractions of a body that is alone in its scene."""
     return tractions(alone(scene(size, **options)), 0)
 
@@ -74,7 +74,7 @@ def test_a_small_body_is_solved_as_if_it_were_alone(algorithm, coulomb, small, s
     solution = alone(scene(*bodies, **options))
     assert solution.certificate.holds
     for part, body in enumerate(bodies):
-        expected = lonely(*body, **options)
+        expected = unpaired(*body, **options)
         assert tractions(solution, part) == pytest.approx(expected, abs=NEAR * np.abs(expected).max())
 
 

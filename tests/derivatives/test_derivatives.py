@@ -42,7 +42,7 @@ def plane(friction, **solver):
 
 
 def space(friction, cells="hexahedra", degree=1, **solver):
-    """The same in space, on a sphere."""
+    """The same in 3D, on a sphere."""
     return parse_scene(
         {
             "mesh": box(cells, (6, 2, 2), comm=COMM),
@@ -188,7 +188,7 @@ def test_points_between_two_sets_are_counted():
 
 
 def test_one_factor_serves(monkeypatch):
-    """Given bounds, and the monolithic method in the plane: the factor of Newton's method is used again."""
+    """Given bounds, and the monolithic method in 2D: the factor of Newton's method is used again."""
     seen, original = [], TransposedTangent._set_up
     monkeypatch.setattr(TransposedTangent, "_set_up", lambda self: seen.append(len(seen)) or original(self))
     counts = []
@@ -398,7 +398,7 @@ def test_after_advance():
 
 @pytest.mark.mpi(slow=True)
 def test_after_advance_in_space():
-    """The same block in space: where it slides straight on, the force is that of statics, and the mean displacement
+    """The same block in 3D: where it slides straight on, the force is that of statics, and the mean displacement
     follows central differences over both steps.  What depends on the directions of slip owes them to the step before:
     at an angle a force along one axis, with a Poisson's ratio the mean displacement, but not the force of the load.
     """

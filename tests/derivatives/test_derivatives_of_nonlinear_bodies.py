@@ -46,7 +46,7 @@ def rubber(friction=None, moved=None, algorithm="alm", **tables):
 
 
 def in_space(friction=None, moved=None, **tables):
-    """The same in space, over a sphere."""
+    """The same in 3D, over a sphere."""
     scene = rubber(friction, moved, **tables)
     scene["mesh"] = {
         "generator": "box",
@@ -200,7 +200,7 @@ def test_friction_with_a_direction_has_derivatives_where_no_shape_turns_it():
 
 
 class Pressed:
-    """A block of rubber into which a circle, or in space a sphere, is pressed and moved."""
+    """A block of rubber into which a circle, or in 3D a sphere, is pressed and moved."""
 
     def __init__(self, friction, dim=2, **settings):
         counts, size = ([12, 6], [2.0, 1.0]) if dim == 2 else ([5, 5, 2], [2.0, 2.0, 1.0])

@@ -482,7 +482,7 @@ SUPPORTS_REFUSED = {
     "three numbers": ({"x": 0.0, "at": [0.0, 0.0, 0.0]}, r"displacement\[0\]\.at: the mesh is plane: give 2 numbers"),
     "rotation and normal": ({"normal": 0.0, "rotation": 1.0, "boundary": "left"}, r"give either normal or"),
     "about": ({"x": 0.0, "about": [0.0, 0.0], "boundary": "left"}, r"those of a rotation, which is missing"),
-    "axis in the plane": (
+    "axis in 2D": (
         {"rotation": 0.0, "axis": [0.0, 0.0, 1.0], "boundary": "left"},
         r"displacement\[0\]\.axis: the mesh is plane",
     ),

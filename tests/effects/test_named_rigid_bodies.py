@@ -13,7 +13,7 @@ from signorini_fx import ConvergenceError, SceneError, solve
 from signorini_fx.addons.derivatives.of_scene import sensitivity
 from signorini_fx.records import Status, StepRecord
 from signorini_fx.results.certificate.certificate import certify
-from signorini_fx.results.certificate.promised_law import Tractions
+from signorini_fx.results.certificate.law_of_method import Tractions
 from signorini_fx.results.short_answer import short_answer
 from signorini_fx.results.summary import summarise
 from signorini_fx.scenes.check_text import render

@@ -1,4 +1,4 @@
-"""Preload of bolts against springs in series and in parallel, by force and by shortening, in the plane and in space."""
+"""Preload of bolts against springs in series and in parallel, by force and by shortening, in 2D and in 3D."""
 
 from dataclasses import replace
 

@@ -36,7 +36,7 @@ ELEMENTS = [("quadrilateral", 1), ("triangle", 1), ("triangle", 2), ("hexahedra"
 
 
 def body(cells="quadrilateral", comm=COMM, fine=1):
-    """A block from the origin, 2 long, with names of its sides; in space it is as wide as it is high."""
+    """A block from the origin, 2 long, with names of its sides; in 3D it is as wide as it is high."""
     if cells not in PLANE:
         return box(cells, (4 * fine, 2 * fine, 2 * fine), size=(*SIZE, 1.0), comm=comm)
     mesh = dmesh.create_rectangle(comm, [(0.0, 0.0), SIZE], (6 * fine, 3 * fine), PLANE[cells])
@@ -213,12 +213,12 @@ def test_against_a_spring_form(cells, degree, linear_algebra):
     assert COMM.allreduce(np.abs(ours.displacement.x.array - y).max(initial=0.0), op=MPI.MAX) <= 1e-11 * largest
 
 
-# --- the second opinion, load steps, units ---------------------------------------------------------------------------
+# --- the independent check, load steps, units -------------------------------------------------------------------------
 
 
 @pytest.mark.mpi
 @pytest.mark.parametrize(("cells", "degree"), ELEMENTS)
-def test_second_opinion(cells, degree):
+def test_independent_check(cells, degree):
     """What NumPy makes of the springs is what the compiled form does, for data of every kind."""
     springs = [
         {"boundary": "top", "normal": "100 + x[0]**2", "tangential": 7.0},
@@ -347,7 +347,9 @@ print("the same")
 
 
 def test_a_file_is_an_effect(tmp_path):
-    """Beside the others, and with nothing else changed: keys, form, second opinion, resultants and words are there."""
+    """Beside the others, and with nothing else changed: keys, form, independent check, resultants and words are
+    there.
+    """
     (tmp_path / "water.py").write_text(OWN, encoding="utf-8")
     done = subprocess.run(
         [sys.executable, "-c", PROGRAM, str(tmp_path)], capture_output=True, text=True, check=False, env=SEPARATE

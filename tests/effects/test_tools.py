@@ -20,7 +20,7 @@ from signorini_fx.mechanics.statement.rigid_motion import RigidBody, RigidMotion
 from signorini_fx.quantities.differentiable import functional_of
 from signorini_fx.records import Status
 from signorini_fx.results.certificate.certificate import certify
-from signorini_fx.results.certificate.promised_law import Tractions
+from signorini_fx.results.certificate.law_of_method import Tractions
 from signorini_fx.scenes.check_text import render
 from signorini_fx.scenes.checks import check_scene
 from signorini_fx.scenes.reading import parse_scene, read_scene
@@ -53,7 +53,7 @@ def block(
 ):
     """A block on the ground, and a circle or a ball above it that is pressed down; ``unit``: of length and force."""
     length, force = unit
-    stress = force / length**2  # in the plane forces are per thickness
+    stress = force / length**2  # in 2D forces are per thickness
     plane = dimension == 2
     mesh = {
         "generator": "rectangle" if plane else "box",
@@ -370,7 +370,7 @@ def three_posts():
 
 @pytest.mark.parametrize("pivot", [(0.8, 0.7), (0.2, 1.5)])
 def test_a_plate_on_three_posts_tilts_as_statics_says(pivot):
-    """In space: three unknown forces from a force and two moments, and the plane through what sinks; the same with the
+    """In 3D: three unknown forces from a force and two moments, and the plane through what sinks; the same with the
     force at another point, and its moment.
     """
     mesh, axes = three_posts()
@@ -565,7 +565,7 @@ def test_the_certificate_knows_a_moment_that_nothing_balances():
 
 
 def test_motions_are_rigid():
-    """The second opinion's own formula: distances and angles stay to first order."""
+    """The independent check's own formula: distances and angles stay to first order."""
     rng = np.random.default_rng(3)
     for dim, turns in ((2, 1), (3, 3)):
         x, centre = rng.normal(size=(5, dim)), rng.normal(size=dim)

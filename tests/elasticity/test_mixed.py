@@ -20,7 +20,7 @@ from signorini_fx.machine import parallel
 from signorini_fx.mechanics.elasticity.mixed_pressure import MixedDisplacement
 from signorini_fx.mechanics.mesh.tagged import tag_boundaries
 from signorini_fx.results.certificate.certificate import certify
-from signorini_fx.results.certificate.promised_law import Tractions
+from signorini_fx.results.certificate.law_of_method import Tractions
 from signorini_fx.scenes.checks import check_scene
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.scene import Discretised

@@ -42,7 +42,7 @@ def block(cell, counts, unit=1.0):
 
 
 def stacked(cell, below=RUBBER, above=RUBBER, unit=(1.0, 1.0), push=None, solver=None, **contact):
-    """One block on another, pressed together; in space between two planes.  The second step pushes the upper one."""
+    """One block on another, pressed together; in 3D between two planes.  The second step pushes the upper one."""
     (length, force), plane = unit, cell in PLANE
     stress, counts = force / length**2, ((3, 2), (4, 2)) if plane else ((2, 1, 1), (1, 2, 1))
     names = ("below", "above")

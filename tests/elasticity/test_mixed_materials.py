@@ -13,7 +13,7 @@ from spaces import box
 from signorini_fx.errors import SceneError
 from signorini_fx.mechanics.mesh.tagged import tag_boundaries
 from signorini_fx.results.certificate.certificate import certify
-from signorini_fx.results.certificate.promised_law import Tractions
+from signorini_fx.results.certificate.law_of_method import Tractions
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve
 
@@ -48,7 +48,7 @@ def halves(cell, comm=MPI.COMM_WORLD):
 
 
 def columns(tagged, heat=0.0, left=LEFT, right=RIGHT, **more):
-    """Both pressed down together onto a foundation without friction; in space between two planes."""
+    """Both pressed down together onto a foundation without friction; in 3D between two planes."""
     dim = tagged.dimension
     sides = [("low0", "x", 0.0), ("high1", "y", -DOWN), ("low2", "z", 0.0), ("high2", "z", 0.0)][: 2 * dim - 2]
     materials = [

@@ -257,7 +257,7 @@ def test_turned_and_mirrored(dim):
         assert np.abs(sizes[0] - sizes[1]).max() <= 1e-7 * found[0].pressure.max()
 
 
-# --- second opinion, several materials, products ---------------------------------------------------------------------
+# --- independent check, several materials, products -------------------------------------------------------------------
 
 FIELD = {"direction": ["cos(2*x[1])", "0.3 + sin(x[0])"]}
 
@@ -273,7 +273,7 @@ FIELD = {"direction": ["cos(2*x[1])", "0.3 + sin(x[0])"]}
         ("hexahedra", 1, None),
     ],
 )
-def test_second_opinion(cells, degree, hypothesis):
+def test_independent_check(cells, degree, hypothesis):
     """Forces of any displacement of a body of two materials: by the form, and by strains turned into axes."""
     tagged = halves(body(cells))
     more = {} if hypothesis is None else {"hypothesis": hypothesis}

@@ -256,7 +256,7 @@ def test_loads_share_a_factorisation(monkeypatch, linear_algebra):
 
 @pytest.mark.slow
 def test_loads_share_a_multigrid_hierarchy(monkeypatch):
-    """In space, with sets that change."""
+    """In 3D, with sets that change."""
     block = Block((6, 3, 3), linear_algebra="krylov", gap=lambda x: 0.002 * x[0], friction=Coulomb(0.3))
     with counted(monkeypatch, multigrid.Hierarchy, "of") as hierarchies:
         for factor in range(1, 21):
@@ -813,7 +813,7 @@ def test_prices_are_those_of_a_scene():
     for entry in given["displacement"]:
         entry.pop("factors", None)
     scene = parse_scene({**given, "solver": {**settings, "levels": 3}})
-    expected = solve(scene, COMM).price_list
+    expected = solve(scene, COMM).convergence_table
     material, problems = scene.material[0], []
     lame, mu = material.lame
     for level in (4, 2, 1):
@@ -833,7 +833,7 @@ def test_prices_are_those_of_a_scene():
             ContactProblem(ufl.inner(stress, ufl.grad(v)) * ufl.dx, nothing, bcs, floor, stress=stress, **settings)
         )
         problems[-1].solve()
-    found = problems[-1].price_list(*problems[:-1])
+    found = problems[-1].convergence_table(*problems[:-1])
     assert [row.dofs for row in found] == [row.dofs for row in expected]
     assert found[-1].predicted
     assert found[2].pressure > 0.01
@@ -845,7 +845,7 @@ def test_prices_are_those_of_a_scene():
     coarse, middle, fine = problems
     for coarser in ([], [fine], [middle, middle], [middle, coarse]):
         with pytest.raises(FormError, match="coarser: give the same problem on coarser meshes"):
-            fine.price_list(*coarser)
+            fine.convergence_table(*coarser)
 
 
 def test_petsc_options_reach_the_solver():

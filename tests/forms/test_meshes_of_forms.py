@@ -91,10 +91,10 @@ def test_hertz_to_one_per_cent_of_the_peak(degree, size, meshes, most):
     assert largest == pytest.approx(peak(0.4), rel=0.01)
     assert len(solution.levels) == meshes
     assert solution.certificate.holds
-    estimate, true = solution.price_list[-2].peak, abs(largest / PEAK_OF_DISK - 1)
+    estimate, true = solution.convergence_table[-2].peak, abs(largest / PEAK_OF_DISK - 1)
     assert 0.5 <= estimate / true <= most
-    assert solution.price_list[-1].predicted
-    assert solution.price_list[-1].peak < estimate
+    assert solution.convergence_table[-1].predicted
+    assert solution.convergence_table[-1].peak < estimate
 
 
 def test_names_without_facets():
@@ -119,7 +119,7 @@ def test_as_many_solves_as_the_scene(friction):
             assert getattr(level, name) == pytest.approx(getattr(known, name), rel=1e-6, abs=1e-9), name
     assert [level.linear_solves for level in ours.levels[1:]] <= [3, 3]
     assert ours.history.linear_solves == theirs.history.linear_solves
-    for row, known in zip(ours.price_list, theirs.price_list, strict=True):
+    for row, known in zip(ours.convergence_table, theirs.convergence_table, strict=True):
         for name in ("pressure", "force", "zone", "peak"):
             figure = getattr(known, name)
             assert getattr(row, name) == (figure and pytest.approx(figure, rel=1e-4, abs=1e-9)), name
@@ -128,7 +128,7 @@ def test_as_many_solves_as_the_scene(friction):
 
 
 def block(degree=1, friction=None, **settings):
-    """A block held at its left end and pressed on a rigid floor, in the plane or in space."""
+    """A block held at its left end and pressed on a rigid floor, in 2D or in 3D."""
 
     def make(mesh):
         mesh = mesh.mesh if isinstance(mesh, TaggedMesh) else mesh
@@ -146,7 +146,7 @@ def block(degree=1, friction=None, **settings):
 
 @pytest.mark.mpi(slow=True)
 def test_tetrahedra_are_divided():
-    """In space, from a mesh of dolfinx: the finest solution is that of its mesh alone, from fewer solves."""
+    """In 3D, from a mesh of dolfinx: the finest solution is that of its mesh alone, from fewer solves."""
     make = block(friction=Coulomb(0.3))
     nested = solve_nested(make, forms.box((3.0, 1.0, 1.0), (6, 2, 2)), 2)
     alone = make(nested.displacement.function_space.mesh)
@@ -163,7 +163,7 @@ def test_tetrahedra_to_an_accuracy():
     """Divided where the error is."""
     goal = Accuracy(target=0.35, of="energy", refinement="adaptive")
     solution = solve_to_accuracy(block(), forms.box((3.0, 1.0, 1.0), (3, 1, 1)), goal)
-    assert solution.price_list[-2].energy <= 0.35
+    assert solution.convergence_table[-2].energy <= 0.35
     assert solution.levels[-1].dofs < 8 * solution.levels[-2].dofs
 
 
@@ -189,12 +189,12 @@ def test_adaptive_meshes_are_those_of_the_scene(of):
     theirs = solve(scene.model_copy(update={"mesh": coarsest, "accuracy": goal}), COMM)
     ours = solve_to_accuracy(block(2, Tresca(bound), **({} if of == "pressure" else GAMMA)), coarsest, goal)
     assert [level.dofs for level in ours.levels] == [level.dofs for level in theirs.levels]
-    assert ours.price_list[-2].pressure == pytest.approx(theirs.price_list[-2].pressure, rel=1e-6)
-    assert ours.price_list[-2].energy == pytest.approx(theirs.price_list[-2].energy, rel=1e-6)
+    assert ours.convergence_table[-2].pressure == pytest.approx(theirs.convergence_table[-2].pressure, rel=1e-6)
+    assert ours.convergence_table[-2].energy == pytest.approx(theirs.convergence_table[-2].energy, rel=1e-6)
     assert ours.history.linear_solves == theirs.history.linear_solves
     costs = ours.cost, theirs.cost
     assert [cost.of for cost in costs] == [of, of]
-    assert of != "peak" or ours.price_list[-2].peak == pytest.approx(theirs.price_list[-2].peak, rel=1e-5)
+    assert of != "peak" or ours.convergence_table[-2].peak == pytest.approx(theirs.convergence_table[-2].peak, rel=1e-5)
     for name in ("error", "dofs", "next_error", "next_dofs"):
         assert getattr(costs[0], name) == pytest.approx(getattr(costs[1], name), rel=1e-6), name
     took = sum(level.seconds for level in ours.levels)
@@ -205,7 +205,9 @@ def test_adaptive_meshes_are_those_of_the_scene(of):
 @pytest.mark.one_quick
 @pytest.mark.parametrize(("levels", "of"), [(1, "energy"), (2, "pressure")])
 def test_cost_without_a_requested_accuracy(levels, of):
-    """Of a single mesh it is about the stress; of several about the first error of the price list that is known."""
+    """Of a single mesh it is about the stress; of several about the first error of the convergence table that is
+    known.
+    """
     solution = solve_nested(block(friction=Tresca(0.5)), forms.box((3.0, 1.0), (9, 3)), levels)
     assert solution.cost.of == of
     assert solution.cost.dofs == solution.levels[-1].dofs
@@ -230,7 +232,7 @@ def test_load_steps_on_each_mesh(path):
         scale = np.abs(known.displacement.x.array).max()
         np.testing.assert_allclose(step.displacement.x.array, known.displacement.x.array, rtol=0, atol=1e-7 * scale)
     assert nested.steps[0].linear_solves < alone.steps[0].linear_solves
-    assert len(nested.price_list) == 3
+    assert len(nested.convergence_table) == 3
     assert nested.levels[1].force.size == 4 * len([step for step in nested.steps if step.place.is_integer()])
 
 
@@ -323,4 +325,4 @@ def test_without_stress_there_is_no_estimate():
 
     solution = solve_nested(make, forms.box((3.0, 1.0), (6, 2), comm=MPI.COMM_SELF), 2)
     assert solution.converged
-    assert (solution.levels, solution.price_list) == ((), ())
+    assert (solution.levels, solution.convergence_table) == ((), ())

@@ -75,7 +75,7 @@ def on(tagged, name):
 
 
 def block(**changes):
-    """A block in space on a rough foundation."""
+    """A block in 3D on a rough foundation."""
     data = {
         "mesh": {"generator": "box", "parameters": {"nx": 3, "ny": 2, "nz": 2, "cell": "tetrahedron"}},
         "material": {"young": 1000.0, "poisson": 0.3},

@@ -38,7 +38,7 @@ def changed(name, folder, pattern, new):
 
 @pytest.mark.parametrize("name", sorted(file.stem for file in DATA.glob("*.dat")))
 def test_good_results_agree(name):
-    """Of full, reduced and quadratic elements, in the plane, of revolution and in space."""
+    """Of full, reduced and quadratic elements, in 2D, of revolution and in 3D."""
     judgement = judge(DATA / f"{name}.inp", DATA / f"{name}.dat")
     assert (judgement.word, judgement.exit_code) == (AGREES, 0), str(judgement)
 

@@ -34,9 +34,9 @@ def test_schur_complement(touched, empty):
     generator = np.random.default_rng(len(touched))
     half = generator.normal(size=(60, 60)) * (generator.random((60, 60)) < 0.03)
     sizes = np.diff(np.linspace(0, 60, WORLD.size + 1 - (empty and WORLD.size > 1)).astype(int))
-    edge, lonely = min(sizes[0], 59) - 1, touched[-2]
-    half[lonely] = half[:, lonely] = 0.0
-    half[edge, [edge + 1, lonely]] = 1.0
+    edge, unpaired = min(sizes[0], 59) - 1, touched[-2]
+    half[unpaired] = half[:, unpaired] = 0.0
+    half[edge, [edge + 1, unpaired]] = 1.0
     dense = 1e-9 * (half + half.T + 20 * np.eye(60))
     own = [0, *sizes][WORLD.rank] if empty and WORLD.size > 1 else sizes[WORLD.rank]
     matrix, here = distributed(dense, own)
@@ -128,10 +128,10 @@ def test_two_bodies():
 
 @pytest.mark.parametrize(
     ("change", "reason"),
-    [({}, "between ranks"), ({"dimension": 3}, "in space"), ({"definite": False}, "an indefinite matrix")],
+    [({}, "between ranks"), ({"dimension": 3}, "in 3D"), ({"definite": False}, "an indefinite matrix")],
 )
 def test_where_several_ranks_condense(change, reason):
-    """In the plane, with a definite matrix; where it is not asked for, on few ranks."""
+    """In 2D, with a definite matrix; where it is not asked for, on few ranks."""
     size = {"dimension": 2, "retained": 100, "held": True, "compressible": True} | change
     for requested in ("auto", "condensed"):
         kind, why = choice.choose_kind(choice.SystemSize(WORLD, 15_000, **size), requested)

@@ -47,7 +47,7 @@ def test_fewer_iterations_and_the_same_answer(iterations, monkeypatch):
 
 
 def test_no_more_exact_than_newton_converges(iterations, monkeypatch):
-    """A loose solve leaves what Newton's method leaves anyway: fewer steps with friction in space, the same answer."""
+    """A loose solve leaves what Newton's method leaves anyway: fewer steps with friction in 3D, the same answer."""
     scene = block(12, gamma=1e8, coefficient=0.3, coulomb="newton", linear_algebra="krylov")
     ours, used = alone(scene), iterations[0]
     monkeypatch.setattr(krylov.KrylovSystem, "_left_by", lambda self, size: min(0.03, size / self._forces) * size)

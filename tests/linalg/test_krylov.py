@@ -270,7 +270,7 @@ def test_what_fails_is_factorised(coulomb, kind, enough, monkeypatch):
 
 
 def test_chosen_for_large_bodies_in_space(monkeypatch):
-    """By the number of unknowns in space, by memory anywhere; not near incompressibility, and not against the user."""
+    """By the number of unknowns in 3D, by memory anywhere; not near incompressibility, and not against the user."""
 
     def kind(scene):
         cost = check_scene(scene, MPI.COMM_SELF).cost

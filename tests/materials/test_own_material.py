@@ -57,7 +57,7 @@ def test_the_demo_is_short():
 @pytest.mark.mpi
 @pytest.mark.parametrize("hypothesis", ["plane strain", "plane stress", "axisymmetric", None], ids=str)
 def test_as_the_orthotropic_one(hypothesis):
-    """Displacement, recovered stress, energies, and iterations; with heat, and in space."""
+    """Displacement, recovered stress, energies, and iterations; with heat, and in 3D."""
     tagged = body("tetrahedra" if hypothesis is None else "triangle")
     more = {} if hypothesis is None else {"hypothesis": hypothesis}
     dimension = tagged.dimension
@@ -119,7 +119,7 @@ def test_guaranteed_bounds(cells):
 
 
 class WrongTwin(Fibres):
-    """A second opinion with another shear."""
+    """A independent check with another shear."""
 
     def stress_at(self, e):
         return super().stress_at(e) + 1e-3 * self.p * e
@@ -284,7 +284,7 @@ def test_no_plane_of_symmetry():
 
 @pytest.mark.parametrize("material", [own(3), OrthotropicElastic(**orthotropic(3))], ids=["own", "orthotropic"])
 def test_both_opinions(material):
-    """Stress, second opinion and bounds of strains at random."""
+    """Stress, independent check and bounds of strains at random."""
     chance = np.random.default_rng(1)
     strain = chance.normal(size=(40, 3, 3))
     strain += strain.swapaxes(1, 2)

@@ -22,13 +22,13 @@ def _read(text):
     return parse_scene(tomllib.loads(text))
 
 
-# Half of a lug of STEP in the plane, whose hole is on the origin.
+# Half of a lug of STEP in 2D, whose hole is on the origin.
 BOUNDARIES = {"hole": "abs(x[0]**2 + x[1]**2 - 100) < 0.5 and x[1] < 1e-9", "top": "x[1] > 40 - 1e-9"}
 
 
 @pytest.fixture(scope="module")
 def drawings(tmp_path_factory):
-    """Half of a lug with a hole in the plane, and the same in space, 10 thick, as STEP and as a script."""
+    """Half of a lug with a hole in 2D, and the same in 3D, 10 thick, as STEP and as a script."""
     folder = tmp_path_factory.mktemp("drawings")
     with gmsh_session() as gmsh:
         for name, solid in (("plane", False), ("space", True)):
@@ -75,7 +75,7 @@ def scene(file, *, own=None, contact=None, degree=1, bodies=(), more=""):
 
 
 def edges(tagged: TaggedMesh, name: str) -> np.ndarray:
-    """The lengths of the facets of a boundary, in space of the longest side of each."""
+    """The lengths of the facets of a boundary, in 3D of the longest side of each."""
     tagged.mesh.topology.create_connectivity(tagged.dimension - 1, tagged.dimension)
     return tagged.mesh.h(tagged.dimension - 1, tagged.facets(name))
 

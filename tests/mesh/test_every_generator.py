@@ -1,4 +1,4 @@
-"""Every generator, in the plane and in space: the same mesh every time, on ranks and in all units; coarser ones."""
+"""Every generator, in 2D and in 3D: the same mesh every time, on ranks and in all units; coarser ones."""
 
 import inspect
 
@@ -62,7 +62,7 @@ def test_the_same_mesh_in_all_units(name, unit):
 @pytest.mark.mpi
 @each
 def test_on_ranks(name):
-    """The cells and facets are the same on any number of ranks, and in space the areas."""
+    """The cells and facets are the same on any number of ranks, and in 3D the areas."""
     comm = MPI.COMM_WORLD
     order = {"order": 2} if name in space.CURVED else {}
     shared, own = make(name, comm, **order), make(name, **order)

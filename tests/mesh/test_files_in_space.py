@@ -1,4 +1,4 @@
-"""Mesh files in space: names, volume and moments survive every format; drawings of CAD programs; what is refused."""
+"""Mesh files in 3D: names, volume and moments survive every format; drawings of CAD programs; what is refused."""
 
 import itertools
 import json
@@ -84,7 +84,7 @@ def check_quarter(found, rel):
 
 @each_kind
 def test_a_script(tmp_path, kind):
-    """A .geo in space, and what dolfinx makes of it: wrong nodes would give another moment."""
+    """A .geo in 3D, and what dolfinx makes of it: wrong nodes would give another moment."""
     file = quarter(tmp_path, kind)
     found, rel = read_file(file), 3e-4 if kind[-1].isdigit() else 6e-2
     assert found.kind == kind
@@ -271,7 +271,7 @@ def test_shells_that_name_faces_of_solids(tmp_path):
 
 
 def test_tags_of_dolfinx(tmp_path):
-    """A mesh in space with tags on facets and cells as dolfinx writes them into one XDMF file."""
+    """A mesh in 3D with tags on facets and cells as dolfinx writes them into one XDMF file."""
     for cell in (mesh.CellType.tetrahedron, mesh.CellType.hexahedron):
         own = mesh.create_box(MPI.COMM_SELF, [[0.0, 0.0, 0.0], [2.0, 1.0, 1.0]], [4, 2, 2], cell)
         facets = mesh.locate_entities_boundary(own, 2, low)
@@ -364,7 +364,7 @@ def test_finer_cells_of_a_drawing(drawings):
 
 
 def test_a_plane_drawing(drawings):
-    """A face in the plane makes a plane mesh."""
+    """A face in 2D makes a plane mesh."""
     found = read_file(drawings / "flat.step")
     assert found.kind == "triangle"
     assert measures(found.points, found.cells, found.cell).sum() == pytest.approx(3.0)
@@ -416,7 +416,7 @@ BALL = [[1, 0, 0], [0, 1, 0], [-1, 0, 0], [0, -1, 0], [0, 0, 1]]
         (CUBE, [("hexahedron", [[0, 1, 3, 2, 4, 5, 7, 6]])], r"1 cells are folded, the first at \(0.5, 0.5, 0.5\)"),
         ([*TETRA[:3], [1, 1, 0]], [("tetra", [[0, 1, 2, 3]])], "without an angle"),
         (TETRA, [("tetra", [[0, 1, 2, 3], [1, 0, 2, 3]])], "1 cells occur twice"),
-        (BALL, [("triangle", [[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]])], r"surface in space \(a shell\)"),
+        (BALL, [("triangle", [[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]])], r"surface in 3D \(a shell\)"),
         ([[1, *x[:2]] for x in CUBE[:4]], [("quad", [[0, 1, 2, 3]])], r"in one with the normal \(-?1, 0, 0\): turn it"),
         ([[x, y, y] for x, y, _ in CUBE[:4]], [("quad", [[0, 1, 2, 3]])], "in one with the normal"),
         (
@@ -506,7 +506,7 @@ def test_quality_of_perfect_cells():
 
 
 def test_mesh_info_and_convert(tmp_path, capsys):
-    """Volume, areas, quality, and what has no name, of a body in space."""
+    """Volume, areas, quality, and what has no name, of a body in 3D."""
     file, target = quarter(tmp_path, "hexahedron"), tmp_path / "again.med"
     assert cli.main(["mesh-info", str(file)]) == 0
     out = capsys.readouterr().out

@@ -276,7 +276,7 @@ def test_generator_of_another_package(installed):
     assert "wavy" in scene_schema()["$defs"]["MeshGenerator"]["properties"]["generator"]["enum"]
     solution = alone(wavy({"nx": 24}, solver={"levels": 2}))
     assert solution.converged
-    assert [row.dofs for row in solution.price_list[:2]] == [2 * 13 * 5, 2 * 25 * 9]
+    assert [row.dofs for row in solution.convergence_table[:2]] == [2 * 13 * 5, 2 * 25 * 9]
     columns = table_of(solution).columns
     assert columns["y"].max() == pytest.approx(0.1)
     assert (columns["state"] != "open").any()
@@ -470,6 +470,6 @@ def test_nested(name):
         contact[0] |= {"gap": "x[1]", "direction": [0, -1]}
     parameters = {"contact_size": 0.1 if name == "punch" else 0.5}
     plain, nested = (solved(name, parameters, contact, solver={"levels": levels}, **effects) for levels in (1, 3))
-    assert len(nested.price_list) == 4
+    assert len(nested.convergence_table) == 4
     pressures = [table_of(solution).columns["pressure"] for solution in (plain, nested)]
     np.testing.assert_allclose(pressures[1], pressures[0], rtol=0, atol=1e-6 * pressures[0].max())

@@ -1,4 +1,4 @@
-"""Generators in space: names, volume, areas, shape of the cells; the same mesh every time, on ranks, in all units."""
+"""Generators in 3D: names, volume, areas, shape of the cells; the same mesh every time, on ranks, in all units."""
 
 from math import cos, pi, radians, tan
 

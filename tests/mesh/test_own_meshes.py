@@ -179,7 +179,7 @@ def test_straight_scripts_stay_straight(tmp_path):
 
 
 def test_curved_cells_that_are_folded(tmp_path):
-    """A cell whose curved side crosses another one has no area there: it is refused, also in the plane."""
+    """A cell whose curved side crosses another one has no area there: it is refused, also in 2D."""
     points = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0.5, 0.6, 0], [0.5, 0.5, 0], [0, 0.5, 0]]
     meshio.write(tmp_path / "body.vtu", meshio.Mesh(points, [("triangle6", [list(range(6))])]))
     with pytest.raises(MeshError, match="1 cells are folded"):

@@ -144,7 +144,7 @@ def stack(kind, *counts, **more):
 
 
 COULOMB = {"law": "coulomb", "coefficient": 0.3}
-# Two bodies, three, in space, with fewer cells than some numbers of ranks, and on two meshes.
+# Two bodies, three, in 3D, with fewer cells than some numbers of ranks, and on two meshes.
 STACKS = {
     "quadrilaterals": ("quadrilateral", (10, 3), (7, 2)),
     "triangles": ("triangle", (6, 2), (4, 2), (8, 2)),

@@ -14,7 +14,7 @@ from support.nonlinear_bodies import PLATE, held, rectangle, residual
 from signorini_fx import ConvergenceError, Coulomb, Foundation, NonlinearContactProblem, Status
 from signorini_fx.forms.nonlinear.displaced_certificate import certified, mechanics_at
 from signorini_fx.forms.nonlinear.tangent import round_off
-from signorini_fx.results.certificate.promised_law import Tractions
+from signorini_fx.results.certificate.law_of_method import Tractions
 
 
 @pytest.mark.one_quick
@@ -173,7 +173,7 @@ def test_a_node_of_two_shapes():
 
 
 def turned(angle, dimension):
-    """The rotation in the plane, and in space about the normal of a plate, by degrees."""
+    """The rotation in 2D, and in 3D about the normal of a plate, by degrees."""
     cosine, sine = np.cos(np.radians(angle)), np.sin(np.radians(angle))
     rotation = np.eye(dimension)
     rotation[:2, :2] = [[cosine, -sine], [sine, cosine]]

@@ -32,7 +32,7 @@ from signorini_fx import (
     Status,
 )
 from signorini_fx.forms.nonlinear.displaced_certificate import certified, mechanics_at
-from signorini_fx.results.certificate.promised_law import Law, Tractions
+from signorini_fx.results.certificate.law_of_method import Law, Tractions
 
 
 @pytest.mark.mpi(slow=True)

@@ -97,7 +97,7 @@ def test_a_cylinder_between_plates(name, degree):
     "name", but_slow(["neo-hooke, isochoric", "saint-venant-kirchhoff", "mooney-rivlin"], "mooney-rivlin")
 )
 def test_a_cube_between_plates(name):
-    """In space."""
+    """In 3D."""
     plate = {"shape": "plane", "point": [0.0, 0.0, 1.0], "normal": [0.0, 0.0, -1.0], "shift": [0.0, 0.0, "-0.15*t"]}
     cube = {"length": 1.0, "width": 1.0, "height": 1.0, "nx": 2, "ny": 2, "nz": 2}
     scene = {

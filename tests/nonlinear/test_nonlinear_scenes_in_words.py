@@ -99,7 +99,7 @@ def test_ogden_in_space_is_refused():
     cube = {"generator": "box", "parameters": {"nx": 1, "ny": 1, "nz": 1}}
     plate = {"shape": "plane", "point": [0.0, 0.0, 1.0], "normal": [0.0, 0.0, -1.0]}
     scene = indented(material("ogden"), mesh=cube, contact={"boundary": "top", "foundation": plate}, load_steps={})
-    with pytest.raises(SceneError, match=r"material\[0\].law: 'ogden' is not possible in space yet"):
+    with pytest.raises(SceneError, match=r"material\[0\].law: 'ogden' is not possible in 3D yet"):
         solve(scene, MPI.COMM_SELF)
 
 
@@ -207,7 +207,7 @@ def test_resultants(law):
 
 @pytest.mark.parametrize("name", MOSTLY_SLOW)
 def test_the_certificate_is_of_numpy(name, monkeypatch):
-    """A wrong sign, or a wrong constant, of the second opinion of a material is found."""
+    """A wrong sign, or a wrong constant, of the independent check of a material is found."""
     scene = block(material(name), "0.1*t", cells=(2, 2))
     kind = type(scene.material[0])
     said = "respond_at" if name == "j2" else "shape_stress_by_change"

@@ -13,7 +13,7 @@ from two_bodies import assembled, facets, facets_of_cells, grid
 from signorini_fx import Coulomb, FormError, Foundation, NonlinearContactProblem, Pair
 from signorini_fx.forms.nonlinear.displaced_certificate import certified, mechanics_at
 from signorini_fx.forms.nonlinear.undeformed_pairs import held_between, turned_forces, turned_gaps
-from signorini_fx.results.certificate.promised_law import Tractions
+from signorini_fx.results.certificate.law_of_method import Tractions
 
 KEPT = {"pair": {"sliding": False}}
 
@@ -208,7 +208,7 @@ def test_forces_turn_with_the_normals(scene):
     shear = generator.standard_normal(state.shear.shape)
 
     def forces(share):
-        """Of pressures, and of shears that turn with the normals as in the plane, or as little as they can."""
+        """Of pressures, and of shears that turn with the normals as in 2D, or as little as they can."""
         normal = paired.deformed(space, places + share * way).coupling.normal
         start = paired.deformed(space, places).coupling.normal
         vectors = np.einsum("nik,nk->ni", tangents_across(start), shear)
@@ -303,7 +303,7 @@ def test_half_of_a_body_beside_a_plane_of_symmetry(slave, degree):
 
 
 def test_what_a_pair_may_be():
-    """Ties, nominal distances and quadratic bodies in space are for pairs that keep partners."""
+    """Ties, nominal distances and quadratic bodies in 3D are for pairs that keep partners."""
     for options, words in (({"bonded": True}, "sliding = False"), ({"gap": 0.0}, "geometry")):
         with pytest.raises(FormError, match=words):
             blocks(lower=(4, 2), upper=(2, 2), pair=options)

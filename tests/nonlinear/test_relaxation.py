@@ -138,7 +138,7 @@ def test_a_restart_goes_on_relaxing(tmp_path):
 
 
 def test_the_certificate_notices_another_relaxation(monkeypatch):
-    """Its second opinion has an exponential of its own."""
+    """Its independent check has an exponential of its own."""
     monkeypatch.setattr(Maxwell, "respond_at", lambda self, strain, state: 1.01 * self.respond(strain, state)[0])
     with pytest.raises((ConvergenceError, SceneError), match=r"certificate does not hold|respond_at"):
         confined("-0.02*t", [0.5])

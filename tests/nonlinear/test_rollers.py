@@ -109,7 +109,7 @@ def problem(shape, angle=0.0, unit=1.0, friction=0.5, **settings):
 
 
 def turn_matrix(angle):
-    """In the plane, of radians."""
+    """In 2D, of radians."""
     return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
 
 
@@ -125,7 +125,7 @@ def test_objectivity(unit):
     ends = []
     for angle in (0.0, 0.7):
         turn = turn_matrix(angle)
-        alike = {"x": SPRING, "y": SPRING}  # in the plane stiffnesses do not depend on the unit of length
+        alike = {"x": SPRING, "y": SPRING}  # in 2D stiffnesses do not depend on the unit of length
         rolled = problem(turned_roller(angle, unit) | {"force": (0.0, 0.0), "spring": alike}, angle, unit)
         for force, moment in (((0.0, -8.0), 0.0), ((1.0, -10.0), 0.6), ((1.25, -9.5), 0.8), ((1.5, -9.0), 1.0)):
             rolled.place(0, force=tuple(map(float, unit * turn @ force)), moment=moment * unit**2)

@@ -89,7 +89,7 @@ def test_small_speeds_are_those_of_the_linear_scene(name):
 
 @pytest.mark.mpi
 def test_a_block_off_the_axis():
-    """In space about an axis that is no edge of the block: the reactions are the mass times the square of the speed
+    """In 3D about an axis that is no edge of the block: the reactions are the mass times the square of the speed
     times the distance of the deformed centre of mass from the axis.
     """
     speed, comm = 2.0, MPI.COMM_WORLD

@@ -28,7 +28,7 @@ from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
 from signorini_fx.forms.nonlinear.moving_pairs import MovingPair
 from signorini_fx.mechanics.body import elastic_body
 from signorini_fx.mechanics.pairs.mortar_coupling import PairingError
-from signorini_fx.results.certificate.promised_law import Law, Tractions
+from signorini_fx.results.certificate.law_of_method import Law, Tractions
 
 PRESSED = ((0, -0.1), (0, -0.2))
 
@@ -335,7 +335,7 @@ def test_degree_2_in_space():
     u = fem.Function(fem.functionspace(mesh, ("Lagrange", 2, (3,))))
     form = ufl.inner(ufl.grad(u), ufl.grad(ufl.TestFunction(u.function_space))) * ufl.dx
     sides = [dmesh.locate_entities_boundary(mesh, 2, lambda x, z=z: np.isclose(x[2], z)) for z in (0.0, 1.0)]
-    with pytest.raises(FormError, match=r"contact\[0\]: in space two bodies slide on each other with degree 1 only"):
+    with pytest.raises(FormError, match=r"contact\[0\]: in 3D two bodies slide on each other with degree 1 only"):
         NonlinearContactProblem(form, u, contact=Pair(*sides))
 
 

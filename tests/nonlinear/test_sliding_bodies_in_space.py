@@ -1,4 +1,4 @@
-"""Two nonlinear bodies in space that slide on each other: closed forms, invariances, limits, and the certificate."""
+"""Two nonlinear bodies in 3D that slide on each other: closed forms, invariances, limits, and the certificate."""
 
 import runpy
 from dataclasses import replace
@@ -26,7 +26,7 @@ from signorini_fx import ConvergenceError, Coulomb, Foundation, NonlinearContact
 from signorini_fx.forms.nonlinear.displaced_certificate import certified, mechanics_at
 from signorini_fx.mechanics.pairs import dual_functions, sliding
 from signorini_fx.mechanics.pairs.pair_side import PairSurface
-from signorini_fx.results.certificate.promised_law import Law, Tractions
+from signorini_fx.results.certificate.law_of_method import Law, Tractions
 from signorini_fx.tuned import KEPT_WEIGHT
 
 COARSE = {"kind": "tetrahedron", "lower": (8, 6, 1), "upper": (4, 4, 1), "ratio": 10.0}

@@ -107,7 +107,7 @@ def test_linear_limit(friction, slave):
 
 
 def test_linear_limit_of_half_a_scene():
-    """In the plane the halves of both bodies: at points in the plane of symmetry friction has nothing to hold."""
+    """In 2D the halves of both bodies: at points in 2D of symmetry friction has nothing to hold."""
     scene = dome(friction=Coulomb(0.3), revolved=False, algorithm="alm")
     agrees_with_linear_bodies(scene)
     state = scene.problem.state

@@ -21,7 +21,7 @@ from support.sliding_bodies import (
 
 from signorini_fx import ConvergenceError, Coulomb, FormError, Foundation, NonlinearContactProblem, Status
 from signorini_fx.forms.nonlinear.displaced_certificate import certified, mechanics_at
-from signorini_fx.results.certificate.promised_law import Law, Tractions
+from signorini_fx.results.certificate.law_of_method import Law, Tractions
 
 CLOSED = {"pair": {"bilateral": True}, "algorithm": "alm"}
 PULLED = ((0.0, 0.05), (0.1, 0.1), (0.4, 0.1), (0.4, -0.1), (0.2, -0.1))

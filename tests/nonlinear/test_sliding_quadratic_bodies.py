@@ -41,7 +41,7 @@ def test_patch(revolved, kind, slave):
 
 @pytest.mark.parametrize("scene_of", [bump, pytest.param(dome, marks=pytest.mark.slow)])
 def test_linear_limit(scene_of):
-    """At small loads pairs of linear bodies of degree 2, with friction, in the plane and of revolution."""
+    """At small loads pairs of linear bodies of degree 2, with friction, in 2D and of revolution."""
     scene = scene_of(height=2e-7, lower=(12, 4), upper=(9, 3), friction=Coulomb(0.3), algorithm="alm", degree=2)
     force = scene.move(0.0, -1e-7)
     linear = as_linear_bodies(scene)

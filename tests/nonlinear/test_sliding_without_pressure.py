@@ -23,7 +23,7 @@ from ufl import dx
 from signorini_fx import Coulomb, Foundation, NonlinearContactProblem, Tresca
 from signorini_fx.forms.nonlinear.displaced_certificate import certified, mechanics_at
 from signorini_fx.mechanics.laws.protocol import Envelope, FrictionLaw, Parameter
-from signorini_fx.results.certificate.promised_law import Law, Tractions
+from signorini_fx.results.certificate.law_of_method import Law, Tractions
 
 BOUND = 0.4
 THERE_AND_BACK = ((0, -0.02), (0, -0.1), (0.05, -0.1), (0.3, -0.1), (0.27, -0.1), (0.05, -0.1))

@@ -110,7 +110,7 @@ def test_a_slow_fixed_point_takes_no_iterations_of_newton(monkeypatch):
 
 
 def changed(displacement, moved=None, pressure=(1.0, -2.0, 0.0)):
-    """What a load step has changed at three points in the plane."""
+    """What a load step has changed at three points in 2D."""
     shear = np.array([[0.5, 0.0], [0.0, 0.0], [0.0, 0.0]])
     return StepChange(np.asarray(displacement), np.array(pressure), shear, moved)
 

@@ -105,7 +105,7 @@ def test_small_loads_are_those_of_the_linear_scene(name):
 
 
 def test_the_certificate_knows_them_by_their_own_formula(monkeypatch):
-    """Other springs of the second opinion are no equilibrium."""
+    """Other springs of the independent check are no equilibrium."""
     scene = {"traction": {"boundary": "top", "z": -5.0}}
     assert cube(material("neo-hooke"), {"boundary": "bottom", "z": STIFFNESS}, **scene).certificate.holds
     reaction = Springs.reaction_at

@@ -87,7 +87,7 @@ def test_a_block_of_rubber_between_plates(kind):
 @pytest.mark.mpi
 @pytest.mark.parametrize("cells", [1, 2])
 def test_a_cube_of_rubber_between_plates(cells):
-    """In space, where the free sides are two; of each rank, also where most have no cell."""
+    """In 3D, where the free sides are two; of each rank, also where most have no cell."""
     solution = solve(cube(material("neo-hooke", **RUBBER), "0.3*t", cells))
     across, along, _ = neo_hooke(0.7, (0, 2))
     assert abs(across) < 1e-12

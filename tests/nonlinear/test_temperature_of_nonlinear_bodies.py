@@ -302,7 +302,7 @@ def test_restart(name, tmp_path):
 
 
 def test_the_certificate_expands_by_its_own_formula(monkeypatch):
-    """Another expansion of the second opinion, or none, is no equilibrium."""
+    """Another expansion of the independent check, or none, is no equilibrium."""
     scene = cube(material("neo-hooke"), 20.0, {"boundary": "right", "x": 0.0})
     assert solve(scene, MPI.COMM_SELF).certificate.holds
     strain = NonlinearForces.strain

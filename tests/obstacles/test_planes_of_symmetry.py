@@ -121,7 +121,7 @@ def differences(half, whole):
 def test_half_a_model(kind, degree, counts, given):
     """Flat sides: pressure and shear are those of the whole model, and none of the shear is across the plane.
 
-    In space without the components that are left out, up to nine tenths of the friction bound were across it.
+    In 3D without the components that are left out, up to nine tenths of the friction bound were across it.
     """
     comm, axis = MPI.COMM_WORLD, KINDS[kind] - 2
     if comm.size > 1 and given.get("linear_algebra") is None:
@@ -138,7 +138,7 @@ def test_half_a_model(kind, degree, counts, given):
 @pytest.mark.one_quick
 @pytest.mark.parametrize(("kind", "degree", "counts"), [("triangle", 1, (5, 6)), ("hexahedron", 1, (3, 4))])
 def test_half_of_curved_sides(kind, degree, counts):
-    """The normals on the plane are in it.  In space the sides are projected along facets, which do not know of it."""
+    """The normals on the plane are in it.  In 3D the sides are projected along facets, which do not know of it."""
     given = {"friction": Coulomb(0.3), "slope": 0.05}
     half = pressed(kind, degree, counts, half=True, of_master=0.0, **given)
     whole = pressed(kind, degree, counts, half=False, **given)
@@ -234,7 +234,7 @@ def generate(comm, /, *, half: bool = True):
 
 @pytest.fixture
 def halved(tmp_path, monkeypatch):
-    """A generator of two blocks turned in space, the half or the whole of them."""
+    """A generator of two blocks turned in 3D, the half or the whole of them."""
     data = tmp_path / "halved-1.0.dist-info"
     data.mkdir()
     (data / "METADATA").write_text("Metadata-Version: 2.1\nName: halved\nVersion: 1.0\n", encoding="utf-8")
@@ -313,7 +313,7 @@ def test_sides_that_are_held_everywhere():
     assert called[2] < 2 * called[1]
 
 
-def test_the_second_opinion_on_sides_that_are_held_everywhere(monkeypatch):
+def test_the_independent_check_on_sides_that_are_held_everywhere(monkeypatch):
     """It finds the same planes, and looks for partners of the nodes at edges alone."""
     cells, looked_at = 12, []
 

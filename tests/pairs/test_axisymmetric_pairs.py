@@ -439,8 +439,8 @@ def pressure_of_shells(radii, young, poisson, inside, outside):
 
     def moved(a, b, p, q, at, young, poisson):
         volume = b**3 - a**3
-        swelling = (1 - 2 * poisson) / young * (p * a**3 - q * b**3) / volume
-        return swelling * at + (1 + poisson) / (2 * young) * (p - q) * a**3 * b**3 / volume / at**2
+        pressure_load = (1 - 2 * poisson) / young * (p * a**3 - q * b**3) / volume
+        return pressure_load * at + (1 + poisson) / (2 * young) * (p - q) * a**3 * b**3 / volume / at**2
 
     a, b, c = radii
 

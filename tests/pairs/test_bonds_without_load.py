@@ -7,7 +7,7 @@ import pytest
 from scenes import alone
 
 from signorini_fx.results.certificate.certificate import certify
-from signorini_fx.results.certificate.promised_law import Law, PreviousStep, Tractions
+from signorini_fx.results.certificate.law_of_method import Law, PreviousStep, Tractions
 from signorini_fx.scenes.reading import parse_scene
 
 FACTORS = (1.0, 0.4, -1.3)

@@ -19,7 +19,7 @@ from signorini_fx import ContactProblem, ConvergenceError, Coulomb, Pair, Scene,
 from signorini_fx.mechanics.obstacles import sliding_sides
 from signorini_fx.mechanics.obstacles.paired_points import FacingSides
 from signorini_fx.mechanics.pairs import mortar_coupling
-from signorini_fx.mechanics.pairs.dual_functions import EvenCarriers
+from signorini_fx.mechanics.pairs.dual_functions import EvenRedistribution
 from signorini_fx.mechanics.pairs.fixed_distances import FixedDistances
 from signorini_fx.mechanics.pairs.sliding import fixed_by_supports, slide
 from signorini_fx.results.certificate.held_distances import DisplacedSide
@@ -362,7 +362,7 @@ def test_the_certificate_misses_overlap_beside_such_a_region(monkeypatch, dim):
 @pytest.mark.parametrize("fault", ["given to another point", "given to nobody", "a point of its own"])
 def test_the_certificate_misses_a_wrong_share(monkeypatch, dim, fault):
     """Who takes over the functions of held nodes is no word of the solver: another choice is refused."""
-    right = EvenCarriers.of
+    right = EvenRedistribution.of
 
     def wrong(side, covered, weight, unable, movable=None):
         if fault == "a point of its own":
@@ -375,7 +375,7 @@ def test_the_certificate_misses_a_wrong_share(monkeypatch, dim, fault):
                 shares[[carriers.nodes.size - 1], node] = 1.0
         return replace(carriers, shares=shares.tocsr())
 
-    monkeypatch.setattr(EvenCarriers, "of", wrong)
+    monkeypatch.setattr(EvenRedistribution, "of", wrong)
     scene = clamped(dim, 0, 0.5)
     with pytest.raises(ConvergenceError):
         scene.move(*[0.0] * (dim - 1), -DEPTH)

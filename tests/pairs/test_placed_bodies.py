@@ -106,7 +106,7 @@ def with_regions(tagged):
 @pytest.mark.parametrize("cell", ["quadrilateral", "hexahedron"])
 def test_the_same_as_one_mesh(cell):
     """Two blocks, the upper one moved to its place: every displacement is that of the same blocks as one mesh, on any
-    number of ranks.  Turned about an axis, in the plane one of them upside down in addition, they turn it.
+    number of ranks.  Turned about an axis, in 2D one of them upside down in addition, they turn it.
     """
     dim = CELLS[cell]
     lower, upper = ({"name": name, "mesh": mesh} for name, mesh in zip(("lower", "upper"), meshes(cell), strict=True))

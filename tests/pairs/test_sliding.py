@@ -100,7 +100,7 @@ def test_what_shears_pass_on(degree):
     forces = [side.tangent_rows.T @ (side.weight * shear[:, 0]) for side in differences(scene, slid.reshape(-1, 2))]
     expected = (forces[0] - forces[1]) / 2e-6
     turned = coupling.stiffness(0.0 * shear[:, 0], shear, near=True) @ slid
-    passed = coupling.passed_on(shear, slid.reshape(-1, 2))
+    passed = coupling.shear_transfer(shear, slid.reshape(-1, 2))
     missed = np.linalg.norm(expected - turned - passed.ravel())
     assert missed < 0.07 * np.linalg.norm(expected)
     assert np.linalg.norm(expected - turned) > 10 * missed

@@ -1,11 +1,11 @@
-"""The map of two deformed sides in space: its derivatives against differences, and what no joint motion changes."""
+"""The map of two deformed sides in 3D: its derivatives against differences, and what no joint motion changes."""
 
 import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
 from scipy.spatial.transform import Rotation
 
-from signorini_fx.mechanics.pairs.dual_functions import EvenCarriers, HeldSides
+from signorini_fx.mechanics.pairs.dual_functions import EvenRedistribution, HeldSides
 from signorini_fx.mechanics.pairs.overlap_space import clip
 from signorini_fx.mechanics.pairs.pair_side import Lagrange, PairSurface
 from signorini_fx.mechanics.pairs.sliding import slide
@@ -121,7 +121,7 @@ def test_what_shears_pass_on(kind):
         for side in (scene.at(sign * step * along) for sign in (1, -1))
     ]
     expected = ((forces[0] - forces[1]) / (2 * step)).reshape(-1, 3)
-    passed = coupling.passed_on(shear, along)
+    passed = coupling.shear_transfer(shear, along)
     assert np.abs(expected).max() > 0.01
     assert passed == pytest.approx(expected, abs=1e-6 * np.abs(expected).max())
 
@@ -265,7 +265,7 @@ def test_shares_of_functions_sum_to_one(kind):
     for _ in range(20):
         weight = side.area * rng.choice([1e-3, 0.05, 0.1, 0.5, 1.0], len(side.x))
         unable = rng.random(len(side.x)) < 0.2
-        carriers = EvenCarriers.of(side, np.arange(len(side.nodes)), weight, unable)
+        carriers = EvenRedistribution.of(side, np.arange(len(side.nodes)), weight, unable)
         assert np.asarray(carriers.shares.sum(axis=0)) == pytest.approx(np.ones(len(side.x)), abs=1e-14)
         assert carriers.shares.data.min() >= 0.0
         assert not unable[carriers.nodes].any()
@@ -279,7 +279,7 @@ def test_functions_of_many_nodes_without_a_point():
     cells, lines = 40, 18
     side = sheet("quadrilateral", (cells, cells), (0.0, 0.0), (1.0, 1.0), 1.0)
     unable = np.arange(len(side.x)) < lines * (cells + 1)
-    shares = EvenCarriers.of(side, np.arange(len(side.nodes)), side.area, unable).shares.toarray()
+    shares = EvenRedistribution.of(side, np.arange(len(side.nodes)), side.area, unable).shares.toarray()
     assert shares.sum(axis=0) == pytest.approx(np.ones(len(side.x)), abs=1e-12)
     grid = shares.reshape(-1, cells + 1, cells + 1)[:, :lines]
     around = [grid[:, 1 + i : lines - 1 + i, 1 + j : cells + j] for i in (-1, 0, 1) for j in (-1, 0, 1) if i or j]
@@ -292,7 +292,7 @@ def test_a_point_that_keeps_only_round_off(kind):
     side = sheet(kind, (3, 2), (0.0, 0.0), (1.0, 1.0), 1.0)
     weight = np.zeros(len(side.x))
     weight[5] = KEPT_WEIGHT * (1 + 1e-14) * side.area[5]
-    carriers = EvenCarriers.of(side, np.arange(len(side.nodes)), weight, np.zeros(len(side.x), dtype=bool))
+    carriers = EvenRedistribution.of(side, np.arange(len(side.nodes)), weight, np.zeros(len(side.x), dtype=bool))
     assert carriers.nodes.tolist() == [5]
     assert carriers.shares.toarray() == pytest.approx(np.ones((1, len(side.x))))
 
@@ -301,4 +301,4 @@ def test_held_nodes_over_held_nodes():
     """More than half of a function is over held nodes of the other side; one of negative weight is over none."""
     held = HeldSides(np.array([True, True, True, False]), np.array([True, False]))
     met = np.array([[0.3, 0.7], [0.7, 0.3], [-0.1, -0.2], [1.0, 0.0]])
-    assert held.helpless(met).tolist() == [False, True, False, False]
+    assert held.constrained_slaves(met).tolist() == [False, True, False, False]

@@ -182,7 +182,7 @@ def test_what_to_do_next_with_bodies_in_space():
 def test_the_error_of_forces_that_cancel():
     """It is relative to the forces, not to their sum: they are exact, and the estimate is small."""
     solution = solve(stack([0.5], solver={"levels": 3}), MPI.COMM_SELF)
-    assert solution.price_list[-1].force < 1e-3
+    assert solution.convergence_table[-1].force < 1e-3
     walls = parse_scene(
         {
             "mesh": {"generator": "rectangle", "parameters": {"length": 2.0, "height": 1.0, "nx": 16, "ny": 8}},
@@ -196,7 +196,7 @@ def test_the_error_of_forces_that_cancel():
     # Plane strain, held in the other direction: sigma_x = E (1 - nu) / ((1 + nu) (1 - 2 nu)) times the strain.
     force = 1000.0 * 0.7 / (1.3 * 0.4) * 0.01
     np.testing.assert_allclose(squeezed.contact.forces_of_each[:, 0], [[force, 0.0], [-force, 0.0]], atol=1e-4 * force)
-    assert squeezed.price_list[-1].force < 1e-3
+    assert squeezed.convergence_table[-1].force < 1e-3
 
 
 @pytest.mark.parametrize(("against", "whom"), [("head.bottom", "pad.top"), (None, "the body")])

@@ -17,7 +17,7 @@ COUNTS = {2: ((5, 2), (3, 2)), 3: ((3, 1, 2), (2, 1, 2))}
 
 
 def rotation(dimension, angle=0.4):
-    """Of the plane x[0], x[1]; in space about a skew axis."""
+    """Of the plane x[0], x[1]; in 3D about a skew axis."""
     turn = np.eye(dimension)
     turn[:2, :2] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
     if dimension == 3:
@@ -329,7 +329,7 @@ def test_bodies_carried_away_together(kind, friction, monkeypatch):
 
 
 def paraboloids(kind, degree, counts, comm=MPI.COMM_SELF, **settings):
-    """Two bodies with rounded faces pressed and sheared in space."""
+    """Two bodies with rounded faces pressed and sheared in 3D."""
 
     def body(radius, sign, along, through):
         def place(x):

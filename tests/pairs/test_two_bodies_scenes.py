@@ -343,7 +343,7 @@ def test_shrink_fit(monkeypatch, tmp_path):
 
 
 def test_a_ring_on_a_rigid_shaft(monkeypatch):
-    """In space: friction carries the torque about the axis; pushed too, the ring has a resultant, which is drawn."""
+    """In 3D: friction carries the torque about the axis; pushed too, the ring has a resultant, which is drawn."""
 
     def ring(push):
         return solve(

@@ -45,7 +45,7 @@ def inf_sup(kind, degree, counts, stiffer=1.0):
     free, weight = ~problem.assembled.elastic.fixed, np.repeat(problem.state.boundary.weight, dim)
     forces = weight[:, None] * B[:, free].toarray()
     schur = forces @ splu(K[free][:, free]).solve(forces.T)
-    norm = np.diag(weight ** (dim / up) / min(1.0, stiffer))  # h is w, in space its root
+    norm = np.diag(weight ** (dim / up) / min(1.0, stiffer))  # h is w, in 3D its root
     return np.sqrt(scipy.linalg.eigh(schur, norm, eigvals_only=True)[0])
 
 
@@ -120,7 +120,7 @@ def pressed(dim, counts, young=(200.0, 200.0), radii=(8.0, 12.0), depth=0.05, sl
 
 @pytest.mark.slow
 def test_the_largest_pressure_of_equal_bodies_converges():
-    """Of two equal bodies in space Hertz's largest pressure is 11 % too large with 4 cells along the radius of contact,
+    """Of two equal bodies in 3D Hertz's largest pressure is 11 % too large with 4 cells along the radius of contact,
     and 2 % with 5 smaller ones: of the second order at least.
     """
     found = []

@@ -1,4 +1,4 @@
-"""Rigid shapes are drawn whole and where they are: lines in the plane, triangles in space, the body outside of them."""
+"""Rigid shapes are drawn whole and where they are: lines in 2D, triangles in 3D, the body outside of them."""
 
 import numpy as np
 import pytest

@@ -44,7 +44,7 @@ def test_values_from_the_stress():
 
 
 def strokes_of(stress, points=((0.3, 0.2),)):
-    """Ends of the coloured strokes in the plane, shape (n, 2, 2), by colour."""
+    """Ends of the coloured strokes in 2D, shape (n, 2, 2), by colour."""
     axes = Figure().add_subplot()
     draw_principal(axes, np.array(points), stress, 26.0)
     lines = [one for one in axes.collections if isinstance(one, LineCollection)]
@@ -65,7 +65,7 @@ def test_strokes_point_along_the_principal_stresses():
         assert along[1] / along[0] == pytest.approx(slope)
     lengths = [np.linalg.norm(found[name][0][1] - found[name][0][0]) for name in (BLUE, ORANGE)]
     assert lengths[0] == pytest.approx(lengths[1])
-    # In space the stress along z has a stroke too.
+    # In 3D the stress along z has a stroke too.
     pressed, drawn_out = strokes(np.zeros((1, 3)), SHEAR, 1.0)
     assert (len(pressed), len(drawn_out)) == (2, 1)
     lengths = np.sort(np.linalg.norm(pressed[:, 1] - pressed[:, 0], axis=1))
@@ -156,7 +156,7 @@ def test_curved_cells_are_drawn_curved():
 
 @pytest.mark.mpi(slow=True)
 def test_fields_are_the_same_on_any_number_of_ranks():
-    """In the plane and in space, cell by cell at their places."""
+    """In 2D and in 3D, cell by cell at their places."""
     comm = MPI.COMM_WORLD
     plane, space = (lambda ranks: example1(bound=1.5, nx=12, ny=4)), (lambda ranks: block(6, bound=1.5, comm=ranks))
     for gather, scene in ((gather_cells, plane), (gather_outer_surface, space)):

@@ -1,4 +1,4 @@
-"""Bodies in space as pictures: views, perspective, foundations, colours, and the process that draws them."""
+"""Bodies in 3D as pictures: views, perspective, foundations, colours, and the process that draws them."""
 
 import pickle
 import subprocess
@@ -55,7 +55,7 @@ def hue(colours):
 
 
 def at(picture, camera, points):
-    """The colours at points in space."""
+    """The colours at points in 3D."""
     share = (camera.flat(np.asarray(points, dtype=float)) / camera.half + 1) / 2
     column, row = np.floor(share * picture.shape[1::-1]).astype(int).T
     return picture[::-1][row, column]
@@ -337,8 +337,8 @@ def test_bodies_are_moved_apart(tmp_path):
     two.points[:14, :2] = (
         4.0 * two.points[:14, :2] - 1.5
     )  # a plate, which from below hides the cube on it unless that is far away
-    for seen_from, clear in ((views, [True, True]), ((), [False, False])):
-        points = two.points + moved_apart(two, of_two, seen_from)
+    for projected_onto, clear in ((views, [True, True]), ((), [False, False])):
+        points = two.points + moved_apart(two, of_two, projected_onto)
         assert [separable(*np.split(sight.flat(points), 2)) for sight in views] == clear
     exploded(tmp_path / "exploded", two, of_two, title="Two cubes")
     assert (tmp_path / "exploded.png").exists()

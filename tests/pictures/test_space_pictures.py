@@ -1,4 +1,4 @@
-"""Pictures and page of a body in space: they say what the files say, on any number of ranks; no plane scene pays."""
+"""Pictures and page of a body in 3D: they say what the files say, on any number of ranks; no plane scene pays."""
 
 import base64
 import io
@@ -133,7 +133,7 @@ def test_nothing_is_cut_off(folder):
 
 @pytest.mark.one_quick
 def test_pressure_is_that_of_the_table(folder):
-    """Colours are the pressures of contact.csv at its nodes, in the plane of the picture; the scale reaches the top."""
+    """Colours are the pressures of contact.csv at its nodes, in 2D of the picture; the scale reaches the top."""
     sides, figure = drawn(folder)
     pressed = [axes for axes in panels(figure) if "seen along" in axes.get_title(loc="left")]
     assert len(pressed) == len(sides)
@@ -427,7 +427,7 @@ def test_page(folder):
     assert headings[:3] == ["Outcome", "Figures", "Further pictures"]
     assert headings[3:5] == ["Contact surface", "Forces and areas"]
     assert {"Contact surface", "Forces and areas", "Iteration"} <= set(headings)
-    assert not {"Zones", "Contact boundary", "Price list"} & set(headings)
+    assert not {"Zones", "Contact boundary", "Convergence table"} & set(headings)
     assert not set(found.tags) & {"link", "iframe"}
     assert found.source.count("<script") == 2  # the body that can be turned: its data, and what turns it
     for wrong in ("unit thickness", "--levels", "slip minus", "plane strain", "arc length"):
@@ -587,7 +587,7 @@ def test_what_is_not_there(tmp_path, folders):
 
 
 def linear():
-    """A body in space without contact."""
+    """A body in 3D without contact."""
     data = block(6)
     held = [entry.model_copy(update={"z": 0.0}) for entry in data.displacement]
     return data.model_copy(update={"displacement": tuple(held), "contact": ()})
@@ -648,7 +648,7 @@ def test_broken_folders(folders, tmp_path, capsys, name, text, message):
 
 
 def test_plane_scenes_import_nothing_of_it(tmp_path):
-    """Neither solve nor report of a plane scene imports what draws in space."""
+    """Neither solve nor report of a plane scene imports what draws in 3D."""
     code = """
 import sys
 from scenes import alone, example1
@@ -679,7 +679,7 @@ print([name for name in sys.modules if name.startswith("signorini_fx.")])
 
 
 def test_page_needs_no_dolfinx(folders, tmp_path):
-    """The report of a body in space imports neither dolfinx nor MPI."""
+    """The report of a body in 3D imports neither dolfinx nor MPI."""
     code = """
 import sys
 from signorini_fx.addons.report.page import write_report

@@ -95,7 +95,7 @@ def test_sets_that_hold_no_body_are_not_kept(friction):
     one: then all points that can do.
     """
     from signorini_fx.algebra.contact.active_sets import ActiveSets
-    from signorini_fx.algebra.contact.holding_sets import hold
+    from signorini_fx.algebra.contact.stabilised_sets import hold
     from signorini_fx.algebra.linalg.from_scipy import from_scipy
 
     stiffness, load, operator, weight, gap, prescribed, modes = algebra_alone.matrices()

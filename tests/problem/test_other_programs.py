@@ -59,7 +59,7 @@ def matched(x, places):
 
 
 def as_in_the_scene(solution, x, nodes, displacement, pressure, shear):
-    """Displacement at nodes and tractions at contact nodes, shear as vectors in space, are those of the scene."""
+    """Displacement at nodes and tractions at contact nodes, shear as vectors in 3D, are those of the scene."""
     places = solution.model.space.tabulate_dof_coordinates()
     theirs = solution.displacement.x.array.reshape(-1, 3)[matched(x, places)]
     np.testing.assert_allclose(displacement, theirs, rtol=0, atol=1e-10 * np.abs(theirs).max())

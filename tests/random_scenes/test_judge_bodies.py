@@ -21,7 +21,7 @@ from stability.oracle.space.judge import _rows, _solution_exists  # noqa: E402
 from stability.oracle.worker import row_of  # noqa: E402
 
 SHORT = {"first": range(2), "others": range(2, 5)}
-# With Coulomb friction, in the plane and in space.
+# With Coulomb friction, in 2D and in 3D.
 SPOILT = (40, 9)
 
 

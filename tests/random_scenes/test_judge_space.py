@@ -1,4 +1,4 @@
-"""The oracle of random scenes in space: it notices what is wrong, and finds nothing wrong in a few scenes."""
+"""The oracle of random scenes in 3D: it notices what is wrong, and finds nothing wrong in a few scenes."""
 
 import copy
 import sys
@@ -64,7 +64,7 @@ def test_given_friction_is_a_cone_programme(rows):
 
 
 def block(cell="hexahedron", inner=0.0, shape=(3, 2, 2)):
-    """A distorted block of 1.5 x 1 x 1, turned in space, and its turn."""
+    """A distorted block of 1.5 x 1 x 1, turned in 3D, and its turn."""
     points, cells, boundaries = grid(*shape, cell)
     inside = (points > 1e-9).all(axis=1) & (points < 1 - 1e-9).all(axis=1)
     points[inside] += inner * np.sin(9 * points[inside][:, ::-1] + 1)
@@ -394,5 +394,5 @@ def test_the_command(tmp_path):
     """Scenes in plane and space in one run."""
     assert command.main(["--first", "3", "--plane", "1", "--space", "1", "--out", str(tmp_path)]) == 0
     text = (tmp_path / "oracle.txt").read_text(encoding="utf-8")
-    assert "in the plane" in text
-    assert "in space" in text
+    assert "in 2D" in text
+    assert "in 3D" in text

@@ -1,4 +1,4 @@
-"""The oracle of random scenes in space with further effects: it notices an answer in which one of them is off."""
+"""The oracle of random scenes in 3D with further effects: it notices an answer in which one of them is off."""
 
 import copy
 import sys
@@ -93,7 +93,7 @@ def test_another_value_is_noticed(answer, path):
 @pytest.mark.slow
 @pytest.mark.parametrize("count", [6, 3])
 def test_random_scenes(count):
-    """The first ones of ``make oracle`` in space with further effects: none is wrong, and most are right."""
+    """The first ones of ``make oracle`` in 3D with further effects: none is wrong, and most are right."""
     rows = [row_of(seed, "space-effects") for seed in range(count)]
     assert not [row for row in rows if row.kind in FAILURES]
     assert any(row.kind == RIGHT for row in rows)

@@ -181,7 +181,7 @@ def test_page_is_whole(folder):
     assert headings[-1] == "Made with"
     assert ("Figures" in headings) == summary_of(folder)["converged"]
     assert headings[-1] == "Made with"
-    behind = [headings.index(name) for name in ("Price list", "Certificate", "Iteration") if name in headings]
+    behind = [headings.index(name) for name in ("Convergence table", "Certificate", "Iteration") if name in headings]
     assert all(
         headings.index(name) < min(behind) for name in headings if name.startswith(("Contact", "Forces", "Load"))
     )
@@ -230,7 +230,7 @@ def test_numbers(folder):
     for name, value in summary["certificate"].items():
         if name not in ("holds", "law"):
             assert float(cells[cells.index(name.replace("_", " ")) + 1]) == pytest.approx(value, rel=0.05, abs=1e-300)
-    if "price_list" not in summary and summary["converged"]:
+    if "convergence_table" not in summary and summary["converged"]:
         for key in ("max_pressure", "strain_energy"):
             if key in summary:
                 assert f"{summary[key]:.4g}" in cells
@@ -240,7 +240,7 @@ def test_numbers(folder):
     if (folder / "history.csv").stat().st_size:
         for row in rows_of(folder / "history.csv"):
             assert f"{float(row['residual']):.6g}" in cells
-    for row in summary.get("price_list", []):
+    for row in summary.get("convergence_table", []):
         assert str(row["dofs"]) in cells
         assert f"{row['energy']:.2g}" in cells
     for step in summary.get("steps", []):
@@ -253,9 +253,12 @@ def test_sections(folders):
     """What a scene does not have is not on its page."""
     headings = {name: set(Page(folder).of("h2")) for name, folder in folders.items()}
     assert {"Forces and zones", "Contact boundary", "Iteration", "Load steps"} <= headings["steps"]
-    assert "Price list" in headings["levels"]
+    assert "Convergence table" in headings["levels"]
     assert "Load steps" not in headings["levels"]
-    assert not {"Forces and zones", "Contact boundary", "Iteration", "Load steps", "Price list"} & headings["linear"]
+    assert (
+        not {"Forces and zones", "Contact boundary", "Iteration", "Load steps", "Convergence table"}
+        & headings["linear"]
+    )
     kinds = {name: [kind for kind, _ in pictures(Page(folder))] for name, folder in folders.items()}
     assert kinds["linear"] == ["png"]
     assert kinds["not held"] == ["png"]  # what the scene prescribes
@@ -355,11 +358,11 @@ def test_next_steps(folders):
     assert "--levels 3" not in said("steps")
     assert said("linear") == ""
     assert "ParaView: a.bp" in said("linear", fields=["a.bp"])
-    prices = summary_of(folders["levels"])["price_list"]
+    prices = summary_of(folders["levels"])["convergence_table"]
     assert f"{prices[-1]['dofs']} unknowns" in said("levels")
     assert "regularisation takes" not in said("levels")
     worse = [{**row, "regularisation": row["energy"] or 1.0} for row in prices]
-    assert "regularisation takes" in said("levels", price_list=worse)
+    assert "regularisation takes" in said("levels", convergence_table=worse)
     contact = read_csv(folders["two boundaries"] / "contact.csv")
     counts = [np.count_nonzero(contact["state"][contact["boundary"] == name] != "open") for name in ("<a&b>", "$c$")]
     assert min(counts) < 8 <= sum(counts)  # one zone on two boundaries that meet: each is too short to judge
@@ -372,8 +375,8 @@ def test_next_steps(folders):
 def test_seconds_of_all_meshes(folders):
     """Of a nested iteration those of every mesh, not of the last one alone; otherwise the phases."""
     several, single = summary_of(folders["levels"]), summary_of(folders["steps"])
-    assert seconds_of(several) == sum(row["seconds"] for row in several["price_list"] if not row["predicted"])
-    assert len(several["price_list"]) > 2
+    assert seconds_of(several) == sum(row["seconds"] for row in several["convergence_table"] if not row["predicted"])
+    assert len(several["convergence_table"]) > 2
     assert seconds_of(single) == sum(single["timings"].values())
 
 
@@ -652,9 +655,9 @@ def test_digits(value, error, text):
 
 
 def test_figures_have_the_digits_of_their_estimates(folders):
-    """On a page with a price list, with the error beside them."""
+    """On a page with a convergence table, with the error beside them."""
     page, summary = Page(folders["levels"]), summary_of(folders["levels"])
-    row = [row for row in summary["price_list"] if not row["predicted"]][-1]
+    row = [row for row in summary["convergence_table"] if not row["predicted"]][-1]
     assert row["peak"] > 1e-3  # so that the six digits of before would be wrong
     expected = figure(summary["max_pressure"], row["peak"])
     assert len(expected) < len(f"{summary['max_pressure']:.6g}")
@@ -670,7 +673,7 @@ def test_powers_of_ten_in_text():
 def test_errors_of_figures():
     """A friction force is as uncertain as the contact force; the stress at a point has no estimate."""
     rows = [{"predicted": False, "force": 0.01, "peak": 0.02, "energy": 0.1}, {"predicted": True, "force": 1e-9}]
-    summary = {"contact_force": [0.0, 50.0], "friction_force": [0.01, 0.0], "price_list": rows}
+    summary = {"contact_force": [0.0, 50.0], "friction_force": [0.01, 0.0], "convergence_table": rows}
     found = {one.key: error for one in quantities() if (error := one.error(summary)) is not None}
     assert found == pytest.approx(
         {"contact_force": 0.01, "friction_force": 50.0, "max_pressure": 0.02, "strain_energy": 0.01}
@@ -849,7 +852,7 @@ def test_no_difference_is_told_in_words(folders):
 
 
 def test_motion_of_a_rigid_body_is_in_the_figures():
-    """Each component by its name, with its unit; a rotation in the plane is one number."""
+    """Each component by its name, with its unit; a rotation in 2D is one number."""
     tool = {"boundary": "top", "reference": [0.0, 1.0], "displacement": [0.5, -0.25], "rotation": 0.125}
     tool |= {"force": [0.0, -20.0], "moment": 3.0, "gap_error": None}
     tools = next(quantity for quantity in quantities() if quantity.key == "tools")

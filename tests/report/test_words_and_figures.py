@@ -12,7 +12,7 @@ from signorini_fx.addons.report import evidence, sections, sections_in_space
 from signorini_fx.mechanics.statement.units import labelled
 from signorini_fx.quantities.digits import between, figure
 from signorini_fx.quantities.registry import quantities
-from signorini_fx.results.accuracy.next_digit import between as times
+from signorini_fx.results.accuracy.next_accuracy import between as times
 
 MEGAPASCAL = {"length": "mm", "stress": "MPa", "force": "N", "area": "mm²", "moment": "N mm", "energy": "N mm"}
 
@@ -73,7 +73,7 @@ def test_no_friction_no_figures_of_it(law, rubs, dimension):
 
 
 def test_areas_have_a_unit():
-    """In space, as all other columns have."""
+    """In 3D, as all other columns have."""
     names = ("contact_force", "friction_force", "contact_moment", "friction_moment")
     summary = {name: [0.0, 0.0, 1.0] for name in names} | {"contact_force_through": None, "contact_boundaries": []}
     summary["scene"] = {"material": [{}], "contact": [{"boundary": "foot", "friction": {"law": "none"}}]}

@@ -28,7 +28,7 @@ def run(tmp_path, monkeypatch):
         return whole(solution, to, fields=False, pictures=False)
 
     def demo(name, cells, *, drawn=True):
-        """Of many load steps, and in space, only the figure of the demo itself is drawn: the files have their tests."""
+        """Of many load steps, and in 3D, only the figure of the demo itself is drawn: the files have their tests."""
         monkeypatch.setenv("CELLS", str(cells))
         if not drawn:
             monkeypatch.setattr(files, "write_results", tables)

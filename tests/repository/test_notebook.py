@@ -85,7 +85,7 @@ solution = solve(scene)
 
 @pytest.mark.slow
 def test_pictures_of_a_body_in_space(run):
-    """``solution.plot()`` displays pictures, those of a body in space by PyVista."""
+    """``solution.plot()`` displays pictures, those of a body in 3D by PyVista."""
     image = pytest.importorskip("PIL.Image")
     pytest.importorskip("pyvista")
     from nbformat.v4 import new_code_cell, new_notebook

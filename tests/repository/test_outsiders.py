@@ -1,4 +1,5 @@
-"""Objects from outside: one file of at most 40 lines each, and refused by name where its second opinion is another one.
+"""Objects from outside: one file of at most 40 lines each, and refused by name where its independent check is another
+one.
 
 Each file runs as it is, and once more with one sign changed in what the solver or the certificate takes of it.
 """

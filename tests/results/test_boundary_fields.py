@@ -86,7 +86,7 @@ def test_values_at_points(degree):
     assert table["x"][rows] == pytest.approx(x, abs=1e-12)
     assert fields.pressure.x.array == pytest.approx(table["pressure"][rows], abs=1e-12)
     assert fields.gap.x.array == pytest.approx((table["gap"] - table["u_n"])[rows], abs=1e-15)
-    # In the plane the tangent of a normal (0, -1) is (1, 0).
+    # In 2D the tangent of a normal (0, -1) is (1, 0).
     assert columns(fields.shear)[:, 0] == pytest.approx(table["shear"][rows], abs=1e-12)
     assert columns(fields.slip)[:, 0] == pytest.approx(table["u_t"][rows], abs=1e-15)
     assert np.ptp(table["pressure"]) > PRESSURE / 2

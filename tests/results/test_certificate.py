@@ -22,7 +22,7 @@ from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.records import Status
 from signorini_fx.results import last_digits
 from signorini_fx.results.certificate.certificate import certify
-from signorini_fx.results.certificate.promised_law import Law, PreviousStep, Tractions
+from signorini_fx.results.certificate.law_of_method import Law, PreviousStep, Tractions
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.solving import solve_on_mesh
@@ -388,17 +388,17 @@ def test_tractions_of_other_nodes():
 
 
 def without_rotation(rest):
-    """The resting place without its rotation."""
+    """The reference motion without its rotation."""
     return rest and replace(rest, motion=rest.motion * [1, 1, 0])
 
 
-def without_resting_place(right):
-    """The displacement counted from the resting place is taken for the whole one."""
+def without_reference_motion(right):
+    """The displacement counted from the reference motion is taken for the whole one."""
     return lambda discretisation, rest, displacement: right(discretisation, None, displacement)
 
 
 def with_turned_rest(right):
-    """The rotation of the resting place is dropped from the displacement that the user gets."""
+    """The rotation of the reference motion is dropped from the displacement that the user gets."""
     return lambda discretisation, rest, displacement: right(discretisation, without_rotation(rest), displacement)
 
 
@@ -471,7 +471,7 @@ def unmoved(right):
 
 
 FAULTS = {
-    "no resting place": (ElasticBody, "from_rest", without_resting_place),
+    "no reference motion": (ElasticBody, "from_rest", without_reference_motion),
     "rotation dropped": (ElasticBody, "from_rest", with_turned_rest),
     "wrong row of the stiffness": (solve_on_mesh, "discretise", stiffer),
     "wrong weight": (solve_on_mesh, "discretise", of_its("boundary", weight=at_one_node(0.001))),

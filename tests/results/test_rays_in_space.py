@@ -1,4 +1,4 @@
-"""The search of the certificate of sides that slide in space: no pair of facets is missed, and its memory is sparse."""
+"""The search of the certificate of sides that slide in 3D: no pair of facets is missed, and its memory is sparse."""
 
 import tracemalloc
 

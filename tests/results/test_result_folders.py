@@ -149,7 +149,7 @@ def test_what_a_killed_run_leaves(tmp_path, monkeypatch):
     monkeypatch.undo()
     shutil.rmtree(out / manifest.PART, ignore_errors=True)
     files.write_results(solution, out, fields=False, pictures=False)
-    tables = {f"{name}.csv" for name in ("contact", "history", "outer", "price_list")}
+    tables = {f"{name}.csv" for name in ("contact", "history", "outer", "convergence_table")}
     assert set(content(out)) == {"summary.json", manifest.MANIFEST, *tables}
     assert not (out / "checkpoint").exists()
 

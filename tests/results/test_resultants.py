@@ -21,7 +21,7 @@ from signorini_fx.scenes.solver import solve
 COMM = MPI.COMM_WORLD
 STEEL = {"young": 1000.0, "poisson": 0.3}
 LENGTH, HEIGHT, DEPTH = 2.0, 3.0, 1.5
-# Cells and degree in the plane.
+# Cells and degree in 2D.
 PLANE = [("quadrilateral", 1), ("triangle", 2)]
 SPACE = [("hexahedra", 1), ("tetrahedra", 2)]
 COULOMB = {"law": "coulomb", "coefficient": 0.6}
@@ -181,7 +181,7 @@ def test_block_that_may_tip(cell, degree, push):
 @pytest.mark.mpi(slow=True)
 @pytest.mark.parametrize(("cells", "degree"), SPACE)
 def test_block_that_may_tip_over_a_corner(cells, degree):
-    """In space the eccentricities along both axes count: the resultant leaves the base where its ray does."""
+    """In 3D the eccentricities along both axes count: the resultant leaves the base where its ray does."""
     weight, (along, across) = 6.0, (0.5, 0.7)
     scene = space(
         cells,

@@ -1,4 +1,4 @@
-"""What a result in space is written as: tables with vectors, areas and moments, the contact surface and the fields."""
+"""What a result in 3D is written as: tables with vectors, areas and moments, the contact surface and the fields."""
 
 import csv
 import json

@@ -42,7 +42,7 @@ def stepped():
 
 
 def stepped_in_space():
-    """Two load steps in space."""
+    """Two load steps in 3D."""
     scene = block(6, coefficient=0.3, gamma="auto")
     loads = [load.model_copy(update={"factors": (0.5, 1.0)}) for load in scene.traction]
     return scene.model_copy(update={"traction": tuple(loads)})
@@ -118,7 +118,7 @@ SCENES = {
     "plane": lambda: example1(bound=1.5, nx=12, ny=4),
     "space": lambda: block(6, coefficient=0.3, gamma="auto"),
     "steps": stepped,
-    "steps in space": stepped_in_space,
+    "steps in 3D": stepped_in_space,
     "levels": lambda: example1(bound=1.5, nx=12, ny=4, levels=2, error_bound=True),
     "path-following": lambda: example1(bound=1.5, nx=12, ny=4, algorithm="path-following"),
     "alm": lambda: example1(coefficient=0.3, nx=12, ny=4, gamma="auto", algorithm="alm"),
@@ -126,7 +126,7 @@ SCENES = {
     "linear": linear,
     "torsion": twisted,
     "tool": tool,
-    "tool in space": lambda: tool(3),
+    "tool in 3D": lambda: tool(3),
     "preload": preloaded,
     "metal": dented,
     "slides": lambda: standing(0.5, COULOMB),
@@ -164,7 +164,7 @@ def test_every_key_is_used(written):
         "tools": written["tool"]["tools"][0],
         "preloads": written["preload"]["preloads"][0],
         "pieces": written["plane"]["pieces"][0],
-        "price_list": written["levels"]["price_list"][0],
+        "convergence_table": written["levels"]["convergence_table"][0],
         "findings": written["slides"]["findings"][0],
     }
     for name, row in inner.items():

@@ -32,7 +32,7 @@ def floating(friction, load=1.0):
     ids=lambda friction: friction["law"],
 )
 def test_loads_that_vanish_and_turn_round(friction):
-    """The resting place is that of the scene's own load; it is an origin, and changes no solution and no outcome."""
+    """The reference motion is that of the scene's own load; it is an origin, and changes no solution and no outcome."""
     points = sweep(floating(friction), MPI.COMM_SELF, loads=[1.0, 0.0, 0.5, -1.0, 2.0])
     assert [point.status for point in points if point.value <= 0] == [Status.OPEN, Status.OPEN]
     for point in points:

@@ -60,7 +60,7 @@ def test_refused(use, scene, more, path, reason):
 
 
 def surface(points):
-    """A mesh of one triangle and its neighbour, with points in space."""
+    """A mesh of one triangle and its neighbour, with points in 3D."""
     element = basix.ufl.element("Lagrange", "triangle", 1, shape=(3,))
     mesh = dmesh.create_mesh(
         MPI.COMM_SELF, np.array([[0, 1, 2], [1, 3, 2]]), x=np.array(points, dtype=float), e=element

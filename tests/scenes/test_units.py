@@ -21,7 +21,7 @@ from signorini_fx.mechanics.mesh.tagged import generate_mesh, tag_boundaries
 from signorini_fx.mechanics.scales import Scales
 from signorini_fx.records import History, Status, Timings
 from signorini_fx.results.certificate.certificate import Certificate, certify
-from signorini_fx.results.certificate.promised_law import Law, Tractions
+from signorini_fx.results.certificate.law_of_method import Law, Tractions
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve

@@ -217,7 +217,7 @@ sys.exit(cli.main(sys.argv[2:]))
 @pytest.mark.one_quick
 @pytest.mark.parametrize("rank", [0, 1])
 def test_a_signal_on_one_of_two_ranks(rank, older, tmp_path):
-    """Whichever rank it reaches inside a linear solve in space: all ranks end, and the older result stays."""
+    """Whichever rank it reaches inside a linear solve in 3D: all ranks end, and the older result stays."""
     if shutil.which("mpirun") is None:
         pytest.skip("there is no mpirun")
     out = tmp_path / "out"

@@ -1,4 +1,4 @@
-"""Limit loads in space that statics does not prove: the bracket of a ramp against limits by hand and by programme."""
+"""Limit loads in 3D that statics does not prove: the bracket of a ramp against limits by hand and by programme."""
 
 import sys
 from dataclasses import replace

@@ -213,7 +213,7 @@ def test_curved_bodies(name):
 
 
 def between_walls(n, **solver):
-    """A brick turned in space between two walls that are across no axis, pushed along both of them."""
+    """A brick turned in 3D between two walls that are across no axis, pushed along both of them."""
     turn = rotation(0.9, (0.3, -0.8, 0.5))
     tagged = box("hexahedra", (n, n, n), size=(1.5, 1.2, 1.0))
     tagged.mesh.geometry.x[:] = tagged.mesh.geometry.x @ turn.T
@@ -257,7 +257,9 @@ def test_frames_of_skew_supports():
 
 @pytest.mark.parametrize("cells", ["hexahedra", "tetrahedra"])
 def test_the_coarser_displacement_is_the_start(cells):
-    """At the nodes of the coarser mesh it is what it was there, although each body has a resting place of its own."""
+    """At the nodes of the coarser mesh it is what it was there, although each body has a reference motion of its
+    own.
+    """
     coarse = solve(block(6, cells, bound=1.5, linear_algebra="krylov"), SELF)
     scene = block(12, cells, bound=1.5, linear_algebra="krylov")
     d = discretise(scene.statement, load_mesh(scene, SELF), Timings())
@@ -284,7 +286,7 @@ def test_a_coarsest_mesh_that_is_large(monkeypatch, steps):  # noqa: F811
 
 
 def test_steps_do_not_grow_with_the_mesh(steps):  # noqa: F811
-    """In the plane from 60 x 20 to 240 x 80 cells: 2.5 times those of one linear solve at most."""
+    """In 2D from 60 x 20 to 240 x 80 cells: 2.5 times those of one linear solve at most."""
     spent = []
     for nx in (60, 240):
         steps.clear()

@@ -552,7 +552,7 @@ def test_frames():
 
 @pytest.mark.slow
 def test_without_contact(tmp_path):
-    """A body in space without contact: the strain energy grows with the square of the load."""
+    """A body in 3D without contact: the strain energy grows with the square of the load."""
     scene = {
         "mesh": {"generator": "box", "parameters": {"nx": 2, "ny": 2, "nz": 2}},
         "material": {"young": 5000.0, "poisson": 0.3},

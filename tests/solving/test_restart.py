@@ -298,7 +298,7 @@ def test_bodies_with_meshes_of_their_own(tmp_path):
 @pytest.mark.one_quick
 @pytest.mark.mpi(slow=True)
 @pytest.mark.parametrize("method", ["fp", "newton"])
-def test_from_the_resting_place(tmp_path, method):
+def test_from_the_reference_motion(tmp_path, method):
     """Displacements are kept from the initial position, not from where the body came to rest."""
     folder, given = shared(tmp_path), scene(SLANTED, **METHODS[method])
     interrupted(given, MPI.COMM_WORLD, folder, 4)
@@ -548,7 +548,9 @@ def test_load_steps_on_several_meshes(tmp_path):
 @pytest.mark.mpi(slow=True)
 @pytest.mark.parametrize("method", ["fp", "newton", "krylov"])
 def test_meshes(tmp_path, method):
-    """Of a nested iteration the complete meshes are kept, and the price list has a row with all errors for each."""
+    """Of a nested iteration the complete meshes are kept, and the convergence table has a row with all errors for
+    each.
+    """
     folder, given = shared(tmp_path), scene(NESTED, **METHODS[method])
     interrupted(given, MPI.COMM_WORLD, folder, 2)
     solution = solve(given, checkpoint=folder, restart=True)
@@ -556,7 +558,7 @@ def test_meshes(tmp_path, method):
     reference = solve(given)
     assert_same(solution, reference)
     assert solution.history.linear_solves == reference.history.linear_solves
-    for ours, theirs in zip(solution.price_list, reference.price_list, strict=True):
+    for ours, theirs in zip(solution.convergence_table, reference.convergence_table, strict=True):
         assert ours.dofs == theirs.dofs
         assert ours.linear_solves == theirs.linear_solves
         assert ours.energy == pytest.approx(theirs.energy, rel=1e-6)

@@ -107,7 +107,7 @@ def drawn(kind, seed):
 
 
 def on_finer_mesh(scene):
-    """The scene on cells that are four times finer, in space twice, of degree 2."""
+    """The scene on cells that are four times finer, in 3D twice, of degree 2."""
     tagged = load_mesh(scene, MPI.COMM_SELF)
     for _ in range(2 if tagged.dimension == 2 else 1):
         tagged = refine(tagged)

@@ -35,7 +35,7 @@ def held(space, facets, component=None):
 
 
 def neo_hooke(u, radius=None):
-    """mu / 2 (tr C - d) - mu ln J + lambda / 2 ln^2 J, in the plane of plane strain; with a radius, which is x[0], of a
+    """mu / 2 (tr C - d) - mu ln J + lambda / 2 ln^2 J, in 2D of plane strain; with a radius, which is x[0], of a
     body of revolution.
     """
     dim = len(u)

@@ -1,7 +1,7 @@
 """Facets of both sides of a pair, and their overlap, facet by facet, for ``paired_integrals``.
 
-It shares no code with ``pairs``: shape functions are those of the cells, in the plane rays from points of the slave
-meet the master, in space polygons of the slave are cut by those of the master (see ``paired_polygons``).
+It shares no code with ``pairs``: shape functions are those of the cells, in 2D rays from points of the slave
+meet the master, in 3D polygons of the slave are cut by those of the master (see ``paired_polygons``).
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ from signorini_fx.mechanics.assembly.mesh_entities import facet_entities, node_p
 
 Array = npt.NDArray[np.float64]
 
-# Points of a rule along each direction: in the plane; in space for linear triangles and parallelograms, and for others,
+# Points of a rule along each direction: in 2D; in 3D for linear triangles and parallelograms, and for others,
 # on which integrands may be no polynomials.
 _POINTS = {"interval": 10, "triangle": 4, "quadrilateral": 10}
 # Tangent of the angle between directions of projection along a facet and its normal in the middle.
 _TURNING = 1.0
-# Facets, in space their linear parts, whose normals have a larger product do not face each other.
+# Facets, in 3D their linear parts, whose normals have a larger product do not face each other.
 _FACING = -0.2
 # Distance from a parallelogram, relative to its diagonal, that is round-off.
 _PARALLEL = 1e-9
@@ -188,7 +188,7 @@ class Facet:
         return np.einsum("st,tqk,kd->sqd", self._along, slopes, self._x)
 
     def areas(self, at: Array) -> Array:
-        """Area (in the plane: length) of a unit of the reference facet, shape (q,)."""
+        """Area (in 2D: length) of a unit of the reference facet, shape (q,)."""
         return np.asarray(np.linalg.norm(self._across(at), axis=1))
 
     def measured(self, at: Array) -> Array:
@@ -287,7 +287,7 @@ def _is_parallelogram(x: Array) -> bool:
 
 @dataclass(frozen=True)
 class FlatPart:
-    """A linear part of a facet in space, projected onto a plane through its centre.
+    """A linear part of a facet in 3D, projected onto a plane through its centre.
 
     Attributes:
         part: its corners in the reference facet, shape (c, 2).
@@ -342,7 +342,7 @@ def pieces_of(
         facet: of the slave.
         masters: those of the other side that are near.
         reach: mean distance beyond which facets are no partners, length.
-        normals: directions of projection at the points of the slave, which are interpolated; in space None: normals of
+        normals: directions of projection at the points of the slave, which are interpolated; in 3D None: normals of
             the linear parts of the slave.
     """
     overlap: list[OverlapPiece] = []
@@ -407,7 +407,7 @@ def _in_space(facet: Facet, masters: Sequence[Facet], directions: Array | None) 
         parts = [FlatPart.of(*placed, normal) for placed, normal in zip(facet.placed_parts, along, strict=True)]
     for slave_part, outward in zip(parts, facet.outward_of_parts, strict=True):
         centre, axes, flat = slave_part.centre, slave_part.axes, slave_part.flat
-        # Number and corners of a part of a master, in its reference facet and in the plane; points and their weights.
+        # Number and corners of a part of a master, in its reference facet and in 2D; points and their weights.
         shared: list[tuple[int, Array, Array, Array, Array]] = []
         for number, master in enumerate(masters):
             for (reference, corners), normal in zip(master.placed_parts, master.outward_of_parts, strict=True):

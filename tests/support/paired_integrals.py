@@ -1,7 +1,7 @@
 """An oracle: the integrals of a pair of bodies, computed again at some points and nodes.
 
 Points are drawn at random.  Other code than the solver's does it: facets of the mesh are evaluated by basix, in the
-plane rays from the slave find the master, in space the slave is cut by each master in turn, and polygons are integrated
+plane rays from the slave find the master, in 3D the slave is cut by each master in turn, and polygons are integrated
 by collapsed rules (``paired_facets``).
 
 Functions of a node without a point are taken over by points beside it, so that a facet with such a node, and with a

@@ -1,4 +1,4 @@
-"""Convex polygons in the plane of a facet: what two of them share, a quadrature on it, and places in reference facets.
+"""Convex polygons in 2D of a facet: what two of them share, a quadrature on it, and places in reference facets.
 
 It shares no code with ``pairs``; see ``paired_facets``.
 """
@@ -71,7 +71,7 @@ def place_in(part: Array, flat: Array, p: Array) -> tuple[Array, Array]:
 
     Args:
         part: corners of the linear part that each point is in, in the reference facet, shape (q, c, 2) or (1, c, 2).
-        flat: the same in the plane.
+        flat: the same in 2D.
         p: the points, shape (q, 2).
 
     Returns:

@@ -24,9 +24,9 @@ class SlidingBodies:
         held: markers of what is held of the first, and driven of the second.
         ratio: of the stiffness of the second body to that of the first.
         slave: number of the body with the contact points.
-        angle: by which the whole scene is turned about the origin, in space about (1, 2, 3).
+        angle: by which the whole scene is turned about the origin, in 3D about (1, 2, 3).
         smooth: marker of a plane x[0] = constant that is held across itself, and then both ends are, too, instead of
-            all components of theirs, in space also of a plane x[1] = constant; None: there is none.
+            all components of theirs, in 3D also of a plane x[1] = constant; None: there is none.
         half: whether x[0] = 0 is held across itself, and ends whole.
         quarter: whether x[0] = 0 and x[1] = 0 are held like that.
         revolved: whether the bodies are of revolution about x[0] = 0, and forces those of whole rings.
@@ -101,7 +101,7 @@ class SlidingBodies:
 
     def move(self, *way):
         """Drive the second body, in the axes before the scene is turned, and end a step; the force on the slave, over
-        the unit of area, in the plane of length.
+        the unit of area, in 2D of length.
         """
         self.drive.value[:] = self.turn @ np.array(way)
         if self.driven is not None:
@@ -114,7 +114,7 @@ class SlidingBodies:
 
 
 def turn_of(angle, dim):
-    """A rotation by this angle, in space about (1, 2, 3)."""
+    """A rotation by this angle, in 3D about (1, 2, 3)."""
     if dim == 2:
         return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
     return Rotation.from_rotvec(angle * np.array([1.0, 2.0, 3.0]) / np.sqrt(14.0)).as_matrix()
@@ -202,7 +202,7 @@ def cylinders(kind="quadrilateral", lower=(5, 3), upper=(3, 2), inner=0.0, **set
 
 def dome(kind="quadrilateral", height=2e-7, lower=(18, 8), upper=(13, 6), power=1.0, revolved=True, **settings):
     """A cylinder with the radius and the height 1 and a paraboloid of this height below, clamped above, on one with the
-    radius 1.5; ``power``: of what facets are graded by towards the axis; or in the plane the right half of both.
+    radius 1.5; ``power``: of what facets are graded by towards the axis; or in 2D the right half of both.
     """
 
     def bent(x):

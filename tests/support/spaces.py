@@ -1,4 +1,4 @@
-"""Bodies and scenes in space that several tests share, as plain functions."""
+"""Bodies and scenes in 3D that several tests share, as plain functions."""
 
 from __future__ import annotations
 

@@ -55,7 +55,7 @@ FIELDS = {
 
 
 def stress(problem, component, x, y):
-    """A component at points of the plane, in space at y = 0."""
+    """A component at points of the plane, in 3D at y = 0."""
     at = {"x": x, "y": y} if problem.dimension == 2 else {"x": x, "y": 0 * x, "z": y}
     if problem.dimension == 3:
         component = component.replace("y", "z")

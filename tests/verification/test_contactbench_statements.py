@@ -194,7 +194,7 @@ def test_energy_and_weights(hypothesis, triangles):
     problem = type(base)(**{**base.__dict__, "hypothesis": hypothesis})
     d = problem.dimension
     if triangles and d == 3:
-        pytest.skip("meshes in space have hexahedra")
+        pytest.skip("meshes in 3D have hexahedra")
     grid = make_grid(problem, 1, triangles=triangles)
     slope = np.array([[0.3, 0.2, -0.1], [0.4, -0.5, 0.6], [0.1, 0.2, 0.7]])[:d, :d]
     if hypothesis == "axisymmetric":

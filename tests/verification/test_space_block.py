@@ -1,4 +1,4 @@
-"""The block of three independent programs in space: their answers, and how many linear solves it takes."""
+"""The block of three independent programs in 3D: their answers, and how many linear solves it takes."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""What a scene in space may list, one by one: kinds of contact and friction, load steps, ways to solve it.
+"""What a scene in 3D may list, one by one: kinds of contact and friction, load steps, ways to solve it.
 
 Every scene is solved a second time with the tangents turned at random at every node: the same counts, the same numbers.
 """
@@ -199,7 +199,7 @@ def test_check_says_what_is_solved():
     assert said.cost.contact_nodes == len(solution.table.columns["x"]) == 65
     assert said.cost.linear_algebra == solution.linear_algebra
     assert said.cost.linear_solves[0] <= solution.history.linear_solves <= said.cost.linear_solves[1]
-    assert said.effects[0].why == "always; in space"
+    assert said.effects[0].why == "always; in 3D"
     assert list(said.forms) == solution.model.inventory.forms
 
 

@@ -1,4 +1,4 @@
-"""Answers in space that are known without this package: Hertz, and torsion with a stick radius that moves in."""
+"""Answers in 3D that are known without this package: Hertz, and torsion with a stick radius that moves in."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""A solution in space made up beforehand, whose slip turns from node to node: how fast the errors fall.
+"""A solution in 3D made up beforehand, whose slip turns from node to node: how fast the errors fall.
 
 On the bottom of a box, with r the position from its middle and R = |r|,
 

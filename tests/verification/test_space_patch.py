@@ -1,4 +1,4 @@
-"""Patch tests in space: constant states of stress on distorted meshes at any angle, which every element must hold.
+"""Patch tests in 3D: constant states of stress on distorted meshes at any angle, which every element must hold.
 
 The body is a box on a flat foundation in its own frame X; the mesh is distorted, then turned with all that acts on it,
 x = R X.  The foundation gives way by p / gamma_1 and mu / gamma_2, which a constant state turns into a rigid motion.

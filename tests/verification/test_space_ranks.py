@@ -1,4 +1,4 @@
-"""The number of ranks changes nothing in space either; more ranks than contact facets; errors raised alike."""
+"""The number of ranks changes nothing in 3D either; more ranks than contact facets; errors raised alike."""
 
 import numpy as np
 import pytest
@@ -53,7 +53,7 @@ def foot(comm, cells, degree=1):
 
 
 def between_walls(comm, cells, degree=1):
-    """A brick turned in space between two walls that are across no axis, pushed along both of them."""
+    """A brick turned in 3D between two walls that are across no axis, pushed along both of them."""
     back = rotation(0.9, (0.3, -0.8, 0.5))
     tagged = box(cells, (4, 3, 3), size=(1.5, 1.2, 1.0), comm=comm)
     tagged.mesh.geometry.x[:] = tagged.mesh.geometry.x @ back.T
@@ -128,7 +128,7 @@ def agree(scene, *, counts=True):
 
 
 def test_errors_are_raised_alike():
-    """What has no meaning in space is refused with the same words everywhere."""
+    """What has no meaning in 3D is refused with the same words everywhere."""
     scene = brick(WORLD, material={"young": 1.0, "poisson": 0.3, "hypothesis": "plane strain"})
     with pytest.raises(SceneError, match="hypothesis") as caught:
         solve(scene, WORLD)

@@ -1,4 +1,4 @@
-"""Bodies in space that only contact and friction hold: what slides, opens or stays, and six rigid motions."""
+"""Bodies in 3D that only contact and friction hold: what slides, opens or stays, and six rigid motions."""
 
 import basix.ufl
 import numpy as np
@@ -136,7 +136,7 @@ def test_the_free_motion_is_named():
     assert tilted.converged
 
 
-def test_resting_place():
+def test_reference_motion():
     """A brick that drops on a foundation that is tilted against it comes to rest on it; the results are those of one
     that lies there, but for the motion.
     """

@@ -48,7 +48,7 @@ def force(
         y: the displacement.
         contact: the contact points.
         boundary: of a contact, of either body.
-        direction: any vector; a unit one gives a force, in the plane per thickness.
+        direction: any vector; a unit one gives a force, in 2D per thickness.
         step: the place of the load step in the lists of factors.
     """
     along = np.asarray(direction, dtype=np.float64)

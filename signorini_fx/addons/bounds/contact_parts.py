@@ -122,7 +122,7 @@ class ContactParts:
     def edges(self, t: Simplices, side: int) -> Ints:
         """Of whole facets the edges of a side at those of the parts, in the order of ``EDGES_OF_FACET``."""
         edges = t.edges_of_facets[self.facet(side)]
-        # In space each edge is opposite a vertex.
+        # In 3D each edge is opposite a vertex.
         return edges if edges.shape[1] == 1 else np.take_along_axis(edges, self.local[side].argmax(axis=2), axis=1)
 
     def on_parts(self, linear: Array, side: int = SLAVE) -> Array:

@@ -1,10 +1,10 @@
 """Symmetric stresses on triangles or tetrahedra divided by their centroids, linear on the parts, from linear tractions
 on the facets and a force that is constant on the parts.
 
-It is the element of Johnson and Mercier (C. Johnson and B. Mercier, Numer. Math. 30 (1978) 103-116; in space M. Krizek,
+It is the element of Johnson and Mercier (C. Johnson and B. Mercier, Numer. Math. 30 (1978) 103-116; in 3D M. Krizek,
 Apl. Mat. 27 (1982) 46-69; J. Gopalakrishnan, J. Guzman, J. J. Lee, The Johnson-Mercier elasticity element in any
-dimensions, 2024).  In space 96 numbers with 54 conditions between the parts leave 42, which tractions (36) and forces
-(12, of which 6 follow from balance) determine; in the plane 27 and 12 leave 15, which 12 and 6 (3) determine.
+dimensions, 2024).  In 3D 96 numbers with 54 conditions between the parts leave 42, which tractions (36) and forces
+(12, of which 6 follow from balance) determine; in 2D 27 and 12 leave 15, which 12 and 6 (3) determine.
 """
 
 from __future__ import annotations

@@ -30,7 +30,7 @@ def reference_liftings(d: int) -> tuple[Array, Array]:
     """
     count, components = d + 1, len(ROWS[d])
     nodes = [*combinations(range(count), 1), *combinations(range(count), 2)]
-    corners = CORNERS_OF_PARTS[d][..., 1:]  # in space, as those of the reference cell are 0 and the unit vectors
+    corners = CORNERS_OF_PARTS[d][..., 1:]  # in 3D, as those of the reference cell are 0 and the unit vectors
     steps = corners[:, 1:] - corners[:, :1]
     slopes = np.linalg.inv(steps.transpose(0, 2, 1))
     slopes = np.concatenate((-slopes.sum(axis=1, keepdims=True), slopes), axis=1)

@@ -2,8 +2,8 @@
 
 Such a traction r on a facet F of K does no work on rigid motions of K, and its work on a displacement v is at most the
 norm of a *lifting*, a symmetric stress in K without divergence, with the traction r on F and none on the other facets,
-times the energy norm of v in K.  F is divided into m parts in the plane, into m^2 triangles in space, that are similar
-to it, in space every other one turned, and
+times the energy norm of v in K.  F is divided into m parts in 2D, into m^2 triangles in 3D, that are similar
+to it, in 3D every other one turned, and
 
     r = (Pi r) + (r - Pi r),
 
@@ -105,7 +105,7 @@ class Liftings:
 
     Attributes:
         facet: how facets are divided.
-        forms: squares of the norms of liftings in K, and in space in K', of tractions that are linear on the parts,
+        forms: squares of the norms of liftings in K, and in 3D in K', of tractions that are linear on the parts,
             from values at their vertices, shape (n, 1 or 2, d^2 p, d^2 p).
         constant: a bound of c_K and c_K', shape (n,).
     """

@@ -174,7 +174,7 @@ class PlainProblem:
         ordered = []
         for array in values:
             places = order
-            if array.shape[1] > d:  # in space each edge is opposite a vertex
+            if array.shape[1] > d:  # in 3D each edge is opposite a vertex
                 places = np.concatenate(
                     (order, d + (order if d == 3 else np.zeros((len(order), 1), dtype=np.int64))), 1
                 )

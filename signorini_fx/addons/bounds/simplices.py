@@ -1,7 +1,7 @@
 """Triangles or tetrahedra of a body as plain arrays: geometry, Hooke's law, strains of displacements of degree 2.
 
-What is of cells has n rows, of facets f, of edges e, of vertices v; facets are edges in the plane and faces in space,
-and volumes and areas are areas and lengths in the plane.
+What is of cells has n rows, of facets f, of edges e, of vertices v; facets are edges in 2D and faces in 3D,
+and volumes and areas are areas and lengths in 2D.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ CORNERS_OF_PARTS: dict[int, Array] = {
     d: np.array([[*np.eye(d + 1)[facet], np.full(d + 1, 1 / (d + 1))] for facet in FACETS[d]]) for d in (2, 3)
 }
 EDGES: dict[int, Ints] = {d: np.array(list(combinations(range(d + 1), 2)), dtype=np.int64) for d in (2, 3)}
-# Vertices of the edges of a facet; in space the i-th is opposite its i-th vertex.
+# Vertices of the edges of a facet; in 3D the i-th is opposite its i-th vertex.
 EDGES_OF_FACET: dict[int, Ints] = {2: np.array([[0, 1]]), 3: np.array([[1, 2], [0, 2], [0, 1]])}
 # Rows and columns of the components (xx, yy, xy) or (xx, yy, zz, yz, xz, xy) of symmetric tensors, and how often each
 # one counts.
@@ -137,7 +137,7 @@ class Simplices:
 
     @property
     def edges(self) -> Ints:
-        """Vertices of each edge, ascending, shape (e, 2); in the plane those of the facets."""
+        """Vertices of each edge, ascending, shape (e, 2); in 2D those of the facets."""
         return self._edges[0]
 
     @property

@@ -222,7 +222,7 @@ def _uniform(deck: Deck, where: str, rows: Ints, values: Floats) -> float | None
 
 
 def _areas(deck: Deck, where: str) -> Floats:
-    """The share of each node of the mesh in the area (in the plane: length) of a boundary."""
+    """The share of each node of the mesh in the area (in 2D: length) of a boundary."""
     facets = deck.mesh.facets[deck.mesh.boundaries[where]]
     shares = nodal_measures(deck.mesh.points, facets, deck.mesh.facet)
     if deck.mesh.completed and deck.mesh.dim == 3 and (full_cell := completed("quad8")) is not None:

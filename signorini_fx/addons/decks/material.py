@@ -338,7 +338,7 @@ def _nonlinear_law(deck: Deck, section: DeckSection, obstacle: str) -> list[str]
             deck.lose(yielding, YIELDING_RUBBER)
         lines, block = properties["rubber"]
         if lines["law"] == "ogden" and deck.mesh.dim == 3:
-            obstacle = "in space with OGDEN: take MOONEY-RIVLIN"
+            obstacle = "in 3D with OGDEN: take MOONEY-RIVLIN"
         if obstacle:
             raise DeckError(block, f"{NOT_YET_NONLINEAR} {obstacle}")
         return _written(lines)

@@ -82,7 +82,7 @@ def _kind(element: str) -> tuple[str, int]:
         return ("line" if count == 2 else "line3"), count
     raise ValueError(
         f"element type {element} is neither a plane one nor a solid; known are CPE3, CPE4, CPE6, CPS3, CPS4, CPS6, S3, "
-        "S4 ..., and in space C3D4, C3D8, C3D10, C3D20 ..."
+        "S4 ..., and in 3D C3D4, C3D8, C3D10, C3D20 ..."
     )
 
 
@@ -545,7 +545,7 @@ def read_model(file: Path) -> DeckModel:
 def read_mesh(file: Path) -> RawMesh:
     """The mesh of an Abaqus input file.
 
-    Element sets name regions (and boundaries, if they hold lines, or in space shells and membranes), node sets and
+    Element sets name regions (and boundaries, if they hold lines, or in 3D shells and membranes), node sets and
     surfaces name boundaries.
 
     Raises:

@@ -176,7 +176,7 @@ def gradient(
     if begun.step > 0 and parallel.global_sum(solved.body.comm, np.sum(owed)) > ZERO_IN_SOLUTION * abs(value):
         raise RuntimeError(
             "after advance() the result depends on the slip and the shear of the step before, by points that stick or, "
-            "in space, turn, and what that step was solved with is not kept: take a scene with load steps"
+            "in 3D, turn, and what that step was solved with is not kept: take a scene with load steps"
         )
     slopes: list[float] = []
     for constant in constants:

@@ -23,7 +23,7 @@ from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
 from signorini_fx.mechanics.mesh.halving import halved
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, from_arrays
 from signorini_fx.results.certificate.certificate import Certificate
-from signorini_fx.results.certificate.promised_law import PreviousStep, Tractions
+from signorini_fx.results.certificate.law_of_method import PreviousStep, Tractions
 from signorini_fx.results.solution import Solution
 from signorini_fx.scenes.solver import solve
 

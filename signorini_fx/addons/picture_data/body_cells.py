@@ -1,4 +1,4 @@
-"""The cells of a body in the plane with its result on one rank, for a picture."""
+"""The cells of a body in 2D with its result on one rank, for a picture."""
 
 from __future__ import annotations
 

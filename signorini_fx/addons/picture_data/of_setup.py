@@ -89,7 +89,7 @@ def draw_setup(load: Callable[[], TaggedMesh], statement: Statement, comm: MPI.C
         SceneError: the scene does not fit its mesh.
         MeshError: the mesh cannot be read or generated.
         OutputError: the file cannot be written.
-        PictureError: in space, PyVista is missing.
+        PictureError: in 3D, PyVista is missing.
     """
     _draw(lambda: gather_setup(load(), statement, statement.title), comm, file)
 
@@ -160,7 +160,7 @@ def _boundary(tagged: TaggedMesh, name: str, acting: list[Effect], time: float) 
 
 
 def _sides(tagged: TaggedMesh, facets: npt.NDArray[np.int32]) -> tuple[Floats, Floats]:
-    """Corners of facets, in space counterclockwise as seen from outside, shape (f, k, d), and outward unit normals of
+    """Corners of facets, in 3D counterclockwise as seen from outside, shape (f, k, d), and outward unit normals of
     the plane through the first of them, shape (f, d).
     """
     mesh, dim = tagged.mesh, tagged.dimension

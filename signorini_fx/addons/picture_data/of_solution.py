@@ -41,7 +41,7 @@ def gather_pictures(solution: Solution, asked: Sequence[str] = (), *, pdf: bool 
         None if gather is None else gather(solution, fields, recovered=True),
         () if gather is None else _moments(solution, gather),
         as_rows(solution.history.iterations),
-        as_rows(solution.price_list),
+        as_rows(solution.convergence_table),
         _volume(solution) if dimension == 3 and gather is not None and stress is not None else None,
         solution.statement.unit_names(dimension),
         {contacts[part].boundary: motion.at for motion in solution.last_step.tools for part in motion.body.parts},
@@ -64,7 +64,7 @@ def _of_setup(solution: Solution, *, pdf: bool) -> ResultPictures:
 
 
 def _volume(solution: Solution) -> Volume | None:
-    """The cells of a body in space; None if there are too many; collective."""
+    """The cells of a body in 3D; None if there are too many; collective."""
     from signorini_fx.addons.picture_data.outer_surface import gather_volume
 
     topology = solution.model.tagged.mesh.topology

@@ -1,4 +1,4 @@
-"""The outer surface of a body in space with its result on one rank, for a picture."""
+"""The outer surface of a body in 3D with its result on one rank, for a picture."""
 
 from __future__ import annotations
 

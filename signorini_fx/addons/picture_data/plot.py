@@ -94,7 +94,7 @@ def pyvista_grid(solution: Solution) -> Any:
     grid = pyvista.UnstructuredGrid(*vtk_mesh(fields["displacement"].function_space))
     for name, function in fields.items():
         values: Any = function.x.array.reshape(grid.n_points, -1)
-        if name == "displacement":  # in space, as PyVista expects of a vector
+        if name == "displacement":  # in 3D, as PyVista expects of a vector
             values = np.pad(values, ((0, 0), (0, 3 - values.shape[1])))
         grid.point_data[name] = values[:, 0] if values.shape[1] == 1 else values
     return grid

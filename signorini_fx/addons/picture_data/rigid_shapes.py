@@ -1,4 +1,4 @@
-"""The surfaces of rigid shapes near a body, where they are: lines in the plane, triangles in space."""
+"""The surfaces of rigid shapes near a body, where they are: lines in 2D, triangles in 3D."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _CUT_EDGES = (((0, 1), (0, 2), (0, 3)), ((0, 2), (0, 3), (1, 3), (1, 2)), ((0, 3
 
 
 def lines_of(distances: Sequence[Distance], tagged: TaggedMesh) -> list[Floats]:
-    """The lines of shapes in the plane near the body, each of shape (k, 2), the body on its left; collective."""
+    """The lines of shapes in 2D near the body, each of shape (k, 2), the body on its left; collective."""
     from contourpy import contour_generator  # matplotlib's
 
     if not distances:
@@ -48,7 +48,7 @@ def lines_of(distances: Sequence[Distance], tagged: TaggedMesh) -> list[Floats]:
 
 
 def triangles_of(distance: Distance, tagged: TaggedMesh) -> Triangles:
-    """The surface of a shape in space near the body, counterclockwise as seen from there; collective.
+    """The surface of a shape in 3D near the body, counterclockwise as seen from there; collective.
 
     Where the signed distance is zero along the edges of small tetrahedra, as it is linear within each.
     """
@@ -83,7 +83,7 @@ def drawn_shapes(solution: Solution) -> dict[str, Any]:
     """Of each contact boundary whose foundation is a shape what is drawn of that where it has moved to; collective.
 
     Returns:
-        By the boundary: in the plane its lines, see ``lines_of``; in space points and triangles, see ``triangles_of``.
+        By the boundary: in 2D its lines, see ``lines_of``; in 3D points and triangles, see ``triangles_of``.
     """
     tagged, last = solution.model.tagged, solution.last_step
     moved: dict[int, Callable[[Floats], Floats]] = {part: tool.at for tool in last.tools for part in tool.body.parts}

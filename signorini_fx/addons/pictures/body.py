@@ -16,7 +16,7 @@ Rows = npt.NDArray[np.int64]
 
 
 def with_mirrored(vectors: Floats) -> Floats:
-    """Vectors in the plane, shape (n, 2), and behind them those with the other sign of x[0]."""
+    """Vectors in 2D, shape (n, 2), and behind them those with the other sign of x[0]."""
     return np.concatenate((vectors, vectors * (-1.0, 1.0)))
 
 
@@ -30,10 +30,10 @@ def _mirrored(field: Floats) -> Floats:
 
 @dataclass(frozen=True)
 class DrawnBody:
-    """The cells of a body in the plane, or the outer facets of one in space.
+    """The cells of a body in 2D, or the outer facets of one in 3D.
 
     Attributes:
-        points: positions, length, shape (n, d); in the plane each cell has its own.
+        points: positions, length, shape (n, d); in 2D each cell has its own.
         within: points of each cell or facet, shape (m, p): those of ``tiles``, of facets counterclockwise as seen from
             outside.
         tiles: how a cell or facet is divided: its corners, more points along sides that may be curved, and some within.
@@ -42,9 +42,9 @@ class DrawnBody:
             or, if ``recovered``, at the points of each cell or facet, shape (m, p) or (m, p, 3, 3): those of two
             materials may have different values at the points that they share.
         recovered: whether the values are at points, the stress recovered.
-        outline: in the plane pairs of points along the boundary of the body, shape (e, 2).
-        pieces: in space the connected piece that each point is of, shape (n,); None: there is one.
-        parted: in space the largest gap that has closed between two bodies, length, see ``magnification``.
+        outline: in 2D pairs of points along the boundary of the body, shape (e, 2).
+        pieces: in 3D the connected piece that each point is of, shape (n,); None: there is one.
+        parted: in 3D the largest gap that has closed between two bodies, length, see ``magnification``.
     """
 
     points: Floats
@@ -96,7 +96,7 @@ class DrawnBody:
 
 @dataclass(frozen=True)
 class Volume:
-    """The cells of a body in space, for a section.
+    """The cells of a body in 3D, for a section.
 
     Attributes:
         points: positions, length, shape (n, 3); where the field jumps there is one for each value.
@@ -118,7 +118,7 @@ class Moment:
     Attributes:
         name: of the load step.
         displacement: at the points, length, shape (n, d).
-        values: von Mises stress of each cell, in space of each facet, shape (m,); or at its points, shape (m, p).
+        values: von Mises stress of each cell, in 3D of each facet, shape (m,); or at its points, shape (m, p).
         touching: the contact nodes that touch, shape (k,); None: without contact.
     """
 

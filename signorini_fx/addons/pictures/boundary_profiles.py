@@ -43,7 +43,7 @@ AROUND = {"color": ORANGE, "linewidth": 1.5, "linestyle": (0, (6.0, 1.2, 1.2, 1.
 # Lightness decreases from open to stick, so that the order of the states is visible in a gray print.
 STATES = {
     "open": ("#f0f0f0", "open"),
-    "slip": (ORANGE, "slip"),  # in space, where it has a direction in place of a sign
+    "slip": (ORANGE, "slip"),  # in 3D, where it has a direction in place of a sign
     "slip+": (ORANGE, r"slip $+$"),
     "slip-": (BLUE, r"slip $-$"),
     "stick": ("#262626", "stick"),

@@ -1,4 +1,4 @@
-"""The contact surface of a body in space, seen along its normal: pressure and shear, states and slip."""
+"""The contact surface of a body in 3D, seen along its normal: pressure and shear, states and slip."""
 
 from __future__ import annotations
 
@@ -139,7 +139,7 @@ def contact_surface(
     suffixes: Sequence[str] = SCREEN,
     boundary: str | None = None,
 ) -> None:
-    """Draw each contact boundary of a body in space, seen along its outward normal through the body.
+    """Draw each contact boundary of a body in 3D, seen along its outward normal through the body.
 
     On the left, or above: contact pressure in colour where a facet is in contact, linear between the nodes, and the
     shear stress mu as arrows.  If a singular edge would leave the rest
@@ -150,7 +150,7 @@ def contact_surface(
 
     Args:
         path_stem: where to write, without suffix.
-        table: columns of ``contact.csv`` of a scene in space, each of shape (n,).
+        table: columns of ``contact.csv`` of a scene in 3D, each of shape (n,).
         facets: its rows at each facet in the order of VTK, shape (m, 3), (m, 4) or (m, 9).
         title: title of the picture.
         panels: which of the two to draw.
@@ -244,7 +244,7 @@ def _size(low: Floats, high: Floats) -> float:
 
 
 def _frame(axes: Axes, side: VisibleSide, low: Floats, high: Floats) -> None:
-    """Equal axes with the coordinates in space."""
+    """Equal axes with the coordinates in 3D."""
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
     for kind, direction in (("x", side.view.right), ("y", side.view.up)):
         _, label, falls = view.coordinate(direction)

@@ -35,7 +35,7 @@ def iteration_history(
         rows: one mapping per linear solve with the columns of ``history.csv`` (solve, outer, active_contact, slip_plus,
             slip_minus, changed, residual), or these columns as arrays of shape (n,), as ``read_csv`` gives them.
         suffixes: of the files to write.
-        dimension: of the body; in space slip has no sign, and slip_plus counts all nodes that slip.
+        dimension: of the body; in 3D slip has no sign, and slip_plus counts all nodes that slip.
 
     Raises:
         ValueError: there are no rows.
@@ -122,7 +122,7 @@ def errors_and_costs(
 
     Args:
         path_stem: the files without their ending.
-        rows: the rows of price_list.csv, coarsest mesh first, the predicted one last.
+        rows: the rows of convergence_table.csv, coarsest mesh first, the predicted one last.
         title: title of the scene.
         suffixes: of the files to write.
     """

@@ -1,4 +1,4 @@
-"""Bodies in space moved apart, so that the contact faces which they hide from each other can be seen."""
+"""Bodies in 3D moved apart, so that the contact faces which they hide from each other can be seen."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The foundation of a body in space, where it is and where it is drawn."""
+"""The foundation of a body in 3D, where it is and where it is drawn."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Rows = npt.NDArray[np.int64]
 
 @dataclass(frozen=True)
 class FoundationSurface:
-    """A contact boundary in space and what it may touch.
+    """A contact boundary in 3D and what it may touch.
 
     Attributes:
         nodes: positions of the contact nodes, length, shape (k, 3).

@@ -33,9 +33,9 @@ def draw_lengths(
     Args:
         axes: where to draw.
         points: of the undeformed body, shape (n, d).
-        flat: from points in space to the picture; in the plane the points themselves.
-        below: in the plane the lowest coordinates that are seen, shape (2,): the arrows are beyond them.
-        inch: of a body in space, how many inches of the figure its unit of length is: axes and figure become as large
+        flat: from points in 3D to the picture; in 2D the points themselves.
+        below: in 2D the lowest coordinates that are seen, shape (2,): the arrows are beyond them.
+        inch: of a body in 3D, how many inches of the figure its unit of length is: axes and figure become as large
             as arrows and labels need.
     """
     low, high = points.min(axis=0), points.max(axis=0)

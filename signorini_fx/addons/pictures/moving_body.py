@@ -90,7 +90,7 @@ def moving_solid(
     foundations: Sequence[FoundationSurface] = (),
     title: str = "",
 ) -> None:
-    """Write a GIF of the deformed body in space, see ``moving_body``; foundations that a magnified gap would bend are
+    """Write a GIF of the deformed body in 3D, see ``moving_body``; foundations that a magnified gap would bend are
     left out.
     """
     from signorini_fx.addons.pictures.solid_body import Skin, deformed_solid, telling_view
@@ -148,7 +148,7 @@ def _animate(path: str | Path, moments: Sequence[Moment], draw: Callable[[Path, 
 
 
 def _frame(places: Sequence[Floats], foundation: DrawnFoundation | None, factor: float) -> tuple[Floats, Floats]:
-    """What is seen in the plane, with a margin; not all of a foundation that runs far away."""
+    """What is seen in 2D, with a margin; not all of a foundation that runs far away."""
     body = np.concatenate(places)
     low, high = body.min(axis=0), body.max(axis=0)
     around = 0.3 * float(max(high - low))

@@ -1,4 +1,4 @@
-"""Pictures of surfaces in space, drawn in a process of its own that needs neither a screen nor MPI.
+"""Pictures of surfaces in 3D, drawn in a process of its own that needs neither a screen nor MPI.
 
 VTK ends its process where it finds no display, and may quarrel with the libraries of a solve.  The process is started
 with the first picture and draws those that follow; it ends with the one that started it.
@@ -66,7 +66,7 @@ class _Painter:
             self._process.stdin.flush()
             answer = pickle.load(self._process.stdout)
         except (EOFError, OSError, pickle.UnpicklingError):
-            raise PictureError(f"what draws bodies in space ended ({self.close()}): it needs {PYVISTA}") from None
+            raise PictureError(f"what draws bodies in 3D ended ({self.close()}): it needs {PYVISTA}") from None
         finally:
             alarm.cancel()
         return answer
@@ -99,7 +99,7 @@ def drawn(solid: Solid, camera: Camera, width: int) -> npt.NDArray[np.uint8]:
     """
     global _painter
     if find_spec("pyvista") is None:
-        raise PictureError(f"a body in space is drawn by {PYVISTA}")
+        raise PictureError(f"a body in 3D is drawn by {PYVISTA}")
     if _painter is None:
         _painter = _Painter()
     try:

@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from signorini_fx.addons.pictures.foundation import FoundationSurface
 
 Array = npt.NDArray[np.float64]
-TURNING = "body.json"  # the body in space for the page on which it can be turned
-MOST_FACETS = 40_000  # of a body in space: a picture takes seconds, and a page megabytes
+TURNING = "body.json"  # the body in 3D for the page on which it can be turned
+MOST_FACETS = 40_000  # of a body in 3D: a picture takes seconds, and a page megabytes
 
 
 @dataclass(frozen=True)
@@ -36,8 +36,8 @@ class ResultPictures:
         body: None if it has too many facets.
         moments: the body at each of several load steps, for an animation.
         history: one mapping per linear solve, the columns of history.csv.
-        prices: one mapping per mesh, the columns of price_list.csv.
-        volume: the cells of a body in space, if it has no more than can be drawn, for a section.
+        prices: one mapping per mesh, the columns of convergence_table.csv.
+        volume: the cells of a body in 3D, if it has no more than can be drawn, for a section.
         units: for labels, see ``signorini_fx.mechanics.statement.units``.
         tools: of each boundary that a rigid tool may touch, how the tool has moved at points of shape (n, d).
         shapes: of each boundary whose foundation is a shape its lines, or points and triangles, where it is, to be
@@ -75,12 +75,12 @@ class ResultPictures:
         Args:
             folder: where to write.
             contact: the columns of contact.csv; None: without contact.
-            facets: of a body in space, its rows at each facet of the contact surface, see ``read_facets``.
+            facets: of a body in 3D, its rows at each facet of the contact surface, see ``read_facets``.
             steps: the columns of steps.csv if there are several.
             largest: where the von Mises stress is largest, and its value; None: there is none that may be used.
 
         Raises:
-            PictureError: a body in space cannot be drawn; all others pictures are there.
+            PictureError: a body in 3D cannot be drawn; all others pictures are there.
         """
         with labelled(self.units):
             marked = None if largest is None else Largest(np.array(largest[0])[: self.dimension], largest[1])
@@ -107,7 +107,7 @@ class ResultPictures:
             dimension = 3 if contact is not None and "shear_z" in contact else 2  # slip has a sign, or a direction
             iteration_history(folder / "history", self.history, dimension=dimension, suffixes=self.suffixes)
         if self.prices:
-            errors_and_costs(folder / "price_list", self.prices, title=title, suffixes=self.suffixes)
+            errors_and_costs(folder / "convergence_table", self.prices, title=title, suffixes=self.suffixes)
         if contact is not None and steps is not None:
             load_steps(folder / "load_steps", steps, around=self.mirrored, suffixes=self.suffixes)
         if contact is not None and self.dimension == 2:
@@ -269,7 +269,7 @@ def foundations_of(
     tools: Mapping[str, Callable[[Array], Array]],
     shapes: Mapping[str, Any],
 ) -> list[FoundationSurface]:
-    """The rigid foundation of each contact boundary in space that has one; ``facets`` are rows of the contact table,
+    """The rigid foundation of each contact boundary in 3D that has one; ``facets`` are rows of the contact table,
     shape (m, k).  Of the motion of a tool that along the normals is seen where it is magnified.
     """
     from signorini_fx.addons.pictures.foundation import FoundationSurface

@@ -97,11 +97,11 @@ class Setup:
 
     Attributes:
         title: any text.
-        polygons: corners of cells in the plane, or of facets of the outer surface in space, counterclockwise as seen
+        polygons: corners of cells in 2D, or of facets of the outer surface in 3D, counterclockwise as seen
             from outside, shape (m, k, d).
         boundaries: those with a name.
         units: for labels, see ``signorini_fx.mechanics.statement.units``.
-        foundations: in the plane, lines of the foundations that have shapes, lengths, each of shape (k, 2).
+        foundations: in 2D, lines of the foundations that have shapes, lengths, each of shape (k, 2).
     """
 
     title: str
@@ -127,7 +127,7 @@ class Setup:
             suffixes: of the files to write.
 
         Raises:
-            PictureError: in space, PyVista is missing.
+            PictureError: in 3D, PyVista is missing.
         """
         with labelled(self.units), mpl.rc_context(STYLE):
             figure, axes, flat, toward = self._plane() if self.dimension == 2 else self._space()
@@ -287,7 +287,7 @@ class Setup:
         color: str,
         linestyle: str,
     ) -> Annotation:
-        """Next to the facet in the middle of the boundary: in the plane within the body, where there are no arrows."""
+        """Next to the facet in the middle of the boundary: in 2D within the body, where there are no arrows."""
         places = flat(at)
         row = int(np.argmin(np.linalg.norm(at - at.mean(axis=0), axis=1)))
         away = flat(at[row] + 1e-3 * normals[row] * side) - places[row]
@@ -311,7 +311,7 @@ class Setup:
         )
 
     def _obstacles(self, axes: Axes) -> list[Callable[[], tuple[Floats, bool]]]:
-        """Of each name in the plane: points along the other boundaries, in pixels, and whether nothing acts on its own
+        """Of each name in 2D: points along the other boundaries, in pixels, and whether nothing acts on its own
         one, whose name may be on the outer side then; the pixels are known when the figure has been laid out.
         """
         shown = [boundary for boundary in self.boundaries if len(boundary.corners)]
@@ -326,7 +326,7 @@ class Setup:
         return [of(boundary) for boundary in shown]
 
     def _hatch(self, axes: Axes, size: float) -> None:
-        """In the plane, strokes on the outer side of boundaries, where the foundation is."""
+        """In 2D, strokes on the outer side of boundaries, where the foundation is."""
         for boundary in self.boundaries:
             if self.dimension == 3 or not boundary.grounded or not len(boundary.corners):
                 continue
@@ -372,13 +372,13 @@ def _spread(
 ) -> None:
     """Move names that cover others up or down, to the nearest free place.
 
-    In the plane a name that lies across another boundary is taken for its name: then it is moved too, to the outer side
+    In 2D a name that lies across another boundary is taken for its name: then it is moved too, to the outer side
     of its own one if nothing acts there, and one that has left its place has a line to its boundary.
 
     Args:
         figure: with the names.
         names: of boundaries.
-        obstacles: in the plane, of each name, see ``Setup._obstacles``.
+        obstacles: in 2D, of each name, see ``Setup._obstacles``.
     """
     figure.draw_without_rendering()
     ticks = [tick for axes in figure.axes for tick in (*axes.get_xticklabels(), *axes.get_yticklabels())]

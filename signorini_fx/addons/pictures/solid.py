@@ -1,4 +1,4 @@
-"""Surfaces in space, drawn by PyVista; every process that draws them imports this module, the others only its data."""
+"""Surfaces in 3D, drawn by PyVista; every process that draws them imports this module, the others only its data."""
 
 from __future__ import annotations
 

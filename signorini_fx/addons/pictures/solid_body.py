@@ -1,4 +1,4 @@
-"""The deformed body in space on its foundation: its outer surface, a field in colours."""
+"""The deformed body in 3D on its foundation: its outer surface, a field in colours."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ class Skin:
 
     @classmethod
     def of(cls, body: DrawnBody, field: str) -> Skin:
-        """A body in space with one of its fields, see ``FIELDS``."""
+        """A body in 3D with one of its fields, see ``FIELDS``."""
         if not body.within.size:
             raise ValueError("the body has no facets")
         values, inside = values_of(field, body.values), body.tiles.triangles
@@ -138,7 +138,7 @@ def solid_figure(
     seen: view.View | None = None,
     largest: Largest | None = None,
 ) -> tuple[Figure, str]:
-    """Draw the outer surface of a deformed body in space on its foundation, in perspective.
+    """Draw the outer surface of a deformed body in 3D on its foundation, in perspective.
 
     The colour is a field.  Values at points of the facets are drawn with colours that vary within each facet; the label
     of the colour bar says whether it is so.  If a singular edge would leave the rest without colour, the scale ends at
@@ -148,7 +148,7 @@ def solid_figure(
     behind the surface that is seen.  A foundation is gray, and seen from the side of the body
     only.
 
-    As in the plane the gap is magnified with the displacement.  Where that would bend the foundation visibly, as the
+    As in 2D the gap is magnified with the displacement.  Where that would bend the foundation visibly, as the
     plane under a sphere, there are two panels: body and foundation as they are; and the body with its displacement
     magnified, without foundation.
 

@@ -1,4 +1,4 @@
-"""How a field becomes colours, and principal stresses strokes: the same in the plane and in space."""
+"""How a field becomes colours, and principal stresses strokes: the same in 2D and in 3D."""
 
 from __future__ import annotations
 

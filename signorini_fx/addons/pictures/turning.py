@@ -1,4 +1,4 @@
-"""A body in space as data for the page on which it can be turned; it needs no other program."""
+"""A body in 3D as data for the page on which it can be turned; it needs no other program."""
 
 from __future__ import annotations
 

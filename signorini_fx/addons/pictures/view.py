@@ -1,4 +1,4 @@
-"""How surfaces in space are seen: directions, perspective, axes in the picture, and their names."""
+"""How surfaces in 3D are seen: directions, perspective, axes in the picture, and their names."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class Camera:
 
     Attributes:
         view: its directions.
-        centre: the point in the middle of the window, in whose distance lengths in the picture are those in space;
+        centre: the point in the middle of the window, in whose distance lengths in the picture are those in 3D;
             shape (3,).
         distance: from there to the viewer.
         half: half the width and height of the window, shape (2,).

@@ -29,7 +29,7 @@ def next_steps(summary: dict[str, Any], contact: dict[str, Any]) -> list[str]:
         )
         if validity is not Validity.LESS_ACCURATE:
             return advice
-    prices = summary.get("price_list", [])
+    prices = summary.get("convergence_table", [])
     if prices:
         *_, last, following = prices
         errors = {name: last[name] for name in ("energy", "pressure", "force", "zone", "peak") if last[name]}
@@ -73,7 +73,7 @@ def _meshes(scene: dict[str, Any]) -> list[Any]:
 
 
 def _zone_sizes(contact: dict[str, Any]) -> list[int]:
-    """The number of nodes in contact in each zone of a curve, in space on each boundary in contact."""
+    """The number of nodes in contact in each zone of a curve, in 3D on each boundary in contact."""
     closed = contact["state"] != "open"
     if "s" not in contact:
         return [int(count) for count in np.unique(contact["boundary"][closed], return_counts=True)[1]]

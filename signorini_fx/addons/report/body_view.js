@@ -1,4 +1,4 @@
-// A body in space that can be turned: its surface with a field in colours, and its foundations.
+// A body in 3D that can be turned: its surface with a field in colours, and its foundations.
 function turn(place) {
   var data = JSON.parse(place.querySelector("script").textContent);
   var canvas = document.createElement("canvas");

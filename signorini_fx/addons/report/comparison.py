@@ -42,8 +42,8 @@ _FIGURES: dict[str, tuple[str, ...]] = {
 def compare(first: Path, second: Path) -> str:
     """A table of two result folders, with relative differences; then how far their contact boundaries agree.
 
-    Pressure and shear of the second are interpolated to the nodes of the first: along the boundary in the plane, from
-    the nearest node in space.
+    Pressure and shear of the second are interpolated to the nodes of the first: along the boundary in 2D, from
+    the nearest node in 3D.
 
     Raises:
         ResultError: one of them is no result folder.
@@ -153,7 +153,7 @@ def _boundaries(first: Table, second: Table) -> list[str]:
             continue
         x, y = _positions(first)[first_rows], _positions(second)[second_rows]
         if x.shape[1] != y.shape[1]:
-            lines.append(f"boundary {name}: one is in the plane, the other in space")
+            lines.append(f"boundary {name}: one is in 2D, the other in 3D")
             continue
         take = _interpolation(first, first_rows, second, second_rows)
         weight = first["weight"][first_rows]
@@ -188,7 +188,7 @@ def _interpolation(
 ) -> Callable[[Floats], Floats]:
     """From values at the nodes of the second to those of the first, on one boundary.
 
-    In the plane a place lies on one of the two sides that meet at the nearest node; a boundary may have several pieces,
+    In 2D a place lies on one of the two sides that meet at the nearest node; a boundary may have several pieces,
     and the arc length begins at zero on each of them.
     """
     from scipy.spatial import cKDTree

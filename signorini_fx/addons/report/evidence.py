@@ -171,14 +171,14 @@ def _data(entry: Mapping[str, Any], *leave_out: str, nothing: float | None = Non
     return f"{shown(entries)}, times the factors {listed}"
 
 
-def price_list(rows: list[dict[str, Any]]) -> Markup:
+def convergence_table(rows: list[dict[str, Any]]) -> Markup:
     """Estimated errors and costs of each mesh."""
     names = ["h", "dofs", "linear_solves", "seconds", "memory", "energy", "pressure", "force", "zone", "peak"]
     names += ["regularisation", "iteration"]
     shorter = [[_two_digits(row[name]) for name in names] + ["predicted" if row["predicted"] else ""] for row in rows]
     note = (
         "One row per mesh. Energy: displacement in the energy norm; pressure; force; zone: ends of the contact zones, "
-        "in space the contact area; peak: largest pressure, without an estimate where it has no limit "
+        "in 3D the contact area; peak: largest pressure, without an estimate where it has no limit "
         "or the meshes are no finer where it is; the parts of the energy error due to regularisation and "
         "iteration. Memory in MB."
     )
@@ -191,10 +191,10 @@ def cost(summary: dict[str, Any]) -> Markup:
     """The picture of errors against what they took, which belongs to the answer how sure a result is."""
     from signorini_fx.addons.pictures.convergence import errors_and_costs
 
-    if "price_list" not in summary:
+    if "convergence_table" not in summary:
         return Markup("")
     caption = "Estimated relative errors against unknowns and time; open: the next mesh, predicted."
-    return drawn_by(errors_and_costs, summary["price_list"], caption=caption)
+    return drawn_by(errors_and_costs, summary["convergence_table"], caption=caption)
 
 
 def _two_digits(value: float | None) -> Any:

@@ -70,7 +70,7 @@ def plots(boundaries: Sequence[PlaneBoundary]) -> list[Markup]:
 
 
 def turning(folder: ResultFiles) -> list[Markup]:
-    """A place for a body in space that can be turned, with its data and the script; nothing where solve wrote none."""
+    """A place for a body in 3D that can be turned, with its data and the script; nothing where solve wrote none."""
     data = folder.picture(TURNING)
     if data is None:
         return []

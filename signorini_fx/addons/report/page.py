@@ -86,8 +86,8 @@ def _page(summary: dict[str, Any], folder: ResultFiles, name: str) -> str:
     lines = [tag("li", line) for line in next_steps(summary, contact)]
     if lines:
         chapters["What to do next"] = tag("ul", *lines)
-    if "price_list" in summary:
-        chapters["Price list"] = evidence.price_list(summary["price_list"])
+    if "convergence_table" in summary:
+        chapters["Convergence table"] = evidence.convergence_table(summary["convergence_table"])
     chapters["Certificate"] = evidence.certificate(summary) if solved else ""
     chapters["Scene and effects"] = evidence.scene(summary)
     if contact:

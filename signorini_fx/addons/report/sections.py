@@ -141,7 +141,7 @@ def overview(folder: ResultFiles, *, solid: bool = False, stressed: bool = True,
 
     Args:
         folder: of the result.
-        solid: whether the body is in space.
+        solid: whether the body is in 3D.
         stressed: whether its stress is known.
         no_result: of what it is where there is no solution; "": it is one, of which the largest stress is marked.
     """

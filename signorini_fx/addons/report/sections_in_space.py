@@ -1,4 +1,4 @@
-"""The sections of the page for a body in space, instead of curves and zones."""
+"""The sections of the page for a body in 3D, instead of curves and zones."""
 
 from __future__ import annotations
 

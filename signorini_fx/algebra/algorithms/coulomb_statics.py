@@ -21,7 +21,7 @@ def coulomb_start(task: Task, data: RegularisedData) -> RegularisedData:
     """Section 7: the pure contact problem, g = 0; but a body that cannot do without friction starts from stick.
 
     It sticks everywhere, unless that would hold it without any contact, as a ring with clearance around a pin: then
-    only where it touches at its resting place.
+    only where it touches at its reference motion.
     """
     motions, everywhere = task.motions, task.motions.points.everywhere
 

@@ -61,7 +61,7 @@ class SemismoothNewton:
 
     A full Newton step with fixed sets solves step 4; the iteration stops when the sets repeat (step 3) and the residual
     is small.  Because an iterate depends on its sets alone, sets that occurred before mean a cycle.
-    In space, where the problem is not affine for given sets, directions of slip still change while the sets stay: there
+    In 3D, where the problem is not affine for given sets, directions of slip still change while the sets stay: there
     the friction law must hold as well, and sets that occurred before mean a cycle if its residual has not been halved.
     PETSc options with the prefix ``sfx_`` are used by the SNES, KSP and PC; otherwise the defaults apply.
 

@@ -19,7 +19,7 @@ from signorini_fx.algebra.contact.complementarity import RegularisedData, slip_o
 from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.algebra.contact.motions import FreeMotions
 from signorini_fx.algebra.contact.nodal_vectors import Nodal
-from signorini_fx.algebra.contact.resting_place import RestingMotion, resting_place
+from signorini_fx.algebra.contact.reference_motion import ReferenceMotion, reference_motion
 from signorini_fx.algebra.contact.state import PointState
 from signorini_fx.algebra.linalg import ElasticSystem, petsc_options
 from signorini_fx.algebra.method import Settings
@@ -102,7 +102,7 @@ class Outcome:
         return self.newton.problem
 
     def displacement(self) -> PETSc.Vec:
-        """All displacement dofs of the result, counted from the resting place of the body."""
+        """All displacement dofs of the result, counted from the reference motion of the body."""
         return self.problem.system.displacement(self.newton.x)
 
     def next_step(self, start: Start) -> Start:
@@ -143,7 +143,7 @@ class Task:
         history: records.
         linear_algebra: which kind of elastic system it is, and why; for its owner.
         goal: the regularisation error allowed for path-following, in the energy norm, evaluated at an iterate.
-        rest: the resting place from which displacements are counted; None: from the initial position.
+        rest: the reference motion from which displacements are counted; None: from the initial position.
         coordinate_error: what gaps are uncertain by, the round-off of coordinates, length.
     """
 
@@ -156,7 +156,7 @@ class Task:
     history: History
     linear_algebra: str = ""
     goal: Callable[[PETSc.Vec], float] = lambda x: 0.0
-    rest: RestingMotion | None = None
+    rest: ReferenceMotion | None = None
     coordinate_error: float = 0.0
 
     @classmethod
@@ -173,7 +173,7 @@ class Task:
         has_coulomb: bool | None = None,
         **options: Any,
     ) -> Task:
-        """A problem that starts with contact and stick everywhere, from its resting place; collective.
+        """A problem that starts with contact and stick everywhere, from its reference motion; collective.
 
         Args:
             system: the elastic system with its loads.
@@ -196,7 +196,7 @@ class Task:
         data = RegularisedData.unshifted(
             gap, points.dimension - 1, settings, natural_gamma, law, sides, points.immovable
         )
-        resting = resting_place(gap, sides, motions, system.resultant)
+        resting = reference_motion(gap, sides, motions, system.resultant)
         sets = ActiveSets.all_in_contact(*data.mu_hat.shape)
         start = Start(data if resting is None else resting.data_from(data), law, 0.0 * data.mu_hat, sets, iteration=0)
         history = options.pop("history", None) or History()

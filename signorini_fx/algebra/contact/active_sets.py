@@ -28,10 +28,10 @@ class ActiveSets:
     Attributes:
         contact: True on A_c, False on I_c, shape (n,).
         slip: True on A_f, False on I_f (stick), shape (n,).
-        direction: unit vector e of the shear on A_f, zero on I_f, shape (n, d - 1); in the plane +1 on A_f,+ and -1 on
+        direction: unit vector e of the shear on A_f, zero on I_f, shape (n, d - 1); in 2D +1 on A_f,+ and -1 on
             A_f,-.
         turning: k, stress per length: stiffness of the shear against slip perpendicular to its direction, shape (n,);
-            without effect in the plane.
+            without effect in 2D.
         line: where a friction bound follows the pressure along a curve, value at zero, stress, and slope of its tangent
             at the iterate, shapes (n,); None: the law is asked.
     """
@@ -55,9 +55,9 @@ class ActiveSets:
 
     @property
     def side(self) -> npt.NDArray[np.int8]:
-        """+1 and -1 on A_f,+ and A_f,- of the plane, in space +1 on all of A_f; 0 on I_f, shape (n,).
+        """+1 and -1 on A_f,+ and A_f,- of the plane, in 3D +1 on all of A_f; 0 on I_f, shape (n,).
 
-        In space a sign would depend on the choice of tangents.
+        In 3D a sign would depend on the choice of tangents.
         """
         signs = np.sign(self.direction[:, 0]) if self.direction.shape[1] == 1 else self.slip
         return signs.astype(np.int8)
@@ -84,7 +84,7 @@ class ActiveSets:
         return replace(self, direction=direction, turning=np.where(both, following.turning, self.turning))
 
     def across(self, vectors: Nodal) -> Nodal:
-        """(I - e e^T) v, shape (n, d - 1); zero in the plane."""
+        """(I - e e^T) v, shape (n, d - 1); zero in 2D."""
         return vectors - inner(self.direction, vectors)[:, None] * self.direction
 
 
@@ -138,7 +138,7 @@ def multipliers(sets: ActiveSets, u_n: Nodal, u_t: Nodal, data: RegularisedData)
 
 
 def sliding_shear(sets: ActiveSets, bound: Nodal, trial: Nodal, per: float = 1.0) -> Nodal:
-    """F g e + k (I - e e^T) s on A_f with s = ``trial`` / ``per``, where the second term is zero in the plane; zero on
+    """F g e + k (I - e e^T) s on A_f with s = ``trial`` / ``per``, where the second term is zero in 2D; zero on
     I_f, where the bound may be infinite.
     """
     at_bound = np.where(sets.slip, bound, 0.0)[:, None] * sets.direction
@@ -199,7 +199,7 @@ def classify(sets: ActiveSets, u_n: Nodal, u_t: Nodal, data: RegularisedData) ->
 def release(sets: ActiveSets, data: RegularisedData) -> ActiveSets:
     """The sets without stick where no shear can be transmitted: the bound, or the pressure that it depends on, is zero.
 
-    In the plane these points slip along the tangent, in space without a direction, because none is distinguished.
+    In 2D these points slip along the tangent, in 3D without a direction, because none is distinguished.
     Where the bound is infinite all stick.
     """
     if data.bound is None:
@@ -252,7 +252,7 @@ def natural_sets(u_n: Nodal, u_t: Nodal, data: RegularisedData) -> ActiveSets:
 def law_residual(sets: ActiveSets, u_n: Nodal, u_t: Nodal, data: RegularisedData) -> Nodal:
     """How far mu of these sets is from the projection (3.4) of the iterate, stress, shape (n,).
 
-    Zero in the plane once the sets repeat.  In space a direction may still change while the sets stay the same.
+    Zero in 2D once the sets repeat.  In 3D a direction may still change while the sets stay the same.
     """
     pressure, mu = multipliers(sets, u_n, u_t, data)
     if data.bound is None:

@@ -1,7 +1,7 @@
 """The pointwise contact and friction conditions in d dimensions, (3.2) to (3.4).  No finite elements.
 
 Every array has one entry per contact point of this rank.  A tangential vector has d - 1 components in the tangent plane
-of its point, shape (n, d - 1): one in the plane, two in space.  Pressures and shears are stresses, lambda and mu of the
+of its point, shape (n, d - 1): one in 2D, two in 3D.  Pressures and shears are stresses, lambda and mu of the
 paper: lambda >= 0 pushes the body off the foundation, mu = -sigma_T acts against tau_T y.
 
 The friction law is the projection onto the disc |mu| <= F g of R^(d - 1).  In R^1 the disc is an interval, a direction

@@ -59,7 +59,7 @@ class ContactPoints:
 
     Attributes:
         comm: the ranks that share the points.
-        weight: w, the area (in the plane: length) that belongs to a point, shape (n,).
+        weight: w, the area (in 2D: length) that belongs to a point, shape (n,).
         movable: orthogonal projector onto the directions in which something at the point can move, in its frame,
             shape (n, d, d); the identity where nothing is prescribed.
         x: position, length, shape (n, m): says which of several equal points comes first, alike on any number of ranks.

@@ -28,7 +28,7 @@ class PointState:
         shear: mu = -sigma_T, stress, shape (n, d - 1).
         bound: friction bound F g, stress; zero without friction.
         in_contact: True on A_c.
-        direction: unit vector of the shear on A_f, zero on I_f, shape (n, d - 1); in the plane +1 on A_f,+ and
+        direction: unit vector of the shear on A_f, zero on I_f, shape (n, d - 1); in 2D +1 on A_f,+ and
             -1 on A_f,-.
         has_friction: whether a friction law acts.
         bilateral: points whose contact cannot open.
@@ -80,7 +80,7 @@ class PointState:
 
     @cached_property
     def areas(self) -> dict[str, float]:
-        """Areas (in the plane lengths) in contact, and of the nodes with a friction bound those that stick and slip;
+        """Areas (in 2D lengths) in contact, and of the nodes with a friction bound those that stick and slip;
         collective.
         """
         weight, slip = self.points.weight, self.sliding_side() != 0

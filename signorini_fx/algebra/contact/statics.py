@@ -63,8 +63,8 @@ def no_balance(
 ) -> Escape | None:
     """A proof that a contact problem has no solution, to be asked before anything is tried; collective.
 
-    It holds for any number of contacts, for frictionless contact, any friction below its envelope, in the plane
-    and in space, and whatever the gaps and the stiffness are: all contact nodes may press.  None proves
+    It holds for any number of contacts, for frictionless contact, any friction below its envelope, in 2D
+    and in 3D, and whatever the gaps and the stiffness are: all contact nodes may press.  None proves
     nothing: where the law lets the pressure choose, an equilibrium of rigid bodies need not be one of elastic bodies.
 
     Args:

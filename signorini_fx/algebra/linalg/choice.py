@@ -118,7 +118,7 @@ def for_multigrid(size: SystemSize) -> str | None:
             f"a factor for {size.unknowns} unknowns would take about {factor / 1e9:.2g} GB, more than this machine has"
         )
     faster = size.unknowns >= krylov_from(size, "auto")
-    return f"for {size.unknowns} unknowns in space multigrid is faster than a factor" if faster else None
+    return f"for {size.unknowns} unknowns in 3D multigrid is faster than a factor" if faster else None
 
 
 def krylov_from(size: SystemSize, requested: str) -> float:
@@ -166,5 +166,5 @@ def against_ranks(size: SystemSize) -> str | None:
     if size.comm.size == 1:
         return None
     if size.dimension > 2:  # what is between ranks is a surface
-        return "more than one rank in space"
+        return "more than one rank in 3D"
     return None if size.definite else "more than one rank, and an indefinite matrix"

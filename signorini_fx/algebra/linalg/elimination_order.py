@@ -2,7 +2,7 @@
 
 Nested dissection eliminates last the nodes that separate two halves of a body.  With the halves of a k-d tree of the
 nodes' positions it is found in a fraction of the time of minimum degree, and the factorisation takes about as few
-operations as with METIS, in space half of those with minimum degree.
+operations as with METIS, in 3D half of those with minimum degree.
 
 Sources: George, SIAM J. Numer. Anal. 10 (1973) 345-363; Heath & Raghavan, SIAM J. Matrix Anal. Appl. 16 (1995) 235-253.
 """

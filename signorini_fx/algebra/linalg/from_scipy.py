@@ -35,7 +35,7 @@ def from_scipy(
         load: f, forces, shape (N,).
         operator: B, sparse, shape (n d, N): d rows for each contact point, the relative displacement along the normal,
             positive towards the foundation, then along the tangents.
-        weight: area of each contact point (in the plane, per unit thickness, length), shape (n,).
+        weight: area of each contact point (in 2D, per unit thickness, length), shape (n,).
         prescribed: numbers and values of the prescribed unknowns; None: there are none.
         modes: the rigid motions that they leave free, zero at the prescribed unknowns, shape (N, k); None: there are
             none.

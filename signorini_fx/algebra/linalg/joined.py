@@ -3,7 +3,7 @@
 With B from unknowns to relative displacements at the points, S back to the unknowns of the side with the points
 (B S = 1), and E the projections onto the directions that contact holds at each point, the finest interpolation P
 becomes P - X, X = S E B P, on which contact as far as it is stiff does no work: E B (P - X) = 0.  Truncation of both
-sides would clamp the interface in space.
+sides would clamp the interface in 3D.
 """
 
 from __future__ import annotations

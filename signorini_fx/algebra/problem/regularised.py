@@ -26,10 +26,10 @@ from signorini_fx.algebra.contact.active_sets import (
 from signorini_fx.algebra.contact.complementarity import RegularisedData, trial_pressure
 from signorini_fx.algebra.contact.contact_map import ContactMap
 from signorini_fx.algebra.contact.friction import as_given
-from signorini_fx.algebra.contact.holding_sets import hold, holds
 from signorini_fx.algebra.contact.motions import FreeMotions
 from signorini_fx.algebra.contact.nodal_vectors import Nodal, length
 from signorini_fx.algebra.contact.points import ContactPoints, shares
+from signorini_fx.algebra.contact.stabilised_sets import hold, holds
 from signorini_fx.algebra.contact.statics import Escape, no_balance
 from signorini_fx.algebra.linalg import ElasticSystem
 from signorini_fx.algebra.linalg.callbacks import called_back
@@ -89,7 +89,7 @@ class RegularisedProblem:
         springs: that act beside contact; None: there are none.
         data: the data that outer algorithms change.
         affine: whether the residual is affine for fixed sets and directions, so that repeated sets mean a solution, and
-            sets that come back mean a cycle: not in space, where the direction of slip changes, nor where a friction
+            sets that come back mean a cycle: not in 3D, where the direction of slip changes, nor where a friction
             bound follows the pressure along a curve.
         sets: active sets of the last linear solve.
         next: active sets of the last residual.

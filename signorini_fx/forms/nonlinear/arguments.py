@@ -72,7 +72,7 @@ def checked(
         ]
     if space.mesh.geometry.dim != 2 and space.element.basix_element.degree > 1:
         reason = (
-            "in space two bodies slide on each other with degree 1 only, as curved facets are not worked out there: "
+            "in 3D two bodies slide on each other with degree 1 only, as curved facets are not worked out there: "
             "take degree 1, or, where sides slide by little of a facet, sliding = False"
         )
         problems += [(f"contact[{k}]", reason) for k, entry in enumerate(contact) if slides(entry)]

@@ -29,7 +29,7 @@ from signorini_fx.results.accuracy.stress_recovery import StressRecovery
 from signorini_fx.results.certificate.certificate import Certificate, judged
 from signorini_fx.results.certificate.contact_nodes import ContactSide
 from signorini_fx.results.certificate.equilibrium import Balance
-from signorini_fx.results.certificate.promised_law import Law, PreviousStep, Tractions
+from signorini_fx.results.certificate.law_of_method import Law, PreviousStep, Tractions
 from signorini_fx.results.certificate.sliding_claim import SlidingClaim
 from signorini_fx.results.certificate.sliding_claim_in_space import SpaceSlidingClaim
 from signorini_fx.results.certificate.supports import PrescribedNodes

@@ -1,4 +1,4 @@
-"""Finite rotations of rigid bodies by rotation vectors, in the plane by angles."""
+"""Finite rotations of rigid bodies by rotation vectors, in 2D by angles."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ def rigid_motion(x: Array, translation: Array, turn: Array, pivot: Array) -> Arr
     Args:
         x: the points, shape (n, d).
         translation: of its pivot, shape (d,).
-        turn: the rotation vector, radians, in the plane an angle, shape (1,) or (3,).
+        turn: the rotation vector, radians, in 2D an angle, shape (1,) or (3,).
         pivot: length, shape (d,).
     """
     return np.asarray((x - pivot) @ (turn_of(turn) - np.eye(x.shape[1])).T + translation)
 
 
 def turn_of(turn: Array) -> Array:
-    """The matrix of a rotation vector in radians, in the plane of an angle, shape (d, d)."""
+    """The matrix of a rotation vector in radians, in 2D of an angle, shape (d, d)."""
     degrees = [float(angle) for angle in np.degrees(turn)]
     return turning(tuple(degrees), 3) if turn.size == 3 else turning(degrees[0], 2)
 

@@ -74,7 +74,7 @@ from signorini_fx.mechanics.pairs.mortar_coupling import PairingError
 from signorini_fx.mechanics.rigid.rigid_bodies import Drive, RigidBodies, RigidBodyMotion
 from signorini_fx.mechanics.scales import Scales
 from signorini_fx.records import Status
-from signorini_fx.results.certificate.promised_law import Law
+from signorini_fx.results.certificate.law_of_method import Law
 from signorini_fx.results.solution import ConvergenceError, StepResult
 from signorini_fx.results.step_frames import LastSolution
 from signorini_fx.tuned import (
@@ -237,7 +237,7 @@ class LinearisedProblem(FormSolver):
         law_tolerance: see ``Start``, of the next solve.
         several: see ``Start``.
         bodies: see ``BodyPieces``.
-        passed_on: what the increment changes of the forces of shears as partners shift, shape (owned dofs,): see
+        shear_transfer: what the increment changes of the forces of shears as partners shift, shape (owned dofs,): see
             ``solve``.
     """
 
@@ -247,7 +247,7 @@ class LinearisedProblem(FormSolver):
     several = False
     bodies: tuple[str, ...] = ()
     _last_change: StepChange | None = None  # what the last load step has changed
-    passed_on: Array | None = None
+    shear_transfer: Array | None = None
     _backward: Sequence[JointStiffness] = ()  # what symmetry has added for the turning of normals of kept partners
     _retained: RetainedPoints
     _last_increment = np.inf  # the largest component of it where points hardly slid; else infinite
@@ -311,7 +311,7 @@ class LinearisedProblem(FormSolver):
         def seen() -> tuple[Array, Array]:
             moving = self.shapes[number]
             moving.added = self._added_to_distance(number)
-            return moving.seen_from(self.places[moving.nodes])
+            return moving.projected_onto(self.places[moving.nodes])
 
         return replace(entry, shape=None, gap=lambda x: seen()[0], direction=lambda x: seen()[1].T)
 
@@ -543,7 +543,7 @@ class LinearisedProblem(FormSolver):
     def _forces(self) -> Array:
         """See ``FormSolver``."""
         forces = self.elastic.forces_where_free(self._at) - self._residual_now
-        return forces if self.passed_on is None else forces - self.passed_on
+        return forces if self.shear_transfer is None else forces - self.shear_transfer
 
     def _set_up(self, shapes: Sequence[ShapeDistances]) -> tuple[RegularisedData, PointFriction | None]:
         """See ``FormSolver``; displacements are counted from the initial position, whatever holds the body."""
@@ -692,7 +692,7 @@ class LinearisedProblem(FormSolver):
             ConvergenceError: there is no solution.
             MatrixError: the tangent is not finite, or not symmetric.
         """
-        self.passed_on = None
+        self.shear_transfer = None
         if not (keeps_stiffness and self._solve_with_last_stiffness()):
             self._solve()
         begun, last_change, (increment, size) = self.begun, np.inf, self._lengths
@@ -748,15 +748,15 @@ class LinearisedProblem(FormSolver):
                 moved.append(missed.forces.ravel())
                 closed[points], slid[points] = -missed.gap, missed.slip
             elif pair.near:
-                moved.append(pair.passed_on(state, along).ravel())
+                moved.append(pair.shear_transfer(state, along).ravel())
         forces = np.where(self.elastic.fixed, 0.0, sum(moved))
         if not parallel.any_rank(self.space.mesh.comm, bool(forces.any() or closed.any())):
             return False
         assert self._last_pattern is not None
         assert self.outcome is not None
         assert self._solution is not None
-        newton, first, last = self.task.iterate.newton, self.outcome, (self.passed_on, self.begun)
-        solved, self.passed_on = newton.checkpoint(), forces
+        newton, first, last = self.task.iterate.newton, self.outcome, (self.shear_transfer, self.begun)
+        solved, self.shear_transfer = newton.checkpoint(), forces
         origin = begun.data.slip_origin
         if ending:
             origin = origin - np.einsum("nij,ni->nj", state.boundary.tangents, slid)
@@ -766,7 +766,7 @@ class LinearisedProblem(FormSolver):
             self._last_pattern = self._last_pattern[0], ()  # the load is none that a solve may begin from
             outcome = solve_task(self.task, self._solution.begins(self.begun, self.boundary))
             if outcome.status is not Status.CONVERGED:
-                self.passed_on, self.begun = last
+                self.shear_transfer, self.begun = last
                 self.task.system.set_case(0, self._case(self.prescribed[1]))
                 newton.restore(solved)
                 outcome = first
@@ -926,7 +926,7 @@ class LinearisedProblem(FormSolver):
         """
         outcome, solved, symmetric = self.outcome, self.state, self.symmetric
         assert outcome is not None
-        self.passed_on = self.residual = None
+        self.shear_transfer = self.residual = None
         self.bend()
         curvature = curvature_of(self._hessians, solved, symmetric=False)
         sheared = bool((curvature != curvature.transpose(0, 2, 1)).any())
@@ -993,8 +993,8 @@ class LinearisedProblem(FormSolver):
                 nodal = displacement.x.array.reshape(-1, self.boundary.x.shape[1])
                 work += self.relative.forces(self.boundary, nodal, moved)[2]
         internal, turning = self.elastic.forces_where_free(displacement), self.curvature.times(displacement)
-        if self.passed_on is not None:
-            internal, turning = internal + self.passed_on, turning + self.passed_on
+        if self.shear_transfer is not None:
+            internal, turning = internal + self.shear_transfer, turning + self.shear_transfer
         return internal, turning, work
 
     @property

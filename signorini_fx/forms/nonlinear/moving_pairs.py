@@ -143,13 +143,13 @@ class MovingPair:
         shear = np.einsum("nik,nk->ni", state.boundary.tangents[rows], state.shear[rows])
         return self.sides.stiffness(self.coupling, state.pressure[rows], shear, near=self.near)
 
-    def passed_on(self, state: ContactState, increment: Array) -> Array:
+    def shear_transfer(self, state: ContactState, increment: Array) -> Array:
         """What an increment of the displacement of the owned nodes, shape (owned nodes, d), changes of the forces of
         the shears of a state as partners shift, see ``SlidingCoupling``; likewise, collective.
         """
         rows = np.flatnonzero(state.boundary.part == self.sides.index)
         shear = np.einsum("nik,nk->ni", state.boundary.tangents[rows], state.shear[rows])
-        return self.sides.passed_on(self.coupling, shear, increment)
+        return self.sides.shear_transfer(self.coupling, shear, increment)
 
     def moves_little(self, increment: float) -> bool:
         """Whether an increment, length, is small beside facets, so that its derivatives tell what it changes."""
@@ -203,11 +203,13 @@ class MovingPair:
             bilateral: whether contact cannot open.
         """
         coupling, sides = self.coupling, self.sides
-        count = coupling.helpless.size
-        allowance = from_owners(self.allowance[:, None], sides.slave.nodes[coupling.helpless], sides.comm)[:, 0]
-        depth = inside(-(coupling.helpless_gap + allowance), bilateral)
+        count = coupling.constrained_slaves.size
+        allowance = from_owners(self.allowance[:, None], sides.slave.nodes[coupling.constrained_slaves], sides.comm)[
+            :, 0
+        ]
+        depth = inside(-(coupling.constrained_gap + allowance), bilateral)
         off, paired = np.full(count, bilateral), np.ones(count, dtype=bool)
-        x = sides.slave.surface.x[coupling.helpless]
+        x = sides.slave.surface.x[coupling.constrained_slaves]
         return HeldNodes(np.full(count, sides.index, np.int32), depth, off, paired, x)
 
     @property
@@ -262,7 +264,7 @@ class MovingPair:
         return np.asarray(np.einsum("nik,njk->nij", frames, start))[self.sides.mine]
 
     def _tangents(self, frames: Frames) -> Array:
-        """Those of frames in space, in a plane of symmetry along it and across it, shape (n, 3, 2)."""
+        """Those of frames in 3D, in a plane of symmetry along it and across it, shape (n, 3, 2)."""
         tangents, planes = frames.tangents.copy(), self.sides.across
         held = np.flatnonzero(planes.any(axis=(1, 2)))
         normal, across = _normals_of(tangents[held]), np.linalg.eigh(planes[held])[1][:, :, -1]
@@ -279,7 +281,7 @@ class MovingPair:
 
 
 def _normals_of(tangents: Array) -> Array:
-    """The normals that make frames of tangents in space, shape (n, 3)."""
+    """The normals that make frames of tangents in 3D, shape (n, 3)."""
     return np.asarray(np.cross(tangents[:, :, 0], tangents[:, :, 1]))
 
 

@@ -40,7 +40,7 @@ class MovingShape:
         x: their initial positions, length, shape (n, d).
         turns: whether forces may turn it, see ``fitting``.
         translation: by which forces have moved its pivot from where it is given, length, shape (d,).
-        turn: the rotation vector by which they have turned it, radians; in the plane one angle, shape (1,) or (3,).
+        turn: the rotation vector by which they have turned it, radians; in 2D one angle, shape (1,) or (3,).
         pivot: where the pivot of its rigid body is given, length, shape (d,).
     """
 
@@ -121,7 +121,7 @@ class MovingShape:
         by_user = not is_of_package(type(self.shape)) and len(self.x)
         return np.array(self.shape.distance(self.x)[0] if by_user else [], dtype=np.float64)
 
-    def seen_from(self, u: Array) -> tuple[Array, Array]:
+    def projected_onto(self, u: Array) -> tuple[Array, Array]:
         """The linearised gap, length, shape (n,), and the direction to the shape, unit vectors of shape (n, d).
 
         Args:
@@ -215,12 +215,12 @@ def curvature_of(hessians: Array, state: ContactState, *, symmetric: bool = True
 
 
 def turning_of(state: ContactState, size: float) -> Array:
-    """What friction of sliding points in space does against displacements that turn their slip, force per length, shape
+    """What friction of sliding points in 3D does against displacements that turn their slip, force per length, shape
     (n, d, d).
 
     The shear m has the direction of the slip s, so it turns with it: a displacement d along the tangent plane and
     across s meets |m| / |s| d.  Without that a shear would be a dead load, under which rubber that is squeezed between
-    rough plates twists.  In the plane no slip turns; a shear that does not follow its slip, as that of an ellipse, is
+    rough plates twists.  In 2D no slip turns; a shear that does not follow its slip, as that of an ellipse, is
     left out.
 
     Args:
@@ -361,7 +361,7 @@ def fitting(number: int, shape: Any, dimension: int, *, turns: bool = True) -> A
 def not_driven(shape: Any, dimension: int, *, turns: bool = True) -> tuple[str, str] | None:
     """What of a shape that forces move is not possible, and why; None: nothing.
 
-    In space components of rotation vectors add up about one axis alone: either one is free and the others are zero, or
+    In 3D components of rotation vectors add up about one axis alone: either one is free and the others are zero, or
     all are prescribed.
     """
     if not isinstance(shape, Shape):

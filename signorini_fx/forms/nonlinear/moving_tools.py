@@ -8,7 +8,7 @@ order,
     - n_f . (y - R q) <= phi(X + u) - n_f . (u - R q_now),   R q = v + psi x a.
 
 So contact sees y - R q, as with rigid bodies of linear problems, see ``rigid_bodies``, but with the arms of now.  It is
-exact to first order where psi is along one axis, about which all turns are: in space no more than one of its components
+exact to first order where psi is along one axis, about which all turns are: in 3D no more than one of its components
 may be free.
 
 The tractions t at the points act on the tool by t and a x t.  As normals turn they meet relative displacements
@@ -167,7 +167,7 @@ class MovingTools:
         pivots = np.array([pivot + at.translation for pivot, at in zip(self._pivots, self._drivers, strict=True)])
         arms = (boundary.centre + displacement[boundary.nodes])[touched] - pivots[tool[touched]]
         forces = boundary.nodal_forces(state.pressure, state.shear)[touched]
-        # In the plane turns are about x[2]: its rows and columns of space are left out.
+        # In 2D turns are about x[2]: its rows and columns of space are left out.
         space, axes = np.zeros((2, len(arms), 3)), [*range(dim), *range(6 - turns, 6)]
         space[0, :, :dim], space[1, :, :dim] = arms, forces
         arm, force = turning_matrices(space[0], 3).transpose(0, 2, 1), turning_matrices(space[1], 3)
@@ -185,7 +185,7 @@ class MovingTools:
 
 
 def turning_matrices(vectors: Array, dimension: int) -> Array:
-    """The matrices of the products w x a, shape (n, d, d), of vectors w of shape (n, 3), in the plane (n, 1)."""
+    """The matrices of the products w x a, shape (n, d, d), of vectors w of shape (n, 3), in 2D (n, 1)."""
     units = np.tile(np.eye(dimension), (len(vectors), 1, 1))
     return np.stack([across_arms(vectors, units[:, axis]) for axis in range(dimension)], axis=2)
 

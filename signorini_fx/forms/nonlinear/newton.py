@@ -40,7 +40,7 @@ from signorini_fx.mechanics.pairs.mortar_coupling import PairingError
 from signorini_fx.records import Status, Timings
 from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.results.certificate.contact_nodes import ContactSide
-from signorini_fx.results.certificate.promised_law import Tractions
+from signorini_fx.results.certificate.law_of_method import Tractions
 from signorini_fx.results.certificate.supports import PrescribedNodes
 from signorini_fx.results.solution import ConvergenceError
 from signorini_fx.tuned import (
@@ -62,7 +62,7 @@ class NoEquilibrium(Exception):
     """A solve, or a way through load steps, has ended without a solution; its text says how, and what to do."""
 
 
-class SecondOpinion:
+class IndependentCheck:
     """What is known of a residual beside itself: nothing, unless a class that is derived knows it.
 
     Attributes:
@@ -132,7 +132,7 @@ class EquilibriumSolver:
     commit: Callable[[], object]
     max_newton: int
     asks_stability: bool
-    opinion: SecondOpinion = field(default_factory=SecondOpinion)
+    independent_check: IndependentCheck = field(default_factory=IndependentCheck)
     status: Status | None = None
     certificate: Certificate | None = None
     iterations: int = 0
@@ -222,7 +222,7 @@ class EquilibriumSolver:
             return
         self.failure = outcomes.failure(status, self.certificate, self.without, self._detail)
         self.go_back(last)
-        raise NoEquilibrium(f"{self.failure}: {self.opinion.advice_on(status)}")
+        raise NoEquilibrium(f"{self.failure}: {self.independent_check.advice_on(status)}")
 
     def certify(self, begun: Snapshot) -> Status:
         """The verdict on a displacement of an earlier run, but for stability; ``begun``: where its step begins;
@@ -529,7 +529,7 @@ class EquilibriumSolver:
         Args:
             residual: F there, which was evaluated last; None: it is evaluated.
         """
-        self._detail = self.opinion.too_large()
+        self._detail = self.independent_check.too_large()
         if self._detail:
             return Status.TOO_LARGE
         linear, values = self.linear, self.u.x.array.copy()
@@ -567,13 +567,13 @@ class EquilibriumSolver:
             lost: see ``mechanics_at``.
         """
         linear, tractions = self.linear, Tractions.of(self.linear.state)
-        forces = self.opinion.forces(residual)
+        forces = self.independent_check.forces(residual)
         mechanics = mechanics_at(self.u, forces, linear, lost, unloaded_at_rest=self._unloaded)
         balance = mechanics.forces
         mechanics = replace(
             mechanics,
-            forces=replace(balance, supports=self.opinion.supports(balance.supports)),
-            contact_sides=self.opinion.contact_sides(mechanics.contact_sides),
+            forces=replace(balance, supports=self.independent_check.supports(balance.supports)),
+            contact_sides=self.independent_check.contact_sides(mechanics.contact_sides),
         )
         conditions = tractions, linear.law, linear.previous_step, linear.driven_tools
-        return certified(self.u, mechanics, linear.shapes, *conditions), self.opinion.loaded(mechanics)
+        return certified(self.u, mechanics, linear.shapes, *conditions), self.independent_check.loaded(mechanics)

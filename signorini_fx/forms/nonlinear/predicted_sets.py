@@ -19,7 +19,7 @@ from signorini_fx.algebra.contact.complementarity import slip_of
 from signorini_fx.algebra.contact.nodal_vectors import Nodal, length, unit
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
-from signorini_fx.results.certificate.promised_law import PreviousStep
+from signorini_fx.results.certificate.law_of_method import PreviousStep
 from signorini_fx.tuned import SAME_WAY
 
 Array = npt.NDArray[np.float64]

@@ -55,7 +55,7 @@ class NonlinearContactProblem(ProblemOfForms):
     relative to it; gaps and directions without a shape are those of the undeformed boundary.  Pressures, shears and
     bounds of friction are per area of the undeformed boundary.  Friction depends on the path: ``advance`` ends a step.
 
-    The sides of a ``Pair`` slide on each other, in space with degree 1: its points see the other side at displaced
+    The sides of a ``Pair`` slide on each other, in 3D with degree 1: its points see the other side at displaced
     places, half-way between the normals of both, and slip along it over any number of facets.  Areas, and so bounds of
     friction such as those of ``Tresca``, are those of the undeformed first side; a bound without pressure acts wherever
     a point sees the other side, in contact or not.
@@ -178,7 +178,7 @@ class NonlinearContactProblem(ProblemOfForms):
         ends = [*steps, *(() if solved is None else (solved.step,))]
         # Where nothing presses on a body its forces are round-off.
         pressed = [step.certificate for step in ends if not loose_in(self.linear.elastic, step)]
-        digits = lost_digits(pressed, self._solver.opinion.residual)
+        digits = lost_digits(pressed, self._solver.independent_check.residual)
         stiff = [] if solved is None else too_stiff(solved.step, self._solver.farthest)
         return (*findings_of(self.linear, steps), *digits, *stiff)
 

@@ -1,6 +1,6 @@
 """Which contact points of a nonlinear body its tangents are condensed onto: those that may touch in an iteration.
 
-In space the contact boundary has far more nodes than the contact.  A point that is farther from its shape than an
+In 3D the contact boundary has far more nodes than the contact.  A point that is farther from its shape than an
 increment may bring it is left out of the dense matrix, as the inside of the body is, and no force acts there.  Where it
 is in the solution of the linearised problem is known afterwards: if it has come into contact, or if friction has a
 bound there without contact, the problem is solved once more with that point and all others that the increment may bring
@@ -31,7 +31,7 @@ Flags = npt.NDArray[np.bool_]
 
 
 class RetainedPoints:
-    """The choice for the tangents of one load, on one rank in space; elsewhere dense matrices are small, or none.
+    """The choice for the tangents of one load, on one rank in 3D; elsewhere dense matrices are small, or none.
 
     Args:
         at: the displacement of now.

@@ -15,7 +15,7 @@ import ufl
 def nodal_rule(degree: int, geometry: int = 1, dimension: int = 2) -> dict[str, Any]:
     """Quadrature metadata of the unit contact form, which gives the weights of the nodes of a Lagrange element.
 
-    In the plane the points of the rule are the nodes.  Degree 1: the vertex (trapezoidal) rule; degree 2:
+    In 2D the points of the rule are the nodes.  Degree 1: the vertex (trapezoidal) rule; degree 2:
     Gauss-Lobatto-Legendre (Simpson's rule).  All weights are positive, and those of the integrals of the basis
     functions.  On a surface the integrals of the basis functions stand for themselves, exactly: the vertex rule has
     them on triangles, but not on quadrilaterals that are no parallelograms.

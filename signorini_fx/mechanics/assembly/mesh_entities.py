@@ -12,7 +12,7 @@ import ufl
 from dolfinx import fem, jit, la
 from dolfinx import mesh as dmesh
 
-# Sums in another order can be computed two at a time, in space in half of the time; the difference is round-off.
+# Sums in another order can be computed two at a time, in 3D in half of the time; the difference is round-off.
 _IN_ANY_ORDER = ["-fassociative-math", "-fno-signed-zeros", "-fno-trapping-math"]
 
 # Where a function space keeps the positions of its nodes.

@@ -1,7 +1,7 @@
 """The connected pieces of a body: cells that are connected by their sides, and the points at which pieces are pinned.
 
 Cells transmit forces to each other through the sides that they share.  A body whose mesh consists of several pieces is
-therefore several bodies; if two pieces share a single vertex only, they are joined by a hinge.  In space the sides are
+therefore several bodies; if two pieces share a single vertex only, they are joined by a hinge.  In 3D the sides are
 faces, and vertices that two pieces share act like ball joints.
 """
 

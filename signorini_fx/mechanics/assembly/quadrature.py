@@ -31,7 +31,7 @@ def strain_degree(space: fem.FunctionSpace, kinematics: Kinematics = SPACE) -> i
 
 
 def parallelepipeds(mesh: dmesh.Mesh) -> bool:
-    """Whether all cells of all ranks are quadrilaterals or hexahedra with affine maps: parallelograms in the plane;
+    """Whether all cells of all ranks are quadrilaterals or hexahedra with affine maps: parallelograms in 2D;
     collective.
     """
     if mesh.topology.cell_name() not in ("quadrilateral", "hexahedron") or compat.geometry_degree(mesh) > 1:

@@ -22,7 +22,7 @@ from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.contact.contact_map import ContactMap
 from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.algebra.contact.motions import FreeMotions
-from signorini_fx.algebra.contact.resting_place import RestingMotion
+from signorini_fx.algebra.contact.reference_motion import ReferenceMotion
 from signorini_fx.algebra.linalg import ElasticSystem, petsc_options, row_by_row
 from signorini_fx.algebra.linalg.choice import SystemSize, choose_kind, choose_system
 from signorini_fx.algebra.linalg.elasticity import Elasticity, FarPoints, LoadCase
@@ -346,7 +346,7 @@ class ElasticBody:
         prescribed: fem.Function,
         driven: Driven | None = None,
         pushing: Array | None = None,
-        swelling: Array | None = None,
+        pressure_load: Array | None = None,
     ) -> LoadCase:
         """The right-hand side of loads and prescribed displacements, which are lifted; collective.
 
@@ -355,7 +355,7 @@ class ElasticBody:
             prescribed: zero, with the prescribed displacements put in.
             driven: what drives rigid bodies; None: nothing.
             pushing: those of the forces that may do work on rigid motions; None: all of them.
-            swelling: see ``AppliedLoad``.
+            pressure_load: see ``AppliedLoad``.
         """
         comm, dim = self.comm, self.dimension
         prescribed_values, moved = prescribed.x.array[: forces.size], prescribed.x.array.reshape(-1, dim).any(axis=1)
@@ -368,7 +368,7 @@ class ElasticBody:
             free = self.vector(nearest).getArray(readonly=True)
             start.getArray()[~self.prescribed] = free[~self.prescribed]
         load, fixed = self.vector(lifted), self.prescribed
-        load.getArray()[self._held.size :] = self.elastic.lifted(prescribed, swelling)
+        load.getArray()[self._held.size :] = self.elastic.lifted(prescribed, pressure_load)
         if driven is not None:
             rigid = slice(self.fixed.size, self._held.size)
             start.getArray()[rigid], load.getArray()[rigid] = driven.motion[: self._rigid], driven.forces[: self._rigid]
@@ -430,8 +430,8 @@ class ElasticBody:
         assert self.boundary is not None
         return ContactState.of(task.contact(outcome, start), self.boundary)
 
-    def from_rest(self, resting: RestingMotion | None, displacement: PETSc.Vec) -> fem.Function:
-        """A displacement that is counted from the resting place, converted to one from the initial position."""
+    def from_rest(self, resting: ReferenceMotion | None, displacement: PETSc.Vec) -> fem.Function:
+        """A displacement that is counted from the reference motion, converted to one from the initial position."""
         function = self.function(displacement)
         if resting is not None:
             function.x.array[:] += self.motions.displacement(resting.motion).ravel()
@@ -448,8 +448,8 @@ class ElasticBody:
         function.x.scatter_forward()
         return function
 
-    def driven(self, x: PETSc.Vec, resting: RestingMotion | None) -> Array:
-        """The unknowns of rigid bodies in a displacement counted from the resting place, shape (k,); collective."""
+    def driven(self, x: PETSc.Vec, resting: ReferenceMotion | None) -> Array:
+        """The unknowns of rigid bodies in a displacement counted from the reference motion, shape (k,); collective."""
         if self.boundary is None or self.boundary.moving is None:
             return np.zeros(0)
         local = np.array(x.getArray(readonly=True)[self.fixed.size : self._held.size])
@@ -459,7 +459,7 @@ class ElasticBody:
             unknowns = unknowns + self.motions.foundations @ resting.motion
         return unknowns
 
-    def begin_driven(self, x: PETSc.Vec, driven: Array, resting: RestingMotion | None) -> None:
+    def begin_driven(self, x: PETSc.Vec, driven: Array, resting: ReferenceMotion | None) -> None:
         """Put the unknowns of rigid bodies into x, the inverse of ``driven``."""
         if resting is not None:
             assert self.motions.foundations is not None

@@ -62,7 +62,7 @@ class ElementStress:
 
     @property
     def in_space(self) -> Any:
-        """Sigma with all components in space, shape (3, 3)."""
+        """Sigma with all components in 3D, shape (3, 3)."""
         dim = self.kinematics.dimension
         out = 0 * self.sigma[0, 0] if self.outward is None else self.outward
         components = [[self.sigma[i, j] if max(i, j) < dim else 0 * out for j in range(3)] for i in range(3)]

@@ -239,7 +239,7 @@ def _constants(material: Any) -> tuple[float, float]:
 
 
 def _small(kinematics: Kinematics, y: Any) -> Any:
-    """The linearised strain in space, UFL, shape (3, 3)."""
+    """The linearised strain in 3D, UFL, shape (3, 3)."""
     return ufl.sym(kinematics.gradient(y))
 
 

@@ -28,7 +28,7 @@ from signorini_fx.tuned import BALANCED, LEANING_NORMAL, LOWERED_LIMITS, SAME_LE
 
 # Round-off of a sum of products of frames, positions and motions, per unit of the sum of their magnitudes.
 _SUM = 64 * float(np.finfo(float).eps)
-# Vertices of a facet in space.
+# Vertices of a facet in 3D.
 _VERTICES = {"tetrahedron": 3, "hexahedron": 4}
 
 
@@ -83,7 +83,7 @@ class LimitSurface:
 
     def holds(self, contact: Reactions) -> bool:
         """Whether the forces at the contact points are among those of the surface: friction without pressure is spread
-        over facets, and only in the plane, on flat ones, is that the same.
+        over facets, and only in 2D, on flat ones, is that the same.
         """
         return not contact.given.any() or (self.flat and self.tangential.shape[1] == 1)
 
@@ -224,7 +224,7 @@ def _surfaces(
 
 
 def _arcs(x: Nodal, normal: Nodal) -> tuple[Nodal, Nodal, Nodal]:
-    """Three places and normals of arcs of circles in the plane, shapes (f, 3, 2), and the length of each arc over the
+    """Three places and normals of arcs of circles in 2D, shapes (f, 3, 2), and the length of each arc over the
     cosine of half its angle, over its chord, shape (f,).
 
     A force at the angle t of an arc has the lever r about its centre, on the chord r cos D / cos t, with the angle D

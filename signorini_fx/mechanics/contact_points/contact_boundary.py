@@ -70,12 +70,12 @@ class ContactBoundary:
         comm: the ranks that share the boundary.
         nodes: local number of the node (block of the function space), shape (n,).
         x: position, length, shape (n, d).
-        weight: w_i, the area (in the plane: length) that belongs to the node, shape (n,).
+        weight: w_i, the area (in 2D: length) that belongs to the node, shape (n,).
         normal: outward unit normal n_i, shape (n, d).
         part: position of the effect in ``statement.contact`` that the node belongs to, shape (n,).
         free: which displacement components are not prescribed, shape (n, d); where points average, at some node.
         segments: facets of this rank: the part, then global node numbers, shape (facets, 1 + points of a facet); in the
-            plane in order along the facet, in space as basix has them.
+            plane in order along the facet, in 3D as basix has them.
         global_nodes: global number of the node, shape (n,).
         averages: how each point averages the displacement around it; None: it takes that of its node.
         axes: the frame of each point that ``free`` is told in, one direction per column, shape (n, d, d); None: the
@@ -238,7 +238,7 @@ class ContactBoundary:
 def tangents_of(normal: Nodal) -> Nodal:
     """Orthonormal tangents of unit normals, one per column, shape (n, d, d - 1).
 
-    In the plane t = (-n_2, n_1): for a body above its foundation it points along x[0].  In space they are any two unit
+    In 2D t = (-n_2, n_1): for a body above its foundation it points along x[0].  In 3D they are any two unit
     vectors of a right-handed frame (n, t_1, t_2) (Duff et al., J. Comput. Graph. Tech. 6 (2017) 1-8), which must not be
     compared from node to node.
     """
@@ -356,7 +356,7 @@ def segments_of(
     ``ContactBoundary.segments``.
     """
     side, local_nodes = space.mesh.topology.dim - 1, facet_nodes(space, facets)
-    # Vertices come first, then inner nodes: along a facet in the plane the second vertex is the last node.
+    # Vertices come first, then inner nodes: along a facet in 2D the second vertex is the last node.
     if vertices:
         local_nodes = local_nodes[:, : side + 1]  # of triangles: no other facets average
     if side == 1:

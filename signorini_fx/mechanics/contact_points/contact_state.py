@@ -53,7 +53,7 @@ class ContactState(PointState):
 
     @cached_property
     def moments(self) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-        """Moments of ``forces`` about the origin, in space only, shape (3,); of a section those about the
+        """Moments of ``forces`` about the origin, in 3D only, shape (3,); of a section those about the
         axis x[1] alone, as others cancel over a revolution; collective.
         """
         boundary = self.boundary
@@ -67,7 +67,7 @@ class ContactState(PointState):
 
     @cached_property
     def mean_tangential_displacement(self) -> float | Nodal:
-        """Mean of tau_T y over the contact boundary, length: along the tangent; in space a vector, shape (3,);
+        """Mean of tau_T y over the contact boundary, length: along the tangent; in 3D a vector, shape (3,);
         collective.
         """
         weight = self.boundary.weight
@@ -86,7 +86,7 @@ class ContactState(PointState):
         return [float(mean[0]) if mean.size == 1 else mean for mean in means]
 
     def tangential(self, vectors: Nodal) -> Nodal:
-        """Shears, shape (n, d - 1), as in tables: in the plane along the tangent, shape (n, 1), in space as
+        """Shears, shape (n, d - 1), as in tables: in 2D along the tangent, shape (n, 1), in 3D as
         vectors with three components, shape (n, 3), which do not depend on the choice of tangents.
         """
         if vectors.shape[1] == 1:

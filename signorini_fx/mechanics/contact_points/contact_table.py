@@ -1,4 +1,4 @@
-"""The contact boundary as a table: nodes of all ranks in a fixed order, and in the plane the zones on it."""
+"""The contact boundary as a table: nodes of all ranks in a fixed order, and in 2D the zones on it."""
 
 from __future__ import annotations
 
@@ -24,17 +24,17 @@ class ContactTable:
     """The contact boundary as a table, gathered from all ranks, nodes in order along each boundary.
 
     Attributes:
-        columns: name -> one entry per node.  ``state`` is open, stick, slip+ or slip-, in space open, stick or slip;
+        columns: name -> one entry per node.  ``state`` is open, stick, slip+ or slip-, in 3D open, stick or slip;
             ``friction`` is the same without open, or none where the bound is 0, whether or not the node is in contact
-            (Tresca friction acts on open nodes too).  ``u_t``, ``shear`` and ``slip`` are along the tangent; in space,
-            and of a section in space, they are lengths of vectors, whose components follow as ``u_t_x`` and so
+            (Tresca friction acts on open nodes too).  ``u_t``, ``shear`` and ``slip`` are along the tangent; in 3D,
+            and of a section in 3D, they are lengths of vectors, whose components follow as ``u_t_x`` and so
             on.  Where two bodies are in contact, ``against`` names the other boundary.
-        chains: the connected pieces of the boundary, as ranges of rows; in space none.  The column ``to_next`` has the
+        chains: the connected pieces of the boundary, as ranges of rows; in 3D none.  The column ``to_next`` has the
             distance to the next node along a piece; at the last node it is positive where the piece is closed.
         nodes: position of the boundary in ``statement.contact`` and global number of the node, shape (rows, 2); None
             for a table that belongs to no mesh.
-        facets: in space the rows at the nodes of each facet, as basix has them, facets in the order of the ranks, -1
-            for nodes that are no contact nodes, shape (facets, nodes of a facet); None in the plane.
+        facets: in 3D the rows at the nodes of each facet, as basix has them, facets in the order of the ranks, -1
+            for nodes that are no contact nodes, shape (facets, nodes of a facet); None in 2D.
     """
 
     columns: dict[str, npt.NDArray[Any]]
@@ -116,7 +116,7 @@ def contact_table(
 ) -> ContactTable:
     """Gather the contact nodes of all ranks and put them in order; the same on every rank, and on any number of ranks.
 
-    In the plane the order is that along the boundary, which has no counterpart on a surface: there it is that of the
+    In 2D the order is that along the boundary, which has no counterpart on a surface: there it is that of the
     coordinates.
 
     Args:
@@ -205,7 +205,7 @@ def _rows_of(numbers: npt.NDArray[np.int64], segments: npt.NDArray[np.int64]) ->
 
 
 def _components(name: str, vectors: npt.NDArray[np.float64]) -> dict[str, npt.NDArray[np.float64]]:
-    """A tangential vector as columns: itself in the plane; its length and its components in space."""
+    """A tangential vector as columns: itself in 2D; its length and its components in 3D."""
     if vectors.shape[1] == 1:
         return {name: vectors[:, 0]}
     return {name: length(vectors), **{f"{name}_{axis}": vectors[:, k] for k, axis in enumerate("xyz")}}

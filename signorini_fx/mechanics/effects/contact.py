@@ -114,7 +114,7 @@ class Contact(Effect):
         return self.foundation
 
     def gap_in(self, dimension: int) -> Any:
-        """The gap in space of a dimension: a number, an expression or a callable of the position, length."""
+        """The gap in 3D of a dimension: a number, an expression or a callable of the position, length."""
         return self.gap if self.surface is None else Distance(self.surface, self.gap, dimension)
 
     @property
@@ -183,7 +183,7 @@ class UnilateralContact(Contact):
         """See ``Effect``."""
         return "" if self.overclosure is None else "overclosures"
 
-    def sought_at(self, statement: Any, step: float) -> str:
+    def depends_on_solution_at(self, statement: Any, step: float) -> str:
         """See ``Effect``."""
         return "" if self.overclosure is None else "contact gives way under its pressure"
 

@@ -22,12 +22,12 @@ class PrescribedDisplacement(Load):
         region: of the point: the part of the body whose node is meant; None: there is only one node.
         x: component along x[0], length.
         y: component along x[1], length.
-        z: component along x[2], length; only in space, and around the axis of a body that turns about it.
+        z: component along x[2], length; only in 3D, and around the axis of a body that turns about it.
         normal: component along the outward normal, length, on a flat boundary (0: symmetry).
         rotation: angle of a small rotation, radians, which is added to the components that it moves: it prescribes
             them, w x (x - c).
         about: a point c of its axis, length; None: the origin.
-        axis: the direction of w, any length; only in space; None: x[2]; of a section that turns about its axis
+        axis: the direction of w, any length; only in 3D; None: x[2]; of a section that turns about its axis
             this one, (0, 1).
         holds: whether it holds in each load step; in the others nothing is prescribed; None: in all.
         factors: one number per load step; None: 1 in every step.

@@ -19,7 +19,7 @@ class Fluid(Force):
         boundary: its name.
         level: height of the surface of the fluid along ``up``, length.
         weight: of the fluid, force per volume.
-        up: the axis against gravity, ``x``, ``y`` or ``z``; None: y in the plane, z in space.
+        up: the axis against gravity, ``x``, ``y`` or ``z``; None: y in 2D, z in 3D.
         factors: one number per load step; None: 1 in every step.
         live: whether the safety factor multiplies it; a permanent load is not live.
     """
@@ -86,7 +86,7 @@ EXAMPLE = """
 boundary = "left"
 level = "10*t"                             # VALUE, height of its surface, length; here it rises
 weight = 0.0                               # of the fluid, force per volume
-#up = "y"                                  # the axis that points upwards; without: y in the plane, z in space
+#up = "y"                                  # the axis that points upwards; without: y in 2D, z in 3D
 #factors = [0.5, 1.0]                      # load steps, as above
 live = true                                # whether the safety factor multiplies it
 """

@@ -14,9 +14,9 @@ class TotalForce(VectorForce):
 
     Attributes:
         boundary: its name.
-        x: component along x[0], force (in the plane per thickness).
-        y: component along x[1], force (in the plane per thickness).
-        z: component along x[2], force; only in space.
+        x: component along x[0], force (in 2D per thickness).
+        y: component along x[1], force (in 2D per thickness).
+        z: component along x[2], force; only in 3D.
         spread: to what the force per area is proportional; its integral over the boundary must not be zero.
         factors: one number per load step; None: 1 in every step.
         live: whether the safety factor multiplies it; a permanent load is not live.
@@ -51,9 +51,9 @@ EXAMPLE = """
 # Forces of which the total is given.  As many [[force]] as you like; they add up.
 [[force]]
 boundary = "top"
-x = 0.0                                    # VALUE, force (in the plane per thickness)
+x = 0.0                                    # VALUE, force (in 2D per thickness)
 y = 0.0                                    # VALUE, force
-#z = 0.0                                   # VALUE, force; only if the mesh is in space
+#z = 0.0                                   # VALUE, force; only if the mesh is in 3D
 spread = 1.0                               # VALUE that the force per area is proportional to; 1: evenly
 #factors = [0.5, 1.0]                      # load steps, as above
 live = true                                # whether the safety factor multiplies it

@@ -18,9 +18,9 @@ class PointForce(VectorForce):
     Attributes:
         at: a point, which must be a node of the mesh, length.
         region: of the point: the part of the body whose node is meant; None: there is only one node.
-        x: component along x[0], force (in the plane per thickness, of a body of revolution of the whole ring).
+        x: component along x[0], force (in 2D per thickness, of a body of revolution of the whole ring).
         y: component along x[1], force (likewise).
-        z: component along x[2], force; only in space.
+        z: component along x[2], force; only in 3D.
         factors: one number per load step; None: 1 in every step.
         live: whether the safety factor multiplies it; a permanent load is not live.
     """
@@ -51,7 +51,7 @@ class PointForce(VectorForce):
         return super().features if self.acts else ()
 
     def table(self, dimension: int) -> NodalTable:
-        """The node and the force at it, in space of a dimension."""
+        """The node and the force at it, in 3D of a dimension."""
         from signorini_fx.mechanics.statement.expressions import in_space, sample
 
         point = np.array([self.at], dtype=np.float64)
@@ -75,9 +75,9 @@ EXAMPLE = """
 [[point_force]]
 at = [0.0, 1.0]                            # a node of the mesh
 #region = "block"                          # its part of the mesh, where several have a node there
-x = 0.0                                    # VALUE, force (in the plane per thickness)
+x = 0.0                                    # VALUE, force (in 2D per thickness)
 y = 0.0                                    # VALUE, force
-#z = 0.0                                   # VALUE, force; only if the mesh is in space
+#z = 0.0                                   # VALUE, force; only if the mesh is in 3D
 #factors = [0.5, 1.0]                      # load steps, as above
 live = true                                # whether the safety factor multiplies it
 """

@@ -101,7 +101,7 @@ class Preload(Load):
         """See ``Effect``."""
         return "sections are shortened as they are"
 
-    def sought_at(self, statement: Any, step: float) -> str:
+    def depends_on_solution_at(self, statement: Any, step: float) -> str:
         """See ``Effect``."""
         return "" if self.force_at(statement, step) is None else "a force determines the shortening of a section"
 

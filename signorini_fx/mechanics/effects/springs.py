@@ -20,7 +20,7 @@ class Springs(Resistance):
         tangential: stiffness per area in every direction along the boundary, stress / length.
         x: stiffness per area along x[0], instead of the two, stress / length.
         y: stiffness per area along x[1], stress / length.
-        z: stiffness per area along x[2], stress / length; only in space.
+        z: stiffness per area along x[2], stress / length; only in 3D.
     """
 
     boundary: str
@@ -73,5 +73,5 @@ normal = 0.0                               # VALUE, stiffness per area along the
 # or, instead of these two:
 #x = 0.0                                   # VALUE, stiffness per area along x[0], stress / length
 #y = 0.0                                   # VALUE, stiffness per area along x[1], stress / length
-#z = 0.0                                   # VALUE, stiffness per area along x[2], stress / length; only in space
+#z = 0.0                                   # VALUE, stiffness per area along x[2], stress / length; only in 3D
 """

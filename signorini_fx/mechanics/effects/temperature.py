@@ -18,7 +18,7 @@ class TemperatureChange(InitialStrain):
 
     Attributes:
         change: since the body was without stress, temperature.
-        file: instead, a .csv with the columns x, y, in space z, and change: values at points of the body, between
+        file: instead, a .csv with the columns x, y, in 3D z, and change: values at points of the body, between
             which they are interpolated linearly.
         region: name of the part of the body that it is in; None: all of it.
         factors: one number per load step; None: 1 in every step.

@@ -15,7 +15,7 @@ class SurfaceTraction(VectorForce):
         boundary: its name.
         x: component along x[0], stress.
         y: component along x[1], stress.
-        z: component along x[2], stress; only in space.
+        z: component along x[2], stress; only in 3D.
         pressure: pressure on the boundary, which acts along the inward normal, stress; at finite strains along that of
             the deformed boundary, and per deformed area.
         factors: one number per load step; None: 1 in every step.

@@ -64,5 +64,5 @@ def elastic_law(
 
 
 def volume_forces(statement: Statement) -> VolumeForces:
-    """The second opinion of the law of a scene."""
+    """The independent check of the law of a scene."""
     return PressureForces() if treatment_of(statement).pressed else VolumeForces()

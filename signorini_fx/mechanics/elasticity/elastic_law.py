@@ -149,8 +149,8 @@ class ElasticLaw:
         stiffness.setOption(PETSc.Mat.Option.SPD, True)
         return stiffness, rotation, turning
 
-    def lifted(self, prescribed: fem.Function, swelling: _Floats | None = None) -> _Floats:
-        """The load at the other unknowns, of prescribed displacements and the ``swelling`` of a load: (count,)."""
+    def lifted(self, prescribed: fem.Function, pressure_load: _Floats | None = None) -> _Floats:
+        """The load at the other unknowns, of prescribed displacements and the ``pressure_load`` of a load: (count,)."""
         return np.empty(0)
 
     def displacement(self, space: fem.FunctionSpace, values: _Floats, name: str = "displacement") -> fem.Function:
@@ -180,7 +180,7 @@ class ElasticLaw:
 
 
 class VolumeForces:
-    """The second opinion on what a law has beside the displacement, here nothing, by NumPy alone.
+    """The independent check on what a law has beside the displacement, here nothing, by NumPy alone.
 
     Each method is given what integrates, ``results.certificate.nodal_forces.NodalForces``.
     """

@@ -251,8 +251,8 @@ class MixedLaw(SceneLaw):
         (1 + nu) / nu.
         """
         q, dx = self.pressures.scalar(ufl.TestFunction(self.own)), ufl.dx(metadata={"quadrature_degree": degree})
-        (swelling,) = isotropic(self.statement, self.tagged, lambda _, poisson: ((1 + poisson) / poisson,))
-        return (swelling * strain * q * self.kinematics.measure(position(q)) * dx,)
+        (pressure_load,) = isotropic(self.statement, self.tagged, lambda _, poisson: ((1 + poisson) / poisson,))
+        return (pressure_load * strain * q * self.kinematics.measure(position(q)) * dx,)
 
     def jump_terms(self, jump: fem.Function, z: Any) -> tuple[Any, ...]:
         """See ``ElasticLaw``: the second one is of the change of volume."""
@@ -345,13 +345,13 @@ class MixedLaw(SceneLaw):
         csr = (starts, (columns + joined.getOwnershipRange()[0] - first).astype(PETSc.IntType), values)
         return PETSc.Mat().createAIJ((rows, joined.getSizes()[1]), csr=csr, comm=stiffness.comm)
 
-    def lifted(self, prescribed: fem.Function, swelling: _Floats | None = None) -> _Floats:
-        """See ``ElasticLaw``: -B y_D, with the ``swelling`` of a load, see ``AppliedLoad``."""
+    def lifted(self, prescribed: fem.Function, pressure_load: _Floats | None = None) -> _Floats:
+        """See ``ElasticLaw``: -B y_D, with the ``pressure_load`` of a load, see ``AppliedLoad``."""
         displacement, divergences = self.divergence.createVecs()
         displacement.getArray()[:] = prescribed.x.array[: displacement.getLocalSize()]
         self.divergence.mult(displacement, divergences)
         lifted = -np.array(divergences.getArray(readonly=True))
-        return lifted if swelling is None else lifted - self.unit * swelling
+        return lifted if pressure_load is None else lifted - self.unit * pressure_load
 
     def displacement(self, space: fem.FunctionSpace, values: _Floats, name: str = "displacement") -> fem.Function:
         """See ``ElasticLaw``."""
@@ -408,7 +408,7 @@ class MixedLaw(SceneLaw):
 
 
 class PressureForces(VolumeForces):
-    """The second opinion on a pressure."""
+    """The independent check on a pressure."""
 
     pressed: ClassVar[bool] = True
 
@@ -475,8 +475,8 @@ class PressureForces(VolumeForces):
         numbers = (1 + poisson) / poisson, young / (2 * (1 + poisson))
         for part, size in nodal.cells(degree):
             initial_strain = strain(part)
-            swelling, mu = (m[:, None] if m.size == 1 else m[part.cells, None] for m in numbers)
-            weighted = swelling * size * nodal.around(part) * initial_strain
+            pressure_load, mu = (m[:, None] if m.size == 1 else m[part.cells, None] for m in numbers)
+            weighted = pressure_load * size * nodal.around(part) * initial_strain
             np.add.at(work, rows[part.cells], weighted @ hat)
             energy += float(np.sum(weighted * (p[part.cells] @ hat.T / 2 - mu * initial_strain)))
         return work, energy

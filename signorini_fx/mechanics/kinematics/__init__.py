@@ -57,7 +57,7 @@ def of_materials(materials: Iterable[tuple[str, bool]], dimension: int = 2) -> K
 
     Args:
         materials: of a body; the most special one counts, as all must agree.
-        dimension: of the cells; those in space need no hypothesis.
+        dimension: of the cells; those in 3D need no hypothesis.
     """
     if dimension != 2:
         return SPACE

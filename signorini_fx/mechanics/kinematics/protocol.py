@@ -24,7 +24,7 @@ class Kinematics:
     Attributes:
         words: what it is called.
         dimension: d, components of the displacement.
-        rotations: the two axes of each rotation, which turns the first towards the second; in space the rotation about
+        rotations: the two axes of each rotation, which turns the first towards the second; in 3D the rotation about
             x[0] is first.
         normal_out: whether the components of the strain include that along x[2], which is across the mesh.
         out_of_section: components of the displacement along x[2], which is across the mesh.
@@ -60,7 +60,7 @@ class Kinematics:
 
     @property
     def pairs(self) -> list[tuple[int, int]]:
-        """The components of a symmetric tensor: xx, yy, xy in the plane, with ``normal_out`` also zz, and in space
+        """The components of a symmetric tensor: xx, yy, xy in 2D, with ``normal_out`` also zz, and in 3D
         xx, yy, zz, xy, xz, yz.
         """
         axes = range(self.dimension)
@@ -137,11 +137,11 @@ class Kinematics:
         """By what areas and lengths of the mesh are multiplied at x, UFL of shape (d,) or numbers of shape (d, n)."""
         return 1
 
-    # --- the second opinion ------------------------------------------------------------------------------------------
+    # --- the independent check ----------------------------------------------------------------------------------------
 
     @property
     def third_column(self) -> _Floats | None:
-        """M, shape (3, d), for which the gradient of y in space has the third column M y / x[0]; None: it has none."""
+        """M, shape (3, d), for which the gradient of y in 3D has the third column M y / x[0]; None: it has none."""
         return None
 
     def measure_at(self, x: _Floats) -> _Floats | None:

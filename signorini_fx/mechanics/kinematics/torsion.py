@@ -59,7 +59,7 @@ TORSION = TwistedBody(
     refuses={
         **REFUSED,
         "contact of two bodies": "is not possible yet where material.torsion is true: model the stiffer body as rigid, "
-        "or both in space",
+        "or both in 3D",
         "driven foundation": "is not possible yet where material.torsion is true",
         "friction axes": "is not possible yet where material.torsion is true",
     },

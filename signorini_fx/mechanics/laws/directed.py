@@ -1,4 +1,4 @@
-"""Friction that depends on the direction of slip, in space: an ellipse in place of the disc, a modifier of other laws.
+"""Friction that depends on the direction of slip, in 3D: an ellipse in place of the disc, a modifier of other laws.
 
 Along an axis e_1 in the tangent plane the bound is g, along e_2 across it r g:
 
@@ -8,7 +8,7 @@ and the slip is normal to the ellipse (the associated rule; Z. Mroz and S. Stupk
 (1994) 2027-2040).  With the tangents (e_1, r e_2) in place of orthonormal ones the components of the shear, in mu =
 mu_1 e_1 + mu_2 r e_2, fill the disc |(mu_1, mu_2)| <= g, those of the slip are s . e_1 and r s . e_2, and the normal of
 the ellipse is that of the disc.  So everything that works in the frame of a point, the laws, Newton's method and
-statics, is what it is for the disc.  Vectors in space are made with these tangents for forces, and for displacements
+statics, is what it is for the disc.  Vectors in 3D are made with these tangents for forces, and for displacements
 with ``ContactBoundary.cotangents``, (e_1, e_2 / r).
 """
 
@@ -107,7 +107,7 @@ class FrictionAxes:
 
 
 class DirectedLaw(FrictionLaw):
-    """A law that may depend on the direction, in space, by its keys ``ratio`` and ``along``."""
+    """A law that may depend on the direction, in 3D, by its keys ``ratio`` and ``along``."""
 
     apart: ClassVar[tuple[str, ...]] = ("law", "ratio", "along")
 

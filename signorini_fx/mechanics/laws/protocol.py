@@ -81,7 +81,7 @@ class FrictionLaw(Table):
         raise NotImplementedError
 
     def claimed(self, pressure: Array) -> Array:
-        """The second opinion: the same as ``limit``, written without it, for the certificate."""
+        """The independent check: the same as ``limit``, written without it, for the certificate."""
         raise NotImplementedError
 
     # --- what it may say ---
@@ -197,7 +197,7 @@ class FrictionLaw(Table):
         return False
 
     def directions(self, x: Array) -> tuple[Array, Array]:
-        """For the second opinion: a vector along which friction is ``limit``, shape (n, 3), and the ratio of that
+        """For the independent check: a vector along which friction is ``limit``, shape (n, 3), and the ratio of that
         across it, shape (n,), at points of shape (3, n).
         """
         return np.tile([1.0, 0.0, 0.0], (x.shape[1], 1)), np.ones(x.shape[1])

@@ -102,9 +102,9 @@ def jump_loads(
         names = elastic.names_of(jump.entry.name)[: len(terms)]
         forms = tuple(inventory.compile(name, partial(fem.form, term)) for name, term in zip(names, terms, strict=True))
         owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
-        forces, swelling = elastic.work(forms, owned)
+        forces, pressure_load = elastic.work(forms, owned)
         ones, zero_displacement = (1.0,) * statement.steps, fem.Function(space)
-        load = AppliedLoad(ones, names, forms, -forces, zero_displacement, balanced=True, swelling=swelling)
+        load = AppliedLoad(ones, names, forms, -forces, zero_displacement, balanced=True, pressure_load=pressure_load)
         loads.append(replace(load, entry=jump.entry, amount=jump.amount))
     return loads
 

@@ -56,7 +56,7 @@ class AppliedLoad:
         balanced: whether its forces balance each other in each cell, as those of initial strains do.
         entry: the entry of the scene that it is of alone; None: of several.
         amount: what multiplies it in place of factors, at a place in the lists of these; None: factors do.
-        swelling: of an initial strain its work at the owned unknowns of a pressure, volumes; None: its forces say it.
+        pressure_load: of an initial strain its work at the owned unknowns of a pressure, volumes; None: its forces say it.
     """
 
     factors: tuple[float, ...]
@@ -70,7 +70,7 @@ class AppliedLoad:
     balanced: bool = False
     entry: Load | None = None
     amount: Callable[[float], float] | None = None
-    swelling: npt.NDArray[np.float64] | None = None
+    pressure_load: npt.NDArray[np.float64] | None = None
 
     def factor(self, step: float) -> float:
         """Its factor at a place in the lists of factors."""
@@ -89,8 +89,8 @@ class AppliedLoad:
 
     @property
     def acting(self) -> npt.NDArray[np.float64]:
-        """Its forces, or ``swelling``."""
-        return self.forces if self.swelling is None else self.swelling
+        """Its forces, or ``pressure_load``."""
+        return self.forces if self.pressure_load is None else self.pressure_load
 
     @property
     def pushing(self) -> npt.NDArray[np.float64]:
@@ -326,7 +326,9 @@ def _assembled(
     if turned is not None:
         turned.place(prescribed.x.array.reshape(-1, space.mesh.geometry.dim), loads)
     owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
-    forces, swelling = on.elastic.work(forms, owned) if balanced else (sum(map(assemble, forms), np.zeros(owned)), None)
+    forces, pressure_load = (
+        on.elastic.work(forms, owned) if balanced else (sum(map(assemble, forms), np.zeros(owned)), None)
+    )
     paths = {id(effect): path for path, effect in on.statement.listed()}
     for load in loads:
         if load.nodal:
@@ -335,7 +337,7 @@ def _assembled(
     # No function that refers to itself: such a cycle keeps the mesh until the garbage collector comes.
     reassemble = partial(_assembled, group, loads, on, z, supports, compiled) if timed else None
     return AppliedLoad(
-        factors, names, forms, forces, prescribed, grows, reassemble, balanced=balanced, swelling=swelling
+        factors, names, forms, forces, prescribed, grows, reassemble, balanced=balanced, pressure_load=pressure_load
     )
 
 

@@ -1,6 +1,6 @@
 """Materials whose stress depends on the direction: axes 1, 2 and 3, which may turn from place to place.
 
-In the plane axis 3 is across it, of bodies of revolution along the circumference.
+In 2D axis 3 is across it, of bodies of revolution along the circumference.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ class Axes(Table):
 
     Attributes:
         direction: axis 1, a vector of any length, whose components are values; None: along x[0].
-        second: in space, a vector that with ``direction`` spans the plane of the axes 1 and 2; None: along x[1].
+        second: in 3D, a vector that with ``direction`` spans the plane of the axes 1 and 2; None: along x[1].
     """
 
     direction: VectorField | None = None

@@ -95,7 +95,7 @@ class LinearElastic(Material):
 
     @property
     def hooke(self) -> tuple[float, float]:
-        """(a, b) of Hooke's law sigma = a epsilon + b tr(epsilon) I, stresses, for the second opinion."""
+        """(a, b) of Hooke's law sigma = a epsilon + b tr(epsilon) I, stresses, for the independent check."""
         squeezed = 1 - self.poisson if self.hypothesis == "plane stress" else 1 - 2 * self.poisson
         return self.hooke_of(self.young, self.poisson) if squeezed > 0 else (self.young / (1 + self.poisson), math.inf)
 
@@ -142,7 +142,7 @@ def elastic_degree(cell: str, degree: int, geometry: int) -> int:
 
     The degree of epsilon(y) : epsilon(z) times the Jacobian's determinant on simplices and along each axis of
     parallelepipeds; on other quadrilaterals and hexahedra, where the integrand is rational, that of the products of all
-    polynomials in it.  UFL estimates the same on these in the plane; it is stated here because the certificate
+    polynomials in it.  UFL estimates the same on these in 2D; it is stated here because the certificate
     integrates without UFL.
     """
     if cell in ("triangle", "tetrahedron"):

@@ -148,7 +148,7 @@ class NonlinearMaterial(Material):
 class Hyperelastic(NonlinearMaterial):
     """An elastic material at finite strains, by its energy.
 
-    Gradients F = I + grad u and stresses have the shape (3, 3), in the plane and in bodies of revolution with what is
+    Gradients F = I + grad u and stresses have the shape (3, 3), in 2D and in bodies of revolution with what is
     across the mesh.  A material has ``shape_energy`` or ``shape_energy_by_change``, and so on: the solver and the
     certificate call the latter.
 
@@ -167,13 +167,13 @@ class Hyperelastic(NonlinearMaterial):
         return 0 * volume
 
     def shape_stress_at(self, gradient: Array) -> Array:
-        """The second opinion: the first Piola-Kirchhoff stress P of ``shape_energy``, written without it, force per
+        """The independent check: the first Piola-Kirchhoff stress P of ``shape_energy``, written without it, force per
         undeformed area, shape (..., 3, 3).
         """
         raise NotImplementedError
 
     def volume_stress_at(self, volume: Array) -> Array:
-        """The second opinion: the derivative of ``volume_energy``, written without it, a stress, shape (...)."""
+        """The independent check: the derivative of ``volume_energy``, written without it, a stress, shape (...)."""
         return np.zeros_like(volume)
 
     def shape_energy_by_change(self, change: Any) -> Any:
@@ -255,7 +255,7 @@ class PathDependent(NonlinearMaterial):
         raise NotImplementedError
 
     def respond_at(self, strain: Array, state: Array) -> Array:
-        """The second opinion: the deviatoric stress by other means."""
+        """The independent check: the deviatoric stress by other means."""
         raise NotImplementedError
 
     def plastic_strain(self, state: Array) -> Array | None:

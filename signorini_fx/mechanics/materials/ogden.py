@@ -67,7 +67,7 @@ class Ogden(Hyperelastic):
     def dimension_problems(self, dimension: int) -> Contradictions:
         """See ``Material``."""
         if dimension == 3:
-            yield ("law",), "'ogden' is not possible in space yet: take 'mooney-rivlin'"
+            yield ("law",), "'ogden' is not possible in 3D yet: take 'mooney-rivlin'"
 
     def shape_energy_by_change(self, change: Any) -> Any:
         """See ``Hyperelastic``; F has no shear across the mesh.  C has the mean 1 + m in the section."""

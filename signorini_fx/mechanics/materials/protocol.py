@@ -36,7 +36,7 @@ from signorini_fx.mechanics.statement.effect import Contradictions, Effect, Feat
 from signorini_fx.mechanics.statement.values import Finite, NonNegative, SampledValue
 
 Array = npt.NDArray[np.float64]
-# The components of a symmetric tensor in space, in the order of ``Kinematics.pairs``.
+# The components of a symmetric tensor in 3D, in the order of ``Kinematics.pairs``.
 PAIRS = (*((k, k) for k in range(3)), *combinations(range(3), 2))
 
 
@@ -101,7 +101,7 @@ class Material(Effect):
         raise NotImplementedError
 
     def stress_at(self, strain: Array) -> Array:
-        """The second opinion: the same as ``stress``, written without it, shape (..., 3, 3)."""
+        """The independent check: the same as ``stress``, written without it, shape (..., 3, 3)."""
         raise NotImplementedError
 
     @property
@@ -216,7 +216,7 @@ class Material(Effect):
         """What it is called."""
         return f"the material {getattr(self, 'law', '')!r}"
 
-    # --- the second opinion ---
+    # --- the independent check ---
 
     def free_strain_in_space(self, middle: Array) -> Array:
         """``free_strain`` in the middle of f cells, shape (f, 3, 3)."""

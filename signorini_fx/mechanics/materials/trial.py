@@ -56,7 +56,7 @@ def fault_of(material: Material) -> str:
 
 
 def _fault_of_twin(material: Material, stiffness: Array) -> str:
-    """Of the second opinion, at strains one after the other, and of all of them at once."""
+    """Of the independent check, at strains one after the other, and of all of them at once."""
     name = type(material).__name__
     strain = np.zeros((len(PAIRS), 3, 3))
     for entry, (i, j) in zip(strain, PAIRS, strict=True):

@@ -141,7 +141,7 @@ def _check_alike(bodies: Sequence[Body], meshes: Sequence[MeshArrays]) -> None:
             )
     problems = []
     for number, body in enumerate(bodies):
-        where = "the mesh is plane" if first.dim == 2 else "the mesh is in space"
+        where = "the mesh is plane" if first.dim == 2 else "the mesh is in 3D"
         for key in ("shift", "pivot"):
             vector = getattr(body, key)
             if vector is not None and len(vector) != first.dim:

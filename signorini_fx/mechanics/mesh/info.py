@@ -21,11 +21,11 @@ def mesh_info(mesh: MeshArrays) -> dict[str, Any]:
 
     Returns:
         ``cells``, ``kind``, ``degree`` (of the geometry), ``points``, ``bounds`` ([low, high], one pair of coordinates
-        each), ``area`` and ``perimeter``, in space ``volume`` and ``surface``, with curved sides where they are;
+        each), ``area`` and ``perimeter``, in 3D ``volume`` and ``surface``, with curved sides where they are;
         ``quality`` with ``min``, ``mean`` and ``worst`` (where the worst cell is);
         ``pieces`` (parts of the body that share no facet), ``coincident`` (points at the place of another one);
         ``boundaries`` and ``unnamed`` (exterior facets without a name) with ``facets``, ``bounds`` and
-        ``length``, in space ``area``; ``regions`` and ``rest`` (cells without a name) with ``cells`` and ``area``, in
+        ``length``, in 3D ``area``; ``regions`` and ``rest`` (cells without a name) with ``cells`` and ``area``, in
         space ``volume``.
     """
     shape = quality(mesh.points, mesh.corners)

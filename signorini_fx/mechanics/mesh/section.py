@@ -1,4 +1,4 @@
-"""Plane sections in space, whose points also move out of their plane, by turning about its axis or along a cylinder."""
+"""Plane sections in 3D, whose points also move out of their plane, by turning about its axis or along a cylinder."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from signorini_fx.machine import compat
 
 
 def section_in_space(mesh: dmesh.Mesh) -> dmesh.Mesh:
-    """The same mesh in the plane x[2] = 0 of space, where displacements have three components; collective.
+    """The same mesh in 2D x[2] = 0 of space, where displacements have three components; collective.
 
     It shares the topology, so that its cells and facets have the same numbers, and tags of the one are tags of the
     other.  In forms of a body of revolution about x[1] whose displacement turns with the section, the gradient of y
@@ -36,5 +36,5 @@ def section_in_space(mesh: dmesh.Mesh) -> dmesh.Mesh:
 
 
 def is_section(mesh: dmesh.Mesh) -> bool:
-    """Whether it has plane cells in space."""
+    """Whether it has plane cells in 3D."""
     return bool(mesh.geometry.dim > mesh.topology.dim)

@@ -3,7 +3,7 @@ cannot see.
 
 The nodes of each side are looked for in the cells of other pieces of the mesh than their own.  In contact they may be
 there by what the chords of both sides leave: up to ``SHAPE_INSIDE`` of the nearest facet of the other side, and at the
-end of a step no farther than the points of the pair look for partners.  In space cells of degree 1 are divided into
+end of a step no farther than the points of the pair look for partners.  In 3D cells of degree 1 are divided into
 tetrahedra, and facets into triangles.  Two bodies have passed through each other if
 they lie inside each other on the straight way between two displacements.
 """
@@ -27,7 +27,7 @@ from signorini_fx.tuned import MOST_PLACES, SHAPE_INSIDE
 
 Array = npt.NDArray[np.float64]
 
-# Parts of a cell in space, and of a facet, by how many nodes it has.
+# Parts of a cell in 3D, and of a facet, by how many nodes it has.
 _TETRAHEDRA = {4: [[0, 1, 2, 3]], 8: [[0, k, m, 7] for k, m in ((1, 3), (3, 2), (2, 6), (6, 4), (4, 5), (5, 1))]}
 _TRIANGLES = {3: [[0, 1, 2]], 4: [[0, 1, 2], [1, 3, 2]]}
 # The nodes of a cell of the plane along its outline, by how many it has.
@@ -210,7 +210,7 @@ def _from_lines(start: Array, end: Array, x: Array) -> Array:
 
 
 def _from_triangles(surface: PairSurface, places: Array, x: Array) -> tuple[Array, Array]:
-    """Distances of points, shape (n, 3), from the triangles of a side in space, shape (n, f), and their sizes, shape
+    """Distances of points, shape (n, 3), from the triangles of a side in 3D, shape (n, f), and their sizes, shape
     (f,); ``places``: of its nodes.
     """
     parts = np.array(_TRIANGLES[surface.nodes.shape[1]])

@@ -4,7 +4,7 @@ The half that is not modelled is the mirror image of the one that is.  With both
 is even across it, whereas the relative displacement across the plane is odd, and their product integrates to zero; the
 half alone would meet what the other body moves beside the plane, and the point a shear that nothing determines, as the
 node of the slave cannot follow it.  So at such a point the relative displacement has no component across the plane,
-which leaves no traction across it, and the normal, the mean of those on both halves, is in the plane.  A model of one
+which leaves no traction across it, and the normal, the mean of those on both halves, is in 2D.  A model of one
 half is then that of both.  A plane beyond which a side goes on is none of symmetry, whatever supports hold there: what
 is found must not depend on whether nodes of both sides happen to be over each other.  On an axis of revolution the
 normal is the mean all around, and so along the axis, also at the tip of a cone.  Where one body alone is held, or is

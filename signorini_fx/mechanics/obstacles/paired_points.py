@@ -193,7 +193,7 @@ class PairedSides:
         held: where supports hold both sides, on this rank; None: nowhere.
         followed: whether the normals are those of the deformed sides, with which distances turn; else it is the
             coupling that tells how distances turn.
-        second_opinions: what certificates have found of both sides, which nothing else reads.
+        independent_checks: what certificates have found of both sides, which nothing else reads.
     """
 
     slave: PairedSide
@@ -204,7 +204,7 @@ class PairedSides:
     axes: Array | None = None
     held: HeldPairs | None = None
     followed: bool = False
-    second_opinions: dict[Any, Any] = field(default_factory=dict, repr=False, compare=False)
+    independent_checks: dict[Any, Any] = field(default_factory=dict, repr=False, compare=False)
 
     @classmethod
     def of(
@@ -261,7 +261,7 @@ class PairedSides:
         except PairingError as error:
             raise FormError([(name, str(error))]) from None
         turns, held = None if turned is None else facing.frames[0][coupling.nodes], None
-        if (alone := coupling.helpless & ~facing.unable).any():
+        if (alone := coupling.constrained_slaves & ~facing.unable).any():
             sides, names = (slave.surface, master.surface), (slave.nodes, master.nodes)
             axes, reached = facing.frames[1], facing.entries[1][:, : slave.surface.dimension]
             held = HeldPairs.of(sides, names, alone, (axes, reached), coupling, pair.adjust)

@@ -54,7 +54,7 @@ def foundations_of(
 
 @dataclass(frozen=True)
 class _ShapeOfSection:
-    """A shape of the plane for points of a section in space, whose displacements have three components."""
+    """A shape of the plane for points of a section in 3D, whose displacements have three components."""
 
     shape: Any
 

@@ -261,7 +261,7 @@ class SlidingSides:
         along = np.einsum("ndk,nd->nk", coupling.frames.tangents, self.at_points(shear))
         return JointStiffness(self.nodes, coupling.stiffness(self.at_points(pressure), along, near=near))
 
-    def passed_on(self, coupling: SlidingCoupling, shear: Array, displacement: Array) -> Array:
+    def shear_transfer(self, coupling: SlidingCoupling, shear: Array, displacement: Array) -> Array:
         """See ``SlidingCoupling``, at the owned nodes, shape (owned nodes, d); collective.
 
         Args:
@@ -270,7 +270,7 @@ class SlidingSides:
             displacement: of the owned nodes, likewise.
         """
         along = np.einsum("ndk,nd->nk", coupling.frames.tangents, self.at_points(shear))
-        return self.at_owned_nodes(coupling.passed_on(along, self.gathered(displacement)))
+        return self.at_owned_nodes(coupling.shear_transfer(along, self.gathered(displacement)))
 
     def forces(self, coupling: SlidingCoupling, tractions: tuple[Array, Array]) -> Array:
         """See ``SlidingCoupling``; collective.

@@ -55,7 +55,7 @@ class HeldSides:
         """
         return np.asarray(self.slave[slave].all(axis=1) & self.master[master].all(axis=1))
 
-    def helpless(self, met: Any) -> Flags:
+    def constrained_slaves(self, met: Any) -> Flags:
         """Nodes of the slave that are held over what is held of the master, by more than half, shape (N,).
 
         Args:
@@ -70,7 +70,7 @@ class HeldSides:
         """By which share nodes of the slave are what can move, or see that there and around, shape (N,).
 
         Args:
-            met: see ``helpless``.
+            met: see ``constrained_slaves``.
             held: by which share their places on the other side are held, zero where they have none, shape (N,); None:
                 they have none.
         """
@@ -146,7 +146,7 @@ def carried(
 
 
 @dataclass(frozen=True)
-class EvenCarriers:
+class EvenRedistribution:
     """Which nodes of a side that slides carry a point, and how these take over functions: evenly as weights change.
 
     Between two shares of its area the function of a node at the rim turns into a mean of those beside it, so that what
@@ -171,7 +171,7 @@ class EvenCarriers:
     @classmethod
     def of(
         cls, side: PairSurface, covered: Indices, weight: Array, unable: Flags, movable: Array | None = None
-    ) -> EvenCarriers:
+    ) -> EvenRedistribution:
         """Those of a side, for the arguments see ``carried`` and ``HeldSides``; nothing is held where None is given."""
         beside = _Beside.of(side, covered)
         tested_nodes = beside.tested_nodes

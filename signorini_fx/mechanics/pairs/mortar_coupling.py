@@ -33,7 +33,7 @@ from scipy.spatial import cKDTree
 
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.pairs.dual_functions import (
-    EvenCarriers,
+    EvenRedistribution,
     HeldSides,
     carried,
     dual_coefficients,
@@ -76,7 +76,7 @@ class Coupling:
 
     Attributes:
         nodes: the slave node of each, shape (n,).
-        weight: w_i, area (in the plane: length) times the measure, shape (n,).
+        weight: w_i, area (in 2D: length) times the measure, shape (n,).
         normal: n_i, from the slave to the master, of length one, shape (n, d).
         distance: d_i, length, shape (n, d).
         slave: D, sparse, shape (n, nodes of the slave).
@@ -86,7 +86,7 @@ class Coupling:
         master_turning: omega_i(u_m) x d_i / 2, of those without the half, sparse, shape (n d, d nodes of the master).
         centre: where forces act: at the same place on both sides, length, shape (n, d).
         overlap: where both sides meet and one can move, as far as this rank has found it.
-        covered: area (in the plane: length) of the slave there, times the measure, of all ranks.
+        covered: area (in 2D: length) of the slave there, times the measure, of all ranks.
         alone: points that have taken over no function of another node, shape (n,).
         hats: whether the functions are hats, not dual ones.
         reach: distance beyond which facets were no partners, length.
@@ -115,7 +115,7 @@ class Coupling:
     reach: float
     directions: Array | None
     still: Overlap
-    helpless: npt.NDArray[np.bool_]
+    constrained_slaves: npt.NDArray[np.bool_]
     fixed: FixedDistances | None = None
     fixed_shares: sp.csr_array | None = None
 
@@ -283,22 +283,22 @@ def couple(
         for matrices in (tested.products(slave, master), tested.arms(slave, master))
     )
 
-    helpless = np.zeros(len(slave.x), dtype=bool) if held is None else held.helpless(sums[1])
-    nodes, shares = carried(slave, tested.covered, weight, unable | helpless)
+    constrained_slaves = np.zeros(len(slave.x), dtype=bool) if held is None else held.constrained_slaves(sums[1])
+    nodes, shares = carried(slave, tested.covered, weight, unable | constrained_slaves)
     if not nodes.size:
         raise PairingError("supports of both sides, or other contacts, own all nodes of its covered part")
     if held is not None:
         # Facets apart from all points, of which all nodes are helpless: nobody takes over their functions.
         carried_nodes = np.asarray(shares.sum(axis=0)).ravel() > 0.0
-        idle = np.asarray((helpless & ~carried_nodes)[slave.points].all(axis=1))
+        idle = np.asarray((constrained_slaves & ~carried_nodes)[slave.points].all(axis=1))
         left_out = idle[overlap.slave]
         still = still.joined(overlap.chosen(left_out))
         tested = tested.without(idle)
         overlap = tested.overlap
     _refuse_bare(slave, tested, shares)
     if held is not None and whole is not tested:
-        helpless = held.helpless(over_ranks(comm, whole.products(slave, master)[1]))
-        helpless[nodes] = False
+        constrained_slaves = held.constrained_slaves(over_ranks(comm, whole.products(slave, master)[1]))
+        constrained_slaves[nodes] = False
     fixed, fixed_shares = None, None
     if held is not None:
         overlaps = whole.overlap, overlap
@@ -339,7 +339,7 @@ def couple(
         reach=reach,
         directions=directions,
         still=still,
-        helpless=helpless,
+        constrained_slaves=constrained_slaves,
         fixed=fixed,
         fixed_shares=fixed_shares,
     )
@@ -444,7 +444,7 @@ def _mean_normals(
         master: the other one.
         tested: what was found along the normals of the slave.
         comm: the ranks that share the work.
-        slides: whether functions are taken over evenly, see ``EvenCarriers``.
+        slides: whether functions are taken over evenly, see ``EvenRedistribution``.
         needed: nodes of facets that may meet the other side, shape (N,); None: all.
     """
     overlap = tested.overlap
@@ -454,7 +454,7 @@ def _mean_normals(
     moments = tested.moments(slave, np.concatenate((ones, slave_normals, master_normals), axis=2), comm)
     dim, unable = slave.dimension, np.zeros(len(slave.x), dtype=bool)
     if slides:
-        carriers = EvenCarriers.of(slave, tested.covered, moments[:, 0], unable)
+        carriers = EvenRedistribution.of(slave, tested.covered, moments[:, 0], unable)
         means = carriers.shares @ moments
         means = means[:, 1:] / means[:, :1]
         return carriers.directions(slave, means[:, :dim], means[:, dim:], needed)
@@ -472,7 +472,7 @@ def _check(slave: PairSurface, master: PairSurface, covered: Array, reach: float
     Args:
         slave: the side with the points.
         master: the other side.
-        covered: area (in the plane: length) of each facet that is under the other side, shape (f,).
+        covered: area (in 2D: length) of each facet that is under the other side, shape (f,).
         reach: length.
     """
     if not covered.any():

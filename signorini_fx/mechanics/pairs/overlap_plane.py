@@ -1,4 +1,4 @@
-"""The overlap of two sides in the plane: projection along a continuous direction on the slave side.
+"""The overlap of two sides in 2D: projection along a continuous direction on the slave side.
 
 The direction n(s) interpolates those at the nodes.  The slave point under a master point x has (x - x_s(s)) x n(s) = 0.
 Between the images of the ends of a master facet all integrands are smooth.

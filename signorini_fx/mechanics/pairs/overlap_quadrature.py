@@ -25,7 +25,7 @@ class Overlap:
         slave, master: numbers of the facets, shape (p,).
         at: the points in the reference facet of the slave, shape (p, q, d - 1).
         over: those in the reference facet of the master, shape (p, q, d - 1).
-        weight: area (in the plane: length) of the slave side that a point stands for, times its measure, shape (p, q).
+        weight: area (in 2D: length) of the slave side that a point stands for, times its measure, shape (p, q).
     """
 
     slave: Indices

@@ -1,4 +1,4 @@
-"""The overlap of two sides in space (Puso and Laursen, Comput. Methods Appl. Mech. Engrg. 193 (2004) 601-629).
+"""The overlap of two sides in 3D (Puso and Laursen, Comput. Methods Appl. Mech. Engrg. 193 (2004) 601-629).
 
 Each linear part of a slave facet has a plane through its centroid, across the direction of projection there.  Both
 parts are projected onto it, the polygon that they share is found by clipping, and a fan of triangles around its centre

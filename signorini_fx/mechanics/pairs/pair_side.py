@@ -131,7 +131,7 @@ class PairSurface:
         nodes: numbers of the k nodes of each facet, shape (f, k).
         x: positions of all nodes, length, shape (N, d).
         functions: of each facet.
-        sign: +1 where the outward normal is (dx/ds x dx/dt), in the plane dx/ds turned clockwise; else -1, shape (f,).
+        sign: +1 where the outward normal is (dx/ds x dx/dt), in 2D dx/ds turned clockwise; else -1, shape (f,).
         across: projectors onto the directions across planes of symmetry at all nodes, shape (N, d, d).
         measure: by what areas are multiplied, at all nodes, between which it is interpolated, shape (N,); None: 1.
         undeformed: positions of all nodes of which areas are, where ``x`` are those of a deformed body, length, shape
@@ -201,7 +201,7 @@ class PairSurface:
         return self.nodes[:, : len(self.tests.places)]
 
     def normals(self, facets: Indices, at: Array) -> Array:
-        """Outward normals times the area (in the plane: length) of a unit of the reference facet.
+        """Outward normals times the area (in 2D: length) of a unit of the reference facet.
 
         Args:
             facets: shape (m,).
@@ -213,7 +213,7 @@ class PairSurface:
         return self._crossed(self.corners, facets, at) * self.sign[facets][:, None, None]
 
     def sizes(self, facets: Indices, at: Array) -> Array:
-        """Undeformed area (in the plane: length) of a unit of the reference facet, shape (m, q), see ``normals``."""
+        """Undeformed area (in 2D: length) of a unit of the reference facet, shape (m, q), see ``normals``."""
         corners = self.corners if self.undeformed is None else self.undeformed[self.nodes]
         return np.asarray(np.linalg.norm(self._crossed(corners, facets, at), axis=2))
 
@@ -250,7 +250,7 @@ class PairSurface:
 
     @property
     def area(self) -> Array:
-        """The area (in the plane: length) of each node, the integral of its test function times the measure, shape
+        """The area (in 2D: length) of each node, the integral of its test function times the measure, shape
         (N,).
         """
         return self._integrals[0]
@@ -295,7 +295,7 @@ class PairSurface:
 
     @cached_property
     def facet_areas(self) -> Array:
-        """Area (in the plane: length) of each facet, times the measure, shape (f,)."""
+        """Area (in 2D: length) of each facet, times the measure, shape (f,)."""
         points, weights = self.functions.rule(_DEGREE)
         facets = np.arange(len(self.nodes))
         at = np.broadcast_to(points, (len(facets), *points.shape))

@@ -13,7 +13,7 @@ with nu the normal of the facet of the master, N^ the direction across N, and dN
 slave.  The rows dgap_i of the map are zero on every joint rigid motion, so that pressures on both sides, their
 transpose, balance in forces and moments.  Points of quadrature, functions, and the angles between N and the normals
 of the slave are held: what these change of the gap is of second order where sides touch.  The map of friction is that
-of ``mortar_coupling``, with half of the rotations of both sides.  In space xi are two numbers, and all points of a
+of ``mortar_coupling``, with half of the rotations of both sides.  In 3D xi are two numbers, and all points of a
 facet of the slave have one direction.  Distances and their derivatives are in ``sliding_plane`` and ``sliding_space``;
 here is what both have.
 
@@ -21,7 +21,7 @@ Slips are chords.  With the functions D, M of the beginning of a step, marked by
 
     slip_i = T_i^T (D0 x_s - M0 x_m) - T0_i^T (D0 x0_s - M0 x0_m),
 
-which no joint motion changes, and which goes over any number of facets.  In space the tangents T_i turn with the facets
+which no joint motion changes, and which goes over any number of facets.  In 3D the tangents T_i turn with the facets
 of the slave around the node of the point, about the normal, too.
 """
 
@@ -35,7 +35,7 @@ import numpy.typing as npt
 import scipy.sparse as sp
 from mpi4py import MPI
 
-from signorini_fx.mechanics.pairs.dual_functions import EvenCarriers, HeldSides
+from signorini_fx.mechanics.pairs.dual_functions import EvenRedistribution, HeldSides
 from signorini_fx.mechanics.pairs.fixed_distances import FixedDistances
 from signorini_fx.mechanics.pairs.mean_rotation import turning_blocks
 from signorini_fx.mechanics.pairs.mortar_coupling import projected
@@ -82,7 +82,7 @@ class SlidingCoupling:
         frames: of the points.
         covered: share of the area of each node that sees the master, shape (n,).
         helpless: nodes that carry no point because both sides are held there, shape (h,).
-        helpless_gap: of their functions, length, shape (h,).
+        constrained_gap: of their functions, length, shape (h,).
         fixed: where supports fix the distance of both sides; None: nowhere that points see.
         fixed_shares: what distances there would add to the gaps, which do not count them, sparse, shape (n, k); None:
             nothing.
@@ -101,8 +101,8 @@ class SlidingCoupling:
     gap: Array
     frames: Frames
     covered: Array
-    helpless: Indices
-    helpless_gap: Array
+    constrained_slaves: Indices
+    constrained_gap: Array
     fixed: FixedDistances | None
     fixed_shares: sp.csr_array | None
     normal_rows: sp.csr_array
@@ -186,7 +186,7 @@ class SlidingCoupling:
         shearing = (self.weight[:, None] * shear).ravel()
         return self.pieces.stiffness(self.weight * pressure, shearing, self.normal_rows, near=near)
 
-    def passed_on(self, shear: Array, displacement: Array) -> Array:
+    def shear_transfer(self, shear: Array, displacement: Array) -> Array:
         """What a displacement of the nodes of both sides, shape (m, d), changes of the forces of shears as partners
         shift, force, shape (m, d).
 
@@ -258,7 +258,7 @@ def slide(
     held: HeldSides | None = None,
     fixed: FixedDistances | None = None,
 ) -> SlidingCoupling:
-    """The map of two deformed sides, in space of degree 1.
+    """The map of two deformed sides, in 3D of degree 1.
 
     Args:
         slave: the side with the points, see ``PairSurface.displaced``.
@@ -277,16 +277,16 @@ def slide(
     tested = whole if held is None else whole.parted(slave, master, held, MPI.COMM_SELF)[0]
     weight, arms = tested.areas(slave, MPI.COMM_SELF), tested.arms(slave, master)
     sharing, opposite = tested.products(slave, master)
-    helpless = np.zeros(len(slave.x), dtype=bool) if held is None else held.helpless(opposite)
+    constrained_slaves = np.zeros(len(slave.x), dtype=bool) if held is None else held.constrained_slaves(opposite)
     movable = None if held is None else held.movable(opposite, None if fixed is None else fixed.held)
-    carriers = EvenCarriers.of(slave, tested.covered, weight, unable, movable)
+    carriers = EvenRedistribution.of(slave, tested.covered, weight, unable, movable)
     nodes, shares = carriers.nodes, carriers.shares
     at = np.searchsorted(points, nodes)  # rows of points that have a partner
     partnered = np.zeros(points.size, dtype=bool)
     partnered[at] = True
     count, dim = points.size, slave.dimension
-    lonely = np.flatnonzero(~partnered)
-    at_nodes = np.ones(lonely.size), (lonely, points[lonely])
+    unpaired = np.flatnonzero(~partnered)
+    at_nodes = np.ones(unpaired.size), (unpaired, points[unpaired])
     itself = sp.csr_array(at_nodes, shape=(count, len(slave.x)))
 
     size = shares @ weight
@@ -298,18 +298,18 @@ def slide(
     of_whole = weight, [sharing, opposite]
     if held is not None and whole is not tested:
         of_whole = whole.areas(slave, MPI.COMM_SELF), whole.products(slave, master)
-        helpless = held.helpless(of_whole[1][1])
-        helpless[nodes] = False
-    lonely_gap = _gap_of_nodes(slave, master, of_whole, helpless)
+        constrained_slaves = held.constrained_slaves(of_whole[1][1])
+        constrained_slaves[nodes] = False
+    unpaired_gap = _gap_of_nodes(slave, master, of_whole, constrained_slaves)
     sharing, opposite = sp.csr_array(mean @ sharing + itself), sp.csr_array(mean @ opposite)
     normals, distance = _directed(slave, master, sharing, opposite), opposite @ master.x - sharing @ slave.x
-    distance[lonely] = 0.0
+    distance[unpaired] = 0.0
     normals = slave.in_planes(normals, points)
     tangents = tangents_of_points(slave, points, normals)
     arms_of_points = [sp.csr_array(shares @ arm) for arm in arms]
     tangent_rows = _tangent_rows((slave, master), tangents, (sharing, opposite), (arms_of_points, at, distance))
-    components = (dim * points[lonely])[:, None] + np.arange(dim)
-    outward = normals[lonely].ravel(), (np.repeat(lonely, dim), components.ravel())
+    components = (dim * points[unpaired])[:, None] + np.arange(dim)
+    outward = normals[unpaired].ravel(), (np.repeat(unpaired, dim), components.ravel())
     normal_rows = sp.csr_array(outward, shape=(count, tangent_rows.shape[1]))
     gap = np.full(count, np.inf)
     pieces: _TurningPieces | None = None
@@ -325,7 +325,7 @@ def slide(
     frames = Frames(sharing, opposite, tangents, way, partnered)
     centre = sharing @ slave.x + distance / 2
     rows = sp.csr_array(normal_rows), tangent_rows
-    idle = np.flatnonzero(helpless), lonely_gap, fixed, fixed_shares
+    idle = np.flatnonzero(constrained_slaves), unpaired_gap, fixed, fixed_shares
     return SlidingCoupling(slave, master, points, weights, normals, gap, frames, covered, *idle, *rows, centre, pieces)
 
 
@@ -427,7 +427,7 @@ def _way(tangents: Array, vectors: Array) -> Array:
 
 
 def tangents_of_points(slave: PairSurface, points: Indices, normals: Array) -> Array:
-    """T_i of points at some nodes, shape (n, d, d - 1): in space they turn with the slave around the node."""
+    """T_i of points at some nodes, shape (n, d, d - 1): in 3D they turn with the slave around the node."""
     if slave.dimension == 2:
         return np.stack((-normals[:, 1], normals[:, 0]), axis=1)[:, :, None]
     start = slave if slave.undeformed is None else slave.displaced(np.zeros_like(slave.x))

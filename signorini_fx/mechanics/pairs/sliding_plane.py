@@ -1,4 +1,4 @@
-"""The distances of a pair in the plane whose bodies slide and turn, and their derivatives, see ``sliding``.
+"""The distances of a pair in 2D whose bodies slide and turn, and their derivatives, see ``sliding``.
 
 All rows at the points of a piece of the overlap are of the displacements of few nodes, which are those of both of its
 facets and those that turn the normals of the slave there.  So they are dense arrays for each piece, which are summed
@@ -26,7 +26,7 @@ Indices = npt.NDArray[np.int64]
 
 @dataclass(frozen=True)
 class PlanePieces:
-    """The pieces of an overlap in the plane, p of them with q points each, and l components of displacements each.
+    """The pieces of an overlap in 2D, p of them with q points each, and l components of displacements each.
 
     Attributes:
         mean: from moments of the functions of the nodes of the slave to means at the n points, sparse, shape (n, N).

@@ -1,4 +1,4 @@
-"""The distances of a pair in space whose bodies slide and turn, and their derivatives: facets of degree 1.
+"""The distances of a pair in 3D whose bodies slide and turn, and their derivatives: facets of degree 1.
 
 A point of a facet e of the slave sees the master along the direction N_e of this facet, see ``overlap_space``,
 
@@ -45,7 +45,7 @@ _AT_ONCE = 2048
 
 @dataclass(frozen=True)
 class SpacePieces:
-    """The pieces of an overlap in space, p of them with q points each, c vectors each.
+    """The pieces of an overlap in 3D, p of them with q points each, c vectors each.
 
     Attributes:
         mean: from moments of the functions of the nodes of the slave to means at the n points, sparse, shape (n, N).

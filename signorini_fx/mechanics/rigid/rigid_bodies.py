@@ -162,13 +162,13 @@ class RigidBodies:
 
 @dataclass(frozen=True)
 class RigidBodyMotion:
-    """How a rigid body has moved from where it is given, v + w x (x - c), in the plane with w along x[2].
+    """How a rigid body has moved from where it is given, v + w x (x - c), in 2D with w along x[2].
 
     Attributes:
         body: the rigid body: its name, and the places of its contacts.
         reference: its pivot c, length, shape (d,).
         translation: v, length, shape (d,).
-        rotation: w, radians; a number in the plane, shape (1,), in space shape (3,).
+        rotation: w, radians; a number in 2D, shape (1,), in 3D shape (3,).
     """
 
     body: RigidBody

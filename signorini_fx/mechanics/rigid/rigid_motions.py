@@ -1,6 +1,6 @@
 """Motions of the body without strain that the supports leave free.
 
-A body of one piece has m of them: in the plane two translations and a rotation, in space three translations and three
+A body of one piece has m of them: in 2D two translations and a rotation, in 3D three translations and three
 rotations.  A body of several pieces has as many for each of them, less those that the pins between pieces exclude,
 where both must move together.
 """
@@ -93,7 +93,7 @@ class RigidMotions:
 
     @property
     def each(self) -> int:
-        """M, the number of motions of a piece: 3 in the plane, 6 in space."""
+        """M, the number of motions of a piece: 3 in 2D, 6 in 3D."""
         return CARTESIAN[self.x.shape[1]].motions
 
     def at(self, boundary: ContactBoundary) -> FreeMotions:

@@ -1,4 +1,4 @@
-"""A circle in the plane: a cylinder across it."""
+"""A circle in 2D: a cylinder across it."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from signorini_fx.mechanics.statement.values import Positive, Vector
 
 
 class Ball(Shape):
-    """All points that are closer to a centre than a radius, in the plane or in space.
+    """All points that are closer to a centre than a radius, in 2D or in 3D.
 
     Attributes:
         centre: its centre, length.

@@ -1,4 +1,4 @@
-"""A cone with a sharp or rounded tip; in the plane a wedge."""
+"""A cone with a sharp or rounded tip; in 2D a wedge."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A cylinder without ends in space."""
+"""A cylinder without ends in 3D."""
 
 from __future__ import annotations
 

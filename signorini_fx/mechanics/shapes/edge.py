@@ -1,4 +1,4 @@
-"""A corner of two faces, sharp or rounded; in space a straight edge, and a groove where it is hollow."""
+"""A corner of two faces, sharp or rounded; in 3D a straight edge, and a groove where it is hollow."""
 
 from __future__ import annotations
 

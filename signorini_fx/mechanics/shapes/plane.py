@@ -1,4 +1,4 @@
-"""A plane, in the plane a straight line."""
+"""A plane, in 2D a straight line."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A line of straight pieces in the plane."""
+"""A line of straight pieces in 2D."""
 
 from __future__ import annotations
 

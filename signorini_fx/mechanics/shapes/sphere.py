@@ -1,4 +1,4 @@
-"""A sphere in space."""
+"""A sphere in 3D."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A smooth line through points in the plane."""
+"""A smooth line through points in 2D."""
 
 from __future__ import annotations
 

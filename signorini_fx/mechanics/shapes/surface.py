@@ -1,4 +1,4 @@
-"""The surface of a solid from a file: STL, a drawing of a CAD program, or a mesh; in the plane the rim of a mesh."""
+"""The surface of a solid from a file: STL, a drawing of a CAD program, or a mesh; in 2D the rim of a mesh."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from signorini_fx.tuned import INRADIUS_GRID, SAME_NUMBER
 
 
 class ClosedSurface(Shape):
-    """A closed surface of flat triangles; in the plane a closed line of straight pieces.
+    """A closed surface of flat triangles; in 2D a closed line of straight pieces.
 
     Attributes:
-        file: .stl, or the drawing or mesh of a solid, in the plane of an area, in any format that a mesh may have.
+        file: .stl, or the drawing or mesh of a solid, in 2D of an area, in any format that a mesh may have.
         size: length of the cells of a .step, .stp or .brep; None: a fraction of the size of the solid.
         scale: by which the lengths of the file are multiplied.
     """
@@ -40,7 +40,7 @@ class ClosedSurface(Shape):
             yield "file", str(error)
             return
         if file_dimension != dimension:
-            words = {2: "plane", 3: "in space"}
+            words = {2: "plane", 3: "in 3D"}
             yield "file", f"{self.file}: it is {words[file_dimension]}, and the mesh of the body {words[dimension]}"
 
     def initial(self, x: Array) -> tuple[Array, Array]:
@@ -90,7 +90,7 @@ class CachedSurface:
 
     @cached_property
     def inradius(self) -> float:
-        """Of the largest ball inside whose middle is on a grid; or volume over area, in the plane area over perimeter,
+        """Of the largest ball inside whose middle is on a grid; or volume over area, in 2D area over perimeter,
         which is that of a thin solid, and below that of one without many small cavities, length.
         """
         bounds, thickness = self._surface.extent
@@ -198,7 +198,7 @@ class InSpace:
             from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkPolyData
             from vtkmodules.vtkFiltersCore import vtkImplicitPolyDataDistance, vtkPolyDataNormals
         except ModuleNotFoundError as error:
-            raise MeshError(f"{file}: a surface in space needs the Python package {error.name}: see pyvista") from None
+            raise MeshError(f"{file}: a surface in 3D needs the Python package {error.name}: see pyvista") from None
         data, places, cells = vtkPolyData(), vtkPoints(), vtkCellArray()
         places.SetData(numpy_to_vtk(np.ascontiguousarray(points), deep=True))
         cells.SetData(3, numpy_to_vtkIdTypeArray(np.ascontiguousarray(triangles.ravel()), deep=True))

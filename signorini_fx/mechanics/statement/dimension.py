@@ -1,4 +1,4 @@
-"""Keys that are not allowed in the plane or in space.  The mesh decides which of the two the scene is."""
+"""Keys that are not allowed in 2D or in 3D.  The mesh decides which of the two the scene is."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from signorini_fx.mechanics.statement.expressions import Expression
 from signorini_fx.mechanics.statement.statement import Statement
 
 _PLANE = "the mesh is plane"
-_SPACE = "the mesh is in space"
+_SPACE = "the mesh is in 3D"
 # The tables whose component z is out of the section of a body that moves there, see ``Kinematics.out_of_section``.
 _AROUND = ("displacement", "traction", "force", "body_force", "springs")
 

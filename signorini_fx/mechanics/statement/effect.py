@@ -63,7 +63,7 @@ class Coefficients(Protocol):
         """A value."""
 
     def vector(self, values: tuple[Any, ...]) -> Any:
-        """Values along x[0], x[1] and x[2], which is not used in the plane."""
+        """Values along x[0], x[1] and x[2], which is not used in 2D."""
 
 
 class Points(Coefficients, Protocol):
@@ -198,7 +198,7 @@ class Effect(Table):
         """What stays as it is in statements about the solution, in words; "": nothing has to be said."""
         return ""
 
-    def sought_at(self, statement: Any, step: float) -> str:
+    def depends_on_solution_at(self, statement: Any, step: float) -> str:
         """What of it is known only with the solution at a place in the lists of factors, as a clause, so that its
         ``interface`` solves the load step; "": all is known.
         """
@@ -281,7 +281,7 @@ class Force(Load):
         raise NotImplementedError
 
     def density_at(self, at: Points) -> Array:
-        """The same for the second opinion, shape (f, q, d)."""
+        """The same for the independent check, shape (f, q, d)."""
         raise NotImplementedError
 
     def traction(self, y: Any, factor: Any, on: Coefficients) -> Any:
@@ -290,7 +290,7 @@ class Force(Load):
 
 
 class VectorForce(Force):
-    """Force with components along x[0], x[1] and, in space, x[2]."""
+    """Force with components along x[0], x[1] and, in 3D, x[2]."""
 
     x: TimedValue = 0.0
     y: TimedValue = 0.0
@@ -298,7 +298,7 @@ class VectorForce(Force):
 
     @property
     def components(self) -> tuple[Any, Any, Any]:
-        """Along x[0], x[1] and x[2], which is not used in the plane."""
+        """Along x[0], x[1] and x[2], which is not used in 2D."""
         return self.x, self.y, self.z
 
     @property
@@ -335,7 +335,7 @@ class InitialStrain(Load):
         raise NotImplementedError
 
     def strain_at(self, at: BodyPoints) -> Array:
-        """The same for the second opinion, shape (f, q)."""
+        """The same for the independent check, shape (f, q)."""
         raise NotImplementedError
 
 
@@ -354,7 +354,7 @@ class Resistance(Effect):
         raise NotImplementedError
 
     def reaction_at(self, at: Points) -> Array:
-        """The same for the second opinion, at ``at.displacement``, shape (f, q, d)."""
+        """The same for the independent check, at ``at.displacement``, shape (f, q, d)."""
         raise NotImplementedError
 
     def traction(self, y: Any, factor: Any, on: Coefficients) -> Any:

@@ -27,7 +27,7 @@ _TWINS = (
 
 @dataclass(frozen=True)
 class TrialPoints:
-    """Points as the second opinion sees them, ``statement.effect.BodyPoints``, here one cell with q points.
+    """Points as the independent check sees them, ``statement.effect.BodyPoints``, here one cell with q points.
 
     Attributes:
         position: X, length, shape (1, q, d).
@@ -129,7 +129,7 @@ def fault_of(effect: Effect, x: Array) -> str:
     kind = type(effect)
     if is_of_package(kind) or not len(x):
         return ""
-    if any(hasattr(value, "ufl_shape") for value in effect.given.values()):  # these have no second opinion
+    if any(hasattr(value, "ufl_shape") for value in effect.given.values()):  # these have no independent check
         return ""
     for base, first, second in _TWINS:
         if isinstance(effect, base):

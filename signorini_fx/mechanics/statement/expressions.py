@@ -1,7 +1,7 @@
 """Expressions of the position in scenes: parsed by Python, evaluated with NumPy or turned into UFL.
 
 An example is ``gap = "0.003*(x[0] - 1.5)**2 + 0.001"``.  Python executes nothing of it: the syntax tree is checked
-first (numbers, ``x[0]``, ``x[1]``, in space ``x[2]``, ``pi``, arithmetic, comparisons, ``and``/``or``/``not``
+first (numbers, ``x[0]``, ``x[1]``, in 3D ``x[2]``, ``pi``, arithmetic, comparisons, ``and``/``or``/``not``
 (also ``&`` and ``|``), ``A if C else B`` and the functions below, each with its arguments; conditions and numbers are
 told apart), then its value follows from the values of its parts.
 """
@@ -34,7 +34,7 @@ _ARITHMETIC: dict[type, Callable[..., Any]] = {
 _SIGNS: dict[type, Callable[..., Any]] = {ast.USub: operator.neg, ast.UAdd: operator.pos}
 _COMPARISONS = (ast.Lt, ast.LtE, ast.Gt, ast.GtE)
 _ALLOWED = (
-    "Allowed are numbers, pi, x[0], x[1], in space x[2], + - * / ** (to a number), < <= > >=, and, or, not, "
+    "Allowed are numbers, pi, x[0], x[1], in 3D x[2], + - * / ** (to a number), < <= > >=, and, or, not, "
     f"A if C else B, where(C, A, B), min(A, ...), max(A, ...), and {', '.join(_ONE_ARGUMENT)} of one number; in loads "
     "and prescribed displacements also the time t"
 )
@@ -116,7 +116,7 @@ def _check(node: ast.expr) -> Kind:
             return "number"
         case ast.Subscript(value=ast.Name(id="x"), slice=ast.Constant(value=index)) if type(index) is int:
             if index not in (0, 1, 2):
-                raise ValueError(f"x[{index}] is not a coordinate: use x[0] or x[1], in space also x[2]")
+                raise ValueError(f"x[{index}] is not a coordinate: use x[0] or x[1], in 3D also x[2]")
             return "number"
         case ast.UnaryOp(op=op, operand=operand):
             kind: Kind = "condition" if isinstance(op, ast.Not) else "number"
@@ -150,7 +150,7 @@ def _check(node: ast.expr) -> Kind:
             meant = {"x": ": use x[0], x[1] or x[2]", "y": ": use x[1]", "z": ": use x[2]"}.get(name, "")
             raise ValueError(f"{name!r} is not known{meant}")
         case ast.Subscript(value=ast.Name(id=name)):
-            raise ValueError(f"'{name}[...]' is not known: the position is x[0], x[1] and, in space, x[2]")
+            raise ValueError(f"'{name}[...]' is not known: the position is x[0], x[1] and, in 3D, x[2]")
         case ast.Attribute(attr=name):
             raise ValueError(f"'.{name}' is not known")
     raise ValueError(f"{type(node).__name__} is not available")

@@ -88,7 +88,7 @@ class Body(Table):
         name: of the region of all of its cells; with a dot it stands before the names of its boundaries and regions.
         mesh: a generator with its parameters, a file, or a ``TaggedMesh``.
         shift: by which it is moved, lengths; None: not at all.
-        rotation: by which it is turned, degrees, counterclockwise; in space about the axis [a, b, c] by the length of
+        rotation: by which it is turned, degrees, counterclockwise; in 3D about the axis [a, b, c] by the length of
             this vector; None: not at all.
         pivot: the point that it is turned about, length; None: the origin.
     """

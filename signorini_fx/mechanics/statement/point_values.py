@@ -18,7 +18,7 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class PointValues:
-    """A function of the position from a .csv with the columns x, y, in space z, and a value; linear between the points,
+    """A function of the position from a .csv with the columns x, y, in 3D z, and a value; linear between the points,
     whose triangulation is that of Delaunay.
 
     Attributes:
@@ -63,7 +63,7 @@ def _table(file: Path, column: str, _changed: int) -> tuple[Array, Any]:
     try:
         function = LinearNDInterpolator(points, values)
     except (QhullError, ValueError):
-        raise _wrong(file, "has points that span no area, in space no volume") from None
+        raise _wrong(file, "has points that span no area, in 3D no volume") from None
     return points.mean(axis=0), function
 
 
@@ -78,7 +78,7 @@ def _rows(file: Path, column: str) -> tuple[Array, Array]:
     names = [name.strip() for name in head]
     axes = [name for name in "xyz" if name in names]
     if axes not in (["x", "y"], ["x", "y", "z"]) or column not in names:
-        raise _wrong(file, f"has the columns {', '.join(names)}; it needs x, y, in space z, and {column}")
+        raise _wrong(file, f"has the columns {', '.join(names)}; it needs x, y, in 3D z, and {column}")
     try:
         table = np.array(rows, dtype=np.float64)[:, [names.index(name) for name in (*axes, column)]]
     except (ValueError, IndexError):

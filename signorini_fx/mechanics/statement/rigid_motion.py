@@ -1,7 +1,7 @@
 """What is given of a rigid motion that is an unknown: forces and moments that drive it, components that are prescribed.
 
-It has m components: in the plane translations along x[0] and x[1] and a small rotation about the reference point,
-counterclockwise; in space three of each kind, rotations about axes along x[0], x[1] and x[2] through that point.
+It has m components: in 2D translations along x[0] and x[1] and a small rotation about the reference point,
+counterclockwise; in 3D three of each kind, rotations about axes along x[0], x[1] and x[2] through that point.
 """
 
 from __future__ import annotations
@@ -32,20 +32,20 @@ def _of_time(entry: Any) -> Any:
 
 def _two_or_three(numbers: tuple[Any, ...]) -> tuple[Any, ...]:
     if len(numbers) not in (2, 3):
-        raise ValueError("two numbers are expected, in space three")
+        raise ValueError("two numbers are expected, in 3D three")
     return numbers
 
 
 def _three(numbers: tuple[Any, ...]) -> tuple[Any, ...]:
     if len(numbers) != 3:
-        raise ValueError("a number is expected, in space three")
+        raise ValueError("a number is expected, in 3D three")
     return numbers
 
 
 # A number, or an expression of the time t.
 Timed = Annotated[TimedSampledValue, AfterValidator(_of_time)]
 TimedVector = Annotated[tuple[Timed, ...], AfterValidator(_two_or_three)]
-# A number in the plane, three in space.
+# A number in 2D, three in 3D.
 TimedAngle = Annotated[tuple[Timed, ...], AfterValidator(_three)] | Timed
 
 
@@ -55,11 +55,11 @@ class Prescribed(Table):
     Attributes:
         x: translation along x[0], length; None: free, as all others.
         y: translation along x[1], length.
-        z: translation along x[2], length; only in space.
-        rotation: rotation, radians, small except with a nonlinear body; only in the plane.
-        rotation_x: component of the rotation vector along x[0], likewise; only in space.
-        rotation_y: component along x[1]; only in space.
-        rotation_z: component along x[2]; only in space.
+        z: translation along x[2], length; only in 3D.
+        rotation: rotation, radians, small except with a nonlinear body; only in 2D.
+        rotation_x: component of the rotation vector along x[0], likewise; only in 3D.
+        rotation_y: component along x[1]; only in 3D.
+        rotation_z: component along x[2]; only in 3D.
     """
 
     x: Timed | None = None
@@ -77,11 +77,11 @@ class PivotSprings(Table):
     Attributes:
         x: stiffness along x[0], force / length; None: zero, as of all others.
         y: along x[1].
-        z: along x[2]; only in space.
-        rotation: moment per radian; only in the plane.
-        rotation_x: about an axis along x[0]; only in space.
-        rotation_y: about an axis along x[1]; only in space.
-        rotation_z: about an axis along x[2]; only in space.
+        z: along x[2]; only in 3D.
+        rotation: moment per radian; only in 2D.
+        rotation_x: about an axis along x[0]; only in 3D.
+        rotation_y: about an axis along x[1]; only in 3D.
+        rotation_z: about an axis along x[2]; only in 3D.
     """
 
     x: NonNegative | None = None
@@ -97,9 +97,9 @@ class RigidMotion(Table):
     """What drives a rigid motion; without any of these there is no such unknown.
 
     Attributes:
-        force: on the rigid body at its reference point, force, in the plane per thickness; numbers or expressions of
+        force: on the rigid body at its reference point, force, in 2D per thickness; numbers or expressions of
             the time t; None: none.
-        moment: about that point, in the plane a number, counterclockwise, in space three; of the same kinds.
+        moment: about that point, in 2D a number, counterclockwise, in 3D three; of the same kinds.
         prescribed: the components of the motion that are not free.
         spring: between its reference point and the ground; None: there is none.
     """
@@ -138,7 +138,7 @@ class RigidMotion(Table):
 
     def motion_contradictions(self, dimension: int) -> Iterator[tuple[str, str]]:
         """Keys that do not fit the dimension of the mesh, and why."""
-        where = "the mesh is plane" if dimension == 2 else "the mesh is in space"
+        where = "the mesh is plane" if dimension == 2 else "the mesh is in 3D"
         if self.moment is not None and isinstance(self.moment, tuple) != (dimension == 3):
             yield "moment", f"{where}: give " + ("a number" if dimension == 2 else "three numbers")
         given = {f"prescribed.{key}": value for key, value in self.prescribed or () if value is not None}

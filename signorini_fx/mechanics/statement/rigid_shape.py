@@ -69,7 +69,7 @@ class Shape(RigidMotion):
         shape: the name of its file.
         hollow: whether the foundation is all that the shape is not.
         shift: by which it is moved, lengths, numbers or expressions of the time t; None: not at all.
-        rotation: by which it is turned before it is moved, degrees, counterclockwise; in space along the axis [a, b, c]
+        rotation: by which it is turned before it is moved, degrees, counterclockwise; in 3D along the axis [a, b, c]
             by the length of this vector; of the same kinds; None: not at all.
         pivot: the point that it is turned about, length; None: the origin.
         force: on it at its pivot, which moves a foundation whose motion is an unknown, see ``statement.rigid_motion``.
@@ -112,7 +112,7 @@ class Shape(RigidMotion):
 
     def contradictions(self, dimension: int) -> Iterator[tuple[str, str]]:
         """Keys that do not fit the dimension of the mesh, and why."""
-        where = "the mesh is plane" if dimension == 2 else "the mesh is in space"
+        where = "the mesh is plane" if dimension == 2 else "the mesh is in 3D"
         if dimension not in self.exists_in:
             yield "shape", f"{where}: there is no {self.shape}"
             return
@@ -243,7 +243,7 @@ def turning(rotation: float | tuple[float, ...], dimension: int) -> Array:
     """The matrix of a rotation, shape (d, d).
 
     Args:
-        rotation: degrees, counterclockwise; in space about the axis [a, b, c] by the length of this vector.
+        rotation: degrees, counterclockwise; in 3D about the axis [a, b, c] by the length of this vector.
         dimension: d.
     """
     if isinstance(rotation, tuple):

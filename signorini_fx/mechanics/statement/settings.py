@@ -58,7 +58,7 @@ class Box(Table):
     Attributes:
         x: lowest and highest x[0], lengths.
         y: lowest and highest x[1], lengths.
-        z: lowest and highest x[2], lengths; only in space.
+        z: lowest and highest x[2], lengths; only in 3D.
     """
 
     x: tuple[float, float] = (-math.inf, math.inf)
@@ -104,8 +104,8 @@ class SolverSettings(Table):
         regularisation_error: path-following: the error allowed, relative to the energy norm of the solution; ``auto``:
             the discretisation error.
         linear_algebra: ``full`` (all unknowns, sparse factorisation), ``krylov`` (all unknowns, CG or FGMRES with
-            algebraic multigrid), ``condensed`` (the contact nodes only, dense; on several ranks in the plane), ``auto``
-            (krylov for large bodies in space, condensed where it is cheaper than full), or the name of a linear solver
+            algebraic multigrid), ``condensed`` (the contact nodes only, dense; on several ranks in 2D), ``auto``
+            (krylov for large bodies in 3D, condensed where it is cheaper than full), or the name of a linear solver
             of another package, see ``linalg.user_solver``.
         levels: meshes of a nested iteration, each with elements half as large as the previous one; the last is the mesh
             of the scene, which must come from a generator.

@@ -168,9 +168,9 @@ class Statement:
                 kinds.setdefault(effect.interface, {})[path] = effect
         return [_interface_class(kind)(self, entries) for kind, entries in kinds.items()]
 
-    def sought_at(self, step: float) -> dict[str, str]:
+    def depends_on_solution_at(self, step: float) -> dict[str, str]:
         """What is known only with the solution at a place in the lists of factors: clauses by the paths of entries."""
-        words = {path: effect.sought_at(self, step) for path, effect in self.listed()}
+        words = {path: effect.depends_on_solution_at(self, step) for path, effect in self.listed()}
         return {path: clause for path, clause in words.items() if clause}
 
     @property

@@ -40,7 +40,7 @@ def names_of(scene: Mapping[str, Any], dimension: int) -> dict[str, str]:
 
 def unit_names(units: Mapping[str, str | None], kinematics: Kinematics) -> dict[str, str]:
     """The unit of each quantity: ``length``, ``stress``, ``area``, ``force``, ``moment`` and ``energy``, the last four
-    per unit thickness in the plane; those that are not known are left out.
+    per unit thickness in 2D; those that are not known are left out.
 
     Args:
         units: those that were given.

@@ -38,7 +38,7 @@ class ContactBoundaries(Quantity):
 
     key, kind, scope, stage = "contact_boundaries", list[ContactBoundaryRow], "contact", "results"
     terminal = "in contact"
-    title = "Each contact boundary; areas are lengths in the plane."
+    title = "Each contact boundary; areas are lengths in 2D."
 
     def value(self, solution: Any) -> Any:
         """See ``Quantity``."""

@@ -15,13 +15,13 @@ class CostFigures(Row):
     """Of the estimated error and the seconds of this run."""
 
     of: str | None = described(
-        "The error that it is about, a column of the price list: `energy` is that of stress and displacement.",
+        "The error that it is about, a column of the convergence table: `energy` is that of stress and displacement.",
         default=None,
     )
     error: Number = described("Estimated error of the last mesh, relative.", default=None)
     seconds: Number = described("What it took, all meshes together, wall time.", default=None)
     dofs: Count | None = described("Unknowns of the last mesh.", default=None)
-    next_error: Number = described("A smaller error: a tenth in the plane, half in space, relative.", default=None)
+    next_error: Number = described("A smaller error: a tenth in 2D, half in 3D, relative.", default=None)
     next_seconds: list[Number] = described("What that would take on this machine, from and to.", default_factory=list)
     next_dofs: Number = described("About how many unknowns it would take.", default=None)
     statement: str = described("All of it in a sentence, or why there is no forecast.")
@@ -39,7 +39,7 @@ def cost_in_words(summary: Summary) -> str:
 
 
 class CostOfSolution(Quantity):
-    """See ``accuracy.next_digit``."""
+    """See ``accuracy.next_accuracy``."""
 
     key, kind = "cost", CostFigures
     title = "What the accuracy took, and what a better one would take; a forecast."

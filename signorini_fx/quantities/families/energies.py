@@ -1,4 +1,4 @@
-"""Energies, in the plane per unit thickness."""
+"""Energies, in 2D per unit thickness."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class StrainEnergy(Quantity):
     """Of the body."""
 
     key, unit, stage, steps = "strain_energy", "energy", "results", "number"
-    title = "a(y, y) / 2, an energy, in the plane per unit thickness; of a body whose forces are linear in y."
+    title = "a(y, y) / 2, an energy, in 2D per unit thickness; of a body whose forces are linear in y."
     terminal, report = "strain energy", "strain energy"
 
     def value(self, solution: Any) -> Any:

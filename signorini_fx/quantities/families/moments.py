@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 class _Moment(Quantity):
-    """About the origin, in space.
+    """About the origin, in 3D.
 
     Attributes:
         number: 0: of the contact force, 1: of the friction force.
@@ -48,11 +48,11 @@ class ContactMoment(_Moment):
     """Of the contact force."""
 
     key, number = "contact_moment", 0
-    title = "Moment of `contact_force` about the origin, in space; with torsion about the axis x[1]."
+    title = "Moment of `contact_force` about the origin, in 3D; with torsion about the axis x[1]."
     terminal, request = "contact moment", "moment BOUNDARY [AXIS]"
 
     def functional(self, model: Model, *words: str) -> Functional | None:
-        """See ``Quantity``: with friction, at one boundary; in the plane too."""
+        """See ``Quantity``: with friction, at one boundary; in 2D too."""
         from signorini_fx.quantities.differentiable import ContactForce
 
         boundary, axis = words if len(words) > 1 else (*words, "z")
@@ -68,7 +68,7 @@ class FrictionMoment(_Moment):
     """Of the friction force."""
 
     key, number, steps = "friction_moment", 1, "components"
-    title = "Moment of `friction_force` about the origin, in space; with torsion about the axis x[1]."
+    title = "Moment of `friction_force` about the origin, in 3D; with torsion about the axis x[1]."
     terminal = "friction moment"
 
     def columns(self, solution: Any) -> dict[str, Any]:
@@ -86,7 +86,7 @@ class ForceThrough(Quantity):
     """The line of action, which over a revolution there is none of."""
 
     key, unit, kind, stage = "contact_force_through", "length", Point | None, "results"
-    title = "Point of the central axis of the contact force that is nearest to the origin, in space."
+    title = "Point of the central axis of the contact force that is nearest to the origin, in 3D."
 
     def value(self, solution: Any) -> Any:
         """See ``Quantity``."""

@@ -17,7 +17,7 @@ class BoundaryResultant(Row):
     boundary: str | None = described("Name of the boundary; null: the body force.")
     acts: list[str] = described("What acts there: support, contact, and kinds of loads and resistances.")
     force: Vector
-    moment: Number | Vector = described("Moment about `about`; in the plane a number, counterclockwise.")
+    moment: Number | Vector = described("Moment about `about`; in 2D a number, counterclockwise.")
     about: Point
     acts_at: Point | None = described("A point of the line of action; null where the forces have no resultant.")
 
@@ -28,7 +28,7 @@ class AllResultants(Quantity):
     key, kind, scope, stage = "resultants", list[BoundaryResultant], "all", "results"
     terminal = "forces"
     title = (
-        "Forces on the body through each boundary with a support, a load or contact, and the body force; in the plane "
+        "Forces on the body through each boundary with a support, a load or contact, and the body force; in 2D "
         "per unit thickness."
     )
 

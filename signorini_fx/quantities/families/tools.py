@@ -18,9 +18,9 @@ class Tool(Row):
     boundary: str = described("The boundary that it may touch.")
     reference: Vector = described("The point that it turns about, before it moves.")
     displacement: Vector = described("Of that point.")
-    rotation: Number | Vector = described("Radians; in space a vector.")
+    rotation: Number | Vector = described("Radians; in 3D a vector.")
     force: Vector = described("Of the body on the tool.")
-    moment: Number | Vector = described("About that point; in space a vector.")
+    moment: Number | Vector = described("About that point; in 3D a vector.")
     gap_error: Number = described(
         "By how much the gap where the tool ends up differs at most from the linearised one, where it presses, length; "
         "null for bonded boundaries, and for nonlinear bodies, whose gap is that of the place where the tool is."

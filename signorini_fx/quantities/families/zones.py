@@ -22,7 +22,7 @@ _RUNS = "Runs of neighbouring nodes, each from its first to its last point."
 
 
 class ZoneRuns(Row):
-    """Zones on the contact boundary of a body in the plane."""
+    """Zones on the contact boundary of a body in 2D."""
 
     contact: Runs = described(_RUNS)
     stick: Runs = described(_RUNS)
@@ -30,11 +30,11 @@ class ZoneRuns(Row):
 
 
 class Zones(Quantity):
-    """In the plane: from node to node."""
+    """In 2D: from node to node."""
 
     key, kind, stage = "zones", ZoneRuns, "results"
     terminal = "zone"
-    title = "Zones on the contact boundary of a body in the plane."
+    title = "Zones on the contact boundary of a body in 2D."
 
     def value(self, solution: Any) -> Any:
         """See ``Quantity``."""
@@ -61,7 +61,7 @@ class Zones(Quantity):
 
 
 class ZoneAreas(Row):
-    """Areas on the contact boundary of a body in space."""
+    """Areas on the contact boundary of a body in 3D."""
 
     contact: Number
     stick: Number
@@ -69,11 +69,11 @@ class ZoneAreas(Row):
 
 
 class Areas(Quantity):
-    """In space: sums of the weights of nodes."""
+    """In 3D: sums of the weights of nodes."""
 
     key, unit, kind, stage = "areas", "area", ZoneAreas, "results"
     terminal = "area"
-    title = "Areas on the contact boundary of a body in space."
+    title = "Areas on the contact boundary of a body in 3D."
     request = "area BOUNDARY [POWER]"
 
     def value(self, solution: Any) -> Any:
@@ -92,7 +92,7 @@ class Areas(Quantity):
         return lines
 
     def functional(self, model: Model, *words: str) -> Functional | None:
-        """See ``Quantity``: that of the contact, smoothed, in the plane a length."""
+        """See ``Quantity``: that of the contact, smoothed, in 2D a length."""
         from signorini_fx.quantities.differentiable import ContactArea
 
         boundary, *power = words

@@ -1,4 +1,4 @@
-"""The error of a solution and the cost of reducing it: error estimators and the price list.
+"""The error of a solution and the cost of reducing it: error estimators and the convergence table.
 
 This package evaluates solutions on one mesh or on several.  It must not start a solve: ``solving`` decides which mesh
 comes next.

@@ -1,4 +1,4 @@
-"""The contact surface of a body in space in flat pieces, between whose corners nodal values are linear.
+"""The contact surface of a body in 3D in flat pieces, between whose corners nodal values are linear.
 
 A facet of triangles or quadrilaterals of degree 1 is a piece, one of degree 2 is four.  What follows an arc length in
 the plane has a counterpart here that needs no order of the nodes: slopes from piece to piece.
@@ -55,7 +55,7 @@ class ContactSurface:
 
     @classmethod
     def of(cls, table: ContactTable) -> ContactSurface:
-        """The contact surface of a table in space."""
+        """The contact surface of a table in 3D."""
         assert table.facets is not None
         assert table.nodes is not None
         facets = table.facets
@@ -95,7 +95,7 @@ class ContactSurface:
 
     @cached_property
     def outward(self) -> Floats:
-        """Unit vectors in the plane of each piece, across each side and out of the piece, shape (pieces, k, 3)."""
+        """Unit vectors in 2D of each piece, across each side and out of the piece, shape (pieces, k, 3)."""
         across = np.cross(self._edges, self.normal[:, None, :])
         return np.asarray(across / np.linalg.norm(across, axis=2, keepdims=True))
 

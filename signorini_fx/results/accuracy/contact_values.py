@@ -11,7 +11,7 @@ from signorini_fx.results.accuracy.contact_surface import ContactSurface
 
 
 def places(table: ContactTable) -> npt.NDArray[np.float64]:
-    """The positions of the nodes in the plane, length, shape (rows, 2)."""
+    """The positions of the nodes in 2D, length, shape (rows, 2)."""
     return np.column_stack((table.columns["x"], table.columns["y"]))
 
 

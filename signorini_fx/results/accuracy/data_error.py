@@ -28,9 +28,9 @@ from signorini_fx.tuned import SMOOTH_LARGEST, SMOOTH_MEAN
 
 Floats = npt.NDArray[np.float64]
 
-# Quadrature to compare with, by dimension: 31 points along a facet and 100 in a cell; in space 441 and 343.
+# Quadrature to compare with, by dimension: 31 points along a facet and 100 in a cell; in 3D 441 and 343.
 _FACET_DEGREE, _CELL_DEGREE = {2: 60, 3: 40}, {2: 18, 3: 12}
-# Points between two nodes, in the plane and along a side of a piece of the contact surface.
+# Points between two nodes, in 2D and along a side of a piece of the contact surface.
 _POINTS, _POINTS_ALONG = 32, 8
 
 
@@ -39,9 +39,9 @@ class DataError:
     """The errors of the data.
 
     Attributes:
-        forces: error of loads and friction in each owned cell, force (in the plane per thickness), shape (cells,).
+        forces: error of loads and friction in each owned cell, force (in 2D per thickness), shape (cells,).
         squares: squared energy norm of the error of the gap in each owned cell, shape (cells,).
-        total: size of all forces together, force (in the plane per thickness).
+        total: size of all forces together, force (in 2D per thickness).
     """
 
     forces: Floats
@@ -158,7 +158,7 @@ def _between_nodes(model: Model, table: ContactTable) -> tuple[list[Floats], lis
 
 
 def _inside_pieces(model: Model, table: ContactTable, surface: ContactSurface) -> tuple[Floats, Floats]:
-    """In space, inside each piece of the contact surface: the friction that is missed, force, and what the gap misses,
+    """In 3D, inside each piece of the contact surface: the friction that is missed, force, and what the gap misses,
     length^3: its square over a body of the size of the piece, as an energy over Young's modulus.
     """
     c = table.columns

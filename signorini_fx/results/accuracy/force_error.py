@@ -4,7 +4,7 @@ A force is an average: its error decreases like the square of that of the soluti
 pressure counts as well, if it decreases less.  Between two bodies contact mostly ends at edges of one of them: there
 the error of the pressure in L2 hardly decreases on any mesh and says nothing about the force.  But forces change to and
 fro when nodes come into contact, by about as much as the square of the error of the pressure, whatever the changes say.
-On meshes that are divided here and there the change is no error where cells stay as they are: in space, with elements
+On meshes that are divided here and there the change is no error where cells stay as they are: in 3D, with elements
 of degree 1, the error is at least a share of the square of that of the displacement (J. A. Nitsche's argument), unless
 statics determines the force, which then does not change at all.
 """

@@ -1,4 +1,4 @@
-"""Errors and cost of a solution on one mesh, from which price lists are made."""
+"""Errors and cost of a solution on one mesh, from which convergence tables are made."""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ class MeshCost:
 
     Attributes:
         level: its number, the coarsest is 0.
-        h: mean spacing of the contact nodes, length; in space the square root of the mean area that they stand for.
+        h: mean spacing of the contact nodes, length; in 3D the square root of the mean area that they stand for.
         dofs: unknowns.
         linear_solves: linear solves on this mesh.
         factorisations: of them with a new factorisation.

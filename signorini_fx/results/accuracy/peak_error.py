@@ -5,7 +5,7 @@ smaller.  As a change may be small by chance, earlier ones count as well, and so
 largest node, which may be off the top.
 
 At a corner of the body the stress may be singular.  Then the pressure there grows with every refinement, and on some
-mesh it exceeds every other one.  So the corners in contact are followed, too.  In space the largest pressure on the rim
+mesh it exceeds every other one.  So the corners in contact are followed, too.  In 3D the largest pressure on the rim
 of the contact boundary stands for all of them.
 """
 
@@ -164,12 +164,12 @@ def _followed(tables: Sequence[ContactTable]) -> list[_Place]:
 
 
 def corner_rows(table: ContactTable) -> Ints:
-    """The rows in contact at corners of the body in the plane, and at the ends of the contact boundary."""
+    """The rows in contact at corners of the body in 2D, and at the ends of the contact boundary."""
     return np.flatnonzero((_turns(table) > CORNER_ANGLE) & (table.columns["pressure"] > 0))
 
 
 def _turns(table: ContactTable) -> Floats:
-    """How far the boundary turns at each node in the plane, radians; infinite at its ends."""
+    """How far the boundary turns at each node in 2D, radians; infinite at its ends."""
     x, turns = places(table), np.full(len(table.columns["x"]), np.inf)
     for path in table.paths:
         around = np.append(path, path[1]) if is_closed(path) else path
@@ -178,7 +178,7 @@ def _turns(table: ContactTable) -> Floats:
 
 
 def _spacing(table: ContactTable) -> Floats:
-    """The length of the smaller interval beside each node; in space the side of the area that belongs to it."""
+    """The length of the smaller interval beside each node; in 3D the side of the area that belongs to it."""
     if table.facets is not None:
         return np.asarray(np.sqrt(table.columns["weight"]))
     spacing = np.full(len(table.columns["x"]), np.inf)
@@ -190,7 +190,7 @@ def _spacing(table: ContactTable) -> Floats:
 
 
 def _kink(table: ContactTable, row: int) -> float:
-    """How far the pressure at a node is off the line through its neighbours; in space the largest such value."""
+    """How far the pressure at a node is off the line through its neighbours; in 3D the largest such value."""
     pressure = table.columns["pressure"]
     if table.facets is not None:
         surface = ContactSurface.of(table)

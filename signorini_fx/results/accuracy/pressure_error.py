@@ -258,7 +258,7 @@ def _turns_of_curve(table: ContactTable) -> list[float]:
 
 
 def _turns_of_surface(table: ContactTable) -> Floats:
-    """The same in space."""
+    """The same in 3D."""
     surface = ContactSurface.of(table)
     angle, pressed = surface.turns(), (table.columns["pressure"] != 0)[surface.corners].any(axis=1)
     return np.asarray(angle[pressed[:, None] & (angle > STRAIGHT_ANGLE) & (angle <= CORNER_ANGLE)])

@@ -5,7 +5,7 @@ contact nodes); in a later load step also those of the previous step, from which
 from the solver: internal and external forces, prescribed displacements, weights and normals, gap, friction bound and
 slip are evaluated again by ``nodal_forces``, in NumPy.  So faults of the solver show up as follows:
 
-- a displacement that is not the one that the iteration has found (a rotation or a resting place that is left out, an
+- a displacement that is not the one that the iteration has found (a rotation or a reference motion that is left out, an
   interior that is not recovered): ``equilibrium``, ``supports``, or at the contact nodes ``entered`` and the slip;
 - a wrong row of the stiffness matrix, wrong moduli, a wrong load, a load factor: ``equilibrium``;
 - wrong weights or normals: ``equilibrium``, since they turn tractions into forces;
@@ -41,10 +41,10 @@ from signorini_fx.results.certificate.equilibrium import (
     equilibrium,
     share,
 )
+from signorini_fx.results.certificate.law_of_method import UNREGULARISED, Law, PreviousStep, Tractions, overclosures_of
 from signorini_fx.results.certificate.nodal_forces import NodalForces
-from signorini_fx.results.certificate.promised_law import UNREGULARISED, Law, PreviousStep, Tractions, overclosures_of
 from signorini_fx.results.certificate.supports import PrescribedNodes
-from signorini_fx.tuned import ABOVE_THE_MEAN, CERTIFICATE_TOLERANCE, FAINT, LOST_UNITS, NO_FORCE
+from signorini_fx.tuned import ABOVE_THE_MEAN, CERTIFICATE_TOLERANCE, LOST_UNITS, NEGLIGIBLE, NO_FORCE
 
 if TYPE_CHECKING:
     from signorini_fx.mechanics.obstacles.paired_points import PairedSides
@@ -67,7 +67,7 @@ class Certificate:
         supports: largest difference from a prescribed displacement.
         negative_pressure: largest -lambda.
         friction_cone: largest |mu| - F g, or shear that is not tangential, or across a plane of symmetry of two bodies.
-        wrong_way_slip: slip against mu, in space also perpendicular to it, excluded by (2.3e'): the smaller of the slip
+        wrong_way_slip: slip against mu, in 3D also perpendicular to it, excluded by (2.3e'): the smaller of the slip
             and the part of the shear that does not point along it.
         entered: largest tau_N y - d beyond what the law allows for; of points that can move along their normal.
         pressure_at_distance: the complementarity (3.3b): the smaller of pressure and distance; the pressure of a point
@@ -238,7 +238,7 @@ def _faint_forces(
         points = nodes.part(*motion.body.parts)
         stress, lost = (parallel.largest(comm, values[piece[points]]) for values in (mean, penalty))
         area = float(parallel.global_sum(comm, np.array(nodes.weight[points].sum())))
-        forces.append(max(FAINT * stress, lost, NO_FORCE * float(mean.max())) * area)
+        forces.append(max(NEGLIGIBLE * stress, lost, NO_FORCE * float(mean.max())) * area)
     return np.array(forces)
 
 
@@ -311,7 +311,7 @@ def judged(
     reach = max(float(far.max()), float(largest(drawn).max()))
     alone = balance.unloaded(pieces)
     # Where the contact transmits nothing its reactions are round-off of the stress in the body.
-    stress = np.maximum(largest(nodes.felt(supports)), FAINT * mean)
+    stress = np.maximum(largest(nodes.felt(supports)), NEGLIGIBLE * mean)
     moduli, sizes = np.array([(piece_scales.modulus, piece_scales.size) for piece_scales in stiffest]).T
     fineness = largest(np.asarray(1.0 / balance.scales.side(nodes.weight)))
     stress = np.maximum(stress, NO_FORCE * np.where(alone, moduli.max() * reach, moduli * far) * fineness)
@@ -347,7 +347,7 @@ def judged(
     length, stress = np.maximum(length, np.maximum(terms, placed)), np.maximum(stress, penalty)
     stress = np.maximum(stress, NO_FORCE * float(stress.max()))  # round-off of the joint system
     # If everything sticks, all motion is round-off of the displacements that the stresses could cause.
-    still = FAINT * np.array(
+    still = NEGLIGIBLE * np.array(
         [piece_scales.deflection(largest_stress) for piece_scales, largest_stress in zip(scales, stress, strict=True)]
     )
     units = PieceScales(np.maximum(length, still), np.maximum(far, still), stress, penalty)
@@ -359,9 +359,9 @@ def judged(
     at_rest = balance.unloaded_at_rest and reach <= LOST_UNITS * np.finfo(float).eps * places
     left = equilibrium(balance, pieces, y, nodes, units, reach, places=places if at_rest else 0.0)
     unbalanced = left.share
-    for (motion, drive), faint in zip(rigid, _faint_forces(nodes, at[0], mean, penalty, moved), strict=True):
+    for (motion, drive), negligible in zip(rigid, _faint_forces(nodes, at[0], mean, penalty, moved), strict=True):
         resultant = nodes.resultant(motion, nodal_displacements)
-        unbalanced = max(unbalanced, motion.unbalanced(drive, resultant, faint))
+        unbalanced = max(unbalanced, motion.unbalanced(drive, resultant, negligible))
     if balance.displaced and reach > 0:
         figures["placed"] = float(np.finfo(float).eps * places / reach)
     return Certificate(equilibrium=max(unbalanced, volume), unjudged=left.unjudged, lost=left.lost, **figures)

@@ -1,4 +1,4 @@
-"""Polygons that facets of two sides share, and points in them, for the certificates of pairs in space."""
+"""Polygons that facets of two sides share, and points in them, for the certificates of pairs in 3D."""
 
 from __future__ import annotations
 

@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.rigid.rigid_bodies import Drive, RigidBodyMotion
-from signorini_fx.results.certificate.promised_law import Tractions
+from signorini_fx.results.certificate.law_of_method import Tractions
 from signorini_fx.results.certificate.supports import PrescribedNodes
 from signorini_fx.results.certificate.surface_quadrature import SurfaceQuadrature
 from signorini_fx.tuned import SAME_DIRECTION, SAME_PLACE_IN_CELL, ZERO_SUM
@@ -62,7 +62,7 @@ class ContactNodes:
     Attributes:
         evaluation: weights and forces by quadrature.
         nodes: local number of the node at the point.
-        weight: area (in the plane: length) that the point stands for.
+        weight: area (in 2D: length) that the point stands for.
         normal: outward unit normal, or the direction that the scene gives.
         gap: d, length.
         bound: F g of the friction law at the pressure at hand, stress.

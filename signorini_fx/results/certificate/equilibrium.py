@@ -15,7 +15,7 @@ from signorini_fx.results.certificate.contact_nodes import ContactNodes
 from signorini_fx.results.certificate.rigid_part import RigidPart
 from signorini_fx.results.certificate.supports import PrescribedNodes
 from signorini_fx.results.certificate.surface_quadrature import SurfaceQuadrature
-from signorini_fx.tuned import CERTIFICATE_TOLERANCE, FAINT, LOST_UNITS, NO_FORCE, UNITS_OF_PLACES, ZERO_SUM
+from signorini_fx.tuned import CERTIFICATE_TOLERANCE, LOST_UNITS, NEGLIGIBLE, NO_FORCE, UNITS_OF_PLACES, ZERO_SUM
 
 Nodal = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
@@ -195,7 +195,7 @@ def equilibrium(
     acting = [supports.left(loads), supports.left(balance.resisted)]
     residual = balance.internal + balance.resisted - loads
     reacting = np.maximum(pieces.norms(balance.internal), pieces.norms(loads))
-    slight = FAINT * reacting
+    slight = NEGLIGIBLE * reacting
     if nodes is not None:
         reached, contact_forces, area = nodes.forces()
         pressed = np.zeros_like(residual)
@@ -255,7 +255,7 @@ def change_of_volume(balance: Balance, far: float, strain_energy: float) -> floa
         return 0.0
     (residual, volume), comm, scales = balance.dilation, balance.surface.space.mesh.comm, balance.scales
     loads = float(parallel.global_sum(comm, np.linalg.norm(balance.external, axis=1).sum())) / scales.surface
-    strain = max(scales.stress(strain_energy), FAINT * loads) / scales.modulus
+    strain = max(scales.stress(strain_energy), NEGLIGIBLE * loads) / scales.modulus
     spacing = scales.spacing(balance.surface.space.dofmap.index_map.size_global)
     lost = LOST_UNITS * np.finfo(float).eps * far / spacing
     return ratio(_norm(comm, residual) - lost * _norm(comm, volume), strain * _norm(comm, volume))

@@ -1,4 +1,4 @@
-"""The second opinion on distances that supports of both sides of a pair fix, which points beside do not count.
+"""The independent check on distances that supports of both sides of a pair fix, which points beside do not count.
 
 Where a held node of one side has its place on the other, held nodes there have a share of what is there, and as much of
 its distance is fixed; the functions of held nodes carry that on to facets beside.  Of two facets over each other that

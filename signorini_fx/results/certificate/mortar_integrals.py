@@ -1,4 +1,4 @@
-"""The second opinion on the map of a linear pair of bodies: its integrals, evaluated anew.
+"""The independent check on the map of a linear pair of bodies: its integrals, evaluated anew.
 
 Of the solver it takes which directions are across planes of symmetry, which another check tries.  The rest it
 evaluates from the mesh and the problem: normals, who sees whom along which directions, the functions of the points,

@@ -363,7 +363,7 @@ class NodalForces(SurfaceQuadrature):
         """The gradient of nodal displacements with ghosts at points of the reference cell, cells by cells.
 
         Returns:
-            The cells, the gradient, shape (k, k, c, q), in space where it has parts across the mesh, and of the map of
+            The cells, the gradient, shape (k, k, c, q), in 3D where it has parts across the mesh, and of the map of
             the cells its inverse, shape (across, across, c, q), and determinant, shape (c, q).
         """
         turning, table, axes = self.kinematics.third_column, self._table(points), range(self.dimension)

@@ -76,7 +76,7 @@ class Claim:
 
     @property
     def weight(self) -> Array:
-        """Area (in the plane: length) of each point times the measure, shape (n,)."""
+        """Area (in 2D: length) of each point times the measure, shape (n,)."""
         return self.pair.coupling.weight
 
     @property

@@ -1,4 +1,4 @@
-"""The second opinion on the map of a pair of bodies.
+"""The independent check on the map of a pair of bodies.
 
 What the solver claims of a pair are weights, distances, and shares of the nodes of both sides.  At all points
 
@@ -39,7 +39,7 @@ def largest(values: Array) -> float:
 
 def not_held(claim: Claim, held: Array, y: Array) -> float:
     """How far the directions across planes of symmetry are from being held where they are at the nodes of the points,
-    and for each at some node of the other side that a point sees, or at one in the plane that is not farther
+    and for each at some node of the other side that a point sees, or at one in 2D that is not farther
     than a facet from the nearest: beside what supports hold on both sides a point may see none there; collective.
 
     Args:
@@ -94,7 +94,7 @@ def not_integrated(
         held: see ``not_held``.
         taken: facets of other contacts, whose nodes carry no points of this one.
     """
-    known, key = claim.pair.second_opinions, (claim.slave.tobytes(), claim.master.tobytes(), claim.allowed)
+    known, key = claim.pair.independent_checks, (claim.slave.tobytes(), claim.master.tobytes(), claim.allowed)
     if key not in known:
         reach = _usual_reach(claim.space, (claim.slave, claim.master)) if claim.allowed is None else claim.allowed
         known[key] = MortarIntegrals.of(claim, evaluation, reach)

@@ -3,9 +3,9 @@
 Of the mesh it takes facets and positions of nodes, and of the problem how far partners may be apart.  What it does
 otherwise than the solver:
 - functions of facets follow from their nodes by a matrix of powers, and which side is outside from the middle of cells,
-- facets that may see each other are looked for in a tree of the others' middles, in space along lines through them,
-- in the plane places that see the ends of other facets are roots of quadratic equations, of curved facets found by
-  bisection; in space the polygon that two facets share is made of corners of the one inside the other, and of where
+- facets that may see each other are looked for in a tree of the others' middles, in 3D along lines through them,
+- in 2D places that see the ends of other facets are roots of quadratic equations, of curved facets found by
+  bisection; in 3D the polygon that two facets share is made of corners of the one inside the other, and of where
   their edges cross, and each triangle of it has a square of points.
 """
 
@@ -233,7 +233,7 @@ class SideFacets:
 
     @property
     def parts(self) -> Array:
-        """Corners of the linear parts of the reference facet in space, in order around each, shape (p, c, 2)."""
+        """Corners of the linear parts of the reference facet in 3D, in order around each, shape (p, c, 2)."""
         around = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
         around = around[[0, 1, 3]] if self.functions.simplex else around
         if self.functions.degree == 1:
@@ -273,7 +273,7 @@ def partner_points(
     Args:
         sides: slave and master.
         ways: directions in which points see each other, at the nodes of the slave with functions of points, shape (N,
-            d); None: the normals of facets, in space.
+            d); None: the normals of facets, in 3D.
         reach: distance beyond which facets are no partners, length.
         facets: their numbers.
     """
@@ -381,7 +381,7 @@ def _root_nearest_to_middle(square: Array, linear: Array, constant: Array) -> Ar
 
 @dataclass(frozen=True)
 class _Parts:
-    """Linear parts of facets in space, p of them.
+    """Linear parts of facets in 3D, p of them.
 
     Attributes:
         facet: of which, shape (p,).
@@ -419,7 +419,7 @@ class _Parts:
 
 
 def turned_ways(side: SideFacets, ways: Array, normals: Array) -> float:
-    """How far directions are from those in which points see each other at first: from the normals at nodes, or in space
+    """How far directions are from those in which points see each other at first: from the normals at nodes, or in 3D
     from those of facets, as a tangent.
     """
     if side.dimension == 2:
@@ -549,8 +549,8 @@ def _shared_by(
 
 
 def _within(flat: Array, reference: Array, p: Array) -> tuple[Array, Array]:
-    """The places of points of the plane, shape (r, 2), in the reference facet, from the corners of parts in the plane
-    and there, shape (r, c, 2), and the area in the plane of a unit of the reference facet, shape (r,).
+    """The places of points of the plane, shape (r, 2), in the reference facet, from the corners of parts in 2D
+    and there, shape (r, c, 2), and the area in 2D of a unit of the reference facet, shape (r,).
     """
     at = places_in_polygons(flat, p)
     s, t = at[:, :1], at[:, 1:]

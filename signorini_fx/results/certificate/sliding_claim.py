@@ -1,4 +1,4 @@
-"""The second opinion on two sides of the plane that slide on each other, at displaced points, by code of its own.
+"""The independent check on two sides of the plane that slide on each other, at displaced points, by code of its own.
 
 What the solver says of the undeformed sides, as which nodes may carry a point and which supports hold (``HeldSides``),
 areas of nodes and planes of symmetry, is tried by ``undeformed_sides``.  What is done otherwise here:
@@ -102,7 +102,7 @@ def _meeting(nodes: Array, points: Any, rays: Any) -> Array:
 
 
 @dataclass(frozen=True)
-class Chain:
+class BoundaryPolyline:
     """Facets of one side, the same on every rank.
 
     Attributes:
@@ -119,7 +119,9 @@ class Chain:
     measure: Array
 
     @classmethod
-    def of(cls, space: fem.FunctionSpace, facets: npt.NDArray[np.int32], factor: Array | None = None) -> Chain:
+    def of(
+        cls, space: fem.FunctionSpace, facets: npt.NDArray[np.int32], factor: Array | None = None
+    ) -> BoundaryPolyline:
         """Those of all ranks; collective.
 
         Args:
@@ -211,7 +213,7 @@ class Rays:
 
     Attributes:
         facet: of the slave, shape (r,).
-        at: place on it, in [0, 1], shape (r,), in space (r, 2).
+        at: place on it, in [0, 1], shape (r,), in 3D (r, 2).
         over: the facet of the master, shape (r,).
         place: on that, likewise.
         distance: along the ray, length, shape (r,).
@@ -285,7 +287,7 @@ def _breaks(positions: Array, directions: Array, vertices: Array, seen: npt.NDAr
 _TOGETHER = 64
 
 
-def _rays(slave: Chain, x: Array, ways: Array, master: Chain, y: Array, reach: float) -> Rays:
+def _rays(slave: BoundaryPolyline, x: Array, ways: Array, master: BoundaryPolyline, y: Array, reach: float) -> Rays:
     """All pairs of points that see each other along directions at the nodes of the slave, of length one, shape (N, 2);
     the nodes of both sides are at x and y.
     """
@@ -308,7 +310,7 @@ def _rays(slave: Chain, x: Array, ways: Array, master: Chain, y: Array, reach: f
 
 
 def _rays_of(
-    slave: Chain, numbers: Numbers, x: Array, ways: Array, master: Chain, y: Array
+    slave: BoundaryPolyline, numbers: Numbers, x: Array, ways: Array, master: BoundaryPolyline, y: Array
 ) -> tuple[Numbers, Array, Numbers, Array, Array, Array, Array, Array]:
     """Those of some facets of the slave: the facets, the places on them, the facets over these, the places there, how
     far along the rays, the areas, and the distance as vectors, one array for each component.
@@ -450,7 +452,7 @@ class SlidingClaim:
     space: fem.FunctionSpace
     surface: PairSurface
     other_surface: PairSurface
-    chains: tuple[Chain, Chain]
+    chains: tuple[BoundaryPolyline, BoundaryPolyline]
     carriers: Numbers
     unable: npt.NDArray[np.bool_]
     held: HeldSides
@@ -463,7 +465,7 @@ class SlidingClaim:
     nominal: bool = False
     followed: None = None
     displaced: ClassVar[bool] = True
-    kind_of_chain: ClassVar[type[Chain]] = Chain
+    kind_of_chain: ClassVar[type[BoundaryPolyline]] = BoundaryPolyline
 
     @classmethod
     def of(
@@ -477,7 +479,7 @@ class SlidingClaim:
         allowed: float | None,
         memory: PairMemory,
     ) -> Self:
-        """The second opinion on a pair; collective.
+        """The independent check on a pair; collective.
 
         Args:
             space: of the displacement.
@@ -817,8 +819,8 @@ class SlidingClaim:
     def _shares_of(self, rays: Rays, mean: Any, partnered: npt.NDArray[np.bool_]) -> tuple[Any, Any]:
         """D and M, see ``SeenSides``, of functions over areas at rays."""
         slave, master = self.chains
-        lonely = np.flatnonzero(~partnered)
-        entries = np.ones(lonely.size), (lonely, self.carriers[lonely])
+        unpaired = np.flatnonzero(~partnered)
+        entries = np.ones(unpaired.size), (unpaired, self.carriers[unpaired])
         itself = sp.csr_array(entries, shape=(partnered.size, slave.nodes.size))
         sharing = sp.csr_array(mean @ self._at_nodes(slave, rays.facet, rays.at) + itself)
         return sharing, sp.csr_array(mean @ self._at_nodes(master, rays.over, rays.place))
@@ -843,7 +845,7 @@ class SlidingClaim:
         places = slave.facets[rays.facet].ravel(), numbers.ravel()
         return sp.csr_array((values.ravel(), places), shape=(slave.nodes.size, len(values)))
 
-    def _hats(self, places: Array, chain: Chain) -> Array:
+    def _hats(self, places: Array, chain: BoundaryPolyline) -> Array:
         """The functions of the nodes of facets of a side at places, shape (r, k)."""
         return np.asarray(_hats(places, chain.width))
 
@@ -957,7 +959,7 @@ class SlidingClaim:
         nodes = TestedNodes(facets, slave.facets, self.surface.area, sums, unable, shares)
         return taken_functions(nodes), nodes
 
-    def _at_nodes(self, chain: Chain, facets: Numbers, places: Array) -> Any:
+    def _at_nodes(self, chain: BoundaryPolyline, facets: Numbers, places: Array) -> Any:
         """The functions of the nodes of a side at rays, scipy sparse, shape (r, N)."""
         values, nodes = self._hats(places, chain), chain.facets[facets]
         rows = np.broadcast_to(np.arange(len(values))[:, None], values.shape)
@@ -965,12 +967,12 @@ class SlidingClaim:
         return sp.csr_array(entries, shape=(len(values), chain.nodes.size))
 
 
-def _at(chain: Chain, values: Array, facets: Numbers, places: Array) -> Array:
+def _at(chain: BoundaryPolyline, values: Array, facets: Numbers, places: Array) -> Array:
     """Values between those at the nodes of a side, at places on facets."""
     return np.asarray(_combined(_hats(places, chain.width), values[chain.facets[facets]]))
 
 
-def _rings(chain: Chain, facets: Numbers, places: Array, areas: Array) -> Array:
+def _rings(chain: BoundaryPolyline, facets: Numbers, places: Array, areas: Array) -> Array:
     """Integrals of the magnitudes of the functions of the nodes of a side, at places on facets, shape (N,)."""
     sums = np.zeros(chain.nodes.size)
     np.add.at(sums, chain.facets[facets], areas[:, None] * np.abs(_hats(places, chain.width)))

@@ -1,4 +1,4 @@
-"""The second opinion on two sides in space that slide on each other, at displaced points, by code of its own.
+"""The independent check on two sides in 3D that slide on each other, at displaced points, by code of its own.
 
 What the solver says of the undeformed sides is tried by ``undeformed_sides``.  What is done otherwise here:
 - who carries a point, and how points take over functions, is evaluated anew (``taken_functions``),
@@ -36,7 +36,7 @@ from signorini_fx.results.certificate.common_polygons import (
 )
 from signorini_fx.results.certificate.sliding_claim import (
     POINTS_OF_AREAS,
-    Chain,
+    BoundaryPolyline,
     LookedAt,
     Rays,
     SeenSides,
@@ -80,12 +80,12 @@ def _slopes(at: Any, count: int) -> Any:
 
 
 @dataclass(frozen=True)
-class Sheet(Chain):
-    """Facets in space, corners around each so that the body is behind them, see ``Chain``."""
+class Sheet(BoundaryPolyline):
+    """Facets in 3D, corners around each so that the body is behind them, see ``BoundaryPolyline``."""
 
     @classmethod
     def of(cls, space: fem.FunctionSpace, facets: npt.NDArray[np.int32], factor: Array | None = None) -> Sheet:
-        """See ``Chain``."""
+        """See ``BoundaryPolyline``."""
         mesh, dofmap = space.mesh, space.dofmap
         positions, listed = node_positions(space)[:, :3], []
         for cell, number in facet_entities(mesh, facets):
@@ -117,7 +117,7 @@ class Sheet(Chain):
         return np.asarray(_unit(np.cross(first, second)))
 
     def normals(self, x: Array) -> Array:
-        """See ``Chain``, shape (N, 3); not of length one."""
+        """See ``BoundaryPolyline``, shape (N, 3); not of length one."""
         sums, corners = np.zeros_like(x), x[self.facets]
         if self.width == 3:
             np.add.at(sums, self.facets, np.repeat(self.facing_areas(x)[:, None], 3, axis=1))
@@ -138,7 +138,7 @@ class Sheet(Chain):
 
     @property
     def quadratic(self) -> bool:
-        """See ``Chain``."""
+        """See ``BoundaryPolyline``."""
         return False
 
     @cached_property
@@ -148,7 +148,7 @@ class Sheet(Chain):
 
     @cached_property
     def nodal_areas(self) -> Array:
-        """See ``Chain``."""
+        """See ``BoundaryPolyline``."""
         return self._summed_at_nodes(self._tested_areas)
 
     @cached_property
@@ -253,9 +253,9 @@ def _seen_from_facets(
 
 @dataclass(frozen=True)
 class SpaceSlidingClaim(SlidingClaim):
-    """A pair of sides in space as the certificate sees it, see ``SlidingClaim``."""
+    """A pair of sides in 3D as the certificate sees it, see ``SlidingClaim``."""
 
-    kind_of_chain: ClassVar[type[Chain]] = Sheet
+    kind_of_chain: ClassVar[type[BoundaryPolyline]] = Sheet
 
     @cached_property
     def _sheets(self) -> tuple[Sheet, Sheet]:
@@ -418,7 +418,7 @@ class SpaceSlidingClaim(SlidingClaim):
             places, inside = self._place_over(facets, points, along)
         return places, inside
 
-    def _hats(self, places: Array, chain: Chain) -> Array:
+    def _hats(self, places: Array, chain: BoundaryPolyline) -> Array:
         """See ``SlidingClaim``."""
         return np.asarray(_hats(places, chain.width))
 
@@ -484,10 +484,10 @@ class SpaceSlidingClaim(SlidingClaim):
         couples = np.cross(apart, drag) / 2
         acting = np.flatnonzero(couples.any(axis=1))
         rays, of_point = seen.rays, sp.csr_array(seen.shares[acting])
-        seen_from = sp.diags_array(rays.area) @ _incidence(slave.facets[rays.facet], count)
+        projected_onto = sp.diags_array(rays.area) @ _incidence(slave.facets[rays.facet], count)
         for sheet, facets, x, first in ((slave, rays.facet, seen.x, 0), (master, rays.over, seen.y, count)):
             total = sheet.nodes.size
-            arms = sp.csr_array(of_point @ (seen_from.T @ _incidence(sheet.facets[facets], total)))
+            arms = sp.csr_array(of_point @ (projected_onto.T @ _incidence(sheet.facets[facets], total)))
             row, node, share = np.repeat(np.arange(acting.size), np.diff(arms.indptr)), arms.indices, arms.data
             r = x[node] - ((arms @ x) / np.asarray(arms.sum(axis=1)).reshape(-1, 1))[row]
             inertia = np.zeros((acting.size, 3, 3))

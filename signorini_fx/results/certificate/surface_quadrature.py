@@ -46,7 +46,7 @@ class QuadratureFacets:
     Attributes:
         cells: cells of the facets, shape (f,).
         table: shape functions at the points.
-        moment: outward normal times the area (in the plane: length) of the point, shape (f, q, across).
+        moment: outward normal times the area (in 2D: length) of the point, shape (f, q, across).
     """
 
     cells: Indices
@@ -64,7 +64,7 @@ class SurfaceQuadrature:
         space: of the displacement.
         owned: number of nodes that this rank owns.
         dimension: d, of displacements.
-        across: dimension of the cells; less than d of a section in space, which lies in x[2] = 0.
+        across: dimension of the cells; less than d of a section in 3D, which lies in x[2] = 0.
     """
 
     def __init__(self, space: fem.FunctionSpace) -> None:
@@ -106,7 +106,7 @@ class SurfaceQuadrature:
         return self._hats is not None
 
     def moments(self, boundary: Any, factor: Array | None = None) -> Array:
-        """Outward normal times the area (in the plane: length) of each node of a boundary, the integral
+        """Outward normal times the area (in 2D: length) of each node of a boundary, the integral
         of its basis function, shape (owned nodes, d).
 
         Args:

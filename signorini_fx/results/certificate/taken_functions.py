@@ -1,4 +1,5 @@
-"""The second opinion on which nodes of a sliding side carry points, and on how these take over the functions of others.
+"""The independent check on which nodes of a sliding side carry points, and on how these take over the functions of
+others.
 
 The rule is that of the method, evaluated by other means.  A node keeps a portion of its function, by the share of its
 area that sees the other side, and hands the rest to those that it shares a facet with, in proportion to their portions

@@ -1,4 +1,4 @@
-"""The second opinion on what the points of linear pairs leave out of distances that supports fix.
+"""The independent check on what the points of linear pairs leave out of distances that supports fix.
 
 All of it is evaluated anew, from where both sides see each other and one of them can move (``mortar_integrals``):
 places of nodes on the other side, and the distances there.

@@ -1,4 +1,4 @@
-"""The second opinion on what the solver says of two sides that slide before they are deformed.
+"""The independent check on what the solver says of two sides that slide before they are deformed.
 
 Which nodes carry points, which of them other contacts own, where supports hold the sides, planes of symmetry, areas of
 nodes, and how far partners may be apart follow from facets, positions, supports and the other contacts of the problem.
@@ -18,7 +18,7 @@ from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.averages import from_owners
 from signorini_fx.mechanics.assembly.mesh_entities import facet_nodes
 from signorini_fx.results.certificate.mortar_integrals import along_normals
-from signorini_fx.results.certificate.sliding_claim import Chain, SlidingClaim
+from signorini_fx.results.certificate.sliding_claim import BoundaryPolyline, SlidingClaim
 from signorini_fx.results.certificate.supports import PrescribedNodes
 from signorini_fx.tuned import ASKEW_NORMAL, DIGITS_OF_FILES, PARTNERS_REACH, SAME_LENGTH, ZERO_SUM
 
@@ -44,13 +44,13 @@ class UndeformedSide:
         at_rest: which of these to zero, likewise.
     """
 
-    chain: Chain
+    chain: BoundaryPolyline
     loose: Array
     fixed: Flags
     at_rest: Flags
 
     @classmethod
-    def of(cls, claim: SlidingClaim, chain: Chain, held: Array, supports: PrescribedNodes) -> UndeformedSide:
+    def of(cls, claim: SlidingClaim, chain: BoundaryPolyline, held: Array, supports: PrescribedNodes) -> UndeformedSide:
         """That of a chain; collective.
 
         Args:
@@ -89,7 +89,7 @@ class UndeformedSide:
         return np.asarray((chain.measure <= least) | (area <= ZERO_SUM * area.max()))
 
 
-def on_axis(slave: Chain, master: Chain) -> tuple[Flags, Flags, Flags]:
+def on_axis(slave: BoundaryPolyline, master: BoundaryPolyline) -> tuple[Flags, Flags, Flags]:
     """Nodes of the slave on an axis of revolution, where its measure is zero, those of the master, and those that may
     be, as the measure is not known there, shapes (N,), (M,) and (M,).
     """
@@ -139,7 +139,7 @@ def planes_of_symmetry(sides: tuple[UndeformedSide, UndeformedSide], held: tuple
     return across
 
 
-def _reach_around(chain: Chain, axis: int, nodes: npt.NDArray[np.intp]) -> tuple[Array, Array]:
+def _reach_around(chain: BoundaryPolyline, axis: int, nodes: npt.NDArray[np.intp]) -> tuple[Array, Array]:
     """From where to where the facets around some nodes reach from these along an axis, lengths, shapes (n,)."""
     place = chain.x[:, axis]
     lowest, highest = place.copy(), place.copy()

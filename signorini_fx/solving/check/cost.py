@@ -16,7 +16,7 @@ from signorini_fx.mechanics.effects.contact import Contact
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.records import Finding
-from signorini_fx.results.accuracy.next_digit import growth_before, seconds_on_finer
+from signorini_fx.results.accuracy.next_accuracy import growth_before, seconds_on_finer
 from signorini_fx.tuned import (
     BACK_SUBSTITUTION,
     BASE_BYTES,

@@ -65,7 +65,7 @@ def scene_findings(body: Model, *, estimates: bool = True) -> list[Finding]:
         *(_across_bodies(statement) if paired else ()),
         *equilibrium(body),
     ]
-    # Without an estimate it only matters whether anything acts at all; it is that of a beam in the plane or in space.
+    # Without an estimate it only matters whether anything acts at all; it is that of a beam in 2D or in 3D.
     unsolved = estimates
     estimates = estimates and not statement.of(Resistance) and "bending" not in statement.kinematics.refuses
     moduli = [material.natural_modulus for material in statement.material]
@@ -421,14 +421,14 @@ def _displacement_at(body: Model, step: int, young: float) -> float:
         loads = np.reshape(sum(forces, np.zeros(body.fixed.size)), (-1, body.tagged.dimension))
         return float(parallel.global_sum(body.comm, np.linalg.norm(loads, axis=1).sum()))
 
-    force, swelling = total(balanced=False), total(balanced=True)
+    force, pressure_load = total(balanced=False), total(balanced=True)
     x = body.tagged.mesh.geometry.x[:, : body.tagged.dimension].astype(np.float64)
     low, high = parallel.global_bounds(body.comm, x)
-    height, *width = sorted(high - low)[:-1]  # in the plane forces are per width
+    height, *width = sorted(high - low)[:-1]  # in 2D forces are per width
     bent = 4 * force / young / float(np.prod(width)) * float(body.tagged.size / height) ** 3
     # Prevented expansion is a pressure on the whole surface, of at least the area of the outline along its edges.
     size = float(body.tagged.size)
-    return prescribed + bent + swelling / young / body.scales.depth / size ** (body.tagged.dimension - 2)
+    return prescribed + bent + pressure_load / young / body.scales.depth / size ** (body.tagged.dimension - 2)
 
 
 # --- uniqueness, gamma, methods --------------------------------------------------------------------------------------

@@ -24,7 +24,7 @@ from signorini_fx.tuned import FAILED_RAMP, FAILED_STEP
 def attempts_for(statement: Statement) -> tuple[tuple[str, tuple[str, ...], str], ...]:
     """Rows of what is tried for, the attempts in order, and their limit; none without contact.
 
-    Whether contact at the resting place is tried is decided in the solve: it is for bodies that only contact holds.
+    Whether contact at the reference motion is tried is decided in the solve: it is for bodies that only contact holds.
     """
     s, ramp = statement.solver, statement.automatic_steps is not None
     if not statement.contact:

@@ -69,7 +69,7 @@ def _contact_stiffness(model: Model) -> tuple[Nodal, Nodal] | str:
     assert law is not None
     for wrong, reason in (
         # What is an unknown as well the stiffness takes as fixed.
-        *((True, f"not tried where {clause}") for clause in model.statement.sought_at(load_step).values()),
+        *((True, f"not tried where {clause}") for clause in model.statement.depends_on_solution_at(load_step).values()),
         *((True, f"not tried where {clause}") for _, clause in refused_by(model.statement, _DRIVEN)),
         (law.ends_open is not None, "where a point opens, its friction ends with a jump"),
         (bool(law.laws), law.unknown),

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from signorini_fx.algebra.contact.complementarity import Yielding
-from signorini_fx.results.certificate.promised_law import overclosures_of
+from signorini_fx.results.certificate.law_of_method import overclosures_of
 from signorini_fx.solving.iterated_interfaces.protocol import Interface, LoadStepEnd, LoadStepStart
 
 

@@ -90,7 +90,7 @@ class Interface:
         return []
 
     def solve(self, step: LoadStepStart) -> LoadStepEnd:
-        """Solve a load step at a place where an entry answers ``Effect.sought_at``."""
+        """Solve a load step at a place where an entry answers ``Effect.depends_on_solution_at``."""
         raise NotImplementedError
 
     def stored(
@@ -111,7 +111,7 @@ def solve_step(step: LoadStepStart) -> LoadStepEnd:
     statement = step.model.statement
     if not statement.interfaces:
         return step.solved(step.model, step.start)
-    sought = statement.sought_at(step.start.place)
+    sought = statement.depends_on_solution_at(step.start.place)
     seeking = [entry for entry in statement.interfaces if sought.keys() & entry.entries.keys()]
     inner = tuple(sorted(seeking, key=lambda interface: not interface.outer))
     return replace(step, inner=inner).solved(step.model, step.start)

@@ -1,1 +1,1 @@
-"""Scenes of two and three deformable bodies, in the plane and in space, and contact between them."""
+"""Scenes of two and three deformable bodies, in 2D and in 3D, and contact between them."""

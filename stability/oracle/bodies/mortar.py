@@ -1,7 +1,7 @@
 """The contact points between two bodies: integrals over the part of both sides that lies over each other.
 
 The discretisation is the package's, as its guide and docstrings define it; nothing of how it is computed is the same.
-In the plane the ends of facets are found as roots of polynomials; in space the corners of what two polygons share are
+In 2D the ends of facets are found as roots of polynomials; in 3D the corners of what two polygons share are
 those of each within the other, and the points where their sides cross.  Facets are taken one by one.
 """
 
@@ -415,7 +415,7 @@ def _in_plane(slave: Side, facet: int, master: Side, other: int) -> Iterator[Pie
 
 
 def _in_space(slave: Side, facet: int, master: Side, other: int) -> Iterator[Piece]:
-    """In the plane through the middle of each linear part of the slave."""
+    """In 2D through the middle of each linear part of the slave."""
     for part in slave.parts:
         corners = slave.place(facet, part)
         centre, normal = corners.mean(axis=0), _normal(corners)
@@ -488,7 +488,7 @@ def _common(one: Array, two: Array) -> Array:
 
 
 def _back(flat: Array, part: Array, p: Array) -> tuple[Array, Array]:
-    """Where points of the plane are in the reference facet, and the area in the plane of a unit of it."""
+    """Where points of the plane are in the reference facet, and the area in 2D of a unit of it."""
     if len(part) == 3:
         s = np.linalg.solve(np.stack([flat[1] - flat[0], flat[2] - flat[0]], axis=1), (p - flat[0]).T).T
         return part[0] + s @ (part[1:] - part[0]), np.full(len(p), _area(flat) / _area(part))

@@ -1,4 +1,4 @@
-"""The bodies of a scene in the plane as those in space are told: directions that are held, vectors for each node."""
+"""The bodies of a scene in 2D as those in 3D are told: directions that are held, vectors for each node."""
 
 from __future__ import annotations
 

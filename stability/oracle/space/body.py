@@ -1,4 +1,4 @@
-"""The elastic body of a scene in space, assembled anew from its mesh as plain arrays."""
+"""The elastic body of a scene in 3D, assembled anew from its mesh as plain arrays."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Facets:
 
 
 class Body:
-    """Nodes, stiffness, loads and supports of a scene in space (as its TOML says it) on a mesh."""
+    """Nodes, stiffness, loads and supports of a scene in 3D (as its TOML says it) on a mesh."""
 
     def __init__(self, scene: dict[str, Any], mesh: Mesh) -> None:
         self.scene = scene

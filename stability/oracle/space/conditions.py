@@ -1,6 +1,6 @@
 """The conditions that a solution of a contact problem has to meet, point by point, from plain arrays.
 
-Of one body in space, or of several bodies in the plane (d = 2) or in space.
+Of one body in 3D, or of several bodies in 2D (d = 2) or in 3D.
 """
 
 from __future__ import annotations
@@ -330,12 +330,12 @@ def violations(
     stress = max(acting, 1e-3 * body.young * shape / body.size)
     length = max(shape, 1e-3 * stress / body.young * body.size)
     near = TOLERANCE * length + 1e3 * _EPS * (moved + float(np.abs(contact.gap).max())) + round_off(body, step)
-    faint = max(TOLERANCE * stress, noise / float(contact.weight.min()), LEAST)
+    negligible = max(TOLERANCE * stress, noise / float(contact.weight.min()), LEAST)
     if contact.between:  # distances of both sides have the round-off of places
         near += 10 * _EPS * body.size
     # What is added to the slip and the shear of the step before has their round-off.
     near = max(near, 1e3 * _EPS * float(np.abs(origin.u_t).max(initial=0.0)), LEAST)
-    faint = max(faint, 1e3 * _EPS * float(np.abs(origin.shear).max(initial=0.0)))
+    negligible = max(negligible, 1e3 * _EPS * float(np.abs(origin.shear).max(initial=0.0)))
     at = contact.of(u)
     u_n, u_t = (at * contact.normal).sum(axis=1), contact.across(at)
     judged_n, judged_t = judged(body, contact)
@@ -343,26 +343,26 @@ def violations(
     one = ~contact.bilateral & judged_n
     two = contact.bilateral & judged_n
     figures["penetration"] = _most(np.where(two, np.abs(entered), entered)[judged_n]) / near
-    figures["pressure below zero"] = _most(-pressure[one]) / faint
-    figures["pressure at a distance"] = _most(np.minimum(pressure / faint, -entered / near)[one])
-    figures["state of contact"] = _most(pressure[one & (said.state == "open")]) / faint
+    figures["pressure below zero"] = _most(-pressure[one]) / negligible
+    figures["pressure at a distance"] = _most(np.minimum(pressure / negligible, -entered / near)[one])
+    figures["state of contact"] = _most(pressure[one & (said.state == "open")]) / negligible
     bound, sheared = contact.bound(pressure), contact.rounded(shear, -1)
     size = np.linalg.norm(sheared, axis=1)
-    figures["shear along the normal"] = _most(np.abs((shear * contact.normal).sum(axis=1))) / faint
-    figures["friction cone"] = _most((size - bound)[judged_t]) / faint
+    figures["shear along the normal"] = _most(np.abs((shear * contact.normal).sum(axis=1))) / negligible
+    figures["friction cone"] = _most((size - bound)[judged_t]) / negligible
     if not contact.rubs.any():
         return figures
     xi = contact.rounded(u_t - origin.slip_from(compliance[1]), 1)
     xi -= compliance[1] * (sheared - contact.rounded(origin.shear, -1))
     slipped = np.linalg.norm(xi, axis=1)
     # The law as one equation, mu = P(mu + xi) with the projection P onto the disc, in units of what is tolerated.
-    trial = sheared / faint + xi / near
+    trial = sheared / negligible + xi / near
     with np.errstate(over="ignore"):
-        excess = np.maximum(np.linalg.norm(trial, axis=1) / np.maximum(bound / faint, 1e-300), 1.0)
-    figures["law of friction"] = _most(np.linalg.norm(sheared / faint - trial / excess[:, None], axis=1)[judged_t])
+        excess = np.maximum(np.linalg.norm(trial, axis=1) / np.maximum(bound / negligible, 1e-300), 1.0)
+    figures["law of friction"] = _most(np.linalg.norm(sheared / negligible - trial / excess[:, None], axis=1)[judged_t])
     figures["state of stick"] = _most(slipped[(said.state == "stick") & judged_t]) / near
     sliding = (said.state == "slip") & judged_t & (bound > 0)
-    figures["state of slip"] = _most((bound - size)[sliding]) / faint
+    figures["state of slip"] = _most((bound - size)[sliding]) / negligible
     return figures
 
 

@@ -1,4 +1,4 @@
-"""Effects beyond tractions: what they do to a body in space, assembled anew from plain arrays."""
+"""Effects beyond tractions: what they do to a body in 3D, assembled anew from plain arrays."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The verdict on the results of a scene in space or with two bodies, from its text and plain arrays alone."""
+"""The verdict on the results of a scene in 3D or with two bodies, from its text and plain arrays alone."""
 
 from __future__ import annotations
 
@@ -148,12 +148,12 @@ def _promised(body: Body, answer: Answer, number: int, worse: Any) -> tuple[floa
 
 
 def _states(table: Mapping[str, npt.NDArray[Any]]) -> npt.NDArray[np.str_]:
-    """The states without the signs that they have in the plane."""
+    """The states without the signs that they have in 2D."""
     return np.char.rstrip(table["state"].astype(str), "+-")
 
 
 def _vectors(table: Mapping[str, Array], name: str) -> Array:
-    """Tangential vectors, in the plane from components along (-n_2, n_1)."""
+    """Tangential vectors, in 2D from components along (-n_2, n_1)."""
     if "n_z" in table:
         return np.stack([table[f"{name}_{axis}"] for axis in "xyz"], axis=1)
     return np.stack([-table["n_y"], table["n_x"]], axis=1) * table[name][:, None]

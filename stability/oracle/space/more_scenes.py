@@ -1,4 +1,4 @@
-"""Random scenes in space with effects beyond tractions: scenes of ``scenes``, and what acts on them besides."""
+"""Random scenes in 3D with effects beyond tractions: scenes of ``scenes``, and what acts on them besides."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from stability.oracle.units import Units
 def more(seed: int, units: Units | None = None) -> Trial:
     """The scene of a seed with further effects, in its own units or in given ones."""
     kinds = (_orthotropic, _ellipse, _gravity, _temperature, _force, _springs, _cohesion, _shape)
-    return with_more(seed, units, 3, f"effects in space {seed}", trial(FIRST + seed), SIDES, kinds)
+    return with_more(seed, units, 3, f"effects in 3D {seed}", trial(FIRST + seed), SIDES, kinds)
 
 
 def _vector(dice: Dice) -> list[float]:

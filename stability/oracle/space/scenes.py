@@ -1,4 +1,4 @@
-"""Random scenes in space with fixed seeds: bodies, supports, loads, foundations, laws and settings together."""
+"""Random scenes in 3D with fixed seeds: bodies, supports, loads, foundations, laws and settings together."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _LARGEST_QUADRATIC = 60  # cells
 
 @dataclass(frozen=True)
 class _Turn:
-    """How a scene is turned in space."""
+    """How a scene is turned in 3D."""
 
     matrix: Array
 
@@ -49,7 +49,7 @@ def trial(seed: int, units: Units | None = None) -> Trial:
         source, names = {"file": "body.inp"}, {side: side for side in SIDES}
         degree = dice.one_of(1, 1, 2) if len(mesh.cells) <= _LARGEST_QUADRATIC else 1
     tetrahedra = mesh.cells.shape[1] == 4 if mesh is not None else source["parameters"]["cell"] == "tetrahedron"
-    scene: dict[str, Any] = {"title": f"seed {seed}, in space", "mesh": source, "element": {"degree": degree}}
+    scene: dict[str, Any] = {"title": f"seed {seed}, in 3D", "mesh": source, "element": {"degree": degree}}
     scene["material"] = _materials(dice, mesh)
     if any(material["poisson"] >= 0.45 for material in scene["material"]) and dice.chance(0.7):
         scene["element"]["volumetric"] = "auto"

@@ -1,4 +1,4 @@
-"""A mesh in the plane or in space as plain arrays on one rank, the result of reading a file.  No dolfinx here."""
+"""A mesh in 2D or in 3D as plain arrays on one rank, the result of reading a file.  No dolfinx here."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from signorini_fx.tuned import LARGEST_NUMBER
 # A boundary or region is selected by numbers in the cell data of the file, or by a rule, a function of the position.
 Selection = int | tuple[int, ...] | Callable[[Floats], Floats]
 
-# Elements of one and two dimensions; all others are treated as cells of a body in space.
+# Elements of one and two dimensions; all others are treated as cells of a body in 3D.
 _LINES = ("line", "line3", "line4")
 _SURFACES = ("triangle", "triangle6", "triangle7", "quad", "quad8", "quad9")
 
@@ -31,7 +31,7 @@ def plain(values: npt.NDArray[Any]) -> Any:
 
 @dataclass(frozen=True)
 class MeshArrays:
-    """A mesh of one kind of cell in the plane or in space, with the names of its boundaries and regions.
+    """A mesh of one kind of cell in 2D or in 3D, with the names of its boundaries and regions.
 
     Attributes:
         points: positions of the nodes, each of which belongs to a cell, shape (n, d).
@@ -66,7 +66,7 @@ class MeshArrays:
 
     @property
     def dim(self) -> int:
-        """2 in the plane, 3 in space."""
+        """2 in 2D, 3 in 3D."""
         return self.cell.dim
 
     @property
@@ -95,7 +95,7 @@ def from_raw(
 ) -> MeshArrays:
     """The cells of a raw mesh with their exterior facets and all names.
 
-    The mesh is in space if it has cells of three dimensions; otherwise it must be in a plane x[2] = constant.
+    The mesh is in 3D if it has cells of three dimensions; otherwise it must be in a plane x[2] = constant.
 
     Args:
         raw: the mesh as read from its file.
@@ -107,7 +107,7 @@ def from_raw(
         sections: names of sets of the file whose facets inside the body are wanted, too.
 
     Raises:
-        MeshError: there are no cells, or cells of several kinds; they are a surface in space, folded or flat; or a node
+        MeshError: there are no cells, or cells of several kinds; they are a surface in 3D, folded or flat; or a node
             is missing.
         SceneError: a selection is empty.
     """
@@ -289,10 +289,10 @@ def _body(raw: RawMesh, name: str) -> tuple[str, list[int]]:
         if len(nodes) and kind not in (*_LINES, "vertex"):
             sizes[kind] = sizes.get(kind, 0) + len(nodes)
     solid = {kind: n for kind, n in sizes.items() if kind not in _SURFACES and not kind.startswith("polygon")}
-    sizes = solid or sizes  # the surfaces of a body in space are facets
+    sizes = solid or sizes  # the surfaces of a body in 3D are facets
     if not sizes:
         raise MeshError(
-            f"{name}: the mesh has no cells: in gmsh, put the body into a physical group of dimension 2, or 3 in space"
+            f"{name}: the mesh has no cells: in gmsh, put the body into a physical group of dimension 2, or 3 in 3D"
         )
     if len(sizes) > 1 or not {"wedge", "pyramid"}.isdisjoint(kind.rstrip("0123456789") for kind in sizes):
         counts = ", ".join(f"{count} {kind}" for kind, count in sorted(sizes.items()))
@@ -319,7 +319,7 @@ def _points_of(raw: RawMesh, body: list[int], dim: int, name: str) -> tuple[Floa
     if not (np.abs(points) <= LARGEST_NUMBER).all():
         raise MeshError(f"{name}: a node has coordinates that are not finite, or larger than {LARGEST_NUMBER:g}")
     if points.shape[1] < dim:
-        raise MeshError(f"{name}: the cells are those of a body in space, but the nodes have no third coordinate")
+        raise MeshError(f"{name}: the cells are those of a body in 3D, but the nodes have no third coordinate")
     if dim == 2 and points.shape[1] > 2:
         _check_plane(points, name)
     return np.ascontiguousarray(points[:, :dim]), cells if used.all() else renumber[cells], renumber
@@ -338,7 +338,7 @@ def _check_plane(points: Floats, name: str) -> None:
         where = f"it is in one with the normal ({normal}): turn it"
     else:
         where = (
-            "it is a surface in space (a shell); a body in space has tetrahedra or hexahedra: in gmsh, put the volume "
+            "it is a surface in 3D (a shell); a body in 3D has tetrahedra or hexahedra: in gmsh, put the volume "
             "into a physical group of dimension 3"
         )
     raise MeshError(

@@ -40,7 +40,7 @@ def read_file(
     *,
     joined: bool = False,
 ) -> MeshArrays:
-    """A mesh in the plane or in space from a file, the format by its suffix.
+    """A mesh in 2D or in 3D from a file, the format by its suffix.
 
     A drawing (.geo, .step, .stp, .brep) is meshed again, on the true shape; the cells of other meshes are divided, on
     their own curved sides.

@@ -152,7 +152,7 @@ def quality(points: Floats, corners: Ints) -> Floats:
 
     Args:
         points: positions, shape (n, d).
-        corners: corners of each cell in the order of its kind, shape (m, 3 or 4) in the plane, (m, 4 or 8) in space.
+        corners: corners of each cell in the order of its kind, shape (m, 3 or 4) in 2D, (m, 4 or 8) in 3D.
     """
     x = points[corners]
     if points.shape[1] == 3:

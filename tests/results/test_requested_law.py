@@ -6,8 +6,8 @@ from scenes import alone, example1
 
 from signorini_fx.mechanics.statement.settings import Accuracy, SolverSettings
 from signorini_fx.results.certificate.certificate import Certificate
-from signorini_fx.results.certificate.promised_law import Law
-from signorini_fx.results.requested_law import asked_law
+from signorini_fx.results.certificate.law_of_method import Law
+from signorini_fx.results.requested_law import requested_law
 from signorini_fx.results.summary import summary_of
 
 LIMIT, REGULARISED = Law(), Law(1e8, 1e8)
@@ -19,7 +19,7 @@ def judged(laws, left=None, accuracy=None, **settings):
         number: Certificate(law=law, penetration=1e-3 * number, stick_slip=2e-4)
         for number, law in enumerate(laws, start=1)
     }
-    return asked_law(SolverSettings(**settings), certificates, left, raises_gamma=accuracy is not None)
+    return requested_law(SolverSettings(**settings), certificates, left, raises_gamma=accuracy is not None)
 
 
 @pytest.mark.parametrize(

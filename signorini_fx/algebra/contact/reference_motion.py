@@ -20,7 +20,7 @@ from signorini_fx.tuned import CLOSED_GAP, NOTHING_LEFT
 
 
 @dataclass(frozen=True)
-class RestingMotion:
+class ReferenceMotion:
     """A rigid motion, and its components at the contact points.
 
     Attributes:
@@ -38,12 +38,12 @@ class RestingMotion:
         return replace(data, gap=data.gap - self.u_n, slip_origin=data.slip_origin - self.u_t)
 
 
-def resting_place(
+def reference_motion(
     gap: Nodal,
     bilateral: npt.NDArray[np.bool_],
     motions: FreeMotions,
     resultant: npt.NDArray[np.float64],
-) -> RestingMotion | None:
+) -> ReferenceMotion | None:
     """Where the load moves the rigid body; None if nothing stops it without friction, or if supports hold it;
     collective.
 
@@ -68,7 +68,7 @@ def resting_place(
     u_n, u_t = motions.normal @ motion, motions.tangential @ motion
     # A motion along the normals has no tangential part except for round-off.
     still = parallel.largest(comm, np.abs(u_t)) <= 1e-12 * float(np.abs(motion).max())
-    return RestingMotion(motion, u_n, np.zeros_like(u_t) if still else u_t)
+    return ReferenceMotion(motion, u_n, np.zeros_like(u_t) if still else u_t)
 
 
 def _rest_of(

@@ -1,4 +1,4 @@
-"""The price list of a nested solve: estimates against a reference solution, and the arithmetic behind them."""
+"""The convergence table of a nested solve: estimates against a reference solution, and the arithmetic behind them."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -10,7 +10,7 @@ from scenes import alone, example1
 
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable
 from signorini_fx.mechanics.statement.settings import Accuracy
-from signorini_fx.results.accuracy import price_list as prices
+from signorini_fx.results.accuracy import convergence_table as prices
 from signorini_fx.results.accuracy.force_error import force_error
 from signorini_fx.results.accuracy.forecast import seconds_to_come
 from signorini_fx.results.accuracy.pressure_error import interval_squares, pressure_square
@@ -70,7 +70,7 @@ def test_error_of_a_force(paired):
     [(3, 1, 1e-4, 0.12 * 0.1**2), (3, 2, 1e-4, None), (2, 1, 1e-4, None), (3, 1, 0.0, None)],
 )
 def test_error_of_a_force_on_meshes_that_are_divided_here_and_there(dimension, degree, change, expected):
-    """In space it is at least a share of the squared error of the displacement, where no statics determine it."""
+    """In 3D it is at least a share of the squared error of the displacement, where no statics determine it."""
 
     def level(force, energy):
         about = {"force": np.array([0.0, force]), "energy": energy, "inside": energy, "h": energy, "data": 0.0}
@@ -109,7 +109,7 @@ def nested(request):
 @pytest.mark.slow
 def test_one_row_a_mesh_and_one_for_the_next(nested):
     """Meshes of doubling fineness, few solves on the finest, the next one marked as predicted."""
-    rows = nested[0].price_list
+    rows = nested[0].convergence_table
     assert [row.level for row in rows] == [0, 1, 2, 3, 4]
     assert [row.predicted for row in rows] == [False] * 4 + [True]
     assert [row.dofs for row in rows[:4]] == [2 * (15 * k + 1) * (5 * k + 1) for k in (1, 2, 4, 8)]
@@ -123,7 +123,7 @@ def test_effectivity_of_the_pressure(nested):
     """Estimated over true error of the contact pressure between 1/2 and 2 on three meshes."""
     solution, reference, _ = nested
     fine = reference.table.columns
-    for level, row in zip(solution.levels[1:], solution.price_list[1:], strict=False):
+    for level, row in zip(solution.levels[1:], solution.convergence_table[1:], strict=False):
         coarse = level.table.columns
         difference = np.interp(fine["s"], coarse["s"], coarse["pressure"]) - fine["pressure"]
         true = np.sqrt(np.dot(fine["weight"], difference**2) / np.dot(fine["weight"], fine["pressure"] ** 2))
@@ -179,21 +179,21 @@ def test_meshes_divided_in_some_places(of):
     known, largest = zone_ends(fine), fine.columns["pressure"].max()
     solution = alone(scene.model_copy(update={"accuracy": Accuracy(target=0.02, of=of)}))
     assert len(solution.levels) > 2
-    for level, row in zip(solution.levels[1:], solution.price_list[1:], strict=False):
+    for level, row in zip(solution.levels[1:], solution.convergence_table[1:], strict=False):
         ends = zone_ends(level.table)
         assert np.abs(np.subtract(ends, known)).max() / (known[1] - known[0]) <= row.zone
         assert row.peak is None or abs(level.table.columns["pressure"].max() / largest - 1) / 2 <= row.peak < 0.02
-    assert solution.price_list[-2].peak is not None
-    assert solution.price_list[0].peak is None  # nothing to compare it with
-    unknown = any(row.peak is None for row in solution.price_list[1:-1])
-    assert ("no finer where it is" in prices.render(list(solution.price_list))) == unknown
+    assert solution.convergence_table[-2].peak is not None
+    assert solution.convergence_table[0].peak is None  # nothing to compare it with
+    unknown = any(row.peak is None for row in solution.convergence_table[1:-1])
+    assert ("no finer where it is" in prices.render(list(solution.convergence_table))) == unknown
 
 
 def test_data_that_every_mesh_misses():
     """No difference between meshes shows it: it counts on each of them, also where the last one tells the error."""
     levels = alone(example1(bound=1.5, gamma="auto", nx=120, ny=40, levels=3)).levels
-    without = prices.price_list([replace(level, data=0.0) for level in levels], 0.0)
-    rows = prices.price_list([replace(level, data=0.2) for level in levels], 0.0)
+    without = prices.convergence_table([replace(level, data=0.0) for level in levels], 0.0)
+    rows = prices.convergence_table([replace(level, data=0.2) for level in levels], 0.0)
     assert without[1].peak < 0.01
     assert [row.peak is None for row in rows] == [True, False, False, False]
     assert all(row.peak >= 0.2 for row in rows[1:3])
@@ -210,7 +210,7 @@ def test_largest_pressure_where_cells_are_small_there_only():
 
 
 def row_of(dofs, seconds, memory):
-    """A row of the price list as far as its prediction looks at it."""
+    """A row of the convergence table as far as its prediction looks at it."""
     errors = dict.fromkeys(("energy", "pressure", "force", "zone", "peak"), 1e-2)
     effort = {"linear_solves": 2, "factorisations": 1, "seconds": seconds, "memory": memory}
     return prices.Price(level=0, h=1.0, dofs=dofs, **effort, **errors, regularisation=0.0, iteration=0.0)
@@ -258,7 +258,7 @@ def test_regularisation_part(nested):
 
 def test_equilibrium_leaves_no_error_of_the_force(nested):
     """The contact force balances the load on every mesh, and the list knows it."""
-    assert all(row.force < 1e-9 for row in nested[0].price_list[1:])
+    assert all(row.force < 1e-9 for row in nested[0].convergence_table[1:])
 
 
 @pytest.mark.parametrize("a", [0.1, 0.3, 0.45])
@@ -282,7 +282,7 @@ def test_pressure_error_at_a_corner(a):
 
 
 def test_seconds_of_the_meshes_to_come():
-    """As the next row of the price list tells, mesh by mesh; with one mesh all of its time grows."""
+    """As the next row of the convergence table tells, mesh by mesh; with one mesh all of its time grows."""
     solved = [(dofs, 0.1 + 1e-6 * dofs**1.2) for dofs in (10_000, 40_000)]
     wanted = [0.1 + 1e-6 * dofs**1.2 for dofs in (160_000, 640_000)]
     never = float("inf")
@@ -311,7 +311,7 @@ def test_largest_pressure_from_few_nodes(zone, force):
     true = alone(parse_scene(reference)).table.columns["pressure"].max()
     parameters["contact_size"] = 0.3
     solution = alone(parse_scene(table | {"accuracy": {"target": 0.01, "of": "peak"}}))
-    rows = solution.price_list[:-1]
+    rows = solution.convergence_table[:-1]
     error = abs(solution.table.columns["pressure"].max() - true) / true
     assert solution.converged
     assert error <= 2.5 * rows[-1].peak

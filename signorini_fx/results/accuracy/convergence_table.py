@@ -1,4 +1,5 @@
-"""The price list: one row for each mesh of a nested iteration, with its errors and its cost, and one for the next.
+"""The convergence table: one row for each mesh of a nested iteration, with its errors and its cost, and one for the
+next.
 
 It needs no solves beyond those of the nested iteration.  The error of the displacement in the energy norm is estimated
 on every mesh by stress recovery, that of the contact pressure by its kinks at the nodes; errors of contact force, zone
@@ -43,13 +44,14 @@ from signorini_fx.tuned import (
 
 @dataclass(frozen=True)
 class Price(MeshCost):
-    """One row of the price list: ``MeshCost`` and errors; each is relative, None where it cannot be estimated yet.
+    """One row of the convergence table: ``MeshCost`` and errors; each is relative, None where it cannot be estimated
+    yet.
 
     Attributes:
         energy: error of the displacement, energy norm.
         pressure: error of the contact pressure, L2(Gamma_c).
         force: error of contact and friction force.
-        zone: error of the ends of the contact zones, relative to their length; in space of the contact area.
+        zone: error of the ends of the contact zones, relative to their length; in 3D of the contact area.
         peak: error of the largest pressure.
         regularisation: the part of ``energy`` due to gamma.
         iteration: the part due to the iteration.
@@ -100,7 +102,7 @@ def expected_rates(degree: int) -> dict[str, float]:
     return {name: max(rate, degree) for name, rate in EXPECTED_RATES.items()}
 
 
-def price_list(
+def convergence_table(
     levels: list[LevelResult],
     base_memory: float,
     *,
@@ -126,7 +128,7 @@ def price_list(
             errors = {
                 name: _error(rates[name], [c[name] for c in changes[:index]], fineness) for name in ("pressure", "zone")
             }
-            # In space and between two bodies a single change was seen to mislead.
+            # In 3D and between two bodies a single change was seen to mislead.
             enough = index > 1 or not (level.dimension == 3 or level.paired)
             errors["force"] = force_error(levels[: index + 1], uniform=uniform) if enough else None
             errors["peak"] = error = peak_error([level.table for level in levels[: index + 1]])
@@ -185,7 +187,7 @@ def _changes(coarse: LevelResult, fine: LevelResult) -> dict[str, float | None]:
 
 
 def zone_change(coarse: ContactTable, fine: ContactTable) -> float | None:
-    """Change of the ends of the contact zones, relative to their length; in space that of their area."""
+    """Change of the ends of the contact zones, relative to their length; in 3D that of their area."""
     if fine.facets is not None:
         coarse_area, fine_area = (
             float(np.sum(table.columns["weight"][table.columns["pressure"] > 0])) for table in (coarse, fine)
@@ -199,7 +201,7 @@ def zone_change(coarse: ContactTable, fine: ContactTable) -> float | None:
 
 
 def border_of(table: ContactTable) -> float | None:
-    """In space: half of the pieces that are pressed at some corners only, relative to the contact area.
+    """In 3D: half of the pieces that are pressed at some corners only, relative to the contact area.
 
     The contact ends within them, and nodes count about half of them.  The change of the area from mesh to mesh says
     less: it is zero where no node changes.
@@ -211,7 +213,7 @@ def border_of(table: ContactTable) -> float | None:
 
 
 def ends_of_zones(table: ContactTable) -> float | None:
-    """In the plane: the longest interval in which the contact ends, relative to its length; None if it has no ends."""
+    """In 2D: the longest interval in which the contact ends, relative to its length; None if it has no ends."""
     length = longest = 0.0
     for _, s, _, start, stop in _zones(table):
         length += s[stop] - s[start]
@@ -327,7 +329,7 @@ def predict(
 
 
 def render(rows: list[Price]) -> str:
-    """The price list for a terminal."""
+    """The convergence table for a terminal."""
 
     def number(value: float | None) -> str:
         return "        -" if value is None else f"{value:9.1e}"

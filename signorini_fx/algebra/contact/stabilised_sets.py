@@ -59,7 +59,7 @@ def hold(
     leaving = escaping()
     if leaving is not None:
         return following, leaving, False
-    # In space a slipping node, too, resists a change of its direction of slip.
+    # In 3D a slipping node, too, resists a change of its direction of slip.
     unresisted = motions.unheld(following.contact, _stick(following, data), following.turned)
     if not unresisted.any():
         return following, None, False
@@ -91,7 +91,7 @@ def hold(
 
 
 def holds(sets: ActiveSets, data: RegularisedData, motions: FreeMotions) -> bool:
-    """Whether sets resist every rigid motion, in space also by slip in another direction; collective."""
+    """Whether sets resist every rigid motion, in 3D also by slip in another direction; collective."""
     return motions.held_by(sets.contact, _stick(sets, data), sets.turned)
 
 

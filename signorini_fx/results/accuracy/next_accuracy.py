@@ -1,9 +1,9 @@
-"""What the next digit would cost: error and seconds of what was solved, and a forecast for an error so much smaller.
+"""What the next accuracy would cost: error and seconds of what was solved, and a forecast for an error so much smaller.
 
-From several meshes it follows from the price list.  From a single one the error of the stress is split in two: that of
-the few cells with much more of it than the others decreases like the error at a corner of the body, the rest with the
-degree of the elements.  The forecast is for cells that are smaller everywhere by the same factor; of meshes that are
-divided where the error is, for more of them.
+From several meshes it follows from the convergence table.  From a single one the error of the stress is split in two:
+that of the few cells with much more of it than the others decreases like the error at a corner of the body, the rest
+with the degree of the elements.  The forecast is for cells that are smaller everywhere by the same factor; of meshes
+that are divided where the error is, for more of them.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from mpi4py import MPI
 
 from signorini_fx.machine import parallel
 from signorini_fx.machine.display import duration
+from signorini_fx.results.accuracy.convergence_table import Price, fineness_of
 from signorini_fx.results.accuracy.forecast import grown, powers
-from signorini_fx.results.accuracy.price_list import Price, fineness_of
 from signorini_fx.tuned import (
     CORNER_EXPONENTS,
     CROWDED,
@@ -50,7 +50,8 @@ class CostOfAccuracy:
     """What an accuracy took, and what a better one would take.
 
     Attributes:
-        of: the error that it is about, a column of the price list; ``energy`` is that of stress and displacement.
+        of: the error that it is about, a column of the convergence table; ``energy`` is that of stress and
+            displacement.
         error: estimated, relative, of what was solved.
         seconds: wall time of that, all meshes together.
         dofs: unknowns of the last mesh.
@@ -209,7 +210,7 @@ def from_one_mesh(
 
 
 def growth_before(degree: int, dimension: int) -> tuple[float, float]:
-    """How many times the unknowns the next digit takes, from and to, where nothing is known of the solution."""
+    """How many times the unknowns the next accuracy takes, from and to, where nothing is known of the solution."""
     finer = (finer_for(NEXT_ERROR[dimension], share, degree, CORNER_EXPONENTS[1]) for share in (0.0, 1.0))
     low, high = (factor**dimension for factor in finer)
     return low, high
@@ -218,7 +219,7 @@ def growth_before(degree: int, dimension: int) -> tuple[float, float]:
 def from_prices(
     prices: Sequence[Price], dimension: int, degree: int, krylov_from: float, asked: str | None = None
 ) -> CostOfAccuracy | str:
-    """From the price list; or why it says nothing.
+    """From the convergence table; or why it says nothing.
 
     Args:
         prices: at least two solved meshes, and the next one.
