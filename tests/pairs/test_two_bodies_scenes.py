@@ -3,6 +3,7 @@
 import json
 import re
 import sys
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -440,6 +441,54 @@ def test_where_points_are(changes, side):
     found = prepare(scene.statement, load_mesh(scene, MPI.COMM_SELF), Timings()).statement.contact[0]
     assert found.boundary == side
     assert found.against == {"upper": "lower", "lower": "upper"}[side]
+
+
+NARROW_ON_WIDE = """
+[[body]]
+name = "block"
+shift = [3.0, 0.0]
+mesh = { generator = "rectangle", parameters = { length = 4.0, height = 2.0, nx = 8, ny = 4 } }
+
+[[body]]
+name = "base"
+shift = [0.0, -2.0]
+mesh = { generator = "rectangle", parameters = { length = 10.0, height = 2.0, nx = 20, ny = 4 } }
+
+[material]
+law = "neo-hooke"
+young = 1000.0
+poisson = 0.3
+
+[[displacement]]
+boundary = "base.bottom"
+x = 0.0
+y = 0.0
+
+[[displacement]]
+boundary = "block.top"
+y = -0.1
+
+[[displacement]]
+boundary = "block.top"
+x = 1.5
+factors = [0.0, 0.5, 1.0]
+
+[[contact]]
+boundary = "base.top"
+against = "block.bottom"
+friction = { law = "coulomb", coefficient = 0.3 }
+
+[load_steps]
+names = ["press", "half", "slid"]
+"""
+
+
+def test_the_side_that_ends_carries_the_points():
+    """A narrow rubber block slides on a wide one with its corners in contact: no increment is halved."""
+    solution = solve(parse_scene(tomllib.loads(NARROW_ON_WIDE)))
+    assert solution.converged
+    assert len(solution.steps) == 3
+    assert set(solution.table.columns["boundary"]) == {"block.bottom"}
 
 
 @pytest.mark.slow

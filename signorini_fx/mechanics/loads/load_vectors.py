@@ -56,7 +56,7 @@ class AppliedLoad:
         balanced: whether its forces balance each other in each cell, as those of initial strains do.
         entry: the entry of the scene that it is of alone; None: of several.
         amount: what multiplies it in place of factors, at a place in the lists of these; None: factors do.
-        pressure_load: of an initial strain its work at the owned unknowns of a pressure, volumes; None: its forces say it.
+        pressure_load: the work of an initial strain at the owned unknowns of a pressure, volumes; None: forces say it.
     """
 
     factors: tuple[float, ...]

@@ -1,7 +1,9 @@
-"""Which side of a contact of two bodies carries the contact points: the softer one, of equally soft ones the finer one.
+"""Which side of a contact of two bodies carries the contact points.
 
-The multipliers of a mortar method live on one side.  On the finer or softer one they resolve what the other side can
-follow; on a much stiffer one the error is larger and Krylov methods converge slowly.
+It is the softer one; of equally soft ones the one that lies on the other wholly, else the finer one.  The multipliers
+of a mortar method live on one side.  On the finer or softer one they resolve what the other side can follow; on a much
+stiffer one the error is larger and Krylov methods converge slowly.  Where a narrow side slides on a wide one, points on
+the wide side lose their partners one by one at its ends, and the iteration needs many more solves.
 """
 
 from __future__ import annotations
@@ -13,6 +15,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
+from scipy.spatial import cKDTree
 
 from signorini_fx.errors import SceneError
 from signorini_fx.machine import parallel
@@ -32,11 +35,13 @@ class SideFigures:
         name: of the boundary.
         stiffness: the mean shear modulus behind its facets, stress.
         size: the mean extent of its facets, length.
+        vertices: of its facets, shape (n, 3), length.
     """
 
     name: str
     stiffness: float
     size: float
+    vertices: npt.NDArray[np.float64]
 
     @classmethod
     def of(cls, name: str, tagged: TaggedMesh, shear_modulus: Any) -> SideFigures:
@@ -53,16 +58,27 @@ class SideFigures:
             stiffness = shear_modulus.x.array[shear_modulus.function_space.dofmap.list[cells, 0]]
         else:
             stiffness = np.full(len(facets), float(shear_modulus.value))
-        extent = np.linalg.norm(np.ptp(facet_vertices(mesh, facets), axis=1), axis=1)
+        corners = facet_vertices(mesh, facets)
+        extent = np.linalg.norm(np.ptp(corners, axis=1), axis=1)
         sums = parallel.global_sum(mesh.comm, np.array([len(facets), stiffness.sum(), extent.sum()]))
-        return cls(name, float(sums[1] / sums[0]), float(sums[2] / sums[0]))
+        vertices = parallel.gather_rows(mesh.comm, corners.reshape(-1, corners.shape[2]))
+        return cls(name, float(sums[1] / sums[0]), float(sums[2] / sums[0]), vertices)
 
     def better(self, opposite: SideFigures) -> str | None:
-        """Why this side should rather carry the points: it is softer, or as soft and finer; None: it should not."""
+        """Why this side should rather carry the points; None: it should not."""
         softer, finer = opposite.stiffness / self.stiffness, opposite.size / self.size
         if softer > STIFFER_BODY:
             return f"{softer:.2g} times softer"
-        return f"{finer:.2g} times finer" if softer > 1 / STIFFER_BODY and finer > COARSER_FACETS else None
+        if softer < 1 / STIFFER_BODY:
+            return None
+        if (within := self._lies_on(opposite)) != opposite._lies_on(self):
+            return "smaller" if within else None
+        return f"{finer:.2g} times finer" if finer > COARSER_FACETS else None
+
+    def _lies_on(self, opposite: SideFigures) -> bool:
+        """Whether all of this side is within a facet of the other one."""
+        distance, _ = cKDTree(opposite.vertices).query(self.vertices)
+        return bool(np.all(distance <= max(self.size, opposite.size)))
 
 
 def with_chosen_sides(statement: Statement, tagged: TaggedMesh, facets: Facets, shear_modulus: Any) -> Statement:
