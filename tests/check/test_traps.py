@@ -308,6 +308,13 @@ def test_a_direction_that_leads_into_the_body(direction, opposite):
     assert found is None or f"direction = {opposite} is the opposite" in found
 
 
+@pytest.mark.parametrize(("normal", "warns"), [([0.0, -1.0], True), ([0.0, 1.0], False), ([0.5, 1.0], False)])
+def test_a_plane_that_faces_away(normal, warns):
+    """Nothing would be in contact, as the body is behind the plane's back."""
+    plane = {"boundary": "bottom", "foundation": {"shape": "plane", "point": [0.0, 0.0], "normal": normal}}
+    assert ("contact[0].foundation" in warned(check(tall(contact=plane)).findings)) == warns
+
+
 @pytest.mark.parametrize(
     ("direction", "said"), [([1.0, 0.0], "along"), ([0.0, 1.0], "into the body"), ([0.1, -1.0], "")]
 )

@@ -271,11 +271,19 @@ def _inwards(body: Model) -> list[Finding]:
     findings = []
     mesh, dim = body.tagged.mesh, body.tagged.dimension
     for index, effect in enumerate(body.statement.contact):
-        if effect.direction is None:
+        if effect.direction is None and effect.surface is None:
             continue
         facets = body.tagged.facets(effect.boundary)
         cells = dmesh.compute_midpoints(mesh, dim, facet_entities(mesh, facets)[:, 0])
-        outwards = (dmesh.compute_midpoints(mesh, dim - 1, facets) - cells)[:, :dim] @ np.array(effect.direction)
+        middles = dmesh.compute_midpoints(mesh, dim - 1, facets)
+        if effect.direction is None:
+            _, normals = effect.surface.distance(middles[:, :dim])
+            facing = np.any(np.einsum("id,id->i", (middles - cells)[:, :dim], normals) < 0)
+            if not parallel.any_rank(body.comm, bool(facing)):
+                message = "no facet faces it: its normals must lead towards the body, so turn it round"
+                findings.append(Finding("warning", f"contact[{index}].foundation", message))
+            continue
+        outwards = (middles - cells)[:, :dim] @ np.array(effect.direction)
         inwards, total = parallel.global_sum(body.comm, np.array([np.count_nonzero(outwards < 0), outwards.size]))
         if 2 * inwards > total:
             turned = ", ".join(f"{-component + 0.0:g}" for component in effect.direction)
