@@ -69,16 +69,16 @@ paper:      ## recompute the tables and figures of the paper (results/paper)
 	./env python3 demos/paper.py
 
 bench:      ## measure time and memory (results/bench)
-	./env python3 bench/run.py
+	./env python3 benchmarks/costs/run.py
 
 stability:  ## try to make the solver fail, and report the results (results/stability)
-	./env python3 -m stability
+	./env python3 -m benchmarks.stability
 
 oracle:     ## check 5,000 random scenes with a program that shares no code with the package (results/oracle, half an hour)
-	./env python3 -m stability.oracle --jobs 2
+	./env python3 -m benchmarks.stability.oracle --jobs 2
 
 mutants-drawn: $(COSMIC_RAY)  ## put mistakes drawn by cosmic-ray on the lines that changed since SINCE, and print those that no test notices
-	git diff -U0 $(SINCE) -- signorini_fx | ./env python3 -m stability.drawn
+	git diff -U0 $(SINCE) -- signorini_fx | ./env python3 -m benchmarks.stability.drawn
 
 docs: $(SPHINX)  ## build README, docs/, demos and docstrings as a site; warnings are errors (build/docs/docs/index.html)
 	$(SPHINX)/bin/python -m sphinx -q -E -n -W --keep-going -c docs . build/docs

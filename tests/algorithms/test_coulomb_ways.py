@@ -8,6 +8,8 @@ import pytest
 from mpi4py import MPI
 from scenes import alone, example1
 
+from benchmarks.stability.friction import STIFFNESS
+from benchmarks.stability.shapes import triangle
 from signorini_fx import solve
 from signorini_fx.algebra import attempts
 from signorini_fx.algebra.algorithms import augmented_fall_back, strategy
@@ -17,8 +19,6 @@ from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.solving.solve_on_mesh import contact_task
 from signorini_fx.tuned import CERTIFICATE_TOLERANCE, PROBLEMS_PER_STEP
-from stability.friction import STIFFNESS
-from stability.shapes import triangle
 
 METHODS = ("ssn", "alm")
 WAYS = ("auto", "fp", "newton")

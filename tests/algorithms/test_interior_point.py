@@ -6,6 +6,8 @@ from mpi4py import MPI
 from scenes import alone, energy, example1
 from test_fall_backs import fall_backs_of, flat, jumping, same
 
+from benchmarks.stability.oracle.judge import RIGHT
+from benchmarks.stability.oracle.worker import TRIAL, examined, same_units
 from signorini_fx.algebra import attempts
 from signorini_fx.algebra.algorithms import fall_backs
 from signorini_fx.algebra.algorithms.interior_point import interior_point
@@ -15,8 +17,6 @@ from signorini_fx.records import History, Status, Timings
 from signorini_fx.scenes import solver
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.solving.solve_on_mesh import contact_task
-from stability.oracle.judge import RIGHT
-from stability.oracle.worker import TRIAL, examined, same_units
 
 
 @pytest.fixture

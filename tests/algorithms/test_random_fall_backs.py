@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import pytest
 
+from benchmarks.stability.oracle.judge import RIGHT
+from benchmarks.stability.oracle.package import solution_of
+from benchmarks.stability.oracle.space import scenes as space
+from benchmarks.stability.oracle.units import same
+from benchmarks.stability.oracle.worker import examined
 from signorini_fx.algebra.attempts import REGULARISED
-from stability.oracle.judge import RIGHT
-from stability.oracle.package import solution_of
-from stability.oracle.space import scenes as space
-from stability.oracle.units import same
-from stability.oracle.worker import examined
 
 
 def by(algorithm, seed):

@@ -27,12 +27,12 @@ from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
-from stability.oracle import convex
-from stability.oracle.judge import FAILURES, RIGHT
-from stability.oracle.package import answer_of, solution_of
-from stability.oracle.scenes import Trial
-from stability.oracle.space.judge import judge
-from stability.oracle.units import same
+from benchmarks.stability.oracle import convex
+from benchmarks.stability.oracle.judge import FAILURES, RIGHT
+from benchmarks.stability.oracle.package import answer_of, solution_of
+from benchmarks.stability.oracle.scenes import Trial
+from benchmarks.stability.oracle.space.judge import judge
+from benchmarks.stability.oracle.units import same
 
 COMM = MPI.COMM_WORLD
 F1, F2 = 0.4, 0.15

@@ -12,7 +12,7 @@ from signorini_fx import solve
 from signorini_fx.scenes.reading import parse_scene
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
-from stability.fronts import SAME, Differences, RandomProblem, compared, iterations, numbers_in
+from benchmarks.stability.fronts import SAME, Differences, RandomProblem, compared, iterations, numbers_in
 
 
 @pytest.mark.mpi
@@ -51,7 +51,7 @@ def test_numbers_are_found_in_quantities():
 
 @pytest.mark.long
 def test_two_hundred_problems():
-    """That of ``python3 -m stability.fronts 200``."""
+    """That of ``python3 -m benchmarks.stability.fronts 200``."""
     assert {seed: found for seed in range(200) if (found := compared(RandomProblem.drawn(seed))[1])} == {}
 
 

@@ -7,7 +7,7 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
-from stability import curved_tools
+from benchmarks.stability import curved_tools
 
 CASES = {case.name: case for case in curved_tools.cases()}
 

@@ -15,7 +15,7 @@ from signorini_fx.scenes.reading import parse_scene
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
-from stability.nonlinear_scenes import Judge, RandomScene, Step, gathered
+from benchmarks.stability.nonlinear_scenes import Judge, RandomScene, Step, gathered
 
 COMM = MPI.COMM_SELF
 LAST_DIGITS = (

@@ -14,7 +14,7 @@ from signorini_fx.records import Status
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
-from stability.nonlinear_bodies import Judge, RandomBody, posed, tried
+from benchmarks.stability.nonlinear_bodies import Judge, RandomBody, posed, tried
 
 DRAWN = [RandomBody.drawn(seed) for seed in range(300)]
 

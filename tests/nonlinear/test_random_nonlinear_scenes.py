@@ -13,7 +13,7 @@ from signorini_fx.scenes.reading import parse_scene
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
-from stability.nonlinear_scenes import RandomScene, judged, tried
+from benchmarks.stability.nonlinear_scenes import RandomScene, judged, tried
 
 
 @pytest.mark.one_quick

@@ -8,12 +8,12 @@ from mpi4py import MPI
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
+from benchmarks.stability.case import CONVERGED
+from benchmarks.stability.fuzz import cases
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.mechanics.mesh.tagged import read_mesh
 from signorini_fx.scenes.reading import parse_scene_text
 from signorini_fx.scenes.template import starting_scene
-from stability.case import CONVERGED
-from stability.fuzz import cases
 
 
 @pytest.mark.one_quick

@@ -13,11 +13,11 @@ import pytest
 ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT))
 
-from stability.oracle import __main__ as command  # noqa: E402
-from stability.oracle import convex, statics  # noqa: E402
-from stability.oracle.body import Body, Mesh  # noqa: E402
-from stability.oracle.conditions import contact_of  # noqa: E402
-from stability.oracle.judge import (  # noqa: E402
+from benchmarks.stability.oracle import __main__ as command  # noqa: E402
+from benchmarks.stability.oracle import convex, statics  # noqa: E402
+from benchmarks.stability.oracle.body import Body, Mesh  # noqa: E402
+from benchmarks.stability.oracle.conditions import contact_of  # noqa: E402
+from benchmarks.stability.oracle.judge import (  # noqa: E402
     DENIED,
     FAILURES,
     NO_BALANCE,
@@ -28,14 +28,14 @@ from stability.oracle.judge import (  # noqa: E402
     Step,
     judge,
 )
-from stability.oracle.package import answer_of, solution_of  # noqa: E402
-from stability.oracle.scenes import Trial, grid, trial  # noqa: E402
-from stability.oracle.worker import row_of  # noqa: E402
+from benchmarks.stability.oracle.package import answer_of, solution_of  # noqa: E402
+from benchmarks.stability.oracle.scenes import Trial, grid, trial  # noqa: E402
+from benchmarks.stability.oracle.worker import row_of  # noqa: E402
 
-ORACLE = ROOT / "stability" / "oracle"
+ORACLE = ROOT / "benchmarks" / "stability" / "oracle"
 # These two, and the command, start the package; nothing that judges imports them.
 STARTERS = {"package.py", "worker.py", "__main__.py"}
-OWN = {"stability", "numpy", "scipy", "cvxopt", "tomli_w"}
+OWN = {"benchmarks", "numpy", "scipy", "cvxopt", "tomli_w"}
 
 
 def test_the_oracle_shares_no_code_with_the_package():
@@ -57,8 +57,8 @@ def test_the_oracle_shares_no_code_with_the_package():
             for name in names:
                 first = name.split(".")[0]
                 assert first in OWN or first in sys.stdlib_module_names, f"{file.name} imports {name}"
-                if first == "stability":
-                    assert name.startswith("stability.oracle"), name
+                if first == "benchmarks":
+                    assert name.startswith("benchmarks.stability.oracle"), name
                     assert not {f"{part}.py" for part in name.split(".")} & STARTERS, name
     assert {"elements.py", "body.py", "conditions.py", "convex.py", "statics.py", "judge.py", "scenes.py"} <= seen
 
@@ -561,6 +561,6 @@ def test_what_dies_is_counted(monkeypatch, tmp_path, capsys):
 
 def test_what_is_wrong_is_counted(monkeypatch, tmp_path, capsys):
     """Any other error than bad input is no outcome, whatever raises it."""
-    monkeypatch.setattr("stability.oracle.worker.solution_of", lambda path: 1 / 0)
+    monkeypatch.setattr("benchmarks.stability.oracle.worker.solution_of", lambda path: 1 / 0)
     assert command.main(["--only", "plane", "2", "--out", str(tmp_path)]) == 1
     assert "ZeroDivisionError" in capsys.readouterr().out

@@ -11,14 +11,14 @@ import pytest
 ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT))
 
-from stability.oracle.bodies import mortar  # noqa: E402
-from stability.oracle.bodies.judge import body_of, contacts_of, judge  # noqa: E402
-from stability.oracle.bodies.scenes import trial  # noqa: E402
-from stability.oracle.judge import FAILURES, RIGHT, WRONG  # noqa: E402
-from stability.oracle.package import answer_of, solution_of  # noqa: E402
-from stability.oracle.space.conditions import Origin, Tractions, violations  # noqa: E402
-from stability.oracle.space.judge import _rows, _solution_exists  # noqa: E402
-from stability.oracle.worker import row_of  # noqa: E402
+from benchmarks.stability.oracle.bodies import mortar  # noqa: E402
+from benchmarks.stability.oracle.bodies.judge import body_of, contacts_of, judge  # noqa: E402
+from benchmarks.stability.oracle.bodies.scenes import trial  # noqa: E402
+from benchmarks.stability.oracle.judge import FAILURES, RIGHT, WRONG  # noqa: E402
+from benchmarks.stability.oracle.package import answer_of, solution_of  # noqa: E402
+from benchmarks.stability.oracle.space.conditions import Origin, Tractions, violations  # noqa: E402
+from benchmarks.stability.oracle.space.judge import _rows, _solution_exists  # noqa: E402
+from benchmarks.stability.oracle.worker import row_of  # noqa: E402
 
 SHORT = {"first": range(2), "others": range(2, 5)}
 # With Coulomb friction, in 2D and in 3D.

@@ -8,12 +8,12 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
-from stability.oracle.body import Mesh
-from stability.oracle.judge import FAILURES, RIGHT, WRONG, judge
-from stability.oracle.more_scenes import more
-from stability.oracle.package import answer_of, solution_of
-from stability.oracle.scenes import Trial, grid
-from stability.oracle.worker import row_of
+from benchmarks.stability.oracle.body import Mesh
+from benchmarks.stability.oracle.judge import FAILURES, RIGHT, WRONG, judge
+from benchmarks.stability.oracle.more_scenes import more
+from benchmarks.stability.oracle.package import answer_of, solution_of
+from benchmarks.stability.oracle.scenes import Trial, grid
+from benchmarks.stability.oracle.worker import row_of
 
 POINTS, CELLS, BOUNDARIES = grid(8, 4, "quadrilateral")
 SCENE = {

@@ -11,10 +11,10 @@ import pytest
 ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT))
 
-from stability.oracle import __main__ as command  # noqa: E402
-from stability.oracle import convex  # noqa: E402
-from stability.oracle.body import Mesh  # noqa: E402
-from stability.oracle.judge import (  # noqa: E402
+from benchmarks.stability.oracle import __main__ as command  # noqa: E402
+from benchmarks.stability.oracle import convex  # noqa: E402
+from benchmarks.stability.oracle.body import Mesh  # noqa: E402
+from benchmarks.stability.oracle.judge import (  # noqa: E402
     DENIED,
     FAILURES,
     NO_BALANCE,
@@ -25,15 +25,15 @@ from stability.oracle.judge import (  # noqa: E402
     WRONG,
     Answer,
 )
-from stability.oracle.package import answer_of, solution_of  # noqa: E402
-from stability.oracle.scenes import Trial  # noqa: E402
-from stability.oracle.space import cones, statics  # noqa: E402
-from stability.oracle.space.body import Body  # noqa: E402
-from stability.oracle.space.conditions import contact_of  # noqa: E402
-from stability.oracle.space.judge import judge  # noqa: E402
-from stability.oracle.space.scenes import grid  # noqa: E402
-from stability.oracle.units import Units, same  # noqa: E402
-from stability.oracle.worker import row_of  # noqa: E402
+from benchmarks.stability.oracle.package import answer_of, solution_of  # noqa: E402
+from benchmarks.stability.oracle.scenes import Trial  # noqa: E402
+from benchmarks.stability.oracle.space import cones, statics  # noqa: E402
+from benchmarks.stability.oracle.space.body import Body  # noqa: E402
+from benchmarks.stability.oracle.space.conditions import contact_of  # noqa: E402
+from benchmarks.stability.oracle.space.judge import judge  # noqa: E402
+from benchmarks.stability.oracle.space.scenes import grid  # noqa: E402
+from benchmarks.stability.oracle.units import Units, same  # noqa: E402
+from benchmarks.stability.oracle.worker import row_of  # noqa: E402
 
 SHORT = {"first": range(5), "second": range(5, 10)}
 needs_cvxopt = pytest.mark.skipif(convex.cvxopt is None, reason="CVXOPT (python3-cvxopt) is missing")

@@ -8,14 +8,14 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
-from stability.oracle.body import Mesh
-from stability.oracle.judge import FAILURES, RIGHT, WRONG
-from stability.oracle.package import answer_of, solution_of
-from stability.oracle.scenes import Trial
-from stability.oracle.space.judge import judge
-from stability.oracle.space.more_scenes import more
-from stability.oracle.space.scenes import grid
-from stability.oracle.worker import row_of
+from benchmarks.stability.oracle.body import Mesh
+from benchmarks.stability.oracle.judge import FAILURES, RIGHT, WRONG
+from benchmarks.stability.oracle.package import answer_of, solution_of
+from benchmarks.stability.oracle.scenes import Trial
+from benchmarks.stability.oracle.space.judge import judge
+from benchmarks.stability.oracle.space.more_scenes import more
+from benchmarks.stability.oracle.space.scenes import grid
+from benchmarks.stability.oracle.worker import row_of
 
 MESH = Mesh(*grid(4, 3, 2, "hexahedron"))
 SCENE = {

@@ -10,10 +10,10 @@ import pytest
 ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT))
 
-from stability.case import GOOD, RED, REPORTED  # noqa: E402
-from stability.groups import GROUPS, cases_of  # noqa: E402
-from stability.report import table, tally  # noqa: E402
-from stability.runner import Runner  # noqa: E402
+from benchmarks.stability.case import GOOD, RED, REPORTED  # noqa: E402
+from benchmarks.stability.groups import GROUPS, cases_of  # noqa: E402
+from benchmarks.stability.report import table, tally  # noqa: E402
+from benchmarks.stability.runner import Runner  # noqa: E402
 
 # Groups whose cases are the tests themselves: tests/solving/test_faults.py.
 RUN_BY_TESTS = {"faults"}
@@ -25,7 +25,16 @@ AT_RANDOM = ("scatter", "fuzz")
 @pytest.mark.parametrize("groups", [AT_RANDOM, tuple(GROUPS)], ids=["drawn at random", "every group"])
 def test_the_short_form(tmp_path, groups):
     """``make stability`` with its cheapest cases: no red row, and all its files."""
-    command = [sys.executable, "-m", "stability", "--short", "--only", ",".join(groups), "--out", str(tmp_path)]
+    command = [
+        sys.executable,
+        "-m",
+        "benchmarks.stability",
+        "--short",
+        "--only",
+        ",".join(groups),
+        "--out",
+        str(tmp_path),
+    ]
     run = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=500, check=False)
     with (tmp_path / "stability.csv").open(newline="", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))

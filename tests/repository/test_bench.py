@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-BENCH = Path(__file__).parents[2] / "bench"
+BENCH = Path(__file__).parents[2] / "benchmarks" / "costs"
 sys.path.insert(0, str(BENCH))
 
 import calculix  # noqa: E402

@@ -313,11 +313,12 @@ def separately(command):
     assert "not used" not in done.stdout + done.stderr
 
 
-SCRIPTS = ["bench/run.py", "bench/messages.py"]
+SCRIPTS = ["benchmarks/costs/run.py", "benchmarks/costs/messages.py"]
 SCRIPTS += [str(path.relative_to(ROOT)) for path in sorted((ROOT / "demos").rglob("*.py"))]
 PROGRAMS = {str(block): block.text for block in BLOCKS if block.language == "python"}
 PROGRAMS |= {
-    name: (ROOT / name).read_text(encoding="utf-8") for name in [*SCRIPTS, "bench/run.py", "bench/messages.py"]
+    name: (ROOT / name).read_text(encoding="utf-8")
+    for name in [*SCRIPTS, "benchmarks/costs/run.py", "benchmarks/costs/messages.py"]
 }
 
 

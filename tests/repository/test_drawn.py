@@ -5,7 +5,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
-from stability import drawn
+from benchmarks.stability import drawn
 
 DIFF = """\
 --- a/signorini_fx/algebra/contact/laws.py

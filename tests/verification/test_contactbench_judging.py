@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from contactbench import command
-from contactbench.adapters import ADAPTERS
-from contactbench.answers import Answer, CannotRun, ContactForces, measured
-from contactbench.grids import make_grid
-from contactbench.judging import Result, ResultError, distance, judge, read_results, without_value
-from contactbench.problem import Quantity, problem_names, read_problem
+from benchmarks.contactbench import command
+from benchmarks.contactbench.adapters import ADAPTERS
+from benchmarks.contactbench.answers import Answer, CannotRun, ContactForces, measured
+from benchmarks.contactbench.grids import make_grid
+from benchmarks.contactbench.judging import Result, ResultError, distance, judge, read_results, without_value
+from benchmarks.contactbench.problem import Quantity, problem_names, read_problem
 
 PROBLEM = read_problem("smooth-edge")
 GOOD = "quantity,value,unknowns,seconds\nforce,6.67,306,0.1\nmoment, 4.0,,\n\nopening,0.0121,,2e-1\n"

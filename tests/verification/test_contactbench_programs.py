@@ -5,14 +5,14 @@ import shutil
 import numpy as np
 import pytest
 
-from contactbench.adapters import adapter
-from contactbench.adapters.calculix_deck import deck
-from contactbench.adapters.signorini import scene
-from contactbench.answers import CannotRun, measured
-from contactbench.elasticity import nodal_loads
-from contactbench.grids import make_grid
-from contactbench.judging import Result, distance, judge
-from contactbench.problem import problem_names, read_problem
+from benchmarks.contactbench.adapters import adapter
+from benchmarks.contactbench.adapters.calculix_deck import deck
+from benchmarks.contactbench.adapters.signorini import scene
+from benchmarks.contactbench.answers import CannotRun, measured
+from benchmarks.contactbench.elasticity import nodal_loads
+from benchmarks.contactbench.grids import make_grid
+from benchmarks.contactbench.judging import Result, distance, judge
+from benchmarks.contactbench.problem import problem_names, read_problem
 
 NAMES = problem_names()
 # One of each kind: dimension, law, one and two bodies, degree of the element, with and without supports.

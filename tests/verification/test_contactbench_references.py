@@ -6,10 +6,10 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from contactbench.elasticity import nodal_loads, prescribed
-from contactbench.expressions import ExpressionError
-from contactbench.grids import make_grid
-from contactbench.problem import problem_names, read_problem
+from benchmarks.contactbench.elasticity import nodal_loads, prescribed
+from benchmarks.contactbench.expressions import ExpressionError
+from benchmarks.contactbench.grids import make_grid
+from benchmarks.contactbench.problem import problem_names, read_problem
 
 NAMES = problem_names()
 FAR = 1e-9  # off the surface, where a formula is 0 / 0 on it

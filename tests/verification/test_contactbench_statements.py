@@ -8,11 +8,11 @@ import meshio
 import numpy as np
 import pytest
 
-from contactbench.elasticity import nodal_loads, nodal_weights, prescribed, strain_energy, values_at
-from contactbench.expressions import ExpressionError, evaluate
-from contactbench.grids import make_grid
-from contactbench.mesh_files import write_inp, write_msh
-from contactbench.problem import FOLDER, ON_BOUNDARY, ProblemError, problem_names, read_problem
+from benchmarks.contactbench.elasticity import nodal_loads, nodal_weights, prescribed, strain_energy, values_at
+from benchmarks.contactbench.expressions import ExpressionError, evaluate
+from benchmarks.contactbench.grids import make_grid
+from benchmarks.contactbench.mesh_files import write_inp, write_msh
+from benchmarks.contactbench.problem import FOLDER, ON_BOUNDARY, ProblemError, problem_names, read_problem
 from signorini_fx.mechanics.mesh.files.formats import read_file
 
 NAMES = problem_names()

@@ -1,0 +1,1 @@
+"""Programs that measure: answers against other programs and an oracle, stability, and costs."""

@@ -1,0 +1,33 @@
+"""Programs that solve the problems: one file each, with a function ``solve(problem, grid) -> Answer``.
+
+A file of your own beside these needs its name here.  Its ``available()`` raises ``CannotRun`` where the program is not
+there.
+"""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable
+
+from benchmarks.contactbench.answers import Answer
+from benchmarks.contactbench.grids import Grid
+from benchmarks.contactbench.problem import Problem
+
+ADAPTERS = {
+    "signorini_fx": "signorini",
+    "dolfinx": "plain_dolfinx",
+    "getfem": "getfem_bricks",
+    "calculix": "calculix_deck",
+}
+
+
+def adapter(program: str) -> Callable[[Problem, Grid], Answer]:
+    """The function of a program.
+
+    Raises:
+        CannotRun: it is not installed.
+    """
+    module = importlib.import_module(f"benchmarks.contactbench.adapters.{ADAPTERS[program]}")
+    module.available()
+    solve: Callable[[Problem, Grid], Answer] = module.solve
+    return solve

@@ -1,0 +1,326 @@
+"""Runs GetFEM: its basic contact brick, an augmented Lagrangian of Alart and Curnier with forces at nodes, and Newton.
+
+Between two bodies the rows of the brick are those of nodes against facets.  Incompressible bodies have quadratic
+displacements and linear pressures.
+"""
+
+from __future__ import annotations
+
+import time
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from benchmarks.contactbench.answers import Answer, CannotRun, ContactForces
+from benchmarks.contactbench.elasticity import values_at
+from benchmarks.contactbench.grids import Grid
+from benchmarks.contactbench.problem import Contact, Problem
+
+Floats = npt.NDArray[np.float64]
+_STEPS, _RESIDUAL = 100, 1e-9
+# Force at a node per displacement, and how far the body is moved towards the foundation at first: what is tried.
+_AUGMENTATIONS, _STARTS = (10.0, 100.0, 1.0), (1.01, 0.3, 0.05, 0.0)
+# Corners in GetFEM's order.
+_ORDER = {3: [0, 1, 2], 4: [0, 1, 3, 2], 8: [0, 1, 3, 2, 4, 5, 7, 6]}
+_TRANSFORM = {3: "GT_PK(2,1)", 4: "GT_QK(2,1)", 8: "GT_QK(3,1)"}
+_RULE = {3: "IM_TRIANGLE(6)", 4: "IM_GAUSS_PARALLELEPIPED(2,6)", 8: "IM_GAUSS_PARALLELEPIPED(3,4)"}
+
+
+def available() -> None:
+    """Raise ``CannotRun`` where the package is not there."""
+    try:
+        import getfem  # noqa: F401
+    except ImportError as error:
+        raise CannotRun(f"{error}: apt install python3-getfem") from None
+
+
+def solve(problem: Problem, grid: Grid) -> Answer:
+    """Solve a problem on a mesh.
+
+    Raises:
+        CannotRun: Tresca friction, or plane stress.
+        RuntimeError: Newton's method does not converge.
+    """
+    if any(contact.law == "tresca" for contact in problem.contacts):
+        raise CannotRun("the basic contact brick has no Tresca friction")
+    if problem.hypothesis == "plane stress" or len(problem.contacts) > 1:
+        raise CannotRun("this adapter has one contact, and no plane stress")
+    import getfem as gf
+
+    gf.util_trace_level(0)
+    start = time.process_time()
+    body = _Bodies(gf, problem, grid)
+    contact = _Rows(gf, body, problem.contacts[0])
+    note = contact.solve()
+    seconds = time.process_time() - start
+    u = np.empty_like(grid.points)
+    values = body.model.variable("u").reshape(-1, problem.dimension)
+    u[:] = values[body.node_of]
+    energy = None if body.degree == 1 else np.nan
+    return Answer(u, {contact.name: contact.result()}, values.size, seconds, energy, note=note)
+
+
+class _Bodies:
+    """Mesh, space and the model without contact; bodies lie apart so that their nodes are not merged."""
+
+    def __init__(self, gf: Any, problem: Problem, grid: Grid) -> None:
+        self.problem, self.grid, d, corners = problem, grid, problem.dimension, grid.cells.shape[1]
+        far = 10 * np.ptp(grid.points, axis=0).max()
+        owner = np.zeros(len(grid.points), dtype=int)
+        owner[grid.cells] = grid.body[:, None]
+        self.shift = np.zeros_like(grid.points)
+        self.shift[:, -1] = -far * owner
+        x = grid.points + self.shift
+        self.degree = 2 if any(body.poisson == 0.5 for body in problem.bodies) else 1
+        mesh = self.mesh = gf.Mesh("empty", d)
+        at = x[grid.cells[:, _ORDER[corners]]].transpose(2, 1, 0)
+        mesh.add_convex(gf.GeoTrans(_TRANSFORM[corners]), np.ascontiguousarray(at))
+        self.space = gf.MeshFem(mesh, d)
+        self.space.set_classical_fem(self.degree)
+        rule = gf.MeshIm(mesh, gf.Integ(_RULE[corners]))
+        model = self.model = gf.Model("real")
+        model.add_fem_variable("u", self.space)
+        constant = gf.MeshFem(mesh, 1)
+        constant.set_classical_fem(0)
+        of = constant.basic_dof_from_cvid()[0].astype(int)
+        for name, values in self._moduli().items():
+            ordered = np.empty(len(grid.cells))
+            ordered[of] = np.array(values)[grid.body]
+            model.add_initialized_fem_data(name, constant, ordered)
+        model.add_linear_term(rule, self._work(gf, model))
+        self.places = self.space.basic_dof_nodes().T[::d]  # of each vector of the displacement
+        self.node_of = self._nearest(x)
+        self.load = 0.0
+        self._loads(gf, rule)
+        self._supports(gf)
+
+    def _moduli(self) -> dict[str, list[float]]:
+        bodies = self.problem.bodies
+        found = {"mu": [body.mu for body in bodies]}
+        if self.degree == 1:
+            found["lame"] = [b.young * b.poisson / ((1 + b.poisson) * (1 - 2 * b.poisson)) for b in bodies]
+        return found
+
+    def _work(self, gf: Any, model: Any) -> str:
+        if self.degree == 2:
+            pressure = gf.MeshFem(self.mesh, 1)
+            pressure.set_classical_fem(1)
+            model.add_fem_variable("p", pressure)
+            return "2*mu*Sym(Grad_u):Grad_Test_u - p*Trace(Grad_Test_u) - Test_p*Trace(Grad_u)"
+        if self.problem.hypothesis != "axisymmetric":
+            return "lame*Trace(Grad_u)*Trace(Grad_Test_u) + 2*mu*Sym(Grad_u):Grad_Test_u"
+        trace, other = "(Trace(Grad_u)+u(1)/X(1))", "(Trace(Grad_Test_u)+Test_u(1)/X(1))"
+        return f"2*pi*X(1)*(lame*{trace}*{other} + 2*mu*(Sym(Grad_u):Grad_Test_u + u(1)*Test_u(1)/sqr(X(1))))"
+
+    def _nearest(self, x: Floats) -> npt.NDArray[np.int64]:
+        from scipy.spatial import cKDTree
+
+        return np.asarray(cKDTree(self.places).query(x)[1])
+
+    def region(self, boundary: str) -> Any:
+        """Convexes and faces of a boundary."""
+        nodes = self.grid.nodes(boundary)
+        points = self.mesh.pid_from_coords(np.ascontiguousarray((self.grid.points + self.shift)[nodes].T))
+        faces, outer = self.mesh.faces_from_pid(points), self.mesh.outer_faces()
+        wanted = set(map(tuple, outer.T.tolist()))
+        return np.array([face for face in faces.T.tolist() if tuple(face) in wanted]).T
+
+    def _loads(self, gf: Any, rule: Any) -> None:
+        data = gf.MeshFem(self.mesh, self.problem.dimension)
+        data.set_classical_fem(3)
+        d = self.problem.dimension
+        places = data.basic_dof_nodes().T[::d]
+        for number, traction in enumerate(self.problem.tractions, 1):
+            self.mesh.set_region(number, self.region(traction.boundary))
+            near = np.unique(data.basic_dof_on_region(number) // d)
+            values = np.zeros_like(places)
+            at = places[near].copy()
+            at[:, -1] -= self._shift_at(at)
+            for k, formula in traction.components.items():
+                values[near, k] = values_at(self.problem, formula, at)
+            factor = "2*pi*X(1)*" if self.problem.hypothesis == "axisymmetric" else ""
+            self.model.add_initialized_fem_data(f"t{number}", data, values.ravel())
+            self.model.add_source_term(rule, f"{factor}t{number}.Test_u", number)
+            self.load = max(self.load, float(np.abs(values).max()))
+
+    def _shift_at(self, x: Floats) -> Floats:
+        """What the bodies that points belong to are moved by, along the last axis."""
+        far = 10 * np.ptp(self.grid.points, axis=0).max()
+        return -far * np.round((self.grid.points[:, -1].mean() - x[:, -1]) / far).clip(min=0)
+
+    def _supports(self, gf: Any) -> None:
+        from benchmarks.contactbench.elasticity import prescribed
+
+        d = self.problem.dimension
+        fixed = prescribed(self.problem, self.grid)
+        if self.degree == 2 and fixed:
+            raise CannotRun("this adapter has no supports of incompressible bodies")
+        if fixed:
+            rows = np.array([self.node_of[node] * d + k for node, k in fixed])
+            matrix = selection(gf, rows, self.space.nbdof())
+            self.model.add_variable("reaction", len(rows))
+            self.model.add_constraint_with_multipliers("u", "reaction", matrix, np.array(list(fixed.values())))
+            self.load = max(self.load, np.abs(list(fixed.values())).max())
+        self.fixed = {int(self.node_of[node] * d + k) for node, k in fixed}
+
+
+def selection(gf: Any, columns: Any, size: int, factor: float = 1.0) -> Any:
+    """The matrix with one entry in each row."""
+    matrix = gf.Spmat("empty", len(columns), size)
+    for row, column in enumerate(columns):
+        matrix.add(row, int(column), factor)
+    return matrix
+
+
+class _Rows:
+    """The brick: a row for each node in contact, along the normal and across."""
+
+    def __init__(self, gf: Any, body: _Bodies, contact: Contact) -> None:
+        self.body, self.contact, self.name, self.model = body, contact, contact.boundary, body.model
+        problem, grid, d = body.problem, body.grid, body.problem.dimension
+        if body.degree == 1:
+            self.nodes = grid.nodes(contact.boundary)
+            self.x, self.dofs = grid.points[self.nodes], body.node_of[self.nodes]
+        else:
+            body.mesh.set_region(999, body.region(contact.boundary))
+            self.dofs = np.unique(body.space.basic_dof_on_region(999) // d)
+            self.x = body.places[self.dofs]
+        self.weight = self._weights()
+        normal = self._normals()
+        rows = [self._row(k, normal[k]) for k in range(len(self.x))]
+        tangents = self._tangents(normal)
+        young, size = min(b.young for b in problem.bodies), body.space.nbdof()
+        gap = values_at(problem, contact.gap, self.x)
+        model = self.model
+        model.add_initialized_data("gap", gap)
+        model.add_initialized_data("alpha", np.ones(len(gap)))
+        # Force at a node per displacement.
+        self.augmentation = young * float(np.median(self.weight[self.weight > 0]) / np.ptp(self.x, axis=0).max())
+        model.add_initialized_data("r", self.augmentation)
+        model.add_variable("lambda_n", len(gap))
+        down = self._matrix(gf, rows, size)
+        self.law = contact.law
+        if contact.law == "none":
+            model.add_basic_contact_brick("u", "lambda_n", "r", down, "gap", "alpha", 1)
+        else:
+            along = [self._row(k, tangent) for k, pair in enumerate(tangents) for tangent in pair]
+            model.add_variable("lambda_t", len(along))
+            model.add_initialized_data("coefficient", values_at(problem, contact.coefficient, self.x))
+            across = self._matrix(gf, along, size)
+            model.add_basic_contact_brick(
+                "u", "lambda_n", "lambda_t", "r", down, across, "coefficient", "gap", "alpha", 1
+            )
+        self.tangents = tangents
+        self.toward, self.farthest = normal[0], float(gap.max())
+        self.force = max(body.load, self.augmentation * float(np.abs(gap).max()))
+
+    def solve(self) -> str:
+        """From several starts and with several parameters of the Lagrangian, until one converges.
+
+        Raises:
+            RuntimeError: none does.
+        """
+        model, tries = self.model, [(r, start) for start in _STARTS for r in _AUGMENTATIONS]
+        for attempt, (augmentation, start) in enumerate(tries, 1):
+            model.set_variable("r", augmentation * self.augmentation)
+            self._start(start)
+            what = ("max_res", _RESIDUAL * self.force, "max_iter", _STEPS, "lsolver", "mumps", "lsearch", "simplest")
+            try:
+                steps, converged = model.solve(*what)
+            except RuntimeError:
+                continue
+            moved = model.variable("u")
+            if converged and steps < _STEPS and np.isfinite(moved).all():
+                return f"{int(steps)} Newton steps at attempt {attempt}"
+        raise RuntimeError(f"Newton's method does not converge from any of {len(tries)} starts")
+
+    def _start(self, share: float) -> None:
+        """Where nothing else holds the body: so far onto the foundation, of what contact everywhere would take."""
+        body, d = self.body, self.body.problem.dimension
+        start = np.zeros((len(body.places), d))
+        if not self.contact.against:
+            start += share * max(self.farthest, 1e-9) * self.toward
+        else:
+            first = body.places[:, -1] > body.grid.points[:, -1].mean() - 5 * np.ptp(body.grid.points, axis=0).max()
+            start[first] += share * max(self.farthest, 1e-9) * self.toward
+        self.model.set_variable("u", start.ravel())
+        for name in ("lambda_n", "lambda_t") if self.law != "none" else ("lambda_n",):
+            self.model.set_variable(name, np.zeros(len(self.model.variable(name))))
+
+    def _weights(self) -> Floats:
+        from benchmarks.contactbench.elasticity import nodal_weights
+
+        grid, boundary = self.body.grid, self.contact.boundary
+        if self.body.degree == 1:
+            return nodal_weights(self.body.problem, grid, boundary)[self.nodes]
+        # Simpson's rule on quadratic facets.
+        found = np.zeros(len(self.x))
+        ends = grid.points[grid.facets[boundary]]
+        for a, b in ends:
+            for at, share in ((a, 1 / 6), (b, 1 / 6), ((a + b) / 2, 2 / 3)):
+                found[np.linalg.norm(self.x - at, axis=1).argmin()] += share * np.linalg.norm(b - a)
+        return found
+
+    def _normals(self) -> Floats:
+        problem = self.body.problem
+        if self.contact.direction:
+            return np.tile([problem.number(c) for c in self.contact.direction], (len(self.x), 1))
+        grid, found = self.body.grid, np.zeros_like(self.body.grid.points)
+        facets = grid.facets[self.contact.boundary]
+        along = grid.points[facets[:, 1]] - grid.points[facets[:, 0]]
+        outward = np.stack([along[:, 1], -along[:, 0]], axis=1)
+        # Facets run along the coordinates of the shape: what is outward follows from the cell.
+        cells = {frozenset(pair): cell for cell in grid.cells.tolist() for pair in pairwise([*cell, cell[0]])}
+        inside = np.array([grid.points[cells[frozenset(pair)]].mean(axis=0) for pair in facets.tolist()])
+        middle = grid.points[facets].mean(axis=1)
+        outward *= np.sign(((middle - inside) * outward).sum(axis=1))[:, None]
+        for k in (0, 1):
+            np.add.at(found, facets[:, k], outward)
+        found = found[self.nodes]
+        return found / np.linalg.norm(found, axis=1)[:, None]
+
+    def _tangents(self, normal: Floats) -> list[list[Floats]]:
+        if self.body.problem.dimension == 2:
+            return [[np.array([-n[1], n[0]])] for n in normal]
+        return [[np.array([1.0, 0, 0]), np.array([0, 1.0, 0])] for _ in normal]
+
+    def _row(self, k: int, direction: Floats) -> dict[int, float]:
+        """Relative displacement of a node along a direction, by degrees of freedom."""
+        d = len(direction)
+        found = {int(self.dofs[k]) * d + c: float(direction[c]) for c in range(d) if direction[c]}
+        if self.contact.against:
+            pair, share = self._partner(self.x[k])
+            for node, part in zip(pair, (1 - share, share), strict=True):
+                for c in range(d):
+                    column = int(self.body.node_of[node]) * d + c
+                    found[column] = found.get(column, 0.0) - part * float(direction[c])
+        return found
+
+    def _partner(self, x: Floats) -> tuple[Any, float]:
+        """The facet of the other body that is nearest, and the place on it from 0 to 1."""
+        grid = self.body.grid
+        facets = grid.facets[self.contact.against]
+        a, b = grid.points[facets[:, 0]], grid.points[facets[:, 1]]
+        along = b - a
+        share = (((x - a) * along).sum(axis=1) / (along**2).sum(axis=1)).clip(0.0, 1.0)
+        near = int(np.linalg.norm(a + share[:, None] * along - x, axis=1).argmin())
+        return facets[near], float(share[near])
+
+    def _matrix(self, gf: Any, rows: list[dict[int, float]], size: int) -> Any:
+        matrix = gf.Spmat("empty", len(rows), size)
+        for number, row in enumerate(rows):
+            for column, value in row.items():
+                matrix.add(number, column, value)
+        return matrix
+
+    def result(self) -> ContactForces:
+        """Forces at the nodes."""
+        normal = -self.model.variable("lambda_n")
+        friction = np.zeros_like(self.x)
+        if self.law != "none":
+            count = len(self.tangents[0])
+            shear = self.model.variable("lambda_t").reshape(-1, count)
+            friction = np.einsum("nk,nkd->nd", shear, np.array(self.tangents))
+        return ContactForces(self.x, self.weight, normal, friction)

@@ -1,0 +1,90 @@
+"""What a program finds on a mesh, and the quantities of the problem that follow from it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from benchmarks.contactbench.elasticity import strain_energy
+from benchmarks.contactbench.grids import Grid
+from benchmarks.contactbench.problem import ON_BOUNDARY, Problem, Quantity
+
+Floats = npt.NDArray[np.float64]
+
+
+class CannotRun(Exception):
+    """A program is not there, or cannot state this problem: the message says why."""
+
+
+@dataclass(frozen=True)
+class ContactForces:
+    """Forces at the points of a contact.
+
+    Attributes:
+        points: shape (m, d).
+        weights: areas that belong to them, of a revolution where the body is axisymmetric, shape (m,).
+        normal: of the foundation, or the other body, pushing the body off, shape (m,).
+        friction: of the foundation, or the other body, on the body, along the surface, shape (m, d).
+    """
+
+    points: Floats
+    weights: Floats
+    normal: Floats
+    friction: Floats
+
+    @property
+    def pressure(self) -> Floats:
+        """Shape (m,)."""
+        return self.normal / np.where(self.weights > 0, self.weights, np.inf)
+
+
+@dataclass(frozen=True)
+class Answer:
+    """Of a program, on a mesh.
+
+    Attributes:
+        displacement: at the nodes of the mesh, shape (n, d).
+        contacts: by the names of their boundaries.
+        unknowns: of the displacement and of multipliers.
+        seconds: CPU time from the mesh in memory, or the deck, to the solution.
+        energy: the strain energy where it is not that of linear, fully integrated elements; None: it is.
+        note: what else there is to say, such as a penalty.
+    """
+
+    displacement: Floats
+    contacts: dict[str, ContactForces]
+    unknowns: int
+    seconds: float
+    energy: float | None = None
+    note: str = ""
+
+
+def measured(problem: Problem, grid: Grid, answer: Answer) -> dict[str, float]:
+    """The quantities of a problem, by their names."""
+    return {quantity.name: _measure(problem, grid, answer, quantity) for quantity in problem.quantities}
+
+
+def _measure(problem: Problem, grid: Grid, answer: Answer, quantity: Quantity) -> float:
+    if quantity.measure == "strain energy":
+        return strain_energy(problem, grid, answer.displacement) if answer.energy is None else answer.energy
+    at = np.array([problem.number(c) for c in quantity.point])
+    if quantity.measure == "displacement":
+        return float(answer.displacement[grid.node_at(at), quantity.axis])
+    assert quantity.measure in ON_BOUNDARY
+    contact = answer.contacts[quantity.boundary]
+    along = contact.points[:, quantity.axis]
+    match quantity.measure:
+        case "normal force":
+            return float(contact.normal.sum())
+        case "friction force":
+            return float(contact.friction[:, quantity.axis].sum())
+        case "largest pressure":
+            return float(contact.pressure.max())
+        case "pressure moment":
+            return float(contact.normal @ along)
+        case "pressure mean square":
+            return float(contact.normal @ along**2 / contact.normal.sum())
+    distance = np.linalg.norm(contact.points - at, axis=1)
+    return float(contact.pressure[distance.argmin()])

@@ -1,0 +1,121 @@
+"""Linear elements in NumPy: weights of boundaries, nodal forces of loads, and strain energy, for every adapter."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from benchmarks.contactbench.grids import Grid
+from benchmarks.contactbench.problem import Problem
+
+Floats = npt.NDArray[np.float64]
+# Points of Gauss on a facet: loads of the problems are singular at worst like 1/sqrt(r) off the boundary.
+_POINTS = 8
+
+
+def coordinates(points: Floats) -> dict[str, Floats]:
+    """What x, y and z stand for at points, shape (..., d)."""
+    return {name: points[..., k] for k, name in enumerate("xyz"[: points.shape[-1]])}
+
+
+def values_at(problem: Problem, formula: str | float, points: Floats) -> Floats:
+    """A formula at points, shape (...)."""
+    return np.broadcast_to(np.asarray(problem.at(formula, coordinates(points)), dtype=float), points.shape[:-1])
+
+
+def _on_facets(grid: Grid, boundary: str, axisymmetric: bool) -> tuple[Floats, Floats, Floats]:
+    """Positions (f, q, d), shape functions (q, corners), and weights (f, q) of quadrature, times 2 pi r."""
+    x = grid.points[grid.facets[boundary]]
+    g, w = np.polynomial.legendre.leggauss(_POINTS)
+    g, w = (1 + g) / 2, w / 2
+    if grid.dimension == 2:
+        shape = np.stack([1 - g, g], axis=1)
+        weight = np.linalg.norm(x[:, 1] - x[:, 0], axis=1)[:, None] * w
+    else:
+        s, t = (part.ravel() for part in np.meshgrid(g, g, indexing="ij"))
+        shape = np.stack([(1 - s) * (1 - t), s * (1 - t), s * t, (1 - s) * t], axis=1)
+        along = np.stack([t - 1, 1 - t, t, -t], axis=1), np.stack([s - 1, -s, s, 1 - s], axis=1)
+        tangents = [np.einsum("qa,fad->fqd", part, x) for part in along]
+        weight = np.linalg.norm(np.cross(*tangents), axis=2) * np.outer(w, w).ravel()
+    at = np.einsum("qa,fad->fqd", shape, x)
+    if axisymmetric:
+        weight = weight * 2 * np.pi * at[..., 0]
+    return at, shape, weight
+
+
+def nodal_weights(problem: Problem, grid: Grid, boundary: str) -> Floats:
+    """Integrals of the shape functions over a boundary (axisymmetric: of the revolution), shape (nodes,)."""
+    _, shape, weight = _on_facets(grid, boundary, problem.hypothesis == "axisymmetric")
+    found = np.zeros(len(grid.points))
+    np.add.at(found, grid.facets[boundary], weight @ shape)
+    return found
+
+
+def nodal_loads(problem: Problem, grid: Grid) -> Floats:
+    """Forces at the nodes that do the work of all tractions, shape (nodes, d)."""
+    found = np.zeros_like(grid.points)
+    for traction in problem.tractions:
+        at, shape, weight = _on_facets(grid, traction.boundary, problem.hypothesis == "axisymmetric")
+        for k, formula in traction.components.items():
+            force = (weight * values_at(problem, formula, at)) @ shape
+            np.add.at(found[:, k], grid.facets[traction.boundary], force)
+    return found
+
+
+def prescribed(problem: Problem, grid: Grid) -> dict[tuple[int, int], float]:
+    """Prescribed displacements by node and component; where two meet the later one counts."""
+    found = {}
+    for support in problem.supports:
+        if support.at:
+            nodes = np.array([grid.node_at(np.array([problem.number(c) for c in support.at]))])
+        else:
+            nodes = grid.nodes(support.boundary)
+        for k, formula in support.components.items():
+            values = values_at(problem, formula, grid.points[nodes])
+            found |= {(int(node), k): float(value) for node, value in zip(nodes, values, strict=True)}
+    return found
+
+
+def strain_energy(problem: Problem, grid: Grid, u: Floats) -> float:
+    """Of nodal displacements, shape (nodes, d), fully integrated; of a revolution where the body is axisymmetric."""
+    corners, total = grid.cells.shape[1], 0.0
+    young = np.array([body.young for body in problem.bodies])[grid.body]
+    poisson = np.array([body.poisson for body in problem.bodies])[grid.body]
+    mu, lame = young / (2 * (1 + poisson)), young * poisson / ((1 + poisson) * (1 - 2 * poisson))
+    if problem.hypothesis == "plane stress":
+        lame = 2 * lame * mu / (lame + 2 * mu)
+    x, y = grid.points[grid.cells], u[grid.cells]
+    for shape, slopes, weight in _rule(corners):
+        jacobian = np.einsum("ad,cae->cde", slopes, x)
+        gradient = np.einsum("ced,ad->cae", np.linalg.inv(jacobian), slopes)
+        strain = np.einsum("cae,cad->cde", gradient, y)
+        strain = (strain + strain.transpose(0, 2, 1)) / 2
+        volume, trace = np.abs(np.linalg.det(jacobian)) * weight, np.einsum("cdd->c", strain)
+        square = (strain**2).sum(axis=(1, 2))
+        if problem.hypothesis == "axisymmetric":
+            radius = x[..., 0] @ shape
+            hoop = (y[..., 0] @ shape) / radius
+            volume, trace, square = volume * 2 * np.pi * radius, trace + hoop, square + hoop**2
+        total += float((volume * (mu * square + lame * trace**2 / 2)).sum())
+    return total
+
+
+def _rule(corners: int) -> list[tuple[Floats, Floats, float]]:
+    """Shape functions, their slopes (corners, d), and weights at points of quadrature of a cell."""
+    if corners == 3:
+        slopes = np.array([[-1.0, -1.0], [1.0, 0.0], [0.0, 1.0]])
+        at = [(1 / 6, 1 / 6), (2 / 3, 1 / 6), (1 / 6, 2 / 3)]
+        return [(np.array([1 - s - t, s, t]), slopes, 1 / 6) for s, t in at]
+    g = np.array([-1, 1]) / np.sqrt(3)
+    if corners == 4:
+        signs = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)], dtype=float)
+    else:
+        plane = [(-1, -1), (1, -1), (1, 1), (-1, 1)]
+        signs = np.array([(*pair, up) for up in (-1, 1) for pair in plane], dtype=float)
+    d = signs.shape[1]
+    found = []
+    for at in np.stack(np.meshgrid(*[g] * d, indexing="ij"), axis=-1).reshape(-1, d):
+        factors = (1 + signs * at) / 2
+        slopes = np.stack([signs[:, k] / 2 * np.delete(factors, k, axis=1).prod(axis=1) for k in range(d)], axis=1)
+        found.append((factors.prod(axis=1), slopes, 1.0))
+    return found

@@ -1,0 +1,268 @@
+"""Fuzz: thousands of randomly corrupted scenes, expressions and mesh files, by seed.
+
+Each must end with an error that names its place, or with a certified result; no code in it may be executed, and none
+may take long.  Every mesh is read in a separate process, as gmsh may crash; the files that remain must do no harm.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import os
+import pkgutil
+import random
+import resource
+import signal
+import sys
+import tempfile
+import time
+import traceback
+from collections import Counter
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from mpi4py import MPI
+
+from benchmarks.stability.case import CONVERGED, Case, Finding
+from benchmarks.stability.mutations import repeated, spoilt_bytes, spoilt_expression, spoilt_text
+from benchmarks.stability.scenes import example1
+from signorini_fx import extensions
+from signorini_fx.errors import MeshError, SceneError
+from signorini_fx.mechanics import effects, shapes
+from signorini_fx.mechanics.mesh.tagged import read_mesh
+from signorini_fx.mechanics.statement.expressions import Expression
+from signorini_fx.records import Status
+from signorini_fx.scenes.reading import parse_scene, parse_scene_text
+from signorini_fx.scenes.solver import solve
+from signorini_fx.scenes.template import starting_scene
+
+# CPU seconds that one of them may take.
+_SCENE_SECONDS, _MESH_SECONDS = 2.0, 30
+_MESH_BYTES = 4 << 30
+_LONGEST = 20_000  # characters of a message
+DEMOS = Path(__file__).parents[2] / "demos" / "scenes"
+
+
+def cases(*, short: bool) -> Iterator[Case]:
+    """Several seeds of each, thousands altogether."""
+    scale = 20 if short else 1
+    for seed in range(1 if short else 4):
+        yield Case(f"scenes and expressions, seed {seed}", partial(texts, seed, 10_000 // scale), seconds=600)
+        yield Case(f"mesh files, seed {seed}", partial(meshes, seed, 500 // scale), seconds=600)
+    yield Case("solved scenes", partial(solved_scenes, 0, 300 // scale), seconds=900)
+
+
+class _Score:
+    """The outcome of each, and the first ones with a bad end."""
+
+    def __init__(self) -> None:
+        self.ends: Counter[str] = Counter()
+        self.bad: list[str] = []
+
+    def take(self, name: str, run: Callable[[], str], seconds: float) -> None:
+        begin = time.process_time()
+        try:
+            self.ends[run()] += 1
+        except Exception as error:
+            where = traceback.extract_tb(error.__traceback__)[-1]
+            self.bad.append(f"{name}: {type(error).__name__} in {Path(where.filename).name}:{where.lineno}")
+        if time.process_time() - begin > seconds:
+            self.bad.append(f"{name}: took more than {seconds} s")
+
+    def finding(self) -> Finding:
+        note = ", ".join(f"{count} {end}" for end, count in sorted(self.ends.items()))
+        if self.bad:
+            return Finding(f"{len(self.bad)} with a bad end", note=f"{self.bad[0]}; {note}")
+        return Finding(CONVERGED, error=0.0, note=note)
+
+
+def texts(seed: int, count: int) -> Finding:
+    """Scenes and expressions, read and evaluated, not solved."""
+    bases = [starting_scene(), *(path.read_text(encoding="utf-8") for path in sorted(DEMOS.glob("*.toml")))]
+    score = _Score()
+    executed: list[str] = []
+    watched = {"os.system", "os.exec", "os.posix_spawn", "subprocess.Popen", "import", "open", "socket.connect"}
+    watching = True
+
+    def watch(event: str, arguments: object) -> None:
+        if watching and (event in watched or (event == "exec" and "PWNED" in repr(arguments))):
+            executed.append(f"{event} {arguments}"[:200])
+
+    def scene(chance: random.Random) -> str:
+        try:
+            parse_scene_text(spoilt_text(chance.choice(bases), chance), Path("scene.toml"))
+        except SceneError as refusal:
+            placed = all(path.strip() and len(message) > 5 for path, message in refusal.problems)
+            return "refused" if placed and refusal.problems and len(str(refusal)) < _LONGEST else unplaced(refusal)
+        return "scenes"
+
+    def unplaced(refusal: SceneError) -> str:
+        raise AssertionError(f"an error without a place, or a long one: {str(refusal)[:100]!r}")
+
+    def expression(chance: random.Random) -> str:
+        try:
+            function = Expression(spoilt_expression(chance))
+        except ValueError:
+            return "no expressions"
+        assert function(np.array([[0.0, 0.3, 3.0], [0.0, 1.0, 0.5]])).shape == (3,)
+        return "expressions"
+
+    # All modules that reading needs are imported by now, and what other packages add is known: effects and shapes are
+    # where a scene names one.
+    for module in (
+        *pkgutil.iter_modules(effects.__path__, f"{effects.__name__}."),
+        *pkgutil.iter_modules(shapes.__path__, f"{shapes.__name__}."),
+    ):
+        importlib.import_module(module.name)
+    scene(random.Random(seed))
+    expression(random.Random(seed))
+    importlib.import_module("unicodedata")
+    with suppress(ImportError):  # a separate module in Python 3.14
+        importlib.import_module("_ast_unparse")
+    for group in extensions.GROUPS:
+        extensions.names_of(group)
+    sys.addaudithook(watch)
+    for number, (chance, kind) in enumerate(repeated(seed, count, ("scene", "expression"))):
+        run = scene if kind == "scene" else expression
+        score.take(f"{kind} {number}", partial(run, chance), _SCENE_SECONDS)
+    watching = False
+    score.bad += [f"executed: {what}" for what in executed[:1]]
+    return score.finding()
+
+
+def meshes(seed: int, count: int) -> Finding:
+    """Mesh files: read, and where that succeeds solved on."""
+    score = _Score()
+    importlib.import_module("gmsh")  # once, not in every child
+    with tempfile.TemporaryDirectory() as name:
+        # gmsh is started in children only, because it has a global state.
+        assert _in_a_child(lambda: _write_bases(Path(name)), 60) == 0
+        contents = [path.read_bytes() for path in sorted(Path(name).glob("base*.msh"))]
+        for number, (chance, _) in enumerate(repeated(seed, count, ("mesh",))):
+            file = Path(name) / "spoilt.msh"
+            file.write_bytes(spoilt_bytes(chance.choice(contents), chance))
+            score.take(f"mesh {number}", partial(_mesh, file), float("inf"))
+            for left in (file, file.with_name("found")):
+                left.unlink(missing_ok=True)
+    return score.finding()
+
+
+def _mesh(file: Path) -> str:
+    """Read in a child, where gmsh may break."""
+    refused = 3
+
+    def read() -> None:
+        resource.setrlimit(resource.RLIMIT_CPU, (_MESH_SECONDS, _MESH_SECONDS))
+        resource.setrlimit(resource.RLIMIT_AS, (_MESH_BYTES, _MESH_BYTES))
+        try:
+            tagged = read_mesh(file, MPI.COMM_SELF)
+            scene = parse_scene(example1(law="Tresca"))
+            solution = solve(scene.model_copy(update={"mesh": tagged}), MPI.COMM_SELF, check=False)
+        except (MeshError, SceneError):
+            os._exit(refused)
+        _check(solution)
+
+    status = _in_a_child(read, 2 * _MESH_SECONDS)
+    if status is None or os.WIFSIGNALED(status):
+        return "broke gmsh"
+    if os.WEXITSTATUS(status) == refused:
+        return "refused"
+    assert status == 0, f"a mesh that was accepted ends with {status}"
+    return "meshes"
+
+
+def _check(solution: object) -> None:
+    assert isinstance(solution.status, Status)  # type: ignore[attr-defined]
+    assert not solution.converged or solution.certificate.holds  # type: ignore[attr-defined]
+
+
+def _write_bases(folder: Path) -> None:
+    """A small mesh in every format of gmsh."""
+    import gmsh
+
+    gmsh.initialize(readConfigFiles=False, interruptible=False)
+    gmsh.option.setNumber("General.Terminal", 0)
+    geo = gmsh.model.geo
+    corners = [geo.addPoint(x, y, 0) for x, y in ((0, 0), (3, 0), (3, 1), (0, 1))]
+    sides = [geo.addLine(a, b) for a, b in zip(corners, corners[1:] + corners[:1], strict=True)]
+    body = geo.addPlaneSurface([geo.addCurveLoop(sides)])
+    for side, count in zip(sides, (6, 2, 6, 2), strict=True):
+        geo.mesh.setTransfiniteCurve(side, count + 1)
+    geo.mesh.setTransfiniteSurface(body)
+    geo.synchronize()
+    gmsh.model.addPhysicalGroup(2, [body], name="body")
+    for side, name in zip(sides, ("bottom", "right", "top", "left"), strict=True):
+        gmsh.model.addPhysicalGroup(1, [side], name=name)
+    gmsh.model.mesh.generate(2)
+    for version in (2.2, 4.1):
+        for binary in (0, 1):
+            gmsh.option.setNumber("Mesh.MshFileVersion", version)
+            gmsh.option.setNumber("Mesh.Binary", binary)
+            gmsh.write(str(folder / f"base{version}{binary}.msh"))
+
+
+def _in_a_child(action: Callable[[], object], seconds: float) -> int | None:
+    """The exit of a fork that runs a function; None if it had to be killed."""
+    child = os.fork()
+    if child == 0:
+        code = 1
+        with contextlib.suppress(BaseException):
+            nowhere = os.open(os.devnull, os.O_WRONLY)
+            os.dup2(nowhere, 1)
+            os.dup2(nowhere, 2)
+            for number in (signal.SIGSEGV, signal.SIGABRT, signal.SIGFPE, signal.SIGBUS):
+                signal.signal(number, signal.SIG_DFL)  # PETSc would end all of MPI
+            action()
+            code = 0
+        os._exit(code)
+    deadline = time.monotonic() + seconds
+    while time.monotonic() < deadline:
+        done, status = os.waitpid(child, os.WNOHANG)
+        if done:
+            return status
+        time.sleep(0.002)
+    os.kill(child, signal.SIGKILL)
+    os.waitpid(child, 0)
+    return None
+
+
+_SOLVED = (
+    ("solver", "algorithm", ("ssn", "continuation", "path-following", "alm")),
+    ("solver", "gamma_n", (1e-6, 1e4, 1e8, 1e18)),
+    ("solver", "levels", (1, 2)),
+    ("solver", "linear_algebra", ("full", "krylov", "condensed")),
+    ("material", "poisson", (0.0, 0.4999999, -0.9)),
+    ("material", "young", (1e-3, 1e15)),
+)
+
+
+def solved_scenes(seed: int, count: int) -> Finding:
+    """Random expressions as load, gap and bound of a small scene, with random settings: solved."""
+    score = _Score()
+
+    def attempt(chance: random.Random) -> str:
+        data = example1(law=chance.choice(("Tresca", "Coulomb")), nx=6, ny=2)
+        for table, key, values in chance.sample(_SOLVED, 2):
+            data[table] = {**data.get(table, {}), key: chance.choice(values)}
+        data["contact"] = [{**contact} for contact in _list(data["contact"])]
+        data["contact"][0]["gap"] = f"1e-3*({spoilt_expression(chance)})"
+        if chance.random() < 0.3:
+            data["contact"][0]["friction"] = {"law": "tresca", "bound": f"abs({spoilt_expression(chance)})"}
+        data["solver"] = {**data.get("solver", {}), "max_iterations": 30, "max_outer_iterations": 20}
+        try:
+            solution = solve(parse_scene(data), MPI.COMM_SELF, check=False)
+        except (MeshError, SceneError) as refusal:
+            return "refused" if str(refusal).strip() else "refused without a message"
+        _check(solution)
+        return str(solution.status.value)
+
+    for number, (chance, _) in enumerate(repeated(seed, count, ("scene",))):
+        score.take(f"scene {number}", partial(attempt, chance), 60.0)
+    return score.finding()
+
+
+def _list(value: object) -> list[dict[str, object]]:
+    return list(value) if isinstance(value, list | tuple) else [value]  # type: ignore[list-item]

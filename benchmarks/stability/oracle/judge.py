@@ -1,0 +1,311 @@
+"""The verdict on the results of a scene, from the text of the scene and plain arrays alone."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial import cKDTree
+
+from benchmarks.stability.oracle import convex, statics
+from benchmarks.stability.oracle.body import Body, Mesh, listed
+from benchmarks.stability.oracle.conditions import (
+    LEAST,
+    Contact,
+    Origin,
+    Tractions,
+    contact_of,
+    free_dofs,
+    violations,
+)
+from benchmarks.stability.oracle.elements import Array, Ints
+
+# Kinds of verdicts, in the order of the table.
+RIGHT = "converged, correct"
+NO_BALANCE = "no equilibrium, confirmed"
+REPORTED = "failure reported"
+REFUSED = "scene refused"
+DOUBTFUL = "no equilibrium of Coulomb friction, though statics would allow for one"
+DENIED = "no equilibrium, but there is one: WRONG"
+UNCERTIFIED = "certificate does not hold: WRONG"
+REFUSED_WRONGLY = "scene refused: WRONG"
+WRONG = "converged, but WRONG"
+CRASHED = "no outcome: traceback, crash or time limit"
+KINDS = (RIGHT, NO_BALANCE, REPORTED, REFUSED, DOUBTFUL, UNCERTIFIED, REFUSED_WRONGLY, DENIED, WRONG, CRASHED)
+FAILURES = (UNCERTIFIED, REFUSED_WRONGLY, DENIED, WRONG, CRASHED)
+
+CONVERGED = "converged"
+NOT_HELD, OPEN, SLIDES = "body not held", "contact opens, no static equilibrium", "slides, no static equilibrium"
+TIPS = "tips over, no static equilibrium"
+NO_EQUILIBRIUM = (NOT_HELD, OPEN, TIPS, SLIDES)
+NOT_CERTIFIED = "certificate does not hold"
+
+# Distance from the convex programme, in the energy norm and in the forces, for a programme without any error; with
+# Coulomb friction the bound of the programme is that of the answer, which is a fixed point to ``tolerance`` only.
+AGREE, AGREE_COULOMB = 1e-6, 1e-5
+# The error allowed for the model of path-following.
+MODEL = 2.0
+# The penalty of gamma = auto, in units of E over the size of the body: docs/guide.md.
+AUTOMATIC_GAMMA = 1e5
+
+
+@dataclass(frozen=True)
+class Step:
+    """A load step as a user gets it.
+
+    Attributes:
+        displacement: at the places of the answer, shape (n, 2).
+        table: the contact table.
+        regularised: whether its certificate says that it keeps to the regularised law.
+    """
+
+    displacement: Array
+    table: Mapping[str, npt.NDArray[Any]]
+    regularised: bool = False
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What a user gets for a scene.
+
+    Attributes:
+        outcome: how it ended.
+        place: where displacements are given, shape (n, 2).
+        steps: load steps, as far as they went.
+        gamma: gamma_1 and gamma_2 that the package reports, of the last load step.
+        events: what the run said of fall-backs.
+        regularisation_error: what path-following says that gamma leaves, relative, in the energy norm.
+        behind: the mean of the middles of the cells around each place, by which nodes of two bodies at one place
+            differ; None: not told.
+    """
+
+    outcome: str
+    place: Array
+    steps: Sequence[Step]
+    gamma: tuple[float, float]
+    events: Sequence[str] = ()
+    regularisation_error: float | None = None
+    behind: Array | None = None
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What the oracle thinks of an answer.
+
+    Attributes:
+        kind: one of ``KINDS``.
+        outcome: what the package called it.
+        figures: each condition as a share of what is tolerated; above 1 it is violated.
+        compared: load steps that a convex programme was computed for.
+        note: what is to be said of it.
+    """
+
+    kind: str
+    outcome: str
+    figures: dict[str, float] = field(default_factory=dict)
+    compared: int = 0
+    note: str = ""
+
+    @property
+    def worst(self) -> tuple[str, float]:
+        """The figure that is nearest to its limit, or farthest beyond it."""
+        return max(self.figures.items(), key=lambda item: item[1], default=("nothing", 0.0))
+
+
+def judge(scene: dict[str, Any], mesh: Mesh, answer: Answer) -> Verdict:
+    """Judge an answer."""
+    body = Body(scene, mesh)
+    contact = contact_of(body)
+    if answer.outcome == CONVERGED:
+        return _converged(body, contact, answer)
+    if answer.outcome in NO_EQUILIBRIUM:
+        return _no_equilibrium(body, contact, answer)
+    return Verdict(UNCERTIFIED if answer.outcome == NOT_CERTIFIED else REPORTED, answer.outcome)
+
+
+def _converged(body: Body, contact: Contact, answer: Answer) -> Verdict:
+    figures: dict[str, float] = {}
+    compared, notes = 0, []
+
+    def worse(found: Mapping[str, float]) -> None:
+        for name, value in found.items():
+            figures[name] = max(figures.get(name, 0.0), np.inf if np.isnan(value) else float(value))
+
+    if len(answer.steps) != body.steps:
+        return Verdict(WRONG, answer.outcome, {"load steps": np.inf}, note="load steps are missing")
+    nodes = in_order(body.x, answer.place, body.size)
+    if nodes is None:
+        return Verdict(WRONG, answer.outcome, {"nodes": np.inf}, note="displacements are not at the nodes")
+    origin, before = Origin.nothing(len(contact.nodes)), 0.0
+    for number, step in enumerate(answer.steps):
+        order = _rows(body, contact, step.table)
+        if order is None:
+            return Verdict(WRONG, answer.outcome, {"contact table": np.inf}, note="rows are not the contact nodes")
+        table = {name: np.asarray(column)[order] for name, column in step.table.items()}
+        said = Tractions(table["pressure"], table["shear"], table["state"])
+        u = step.displacement[nodes]
+        worse(_table(contact, table, u, origin, before))
+        law = _promised(body, contact, number, u, said, origin, answer, worse)
+        worse(violations(body, contact, number, u, said, origin, law))
+        if convex.cvxopt is not None:
+            programme = convex.compare(body, contact, number, u, contact.bound(said.pressure), origin, law)
+            if programme is not None and programme.usable:
+                compared += 1
+                # The energy is strongly convex: a gap of that size allows for no larger distance.
+                far = np.sqrt(2 * programme.gap)
+                near = AGREE_COULOMB if contact.follows_pressure else AGREE
+                worse({"convex: displacement": programme.displacement / (near + far)})
+                worse({"convex: force": programme.force / (near + far * max(1.0, programme.stiffening))})
+            else:
+                notes.append(f"step {number}: the convex programme is not accurate enough to judge by")
+            if answer.regularisation_error is not None and body.steps == 1 and not contact.follows_pressure:
+                worse(_left_by_gamma(body, contact, u, origin, answer.regularisation_error))
+        before = float(np.abs(u).max())
+        origin = origin.after((u[contact.nodes] * contact.tangent).sum(axis=1), said.shear, law[1])
+    kind = RIGHT if all(value <= 1 for value in figures.values()) else WRONG
+    held = np.count_nonzero(~free_dofs(body, 0).reshape(-1, 2)[contact.nodes].all(axis=1))
+    if kind == WRONG and held:
+        notes.append(f"a support holds {held} of {len(contact.nodes)} contact nodes")
+    return Verdict(kind, answer.outcome, figures, compared, "; ".join(notes))
+
+
+def _left_by_gamma(body: Body, contact: Contact, u: Array, origin: Origin, said: float) -> dict[str, float]:
+    """Path-following promises a distance from the unregularised solution: the one asked for, and the one it reports."""
+    limit = convex.compare(body, contact, 0, u, contact.bound(np.zeros(len(contact.nodes))), origin, (0.0, 0.0))
+    if limit is None or not limit.usable:
+        return {}
+    distance = limit.distance / np.sqrt(u.ravel() @ (body.stiffness @ u.ravel()))
+    found = {"regularisation error reported": distance / (MODEL * said + AGREE)}
+    asked = body.scene["solver"].get("regularisation_error", "auto")
+    if asked != "auto":
+        found["regularisation error asked for"] = distance / (asked + AGREE)
+    return found
+
+
+def _promised(
+    body: Body, contact: Contact, number: int, u: Array, said: Tractions, origin: Origin, answer: Answer, worse: Any
+) -> tuple[float, float]:
+    """The compliance of the law that the method promises: none, or 1 / gamma of the gamma that was asked for."""
+    solver = body.scene.get("solver", {})
+    algorithm = solver.get("algorithm", "auto")
+    # Augmentation may have taken over in a later load step only.
+    augmented = any("augmented Lagrangian" in event for event in answer.events)
+    if (algorithm == "alm" or augmented) and not answer.steps[number].regularised:
+        return 0.0, 0.0
+    if algorithm == "alm":  # whose fall-back is regularised, with the gamma that it tells
+        return 1 / answer.gamma[0], 1 / answer.gamma[1]
+    automatic = AUTOMATIC_GAMMA * body.young / body.size
+    asked = [solver.get(name, "auto") for name in ("gamma_n", "gamma_t")]
+    asked = [automatic if gamma == "auto" else gamma for gamma in asked]
+    if algorithm != "path-following":
+        # What is told is the gamma of the last load step.
+        for name, told, gamma in zip(("gamma_n", "gamma_t"), answer.gamma, asked, strict=True):
+            worse({name: 0.0 if augmented else abs(told / gamma - 1) / 1e-9})
+        return 1 / asked[0], 1 / asked[1]
+    if number == body.steps - 1:
+        return 1 / answer.gamma[0], 1 / answer.gamma[1]
+    # What it found in an earlier step is not told: one gamma for all nodes, and the ratio that was asked for.
+    u_n = (u[contact.nodes] * contact.normal).sum(axis=1)
+    most = int(np.argmax(np.abs(said.pressure)))
+    ratio = float(np.clip(asked[0] / asked[1], 0.1, 10.0))  # a path takes no other
+    if said.pressure[most] != 0:
+        soft = (u_n - contact.gap)[most] / said.pressure[most]
+        return soft, soft * ratio
+    # Given friction acts on open nodes too: those that stick tell.
+    slip = (u[contact.nodes] * contact.tangent).sum(axis=1) - origin.u_t
+    added = np.where(np.abs(said.shear) < (1 - 1e-9) * contact.bound(said.pressure), said.shear - origin.shear, 0.0)
+    most = int(np.argmax(np.abs(added)))
+    soft = slip[most] / added[most] if added[most] != 0 else 1 / answer.gamma[1]
+    return soft / ratio, soft
+
+
+def _table(contact: Contact, table: Mapping[str, Array], u: Array, origin: Origin, before: float) -> dict[str, float]:
+    """Columns of the contact table that say what the displacement and the scene say as well; ``before``: the largest
+    displacement at the end of the step before, whose round-off is in the slip.
+    """
+    at = u[contact.nodes]
+    u_n, u_t = (at * contact.normal).sum(axis=1), (at * contact.tangent).sum(axis=1)
+    moved = max(float(np.abs(u).max()), LEAST)
+    bound = contact.bound(table["pressure"])
+    columns = {
+        "u_n": (u_n, moved),
+        "u_t": (u_t, moved),
+        "gap": (contact.gap, max(float(np.abs(contact.gap).max()), moved)),
+        "weight": (contact.weight, float(contact.weight.max())),
+        "n_x": (contact.normal[:, 0], 1.0),
+        "n_y": (contact.normal[:, 1], 1.0),
+    }
+    if contact.has_friction:
+        columns["bound"] = (bound, max(float(bound.max()), LEAST))
+        columns["slip"] = (u_t - origin.u_t, max(moved, before))
+    return {
+        f"table: {name}": float(np.nan_to_num(np.abs(table[name] - own), nan=1e300).max()) / (1e-9 * scale)
+        for name, (own, scale) in columns.items()
+    }
+
+
+def in_order(x: Array, place: Array, size: float) -> Ints | None:
+    """Which of the given places each node is; None where they do not match one to one."""
+    if len(x) != len(place):
+        return None
+    away, order = cKDTree(place).query(x)
+    if away.max() > 1e-7 * size or len(np.unique(order)) != len(x):
+        return None
+    return order.astype(np.int64)
+
+
+def _rows(body: Body, contact: Contact, table: Mapping[str, npt.NDArray[Any]]) -> Ints | None:
+    """The row of the table that each contact node is."""
+    place = np.stack([table["x"], table["y"]], axis=1)
+    names = [effect["boundary"] for effect in listed(body.scene, "contact")]
+    rows = np.zeros(len(contact.nodes), dtype=np.int64)
+    if len(place) != len(rows):
+        return None
+    for part, name in enumerate(names):
+        theirs, ours = np.flatnonzero(table["boundary"] == name), np.flatnonzero(contact.part == part)
+        order = in_order(body.x[contact.nodes[ours]], place[theirs], body.size) if len(theirs) else None
+        if order is None:
+            return None
+        rows[ours] = theirs[order]
+    return rows
+
+
+def _no_equilibrium(body: Body, contact: Contact, answer: Answer) -> Verdict:
+    """Outcomes without equilibrium are checked by statics."""
+    step = max(len(answer.steps) - 1, 0)
+    if answer.outcome == NOT_HELD:
+        kind = DENIED if statics.held(body, contact, step) else NO_BALANCE
+        return Verdict(kind, answer.outcome)
+    room, pressure = statics.slack(body, contact, step)
+    if room <= 1e-6:
+        return Verdict(NO_BALANCE, answer.outcome)
+    note = f"contact forces balance the loads with {room:.1e} of them to spare"
+    if not contact.follows_pressure:
+        return Verdict(DENIED, answer.outcome, note=note)
+    # Where the bound follows the pressure, balance does not prove a solution; a solution that is found does.
+    if convex.cvxopt is not None and _solution_exists(body, contact, step, answer, pressure):
+        return Verdict(DENIED, answer.outcome, note=f"{note}; and here is a solution")
+    return Verdict(DOUBTFUL, answer.outcome, note=note)
+
+
+def _solution_exists(body: Body, contact: Contact, step: int, answer: Answer, pressure: Array) -> bool:
+    """Whether the oracle finds a solution with Coulomb friction of its own, from the load step before."""
+    counts = np.bincount(contact.nodes, minlength=len(body.x))[contact.nodes]
+    if (counts > 1).any() or not free_dofs(body, step).reshape(-1, 2)[contact.nodes].all():
+        return False  # what such a node carries is not told by its force alone
+    origin = Origin.nothing(len(pressure))
+    if step > 0:
+        table = answer.steps[step - 1].table
+        if (order := _rows(body, contact, table)) is None:
+            return False
+        origin = origin.after(table["u_t"][order], table["shear"][order], 0.0)
+    if (found := convex.coulomb_state(body, contact, step, origin, pressure)) is None:
+        return False
+    u, pressure = found
+    inner = (body.load(step) - body.stiffness @ u.ravel()).reshape(-1, 2)[contact.nodes]
+    shear = (inner * contact.tangent).sum(axis=1) / contact.weight
+    said = Tractions(pressure, shear, np.full(len(pressure), "unknown"))
+    return max(violations(body, contact, step, u, said, origin, (0.0, 0.0)).values()) <= 1
