@@ -1,7 +1,7 @@
 """What is asked of a result first, in words: does it hold, how much is left, where is the largest stress, how sure.
 
 The four answers are of what the figures are of, see ``validity``: of a solution, of the last load step that has one, or
-of none; then there is no figure among them.  The page that docs/answers.py writes lists what they say of every outcome.
+of none; then there is no figure among them.
 """
 
 from __future__ import annotations

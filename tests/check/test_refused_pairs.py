@@ -1,10 +1,9 @@
 """Which features go together: each pair is drawn into a small scene, and is refused in the words that it declares."""
 
-import sys
 from functools import cache
 from itertools import combinations
-from pathlib import Path
 
+import declared_refusals as refusals
 import numpy as np
 import pytest
 from mpi4py import MPI
@@ -17,10 +16,6 @@ from signorini_fx.records import Timings
 from signorini_fx.scenes.checks import check_scene
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import parse_scene
-
-ROOT = Path(__file__).parents[2]
-sys.path.insert(0, str(ROOT / "docs"))
-import refusals  # noqa: E402
 
 COMM = MPI.COMM_SELF
 GRID = {"nx": 4, "ny": 4, "length": 2.0, "height": 1.0}
@@ -177,11 +172,6 @@ ONE_OF_BOTH = {
     *((kind, "nonlinear material") for kind in ("anisotropic material", "graded material", "graded Poisson's ratio")),
 }
 PAIRS = [pair for pair in combinations(WITH, 2) if compatible(*pair) and pair not in ONE_OF_BOTH]
-
-
-def test_the_page_is_of_today():
-    """Run ./env python3 docs/refusals.py where it is not."""
-    assert refusals.PAGE.read_text(encoding="utf-8") == refusals.written()
 
 
 def test_each_feature_is_one():

@@ -1,8 +1,6 @@
-"""What is not read: the table, its page, and a deck with each of its rows."""
+"""What is not read: the table, and a deck with each of its rows."""
 
 import re
-import sys
-from pathlib import Path
 
 import pytest
 from deck_lines import STEEL, squares, stacked
@@ -12,9 +10,6 @@ from signorini_fx.addons.decks.draft import draft
 from signorini_fx.addons.decks.keywords import RULES, Grade
 from signorini_fx.errors import MeshError
 from signorini_fx.scenes import cli
-
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent.parent / "docs"))
-import decks
 
 HARD = "*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=HARD"
 BASE = stacked([HARD])
@@ -190,11 +185,6 @@ def test_rows_of_the_table(tmp_path):
     assert not never & READ - {"NGEN", "NFILL", "NCOPY", "NMAP", "ELGEN", "ELCOPY"}
     lost, _ = graded(written(tmp_path, ["*CREEP", "1., 0."], [])[0])
     assert lost == [f"line {STEP + 2}, *CREEP: not read"]
-
-
-def test_page():
-    """Run ./env python3 docs/decks.py where it is not."""
-    assert decks.PAGE.read_text(encoding="utf-8") == decks.written()
 
 
 LEFT = {

@@ -1,7 +1,7 @@
 """The keywords of an Abaqus input file that a scene does not have, or has in part: the effect, and whether it changes
 the answer.
 
-``docs/decks.md`` is written from this table, and the tests read a deck with each of its rows.
+The tests read a deck with each row of this table.
 """
 
 from __future__ import annotations

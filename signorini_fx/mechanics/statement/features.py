@@ -2,8 +2,7 @@
 
 Each feature says what it refuses, and why: effects in ``Effect.refuses``, the kinematics in ``Kinematics.refuses``,
 elements and settings here, and what is computed of a solution (a bound, a proof, a derivative) where it is computed.  A
-reason is one of mathematics, or it says that something is not possible *yet*.  ``docs/refusals.py`` makes a page of
-them.
+reason is one of mathematics, or it says that something is not possible *yet*.
 """
 
 from __future__ import annotations

@@ -1,29 +1,18 @@
-"""Write docs/refusals.md: which features of scenes do not go together, and why, from what each of them declares.
-
-    ./env python3 docs/refusals.py
-
-See ``signorini_fx/mechanics/statement/features.py``.  A test checks that the page is up to date.
-"""
+"""Which features of scenes do not go together, and why, as each of them declares it."""
 
 from __future__ import annotations
 
 import pkgutil
-import sys
 from collections.abc import Iterator, Mapping
 from importlib import import_module
 from itertools import chain
-from pathlib import Path
 
-ROOT = Path(__file__).resolve().parent.parent
-PAGE = ROOT / "docs" / "refusals.md"
-sys.path.insert(0, str(ROOT))
-
-from signorini_fx.addons.derivatives import of_scene  # noqa: E402
-from signorini_fx.mechanics import effects, materials  # noqa: E402
-from signorini_fx.mechanics.body import statics_of_surface  # noqa: E402
-from signorini_fx.mechanics.kinematics import KINDS  # noqa: E402
-from signorini_fx.mechanics.statement.effect import Effect  # noqa: E402
-from signorini_fx.mechanics.statement.features import REFUSED_BY_SETTINGS  # noqa: E402
+from signorini_fx.addons.derivatives import of_scene
+from signorini_fx.mechanics import effects, materials
+from signorini_fx.mechanics.body import statics_of_surface
+from signorini_fx.mechanics.kinematics import KINDS
+from signorini_fx.mechanics.statement.effect import Effect
+from signorini_fx.mechanics.statement.features import REFUSED_BY_SETTINGS
 
 # What is computed of a scene, and the features that it does not know.
 COMPUTED = {
@@ -31,12 +20,6 @@ COMPUTED = {
     "derivatives": of_scene.REFUSES,
 }
 YET = (" yet", " so far", "not tried")
-HEAD = """# What does not go together
-
-`./env python3 docs/refusals.py` writes this page from what each feature declares. All pairs that are not listed can be
-combined, and what is refused is refused before anything is solved, by `check` too. A bound, a proof or a derivative
-that does not know a feature says so in the result or is refused when it is asked for.
-"""
 
 
 def of_effects() -> Iterator[tuple[str, type[Effect]]]:
@@ -66,16 +49,3 @@ def pairs() -> dict[tuple[str, str], str]:
 def derived(why: str) -> bool:
     """Whether a reason is one of mathematics, and not that nobody has done it yet."""
     return not any(word in why for word in YET)
-
-
-def written() -> str:
-    """The page."""
-    parts, every = [HEAD], pairs()
-    for heading, mathematical in (("By mathematics", True), ("Not derived yet", False)):
-        rows = [f"| {one} | {other} | {why} |" for (one, other), why in every.items() if derived(why) == mathematical]
-        parts += [f"\n## {heading}\n", "| feature | with | message |", "|---|---|---|", *rows]
-    return "\n".join(parts) + "\n"
-
-
-if __name__ == "__main__":
-    PAGE.write_text(written(), encoding="utf-8")

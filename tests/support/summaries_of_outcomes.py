@@ -1,31 +1,15 @@
-"""Write docs/answers.md: what the first lines of a result say after every outcome, and of everything that is known.
-
-    ./env python3 docs/answers.py
-
-Nothing is solved: the answers are those of ``signorini_fx/quantities/answers.py`` to summaries that are put together
-here.  A test checks that the page is up to date, and the statements of all products of outcomes with what is known.
-"""
+"""Summaries of all outcomes, put together without a solve, with all products of what may be known beside them."""
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterator
 from itertools import product
-from pathlib import Path
 from typing import Any
 
-ROOT = Path(__file__).resolve().parent.parent
-PAGE = ROOT / "docs" / "answers.md"
-sys.path.insert(0, str(ROOT))
+from signorini_fx.records import SHORT_OF_ACCURACY, Status
+from signorini_fx.results.accuracy.next_accuracy import CostOfAccuracy
+from signorini_fx.scenes.cli.exit_codes import of_solve
 
-from signorini_fx.quantities.answers import answers  # noqa: E402
-from signorini_fx.quantities.validity import Validity  # noqa: E402
-from signorini_fx.records import SHORT_OF_ACCURACY, Status  # noqa: E402
-from signorini_fx.results.accuracy.next_accuracy import CostOfAccuracy  # noqa: E402
-from signorini_fx.results.short_answer import short_answer  # noqa: E402
-from signorini_fx.scenes.cli.exit_codes import of_solve  # noqa: E402
-
-QUESTIONS = ("Does it hold?", "How much is left?", "Where is the largest stress?", "How sure is it?")
 _LAW = "the regularised law, gamma_n = 3.16e+04, gamma_t = 3.16e+04"
 _DIFFERS = (
     "'alm' was not reached, the regularised law with gamma_n = 3.16e+04 was solved instead; it leaves penetration "
@@ -155,87 +139,5 @@ def all_products() -> Iterator[tuple[Status, bool, tuple[str, ...], dict[str, An
 
 
 def code(summary: dict[str, Any]) -> int:
-    """With which the command ends."""
+    """The exit code of the command."""
     return of_solve(converged=summary["converged"], incomplete=bool(summary["incomplete"]))
-
-
-def _cells(summary: dict[str, Any]) -> str:
-    """The four answers as cells of a table, each with its details behind a line break."""
-    told = (f"**{answer.text}**<br>{'; '.join(answer.details)}".removesuffix("<br>") for answer in answers(summary))
-    return " | ".join(text.replace("|", "\\|") for text in told)
-
-
-def _table(first: str, rows: list[tuple[str, dict[str, Any]]], *, columns: tuple[int, ...] = (0, 1, 2, 3)) -> list[str]:
-    """A row for each summary, with its name and the answers to some of the questions."""
-    names = [QUESTIONS[k] for k in columns]
-    lines = [f"| {' | '.join([first, *names])} |", f"|{'---|' * (len(names) + 1)}"]
-    for name, summary in rows:
-        cells = _cells(summary).split(" | ")
-        lines.append(f"| {' | '.join([name, *(cells[k] for k in columns)])} |")
-    return lines
-
-
-def _terminal(summary: dict[str, Any]) -> list[str]:
-    """What ``solve`` prints."""
-    return ["```text", *map(str, short_answer(summary, Path("results/block"))), "```"]
-
-
-HEAD = """# The first lines after every outcome
-
-`./env python3 docs/answers.py` writes this page. The report begins with four answers; the terminal says the same in
-ten lines. What they say depends on how the solve ended and on what is known. A test goes through all products of what
-this page lists. [Outcomes](outcomes.md) says what to do about each.
-"""
-
-
-def written() -> str:
-    """The page."""
-    parts = [HEAD, "## One load", ""]
-    parts += _table("outcome", _outcomes(step=False), columns=(0, 1))
-    parts += [
-        "",
-        "The number behind an outcome is the exit code.",
-        "",
-        "## Load steps, of which the fourth ended so",
-        "",
-    ]
-    parts += _table("outcome", _outcomes(step=True), columns=(0, 1))
-    parts += ["", "## Of what the figures are", ""]
-    parts += _table("figures of", [(validity.value, _of(validity)) for validity in Validity])
-    sections = {
-        "## What is known of the strength": (STRENGTHS, (0, 1, 2)),
-        "## What statics says": (STATICS, (0, 1)),
-        "## What is known of the error": (ERRORS, (3,)),
-        "## The law of the result": (LAWS, (0, 3)),
-        "## What the scene lacks": (COMPLETE, (0, 1, 2, 3)),
-    }
-    for heading, (part, columns) in sections.items():
-        parts += ["", heading, ""]
-        parts += _table("known", [(name, known(**changes)) for name, changes in part.items()], columns=columns)
-    parts += ["", "## On the terminal"]
-    shown = {
-        **{validity.value: _of(validity) for validity in Validity},
-        "a solution with another law than was asked for": known(**LAWS["another one"]),
-    }
-    for name, summary in shown.items():
-        parts += ["", f"{name[0].upper()}{name[1:]}, exit code {code(summary)}:", "", *_terminal(summary)]
-    return "\n".join(parts) + "\n"
-
-
-def _outcomes(*, step: bool) -> list[tuple[str, dict[str, Any]]]:
-    summaries = {status: known(**ended(status, step=step)) for status in Status}
-    return [(f"*{status.value}*, {code(summary)}", summary) for status, summary in summaries.items()]
-
-
-def _of(validity: Validity) -> dict[str, Any]:
-    """An example of what figures may be of."""
-    return {
-        Validity.SOLUTION: known(),
-        Validity.LESS_ACCURATE: known(**ended(Status.OUT_OF_REACH)),
-        Validity.EARLIER_STEP: known(**ended(Status.SLIDES_AT_PRESSURES, step=True)),
-        Validity.NO_SOLUTION: known(**ended(Status.SLIDES)),
-    }[validity]
-
-
-if __name__ == "__main__":
-    PAGE.write_text(written(), encoding="utf-8")
