@@ -47,7 +47,7 @@ DAMPING = (0.5, 0.2)
 # A load step ends without a solution when all its problems and fall-backs together have taken as many linear solves as
 # this many problems that run to their last iteration.  A fixed-point iteration up to its limit takes a tenth of them.
 # Tuned on the random scenes of benchmarks/stability/scatter.py: scene 1534 is solved after 2,688 solves, for which 20
-# problems are too few.  docs/evidence/not_solved.csv has scenes that no method solves.
+# problems are too few.
 PROBLEMS_PER_STEP = 40
 # A load step of a ramp takes at most this many times the linear solves of the last one with a solution before a smaller
 # increment is tried, and all load steps without a solution together this many times those with one: where a limit load
