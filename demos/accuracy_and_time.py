@@ -7,7 +7,7 @@
 #
 # $$\frac{\|\lambda - \lambda_h\|}{\|\lambda\|} \approx \eta_h ,$$
 #
-# see [theory](../docs/theory.md#the-convergence-table). Here it is compared with the true error, that is, with a
+# see [theory](../docs/theory.md#error-estimates). Here it is compared with the true error, that is, with a
 # solution on a much finer mesh, for Example 1 of the paper with Coulomb friction. Then an accuracy is requested, and
 # the result is checked in the same way.
 

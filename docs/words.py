@@ -1,7 +1,7 @@
-"""How long the pages are, and how long their sentences: for the tests and for who writes.
+"""How long the pages are, and how long their sentences.
 
-python3 docs/words.py [PAGE ...]      # words, words a sentence, sentences of more than 30 words, by page
-python3 docs/words.py --long PAGE     # these sentences
+python3 docs/words.py                 # words and share of long sentences of each page
+python3 docs/words.py --long PAGE     # the sentences of more than 25 words
 """
 
 from __future__ import annotations
@@ -11,21 +11,17 @@ import sys
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
-LONG = 30
-# What is not for users of the package, or of results of other programs, or written by a command, or examples, or for
-# users of FEniCSx alone; the others, with the README, are the guide.
-OTHERS = ("theory", "architecture", "trust", "evidence", "refusals", "answers", "decks", "judge")
-OTHERS += ("i-want-to", "for-fenicsx", "bounds")
+LONG = 25
 
 
-def guide() -> list[Path]:
-    """The pages that a user meets."""
-    return [ROOT / "README.md", *(page for page in sorted(ROOT.glob("docs/*.md")) if page.stem not in OTHERS)]
+def pages() -> list[Path]:
+    """README and the pages of this folder."""
+    return [ROOT / "README.md", *sorted(ROOT.glob("docs/*.md"))]
 
 
 def words(page: Path) -> int:
-    """All words of the file, tables, code and formulas included; marks without a letter or digit are none."""
-    return sum(bool(re.search(r"\w", word)) for word in page.read_text(encoding="utf-8").split())
+    """All words of the file, tables, code and formulas included."""
+    return len(page.read_text(encoding="utf-8").split())
 
 
 def sentences(page: Path) -> list[str]:
@@ -43,28 +39,15 @@ def sentences(page: Path) -> list[str]:
     return [sentence for sentence in found if len(sentence.split()) > 1]
 
 
-def readability(page: Path) -> tuple[float, float]:
-    """Words a sentence, and the share of sentences of more than ``LONG`` words."""
-    lengths = [len(sentence.split()) for sentence in sentences(page)]
-    if not lengths:
-        return 0.0, 0.0
-    return sum(lengths) / len(lengths), sum(length > LONG for length in lengths) / len(lengths)
-
-
-def main(arguments: list[str]) -> None:
-    """Print what is asked for."""
-    pages = [Path(name) for name in arguments if name != "--long"]
-    if "--long" in arguments:
-        for page in pages:
-            print(*(s for s in sentences(page) if len(s.split()) > LONG), sep="\n\n")
-        return
-    pages = pages or [*guide(), *(ROOT / "docs" / f"{name}.md" for name in OTHERS)]
-    print("words  a sentence  longer than 30  page")
-    for page in pages:
-        mean, share = readability(page)
-        print(f"{words(page):5} {mean:11.1f} {share:14.1%}   {page.name}")
-    print(f"{sum(map(words, pages)):5} words; the guide has {sum(map(words, guide()))}")
+def long_sentences(page: Path) -> list[str]:
+    """The sentences of more than ``LONG`` words."""
+    return [sentence for sentence in sentences(page) if len(sentence.split()) > LONG]
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    if "--long" in sys.argv:
+        print(*long_sentences(Path(sys.argv[-1])), sep="\n\n")
+    else:
+        for one in pages():
+            print(f"{words(one):6} {len(long_sentences(one)) / max(len(sentences(one)), 1):6.1%}  {one.name}")
+        print(f"{sum(map(words, pages())):6} words")

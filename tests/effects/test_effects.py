@@ -137,7 +137,7 @@ ITERATION = {"recorded_solves", "linear_solves", "factorisations", "newton_itera
 
 
 def test_example_1_pays_for_what_it_lists(count):
-    """docs/trust.md counts: of 20 effects that a scene may list it has six, with three forms and a matrix."""
+    """Of 20 effects that a scene may list it has six, with three forms and a matrix."""
     file = Path(__file__).parents[2] / "demos" / "scenes" / "example1_tresca.toml"
     effects = check_scene(read_scene(file), MPI.COMM_SELF).effects
     assert (len(effects), sum(effect.on for effect in effects)) == (20, 6)

@@ -233,7 +233,7 @@ def test_more_cells_than_there_could_be(name, changes):
 
 # --- generators of other packages ------------------------------------------------------------------------------------
 
-GUIDE = Path(__file__).parents[2] / "docs" / "generators.md"
+GUIDE = Path(__file__).parents[2] / "docs" / "meshes.md"
 
 
 @pytest.fixture

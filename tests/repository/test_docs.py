@@ -72,17 +72,14 @@ ROOT = Path(__file__).parents[2]
 README, DOCS = ROOT / "README.md", ROOT / "docs"
 sys.path.insert(0, str(DOCS))
 
-import evidence  # noqa: E402
 import words  # noqa: E402
 
-THEORY, GLOSSARY = DOCS / "theory.md", DOCS / "glossary.md"
-# Guides and reference, whose blocks are run; the other pages are theory and evidence.
-GUIDES = ["guide", "own-body", "effects", "load-steps", "in-space", "choosing-the-method", "target-accuracy", "python"]
-GUIDES += ["own-forms", "for-fenicsx", "nonlinear", "which-law"]
-REFERENCE = ["scene", "generators", "mesh-files", "command-line", "results", "outcomes"]
+THEORY = DOCS / "theory.md"
 OWN_BODY = DOCS / "own-body.md"
 EXAMPLES = DOCS / "i-want-to.md"
-MANUAL = [DOCS / f"{name}.md" for name in ["index", "i-want-to", *GUIDES, "several-ranks", "install", *REFERENCE]]
+# Pages whose blocks are run; the others are theory, and comparisons with other programs.
+OTHERS = ("theory", "verification", "architecture", "coming-from", "gallery")
+MANUAL = [page for page in sorted(DOCS.glob("*.md")) if page.stem not in OTHERS]
 PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md"), *(ROOT / ".github").rglob("*.md")])
 MODULES = {module.name for module in pkgutil.iter_modules(signorini_fx.__path__)}
 
@@ -135,12 +132,12 @@ def each_block(language):
 def folders(tmp_path_factory):
     """One folder a page, with the scene that its commands and scripts are about, and the meshes that it shows."""
     found = {page: tmp_path_factory.mktemp(page.stem) for page in (README, *MANUAL)}
-    two_materials = first_block(DOCS / "effects.md", "geo").text
+    bracket = first_block(OWN_BODY, "geo").text
     for page, folder in found.items():
         scene_file = first_block(README, "toml").text if page == README else starting_scene()
         (folder / "scene.toml").write_text(scene_file, encoding="utf-8")
         drawn = first_block(page, "geo")
-        (folder / "body.geo").write_text(drawn.text if drawn else two_materials, encoding="utf-8")
+        (folder / "body.geo").write_text(drawn.text if drawn else bracket, encoding="utf-8")
     for block in blocks_of(EXAMPLES):
         if block.language == "toml":
             name = re.match(r"# (\w+\.toml): ", block.text)[1]
@@ -176,7 +173,7 @@ def folder(block, folders, monkeypatch):
 def test_blocks():
     """They are found, in languages that are known; few are not run, each for a reason."""
     languages = {block.language for block in BLOCKS}
-    assert languages == {"geo", "python", "sh", "text", "toml", "{toctree}"}
+    assert languages == {"geo", "python", "sh", "text", "toml", "{api}", "{toctree}"}
     for page, languages in ((README, ("toml", "python", "sh")), (OWN_BODY, ("geo", "toml", "sh"))):
         for language in languages:
             assert any(b.page == page and b.language == language and b.reason is None for b in BLOCKS)
@@ -184,43 +181,36 @@ def test_blocks():
     assert not_run <= {
         "installs packages",
         "needs Docker",
+        "needs Docker, Apptainer and a cluster",
+        "needs two machines",
         "needs io4dolfinx",
         "opens a window",
         "these are the commands that run the tests",
     }
 
 
-def test_length_of_the_readme():
-    """It is read in five minutes; everything else has a page of its own."""
-    assert len(README.read_text(encoding="utf-8").split()) <= 1000
-
-
-def test_length_of_the_guide():
-    """What a user meets, nonlinear bodies included, and the theory, for those who want to know more."""
-    assert sum(map(words.words, words.guide())) <= 16_000
-    assert words.words(THEORY) <= 12_000
+def test_length_and_readability():
+    """The README is read in five minutes; few sentences have more than 25 words (docs/words.py --long)."""
+    assert words.words(README) <= 900
+    assert words.long_sentences(README) == []
+    assert sum(map(words.words, words.pages())) <= 30_000
+    for page in words.pages():
+        assert len(words.long_sentences(page)) <= 0.05 * len(words.sentences(page)), page
 
 
 def test_length_of_the_examples():
     """Each has ten lines or fewer beside its name and imports, a command or a program, and a picture of its own."""
     text = EXAMPLES.read_text(encoding="utf-8")
     asked = re.split(r"^## ", text, flags=re.MULTILINE)[1:]
-    assert len(asked) == 15
+    assert len(asked) == 13
     for block in blocks_of(EXAMPLES):
         lines = [line for line in block.text.splitlines() if line and not re.match("#|import |from ", line)]
         assert 0 < len(lines) <= 10, block
         assert all(len(line) <= 120 for line in lines), block
     pictures = [re.findall(r"!\[.+\]\((images/[\w/-]+\.png)\)", one) for one in asked]
     assert all(len(one) == 1 for one in pictures)
-    assert len({one for (one,) in pictures}) == 15
+    assert len({one for (one,) in pictures}) == 13
     assert all(re.search("^```(sh|python)$", one, re.MULTILINE) for one in asked)
-
-
-def test_readability():
-    """No sentence of the guide has more than 30 words; formulas and code count as one (docs/words.py --long)."""
-    for page in words.guide():
-        assert words.readability(page)[1] == 0, page
-    assert words.readability(THEORY)[1] <= 0.15
 
 
 @each_block("toml")
@@ -372,10 +362,11 @@ def test_links(page):
 
 
 def test_evidence():
-    """The page lists every table, as its command writes it."""
-    assert (DOCS / "evidence.md").read_text(encoding="utf-8") == evidence.page()
-    listed = {row["file"] for row in evidence.rows("index")}
-    assert {path.stem for path in evidence.TABLES.glob("*.csv")} == listed | {"index"}
+    """The index lists every table, with the date of its recording."""
+    with (DOCS / "evidence" / "index.csv").open(encoding="utf-8") as text:
+        listed = {row["file"]: row["recorded"] for row in csv.DictReader(text)}
+    assert {path.stem for path in (DOCS / "evidence").glob("*.csv")} == {*listed, "index"}
+    assert all(listed.values())
 
 
 def test_contributing():
@@ -557,7 +548,7 @@ def test_scene_keys(place):
     for model in MODELS[place]:
         for key, field in model.model_fields.items():
             found.setdefault(f"`{key}`", []).append(field)
-    rows = table([*MANUAL, DOCS / "decks.md"], *place)
+    rows = table(MANUAL, *place)
     assert sorted(row[0] for row in rows) == sorted(found)
     for key, default, _unit, meaning in rows:
         first = found[key][0]
@@ -568,7 +559,7 @@ def test_scene_keys(place):
 
 def test_generators():
     """Every generator with all of its boundaries; its parameters are those of its docstring, which the page shows."""
-    rows = [row for t in tables_of(DOCS / "generators.md") if t.header[0] == "generator" for row in t.rows]
+    rows = [row for t in tables_of(DOCS / "meshes.md") if t.header[0] == "generator" for row in t.rows]
     known = known_generators()
     assert sorted(re.match(r"\[(\w+)\]", row[0])[1] for row in rows) == list(known)
     for link, _body, boundaries in rows:
@@ -675,11 +666,10 @@ def test_certificate():
 # --- code ------------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("page", [THEORY, GLOSSARY], ids=lambda page: page.name)
-def test_code_that_is_named(page):
+def test_code_that_is_named():
     """Modules and what is in them are there."""
     keys = {key for model in classes_in(scene.Scene.described()) for key in model.model_fields}
-    for word in set(re.findall(r"`([\w./]+)`", page.read_text(encoding="utf-8"))):
+    for word in set(re.findall(r"`([\w./]+)`", THEORY.read_text(encoding="utf-8"))):
         module, *path = word.split(".")
         if word.endswith(".py"):
             assert any((folder / word).is_file() for folder in (ROOT, ROOT / "signorini_fx")), word
