@@ -48,7 +48,7 @@ NOT_CERTIFIED = "certificate does not hold"
 AGREE, AGREE_COULOMB = 1e-6, 1e-5
 # The error allowed for the model of path-following.
 MODEL = 2.0
-# The penalty of gamma = auto, in units of E over the size of the body: docs/guide.md.
+# The penalty of gamma = auto, in units of E over the size of the body: docs/theory.md.
 AUTOMATIC_GAMMA = 1e5
 
 

@@ -16,7 +16,7 @@ at most those of Pi r, C_K and C_K', and q = 1 / sqrt(m) times one of both, and 
 
     max(c_K, c_K')^2 <= max(C_K, C_K')^2 + q^2 max(c_K, c_K')^2.
 
-They are finite by Korn's inequality.  docs/bounds.md has the proof.
+They are finite by Korn's inequality.
 """
 
 from __future__ import annotations
