@@ -591,9 +591,9 @@ SLOPE_OF_HEIGHT, TURNED_NORMALS = 1e-5, 5.0
 GAP_DIFFERENCE = 1e-4
 # A body that moves by a smaller share of its size than this carries next to nothing: steel, less than 2 kPa.  Choice.
 HARDLY_MOVED = 1e-8
-# Shear of tilted frames over F P, as a multiple of the tilt at the end of contact over F: .46 to .73 (tests/support/curved_pairs.py).
-# It is said where it is more than a share, and where bodies first touch along one direction, up to the cosine of 26
-# degrees.  Choice of the last two.
+# Shear of tilted frames over F P, as a multiple of the tilt at the end of contact over F: .46 to .73, see
+# tests/support/curved_pairs.py.  It is said where it is more than a share, and where bodies first touch along one
+# direction, up to the cosine of 26 degrees.  Choice of the last two.
 SHEAR_OF_TILT, NOTABLE_SHEAR, ONE_DIRECTION = 0.55, 0.05, 0.9
 
 # Facets of Hertz's half width that check asks for, and how many times longer they may be before it does.  Choice.

@@ -7,6 +7,7 @@ import tomllib
 from collections import Counter
 from pathlib import Path
 
+import architecture
 import pytest
 
 from signorini_fx import InstallationError, extensions
@@ -23,9 +24,6 @@ POINTING = {
     "said", "now", "then", "before", "after", "again", "more", "most", "less", "rest", "left", "kept", "had",
     "has", "is", "so", "whole", "all", "none", "what", "which",
 }  # fmt: skip
-sys.path.insert(0, str(ROOT / "docs"))
-
-import architecture  # noqa: E402
 
 
 def imports(path, *, everywhere):
@@ -116,7 +114,7 @@ def test_algorithms_and_linear_algebra_are_strangers():
 
 
 def test_every_module_has_a_layer():
-    """Its package; a module beside packages is named in BESIDE of docs/architecture.py."""
+    """Its package; a module beside packages is named in BESIDE of tests/support/architecture.py."""
     assert {architecture.layer_of(module) for module in architecture.files()} == set(architecture.LAYERS)
 
 
@@ -235,11 +233,6 @@ def test_imports_run_in_no_circle():
         free = {module for module, used in rest.items() if not used & rest.keys()}
         assert free, f"these import each other: {sorted(rest)}"
         rest = {module: used for module, used in rest.items() if module not in free}
-
-
-def test_the_picture_is_of_today():
-    """Run ./env python3 docs/architecture.py where it is not."""
-    assert architecture.PICTURE.read_text(encoding="utf-8") == architecture.drawn()
 
 
 EFFECTS = sorted(f"mechanics/effects/{file.stem}" for file in (PACKAGE / "mechanics" / "effects").glob("*.py"))
