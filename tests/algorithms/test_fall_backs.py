@@ -10,7 +10,6 @@ from scenes import PATCH, alone, energy, example1
 
 from signorini_fx.algebra import attempts
 from signorini_fx.algebra.algorithms import augmented_fall_back, fall_backs, ssn, strategy
-from signorini_fx.algebra.contact import reference_motion as resting
 from signorini_fx.records import Status
 from signorini_fx.results.summary import render, summarise
 from signorini_fx.scenes import solver
@@ -134,6 +133,7 @@ def test_monolithic_where_the_fixed_point_does_not_contract():
     assert alone(pulled(5.0, fallbacks=False), check=False).status is Status.OUTER_MAX_ITERATIONS
 
 
+@pytest.mark.slow
 def test_damping(monkeypatch):
     """Where Newton's method is not to be had, a damped fixed point goes where the plain one does not."""
     monkeypatch.setattr(strategy, "coulomb_newton", lambda *_: Status.CYCLING)
@@ -207,32 +207,6 @@ def test_fall_backs_that_fail_restores_the_start(monkeypatch):
     assert seen[0] == (Status.CYCLING, True)
 
 
-@pytest.mark.usefixtures("no_fall_backs")
-def test_coarser_meshes_without_what_the_scene_names(monkeypatch):
-    """They cannot help; the outcome is that of the scene's own mesh, and no error of theirs."""
-    monkeypatch.setattr(strategy, "by_augmentation", lambda task, start, failed, data: failed)
-
-    def without(scene, levels):
-        return [with_contact(scene, boundary="nowhere")] * (levels - 1)
-
-    monkeypatch.setattr(solver, "coarser_scenes", without)
-    ours = alone(jumping(), check=False)
-    assert ours.status is Status.CYCLING
-    assert ours.history.events[-1].startswith("no coarser meshes: ")
-
-
-def test_augmentation_leaves_no_regularisation_error(monkeypatch):
-    """What path-following did not get rid of is not said of a solution that it did not find."""
-
-    def failing(newton, data, sets, **_):
-        return Status.CYCLING, data, np.inf
-
-    monkeypatch.setattr(strategy, "path_following", failing)
-    ours = alone(jumping(algorithm="path-following"))
-    assert any("augmented Lagrangian" in event for event in ours.history.events)
-    assert "regularisation_error" not in ours.parameters
-
-
 @pytest.mark.mpi
 @pytest.mark.parametrize("make", [jumping, flat])
 def test_the_same_solution_on_every_number_of_ranks(make):
@@ -246,14 +220,6 @@ def test_the_same_solution_on_every_number_of_ranks(make):
     assert energy(ours) == pytest.approx(energy(reference), rel=1e-8)
     ours_force, force = (np.sum(solution.contact.forces, axis=0) for solution in (ours, reference))
     np.testing.assert_allclose(ours_force, force, rtol=0, atol=1e-6)
-
-
-def test_a_limit_that_is_asked_for_is_kept():
-    """Three solves are three solves."""
-    ours = alone(jumping(max_iterations=3), check=False)
-    assert ours.status is Status.MAX_ITERATIONS
-    assert ours.history.linear_solves == 3
-    assert ours.history.events == []
 
 
 # --- trifles ----------------------------------------------------------------------------------------------------------
@@ -279,10 +245,3 @@ def test_grazing(law, load):
     contact, _ = solution.contact.forces
     assert contact[1] == pytest.approx(60.0 * load, rel=max(1e-8, 1e-15 / load))
     assert solution.contact.pressure.min() >= 0
-
-
-def test_rest_beside_a_wall():
-    """A node that slides along a wall which it enters stops nothing, whatever the round-off of its normal."""
-    rows, gap = np.array([[-1.0], [1e-17], [-1e-17]]), np.array([0.5, -0.1, -0.1])
-    assert resting._furthest(rows, gap, np.array([-1.0])) == pytest.approx(-0.5)
-    assert resting._furthest(np.zeros((2, 1)), gap[:2], np.array([-1.0])) is None

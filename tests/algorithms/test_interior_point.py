@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from mpi4py import MPI
-from scenes import alone, energy, example1
+from scenes import alone, example1
 from test_fall_backs import fall_backs_of, flat, jumping, same
 
 from benchmarks.stability.oracle.judge import RIGHT
@@ -14,7 +14,6 @@ from signorini_fx.algebra.algorithms.interior_point import interior_point
 from signorini_fx.algebra.algorithms.ssn import SemismoothNewton
 from signorini_fx.mechanics.body.discretisation import discretise
 from signorini_fx.records import History, Status, Timings
-from signorini_fx.scenes import solver
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.solving.solve_on_mesh import contact_task
 
@@ -75,13 +74,3 @@ def test_judged_by_another_programme(where, seed, monkeypatch):
     verdict, _ = examined(TRIAL[where](seed, same_units(where, seed)), where)
     assert verdict.kind == RIGHT, verdict
     assert set(statuses) == {Status.CONVERGED}
-
-
-@pytest.mark.mpi
-@pytest.mark.usefixtures("nothing_else")
-def test_on_every_number_of_ranks():
-    """Steps and their ends are taken from sums and largest values over the ranks."""
-    ours, reference = solver.solve(jumping(), MPI.COMM_WORLD), alone(jumping())
-    assert fall_backs_of(ours) == ["interior point"]
-    assert ours.history.linear_solves == reference.history.linear_solves
-    assert energy(ours) == pytest.approx(energy(reference), rel=1e-8)

@@ -5,7 +5,7 @@ import sys
 import numpy as np
 import pytest
 from mpi4py import MPI
-from scenes import alone, example1
+from scenes import alone
 
 from signorini_fx.algebra.algorithms import ssn, task
 from signorini_fx.scenes.reading import parse_scene
@@ -88,52 +88,6 @@ def test_wrong_sets_are_corrected(monkeypatch):
     assert proposals(ours) == 1
     size = np.abs(sought.displacement.x.array).max()
     np.testing.assert_allclose(ours.displacement.x.array, sought.displacement.x.array, rtol=0, atol=1e-9 * size)
-
-
-def test_no_sets_are_proposed_where_a_linear_solve_fails(monkeypatch):
-    """Full steps go on as if nobody had been asked."""
-    monkeypatch.setattr(task, "proposed_sets", lambda newton, data: None)
-    ours = alone(heavy_beam(0.2, cells=60))
-    monkeypatch.setattr(ssn, "SLOW_STEPS", sys.maxsize)
-    plain = alone(heavy_beam(0.2, cells=60))
-    assert ours.history.linear_solves == plain.history.linear_solves
-    np.testing.assert_array_equal(ours.displacement.x.array, plain.displacement.x.array)
-
-
-def test_units():
-    """The counts are the same in metres and in millimetres."""
-    ours, theirs = (alone(heavy_beam(0.1, cells=100, unit=unit)) for unit in (1.0, 1e3))
-    assert proposals(ours) == proposals(theirs) == 1
-    assert ours.history.linear_solves == theirs.history.linear_solves
-
-
-@pytest.mark.parametrize("law", [{}, {"bound": 1.5}, {"coefficient": 0.3}])
-def test_compact_bodies_are_left_alone(law):
-    """Example 1 is solved by full steps."""
-    assert proposals(alone(example1(**law, nx=120, ny=40, gamma="auto"))) == 0
-
-
-def lifted_plate(nx, ny, h, lifted):
-    """A plate on a foundation of which one end is lifted so that about ``lifted`` of it is off the ground."""
-    lift = WEIGHT * lifted**4 / (2 * YOUNG * h**3)
-    parameters = {"length": LENGTH, "width": 2.0, "height": h, "nx": nx, "ny": ny, "nz": 2}
-    return parse_scene(
-        {
-            "mesh": {"generator": "box", "parameters": parameters},
-            "material": {"young": YOUNG, "poisson": 0.3},
-            "displacement": {"boundary": "left", "x": 0.0, "y": 0.0, "z": lift},
-            "body_force": {"z": -WEIGHT / h},
-            "contact": {"boundary": "bottom", "gap": 0.0},
-        }
-    )
-
-
-@pytest.mark.parametrize("lifted", [2.0, 2.5, 3.0])
-def test_a_plate_that_a_few_rows_leave(lifted):
-    """With a row of nodes at each full step these are through before proposed sets would be, which take 21 to 25."""
-    ours = alone(lifted_plate(38, 4, 0.3, lifted))
-    assert proposals(ours) == 0
-    assert ours.history.linear_solves <= 15
 
 
 @pytest.mark.mpi

@@ -2,10 +2,8 @@
 
 import numpy as np
 import pytest
-from mpi4py import MPI
 from scenes import alone, bar_on_a_bowl
 
-from signorini_fx.records import Status
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve
 
@@ -24,20 +22,6 @@ def lug(slope, friction=0.3, **solver):
                 "gap": 0.02,
                 "friction": {"law": "coulomb", "coefficient": friction},
             },
-            "solver": solver,
-        }
-    )
-
-
-def ring(slope, **solver):
-    """The same in 3D: a ring around the pin, loaded all around, which may turn but not tilt."""
-    return parse_scene(
-        {
-            "mesh": {"generator": "ring", "parameters": {"height": 0.5, "nr": 2, "nt": 3, "nz": 1}},
-            "material": {"young": 1000.0, "poisson": 0.3},
-            "displacement": {"boundary": "bottom", "z": 0.0},
-            "traction": {"boundary": "outer", "x": f"1 - {slope} * x[1]", "y": f"{slope} * x[0]"},
-            "contact": {"boundary": "inner", "gap": 0.02, "friction": {"law": "coulomb", "coefficient": 0.1}},
             "solver": solver,
         }
     )
@@ -77,27 +61,6 @@ def test_a_lug_on_a_pin_with_clearance(method):
     assert 0 < np.count_nonzero(touching) < touching.size / 4
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("method", [{}, {"coulomb": "newton"}, {"algorithm": "alm"}])
-@pytest.mark.parametrize("slope", [0.0, 0.02])
-def test_a_ring_on_a_pin_with_clearance(slope, method):
-    """In 3D."""
-    solution = alone(ring(slope, **method))
-    normal, tangential = solution.contact.forces
-    perimeter = 12 * 2 * 2.0 * np.sin(np.pi / 12)  # of the polygon that replaces the outer circle
-    np.testing.assert_allclose((normal + tangential)[:2], [-0.5 * perimeter, 0.0], atol=1e-6)
-    assert 0 < np.count_nonzero(solution.contact.pressure > 0) < solution.contact.pressure.size
-
-
-def test_a_lug_beyond_the_friction_circle():
-    """What friction does not hold is no solution, and the outcome does not ask for friction that is there."""
-    slope = 0.12
-    assert ARM * slope / np.hypot(1, slope) > 1.5 * friction_circle(0.3)
-    solution = alone(lug(slope), check=False)
-    assert solution.status in (Status.SLIDES_AT_PRESSURES, Status.SLIDES)
-    assert "add friction" not in solution.advice
-
-
 @pytest.mark.parametrize("walls", [("bottom", "left"), ("bottom", "left", "right")])
 def test_a_block_that_friction_keeps_in_its_corner(walls):
     """Pushed off a wall, it would open without friction: the start is not the problem without it."""
@@ -115,13 +78,6 @@ def test_a_block_that_friction_keeps_in_its_corner(walls):
     solution = alone(scene)
     normal, tangential = solution.contact.forces
     np.testing.assert_allclose(normal + tangential, [-9.0, 60.0], atol=1e-6)
-
-
-@pytest.mark.mpi(slow=True)
-def test_the_start_is_the_same_on_every_number_of_ranks():
-    ours, theirs = solve(lug(0.06), MPI.COMM_WORLD), alone(lug(0.06))
-    assert ours.history.linear_solves == theirs.history.linear_solves
-    np.testing.assert_allclose(ours.contact.forces, theirs.contact.forces, rtol=0, atol=1e-8)
 
 
 @pytest.mark.parametrize("distance", [1e4, 1e5, 1e6, 1e7])

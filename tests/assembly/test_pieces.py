@@ -4,25 +4,17 @@ The oracles share nothing with what they judge: the null space of the assembled 
 alone as a body of one piece.
 """
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from boxes import Box, boxes_mesh
-from dolfinx import fem
 from mpi4py import MPI
-from scenes import rectangle, table_of
+from scenes import table_of
 
-from signorini_fx.algebra.contact.statics import no_balance
-from signorini_fx.errors import MeshError
-from signorini_fx.mechanics.assembly.pieces import MOST_PIECES, find_pieces
-from signorini_fx.mechanics.body.deformation import deformation_of
+from signorini_fx.mechanics.assembly.pieces import find_pieces
 from signorini_fx.mechanics.body.discretisation import discretise
-from signorini_fx.mechanics.mesh.tagged import tag_boundaries
-from signorini_fx.records import History, Status, Timings
+from signorini_fx.records import Status, Timings
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve
-from signorini_fx.solving.solve_on_mesh import contact_task
 
 WORLD = MPI.COMM_WORLD
 UPPER, LOWER = Box("upper", 0.0, 1.0, 2.0, 1.0, 6, 3), Box("lower", 0.5, 0.0, 1.0, 1.0, 4, 4)
@@ -56,32 +48,6 @@ def test_pieces_are_the_same_on_every_rank(quadrilaterals):
 
 
 @pytest.mark.mpi
-def test_one_piece():
-    """The usual body, cut by the ranks but whole."""
-    pieces = find_pieces(rectangle(WORLD, length=3.0, height=1.0, nx=17, ny=5).mesh)
-    assert pieces.count == 1
-    assert pieces.cells.tolist() == [85]
-    assert pieces.pins.size == 0
-    assert not pieces.of_cell.any()
-
-
-def test_a_chain_joined_at_corners():
-    """A chequerboard of boxes that touch at corners alone: all in one assembly, each pin found."""
-    boxes = [Box(f"b{k}", float(k), float(k), 1.0, 1.0, 2, 2) for k in range(5)]
-    pieces = find_pieces(boxes_mesh(MPI.COMM_SELF, boxes, joined={box.corners[2] for box in boxes}).mesh)
-    assert pieces.count == 5
-    assert set(pieces.assembly) == {0}
-    assert {tuple(sorted(pair)) for pair in pieces.pins.tolist()} == {(k, k + 1) for k in range(4)}
-
-
-def test_cells_that_share_no_nodes():
-    """A mesh that is no body at all is refused in one sentence, before anything of its size squared is made."""
-    boxes = [Box(str(k), float(k), 0.0, 1.0, 1.0, 1, 1) for k in range(MOST_PIECES + 1)]
-    with pytest.raises(MeshError, match=r"falls into 201 pieces .* do not share their nodes"):
-        find_pieces(boxes_mesh(MPI.COMM_SELF, boxes).mesh)
-
-
-@pytest.mark.mpi
 @pytest.mark.parametrize(
     ("floor", "slope"),  # the slope of the foundation at the nodes
     [
@@ -109,16 +75,6 @@ def test_fewer_cells_than_ranks(floor, slope):
     along, upwards = solution.contact.forces[0]
     assert upwards == pytest.approx(10.0, abs=1e-9)
     assert abs(along) <= 10.0 * slope + 1e-9
-
-
-def test_a_small_piece_has_not_far_to_go():
-    """A travel is measured by the pieces that move together, not by what lies elsewhere."""
-    small, large = Box("small", 0.0, 0.0, 0.3, 0.4, 2, 2), Box("large", 5.0, 0.0, 8.0, 6.0, 4, 4)
-    mesh = boxes_mesh(MPI.COMM_SELF, [small, large])
-    d = discretise(scene_on(mesh).statement, mesh, Timings())
-    moved = fem.Function(d.space)
-    moved.interpolate(lambda x: np.stack([np.where(x[0] < 1, 0.2, 1.0), 0 * x[0]]))
-    assert deformation_of(d, moved, d.tagged.size).displacement == pytest.approx(0.2 / 0.5)
 
 
 # --- motions without strain ------------------------------------------------------------------------------------------
@@ -156,19 +112,6 @@ def test_motions_are_the_null_space_of_the_stiffness(seed):
     assert motions.shape[1] == np.count_nonzero(values < 1e-9 * values[-1])
     assert np.abs(dense @ motions).max(initial=0.0) < 1e-10 * values[-1]
     assert np.linalg.svd(motions, compute_uv=False).min(initial=1.0) > 1e-3
-
-
-@pytest.mark.mpi
-@pytest.mark.parametrize("seed", range(6))
-def test_motions_do_not_depend_on_the_ranks(seed):
-    """The projector onto the motions, at the owned nodes, gives the same energy-free directions on all ranks."""
-    boxes, joined, supports = random_bodies(np.random.default_rng(seed))
-    free = []
-    for comm in (WORLD, MPI.COMM_SELF):
-        mesh = boxes_mesh(comm, boxes, joined=joined)
-        motions = discretise(scene_on(mesh, displacement=supports).statement, mesh, Timings()).motions
-        free.append((motions.free.shape, np.bincount(motions.assembly).tolist(), motions.pieces.cells.tolist()))
-    assert free[0] == free[1]
 
 
 # --- each piece is solved right --------------------------------------------------------------------------------------
@@ -263,103 +206,7 @@ def test_pieces_together_are_as_each_alone(seed):
             np.testing.assert_allclose(found[name], wanted, rtol=0, atol=1e-7 * scale)
 
 
-def test_the_cases_above_are_of_all_kinds():
-    """Some scenes have a solution, some have a piece that nothing holds."""
-    counts = []
-    for seed in range(16):
-        rng = np.random.default_rng(100 + seed)
-        bodies = [random_piece(rng, f"b{k}", 3.0 * k) for k in range(int(rng.integers(2, 5)))]
-        counts.append(sum(not (e["displacement"] or e["contact"]) for _, e in bodies))
-    assert 4 <= sum(count == 0 for count in counts) <= 14
-
-
-@pytest.mark.mpi
-def test_each_piece_comes_to_rest_by_itself():
-    """Pieces drop by their own gaps, also where one of them rests already, or cannot drop."""
-    boxes = [Box(f"b{k}", 3.0 * k, 0.0, 2.0, 1.0, 3, 2) for k in range(4)]
-    gaps = [0.01, 0.2, 0.0, 0.05]
-    mesh = boxes_mesh(WORLD, boxes)
-    contact = [{"boundary": f"bottom b{k}", "gap": gap} for k, gap in enumerate(gaps)]
-    contact[3]["kind"] = "bilateral"
-    scene = scene_on(
-        mesh,
-        displacement=[{"boundary": f"left b{k}", "x": 0.0} for k in range(4)],
-        contact=contact,
-        traction=[{"boundary": f"top b{k}", "y": -1.0} for k in range(4)],
-    )
-    d = discretise(scene.statement, mesh, Timings())
-    rest = contact_task(d, History()).rest
-    np.testing.assert_allclose(rest.u_n, np.array([0.01, 0.2, 0.0, 0.0])[d.boundary.part], atol=1e-14)
-    np.testing.assert_allclose(rest.u_t, 0.0, atol=1e-14)
-    field = d.from_rest(rest, d.unknowns(fem.Function(d.space)))
-    lowest = d.boundary.traces(field.x.array.reshape(-1, 2)[d.boundary.nodes])[0]
-    np.testing.assert_allclose(lowest, rest.u_n, atol=1e-14)
-
-
-@pytest.mark.mpi
-@pytest.mark.parametrize("algorithm", ["ssn", "alm"])
-def test_a_squeezed_piece(algorithm):
-    """A piece between two foundations, without a load, beside one that friction nearly does not hold: statics of both,
-    and the pressure of uniaxial stress, E / (1 - nu^2) times the strain.
-    """
-    mesh = boxes_mesh(WORLD, [Box("pushed", 0.0, 0.0, 2.0, 1.0, 6, 3), Box("squeezed", 3.0, 0.0, 1.0, 1.0, 3, 3)])
-    scene = scene_on(
-        mesh,
-        displacement=[{"boundary": "left squeezed", "x": 0.0}],
-        traction=[{"boundary": "top pushed", "x": 0.55, "y": -1.0}],
-        contact=[
-            {"boundary": "bottom pushed", "friction": {"law": "coulomb", "coefficient": 0.6}},
-            {"boundary": "bottom squeezed", "gap": -0.01},
-            {"boundary": "top squeezed", "gap": -0.01},
-        ],
-        solver={"algorithm": algorithm, "gamma_n": 1e9, "gamma_t": 1e9},
-    )
-    solution = solve(scene, WORLD, check=False)
-    assert solution.status is Status.CONVERGED
-    exact, resultants = 1000.0 / (1 - 0.3**2) * 0.02, solution.resultants
-    np.testing.assert_allclose(resultants.of("bottom pushed").force, [-1.1, 2.0], atol=1e-6)
-    np.testing.assert_allclose(resultants.of("bottom squeezed").force, [0.0, exact], rtol=1e-5, atol=1e-6)
-    np.testing.assert_allclose(resultants.of("top squeezed").force, [0.0, -exact], rtol=1e-5, atol=1e-6)
-
-
-@pytest.mark.parametrize("loose", [0, 1])
-def test_gaps_of_each_piece(loose):
-    """Of two pieces between foundations, without a load, the one with clearance leaves its foundation."""
-    boxes = [Box("one", 0.0, 0.0, 1.0, 1.0, 2, 2), Box("other", 2.0, 0.0, 1.0, 1.0, 3, 2)]
-    mesh = boxes_mesh(MPI.COMM_SELF, boxes)
-    contact = [
-        {"boundary": f"{side} {box.name}", "gap": 0.01 if number == loose else -0.01}
-        for number, box in enumerate(boxes)
-        for side in ("bottom", "top")
-    ]
-    supports = [{"boundary": f"left {box.name}", "x": 0.0} for box in boxes]
-    d = discretise(scene_on(mesh, displacement=supports, contact=contact).statement, mesh, Timings())
-    task = contact_task(d, History())
-    data, motions = task.start.data, task.motions
-    lost = no_balance(None, data.bilateral, motions, np.zeros(motions.count), data.gap)
-    members = task.motions.of_point[np.isin(d.boundary.part, [2 * loose, 2 * loose + 1])]
-    assert (lost.status, {lost.assembly}) == (Status.OPEN, set(members))
-
-
 # --- pieces joined at corners ----------------------------------------------------------------------------------------
-
-
-@pytest.mark.mpi
-@pytest.mark.parametrize("linear_algebra", LINEAR_ALGEBRA)
-def test_a_hinge_is_a_mechanism(linear_algebra):
-    """A piece joined to a held one at a single corner turns about it."""
-    mesh = boxes_mesh(WORLD, [UPPER, BESIDE], joined={(2.0, 2.0)})
-    scene = scene_on(
-        mesh,
-        displacement=[{"boundary": "left upper", "x": 0.0}],
-        contact=[{"boundary": "bottom upper"}],
-        traction=[{"boundary": "top upper", "y": -5.0}],
-        solver={"linear_algebra": linear_algebra},
-    )
-    solution = solve(scene, WORLD, check=False)
-    assert solution.status is Status.NOT_HELD
-    assert solution.history.linear_solves == 0
-    assert solution.model.motions.free.shape[1] == 2  # up and down, which contact holds; the hinge
 
 
 @pytest.mark.mpi
@@ -453,27 +300,3 @@ def test_random_chains_are_held_or_not(seed):
         assert any("nothing holds" in message for message in warnings)
     if solution.converged:
         assert solution.certificate.equilibrium < 1e-9
-
-
-def test_the_chains_above_are_of_both_kinds():
-    """Held and not held, neither of them seldom."""
-    assert 6 <= sum(regular(random_chain(seed)(MPI.COMM_SELF)) for seed in range(24)) <= 18
-
-
-def test_a_mesh_of_ones_own_in_pieces():
-    """Also a dolfinx mesh made in Python is looked at."""
-    mesh = boxes_mesh(MPI.COMM_SELF, [UPPER, LOWER]).mesh
-    tagged = tag_boundaries(mesh, {"left": lambda x: np.isclose(x[0], 0.0)})
-    scene = scene_on(tagged, displacement=[{"boundary": "left", "x": 0.0, "y": 0.0}])
-    assert solve(scene, MPI.COMM_SELF, check=False).status is Status.NOT_HELD
-
-
-def test_another_boundary():
-    """A copy with other contact points takes nothing over that was computed of those before."""
-    held = {"boundary": "top", "x": 0.0, "y": 0.0}
-    scene = scene_on(rectangle(nx=2, ny=2), displacement=held, contact={"boundary": "bottom"})
-    d = discretise(scene.statement, scene.mesh, Timings())
-    moved = replace(d, boundary=replace(d.boundary, x=d.boundary.x + 1.0))
-    assert replace(d, statement=scene.statement).contact is d.contact
-    assert moved.contact is not d.contact
-    assert d.contact is replace(d).contact

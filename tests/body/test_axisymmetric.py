@@ -1,24 +1,18 @@
 """Axisymmetric bodies: exact states, Lame, Hertz, a flat punch, and the same body in 3D."""
 
-import itertools
-
 import numpy as np
 import pytest
-from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from scenes import alone
 
 from signorini_fx import ConvergenceError, SceneError
-from signorini_fx.mechanics.assembly.mesh_entities import action
-from signorini_fx.mechanics.body.discretisation import discretise
 from signorini_fx.mechanics.kinematics import AXISYMMETRIC
 from signorini_fx.mechanics.mesh.tagged import tag_boundaries
-from signorini_fx.records import Status, Timings
+from signorini_fx.records import Status
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery
 from signorini_fx.results.certificate.certificate import certify
 from signorini_fx.results.certificate.law_of_method import Tractions
-from signorini_fx.results.certificate.nodal_forces import NodalForces
 from signorini_fx.scenes.checks import check_scene
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve
@@ -93,6 +87,7 @@ def test_pressed_cylinder(cells, degree, linear_algebra):
 TOP = {"shape": "plane", "point": [0.0, 1.0], "normal": [0.0, -1.0]}
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("linear_algebra", "cells", "degree"),
     [("full", "triangle", 1), ("condensed", "quadrilateral", 2), ("krylov", "quadrilateral", 1)],
@@ -125,19 +120,6 @@ def test_cylinder_pressed_by_a_force(linear_algebra, cells, degree):
     assert raised.value.solution.status is Status.OPEN
 
 
-@pytest.mark.parametrize(
-    ("driven", "name"),
-    [
-        ({"force": [1.0, -1.0]}, "force"),
-        ({"force": [0.0, -1.0], "moment": 1.0}, "moment"),
-        ({"prescribed": {"x": 0.0, "y": -0.1}}, "prescribed"),
-    ],
-)
-def test_axisymmetric_tools_move_along_the_axis(driven, name):
-    with pytest.raises(SceneError, match=f"contact.foundation.{name}: an axisymmetric tool"):
-        scene(section(), contact={"boundary": "top", "foundation": {**TOP, **driven}})
-
-
 @pytest.mark.mpi
 @pytest.mark.parametrize(("cells", "degree"), ELEMENTS)
 def test_squeezed_cylinder(cells, degree):
@@ -149,24 +131,6 @@ def test_squeezed_cylinder(cells, degree):
     x, y = nodes(solution)
     assert np.abs(y + (1 - 2 * POISSON) * p / YOUNG * x[:, :2]).max(initial=0.0) <= 1e-11
     assert solution.certificate.holds
-    for stress in (solution.stress, solution.stress.recovered):
-        assert stress.principal.x.array == pytest.approx(-p, rel=1e-6)
-
-
-@pytest.mark.parametrize("torsion", [False, pytest.param(True, marks=pytest.mark.slow)])
-@pytest.mark.parametrize(("cells", "degree"), ELEMENTS)
-def test_round_off_on_the_axis(cells, degree, torsion):
-    """Coordinates of a file that are not zero on the axis: the strain along the circumference is the radial one there.
-
-    A displacement that is zero, divided by them, would be none.
-    """
-    p, tagged = 3.0, section(cells=cells)
-    x = tagged.mesh.geometry.x
-    x[x[:, 0] == 0, 0] = 5e-15
-    loads = [{"boundary": side, "pressure": p} for side in ("top", "outside")]
-    support = {"boundary": "bottom", "y": 0.0} | ({"z": 0.0} if torsion else {})
-    given = scene(tagged, degree, material={"torsion": torsion}, displacement=support, traction=loads)
-    solution = solve(given, COMM, check=False)
     for stress in (solution.stress, solution.stress.recovered):
         assert stress.principal.x.array == pytest.approx(-p, rel=1e-6)
 
@@ -196,6 +160,7 @@ def thick_cylinder(cells, degree, n, comm=COMM):
     return error / lame(1.0, 2.0, p, 1.0)[2], found / lame(1.0, 2.0, p, 1.0)[1] - 1
 
 
+@pytest.mark.one_quick
 @pytest.mark.mpi
 @pytest.mark.parametrize(("cells", "degree"), ELEMENTS)
 def test_thick_cylinder(cells, degree):
@@ -314,92 +279,7 @@ def test_friction_on_the_axis():
     assert COMM.allreduce(np.abs(solution.contact.shear).max(initial=0.0), op=MPI.MAX) > 0.1
 
 
-@pytest.mark.slow
-def test_as_in_space():
-    """The same cylinder, a quarter of it in 3D: the force agrees to discretisation error."""
-    from signorini_fx import generate_mesh
-
-    found, tagged = {}, section(0.0, 1.0, 1.0, "triangle", (10, 10), MPI.COMM_SELF)
-    held = {"boundary": "top", "x": 0.0, "y": -0.01}
-    contact = {"gap": "0.004 * x[0]**2", "direction": [0.0, -1.0], "boundary": "bottom"}
-    flat = alone(scene(tagged, 2, displacement=held, contact=contact), check=False)
-    found["axisymmetric"] = flat.contact.forces[0][1]
-    solid = generate_mesh(
-        "cylinder", {"radius": 1.0, "height": 1.0, "nr": 2, "nt": 3, "nz": 4, "order": 2}, MPI.COMM_SELF
-    )
-    body = parse_scene(
-        {
-            "mesh": solid,
-            "element": {"degree": 2},
-            "material": {"young": YOUNG, "poisson": POISSON},
-            "displacement": {"boundary": "top", "x": 0.0, "y": 0.0, "z": -0.01},
-            "contact": {"boundary": "bottom", "gap": "0.004 * (x[0]**2 + x[1]**2)", "direction": [0.0, 0.0, -1.0]},
-        }
-    )
-    found["space"] = alone(body, check=False).contact.forces[0][2]
-    assert found["axisymmetric"] == pytest.approx(found["space"], rel=0.005), found
-
-
-@pytest.mark.slow
-def test_estimated_error():
-    """Levels and a requested accuracy: the estimate decreases with the mesh, and the energy is near its limit."""
-
-    def made(**more):
-        return parse_scene(
-            {
-                "mesh": {"generator": "rectangle", "parameters": {"length": 4.0, "height": 4.0, "nx": 16, "ny": 16}},
-                "material": {"young": 1000.0, "poisson": POISSON, "hypothesis": "axisymmetric"},
-                "displacement": {"boundary": "top", "y": -0.02},
-                "contact": {"boundary": "bottom", "gap": "x[0]**2 / 8", "direction": [0.0, -1.0]},
-                **more,
-            }
-        )
-
-    solution = alone(made(accuracy={"target": 0.12, "of": "energy", "refinement": "uniform"}), check=False)
-    assert solution.converged
-    errors = [row.energy for row in solution.convergence_table]
-    assert errors[-1] < 0.12
-    assert all(later < earlier for earlier, later in itertools.pairwise(errors))
-    assert alone(made(solver={"levels": 2}), check=False).certificate.holds
-
-
 # --- the independent check, and what is said --------------------------------------------------------------------------
-
-
-@pytest.mark.mpi
-@pytest.mark.parametrize("volumetric", ["full", "reduced"])
-@pytest.mark.parametrize(("cells", "degree"), ELEMENTS)
-def test_independent_check(cells, degree, volumetric):
-    """What NumPy makes of stiffness and loads is what the compiled forms do."""
-    if volumetric == "reduced" and (cells, degree) == ("triangle", 1):
-        pytest.skip("linear triangles have no reduced form")
-    tagged = section(cells=cells)
-    given = scene(
-        tagged,
-        degree,
-        {"density": 2.0},
-        displacement={"boundary": "bottom", "y": 0.0},
-        gravity={"y": -1.0},
-        rotation={"speed": 2.0, "axis": [0.0, 1.0]},
-        force={"boundary": "outside", "y": 3.0},
-        fluid={"boundary": "outside", "level": 0.5, "weight": 2.0},
-        springs={"boundary": "top", "normal": 5.0},
-    )
-    given = given.model_copy(update={"element": given.element.model_copy(update={"volumetric": volumetric})})
-    d = discretise(given.statement, tagged, Timings())
-    forces = NodalForces(given.statement, tagged, d.space)
-    y = fem.Function(d.space)
-    y.interpolate(lambda x: np.array([x[0] * np.sin(2 * x[1] + 1), np.cos(3 * x[0]) * x[1]]))
-    nodal, every = y.x.array.reshape(-1, 2), np.arange(y.x.array.size // 2, dtype=np.int32)
-    ours = forces.internal(y) + forces.resisted(nodal)
-    compiled = action(d.forms, y, every).reshape(ours.shape)
-    assert np.abs(ours - compiled).max(initial=0.0) <= 1e-12 * np.abs(compiled).max(initial=1.0)
-    loads = sum(load.forces for load in d.applied).reshape(ours.shape)
-    assert np.abs(forces.external(0) - loads).max(initial=0.0) <= 1e-12 * np.abs(loads).max(initial=1.0)
-    total = COMM.allreduce(forces.external(0, some=given.gravity).sum(axis=0))
-    assert total[1] == pytest.approx(-2.0 * np.pi * 4.0, rel=1e-12)
-    total = COMM.allreduce(forces.external(0, some=given.force).sum(axis=0))
-    assert total[1] == pytest.approx(3.0, rel=1e-12)
 
 
 @pytest.mark.parametrize("degree", [1, 2])
@@ -422,20 +302,6 @@ def test_rotating_disc(degree):
     x, y = nodes(solution)
     rim = y[np.abs(x[:, 0] - radius) < 1e-9, 0]
     assert rim == pytest.approx((1 - POISSON) * density * speed**2 * radius**3 / (4 * YOUNG), rel=0.01)
-
-
-def test_wrong_modulus_is_noticed():
-    """The certificate does not hold for the displacement of another Poisson's ratio."""
-    right = scene(
-        section(comm=MPI.COMM_SELF),
-        displacement={"boundary": "bottom", "y": 0.0},
-        traction={"boundary": "outside", "pressure": 1.0},
-    )
-    wrong = right.model_copy(update={"material": (right.material[0].model_copy(update={"poisson": 0.31}),)})
-    solution = alone(right, check=False)
-    tagged = solution.model.tagged
-    assert certify(right.statement, tagged, solution.displacement, None).equilibrium < 1e-11
-    assert certify(wrong.statement, tagged, solution.displacement, None).equilibrium > 1e-3
 
 
 @pytest.mark.mpi
@@ -480,44 +346,3 @@ def test_mistakes(mistake):
     inner, outer = more.pop("mesh", (0.0, 2.0))
     with pytest.raises(SceneError, match=message):
         check_scene(scene(section(inner, outer), 1, more.pop("material", None), **more), COMM)
-
-
-@pytest.mark.parametrize("size", [1e-6, 1.0, 1e6])
-def test_spread_without_a_total(size):
-    """Refused whatever the unit of length is: forces of any size would add up to the given one."""
-    spread = {"boundary": "outside", "x": 1.0, "spread": f"x[1] / {size} - 0.5"}
-    body = section(outer=2 * size, height=size, comm=MPI.COMM_SELF)
-    with pytest.raises(SceneError, match=r"force\[0\]\.spread: its integral over 'outside' is .*: it must not be 0"):
-        check_scene(scene(body, displacement={"boundary": "bottom", "y": 0.0}, force=spread), MPI.COMM_SELF)
-
-
-def test_no_guaranteed_bound():
-    """The proof is for plane bodies."""
-    held = {"boundary": "bottom", "y": 0.0}
-    given = scene(
-        section(cells="triangle", comm=MPI.COMM_SELF), displacement=held, traction={"boundary": "top", "y": 1.0}
-    )
-    assert "axisymmetric" in alone(given, check=False).error_bound.partition("this scene has")[2]
-
-
-@pytest.mark.slow
-def test_cells_are_divided_where_it_pays():
-    """For bodies of revolution too: the force that presses down a flat end is that of a fine mesh, and the error of the
-    energy, whose square is about that of this force, is what the estimate says.
-    """
-    more = {
-        "displacement": {"boundary": "top", "x": 0.0, "y": -0.05},
-        "contact": {"boundary": "bottom", "gap": "0.05*x[0]**2", "friction": {"law": "coulomb", "coefficient": 0.3}},
-        "material": {"young": 1000.0, "poisson": 0.3, "hypothesis": "axisymmetric"},
-    }
-    grid = {"length": 1.5, "height": 2.0, "nx": 8, "ny": 8}
-    coarse = {"mesh": {"generator": "rectangle", "parameters": grid}, "accuracy": {"target": 0.05}}
-    fine = {"mesh": {"generator": "rectangle", "parameters": grid | {"nx": 32, "ny": 32}}, "element": {"degree": 2}}
-    forces = []
-    for data in (fine, coarse):
-        solution = solve(parse_scene(data | more), MPI.COMM_SELF)
-        forces.append(solution.contact.forces[0][1])
-    assert solution.model.dofs < 1000
-    assert np.sqrt(forces[1] / forces[0] - 1) == pytest.approx(solution.levels[-1].energy, rel=0.3)
-    by_force = solve(parse_scene(coarse | more | {"accuracy": {"target": 0.01, "of": "force"}}), MPI.COMM_SELF)
-    assert by_force.contact.forces[0][1] == pytest.approx(forces[0], rel=0.01)

@@ -1,7 +1,5 @@
 """What statics proves of the body: flat faces, arcs of circles, and programmes with many points of the true surface."""
 
-from fractions import Fraction
-
 import numpy as np
 import pytest
 from dolfinx import mesh as dmesh
@@ -10,18 +8,7 @@ from scenes import alone
 from scipy.optimize import linprog
 from test_safety import COULOMB, FRICTION, ROUGH, TRESCA, block, groove
 
-from signorini_fx.algebra.contact.reactions import nearest, reactions
-from signorini_fx.mechanics.body.statics_of_surface import (
-    LimitSurface,
-    _arcs,
-    balanced,
-    excluded,
-    factor_at_most,
-    surface_of,
-)
 from signorini_fx.mechanics.mesh.tagged import tag_boundaries
-from signorini_fx.results.summary import lines_of, summarise
-from signorini_fx.scenes.checks import check_scene
 from signorini_fx.scenes.reading import parse_scene
 
 RADIUS, OPENING = 2.0, 0.9
@@ -117,80 +104,3 @@ def test_in_space(counts):
     assert exact * (1 - 1e-8) <= low <= exact <= high <= exact * (1 + 1e-8)
     low, high = alone(groove(law="tresca", counts=counts)).safety.body
     assert (low, high) == (0.0, pytest.approx(0.1 * np.sqrt(5) * 3 / 0.15, rel=1e-9))
-
-
-def messages(scene):
-    """What ``check`` finds."""
-    return [finding.message for finding in check_scene(scene).findings]
-
-
-@pytest.mark.parametrize(("push", "word"), [(1.3, "make it slide"), (1.1, "press the body on")])
-def test_what_check_says(push, word):
-    """A statement before the solve names what it is proved of."""
-    flat = messages(block(2.0 * push, COULOMB))
-    assert any(word in one and one.endswith("proved for the body") for one in flat)
-    capped = messages(block(2.0 * push, COULOMB | {"cap": 100.0}))
-    assert any(word in one and one.endswith("proved for its mesh (a cap limits the friction)") for one in capped)
-
-
-def test_the_summary_says_it():
-    """In words, and as figures."""
-    solution = alone(cup(8, {"law": "tresca", "bound": 0.1}))
-    summary = summarise(solution)
-    assert summary["safety"]["body"][0] == 0.0
-    told = "\n".join(map(str, lines_of(summary)))
-    assert f"proved for its mesh, for the body at most {summary['safety']['body'][1]:.4g}" in told
-
-
-def test_no_motion_is_trusted():
-    """Of a motion that enters the foundation, by a mistake or by round-off, nothing wrong follows."""
-    body = alone(block(0.5, COULOMB, ny=1)).model
-    here, surface = reactions(body.motions.at(body.boundary), body.law, body.data.bilateral), surface_of(body)[0]
-    modes = body.motions.free
-    chance = np.random.default_rng(3)
-    # The weight and the push act at the centre, about which the body turns.
-    dead, live = modes.T @ np.array([0.0, -3.0, 0.0]), modes.T @ np.array([0.5, 0.0, 0.0])
-    assert 4.8 <= factor_at_most(surface, nearest(here, dead + 5 * live).motion, dead, live) < 4.9
-    for _ in range(200):
-        motion = chance.normal(size=3)
-        assert factor_at_most(surface, motion, dead, live) >= 4.8
-        assert not excluded(surface, motion, dead + 4.7999 * live)
-    assert balanced(here, surface, dead + 4.7999 * live)
-    assert not balanced(here, surface, dead + 4.8 * live)
-    assert not balanced(here, surface, dead + 4.8001 * live)
-
-
-def test_round_off_counts():
-    """What a motion enters, with the round-off of its sum, is never less than in exact arithmetic."""
-    chance, none = np.random.default_rng(5), np.zeros((1, 1, 3))
-    for row, motion in chance.normal(size=(200, 2, 3)):
-        surface = LimitSurface(row[None], none, np.zeros(1), np.ones(1, bool), np.array([[0]]), np.zeros(1), flat=True)
-        exact = sum(Fraction(a) * Fraction(b) for a, b in zip(row, motion, strict=True))
-        assert Fraction(float(surface.pushed(motion)[0])) >= exact
-    rows = np.array([[0.1, 0.7, 0.3], [0.1, 0.7, -0.3]])
-    none = np.zeros((2, 1, 3))
-    surface = LimitSurface(rows, none, np.zeros(2), np.ones(2, dtype=bool), np.array([[0, 1]]), np.zeros(1), flat=True)
-    motion = np.array([0.7, -0.1, 0.0])
-    opened = surface.open(motion)
-    assert surface.pushed(opened).max() <= 0
-    np.testing.assert_allclose(opened, motion, atol=1e-13)
-
-
-@pytest.mark.parametrize("half", [0.05, 0.3])
-def test_three_places_of_an_arc_contain_its_forces(half):
-    """Force and moment of a push with friction anywhere on an arc or its chord are sums of pushes at these places."""
-
-    def push(x, outward, sign):
-        force = -outward + sign * 0.3 * np.array([-outward[1], outward[0]])
-        return np.append(force, x[0] * force[1] - x[1] * force[0])
-
-    ends = np.array([[np.sin(a), -np.cos(a)] for a in (-half, half)])
-    places, normals, _ = _arcs(RADIUS * ends[None], ends[None])
-    for sign in (1.0, -1.0):
-        columns = np.column_stack([push(x, n, sign) for x, n in zip(places[0], normals[0], strict=True)])
-        for angle in np.linspace(-half, half, 41):
-            outward = np.array([np.sin(angle), -np.cos(angle)])
-            for x in (RADIUS * outward, RADIUS * np.cos(half) / np.cos(angle) * outward):
-                shares = np.linalg.solve(columns, push(x, outward, sign))
-                assert shares.min() > -1e-9
-                assert shares.sum() <= 1 / np.cos(half) + 1e-9

@@ -76,13 +76,3 @@ def test_bolted_joint(cell, unit):
     assert kept == shortening
     assert bolt - clamp == pytest.approx(PULL, rel=1e-6)
     assert all(step.certificate.worst < 1e-6 for step in solution.steps)
-
-
-def test_against_displacements():
-    """At nu = 0.3 the shortening that a force causes is that of displacements alone, and so are the later forces."""
-    one, other = (
-        figures(solve(clamped("quadrilateral", poisson=0.3, degree=2, more=more)), 1)
-        for more in ({"element": MIXED}, {})
-    )
-    assert one[:2] == pytest.approx(other[:2], rel=2e-3)
-    assert one[2] == pytest.approx(other[2], rel=1e-2)

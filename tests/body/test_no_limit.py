@@ -89,16 +89,6 @@ def largest_near(field, place):
 
 
 @pytest.mark.mpi
-def test_shear_that_ends_at_a_mirror():
-    """At a side that only guides, a shear at right angles to it jumps to its mirror image."""
-    sheared = {"traction": {"boundary": "top", "x": 1.0}}
-    assert said(block(ROLLERS, **sheared), (0.0, 1.0)) == "it is where the load along the boundary top jumps"
-    assert said(block(CLAMPED, **sheared), (2.0, 1.0)) is None
-    steps = {"traction": {"boundary": "top", "x": 1.0, "factors": [0.0, 1.0]}}
-    assert said(block(ROLLERS, **steps), (0.0, 1.0)) is None
-
-
-@pytest.mark.mpi
 @pytest.mark.parametrize(
     ("changes", "place", "expected"),
     [
@@ -124,19 +114,6 @@ def test_shear_that_ends_at_a_mirror():
 def test_corners_of_a_block(changes, place, expected):
     """A right angle is too much between a held and a free side only."""
     assert said(block(**changes), place) == expected
-
-
-@pytest.mark.mpi
-def test_a_support_that_ends_within_a_side():
-    """Also one that only guides: there the condition changes on a straight line."""
-    scene = block(ROLLERS)
-    marks = {
-        "left": lambda x: np.isclose(x[0], 0.0),
-        "right": lambda x: np.isclose(x[0], 2.0),
-        "bottom": lambda x: np.isclose(x[1], 0.0) & (x[0] < 1.0 + 1e-9),
-    }
-    own = tag_boundaries(load_mesh(scene, COMM).mesh, marks)
-    assert said(scene.model_copy(update={"mesh": own}), (1.0, 0.0)) == "it is at the end of the boundary bottom"
 
 
 @pytest.mark.mpi
@@ -181,6 +158,7 @@ def parted(scene, where, comm=COMM):
 MEET, CORNER = "it is where materials meet at the boundary", "it is at a corner of the interface of materials"
 
 
+@pytest.mark.slow
 @pytest.mark.mpi(slow=True)
 def test_materials_that_meet():
     """At a free side the stress grows with each mesh; within the body, and at a mirror, it does not."""
@@ -255,6 +233,7 @@ PRESSED = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", PRESSED)
 def test_edges_of_bodies_that_touch(name):
     """A block on one as wide is under a uniform pressure; on a wider one the stress at edges grows with each mesh."""
@@ -267,33 +246,3 @@ def test_edges_of_bodies_that_touch(name):
     assert [said(scenes[0], place) for place in ((2.0, 1.0), (0.0, 1.0), (1.0, 1.0))] == [expected, expected, None]
     if grows:
         assert {one.as_dict()["von_mises"]["no_limit"] for one in found} == {expected}
-
-
-@pytest.mark.mpi
-def test_more_of_bodies_that_touch():
-    """Nothing is said of the ends of a boundary that nothing touches, nor of a gap; bonds join materials."""
-    assert said(bodies(True, **FRICTION), (3.0, 1.0)) is None
-    assert said(bodies(True, cell="triangle"), (2.0, 1.0)) == "it is at the end of the boundary upper.bottom"
-    bonded = bodies(False, young=(100.0, 300.0), kind="bonded")
-    assert said(bonded, (2.0, 1.0)) == "it is where materials meet at the boundary"
-    assert said(bonded, (0.0, 1.0)) is None  # a mirror
-    above = bodies(True)
-    lifted = above.body[0].model_copy(update={"shift": (0.0, 1.2)})
-    assert said(above.model_copy(update={"body": (lifted, above.body[1])}), (2.0, 1.2)) is None
-
-
-SINGLE = {
-    "loaded alone": {"point_force": {"at": [1.0, 1.0], "y": -1.0}},
-    "held alone": {"displacement": [*CLAMPED, {"at": [1.0, 1.0], "y": 0.0}]},
-    None: {"point_force": [{"at": [1.0, 1.0], "y": -1.0, "factors": [0.0]}, {"at": [1.0, 1.0]}]},
-}
-
-
-@pytest.mark.parametrize("how", SINGLE)
-def test_single_nodes(how):
-    """The stress beside a node that a force acts at, or that is held, is infinite; one without force says nothing."""
-    more = SINGLE[how]
-    scene = block(more.get("displacement", CLAMPED), 4, **{key: more[key] for key in more if key != "displacement"})
-    reason = how and f"it is at a node that is {how}"
-    assert [said(scene, place) for place in ((1.0, 1.0), (1.25, 1.0))] == [reason] * 2
-    assert said(scene, (1.5, 0.75)) is None

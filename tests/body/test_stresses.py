@@ -5,10 +5,6 @@ import pytest
 from mpi4py import MPI
 from spaces import box
 
-from signorini_fx.addons.report.sections import figures
-from signorini_fx.results.accuracy.stress_recovery import StressRecovery
-from signorini_fx.results.files import write_results
-from signorini_fx.results.summary import render, summarise
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve
 
@@ -75,22 +71,7 @@ def errors_of(stresses, hypothesis="plane strain"):
     return found
 
 
-def test_one_projection_for_all_load_steps(monkeypatch):
-    """It is set up once, and the stress of each step is that of its own displacement."""
-    scene = cylinder(1, 0.4)
-    loads = [load.model_copy(update={"factors": (1.0, -3.0, 0.5)}) for load in scene.traction]
-    solution = solve(scene.model_copy(update={"traction": tuple(loads)}), MPI.COMM_SELF)
-    made = []
-    create = StressRecovery.__init__
-    monkeypatch.setattr(StressRecovery, "__init__", lambda self, *given: made.append(given) or create(self, *given))
-    found = [solution.at(step).stress.recovered.tensor.x.array for step in solution.steps]
-    assert len(made) == 1
-    size = np.abs(found[0]).max()
-    assert size > PRESSURE
-    for factor, stress in zip((-3.0, 0.5), found[1:], strict=True):
-        np.testing.assert_allclose(stress, factor * found[0], rtol=0, atol=1e-5 * size)  # it is projected to 1e-6
-
-
+@pytest.mark.one_quick
 @pytest.mark.mpi
 @pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
 @pytest.mark.parametrize("hypothesis", ["plane strain", "plane stress"])
@@ -223,80 +204,3 @@ def test_two_materials(stiff_yield):
             "stiff",
             "soft",
         ]
-
-
-@pytest.mark.parametrize(
-    ("cell", "poisson", "load", "largest"),
-    [("triangle", 0.0, {"x": "12 * (x[1] - 0.5)"}, "recovered"), ("quadrilateral", POISSON, {"y": -1.0}, "raw")],
-)
-def test_the_share_of_the_yield_stress_is_the_larger_one(cell, poisson, load, largest):
-    """That of raw or of recovered stress, at its place: of bent triangles the raw one is that of their middle."""
-    parameters = {"length": 3.0, "height": 1.0, "nx": 6, "ny": 2, "cell": cell}
-    scene = {
-        "mesh": {"generator": "rectangle", "parameters": parameters},
-        "material": {"young": YOUNG, "poisson": poisson, "yield_stress": 50.0},
-        "displacement": {"boundary": "left", "x": 0.0, "y": 0.0},
-        "traction": {"boundary": "right", **load},
-    }
-    found = solve(parse_scene(scene), MPI.COMM_SELF).stress
-    extremes = {"raw": found.largest(), "recovered": found.recovered.largest()}
-    more = extremes.pop(largest)
-    assert all(more.value > 1.0001 * less.value for less in extremes.values())
-    assert found.utilisation()["value"] == pytest.approx(more.value / 50.0, rel=1e-12)
-    assert found.utilisation()["place"] == list(more.place)
-
-
-@pytest.mark.mpi
-@pytest.mark.parametrize("order", [1, -1])
-def test_which_of_two_bodies(order):
-    """At the line that both have in common the upper one is stretched and the lower one is pressed."""
-    strains = {"upper": 2e-3, "lower": -1e-3}
-    rectangle = {"generator": "rectangle", "parameters": {"length": 2.0, "height": 1.0, "nx": 4, "ny": 2}}
-    scene = {
-        "body": [
-            {"name": name, "mesh": rectangle, "shift": [0.0, float(name == "upper")]} for name in [*strains][::order]
-        ],
-        "material": [{"young": YOUNG, "poisson": POISSON}],
-        "displacement": [
-            {"boundary": f"{name}.{side}", "x": f"{strain} * x[0]", "y": 0.0}
-            for name, strain in strains.items()
-            for side in ("left", "right", "bottom", "top")
-        ],
-    }
-    solution = solve(parse_scene(scene), COMM)
-    told = solution.stress.as_dict()
-    for one in (told, told["recovered"]):
-        found = [one[name]["region"] for name in ("von_mises", "largest_principal", "smallest_principal")]
-        assert found == ["upper", "upper", "lower"]
-    line = next(line for line in render({**summarise(solution), "stress": told}).splitlines() if "at most" in line)
-    assert line.partition(";")[0].endswith(") in upper")
-    shown = str(figures({**summarise(solution), "stress": told, "scene": scene}))
-    assert shown.count(" in upper") == 1
-
-
-def test_summary(tmp_path):
-    """Extremes of both stresses with their places, and the estimate; none of it without fields."""
-    solution = solve(cylinder(1, 0.4), MPI.COMM_SELF)
-    summary = write_results(solution, tmp_path / "with", pictures=False)
-    stress = summary["stress"]
-    assert "utilisation" not in summary
-    assert set(stress["recovered"]) == set(stress) - {"recovered", "error"}
-    assert stress["von_mises"]["no_limit"] is None
-    assert stress["largest_zz"]["value"] == solution.stress.largest("zz").value
-    assert stress["recovered"]["von_mises"]["value"] == solution.stress.recovered.largest().value
-    assert stress["error"] == solution.stress.error
-    assert "region" not in stress["von_mises"]
-    assert "stress" not in write_results(solution, tmp_path / "without", pictures=False, fields=False)
-    still = solve(parse_scene(scene_without_loads()), MPI.COMM_SELF)
-    assert still.stress.as_dict()["error"] is None
-    with pytest.raises(ValueError, match="no component"):
-        solution.stress.component("nn")
-
-
-def scene_without_loads():
-    """A body that nothing acts on."""
-    return {
-        "mesh": {"generator": "rectangle", "parameters": {"nx": 3, "ny": 2}},
-        "material": {"young": YOUNG, "poisson": POISSON},
-        "displacement": {"boundary": "left", "x": 0.0, "y": 0.0},
-    }

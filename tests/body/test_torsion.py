@@ -14,7 +14,7 @@ from scipy.integrate import quad
 from scipy.optimize import fsolve
 from scipy.special import ellipe, ellipk
 
-from signorini_fx import ContactProblem, Coulomb, FormError, Foundation, Pair, section_in_space
+from signorini_fx import ContactProblem, Coulomb, Foundation, section_in_space
 
 COMM = MPI.COMM_WORLD
 YOUNG, RADIUS, LENGTH, PRESSURE, FRICTION = 1000.0, 1.5, 2.0, 10.0, 0.3
@@ -155,16 +155,3 @@ def test_derivative_of_the_torque():
     found = problem.gradient("moment 0 y", cylinder.friction)
     assert abs(found.value) == pytest.approx(cylinder.limit, rel=1e-9)
     assert abs(found.derivatives[0]) == pytest.approx(cylinder.limit / FRICTION, rel=1e-6)
-
-
-def test_what_is_not_possible():
-    mesh, space = section([0.0, 0.0], [1.0, 1.0], [2, 2])
-    v, low, high = ufl.TestFunction(space), side(mesh, 1, 0.0), side(mesh, 1, 1.0)
-    a, nothing = energy(space, 0.3), ufl.inner(fem.Constant(mesh, (0.0, 0.0, 0.0)), v) * ufl.dx
-    with pytest.raises(FormError, match=r"contact\[0\]: contact of two bodies is not possible yet on a plane mesh"):
-        ContactProblem(a, nothing, [], Pair(low, high))
-    with pytest.raises(FormError, match=r"stress: .*not possible yet on a plane mesh in 3D"):
-        ContactProblem(a, nothing, [], Foundation(low), stress=lambda y: ufl.sym(ufl.grad(y)))
-    mesh.geometry.x[0, 2] = 0.1
-    with pytest.raises(FormError, match=r"must lie in 2D x\[2\] = 0"):
-        ContactProblem(a, nothing, [], Foundation(low))

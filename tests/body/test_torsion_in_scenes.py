@@ -7,19 +7,11 @@ from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
-from signorini_fx import ContactProblem, ConvergenceError, Coulomb, Foundation, SceneError, Tresca, sensitivity
-from signorini_fx.addons.derivatives.entries import varied
-from signorini_fx.addons.picture_data.body_cells import gather_cells
-from signorini_fx.addons.picture_data.of_solution import gather_pictures
-from signorini_fx.addons.report.page import write_report
-from signorini_fx.machine.result_files import read_csv
+from signorini_fx import ContactProblem, ConvergenceError, Coulomb, Foundation, SceneError, Tresca
 from signorini_fx.mechanics.assembly.quadrature import strain_degree
 from signorini_fx.mechanics.kinematics import TORSION
 from signorini_fx.mechanics.mesh.tagged import tag_boundaries
 from signorini_fx.records import Status
-from signorini_fx.results.files import write_results
-from signorini_fx.results.summary import render
-from signorini_fx.scenes.checks import check_scene
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve
 
@@ -132,28 +124,6 @@ def test_twisted_shaft(cells, degree, how):
     assert solution.stress.largest().value == pytest.approx(np.sqrt(3) * largest, rel=1e-9)
     assert solution.stress.largest("xz").value == pytest.approx(0.0, abs=1e-9 * largest)
     assert solution.stress.recovered.smallest("yz").value == pytest.approx(-largest, rel=1e-5)
-
-
-@pytest.mark.mpi
-@pytest.mark.parametrize("recovered", [True, False])
-def test_pictures_show_the_displacement_around_the_axis(recovered):
-    """Of a shaft that is twisted by T / (G J) per length, at points of the cells or one value per cell."""
-    torque = 7.0
-    given = scene(
-        section("triangle"),
-        2,
-        0.3,
-        displacement={"boundary": "bottom", "y": 0.0, "z": 0.0},
-        traction={"boundary": "top", "z": f"{-torque / POLAR!r} * x[0]"},
-    )
-    solution = solve(given, COMM)
-    assert gather_pictures(solution).fields == ("von_mises", "around")
-    body = gather_cells(solution, ["around"], recovered=recovered)
-    if COMM.rank == 0:
-        x = body.points[body.within] if recovered else body.points[body.within[:, body.tiles.vertices]].mean(axis=1)
-        twist = torque / (YOUNG / 2.6 * POLAR)
-        expected = -twist * x[..., 0] * x[..., 1]
-        assert np.abs(body.values["around"] - expected).max() <= 1e-10 * twist * RADIUS * LENGTH
 
 
 @pytest.mark.mpi(slow=True)
@@ -334,53 +304,6 @@ def test_turned_on_a_sphere():
     assert np.abs(problem.u.x.array - y).max() <= 1e-9 * np.abs(y).max()
 
 
-def test_check():
-    """It names the motions about the axis and along it, and what holds a body: by statics alone, for any pressures, the
-    torque is at most F N R.
-    """
-    still, load = {"boundary": "top", "y": 0.0}, {"boundary": "top", "z": 1.0}
-    found = check_scene(scene(section(inner=0.5), traction=load, displacement=still))
-    said = found.findings[0].message
-    assert "the rotation about the axis through (0, " in said
-    assert "the translation" not in said
-    assert found.effects[0].why == "always; axisymmetric, torsion"
-    slides = " ".join(one.message for one in check_scene(pressed(section(), [1.6 * LIMIT])).findings)
-    assert "make it slide by the rotation about the axis" in slides
-    held = " ".join(one.message for one in check_scene(pressed(section(), [0.9 * LIMIT])).findings)
-    assert "friction must" in held
-
-
-def test_results(tmp_path):
-    """Files, page and terminal have the torque, the parts of the shear, and zones up to the axis."""
-    given = scene(
-        section("triangle"),
-        degree=2,
-        poisson=0.3,
-        displacement={"boundary": "top", "y": -0.02, "rotation": 0.02, "axis": [0.0, 1.0], "factors": [0.2, 1.0]},
-        contact={"boundary": "bottom", "friction": {"law": "coulomb", "coefficient": FRICTION}},
-    )
-    solution = solve(given, MPI.COMM_SELF)
-    summary = write_results(solution, tmp_path, fields=False, pictures=False)
-    torque = solution.resultants.of("top").moment[1]
-    assert torque > 0
-    assert summary["friction_moment"] == pytest.approx([0.0, -torque, 0.0], rel=1e-7)
-    assert summary["contact_force_through"] is None
-    assert summary["steps"][-1]["torque"] == pytest.approx(-torque, rel=1e-7)
-    assert f"torque {torque:.6g}, by support" in render(summary)
-    table = read_csv(tmp_path / "contact.csv")
-    assert not {"z", "n_z"} & set(table)
-    assert table["shear"] == pytest.approx(np.sqrt(sum(table[f"shear_{axis}"] ** 2 for axis in "xyz")))
-    assert table["weight"] @ (table["x"] * table["shear_z"]) == pytest.approx(-torque, rel=1e-7)
-    (zone,) = summary["zones"]["contact"]  # the node on the axis has no weight, and is no point
-    assert np.ravel(zone) == pytest.approx([RADIUS / 12, 0.0, RADIUS, 0.0])
-    assert set(table["state"]) <= {"stick", "slip"}
-    body = gather_cells(solution, ["von_mises"])
-    assert body.displacement.shape == body.points.shape
-    page = write_report(tmp_path).read_text(encoding="utf-8")
-    assert "around the axis" in page
-    assert "torque of friction" in page
-
-
 @pytest.mark.parametrize(
     ("more", "path", "why"),
     [
@@ -422,134 +345,3 @@ def twisted(material=None, **more):
             **more,
         }
     )
-
-
-def displaced(given):
-    """The displacement of a scene at its nodes, in the order of their positions."""
-    solution = solve(given, MPI.COMM_SELF)
-    assert solution.certificate.holds
-    x, displacement = nodes(solution)
-    return displacement[np.lexsort(x.round(9).T)]
-
-
-FINE = {"generator": "rectangle", "parameters": {"length": RADIUS, "height": LENGTH, "nx": 12, "ny": 8}}
-HELD = [{"boundary": "top", "x": 0.0, "y": 0.0, "z": "0.0002*x[0]"}]
-RUBBING = {"boundary": "bottom", "friction": {"law": "coulomb", "coefficient": FRICTION}}
-RISING = {"shape": "plane", "point": [0.0, 0.0], "normal": [0.0, 1.0], "shift": [0.0, "0.01*t"]}
-EQUAL = {
-    "krylov": ({"solver": {"linear_algebra": "krylov"}}, {}, 1e-9),
-    "nested": ({"solver": {"levels": 2}}, {}, 1e-7),  # Newton's method stops elsewhere
-    "isotropic wood": (
-        {"material": {"orthotropic": {"young": [YOUNG] * 3, "poisson": [0.3] * 3, "shear": [YOUNG / 2.6] * 3}}},
-        {},
-        1e-9,
-    ),
-    # A pressure of its own changes what the mesh cannot resolve, half as much on half the size.
-    "mixed": (
-        {"mesh": FINE, "element": {"degree": 2, "volumetric": "mixed"}},
-        {"mesh": FINE, "element": {"degree": 2}},
-        0.004,
-    ),
-    "foundation that moves": (
-        {
-            "traction": (),
-            "displacement": HELD,
-            "contact": RUBBING | {"foundation": RISING},
-            "load_steps": {"times": [1.0]},
-        },
-        {"traction": (), "displacement": HELD, "contact": RUBBING | {"gap": -0.01}},
-        1e-9,
-    ),
-}
-
-
-@pytest.mark.parametrize("name", EQUAL)
-def test_the_same_body(name):
-    """With another feature that leaves it what it is."""
-    first, second, close = EQUAL[name]
-    expected = displaced(twisted(**second))
-    assert displaced(twisted(**first)) == pytest.approx(expected, abs=close * np.abs(expected).max())
-
-
-def test_preload():
-    """Without a torque a section that is shortened moves what it moves without torsion."""
-    press = {
-        "preload": [{"point": [0.5, 1.1], "axis": [0.0, 1.0], "shortening": 0.01}],
-        "traction": [{"boundary": "top", "pressure": PRESSURE}],
-    }
-    plain = displaced(twisted({"young": YOUNG, "poisson": 0.3, "torsion": False}, **press))
-    with_torsion = displaced(twisted(**press))
-    assert with_torsion[:, 2] == pytest.approx(0.0, abs=1e-12)
-    assert with_torsion[:, :2] == pytest.approx(plain, abs=1e-7 * np.abs(plain).max())
-
-
-def test_derivatives():
-    """They are central differences, though coarser meshes give the start."""
-    data = ("material[0].young", "contact[0].friction.coefficient")
-    regular = {"gamma_n": 1e7, "gamma_t": 1e7}
-    slopes = sensitivity(twisted(solver=regular | {"levels": 2}), "pressure bottom", data, MPI.COMM_SELF)
-    for path, slope, step in zip(data, slopes.derivatives, (1.0, 1e-3), strict=True):
-        given = twisted(solver=regular)
-        scenes = (given.model_copy(update=varied(given.statement, path, sign * step, 2)) for sign in (1, -1))
-        high, low = (sensitivity(changed, "pressure bottom", data, MPI.COMM_SELF).value for changed in scenes)
-        assert slope == pytest.approx((high - low) / (2 * step), rel=1e-5)
-
-
-def test_accuracy():
-    """Meshes are refined everywhere; until the estimate is as small as asked for."""
-    solution = solve(twisted(accuracy={"target": 0.06}), MPI.COMM_SELF)
-    assert solution.levels[-1].energy <= 0.06
-    assert solution.levels[0].energy > 0.06
-    assert solution.certificate.holds
-
-
-@pytest.mark.slow
-def test_local_refinement():
-    """Without a torque the meshes are those of the body without torsion; with one the energy is that of a fine mesh."""
-    mesh = {"parameters": FINE["parameters"] | {"nx": 4, "ny": 3, "cell": "triangle"}}
-    press = {"mesh": FINE | mesh, "traction": [{"boundary": "top", "pressure": PRESSURE}]}
-    press |= {"accuracy": {"target": 0.15, "refinement": "adaptive"}}
-    plain = {"young": YOUNG, "poisson": 0.3, "torsion": False}
-    found = [solve(twisted(material, **press), MPI.COMM_SELF).levels for material in (plain, None)]
-    assert [3 * level.dofs for level in found[0]] == [2 * level.dofs for level in found[1]]
-    assert [level.energy for level in found[0]] == pytest.approx([level.energy for level in found[1]], rel=1e-6)
-    goal = {"target": 0.05, "refinement": "adaptive"}
-    solution = solve(twisted(mesh=FINE | mesh, accuracy=goal), MPI.COMM_SELF)
-    fine = solve(twisted(mesh=FINE, element={"degree": 2}), MPI.COMM_SELF)
-    energies = [one.last_step.certificate.potential_energy for one in (solution, fine)]
-    assert len(solution.levels) > 1
-    assert 0 < (energies[0] - energies[1]) / fine.last_step.strain_energy < goal["target"] ** 2
-
-
-def test_a_bolt_that_a_force_tightens():
-    """Its stiff head presses on a rigid ring without friction and is twisted: F L / (E A) and T L / (G J) by hand."""
-    force, torque, radius, height = 3.0, 0.2, 0.5, 4.0
-    whole = dmesh.create_rectangle(COMM, [[0.0, 0.0], [1.5, 5.0]], (6, 10), dmesh.CellType.quadrilateral)
-    middle = dmesh.compute_midpoints(whole, 2, np.arange(whole.topology.index_map(2).size_local, dtype=np.int32))
-    kept = (middle[:, 0] < radius) | (middle[:, 1] > height)
-    bolt = dmesh.create_submesh(whole, 2, np.flatnonzero(kept).astype(np.int32))[0]
-    named = {
-        "foot": lambda x: np.isclose(x[1], 0.0),
-        "under": lambda x: np.isclose(x[1], height) & (x[0] > radius - 1e-9),
-        "over": lambda x: np.isclose(x[1], 5.0),
-    }
-    given = scene(
-        tag_boundaries(bolt, named),
-        young=1e6 * YOUNG,
-        material={"grading": f"1e-6 if x[1] < {height} else 1"},
-        displacement={"boundary": "foot", "x": 0.0, "y": 0.0, "z": 0.0},
-        traction={"boundary": "over", "z": f"{torque / (np.pi / 2 * 1.5**4)} * x[0]"},
-        contact={"boundary": "under"},
-        preload={"point": [0.2, 1.8], "axis": [0.0, 1.0], "force": force},
-    )
-    solution = solve(given, COMM)
-    (tight,) = solution.preloads
-    assert solution.certificate.holds
-    assert tight.force == pytest.approx(force, rel=1e-9)
-    assert solution.contact.forces[0][1] == pytest.approx(force, rel=1e-7)
-    assert tight.shortening == pytest.approx(force * height / (YOUNG * np.pi * radius**2), rel=1e-4)
-    x, y = nodes(solution)
-    head = x[:, 1] > 4.9
-    # The shear of a twisted shaft is linear in the radius, and so is the displacement: no mesh makes an error.
-    angle = torque * height / (YOUNG / 2 * np.pi / 2 * radius**4)
-    assert y[head, 2] == pytest.approx(angle * x[head, 0], rel=1e-3)

@@ -9,13 +9,7 @@ from mpi4py import MPI
 from scenes import alone, example1
 from spread_meshes import on_all_ranks
 
-from signorini_fx.addons.bounds import error_bound as proof
-from signorini_fx.addons.bounds import scene_arrays
-from signorini_fx.addons.bounds.bounded_scene import BOUNDED
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
-from signorini_fx.mechanics.statement.settings import Accuracy
-from signorini_fx.quantities.proved_statements import ErrorBound
 from signorini_fx.scenes.solver import solve
 
 pytestmark = pytest.mark.mpi
@@ -42,6 +36,7 @@ def in_order(solution, values):
     return parallel.gather_rows(comm, values)[np.argsort(numbers)]
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("kind", SCENES)
 def test_one_rank_or_many(kind):
     """Error, its parts and those of the cells, energy, force and words."""
@@ -64,50 +59,3 @@ def test_one_rank_or_many(kind):
     size = float(np.abs(expected_force).max())
     assert tuple(force) == pytest.approx(tuple(expected_force), abs=close * size)
     assert WORLD.allgather(tuple(force)) == [tuple(force)] * WORLD.size
-
-
-def test_an_accuracy_that_is_certified():
-    """The shares of the cells say where the mesh gets finer."""
-    scene = example1(bound=1.5, nx=12, ny=4, gamma="auto", cell="triangle")
-    scene = scene.model_copy(update={"accuracy": Accuracy(target=0.1, certified=True)})
-    together, by_itself = solve(scene, WORLD), alone(scene)
-    assert together.error_bound.relative <= 0.1
-    cells = [solution.model.tagged.mesh.topology.index_map(2).size_global for solution in (together, by_itself)]
-    assert cells[0] == pytest.approx(cells[1], rel=0.2)  # meshes differ
-
-
-@pytest.mark.parametrize("rank", [0, WORLD.size - 1], ids=["first", "last"])
-def test_an_error_of_one_rank_is_raised_on_all(rank, monkeypatch):
-    """No rank waits for one that cannot send its part."""
-    solution = solve(example1(nx=6, ny=2, cell="triangle"), WORLD)
-    sent = scene_arrays._points
-
-    def points(contact):
-        if WORLD.rank == rank:
-            raise MemoryError("no room")
-        return sent(contact)
-
-    monkeypatch.setattr(scene_arrays, "_points", points)
-    with pytest.raises(MemoryError, match="no room"):
-        _ = solution.error_bound
-
-
-def test_an_error_of_the_bound_is_raised_on_all(monkeypatch):
-    """The rank that computes the bound sends what it raised."""
-    solution = solve(example1(nx=6, ny=2, cell="triangle"), WORLD)
-
-    def fails(*arguments):
-        raise np.linalg.LinAlgError("no factor")
-
-    monkeypatch.setattr(proof.Bounded, "bound", fails)
-    with pytest.raises(np.linalg.LinAlgError, match="no factor"):
-        _ = solution.error_bound
-
-
-def test_what_has_no_bound():
-    """The same reason on all ranks."""
-    scene = example1(nx=6, ny=2, cell="triangle")
-    held = (*scene.displacement, PrescribedDisplacement(at=(0.0, 1.0), x=0.0))
-    pinned = solve(scene.model_copy(update={"displacement": held}), WORLD).error_bound
-    assert WORLD.allgather(pinned) == [f"{BOUNDED}; this scene has a support of a point"] * WORLD.size
-    assert isinstance(solve(scene, WORLD).error_bound, ErrorBound)

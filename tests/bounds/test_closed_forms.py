@@ -88,6 +88,7 @@ def true_error(solution, bodies):
     return norm(computed - exact), norm(exact), PRESSED + HEAVY + HEAVIER * (bodies**2 - base**2) / 2
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize(("dimension", "count", "bodies"), [(2, 4, 1), (2, 4, 2), (3, 2, 1), (3, 2, 2)])
 def test_a_column(dimension, count, bodies, degree):

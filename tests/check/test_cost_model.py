@@ -8,7 +8,6 @@ import pytest
 from mpi4py import MPI
 from petsc4py import PETSc
 from scenes import example1
-from spaces import block
 
 from signorini_fx.algebra.linalg.factorisation import has_package
 from signorini_fx.mechanics.body.discretisation import discretise
@@ -42,17 +41,6 @@ def test_operations_and_entries_of_a_factorisation(cell, degree):
     assert all(SLOWEST <= speed <= FASTEST for speed in speeds)
     # Operations grow like n^1.5 and what else there is like n: the speed rises, and never by more than that.
     assert all(1.0 <= fine / coarse <= 4.0**0.5 * 1.25 for coarse, fine in pairwise(speeds))
-
-
-@pytest.mark.slow
-def test_coarser_meshes_make_multigrid_cheaper():
-    """The forecast knows what the levels of multigrid are: a set-up and solves that take a fourth or fifth."""
-    box = {"generator": "box", "parameters": {"length": 3.0, "nx": 24, "ny": 8, "nz": 8}}
-    solver = {"linear_algebra": "krylov", "max_iterations": 50}
-    scenes = [block(6, mesh=box, **solver, levels=levels) for levels in (1, 2)]
-    one, two = (check_scene(scene, MPI.COMM_SELF).cost for scene in scenes)
-    assert one.linear_algebra == two.linear_algebra
-    assert 3 < (one.seconds[0] / one.linear_solves[0]) / (two.seconds[0] / two.linear_solves[0]) < 6
 
 
 PAIR = """
@@ -98,6 +86,7 @@ print(foreseen, checked, peak())
 """
 
 
+@pytest.mark.slow
 def test_memory_of_two_bodies(tmp_path):
     """What a process of its own takes to solve a pair with many nodes is foreseen to a factor of two."""
     (tmp_path / "scene.toml").write_text(PAIR)

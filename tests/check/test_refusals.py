@@ -1,22 +1,14 @@
 """What ``solve`` refuses before it has solved anything, ``check`` refuses as well, with the same words."""
 
-import ast
-import sys
-from functools import cache
-from pathlib import Path
-
 import pytest
 from mpi4py import MPI
 
-import signorini_fx
 from signorini_fx import solve
 from signorini_fx.errors import SignoriniError
 from signorini_fx.records import IterationRecord
 from signorini_fx.scenes.checks import check_scene
 from signorini_fx.scenes.reading import parse_scene
 
-PACKAGE = Path(signorini_fx.__file__).parent
-REFUSALS = ("SceneError", "MeshError", "FormError", "Refused")
 COMM = MPI.COMM_SELF
 COULOMB = {"law": "coulomb", "coefficient": 0.3}
 BLOCK = {
@@ -58,9 +50,7 @@ SPACE = {
 }
 AXISYMMETRIC = {"material": {"young": 1000.0, "poisson": 0.3, "hypothesis": "axisymmetric"}}
 ORTHOTROPIC = {"young": [1000.0, 900.0, 800.0], "poisson": [0.3] * 3, "shear": [300.0] * 3}
-SIDE = {"displacement": {"boundary": "left", "x": 0.0}}
 CERTIFIED = {"accuracy": {"target": 0.1, "certified": True}}
-SSN = {"solver": {"algorithm": "ssn"}}
 DISK = {"generator": "half_disk", "parameters": {"radius": 1.0, "size": 0.5}}
 TETRAHEDRA = {"generator": "box", "parameters": {"nx": 2, "ny": 2, "nz": 2, "cell": "tetrahedron"}}
 
@@ -96,14 +86,6 @@ def ellipse(**more):
     return contact(SPACE, friction=COULOMB | {"ratio": 2.0, "along": [1.0, 0.0, 0.0]} | more)
 
 
-BONDED_PAD = {
-    "mesh": {"file": str(PACKAGE.parent / "demos" / "scenes" / "bonded_pad.geo")},
-    "material": BLOCK["material"],
-    "displacement": [{"boundary": "bottom", "x": 0.0, "y": 0.0}, {"boundary": "top", "x": 0.0, "y": -0.2}],
-    "contact": [{"boundary": "pad", "against": "plate"}],
-}
-# What refuses arguments of functions, which are no part of a scene file.
-OF_ARGUMENTS = ("scenes/solver.py", "results/restart_files.py", "statement/base.py", "statement/load_path.py")
 REFUSED = {
     "foundation that moves, body held by contact": BLOCK
     | PRESSED
@@ -192,54 +174,6 @@ REFUSED = {
         ]
     ),
 }  # fmt: skip
-ACCEPTED = {
-    "block": BLOCK | PRESSED,
-    "alm": BLOCK | PRESSED | {"solver": {"algorithm": "alm"}},
-    "foundation that moves": BLOCK
-    | HELD
-    | {"contact": [BLOCK["contact"][0] | {"foundation": MOVING}], "load_steps": {"times": [0.0, 1.0]}},
-    "tool": tool(),
-    "two bodies": bodies(),
-    "mixed": BLOCK
-    | PRESSED
-    | {"material": {"young": 1000.0, "poisson": 0.5}, "element": {"degree": 2, "volumetric": "mixed"}},
-    "accuracy": BLOCK | HELD | {"accuracy": {"target": 0.3}},
-    "certified": BLOCK | HELD | {"mesh": TRIANGLES, "contact": [{"boundary": "bottom"}]} | CERTIFIED | SSN,
-    "body force in 3D that is not constant": certified_in_space(body_force={"z": "-x[2]"}) | SSN,
-    "preload": bodies(preload=[{"point": [0.5, 1.37], "axis": [0.0, 1.0], "force": 1.0}]),
-    "preload in steps": bodies(
-        preload=[{"point": [0.5, 1.37], "axis": [0.0, 1.0], "force": 1.0, "factors": [0.5, 1.0]}]
-    ),
-    "torsion": BLOCK
-    | {
-        "material": AXISYMMETRIC["material"] | {"torsion": True},
-        "displacement": {"boundary": "top", "y": -0.001, "z": "0.001*x[0]"},
-    },
-    "axisymmetric": BLOCK | HELD | AXISYMMETRIC,
-    "axisymmetric tool": tool(**AXISYMMETRIC),
-    "sequence of meshes": BLOCK | HELD | {"solver": {"levels": 2}},
-    "sequence of meshes of two bodies": bodies(solver={"levels": 2}),
-    "load steps": BLOCK
-    | {"displacement": {"boundary": "top", "x": 0.0, "y": "-0.001*t"}, "load_steps": {"times": [0.0, 1.0]}},
-    "ellipse of friction": SPACE
-    | {"contact": [{"boundary": "bottom", "friction": COULOMB | {"ratio": 2.0, "along": [1.0, 0.0, 0.0]}}]},
-    "orthotropic": BLOCK | HELD | {"material": {"orthotropic": ORTHOTROPIC}},
-    "force": BLOCK | SIDE | {"force": [{"boundary": "top", "y": -1.0}]},
-    "springs": BLOCK | PRESSED | {"springs": [{"boundary": "left", "x": 10.0}]},
-    "temperature": BLOCK
-    | HELD
-    | {"material": BLOCK["material"] | {"expansion": 1e-5}, "temperature": {"change": "x[0]"}},
-    "support of a point": BLOCK | PRESSED | {"displacement": {"at": [0.0, 0.0], "x": 0.0}},
-    "support along normals": BLOCK | PRESSED | {"displacement": {"boundary": "left", "normal": 0.0}},
-    "bonded": bodies(contact=[{"boundary": "upper.bottom", "against": "lower.top", "kind": "bonded"}]),
-    "mixed with two bodies": bodies(element={"degree": 2, "volumetric": "mixed"}),
-    "accuracy of two bodies": bodies(accuracy={"target": 0.3}),
-    "accuracy of the pressure": BLOCK | HELD | {"accuracy": {"target": 0.3, "of": "pressure"}} | SSN,
-    "augmented Lagrangian": BLOCK | HELD | {"solver": {"algorithm": "alm"}},
-    "drawing": BONDED_PAD,
-    "accuracy of a drawing": BONDED_PAD | {"accuracy": {"target": 0.3}},
-    "multigrid": SPACE | {"contact": [{"boundary": "bottom"}], "solver": {"linear_algebra": "krylov"}},
-}  # fmt: skip
 
 
 def message(function, scene):
@@ -260,63 +194,3 @@ def test_check_refuses_what_solve_refuses(name):
 
     assert message(check_scene, REFUSED[name]) == message(begin, REFUSED[name])
     assert not any(isinstance(record, IterationRecord) for record in solved)
-
-
-@cache
-def refusing():
-    """(file, first line) of every function of the package that refuses a scene or a mesh."""
-    listed = set()
-    for path in PACKAGE.rglob("*.py"):
-        for function in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            if isinstance(function, ast.FunctionDef) and any(map(_refuses, ast.walk(function))):
-                first = min([function.lineno, *(mark.lineno for mark in function.decorator_list)])
-                listed.add((str(path), first))
-    return listed
-
-
-def _refuses(node):
-    if not isinstance(node, ast.Raise) or node.exc is None:
-        return False
-    return any(isinstance(part, ast.Name) and part.id in REFUSALS for part in ast.walk(node.exc))
-
-
-class Solved(Exception):
-    """The first linear solve."""
-
-
-def entered(function, scene, functions):
-    """Those of some functions that a call enters, until the first linear solve."""
-    called = set()
-
-    def watch(frame, event, _):
-        if event == "call":
-            key = (frame.f_code.co_filename, frame.f_code.co_firstlineno)
-            if key in functions:
-                called.add(key)
-
-    def end(record):
-        if isinstance(record, IterationRecord):
-            raise Solved
-
-    scene = parse_scene(scene)
-    before = sys.getprofile()
-    sys.setprofile(watch)
-    try:
-        function(scene, COMM, observers=[end]) if function is solve else function(scene, COMM)
-    except Solved:
-        pass
-    finally:
-        sys.setprofile(before)
-    return called
-
-
-@pytest.mark.parametrize("name", ACCEPTED)
-def test_check_enters_every_function_that_may_refuse(name):
-    """Of those that ``solve`` enters before its first linear solve none is left out."""
-    functions = refusing()
-    assert len(functions) > 50
-    solving = entered(solve, ACCEPTED[name], functions)
-    assert len(solving) > 3
-    arguments = {key for key in solving if key[0].endswith(OF_ARGUMENTS)}
-    missed = solving - entered(check_scene, ACCEPTED[name], functions) - arguments
-    assert {f"{Path(file).relative_to(PACKAGE)}:{line}" for file, line in missed} == set()

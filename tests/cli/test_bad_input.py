@@ -11,7 +11,6 @@ import resource
 import subprocess
 import sys
 import time
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,24 +18,17 @@ from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 from mpi4py import MPI
 from petsc4py import PETSc
-from scenes import example1
 
-from signorini_fx.addons.pictures import deformed_body
-from signorini_fx.addons.report import page
 from signorini_fx.algebra.linalg import petsc_options
-from signorini_fx.errors import MachineError, MeshError, OptionsError, OutputError, ResultError, SceneError
+from signorini_fx.errors import MachineError, MeshError, OptionsError, SceneError
 from signorini_fx.forms.options import applied
-from signorini_fx.machine import compilation, petsc_start, requirements, result_files, terminal
-from signorini_fx.machine.csv_text import as_name, as_text, write_csv
+from signorini_fx.machine import compilation, petsc_start, requirements, result_files
+from signorini_fx.machine.csv_text import write_csv
 from signorini_fx.mechanics.mesh.files.formats import read_file
-from signorini_fx.results import files
 from signorini_fx.results.folder import ResultFolder
 from signorini_fx.scenes import cli
-from signorini_fx.scenes.cli.grammar import parsed_accuracy, parsed_budget
-from signorini_fx.scenes.reading import parse_scene, parse_scene_text
-from signorini_fx.scenes.solver import solve
+from signorini_fx.scenes.cli.grammar import parsed_budget
 from signorini_fx.solving.check.petsc_options import refuse_mistyped
-from signorini_fx.tuned import LARGEST_NUMBER
 
 COMM = MPI.COMM_WORLD
 SCENE = """
@@ -136,89 +128,6 @@ def test_scene(solve_text, text, arguments, message):
     assert message in line
 
 
-def test_twenty_thousand_mistakes(solve_text):
-    """The first ones are shown, the others counted."""
-    code, errors = solve_text("\n".join(f"gama_{n} = 1" for n in range(20_000)) + SCENE)
-    assert code == 2
-    lines = errors.splitlines()
-    assert len(lines) == 21
-    assert lines[-1] == "... and 19,980 more"
-
-
-def test_all_mistakes_are_kept():
-    """Python has all of them; a long line keeps both ends."""
-    error = SceneError([(f"key{n}", "is wrong") for n in range(100)])
-    assert len(error.problems) == 100
-    assert str(error).endswith("... and 80 more")
-    assert str(SceneError([("title", "x" * 9_000 + " is wrong")])).endswith("xx is wrong")
-    assert len(str(MeshError("x" * 9_000))) < 1_100
-
-
-@pytest.mark.parametrize("command", ["solve", "check", "report", "mesh-info", "new"])
-def test_name_of_5000_characters(run, command):
-    """No path is too long to be refused."""
-    code, errors = run(command, "x" * 5_000)
-    assert code == 2
-    assert "Traceback" not in errors
-    assert len(errors) < 2_000
-
-
-def test_result_folder_of_5000_characters(tmp_path, run):
-    """Nor is that of a result."""
-    (tmp_path / "scene.toml").write_text(SCENE)
-    code, errors = run("solve", tmp_path / "scene.toml", "--out", "x" * 5_000)
-    assert code == 2
-    assert "cannot be written: File name too long" in errors
-
-
-MAGNITUDES = st.floats(-60, 60).map(lambda power: 10.0**power) | st.sampled_from([LARGEST_NUMBER, 1e-60, 1.0])
-
-
-def ends_by_name(folder, young, gap, load, gamma, length):
-    """Whatever numbers are allowed: a status with its numbers in JSON, or a message."""
-    scene = parse_scene_text(
-        changed("nx = 6", f"length = {length!r}, height = {length!r}, nx = 4")
-        .replace("5000.0", repr(young))
-        .replace("-20.0", repr(-load))
-        .replace('"0.001*x[0]"', repr(gap))
-        + f"[solver]\ngamma_n = {gamma!r}\nmax_iterations = 5\nmax_outer_iterations = 3\nfallbacks = false\n",
-        Path("scene.toml"),
-    )
-    try:
-        solution = solve(scene, MPI.COMM_SELF, check=False)
-    except (SceneError, MeshError):
-        return
-    files.write_results(solution, folder, fields=False, pictures=False)
-    summary = json.loads((folder / "summary.json").read_text(), parse_constant=pytest.fail)
-    assert summary["status"] == solution.status.value
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("count", [25, 8])
-def test_all_magnitudes(tmp_path_factory, count):
-    """Of numbers drawn at random, and of the largest and smallest that are allowed."""
-    drawn = dict.fromkeys(("young", "gap", "load", "gamma", "length"), MAGNITUDES)
-
-    @settings(max_examples=count)
-    @given(**drawn)
-    @example(young=1e60, gap=1e60, load=1e60, gamma=1e60, length=1e59)
-    @example(young=1e-60, gap=1e-60, load=1e-60, gamma=1e-60, length=1e-59)
-    def every(**numbers):
-        ends_by_name(tmp_path_factory.mktemp("out"), **numbers)
-
-    every()
-
-
-@settings(max_examples=100)
-@given(st.lists(st.text("ab\"'.= \n[]", max_size=4), max_size=200).map("".join), st.integers(0, 3))
-def test_keys_of_many_parts(text, copies):
-    """Parts, quotes and dots in any order, many times over, are read or refused soon."""
-    begin = time.process_time()
-    with pytest.raises(SceneError):
-        parse_scene_text(text * 20**copies, Path("scene.toml"))
-    assert time.process_time() - begin < LIMIT
-
-
 # --- what options of the command line mean ---------------------------------------------------------------------------
 
 
@@ -244,14 +153,6 @@ def test_no_budget(text):
     """What is neither is refused."""
     with pytest.raises(argparse.ArgumentTypeError, match="5min or 2h, or a memory like 500MB"):
         parsed_budget(text)
-
-
-def test_accuracy_in_per_cent(run):
-    """2% is 0.02; what is no number is refused."""
-    assert parsed_accuracy("2%") == parsed_accuracy("0.02") == parsed_accuracy(" 2 %") == 0.02
-    code, errors = run("solve", "scene.toml", "--accuracy", "2 per cent")
-    assert code == 2
-    assert "a number like 0.05 or 5% is expected, got '2 per cent'" in errors
 
 
 # --- PETSc options ---------------------------------------------------------------------------------------------------
@@ -309,16 +210,6 @@ def test_mistyped_option(mistake, others):
 
 
 @pytest.mark.mpi
-def test_right_options(petsc):
-    """What PETSc takes is left to it."""
-    for key, said in RIGHT.items():
-        petsc[petsc_options.PREFIX + key] = said
-    petsc["sfx_snes_monitor"] = None
-    refuse_mistyped(COMM)
-    assert all(petsc.hasName(petsc_options.PREFIX + key) for key in (*RIGHT, "snes_monitor"))
-
-
-@pytest.mark.mpi
 @pytest.mark.parametrize(
     "said",
     [
@@ -344,25 +235,6 @@ def test_options_that_exchange_the_method(petsc, said):
     refuse_mistyped(COMM)
 
 
-@pytest.mark.mpi(slow=True)
-def test_options_that_crash(petsc):
-    """Eigenvalues that are estimated in no step: PETSc ends with a segmentation fault, which a small process takes."""
-    petsc["sfx_ksp_rtol"] = "1e-9"
-    petsc["sfx_mg_levels_ksp_max_it"] = "2"
-    refuse_mistyped(COMM)
-    petsc["sfx_mg_levels_esteig_ksp_max_it"] = "0"
-    with pytest.raises(OptionsError, match=r"^PETSc option -sfx_mg_levels_esteig_ksp_max_it 0: PETSc crashes with it$"):
-        refuse_mistyped(COMM)
-
-
-@pytest.mark.mpi
-def test_solve_looks_at_options_first(petsc):
-    """In Python too."""
-    petsc["sfx_snes_rtol"] = "5"
-    with pytest.raises(OptionsError, match="-sfx_snes_rtol 5: Relative tolerance 5"):
-        solve(example1(bound=1.5, nx=6, ny=2), COMM)
-
-
 @pytest.mark.mpi
 @pytest.mark.parametrize(
     ("content", "message"),
@@ -386,7 +258,7 @@ def test_file_of_options(tmp_path_factory, monkeypatch, content, message, place)
         petsc_start.start_petsc(COMM, given_options)
 
 
-@pytest.mark.one_quick
+@pytest.mark.slow
 @pytest.mark.parametrize("ranks", [1, 3])
 def test_mistyped_option_on_the_command_line(tmp_path, ranks):
     """Once, whatever the number of ranks, and nothing else but what mpirun adds."""
@@ -534,15 +406,6 @@ def test_report_of_nested_json(tmp_path, run, text):
     assert "give a folder" in errors or "solve again" in errors
 
 
-def test_report_of_a_field_without_end(tmp_path):
-    """The csv module has errors of its own."""
-    (tmp_path / "contact.csv").write_text("x,y\n1," + "1" * 200_000)
-    with pytest.raises(ValueError, match=r"contact\.csv, line 2: field larger"):
-        result_files.read_csv(tmp_path / "contact.csv")
-    with pytest.raises(ResultError):
-        page.write_report(tmp_path)
-
-
 @pytest.mark.parametrize("name", ["=cmd|' /C calc'!A0", "+1+1", "-1", "@SUM(A1)", "\tx", "'=x", "'", "-", "bottom"])
 def test_formula(tmp_path, name):
     """A spreadsheet takes it for text, our own reader for the name; numbers are as they were."""
@@ -552,65 +415,6 @@ def test_formula(tmp_path, name):
     assert not row["boundary"].startswith(("=", "+", "-", "@", "\t", "\r"))
     assert (row["x"], row["count"], row["u"]) == ("-1.5", "-3", "-2e-300")
     assert result_files.read_csv(tmp_path / "a.csv")["boundary"].tolist() == [name]
-
-
-@given(st.text("=+-@'\tab"))
-def test_any_name_comes_back(name):
-    """As text and back it is the same."""
-    assert as_name(as_text(name)) == name
-    assert not as_text(name).startswith(("=", "+", "-", "@", "\t"))
-
-
-@pytest.mark.slow
-def test_full_disk(tmp_path):
-    """Where the results have no room there is one error, and nothing is left; where the pictures have none, though
-    matplotlib fails in ways of its own, the results are there, with a warning that says why, and no half picture.
-    """
-    solution = solve(example1(bound=1.5, nx=6, ny=2), MPI.COMM_SELF)
-    files.write_results(solution, tmp_path / "first", fields=False)  # compiles its forms, while there is room for them
-    codes = []
-    for limit in (2_000, 4_000, 12_000, 20_000, 40_000):
-        out = tmp_path / f"out {limit}"
-        child = os.fork()
-        if child == 0:
-            code = 1
-            try:
-                resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
-                try:
-                    files.write_results(solution, out, fields=False)
-                    code = 0
-                except OutputError as error:
-                    code = 3 if "cannot be written: File too large" in str(error) else 2
-            finally:
-                os._exit(code)
-        codes.append(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
-        if codes[-1] == 3:
-            assert not out.exists()
-        else:
-            findings = json.loads((out / "summary.json").read_text())["findings"]
-            assert "File too large" in next(row["message"] for row in findings if row["path"] == "pictures")
-            assert not list(out.glob("*.png"))
-    assert codes == sorted(codes, reverse=True)
-    assert {*codes} == {0, 3}
-
-
-def test_errors_of_the_system_under_others(tmp_path, monkeypatch):
-    """What matplotlib raises when it closes a file that a full disk has cut off hides the reason, which is said."""
-
-    def closing(file):
-        try:
-            raise OSError(28, "No space left on device")
-        finally:
-            file.pos += 1  # as matplotlib's Stream does
-
-    def draw(*arguments, **options):
-        closing(object())
-
-    solution = solve(example1(bound=1.5, nx=6, ny=2), MPI.COMM_SELF)
-    for drawing, reason in ((draw, "No space left on device"), (lambda *arguments, **options: 1 / 0, "ZeroDivision")):
-        monkeypatch.setattr(deformed_body, "deformed_mesh", drawing)
-        summary = files.write_results(solution, tmp_path / "out", fields=False)
-        assert reason in next(row["message"] for row in summary["findings"] if row["path"] == "pictures")
 
 
 @pytest.mark.mpi
@@ -643,22 +447,6 @@ def test_small_memory(monkeypatch, limit, option):
         requirements.check_machine()
 
 
-def test_small_memory_on_the_command_line(tmp_path):
-    """Before anything is imported that would not return."""
-    command = [sys.executable, "-m", "signorini_fx", "solve", "scene.toml"]
-    ended = subprocess.run(
-        ["sh", "-c", 'ulimit -v 300000; exec "$@"', "sh", *command],
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        timeout=60,
-        check=False,
-    )
-    assert ended.returncode == 2
-    (line,) = ended.stderr.splitlines()
-    assert line.startswith("signorini-fx: error: the memory of each process is limited to 307 MB (ulimit -v)")
-
-
 @pytest.fixture
 def new_form(tmp_path, monkeypatch):
     """A form that no cache has, and what compiles it."""
@@ -682,73 +470,7 @@ def test_no_compiler(new_form, monkeypatch):
         new_form()
 
 
-def test_no_folder_for_compiled_forms(tmp_path, new_form):
-    """A home that cannot be made: what to set is said."""
-    (tmp_path / "cache").write_text("a file")
-    with pytest.raises(MachineError, match=r"folder of compiled forms cannot be written .*: set XDG_CACHE_HOME"):
-        new_form()
-
-
-def test_mistakes_of_ours_are_not_the_machine():
-    """What is none of its faults passes."""
-    with pytest.raises(ZeroDivisionError), compilation.compiling():
-        raise ZeroDivisionError
-
-
-def test_environment_without_a_home():
-    """./env says so in one line."""
-    environment = {"PATH": os.environ["PATH"], "HOME": "/proc/nowhere", "DEBIAN": "trixie"}
-    env = Path(__file__).parents[2] / "env"
-    ended = subprocess.run(
-        [str(env), "true"], env=environment, cwd=env.parent, capture_output=True, text=True, timeout=60, check=False
-    )
-    assert ended.returncode == 2
-    (line,) = ended.stderr.splitlines()
-    assert line.startswith("env: cannot write /proc/nowhere/.cache/signorini_fx/trixie-")
-    assert line.endswith(": set XDG_CACHE_HOME to a folder that can be written")
-
-
-DOCKER = """#!/bin/sh
-echo "docker $*" >> "$CALLS"
-case "$1 $2" in
-    "image inspect") exec test -e "$STATE/$(echo "$3" | tr / _)" ;;
-    "pull -q") exit 1 ;;
-    import*) touch "$STATE/$(echo "$5" | tr / _)" ;;
-    build*) case "$*" in *"--network host") touch "$STATE/built" ;; *) exit 1 ;; esac ;;
-esac
-"""
-
-
-def test_docker_without_a_registry(tmp_path):
-    """Its base is made of Debian's archive, and its build has the host's network, where there is no other way."""
-    tools = tmp_path / "tools"
-    tools.mkdir()
-    scripts = {
-        "docker": DOCKER,
-        "mmdebstrap": '#!/bin/sh\necho "mmdebstrap $*" >> "$CALLS"\nfor last; do :; done\n: > "$last"',
-    }
-    for name, script in scripts.items():
-        (tools / name).write_text(script)
-        (tools / name).chmod(0o755)
-    env = Path(__file__).parents[2] / "env"
-    environment = {"PATH": f"{tools}:{os.environ['PATH']}", "HOME": str(tmp_path), "DEBIAN": "trixie"}
-    environment |= {"CALLS": str(tmp_path / "calls"), "STATE": str(tmp_path)}
-    ended = subprocess.run(
-        [str(env), "true"], env=environment, cwd=env.parent, capture_output=True, text=True, timeout=60, check=False
-    )
-    assert ended.returncode == 0, ended.stderr
-    calls = [line.split() for line in (tmp_path / "calls").read_text().splitlines()]
-    done = [call[:2] for call in calls if call[1] not in ("info", "image")]
-    assert [" ".join(call) for call in done if call[0] == "docker"] == [
-        *("docker pull", "docker import", "docker build", "docker build", "docker run")
-    ]
-    made, imported = (next(call for call in calls if word in call[:2]) for word in ("mmdebstrap", "import"))
-    assert made[-1] == imported[-2]
-    assert imported[-1] == "docker.io/library/debian:trixie-slim"
-    assert not Path(made[-1]).exists()
-    assert "building localhost/signorini_fx:" in ended.stderr
-
-
+@pytest.mark.slow
 def test_ascii_locale_and_another_alphabet(tmp_path):
     """Folders of any name, in a locale that knows ASCII only."""
     folder = tmp_path / "größe"
@@ -765,7 +487,7 @@ def test_ascii_locale_and_another_alphabet(tmp_path):
     assert ended.returncode == 0, ended.stderr
 
 
-@pytest.mark.one_quick
+@pytest.mark.slow
 @pytest.mark.parametrize("arguments", [["schema"], ["solve", "--help"]])
 def test_nobody_reads_on(arguments):
     """``signorini-fx schema | head``: no complaint."""
@@ -775,35 +497,3 @@ def test_nobody_reads_on(arguments):
     ended = subprocess.run(command, stdout=writing, stderr=subprocess.PIPE, timeout=60, check=False)
     os.close(writing)
     assert (ended.returncode, ended.stderr) == (0, b"")
-
-
-def test_terminal_takes_any_text(capsys, monkeypatch):
-    """What its encoding does not have is escaped."""
-    import io as streams
-
-    stream = streams.TextIOWrapper(streams.BytesIO(), encoding="ascii")
-    monkeypatch.setattr(sys, "stdout", stream)
-    terminal.prepare()
-    terminal.say("größe \udcff")
-    assert stream.buffer.getvalue() == b"gr\\xf6\\xdfe \\udcff\n"
-
-
-@pytest.mark.slow
-def test_all_that_the_mesh_reveals_at_once():
-    """Names, dimension and elements are looked at together."""
-    scene = parse_scene(
-        {
-            "mesh": {"generator": "rectangle", "parameters": {"nx": 2, "ny": 2, "cell": "triangle"}},
-            "element": {"volumetric": "reduced"},
-            "material": {"young": 1.0, "poisson": 0.3, "region": "steel"},
-            "displacement": [{"boundary": "above", "x": 0.0}, {"boundary": "top", "z": 0.0}],
-            "traction": {"boundary": "left", "x": "x[2]"},
-            "contact": {"boundary": "below", "direction": [0.0, 0.0, -1.0]},
-        }
-    )
-    with pytest.raises(SceneError) as caught:
-        solve(scene, COMM)
-    assert {path for path, _ in caught.value.problems} == {
-        *("element.volumetric", "material[0].region", "displacement[0].boundary", "displacement[1].z"),
-        *("traction[0].x", "contact[0].boundary", "contact[0].direction"),
-    }

@@ -2,15 +2,12 @@
 
 import csv
 import json
-import os
 import subprocess
 import sys
-from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 
-import signorini_fx
 from signorini_fx.machine.launcher import environment_of_no_rank
 from signorini_fx.scenes import cli
 
@@ -68,6 +65,7 @@ def read_rows(path):
     return list(csv.DictReader(path.read_text().splitlines()))
 
 
+@pytest.mark.slow
 def test_result_folder(tmp_path):
     """Everything that the README promises is there, and the files agree with each other."""
     process = run(tmp_path, "--pdf")
@@ -97,7 +95,7 @@ def without_times(value):
     return [without_times(item) for item in value] if isinstance(value, list) else value
 
 
-@pytest.mark.one_quick
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "scene",
     [SCENE, SCENE + "[solver]\nlevels = 3\n", SCENE.replace('"top"', '"top"\nfactors = [0.5, 1.0, 0.2]')],
@@ -150,15 +148,7 @@ def test_no_solution(tmp_path, here):
     assert read_summary(tmp_path)["converged"] is False
 
 
-def test_command_of_a_checkout():
-    """``./env signorini-fx`` runs the checkout where dolfinx is and the package is not installed."""
-    root = Path(__file__).parents[2]
-    environment = {"PATH": os.defpath, "SFX_ENVIRONMENT": "this machine"}
-    command = [str(root / "env"), "signorini-fx", "--version"]
-    process = subprocess.run(command, capture_output=True, text=True, timeout=300, env=environment, check=False)
-    assert process.stdout == f"signorini-fx {signorini_fx.__version__}\n", process.stderr
-
-
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("stated", "number"), [({}, "1"), ({"OMP_NUM_THREADS": "3"}, "3"), ({"OPENBLAS_NUM_THREADS": "2"}, None)]
 )
@@ -195,18 +185,7 @@ def test_folder_that_cannot_be_written(tmp_path, here):
     assert "converged" not in process.stdout
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("options", ["-sfx_pc_factor_mat_solver_type mumps", "-sfx_ksp_type cg -sfx_pc_type jacobi"])
-def test_petsc_options_win(tmp_path, here, options):
-    """What the user says of the linear solver is done, and the answer is the same."""
-    assert here("--no-pictures").returncode == 0
-    reference = read_summary(tmp_path)["max_pressure"]
-    process = run(tmp_path, "--no-pictures", "--", *options.split(), "-sfx_ksp_rtol", "1e-12", "-sfx_snes_monitor")
-    assert process.returncode == 0, process.stderr
-    assert "SNES Function norm" in process.stdout
-    assert read_summary(tmp_path)["max_pressure"] == pytest.approx(reference, rel=1e-8)
-
-
+@pytest.mark.one_quick
 @pytest.mark.parametrize("arguments", [["--help"], ["solve", "--help"], ["--version"]])
 def test_help_does_not_import_dolfinx(arguments):
     """Help is there at once."""

@@ -1,25 +1,17 @@
 """What ``solve`` and ``check`` print unless they are asked for more: few lines, none of them long, and true."""
 
-import random
 import re
 from pathlib import Path
-from textwrap import wrap
 
 import pytest
 from scenes import example1
 
 from signorini_fx import solve, write_results
-from signorini_fx.machine.display import results_of
-from signorini_fx.machine.terminal import clauses
-from signorini_fx.records import SHORT_OF_ACCURACY, Status
 from signorini_fx.results.short_answer import short_answer
 from signorini_fx.results.summary import render
-from signorini_fx.scenes.check_text import short_text
-from signorini_fx.scenes.checks import check_scene
 from signorini_fx.scenes.cli import main
 
 FOLDER = Path("results/scene")
-WORDS = ["a-rather-long-word", "contact[0].friction", "and", "the", "supports", "of", "12.5", "that", "hold", "it"]
 
 
 @pytest.fixture(scope="module")
@@ -57,57 +49,6 @@ def test_what_is_said(summary):
     assert lines[-1].endswith("results/scene/")
 
 
-@pytest.mark.parametrize("seed", range(40))
-def test_any_answer_is_short(summary, seed):
-    """However long names and titles are, and however many: no sentence is cut, and one without an end takes more lines;
-    the certificate is never left out.
-    """
-    dice = random.Random(seed)
-
-    def text(most):
-        return " ".join(dice.choices(WORDS, k=dice.randint(1, most)))
-
-    row = summary["contact_boundaries"][0]
-    drawn = summary | {
-        "title": text(30),
-        "advice": text(80),
-        "findings": [{"level": "warning", "path": "mesh", "message": text(60)} for _ in range(dice.randrange(5))],
-        "contact_boundaries": [
-            row | {"boundary": text(20), "touching_nodes": dice.randint(0, 9)} for _ in range(dice.randint(1, 9))
-        ],
-        "status": dice.choices([status.value for status in Status], [30, *[1] * (len(Status) - 1)])[0],
-        "ranks": dice.choice([1, 4096]),
-    }
-    drawn["converged"] = drawn["status"] == "converged"
-    if dice.random() < 0.5:
-        drawn["scene"] = summary["scene"] | {"contact": [{"boundary": "bottom", "against": "other", "friction": {}}]}
-    if dice.random() < 0.5:
-        drawn["results_of"] = {"step": 3, "name": text(10), "time": 1.25, "status": "converged"}
-        drawn["steps"] = [{"step": k, "name": text(10), "time": 0.5 + k / 4} for k in range(1, 5)]
-    if dice.random() < 0.5:
-        errors = dict.fromkeys(("energy", "pressure", "force"), 0.0123)
-        drawn["convergence_table"] = [{**errors, "seconds": 1.0, "predicted": False}, {**errors, "predicted": True}]
-    if dice.random() < 0.5:
-        drawn["preloads"] = [
-            {"name": text(20), "force": 1.0 / 3.0, "shortening": 2.0 / 3.0} for _ in range(dice.randint(1, 5))
-        ]
-    lines = told(drawn)
-    advised = 0 if drawn["converged"] else len(wrap(drawn["advice"], 66))
-    named = 0 if "results_of" not in drawn else len(wrap(results_of(drawn), 66))
-    warned = len(wrap(f"(1 of 9) mesh: {drawn['findings'][0]['message']}", 66)) if drawn["findings"] else 0
-    assert len(lines) <= max(10, 2 + advised + named + warned + 6)
-    assert max(map(len, lines)) <= 80
-    assert not any("(--verbose)" in line and "results" not in line for line in lines)
-    assert labels(lines)[-1] == "results"
-    solved = drawn["converged"] or "results_of" in drawn or Status(drawn["status"]) in SHORT_OF_ACCURACY
-    assert ("certificate" in labels(lines), "what to do" in labels(lines)) == (solved, not drawn["converged"])
-    if drawn["converged"] or Status(drawn["status"]) in SHORT_OF_ACCURACY:
-        assert "cost" in labels(lines)
-    elif not solved:
-        assert "cost" not in labels(lines)
-    assert ("warning" in labels(lines)) == bool(drawn["findings"])
-
-
 @pytest.mark.parametrize(
     ("safety", "sentence"),
     [
@@ -123,15 +64,6 @@ def test_safety_is_a_sentence(summary, safety, sentence):
     assert line.split(maxsplit=1)[1] == sentence
 
 
-def test_a_force_of_which_no_digit_is_known(summary):
-    """Its first digit stands with the error: 0 would be a claim."""
-    price = {**dict.fromkeys(("energy", "pressure", "zone", "peak")), "force": 1.9, "predicted": False, "seconds": 1.0}
-    price |= {"dofs": 100, "level": 0}
-    found = summary | {"contact_force": [0.0, 544.8], "friction_force": [30.0, 0.0], "convergence_table": [price]}
-    (line,) = (line for line in told(found) if "force" in line[:14])
-    assert "(0, 500) (error 190 %)" in line
-
-
 @pytest.mark.parametrize("warnings", [0, 1])
 def test_certificate_that_does_not_hold(summary, warnings):
     """It is said aloud, whatever has to be said beside it."""
@@ -141,40 +73,6 @@ def test_certificate_that_does_not_hold(summary, warnings):
     (line,) = (line for line in told(summary | certificate | prices | {"findings": findings}) if "certifi" in line)
     assert "NOT" in line
     assert line.split()[0] == "certificate"
-
-
-def test_error_that_stands_in_another_line(summary):
-    """Of one mesh the line of the cost has it, where there is no room for both; of several each says another thing."""
-    findings = {"findings": [{"level": "warning", "path": "mesh", "message": "word " * 60}]}
-    lines = told(summary | findings)
-    assert "error" not in labels(lines)
-    assert "certificate" in labels(lines)
-    (line,) = (line for line in lines if line.split()[0] == "cost")
-    assert float(line.split()[1]) == pytest.approx(100 * summary["stress"]["error"], rel=5e-2)
-    bound = {"error_bound": {"relative_error": 0.1, "guaranteed": True}}
-    assert "error" in labels(told(summary | findings | bound))
-
-
-def test_texts_end_at_a_clause():
-    """A sentence or a clause that fits is whole; where none does, the first one is whole all the same."""
-    text = "mesh: the first clause is here; the second one is so long that it does not fit. And a third one."
-    assert clauses(text, 60, 1) == ["mesh: the first clause is here ... (--verbose)"]
-    assert " ".join(clauses(text, 60, 2)) == text
-    assert clauses(f"{'word ' * 7}word; and more", 30, 1) == ["word " * 5 + "word", "word word ... (--verbose)"]
-    assert " ".join(clauses("word " * 40, 30, 1)) == ("word " * 40).strip()
-    assert len(clauses("word; " * 40, 30, None)) == 8
-
-
-@pytest.mark.parametrize("length", [1, 40])
-def test_any_check_is_short(length):
-    """Titles of any length; warnings come before notes, and what does not fit is counted."""
-    scene = example1(coefficient=3.0, nx=24, ny=8)
-    checked = check_scene(scene | {"title": "title " * length} if isinstance(scene, dict) else scene)
-    lines = short_text(checked).splitlines()
-    assert len(lines) <= 15
-    assert max(map(len, lines)) <= 80
-    levels = [line.split()[0] for line in lines if line.startswith(("  warning ", "  note "))]
-    assert levels == sorted(levels, reverse=True)
 
 
 def test_exit_code_of_an_incomplete_scene(tmp_path, capsys):
@@ -200,15 +98,6 @@ displacement = { boundary = "left", x = 0.0 }
     assert capsys.readouterr().err == ""
 
 
-def test_forces_around_an_axis_are_those_along_it(summary):
-    """Radial components cancel each other over a revolution."""
-    around = {"material": [{"hypothesis": "axisymmetric"}], "contact": [{"boundary": "bottom", "friction": {}}]}
-    forces = {"contact_force": [13760.0, 25.0], "friction_force": [0.0, -1376.0]}
-    rubs = around["contact"][0] | {"friction": {"law": "coulomb"}}
-    (line,) = (line for line in told(summary | forces | {"scene": around | {"contact": [rubs]}}) if "force" in line)
-    assert line.split(maxsplit=1)[1] == "25, friction -1376 along the axis"
-
-
 @pytest.mark.parametrize("nodes", [0, 1, 2, 3, 7, 8])
 @pytest.mark.parametrize("coarse", [1, 5])
 def test_contact_that_the_mesh_does_not_resolve(summary, coarse, nodes):
@@ -224,16 +113,3 @@ def test_contact_that_the_mesh_does_not_resolve(summary, coarse, nodes):
     assert "wide" not in line
     (whole,) = [line for line in render(drawn).splitlines() if line.startswith("  contact nodes")]
     assert (f"too few on {', '.join(names)} for the ends" in whole) == (0 < nodes < 8)
-
-
-def test_no_figure_is_cut(summary):
-    """The first statement of a figure is whole, on as many lines as it takes; all of them go, or none."""
-    reason = "the errors of the last two meshes do not decrease as they should for a forecast that anybody could trust"
-    told_more = summary | {"cost": {"statement": f"{reason}; one mesh more may help"}}
-    lines = told(told_more)
-    first, last = (labels(lines).index(label) for label in ("cost", "certificate"))
-    assert " ".join(line[14:] for line in lines[first:last]) == f"no forecast: {reason} ... (--verbose)"
-    assert max(map(len, lines)) <= 80
-    lines = told(told_more | {"findings": [{"level": "warning", "path": "mesh", "message": "odd. " * 60}]})
-    assert "cost" not in labels(lines)
-    assert not any("trust" in line for line in lines)

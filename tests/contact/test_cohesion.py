@@ -1,16 +1,10 @@
 """Cohesion: friction that a closed contact has without pressure, against statics by hand."""
 
-import numpy as np
 import pytest
-import ufl
-from dolfinx import fem
-from dolfinx import mesh as dmesh
-from forms import box as plain_box
-from forms import hooke, side
 from mpi4py import MPI
 from spaces import box
 
-from signorini_fx import ContactProblem, Coulomb, Foundation, SceneError, sensitivity
+from signorini_fx import SceneError
 from signorini_fx.records import Status
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve
@@ -98,26 +92,6 @@ def test_what_pushes_a_block_away(share):
     assert solution.safety.factor == pytest.approx(C / (push - F * PRESS), rel=1e-3)
 
 
-def test_a_cap_limits_both():
-    """The bound is at most the cap."""
-    friction = {"law": "coulomb", "coefficient": F, "cohesion": C, "cap": 1.2}
-    solution = solve(dragged(friction=friction), COMM)
-    assert solution.contact.forces[1][0] == pytest.approx(-1.2 * 2.0, rel=1e-8)
-
-
-def test_cohesion_alone():
-    """Without a coefficient the shear is that of the cohesion, in contact."""
-    friction = {"law": "coulomb", "coefficient": 0.0, "cohesion": "1 + x[0]"}
-    solution = solve(dragged(friction=friction), COMM)
-    assert solution.contact.forces[1][0] == pytest.approx(-4.0, rel=1e-8)  # the integral of 1 + x from 0 to 2
-
-
-def test_its_derivatives():
-    """Of the friction force: by c the area, by F the pressing force."""
-    found = sensitivity(dragged(), "force bottom x", ["contact.friction.cohesion", "contact.friction.coefficient"])
-    assert found.derivatives == pytest.approx((-2.0, -2.0 * PRESS), rel=1e-8)
-
-
 @pytest.mark.parametrize("wrong", [-1.0, "y", "1/0", "-1 + 0*x[0]"])
 def test_bad_values(wrong):
     """One error that names the key."""
@@ -125,21 +99,3 @@ def test_bad_values(wrong):
     with pytest.raises(SceneError, match="cohesion") as caught:
         solve(dragged(friction=friction), COMM)
     assert len(caught.value.problems) == 1
-
-
-@pytest.mark.mpi
-def test_forms():
-    """The same by ``ContactProblem``, which judges it by a certificate of its own."""
-    mesh = plain_box((2.0, 0.2), (10, 2), dmesh.CellType.quadrilateral)
-    space = fem.functionspace(mesh, ("Lagrange", 1, (2,)))
-    top = np.sort(side(mesh, 1, 0.2))
-    ds = ufl.Measure("ds", mesh, subdomain_data=dmesh.meshtags(mesh, 1, top, np.ones(top.size, dtype=np.int32)))
-    held = space.sub(0)
-    bc = fem.dirichletbc(fem.Constant(mesh, 0.05), fem.locate_dofs_topological(held, 1, top), held)
-    y, z = ufl.TrialFunction(space), ufl.TestFunction(space)
-    load = fem.Constant(mesh, -PRESS)
-    foundation = Foundation(side(mesh, 1, 0.0), friction=Coulomb(F, cohesion=C))
-    problem = ContactProblem(hooke(y, z, poisson=0.0), load * z[1] * ds(1), [bc], contact=[foundation])
-    problem.solve()
-    assert problem.certificate.holds
-    assert problem.state.forces[1][0] == pytest.approx(-(C * 2.0 + F * PRESS * 2.0), rel=1e-8)

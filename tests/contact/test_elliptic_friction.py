@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import ufl
 from mpi4py import MPI
 from scenes import alone
 from scipy.optimize import minimize_scalar
@@ -14,17 +13,13 @@ from shifted_problems import shifted
 from spaces import block, box
 from test_space_statics import PRESS, brick
 
-from signorini_fx import ContactProblem, Coulomb, Foundation, SceneError
+from signorini_fx import SceneError
 from signorini_fx.algebra.contact.active_sets import multipliers, natural_sets, tangent
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.laws.directed import FrictionAxes
 from signorini_fx.records import Status
-from signorini_fx.results.certificate.certificate import certify
-from signorini_fx.results.certificate.law_of_method import Tractions
-from signorini_fx.results.contact_boundaries import _largest_resultant
 from signorini_fx.scenes.checks import check_scene
 from signorini_fx.scenes.reading import parse_scene
-from signorini_fx.scenes.solver import solve
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 from benchmarks.stability.oracle import convex
@@ -34,7 +29,6 @@ from benchmarks.stability.oracle.scenes import Trial
 from benchmarks.stability.oracle.space.judge import judge
 from benchmarks.stability.oracle.units import same
 
-COMM = MPI.COMM_WORLD
 F1, F2 = 0.4, 0.15
 AXIS = 0.5
 ALONG = [float(np.cos(AXIS)), float(np.sin(AXIS)), 0.3]  # its part along the normal does not count
@@ -70,7 +64,7 @@ def inclined(law, angle, slope):
     return brick({}, mesh=mesh, traction=press, contact=contact, body_force=force)
 
 
-@pytest.mark.one_quick
+@pytest.mark.slow
 @pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize("angle", [1.2, 4.4])
 def test_critical_slope(law, angle):
@@ -90,17 +84,6 @@ def test_critical_slope(law, angle):
     way = push / np.array([F1, F2]) ** 2
     told = np.array([float(word) for word in safety.motion.partition("(")[2].rstrip(")").split(",")])
     np.testing.assert_allclose(in_axes(told), way / np.linalg.norm(way), atol=6e-3)  # as it is rounded
-
-
-def test_limit_of_ellipses_that_cross():
-    """Two ellipses across each other transmit more together than twice what one does in the direction between them."""
-    ratio, between = 0.1, np.array([1.0, 1.0, 0.0])
-    crossed = np.array([[[1.0, 0], [0, ratio], [0, 0]], [[0, ratio], [1.0, 0], [0, 0]]])
-    found = _largest_resultant(crossed, np.array([0.5, 0.5]), 3.0 * between, MPI.COMM_SELF)
-    assert found == pytest.approx(np.sqrt((1 + ratio**2) / 2))
-    alike = _largest_resultant(crossed[:1], np.ones(1), 3.0 * between, MPI.COMM_SELF)
-    assert alike == pytest.approx(np.sqrt(2 / (1 + ratio**-2)))
-    assert _largest_resultant(crossed, np.array([0.5, 1.5]), 0 * between, MPI.COMM_SELF) == pytest.approx(2.0)
 
 
 def slips_normal_to_the_ellipse(scene, law):
@@ -129,66 +112,6 @@ def test_driven(law):
     drive = {"boundary": "top", "x": 5 * float(np.cos(1.0)), "y": 5 * float(np.sin(1.0)), "z": -0.01}
     scene = brick({}, contact={"boundary": "bottom", "friction": LAWS[law]}, traction=(), displacement=drive)
     slips_normal_to_the_ellipse(scene, law)
-
-
-def under_a_tool(law, force, **prescribed):
-    """A brick that stands fast, and a plate on it that forces move without turning it."""
-    held = {"rotation_x": 0.0, "rotation_y": 0.0, "rotation_z": 0.0}
-    plate = {"shape": "plane", "point": [0, 0, 1.0], "normal": [0, 0, -1], "pivot": [1.0, 1.0, 1.0]}
-    tool = plate | {"force": [*map(float, force), -4.0 * PRESS], "prescribed": held | prescribed}
-    fixed = {"boundary": "bottom", "x": 0.0, "y": 0.0, "z": 0.0}
-    contact = {"boundary": "top", "foundation": tool, "friction": LAWS[law]}
-    mesh = box("hexahedra", (4, 4, 2), size=(2.0, 2.0, 1.0))
-    return brick({}, mesh=mesh, traction=(), displacement=fixed, contact=contact)
-
-
-def on_a_brick(law, force=(0.0, 0.0), side="boundary", cells="hexahedra", **drive):
-    """A brick on one that stands fast, whose mesh is another one; side: that has the contact points."""
-    upper, lower = (box(cells, (n, n, 2), size=(2.0, 2.0, 1.0)) for n in (4, 3))
-    moved = [{"boundary": "upper.top", **drive}] if drive else []
-    contact = {"boundary": "upper.bottom", "against": "lower.top", "points": side, "friction": LAWS[law]}
-    return parse_scene(
-        {
-            "body": [{"name": "upper", "mesh": upper, "shift": [0, 0, 1.0]}, {"name": "lower", "mesh": lower}],
-            "material": {"young": 1000.0, "poisson": 0.3},
-            "displacement": [{"boundary": "lower.bottom", "x": 0.0, "y": 0.0, "z": 0.0}, *moved],
-            "traction": [] if drive else [{"boundary": "upper.top", "pressure": PRESS}],
-            "body_force": {axis: float(part) / 4.0 for axis, part in zip("xy", force, strict=True)},
-            "contact": contact,
-        }
-    )
-
-
-@pytest.mark.one_quick
-@pytest.mark.parametrize("law", LAWS)
-@pytest.mark.parametrize(
-    ("scene", "keys"), [(under_a_tool, {}), (on_a_brick, {"side": "against"}), (on_a_brick, {"cells": "tetrahedra"})]
-)
-def test_limit_of_tools_and_bodies(law, scene, keys):
-    """A tool and a body that are pushed hold up to the ellipse, and slide beyond it."""
-    angle = 1.2
-    push = limit(angle) * 4.0 * PRESS * np.array([np.cos(angle), np.sin(angle)])
-    held = alone(scene(law, 0.999 * push, **keys), check=False)
-    assert held.certificate.holds
-    np.testing.assert_allclose(np.abs(held.contact.forces[1][:2]), 0.999 * push, rtol=1e-6)
-    assert alone(scene(law, 1.001 * push, **keys), check=False).status is Status.SLIDES
-
-
-def test_lift_of_bodies():
-    """What gives the points any relative displacement is inverse to the map, along the axes of the ellipse too."""
-    contact = alone(on_a_brick("coulomb", (1.0, 1.0))).model.elasticity([]).contact
-    product = contact.operator.matMult(contact.lift)
-    product.shift(-1.0)
-    assert product.norm() < 1e-13
-
-
-@pytest.mark.one_quick
-@pytest.mark.parametrize("law", LAWS)
-def test_driven_tools_and_bodies(law):
-    """A tool and a body that move sideways."""
-    x, y = 5 * float(np.cos(1.0)), 5 * float(np.sin(1.0))
-    slips_normal_to_the_ellipse(under_a_tool(law, (0.0, 0.0), x=x, y=y), law)
-    slips_normal_to_the_ellipse(on_a_brick(law, x=x, y=y, z=-0.02), law)
 
 
 def test_law_and_its_derivative():
@@ -276,41 +199,7 @@ def test_a_circle_is_the_disc():
     np.testing.assert_allclose(other.table.columns["shear_y"], one.table.columns["shear_y"], atol=1e-9)
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("algebra", ["full", "condensed", "krylov"])
-def test_the_other_axis(algebra):
-    """F_1 along x[0] and F_2 across it is F_2 along x[1] and F_1 across; without regularisation they are one law."""
-    laws = [{"coefficient": 0.4, "ratio": 0.25}, {"coefficient": 0.1, "ratio": 4.0, "along": [0.0, 1.0, 0.0]}]
-    one, other = (
-        alone(pulled(law_of(law="coulomb", **law), algorithm="alm", linear_algebra=algebra, tolerance=1e-10))
-        for law in laws
-    )
-    assert one.certificate.holds
-    assert other.certificate.holds
-    assert one.linear_algebra.startswith(algebra)
-    assert {"stick", "slip"} <= set(one.table.columns["state"])
-    for name in ("pressure", "shear_x", "shear_y"):
-        a, b = (solution.table.columns[name] for solution in (one, other))
-        np.testing.assert_allclose(a, b, atol=1e-6 * one.table.columns["pressure"].max())
-
-
 # --- independent judges ----------------------------------------------------------------------------------------------
-
-
-def test_certificate_sees_a_disc():
-    """Tractions on the ellipse break the law of the disc and of another ellipse, and those of the disc that."""
-    friction = law_of(law="coulomb", coefficient=0.4, ratio=0.25, along=ALONG)
-    solution = alone(pulled(friction, algorithm="alm"))
-    disc = alone(pulled(law_of(law="coulomb", coefficient=0.4), algorithm="alm"))
-    for answer, other, figure in (
-        (solution, law_of(law="coulomb", coefficient=0.4), "slip_below_bound"),
-        (disc, friction, "friction_cone"),
-        (solution, law_of(law="coulomb", coefficient=0.4, ratio=0.25), "friction_cone"),
-    ):
-        statement = answer.statement.changed(contact=changed(answer.statement, other))
-        judged = certify(statement, answer.model.tagged, answer.displacement, Tractions.of(answer.contact))
-        assert not judged.holds
-        assert getattr(judged, figure) > 1e-3
 
 
 @pytest.mark.one_quick
@@ -338,75 +227,6 @@ def test_cone_programme(seed, tmp_path):
 
 
 # --- products --------------------------------------------------------------------------------------------------------
-
-
-PRODUCTS = {
-    "mesh": {
-        "generator": "box",
-        "parameters": {"length": 3.0, "width": 1.0, "height": 1.0, "nx": 6, "ny": 2, "nz": 2},
-    },
-    "material": {"young": 5000.0, "poisson": 0.3},
-    "displacement": {"boundary": "left", "x": 0.0, "y": 0.0, "z": 0.0},
-    "traction": {"boundary": "top", "y": 4.0, "z": -20.0, "x": 3.0},
-    "contact": {
-        "boundary": "bottom",
-        "gap": 0.0,
-        "friction": {
-            "law": "coulomb",
-            "coefficient": "0.3 + 0.1*x[0]",
-            "ratio": "0.5 + 0.1*x[1]",
-            "along": ["cos(x[0])", "sin(x[0])", 0.0],
-        },
-    },
-    "solver": {"algorithm": "alm"},
-}
-IN_STEPS = {**PRODUCTS, "traction": {**PRODUCTS["traction"], "factors": [0.5, 1.0]}}
-
-
-@pytest.mark.one_quick
-@pytest.mark.mpi(slow=True)
-@pytest.mark.parametrize(
-    ("data", "more", "share"),
-    [
-        (IN_STEPS, {"linear_algebra": "krylov"}, 1e-6),
-        (IN_STEPS, {"algorithm": "ssn", "gamma_n": 1e8, "gamma_t": 1e8}, 1e-3),
-        (IN_STEPS, {"coulomb": "newton"}, 1e-6),
-        (PRODUCTS, {"levels": 2}, 1e-5),
-    ],
-    ids=["krylov", "ssn", "newton", "levels"],
-)
-def test_products(data, more, share):
-    """Ranks, linear algebra, a direction field, load steps, levels: the solution of one rank by the plain way."""
-    wanted, found = alone(parse_scene(data)), solve(parse_scene(data | {"solver": data["solver"] | more}), COMM)
-    assert wanted.certificate.holds
-    assert found.certificate.holds
-    force, y = (np.sum(solution.contact.forces, axis=0) for solution in (found, wanted))
-    np.testing.assert_allclose(force, y, rtol=0, atol=share * np.abs(y).max())
-
-
-def sphere(x):
-    """The gap of ``block``."""
-    return 0.003 * ((x[0] - 1.5) ** 2 + (x[1] - 0.5) ** 2) + 0.001
-
-
-def test_own_forms():
-    """``ContactProblem`` with the same law."""
-    friction = Coulomb(0.3, ratio=0.3, along=(0.5, 1.0, 0.0))
-    scene = alone(pulled(law_of(law="coulomb", coefficient=0.3, ratio=0.3, along=[0.5, 1.0, 0.0])))
-    d = scene.model
-    y, z = ufl.TrialFunction(d.space), ufl.TestFunction(d.space)
-    mu, lame = 5000.0 / 2.8, 5000.0 * 0.4 / 1.4 / 0.2
-    strain, stretched = ufl.sym(ufl.grad(y)), ufl.sym(ufl.grad(z))
-    a = (2 * mu * ufl.inner(strain, stretched) + lame * ufl.div(y) * ufl.div(z)) * ufl.dx
-    x = ufl.SpatialCoordinate(d.space.mesh)
-    pressed = ufl.conditional(ufl.And(ufl.ge(x[0], 1.0), ufl.le(x[0], 2.0)), 1.0, 0.0)
-    tags = d.tagged.facet_tags
-    top = ufl.Measure("ds", d.space.mesh, subdomain_data=tags, metadata={"quadrature_degree": 20})
-    L = ufl.inner(pressed * ufl.as_vector((0.0, 4.0, -20.0)), z) * top(d.tagged.boundaries["top"])
-    foundation = Foundation(d.tagged.facets("bottom"), sphere, friction=friction)
-    found = ContactProblem(a, L, [support for _, support in d.supports], [foundation], gamma_n=1e6, gamma_t=1e6).solve()
-    size = np.abs(scene.displacement.x.array).max()
-    assert np.abs(found.x.array - scene.displacement.x.array).max() <= 1e-7 * size
 
 
 # --- what is refused and said ----------------------------------------------------------------------------------------
@@ -439,40 +259,3 @@ def test_refused(friction, more, place, message):
     with pytest.raises(SceneError, match=f"{place}.*{message}") as raised:
         check_scene(parse_scene(data | more), MPI.COMM_SELF)
     assert len(raised.value.problems) == 1
-
-
-def test_not_in_the_plane():
-    friction = {"law": "coulomb", "coefficient": 0.3, "ratio": 0.5}
-    data = {"mesh": {"generator": "rectangle"}, "material": {"young": 1000.0, "poisson": 0.3}}
-    data["displacement"] = {"boundary": "top", "x": 0.0, "y": 0.0}
-    with pytest.raises(SceneError, match=r"friction.ratio: the mesh is plane"):
-        check_scene(parse_scene(data | {"contact": {"boundary": "bottom", "friction": friction}}), MPI.COMM_SELF)
-
-
-def test_check_says_so():
-    friction = law_of(law="coulomb", coefficient=0.3, ratio=0.5, along=[1.0, "x[0]", 0.0])
-    report = str(check_scene(pulled(friction), MPI.COMM_SELF))
-    assert "coulomb, coefficient = 0.3, ratio = 0.5 across (1, x[0], 0)" in report
-
-
-@pytest.mark.slow
-def test_accuracy():
-    """Estimates of an ellipse along y, twice as long as wide, are those of one along x; of a disc those of a disc."""
-
-    def estimates(coefficient, **more):
-        scene = {
-            "mesh": {"generator": "box", "parameters": {"nx": 4, "ny": 2, "nz": 2}},
-            "material": {"young": 1000.0, "poisson": 0.3},
-            "displacement": {"boundary": "left", "x": 0.0},
-            "traction": {"boundary": "top", "x": 0.3, "y": 0.2, "z": -3.0},
-            "contact": {"boundary": "bottom", "friction": {"law": "coulomb", "coefficient": coefficient} | more},
-            "accuracy": {"target": 0.2, "refinement": "uniform"},
-        }
-        return [level.energy for level in solve(parse_scene(scene), MPI.COMM_SELF).levels]
-
-    isotropic, disc = estimates(0.3), estimates(0.3, ratio=1.0, along=[1.0, 0.0, 0.0])
-    assert disc == pytest.approx(isotropic, rel=1e-6)
-    along_x = estimates(0.3, ratio=0.5, along=[1.0, 0.0, 0.0])
-    along_y = estimates(0.15, ratio=2.0, along=[0.0, 1.0, 0.0])
-    assert along_y == pytest.approx(along_x, rel=1e-3)  # gamma is told along the axes
-    assert abs(along_x[0] / isotropic[0] - 1) > 0.1

@@ -15,8 +15,7 @@ from mpi4py import MPI
 from scenes import alone
 from scipy.optimize import lsq_linear
 
-from signorini_fx import ContactProblem, Foundation, NonlinearContactProblem, Pair, solve
-from signorini_fx.mechanics.mesh.tagged import tag_boundaries
+from signorini_fx import solve
 from signorini_fx.records import Status
 from signorini_fx.results.certificate.certificate import certify
 from signorini_fx.results.certificate.law_of_method import Tractions
@@ -103,11 +102,6 @@ def test_the_penalty_decides_about_nothing(solver):
     assert message in str(solution.findings[0])
 
 
-def test_the_force_by_hand():
-    """That of the other tests."""
-    assert by_hand() == pytest.approx(FORCE, rel=1e-6)
-
-
 def test_a_pressure_at_such_a_node_is_refused():
     """Of whatever size, by the certificate, for both laws."""
     for solver in ({"algorithm": "alm"}, {"gamma_n": 1e7}):
@@ -120,41 +114,6 @@ def test_a_pressure_at_such_a_node_is_refused():
         found = certify(solution.statement, tagged, solution.displacement, wrong, law=solution.certificate.law)
         assert found.pressure_at_distance == pytest.approx(1e-4, rel=1e-2)
         assert not found.holds
-
-
-@pytest.mark.parametrize("algorithm", ["ssn", "alm"])
-def test_forms(algorithm):
-    """Linear and nonlinear ones."""
-    space, right, bcs, residual, test, trial = forms()
-    load = ufl.inner(fem.Constant(space.mesh, np.zeros(2)), test) * ufl.dx
-    linear = ContactProblem(residual(trial), load, bcs, Foundation(right, -DEPTH), algorithm=algorithm)
-    linear.solve()
-    u = fem.Function(space)
-    nonlinear = NonlinearContactProblem(residual(u), u, bcs=bcs, contact=Foundation(right, -DEPTH), algorithm=algorithm)
-    nonlinear.solve()
-    for problem in (linear, nonlinear):
-        assert problem.state.forces[0][0] == pytest.approx(-FORCE, rel=1e-4)
-        (found,) = problem.findings
-        assert found.path == "contact[0], displacement"
-        assert "hold 1 contact node inside the foundation, by 0.001 at (1, 1)" in found.message
-
-
-def test_two_bodies_as_a_form():
-    """The same, with the distance of the meshes and with a gap that is given."""
-    for gap, away in ((-DEPTH, 0.0), ("geometry", DEPTH)):
-        boxes = [Box(name, x, 0.0, 1.0, 1.0, 4, 4) for name, x in (("one", 0.0), ("other", 1.0 - away))]
-        tagged = boxes_mesh(MPI.COMM_SELF, boxes)
-        space = fem.functionspace(tagged.mesh, ("Lagrange", 1, (2,)))
-        test, trial = ufl.TestFunction(space), ufl.TrialFunction(space)
-        stiffness = 100.0 * ufl.inner(ufl.sym(ufl.grad(trial)), ufl.grad(test)) * ufl.dx
-        load = ufl.inner(fem.Constant(space.mesh, np.zeros(2)), test) * ufl.dx
-        tops = np.concatenate([tagged.facets(f"top {box.name}") for box in boxes])
-        held = fem.dirichletbc(np.zeros(2), fem.locate_dofs_topological(space, 1, tops), space)
-        sides = tagged.facets("right one"), tagged.facets("left other")
-        problem = ContactProblem(stiffness, load, [held], Pair(*sides, gap))
-        problem.solve()
-        (found,) = problem.findings
-        assert "hold 1 contact node inside the other body, by 0.001 at (1, 1)" in found.message
 
 
 @pytest.mark.parametrize("unit", [1e-6, 1.0, 1e6])
@@ -173,23 +132,6 @@ def pulled(boundary, **components):
     return parse_scene(given | {"traction": [{"boundary": boundary, **components}]}).traction
 
 
-def test_a_support_along_another_direction_leaves_the_node_to_the_contact():
-    """Held along x alone, with contact along (1, 1): the node moves out along y, by what its pressure takes."""
-    solution = alone(
-        square(
-            supports=[{"boundary": "top", "x": 0.0}, {"boundary": "left", "x": 0.0, "y": 0.0}],
-            contact={"direction": [1.0, 1.0]},
-            algorithm="alm",
-        )
-    )
-    assert not told(solution)
-    table = solution.table.columns
-    top = np.isclose(table["y"], 1.0)
-    assert table["u_n"][top] == pytest.approx(-DEPTH, rel=1e-6)
-    assert table["pressure"][top] > 0
-    assert told(alone(square(supports=[{"boundary": "bottom", "x": 0.0, "y": 0.0}], contact={"direction": [1.0, 1.0]})))
-
-
 @pytest.mark.parametrize("law", [{"law": "coulomb", "coefficient": 0.4}, {"law": "tresca", "bound": 0.02}])
 def test_friction_there_is_that_without_pressure(law):
     """Held along the normal alone: Coulomb's is zero, and Tresca's its bound."""
@@ -201,61 +143,6 @@ def test_friction_there_is_that_without_pressure(law):
     assert held.sum() == 1
     assert np.abs(solution.contact.shear[held]) == pytest.approx(law.get("bound", 0.0), rel=1e-9)
     assert solution.certificate.holds
-
-
-def test_along_a_turned_support():
-    """A side that is across no axis is held along its normal on one half, and in contact on the other."""
-    angle = np.radians(30.0)
-    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-    mesh = dmesh.create_unit_square(MPI.COMM_SELF, 6, 6, dmesh.CellType.quadrilateral)
-    tags = {
-        "held": lambda x: np.isclose(x[1], 0.0) & (x[0] < 0.5 + 1e-9),
-        "touching": lambda x: np.isclose(x[1], 0.0) & (x[0] > 0.5 - 1e-9),
-        "left": lambda x: np.isclose(x[0], 0.0),
-    }
-    tagged = tag_boundaries(mesh, tags)
-    mesh.geometry.x[:, :2] = mesh.geometry.x[:, :2] @ turn.T
-    solution = solve(
-        parse_scene(
-            {
-                "mesh": tagged,
-                "material": {"young": 100.0, "poisson": 0.3},
-                "displacement": [{"boundary": "held", "normal": 0.0}, {"boundary": "left", "normal": 0.0}],
-                "contact": {"boundary": "touching", "gap": -DEPTH},
-                "solver": {"gamma_n": 1e9},
-            }
-        ),
-        MPI.COMM_SELF,
-    )
-    (message,) = told(solution)
-    assert "hold 1 contact node inside the foundation, by 0.001 at (0.433, 0.25)" in message
-    assert solution.contact.pressure.max() < 100 * DEPTH * 6 * 10
-
-
-def test_a_tool_that_can_move_is_moved():
-    """A tool that a force presses against nodes of which one is held: there is a pressure there, and a balance."""
-    scene = square(
-        gap="0.001 if x[1] > 0.9 else 0",
-        contact={
-            "boundary": "right",
-            "foundation": {
-                "shape": "plane",
-                "point": [1.0, 0.5],
-                "normal": [-1.0, 0.0],
-                "pivot": [1.0, 0.5],
-                "force": [-1.0, 0.0],
-                "prescribed": {"y": 0.0, "rotation": 0.0},
-            },
-        },
-        algorithm="alm",
-    )
-    solution = alone(scene)
-    assert solution.contact.forces[0][0] == pytest.approx(-1.0, rel=1e-8)
-    assert not solution.contact.points.immovable.any()
-    held = np.isclose(solution.table.columns["y"], 1.0)
-    assert solution.table.columns["pressure"][held] > 1.0
-    assert solution.certificate.holds
-    assert not told(solution)
 
 
 def pair(
@@ -319,27 +206,6 @@ def before(scene, comm=MPI.COMM_SELF):
 @pytest.mark.parametrize(
     ("changed", "deep"),
     [
-        ({"cells": 5}, 0.001),
-        ({"distance": "geometry"}, 0.001),
-        ({"distance": "geometry", "cells": 5, "degree": 2}, 0.001),
-        ({"moved": 0.02}, 0.01),  # half of the way closes the gap
-        ({"moved": -0.02}, None),
-        ({"moved": -0.02, "kind": "bilateral"}, 0.01),
-        ({"held": ("one",)}, None),  # the other one moves out
-        ({"held": ("other",)}, None),
-    ],
-)
-def test_two_bodies_before_they_are_solved(changed, deep):
-    """``check`` says where supports of both push them into each other: by node, gap and supports."""
-    found = before(parse_scene(pair(MPI.COMM_SELF, **changed)))
-    where = "off" if "kind" in changed else "inside"
-    said = f"supports hold 1 contact node {where} the other body, by {deep:.3g} at (1, 1):" if deep else ""
-    assert [message.startswith(said) for message in found] == [True] * bool(deep)
-
-
-@pytest.mark.parametrize(
-    ("changed", "deep"),
-    [
         ({}, 0.001),
         ({"gap": 0.0}, None),
         ({"gap": 0.01}, None),
@@ -356,52 +222,3 @@ def test_check_says_what_the_solution_says(changed, deep):
     found = before(scene)
     assert found == told(alone(scene))
     assert [f", by {deep:.3g} at (1, " in message for message in found] == [True] * bool(deep)
-
-
-def test_check_of_a_tool_that_is_driven():
-    """How far it is driven counts, and where it is free to move nothing is said."""
-    tool = {"shape": "plane", "point": [1.002, 0.5], "normal": [-1.0, 0.0], "pivot": [1.0, 0.5]}
-    moves = {"prescribed": {"x": -0.005, "y": 0.0, "rotation": 0.0}}
-    for motion, deep in ((moves, True), ({"force": [-1.0, 0.0], "prescribed": {"y": 0.0, "rotation": 0.0}}, False)):
-        scene = square(gap=0.0, cells=3, contact={"boundary": "right", "foundation": tool | motion})
-        found = before(scene)
-        assert found == told(alone(scene))
-        assert [", by 0.003 at (1, 1)" in message for message in found] == [True] * deep
-
-
-def test_check_in_space_with_quadratic_tetrahedra():
-    """Where points average, one is held where all of its nodes are."""
-    scene = parse_scene(
-        {
-            "mesh": {
-                "generator": "box",
-                "parameters": {
-                    "length": 1.0,
-                    "width": 1.0,
-                    "height": 1.0,
-                    "nx": 2,
-                    "ny": 1,
-                    "nz": 2,
-                    "cell": "tetrahedron",
-                },
-            },
-            "element": {"degree": 2},
-            "material": {"young": 100.0, "poisson": 0.3},
-            "displacement": {"boundary": "top", "x": 0.0, "y": 0.0, "z": 0.0},
-            "contact": {"boundary": "right", "gap": -DEPTH},
-        }
-    )
-    assert before(scene) == told(alone(scene))
-
-
-@pytest.mark.mpi
-def test_on_ranks():
-    """The message is the same on all of them."""
-    comm = MPI.COMM_WORLD
-    alone_scene = square(cells=6, friction={"law": "coulomb", "coefficient": 0.3})
-    paired = parse_scene(pair(comm, cells=5, distance="geometry"))
-    for given, thing in ((alone_scene, "foundation"), (paired, "other body")):
-        (message,) = told(solve(given, comm))
-        assert before(given, comm) == [message]
-        assert set(comm.allgather(message)) == {message}
-        assert f"hold 1 contact node inside the {thing}, by 0.001 at (1, 1)" in message

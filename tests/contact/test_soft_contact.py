@@ -2,16 +2,12 @@
 
 import numpy as np
 import pytest
-from mpi4py import MPI
 
 from signorini_fx import sensitivity
 from signorini_fx.addons.bounds.error_bound import why_unbounded
 from signorini_fx.errors import SceneError
-from signorini_fx.mechanics.statement.overclosure import Overclosure
-from signorini_fx.records import Status
 from signorini_fx.scenes.reading import as_scene
 from signorini_fx.scenes.solver import solve
-from signorini_fx.tuned import CERTIFICATE_TOLERANCE
 
 YOUNG = 1000.0
 LAW = {"law": "linear", "stiffness": 100.0}
@@ -74,59 +70,6 @@ def test_two_stiffnesses():
     np.testing.assert_allclose(means, [0.01 / (1 / k + 1e-6) for k in (100.0, 300.0)], rtol=1e-6)
 
 
-def test_soft_beside_hard():
-    """The other contact stays as hard as gamma_n."""
-    law = {"law": "linear", "stiffness": 50.0}
-    contact = [{"boundary": "bottom", "overclosure": law}, {"boundary": "right", "gap": 0.0}]
-    solution = solve(
-        block(
-            law,
-            contact=contact,
-            traction=[{"boundary": "left", "x": 3.0}, {"boundary": "top", "y": -5.0}],
-            displacement=[],
-        )
-    )
-    state = solution.contact
-    sunk, pushed = (np.abs((state.u_n - state.gap)[state.boundary.part == part]).max() for part in (0, 1))
-    assert sunk == pytest.approx(0.1, rel=1e-3)
-    assert pushed < 1e-6
-
-
-def test_load_steps():
-    """Pressed and released: the way back is that of the law."""
-    traction = [{"boundary": "top", "y": -1.0, "factors": [5.0, 0.3, 40.0]}]
-    solution = solve(block(LAW, traction=traction))
-    for step, pressure in zip(solution.steps, (5.0, 0.3, 40.0), strict=True):
-        assert step.certificate.holds
-        sunk = pressure / 100.0 + pressure / YOUNG
-        assert step.displacement.x.array[1::2].min() == pytest.approx(-sunk, rel=1e-7)
-
-
-def corner(law, degree, poisson, **traction):
-    """A body that is pressed on a floor with friction and into a wall, both soft."""
-    walls = [
-        {"boundary": "bottom", "overclosure": law, "friction": {"law": "coulomb", "coefficient": 0.3}},
-        {"boundary": "right", "overclosure": law, "gap": 0.0005},
-    ]
-    size = {"length": 2.0, "height": 1.0, "nx": 8, "ny": 4, "cell": "quadrilateral"}
-    return block(
-        law,
-        mesh={"generator": "rectangle", "parameters": size},
-        material={"young": YOUNG, "poisson": poisson},
-        element={"degree": degree},
-        traction=[{"boundary": "top", "x": 6.0, "y": -10.0} | traction],
-        contact=walls,
-    )
-
-
-@pytest.mark.mpi
-def test_steps_that_need_fall_backs():
-    """Nearly incompressible, between a floor and a wall, with steps that unload: on one rank as on two."""
-    solution = solve(corner({"stiffness": 5e3}, 2, 0.499, factors=[0.5, 1, 0.3]))
-    assert solution.status is Status.CONVERGED
-    assert solution.certificate.holds
-
-
 def test_two_bodies():
     """The upper one sinks into the lower one by the law."""
     mesh = {"generator": "rectangle", "parameters": {"length": 1.0, "height": 1.0, "nx": 4, "ny": 4}}
@@ -142,15 +85,6 @@ def test_two_bodies():
     assert solution.certificate.holds
     top = solution.displacement.x.array[1::2].min()
     assert top == pytest.approx(-0.05 - 2 * 5.0 / YOUNG, rel=1e-6)
-
-
-def test_the_certificate_notices_another_law(monkeypatch):
-    """With a law that is solved for and another one that is certified it does not hold."""
-    solved_for = {0: Overclosure(stiffness=99.9)}
-    monkeypatch.setattr("signorini_fx.solving.iterated_interfaces.overclosures.overclosures_of", lambda _: solved_for)
-    solution = solve(block(LAW), MPI.COMM_WORLD, check=False)
-    assert not solution.certificate.holds
-    assert solution.certificate.entered > CERTIFICATE_TOLERANCE
 
 
 @pytest.mark.parametrize(
@@ -181,20 +115,3 @@ def test_no_bound_and_no_derivative():
     assert "soft contact" in why_unbounded(solve(scene).model)
     with pytest.raises(SceneError, match="overclosure"):
         sensitivity(scene, "mean top y")
-
-
-def test_what_the_law_gives_way_is_no_error():
-    """An accuracy of the pressure is reached, and is that against a fine mesh; only sticking keeps a regularisation."""
-
-    def loaded(cells, **more):
-        size = {"length": 1.0, "height": 1.0, "nx": cells, "ny": cells}
-        mesh = {"generator": "rectangle", "parameters": size}
-        return solve(block(LAW, "-20*x[0]*x[0]", mesh=mesh, material={"young": YOUNG, "poisson": 0.3}, **more))
-
-    solution, fine = loaded(4, accuracy={"target": 0.05, "of": "pressure"}), loaded(32)
-    assert solution.status is Status.CONVERGED
-    assert [level.pressure_regularisation for level in solution.levels] == [0.0] * len(solution.levels)
-    reached, exact = solution.contact, fine.contact
-    order = np.argsort(reached.boundary.x[:, 0])
-    there = np.interp(exact.boundary.x[:, 0], reached.boundary.x[order, 0], reached.pressure[order])
-    assert exact.points.norm(there - exact.pressure) < 0.05 * exact.points.norm(exact.pressure)

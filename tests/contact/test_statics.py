@@ -11,8 +11,7 @@ from scipy.optimize import linprog
 from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.algebra.contact.reactions import Reactions, nearest
 from signorini_fx.algebra.contact.reactions import reactions as reactions_at
-from signorini_fx.algebra.contact.statics import escape, largest_multiple, null_space, separable, squeezed
-from signorini_fx.mechanics.kinematics import CARTESIAN
+from signorini_fx.algebra.contact.statics import escape, largest_multiple, separable, squeezed
 from signorini_fx.mechanics.rigid.rigid_motions import rigid_modes
 from signorini_fx.records import Status
 
@@ -147,22 +146,6 @@ def test_walls_that_are_nearly_parallel(slope, balanced):
     assert nearest(here, np.array([0.0, -1.0, 0.0])).balanced is balanced
 
 
-@pytest.mark.slow
-def test_no_friction_no_push():
-    """Without friction no multiple of a push is balanced, and a weight that pulls is balanced by none."""
-    here = reactions(FOOT, DOWN)
-    push = np.array([1.0, 0.0, -0.5])
-    assert largest_multiple(here, np.array([0.0, -1.0, 0.0]), push).factor == pytest.approx(0.0, abs=1e-9)
-    assert largest_multiple(here, np.array([0.0, 1.0, 0.0]), push) is None
-
-
-def test_a_block_is_lifted():
-    """Without anything that pulls, a force upwards is not balanced at all."""
-    how, motion = escape(reactions(FOOT, DOWN, coefficient=0.3), np.array([0.1, 1.0, 0.0]))
-    assert how is Status.OPEN
-    assert motion[1] > 0
-
-
 @pytest.mark.parametrize(("gap", "held"), [(-0.01, True), (0.0, False), (0.01, False)])
 def test_squeezed(gap, held):
     """A body between two foundations is held without a load only where it overlaps with them."""
@@ -182,27 +165,6 @@ def test_separable(friction):
     groove = np.where(FOOT[:, :1] > 0, [[0.8, -0.6]], [[-0.8, -0.6]])
     assert separable(reactions(FOOT, groove, **friction)) is ("given" not in friction)
     assert not separable(reactions(FOOT, groove, coefficient=0.8))
-
-
-def test_rotations_have_the_order_of_the_modes():
-    """The tests above count a positive turn from x[0] to x[1]."""
-    assert CARTESIAN[2].rotations == ((0, 1),)
-
-
-def test_null_space_of_rows_with_round_off():
-    """Twelve rows of rank 4: the eigenvalue of their product that is zero is round-off of either sign."""
-    rng = np.random.default_rng(0)
-    products = []
-    for _ in range(100):
-        rows = rng.normal(size=(12, 4)) @ rng.normal(size=(4, 5))
-        null = null_space(rows)
-        assert null.shape == (5, 1)
-        np.testing.assert_allclose(rows @ null, 0.0, atol=1e-13)
-        values = np.linalg.eigvalsh(rows.T @ rows)
-        products.append(values[0] / values[-1])
-    assert max(products) > 1e-16  # what a decision by eigenvalues takes for a motion that is resisted
-    assert null_space(np.zeros((0, 3))).shape == (3, 3)
-    assert null_space(np.eye(3)).shape == (3, 0)
 
 
 def test_the_most_that_capped_friction_can_do():

@@ -5,14 +5,11 @@ from functools import cache
 
 import numpy as np
 import pytest
-from mpi4py import MPI
 from scenes import alone
 
-from signorini_fx.algebra.contact.points import ContactPoints, PointGroups, shares
 from signorini_fx.results.certificate.certificate import certify
 from signorini_fx.results.certificate.law_of_method import Tractions
 from signorini_fx.scenes.reading import parse_scene
-from signorini_fx.scenes.solver import solve
 
 # Of the largest pressure of each body: what a tolerance of 1e-7 leaves of a fixed point.
 NEAR = 1e-6
@@ -59,6 +56,7 @@ def unpaired(*size, **options):
     return tractions(alone(scene(size, **options)), 0)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("algorithm", "coulomb", "small", "steps"),
     [
@@ -76,34 +74,6 @@ def test_a_small_body_is_solved_as_if_it_were_alone(algorithm, coulomb, small, s
     for part, body in enumerate(bodies):
         expected = unpaired(*body, **options)
         assert tractions(solution, part) == pytest.approx(expected, abs=NEAR * np.abs(expected).max())
-
-
-def test_groups():
-    """Of two pieces the one with the smaller stresses counts, and the one with the larger lengths."""
-    points = ContactPoints(MPI.COMM_SELF, np.ones(6), np.tile(np.eye(2), (6, 1, 1)), np.zeros((6, 2)))
-    # A large piece on the ground, a small one on that and another one on this, two on their own.
-    reached = [[1, 0, 0, 0, 0], [1, 1, 0, 0, 0], [1, 1, 0, 0, 0], [0, 1, 1, 0, 0], [0, 0, 0, 1, 0], [0, 0, 0, 0, 1]]
-    groups = PointGroups.of(points, np.array(reached, dtype=bool))
-    assert groups.count == 5
-    values = np.array([1000.0, 3.0, 4.0, 20.0, 1e-3, 1e-20])
-    norms, largest = (groups.norms(values), groups.largest(values))
-    assert norms[groups.number] == pytest.approx([1000.0, 5.0, 5.0, 20.0, 1e-3, 1e-20], rel=1e-15)
-    assert largest[groups.number] == pytest.approx([1000.0, 4.0, 4.0, 20.0, 1e-3, 1e-20], rel=1e-15)
-    stresses, lengths = groups.scales(norms), groups.scales(norms, lengths=True)
-    assert stresses[groups.number] == pytest.approx([1000.0, 20.0, 20.0, 20.0, 1e-3, 1e-5], rel=1e-15)
-    assert lengths[groups.number] == pytest.approx([1000.0, 1000.0, 1000.0, 20.0, 1e-3, 1e-5], rel=1e-15)
-    assert shares(np.array([1.0, 2.0]), np.array([0.0, 4.0]), np.inf).tolist() == [np.inf, 0.5]
-    whole = PointGroups.of(points, points.everywhere[:, None])
-    assert (whole.count, whole.norms(values)[0]) == (1, points.norm(values))
-
-
-@pytest.mark.mpi
-def test_on_ranks():
-    """Each rank takes part in every norm, with points of the body or without; the same solves as on one."""
-    bodies = (1.0, 1.0, 0.01), (1e-8, 1.0, 0.3)
-    solution, single = solve(scene(*bodies), MPI.COMM_WORLD), alone(scene(*bodies))
-    assert solution.certificate.holds
-    assert solution.history.linear_solves == single.history.linear_solves
 
 
 @cache
@@ -166,13 +136,3 @@ def test_a_small_body_on_a_large_one_is_judged_by_its_own_forces():
     other = contact.friction.model_copy(update={"coefficient": 0.3 * (1 - 1e-4)})
     smoother = scene.changed(contact=(scene.contact[0], contact.model_copy(update={"friction": other})))
     assert certified(solution, smoother).friction_cone > 1e-6
-
-
-@pytest.mark.parametrize(("size", "named"), [(1e-16, True), (1e-12, False)])
-def test_a_body_whose_forces_are_round_off_is_named(size, named):
-    """It is not judged, and the result says so."""
-    solution = alone(scene((1.0, 1.0, 0.01), (size, 1.0, 0.3)))
-    words = [found.message for found in solution.findings if "does not judge" in found.message]
-    assert solution.certificate.unjudged == ((1,) if named else ())
-    assert len(words) == named
-    assert all("body 'b'" in word for word in words)

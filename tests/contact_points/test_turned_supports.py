@@ -26,7 +26,6 @@ from signorini_fx.errors import SceneError
 from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
 from signorini_fx.mechanics.loads.supports import flat_normal
 from signorini_fx.mechanics.mesh.tagged import tag_boundaries
-from signorini_fx.scenes.checks import check_scene
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve
 
@@ -239,37 +238,6 @@ def test_a_corner_of_walls_at_any_angle(order):
     )
     found = alone(scene).displacement.x.array.reshape(-1, 3)
     np.testing.assert_allclose(found, np.tile(motion, (len(found), 1)), rtol=0, atol=1e-12)
-
-
-@pytest.mark.mpi
-def test_where_supports_meet_on_ranks():
-    """The nodes of an edge may be those of another rank."""
-    supports = MEETING["a corner, then all"]
-    together, here = solve(meeting(supports, TURN, MPI.COMM_WORLD)), alone(meeting(supports, TURN))
-    for name in ("strain_energy", "potential_energy"):
-        ours, theirs = (getattr(solution.certificate, name) for solution in (together, here))
-        assert ours == pytest.approx(theirs, rel=1e-10)
-
-
-def test_check_names_them():
-    """What a support across no axis takes away is reported as for any other: one unknown per node."""
-    mesh, _ = corner(right_angle=True)
-    back = rotation(0.9, (0.3, -0.8, 0.5))
-    tagged = tag_boundaries(
-        mesh, {"left": lambda x: (back.T @ x)[0] < 1e-9, "bottom": lambda x: (back.T @ x)[2] < 1e-9}
-    )
-    scene = parse_scene(
-        {
-            "mesh": tagged,
-            "material": {"young": YOUNG, "poisson": POISSON},
-            "displacement": {"boundary": "left", "normal": 0.0},
-            "contact": {"boundary": "bottom"},
-        }
-    )
-    report = check_scene(scene, MPI.COMM_SELF)
-    (effect,) = (effect for effect in report.effects if effect.name == "displacement left")
-    assert effect.unknowns == -16
-    assert report.cost.unknowns == 3 * 64 - 16
 
 
 def test_refused():

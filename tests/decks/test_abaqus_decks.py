@@ -267,22 +267,6 @@ def test_temperatures(tmp_path, capsys):
     np.testing.assert_allclose(solution.displacement.x.array.reshape(-1, 2).max(axis=0), grown, rtol=1e-9)
 
 
-def test_steps_that_are_not_static(tmp_path, capsys):
-    """They are left out whole; what the others begin and end is told."""
-    lines = ["*STEP", "*FREQUENCY", "5", "*DSLOAD", "LID, P, 9.0", "*END STEP"] * 2
-    lines += ["*STEP, NAME=one", "*STATIC", "*DSLOAD", "LID, P, 4.0", "*ENDSTEP"]
-    lines += ["*STEP, NAME=two", "*STATIC", "*BOUNDARY", "WALL, 1", "*DSLOAD", "LID, P, 2.0", "*ENDSTEP"]
-    lines += ["*STEP, PERTURBATION", "*STATIC", "*DSLOAD", "LID, P, 5.0", "*ENDSTEP"]
-    _, data, said = drafted(tmp_path, [*block(), *MATERIAL, *lines], capsys)
-    assert data["load_steps"] == {"names": ["one", "two"]}
-    assert data["traction"] == [{"boundary": "LID", "pressure": 4.0, "factors": [1.0, 0.5]}]
-    assert lines_of(said) == [
-        "STEP and 1 more: the step, *FREQUENCY: only static steps are read",
-        "STEP: the step, a perturbation of the one before it: only static steps are read",
-        "BOUNDARY: 'WALL' is free along x in one: here it is held there",
-    ]
-
-
 def test_a_step_that_does_not_end(tmp_path, capsys):
     """What the step before says would be lost: one error that names both.  The last step may end with the file."""
     first = ["*STEP", "*STATIC", "*DSLOAD", "LID, P, 4.0"]
@@ -327,27 +311,6 @@ def test_amplitudes(tmp_path, capsys):
         }
     ]
     assert lines_of(said) == ["DSLOAD: the amplitude 'NONE': only tabular amplitudes are read: the whole load is taken"]
-
-
-def test_amplitudes_of_total_time_go_on(tmp_path, capsys):
-    """In later steps, as CalculiX 2.20 does it, until a load is given again or removed, also from zero; what does not
-    follow them, such as a temperature, is named.
-    """
-    course = ["*AMPLITUDE, NAME=COURSE, TIME=TOTAL TIME", "0., 0., 1., 0., 2., .5, 3., 2., 4., 1."]
-    steps = [
-        ["*DSLOAD, AMPLITUDE=COURSE", "LID, P, 4.", "*BOUNDARY, AMPLITUDE=COURSE", "WALL, 1, 1, 0.1"],
-        ["*TEMPERATURE, AMPLITUDE=COURSE", "1, 10."],
-        ["*BOUNDARY", "WALL, 1, 1, 0.3"],
-        ["*DSLOAD, OP=NEW"],
-    ]
-    lines = [line for step in steps for line in ("*STEP", "*STATIC", "1., 1.", *step, "*END STEP")]
-    _, data, said = drafted(tmp_path, [*block(), *MATERIAL, *course, *lines], capsys)
-    (load,), (support,) = data["traction"], data["displacement"]
-    assert [load["pressure"] * factor for factor in load["factors"]] == [0.0, 2.0, 8.0, 0.0]
-    assert [support["x"] * factor for factor in support["factors"]] == pytest.approx([0.0, 0.05, 0.3, 0.3])
-    assert lines_of(said) == [
-        "TEMPERATURE: TIME=TOTAL TIME: its amplitude goes on in later steps, and is taken in this one alone"
-    ]
 
 
 @pytest.mark.parametrize("turned", [False, True])
@@ -455,22 +418,6 @@ def test_two_bodies(tmp_path, capsys, bonded):
     assert solution.displacement.x.array[1::2].min() == pytest.approx(sinking, rel=1e-4)
 
 
-def test_what_is_no_body(tmp_path, capsys):
-    """Springs and rigid parts of the body are told; a deck without a body is refused."""
-    lines = ["*ELEMENT, TYPE=SPRINGA, ELSET=SP", "7001, 1, 2", "*RIGIDBODY, NSET=CORNER, REFNODE=1001", "*BOUNDARY"]
-    _, data, said = drafted(tmp_path, [*block(), *MATERIAL, *lines, "1001, 1"], capsys)
-    assert "displacement" not in data
-    assert lines_of(said) == [
-        "RIGIDBODY: a rigid part of the body is not read: it deforms here",
-        "ELEMENT: SPRINGA: no part of the body",
-        "BOUNDARY: support of node 1001: no part of the body, which a constraint may tie to it",
-    ]
-    deck = tmp_path / "beams.inp"
-    deck.write_text("*NODE\n1, 0., 0.\n2, 1., 0.\n*ELEMENT, TYPE=B21\n1, 1, 2\n")
-    assert cli.main(["convert", str(deck), str(tmp_path / "beams.toml")]) == 2
-    assert "there is no body of solid or plane elements, but beams" in capsys.readouterr().err
-
-
 def test_it_is_solved(tmp_path, capsys):
     """The weight and the pressure of the first step are on the floor."""
     scene, _, _ = drafted(tmp_path, [*block(), *MATERIAL, *RIGID, *STEPS], capsys)
@@ -479,43 +426,6 @@ def test_it_is_solved(tmp_path, capsys):
     force = -(4.0 * LENGTH + 9.81 * 2.5 * LENGTH * HEIGHT)
     first = solution.at(solution.steps[0])
     assert first.resultants.of("FLOOR SIDE").force[1] == pytest.approx(-force, rel=1e-9)
-
-
-def test_parts_of_several_materials(tmp_path, capsys):
-    """Each has its region; a slanted rigid face of elements is a plane."""
-    lines = block("CPS4")[:-2]
-    lines += ["*ELSET, ELSET=REST, GENERATE", f"{NX + 1}, {NX * NY}, 1"]
-    lines += ["*SOLID SECTION, ELSET=LOW, MATERIAL=A", "*SOLID SECTION, ELSET=REST, MATERIAL=B"]
-    lines += ["*MATERIAL, NAME=A", "*ELASTIC", "10., 0.1", "*MATERIAL, NAME=B", "*ELASTIC, TYPE=ISO", "20., 0.2"]
-    lines += ["*NODE", "2001, -1., -1.5", "2002, 3., 0.5", "*ELEMENT, TYPE=R2D2, ELSET=SLOPE", "9001, 2001, 2002"]
-    lines += ["*SURFACE, NAME=RAMP", "SLOPE, SPOS", "*RIGID BODY, ELSET=SLOPE, REF NODE=1001"]
-    lines += ["*CONTACT PAIR", "RAMP, FLOOR SIDE", "*TIE, NAME=T", "A, B"]
-    lines += ["*BOUNDARY", "WALL, ENCASTRE", "*STEP", "*STATIC", "*BOUNDARY, OP=NEW", "WALL, 2, 2, -0.1", "*END STEP"]
-    _, data, said = drafted(tmp_path, lines, capsys)
-    assert data["material"] == [
-        {"region": "LOW", "young": 10.0, "poisson": 0.1, "hypothesis": "plane stress"},
-        {"region": "REST", "young": 20.0, "poisson": 0.2, "hypothesis": "plane stress"},
-    ]
-    (contact,) = data["contact"]
-    direction = np.array(contact["direction"])
-    np.testing.assert_allclose(direction, np.array([1.0, -2.0]) / np.sqrt(5))
-    gap = eval(contact["gap"], {"x": [0.3, 0.0]})
-    assert gap == pytest.approx((np.array([1.0, -0.5]) - [0.3, 0.0]) @ direction)
-    assert "tie of 'A' with 'B': 'A' is no boundary of the body" in said
-    assert data["displacement"] == [{"boundary": "WALL", "y": -0.1}]  # the support of x ends before the only step
-
-
-def test_loads_with_the_same_component(tmp_path, capsys):
-    """They are two entries; body forces on a part of the body are left out."""
-    steps = ["*STEP", "*STATIC", "*DSLOAD", "LID, TRVEC, 5., 3., 4., 0.", "LID, TRVEC, 2., 0., 1., 0."]
-    steps += ["*DLOAD", "7, BY, 5.0", "BODY, BX, 1.0", "BODY, BY, 3.0", "BODY, GRAV, 2.0, 3., 4., 0."]
-    steps += ["BODY, CENTRIF, 9.0, 1., 2., 0., 0., 0., 1.", "7, GRAV, 1., 1., 0., 0.", "*END STEP"]
-    _, data, said = drafted(tmp_path, [*block(), *MATERIAL, *steps], capsys)
-    assert data["traction"] == [{"boundary": "LID", "x": 3.0, "y": 4.0}, {"boundary": "LID", "y": 2.0}]
-    assert data["body_force"] == {"x": 1.0, "y": 3.0}
-    assert data["gravity"] == [{"x": pytest.approx(1.2), "y": pytest.approx(1.6)}]
-    assert data["rotation"] == [{"speed": 3.0, "about": [1.0, 2.0]}]
-    assert lines_of(said) == ["DLOAD: BY on '7', a part of the body", "DLOAD: GRAV on '7', a part of the body"]
 
 
 @pytest.mark.parametrize(
@@ -542,70 +452,6 @@ def test_broken_decks(tmp_path, capsys, lines, said):
     assert said in error
     assert f"{deck}: line " in error or f"{deck}: the rigid surface 'G': " in error
     assert not (tmp_path / "scene.toml").exists()
-
-
-@pytest.mark.parametrize(
-    ("rows", "said"),
-    [
-        (["*DLOAD", ","], "data line 1 has no word: a name or number is expected"),
-        (["*DSLOAD", "LID, P, 1.", "LID,"], "data line 2 has only 'LID': a name or number, and what is said of it"),
-        (["*CLOAD", ","], "data line 1 has no word"),
-        (["*SURFACE, NAME=G", ","], "data line 1 has no word"),
-        (["*TEMPERATURE", "EVERY"], "data line 1 has only 'EVERY'"),
-        (["*CONTACT PAIR", ","], "data line 1 has no word"),
-    ],
-)
-def test_data_lines_that_are_too_short(tmp_path, capsys, rows, said):
-    """One error with the keyword, its line, and which data line of it."""
-    deck, lines = tmp_path / "deck.inp", [*block(), *MATERIAL, "*STEP", "*STATIC", *rows, "*END STEP"]
-    deck.write_text("\n".join(lines) + "\n")
-    assert cli.main(["convert", str(deck), str(tmp_path / "scene.toml")]) == 2
-    keyword, written = rows[0].partition(",")[0], deck.read_text().splitlines()
-    assert f"{deck}: line {written.index(rows[0]) + 1}, {keyword}: {said}" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize("ended", [True, False])
-def test_a_first_step_of_no_kind(tmp_path, capsys, ended):
-    """CalculiX says "No analysis was selected", and solves nothing."""
-    deck, lines = tmp_path / "deck.inp", [*block(), *MATERIAL, "*STEP", "*DSLOAD", "LID, P, 1."]
-    deck.write_text("\n".join(lines + ["*END STEP"] * ended) + "\n")
-    assert cli.main(["convert", str(deck), str(tmp_path / "scene.toml")]) == 2
-    at = deck.read_text().splitlines().index("*STEP") + 1
-    assert f"{deck}: line {at}, *STEP: the step does not say of what kind" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize(("kind", "loads"), [("*STATIC", [1.0, 3.0]), ("*FREQUENCY", None)])
-def test_a_later_step_of_no_kind(tmp_path, capsys, kind, loads):
-    """It is of the kind of the step before it."""
-    steps = [["*STEP", kind, "*DSLOAD", "LID, P, 1.", "*END STEP"], ["*STEP", "*DSLOAD", "LID, P, 3.", "*END STEP"]]
-    _, data, said = drafted(tmp_path, [*block(), *MATERIAL, "*BOUNDARY", "WALL, 1, 2", *steps[0], *steps[1]], capsys)
-    assert f"*STEP: {kind}, as the step before it: this one does not say of what kind it is" in said
-    if loads is None:
-        assert "traction" not in data
-        assert "*STEP and 1 more: the step, *FREQUENCY: only static steps are read" in said
-    else:
-        (traction,) = data["traction"]
-        assert [traction["pressure"] * factor for factor in traction["factors"]] == pytest.approx(loads)
-
-
-def test_weight_of_no_set_is_that_of_the_whole_body(tmp_path, capsys):
-    """As Abaqus/CAE writes it: the first word is empty."""
-    weight = ["*MATERIAL, NAME=STEEL", "*DENSITY", "2.", "*STEP", "*STATIC", "*DLOAD", ", GRAV, 9.8, 0., -1., 0."]
-    _, data, said = drafted(tmp_path, [*block(), *MATERIAL, *weight, "*END STEP"], capsys)
-    assert data["gravity"][0]["y"] == pytest.approx(-9.8)
-    assert "GRAV" not in said
-
-
-def test_only_decks(tmp_path, capsys):
-    """Of another mesh no scene is drafted, and no file is overwritten."""
-    deck = tmp_path / "deck.inp"
-    deck.write_text("\n".join(block()) + "\n")
-    assert cli.main(["convert", str(deck), str(tmp_path / "mesh.msh")]) == 0
-    assert cli.main(["convert", str(tmp_path / "mesh.msh"), str(tmp_path / "scene.toml")]) == 2
-    assert "from an Abaqus input file" in capsys.readouterr().err
-    (tmp_path / "scene.toml").write_text("mine")
-    assert cli.main(["convert", str(deck), str(tmp_path / "scene.toml")]) == 2
-    assert (tmp_path / "scene.toml").read_text() == "mine"
 
 
 SMOOTH = [line for line in RIGID if line not in ("*FRICTION", "0.3")]
@@ -640,78 +486,3 @@ def test_a_bolt_that_a_force_tightens(tmp_path, capsys):
     # A uniform state of plane strain between smooth walls: the lid presses with 4, then with 9, times nu / (1 - nu).
     assert np.isclose(section.shortening, (3.0 + 4.0 / 3.0) * LENGTH * (1 - 0.25**2) / 1000.0, rtol=1e-9)
     assert np.isclose(section.force, 3.0 - 5.0 / 3.0, rtol=1e-9)
-
-
-@pytest.mark.parametrize(
-    ("rows", "wanted", "word"),
-    [
-        (["*STEP", "*STATIC", "*BOUNDARY", "TIGHT, 1, 1, 0.01", "*END STEP"], {"shortening": 0.01}, None),
-        (["*STEP", "*STATIC", "*CLOAD", "TIGHT, 1, -2.0", "*END STEP"], None, "give a positive force"),
-        (["*STEP", "*STATIC", "*CLOAD", "TIGHT, 2, 2.0", "*END STEP"], None, "has the first one only"),
-    ],
-)
-def test_what_tightens_bolts(tmp_path, capsys, rows, wanted, word):
-    _, data, said = drafted(tmp_path, [*block(), *MATERIAL, *RIGID, *BOLTED, *rows], capsys)
-    assert data.get("preload") == (None if wanted is None else [{"section": "Cut", **wanted}])
-    assert word is None or word in said
-
-
-@pytest.mark.parametrize(
-    ("section", "word"),
-    [
-        ("*PRE-TENSION SECTION, SURFACE=NOWHERE, NODE=1001", "'NOWHERE' is no surface of faces"),
-        ("*PRE-TENSION SECTION, ELEMENT=7, NODE=1001", "preload of a beam"),
-        ("*PRE-TENSION SECTION, SURFACE=CUT, NODE=LEFT", "NODE is not a single node"),
-        ("*PRE-TENSION SECTION, SURFACE=CUT, NODE=1001\n0., 1., 0.", "it is taken across the section"),
-    ],
-)
-def test_sections_that_are_none(tmp_path, capsys, section, word):
-    _, _, said = drafted(tmp_path, [*block(), *MATERIAL, *RIGID, *BOLTED, section], capsys)
-    assert word in said
-
-
-def test_an_empty_word_is_zero(tmp_path):
-    """Coordinates, ends of steps, thicknesses, directions and coefficients that are left out shift nothing."""
-    full = {
-        "1., 1.": "0.1, 1.",
-        "0.3": "0., 1e4",
-        "1.0": "1., 2.",
-        "1, 0.0, 0.0": "1, 0., 0., 0.",
-        "10, 0.0, 0.25": "10, 0., .25, 0.",
-        "BODY, GRAV, 9.81, 0., -1., 0.": "BODY, GRAV, 9.81, 0., -1.",
-    }
-    left_out = {
-        "1., 1.": ", ",
-        "0.3": ", 1e4",
-        "1.0": ", 2.",
-        "1, 0.0, 0.0": "1, , , ",
-        "10, 0.0, 0.25": "10, , .25",
-        "BODY, GRAV, 9.81, 0., -1., 0.": "BODY, GRAV, 9.81, , -1.",
-    }
-    drafts = []
-    for change in (full, left_out):
-        lines = [line for text in [*block(), *MATERIAL, *RIGID, *STEPS] for line in text.splitlines()]
-        assert change.keys() <= set(lines)
-        deck, scene = tmp_path / "deck.inp", tmp_path / "draft.toml"
-        deck.write_text("\n".join(change.get(line, line) for line in lines) + "\n")
-        cli.main(["convert", str(deck), str(scene)])
-        drafts.append((tomllib.loads(scene.read_text()), read_file(deck).points.tolist()))
-        scene.unlink()
-    assert drafts[1] == drafts[0]
-    assert "friction" not in drafts[0][0]["contact"][0]
-
-
-@pytest.mark.parametrize(
-    ("line", "other", "says"),
-    [
-        ("HIGH, S3", ", S3", "set '' does not exist"),
-        ("*FRICTION", "*FRICTION, TAUMAX=", "TAUMAX has no value"),
-    ],
-)
-def test_a_name_or_a_parameter_is_not_empty(tmp_path, capsys, line, other, says):
-    """By the line of its keyword."""
-    deck = tmp_path / "deck.inp"
-    lines = [line for text in [*block(), *MATERIAL, *RIGID, *STEPS] for line in text.splitlines()]
-    deck.write_text("\n".join(lines).replace(line, other) + "\n")
-    assert cli.main(["convert", str(deck), str(tmp_path / "draft.toml")]) == 2
-    assert says in " ".join(capsys.readouterr().err.split())

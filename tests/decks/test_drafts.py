@@ -1,6 +1,5 @@
 """Drafts of Abaqus decks: what is told for each body, parts of an assembly, included files, and what is lost."""
 
-import json
 import os
 import tomllib
 
@@ -10,12 +9,9 @@ from deck_lines import POISSON, STEEL, YOUNG, assembly, squares, stacked
 from mpi4py import MPI
 
 from signorini_fx.addons.decks import text
-from signorini_fx.errors import SceneError
 from signorini_fx.mechanics.mesh.files.formats import read_file
-from signorini_fx.results.files import write_results
-from signorini_fx.results.summary import render
 from signorini_fx.scenes import cli
-from signorini_fx.scenes.reading import parse_scene, read_scene
+from signorini_fx.scenes.reading import read_scene
 from signorini_fx.scenes.solver import solve
 
 
@@ -61,22 +57,6 @@ def test_forces_with_a_moment(tmp_path, capsys):
     assert feet.moment_about((0.0, 0.0)) == pytest.approx(forces @ arms, rel=1e-9)
 
 
-def test_forces_that_are_not_the_same(tmp_path, capsys):
-    """An even traction with their sum and their moment bends the head otherwise: they act one by one, unless all are
-    the same.
-    """
-    for ends, spread in (("-0.5", False), ("-2.0", True)):
-        towers, at_ends = two_towers((3.0, 8.0)), ("121, 2,", "125, 2,")
-        lines = [f"{line[:3]}, 2, {ends}" if line.startswith(at_ends) else line for line in towers]
-        scene, data, said = drafted(tmp_path, lines, capsys)
-        assert ("on 'B_HEAD' evenly" in said) == spread
-        assert len(data.get("point_force", ())) == (0 if spread else 5)
-        total = 6.0 - 2 * float(ends)
-        feet = solve(read_scene(scene), MPI.COMM_SELF).resultants.of("B_FEET")
-        assert feet.force == pytest.approx([0.0, total], abs=1e-9)
-        assert feet.moment_about((0.0, 0.0)) == pytest.approx(4.0 * total, rel=1e-9)
-
-
 # Of a block in plane strain under pressure on top, free at its sides, per length.
 SINKS = (1 - POISSON**2) / YOUNG
 
@@ -101,12 +81,6 @@ def test_soft_contact(tmp_path, capsys, behaviour, solver):
     assert y == pytest.approx(-5.0 * 2 * SINKS - soft, rel=1e-4)
 
 
-def test_a_stiffness_that_is_none(tmp_path, capsys):
-    """It is an error."""
-    lines = stacked(["*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR", "-1."])
-    assert "the stiffness -1" in drafted(tmp_path, lines, capsys, code=2)[2]
-
-
 @pytest.mark.parametrize("gap", [0.004, -0.003, -0.02, 0.008])
 def test_adjust(tmp_path, capsys, gap):
     """Within its length the gap, or overlap, counts as zero: the blocks are compressed as one, and nothing else; a
@@ -124,91 +98,12 @@ def test_adjust(tmp_path, capsys, gap):
     np.testing.assert_allclose(solution.table.columns["pressure"], 5.0, rtol=1e-6)
 
 
-def test_the_certificate_closes_gaps_itself(tmp_path, capsys, monkeypatch):
-    """A solver that moves points where it should not is refused."""
-    from signorini_fx.mechanics.pairs.mortar_coupling import Coupling
-
-    lines = stacked([], 0.008, "*CONTACT PAIR, INTERACTION=I, ADJUST=0.005")
-    scene, _, _ = drafted(tmp_path, lines, capsys)
-    monkeypatch.setattr(Coupling, "adjusted", lambda self, limit, sides: 0.0 * self.gap)
-    assert not solve(read_scene(scene), MPI.COMM_SELF, check=False).certificate.holds
-
-
-def test_a_set_of_nodes_to_adjust(tmp_path, capsys):
-    """With all nodes of the slave any distance is closed; with some of them the draft is incomplete."""
-    _, data, _ = drafted(tmp_path, stacked([], 0.2, "*CONTACT PAIR, INTERACTION=I, ADJUST=UP_FEET"), capsys)
-    assert data["contact"][0]["adjust"] > 0.2
-    _, data, _ = drafted(tmp_path, stacked([], 0.2, "*CONTACT PAIR, INTERACTION=I, ADJUST=UP_WALL"), capsys, code=4)
-    assert "adjust" not in data["contact"][0]
-    assert "ADJUST: a set with only some nodes" in data["incomplete"][0]
-
-
-BLOCK = {
-    "mesh": {"generator": "block", "parameters": {"length": 1.0, "height": 1.0, "nx": 2, "ny": 2}},
-    "material": {"young": 1.0, "poisson": 0.3},
-    "displacement": [{"boundary": "left", "x": 0.0, "y": 0.0}],
-    "contact": [{"boundary": "bottom", "gap": 0.0}],
-    "traction": [{"boundary": "top", "y": -1e-3}],
-}
-
-
-@pytest.mark.parametrize(
-    ("contact", "word"),
-    [
-        ({"boundary": "bottom", "adjust": 0.1}, "against another boundary"),
-        ({"boundary": "bottom", "against": "top", "adjust": 0.1, "distance": "nominal"}, "there are none"),
-        ({"boundary": "bottom", "against": "top", "adjust": -0.1}, "must not be negative"),
-        ({"boundary": "bottom", "against": "top", "kind": "bonded", "adjust": 0.1}, "a bond has none"),
-    ],
-)
-def test_where_nothing_can_be_adjusted(contact, word):
-    with pytest.raises(SceneError, match=word):
-        parse_scene({**BLOCK, "contact": [contact]})
-
-
-@pytest.mark.slow
-def test_what_is_incomplete(tmp_path, capsys):
-    """It is said by check, on the terminal, in the summary and in the report, until the line is removed."""
-    text = "line 7, *EQUATION: a constraint between nodes"
-    whole, lacking = parse_scene(BLOCK), parse_scene({**BLOCK, "incomplete": [text]})
-    for scene in (whole, lacking):
-        solution = solve(scene, MPI.COMM_SELF)
-        folder = tmp_path / str(len(scene.incomplete))
-        write_results(solution, folder, fields=False, pictures=False)
-        summary = json.loads((folder / "summary.json").read_text())
-        assert cli.main(["report", str(folder)]) == 0
-        page = (folder / "report.html").read_text()
-        told = [summary["incomplete"] == [text], ": converged, incomplete" in render(summary).split("\n")[0]]
-        told += [text in render(summary), "converged, incomplete" in page, text in page]
-        told.append(any(found.path == "incomplete" for found in solution.findings))
-        assert told == [bool(scene.incomplete)] * len(told)
-        assert summary["converged"]
-    capsys.readouterr()
-
-
 # --- materials --------------------------------------------------------------------------------------------------------
 
 
 def one_block(sections, materials, name="BODY"):
     lines = [*squares(4, 2, name=name), *sections, *materials, "*BOUNDARY", f"{name}_FEET, 2", f"{name}_WALL, 1"]
     return [*lines, "*STEP", "*STATIC", "*DSLOAD", f"{name}_TOP, P, 5.0", "*END STEP"]
-
-
-def test_sections_that_overlap(tmp_path, capsys):
-    """The later one has the elements of both; nothing is left of a section that others cover."""
-    soft = ["*MATERIAL, NAME=SOFT", "*ELASTIC", "10., 0.25"]
-    sections = [
-        f"*SOLID SECTION, ELSET={name}, MATERIAL={of}" for name, of in (("BODY", "STEEL"), ("BODY_LOW", "SOFT"))
-    ]
-    scene, data, _ = drafted(tmp_path, one_block(sections, [*STEEL, *soft]), capsys)
-    assert [(one["region"], one["young"]) for one in data["material"]] == [("BODY_rest", YOUNG), ("BODY_LOW", 10.0)]
-    regions = read_file(tmp_path / "deck.inp").regions
-    assert set(regions["BODY_rest"].tolist()) == set(range(4, 8))
-    y = solve(read_scene(scene), MPI.COMM_SELF).displacement.x.array[1::2].min()
-    assert y < -5.0 * 0.5 / 10.0 * 0.5  # the soft half alone
-    _, data, said = drafted(tmp_path, one_block(sections[::-1], [*STEEL, *soft]), capsys)
-    assert data["material"] == {"young": YOUNG, "poisson": POISSON}
-    assert "all of its elements are of later sections" in said
 
 
 AXES = {"young": [1000.0, 100.0, 50.0], "poisson": [0.3, 0.2, 0.4], "shear": [40.0, 30.0, 20.0]}
@@ -266,18 +161,6 @@ def test_materials_that_are_missing(tmp_path, capsys, sections, materials, word)
     assert word in drafted(tmp_path, one_block(sections, materials), capsys, code=2)[2]
 
 
-def test_a_part_without_a_material(tmp_path, capsys):
-    """It is an error, whatever the rest has."""
-    rubber = ["*MATERIAL, NAME=RUBBER", "*VISCOELASTIC", "1."]
-    sections = [
-        f"*SOLID SECTION, ELSET={name}, MATERIAL={of}" for name, of in (("BODY_LOW", "STEEL"), ("BODY_HIGH", "RUBBER"))
-    ]
-    said = drafted(tmp_path, one_block(sections, [*STEEL, *rubber]), capsys, code=2)[2]
-    assert "'RUBBER' of 'BODY_HIGH' has no *ELASTIC" in " ".join(said.split())
-    said = drafted(tmp_path, one_block(sections[:1], STEEL), capsys, code=2)[2]
-    assert "no material: 4 of 8 cells are in no section" in said
-
-
 # --- parts and included files ----------------------------------------------------------------------------------------
 
 
@@ -299,49 +182,6 @@ def test_an_assembly(tmp_path, capsys):
     y = solve(read_scene(scene), MPI.COMM_SELF).displacement.x.array[1::2].min()
     assert y == pytest.approx(-5.0 * 2 * SINKS, rel=1e-4)
     assert "lost" not in said
-
-
-def test_the_name_of_the_assembly_before_those_of_instances(tmp_path, capsys):
-    """Steps may call nodes and sets by their whole names, which are those without it."""
-    lines = assembly()
-    name = next(line for line in lines if line.startswith("*ASSEMBLY")).rpartition("=")[2]
-    at = lines.index("*STEP")
-    texts = []
-    for before in ("", f"{name}."):
-        whole = [*lines[:at], "*BOUNDARY", f"{before}Brick-1.5, 1", f"{before}Brick-2.4, 1", *lines[at:]]
-        (tmp_path / "deck.inp").write_text("\n".join(whole))
-        _, data, _ = drafted(tmp_path, whole, capsys)
-        texts.append(data)
-    assert texts[0] == texts[1]
-    assert texts[0]["displacement"] != drafted(tmp_path, lines, capsys)[1]["displacement"]
-
-
-def test_the_only_instance_keeps_its_names(tmp_path):
-    """Names that are unique are not told apart, whether the mesh is in the part or in the instance."""
-    part = [
-        "*PART, NAME=P",
-        *squares(4, 2),
-        "*END PART",
-        "*ASSEMBLY, NAME=A",
-        "*INSTANCE, NAME=P-1, PART=P",
-        "*END INSTANCE",
-    ]
-    (tmp_path / "part.inp").write_text("\n".join([*part, "*END ASSEMBLY"]))
-    free = [
-        "*PART, NAME=P",
-        "*END PART",
-        "*ASSEMBLY, NAME=A",
-        "*INSTANCE, NAME=P-1, PART=P",
-        *squares(4, 2),
-        "*END INSTANCE",
-    ]
-    (tmp_path / "instance.inp").write_text("\n".join([*free, "*END ASSEMBLY"]))
-    (tmp_path / "flat.inp").write_text("\n".join(squares(4, 2)))
-    flat, *others = (read_file(tmp_path / f"{name}.inp") for name in ("flat", "part", "instance"))
-    for mesh in others:
-        np.testing.assert_array_equal(mesh.points, flat.points)
-        np.testing.assert_array_equal(mesh.cells, flat.cells)
-        assert mesh.boundaries.keys() == flat.boundaries.keys()
 
 
 def test_an_instance_in_space(tmp_path):
@@ -371,24 +211,6 @@ def test_an_instance_in_space(tmp_path):
     assert cli.main(["convert", str(deck), str(scene)]) == 0
     axes = tomllib.loads(scene.read_text())["material"]["orthotropic"]
     np.testing.assert_allclose([axes["direction"], axes["second"]], [[0, 1, 0], [-1, 0, 0]], atol=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("lines", "word"),
-    [
-        (assembly("1., 1., 0., 1., 1., 0., 180."), "the axis of the rotation has no length"),
-        (assembly("1., 1., 0."), "a shift of three numbers is expected"),
-        ([line.replace("PART=Brick", "PART=Stone") for line in assembly()], "there is no part 'Stone'"),
-        ([line.replace("Brick-2, PART", "Brick-1, PART") for line in assembly()], "two instances 'Brick-1'"),
-        ([line.replace(", PART=Brick", "") for line in assembly()], "PART is missing"),
-        ([*squares(4, 2), "*NODE, SYSTEM=C", "999, 1., 30."], "coordinates are expected along x, y and z"),
-    ],
-)
-def test_broken_assemblies(tmp_path, capsys, lines, word):
-    """One error with the line."""
-    said = drafted(tmp_path, lines, capsys, code=2)[2]
-    assert word in said
-    assert "deck.inp: line " in said
 
 
 def test_included_files(tmp_path, capsys):
@@ -440,23 +262,3 @@ def test_included_files_that_are_refused(tmp_path, capsys):
         assert word in said
         assert "*INCLUDE: " in said
     assert "INPUT is missing" in drafted(folder, ["*INCLUDE", *squares(2, 2)], capsys, code=2)[2]
-
-
-def test_a_checkpoint_knows_included_files(tmp_path, capsys):
-    """A solve is not continued where an included file has changed."""
-    from signorini_fx.results.restart_files import _described
-
-    lines = one_block(["*SOLID SECTION, ELSET=BODY, MATERIAL=STEEL"], ["*INCLUDE, INPUT=more.inp", *STEEL])
-    (tmp_path / "more.inp").write_text("** one\n")
-    scene, _, _ = drafted(tmp_path, lines, capsys)
-    before = _described(read_scene(scene))
-    assert before == _described(read_scene(scene))
-    (tmp_path / "more.inp").write_text("** two\n")
-    assert before != _described(read_scene(scene))
-
-
-def by_place(solution, turn):
-    """Displacements in turned axes, in the order of the places in these."""
-    places = solution.displacement.function_space.tabulate_dof_coordinates()[:, :2] @ turn
-    order = np.lexsort(np.round(places, 9).T)
-    return (solution.displacement.x.array.reshape(-1, 2) @ turn)[order]

@@ -78,14 +78,6 @@ def lifted(behaviour, pulled):
     return [line for line in lines if line != "UP_WALL, 1"] if "*FRICTION, ROUGH" in behaviour else lines
 
 
-def test_no_separation_of_closed_sides(tmp_path):
-    """It is bilateral: both blocks are stretched, each by half of the way."""
-    data, solution = solved(tmp_path, lifted(["*SURFACE BEHAVIOR, NO SEPARATION"], 0.01))
-    assert data["contact"][0]["kind"] == "bilateral"
-    stress = YOUNG / (1 - POISSON**2) * 0.005
-    np.testing.assert_allclose(solution.table.columns["pressure"], -stress, rtol=1e-3)
-
-
 def test_rough_friction(tmp_path):
     """With NO SEPARATION of closed sides it is a bond; else it is named, and exit code 4 says the rest."""
     rough = ["*FRICTION, ROUGH", "*SURFACE BEHAVIOR, NO SEPARATION"]
@@ -96,13 +88,3 @@ def test_rough_friction(tmp_path):
     made = draft(deck, tmp_path / "other.toml")
     (lost,) = made.lost
     assert lost.startswith(f"line {stacked(['*FRICTION, ROUGH']).index('*FRICTION, ROUGH') + 1}, *FRICTION: ROUGH")
-
-
-def test_reference_nodes_have_no_results(tmp_path):
-    """*NODE PRINT of nodes without elements is named as not written."""
-    lines = [*BAR, "BODY_WALL, 1", "END, 1", "BODY_FEET, 2", *TIGHTENED]
-    lines[-1:] = ["*NODE PRINT, NSET=TIGHT", "U, RF", "*END STEP"]
-    deck = tmp_path / "deck.inp"
-    deck.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    (noted,) = draft(deck, tmp_path / "deck.toml").noted
-    assert noted.startswith(f"line {len(lines) - 2}, *NODE PRINT: not written")

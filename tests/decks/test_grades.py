@@ -3,9 +3,8 @@
 import re
 
 import pytest
-from deck_lines import STEEL, squares, stacked
+from deck_lines import stacked
 
-from signorini_fx.addons.decks.deck import READ
 from signorini_fx.addons.decks.draft import draft
 from signorini_fx.addons.decks.keywords import RULES, Grade
 from signorini_fx.errors import MeshError
@@ -152,10 +151,7 @@ def graded(deck):
     return drafted.lost, drafted.noted
 
 
-def test_the_deck_itself(tmp_path):
-    assert graded(written(tmp_path, [], [])[0]) == ([], [])
-
-
+@pytest.mark.one_quick
 @pytest.mark.parametrize("grade", Grade)
 def test_grades(tmp_path, grade):
     """A deck with each row of the table is graded so, and the remark names the line and the keyword."""
@@ -177,16 +173,6 @@ def test_grades(tmp_path, grade):
     assert not wrong
 
 
-def test_rows_of_the_table(tmp_path):
-    """Each is there once; a keyword is read, in the table, or changes the answer."""
-    assert len(RULES) == len({(rule.key, rule.case) for rule in RULES})
-    assert SAID.keys() <= {(rule.key, rule.case) for rule in RULES}
-    never = {rule.key for rule in RULES if not rule.case and "written" not in rule.effect}
-    assert not never & READ - {"NGEN", "NFILL", "NCOPY", "NMAP", "ELGEN", "ELCOPY"}
-    lost, _ = graded(written(tmp_path, ["*CREEP", "1., 0."], [])[0])
-    assert lost == [f"line {STEP + 2}, *CREEP: not read"]
-
-
 LEFT = {
     "*EQUATION": (["*EQUATION", "2", "111, 2, 1., 112, 2, -1."], []),
     "*COUPLING": ([*NODE, "*COUPLING, REF NODE=900, SURFACE=UP_TOP", "*DISTRIBUTING"], ["*CLOAD", "900, 2, -1."]),
@@ -197,6 +183,7 @@ LEFT = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("keyword", LEFT)
 def test_run_ends_with_4(tmp_path, capsys, keyword):
     """What is not read and changes the answer is named with its line and keyword."""
@@ -205,19 +192,3 @@ def test_run_ends_with_4(tmp_path, capsys, keyword):
     said = " ".join(capsys.readouterr().out.split())
     number = max(k for k, line in enumerate(lines, 1) if line.startswith(keyword))
     assert f"changes the answer: line {number}, {keyword}" in said
-
-
-def test_all_contact_is_lost(tmp_path):
-    """That bodies do not touch at all is said, not only why one pair is lost."""
-    deck, _ = written(tmp_path, [], [], {"UP_BOTTOM, LOW_TOP": "UP_BOTTOM, NOWHERE"})
-    assert "all of its contact: bodies do not touch in the scene" in graded(deck)[0]
-
-
-def test_large_rotations(tmp_path):
-    """NLGEOM means finite strains: a slender cantilever is stiffer than by linear elasticity."""
-    lines = [*squares(8, 1, size=(40.0, 1.0)), "*SOLID SECTION, ELSET=BODY, MATERIAL=STEEL", *STEEL, "*BOUNDARY"]
-    lines += ["BODY_WALL, 1, 2", "*STEP, NLGEOM", "*STATIC", "*DSLOAD", "BODY_TOP, P, .001", "*END STEP"]
-    deck = tmp_path / "deck.inp"
-    deck.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    assert graded(deck) == ([], [])
-    assert 'law = "saint-venant-kirchhoff"' in draft(deck, tmp_path / "deck.toml").text

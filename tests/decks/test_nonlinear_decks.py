@@ -82,6 +82,7 @@ LAWS = {
 }
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("law", LAWS)
 def test_rubber(tmp_path, law):
     """As CalculiX has its energies; NLGEOM is nothing to remark on."""
@@ -167,16 +168,10 @@ def test_metal_that_yields_as_it_becomes_warm(tmp_path):
     assert np.sum(solution.contact.forces, axis=0)[1] == pytest.approx(5.0 + 100.0 * plastic, rel=1e-4)
 
 
-def test_rubber_that_becomes_warm_is_refused(tmp_path, capsys):
-    """CalculiX takes its expansion from grad u, not from the deformation."""
-    material = ["*MATERIAL, NAME=M", "*HYPERELASTIC, NEO HOOKE", "1., .1", "*EXPANSION", "1e-4"]
-    converted(tmp_path, [*SQUARE, *EVERY, *material, *GROUND, *WARM], code=2)
-    assert "not possible yet with temperature at finite strains" in " ".join(capsys.readouterr().err.split())
-
-
 ROLLING = [line for line in BELOW if line not in ("21, 1, 2", "22, 1, 2")] + ["21, 1", "24, 1", "21, 2", "22, 2"]
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("law", ["NEO HOOKE", "MOONEY-RIVLIN"])
 def test_two_bodies_of_rubber(tmp_path, law):
     """A block on another one of the same rubber, both on rollers: each is compressed by half of the way, in closed
@@ -222,40 +217,6 @@ def test_what_is_refused(tmp_path, capsys, material, others, says):
     assert "line " in said or "deck.inp:" in said
 
 
-@pytest.mark.parametrize(
-    ("plastic", "others", "says"),
-    [
-        (["*PLASTIC, HARDENING=COMBINED", "5., 0."], GROUND, "hardening that is not isotropic is not read"),
-        (["*PLASTIC", "5., 0."], GROUND, "not possible yet in plane stress: elastic here"),
-    ],
-)
-def test_what_does_not_yield(tmp_path, plastic, others, says):
-    """The draft says so, and is incomplete."""
-    material = ["*MATERIAL, NAME=M", "*ELASTIC", "1000., .3", *plastic]
-    _, data = converted(tmp_path, [*_square(says), *material, *others, *pushed(0.01)], code=4)
-    assert any(says in remark for remark in data["incomplete"])
-    assert data["material"].get("law") != "j2"
-
-
-OF_DIRECTIONS = [
-    *("*ELASTIC, TYPE=ENGINEERING CONSTANTS", "1000., 1000., 1000., .3, .3, .3, 300., 300.", "300."),
-    *("*PLASTIC", "5., 0."),
-]
-
-
-@pytest.mark.parametrize(
-    ("material", "says"),
-    [
-        (OF_DIRECTIONS, "not possible yet with directions: elastic here"),
-        (["*HYPERELASTIC, NEO HOOKE", "10., .02", "*PLASTIC", "5., 0."], "does not yield here"),
-    ],
-)
-def test_no_yield_stress_is_lost_without_a_word(tmp_path, material, says):
-    """Of a material that is not isotropic, or rubber."""
-    _, data = converted(tmp_path, [*SQUARE, "*MATERIAL, NAME=M", *material, *GROUND, *pushed(0.01)], code=4)
-    assert any(says in remark for remark in data["incomplete"])
-
-
 HALVES = [
     *(line for line in SQUARE if not line.startswith("*SOLID") and line != "1."),
     *("*ELSET, ELSET=LOWER", "1, 2", "*SOLID SECTION, ELSET=LOWER, MATERIAL=M", "1."),
@@ -279,34 +240,3 @@ def test_rubber_on_metal(tmp_path, yields):
     energy, step = of_abaqus(lambda s: 10.0 * (np.sum(s**2) - 3), 0.02), 1e-30
     alone = energy(1.0, 0.8 + 1j * step, 1.0).imag / step  # all of the way is that of the rubber, which is half
     assert np.sum(solution.contact.forces, axis=0)[1] == pytest.approx(-alone, rel=1e-3)
-
-
-def test_rubber_that_is_nowhere(tmp_path):
-    """A material of no section is no part of the scene."""
-    nowhere = ["*MATERIAL, NAME=OTHER", "*HYPERELASTIC, NEO HOOKE", "10., .02"]
-    material = [*nowhere, "*MATERIAL, NAME=M", "*ELASTIC", "1000., .3"]
-    _, data = converted(tmp_path, [*SQUARE, *material, *GROUND, *pushed(0.01)])
-    assert "element" not in data
-
-
-def test_constants_of_several_temperatures(tmp_path):
-    """Those of the first one."""
-    material = ["*MATERIAL, NAME=M", "*ELASTIC", "1000., .3", "*PLASTIC", "5., 0., 20.", "6., .1, 20.", "4., 0., 90."]
-    _, data = converted(tmp_path, [*SQUARE, *material, *GROUND, *pushed(0.01)], code=4)
-    assert data["material"]["hardening"] == [[0.1, 6.0]]
-    assert any("the first line is taken" in remark for remark in data["incomplete"])
-
-
-def test_an_empty_word_is_zero(tmp_path):
-    """C01 of MOONEY-RIVLIN and the plastic strain that are left out, and what follows them in their lines."""
-    draft, data = converted(
-        tmp_path, [*SQUARE, "*MATERIAL, NAME=M", "*HYPERELASTIC", "7., , .02", *GROUND, *pushed(0.1)]
-    )
-    assert data["material"] == {"law": "mooney-rivlin", "c10": 7.0, "c01": 0.0, "bulk": 100.0}
-    draft.unlink()
-    plastic = ["*ELASTIC", "1000., , 20.", "*PLASTIC", "5., , 20.", "6., .1, 20."]
-    _, data = converted(tmp_path, [*SQUARE, "*MATERIAL, NAME=M", *plastic, *GROUND, *pushed(0.01)])
-    assert data["material"] == {
-        **{"law": "j2", "young": 1000.0, "poisson": 0.0, "yield_stress": 5.0},
-        **{"hardening": [[0.1, 6.0]]},
-    }

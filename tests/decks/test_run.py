@@ -84,6 +84,7 @@ def beams(load, pair="*CONTACT PAIR, INTERACTION=I"):
     return [*lines, "*END STEP"]
 
 
+@pytest.mark.slow
 def test_finite_strains(tmp_path, capsys):
     """NLGEOM makes strains finite, and sides slide."""
     code, _ = run(tmp_path, beams(0.02), capsys)
@@ -96,6 +97,7 @@ def test_finite_strains(tmp_path, capsys):
     assert summary["incomplete"] == []
 
 
+@pytest.mark.slow
 def test_sides_that_keep_their_partners(tmp_path, capsys):
     """With ADJUST sides do not slide, which is named."""
     lines = beams(0.002, "*CONTACT PAIR, INTERACTION=I, ADJUST=0.01")

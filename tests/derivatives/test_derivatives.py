@@ -1,7 +1,5 @@
 """Derivatives of results by the data of a problem, against central differences of solves."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 import ufl
@@ -12,13 +10,10 @@ from forms import hooke, side
 from mpi4py import MPI
 from spaces import box
 
-from signorini_fx import ContactProblem, Coulomb, FormError, Foundation, SceneError, sensitivity
-from signorini_fx.addons.derivatives import adjoint
-from signorini_fx.addons.derivatives.adjoint import AdjointError, TransposedTangent
+from signorini_fx import ContactProblem, Coulomb, Foundation, SceneError, sensitivity
 from signorini_fx.addons.derivatives.entries import varied
-from signorini_fx.addons.derivatives.of_form import extrapolated
 from signorini_fx.scenes import cli
-from signorini_fx.scenes.reading import parse_scene, read_scene
+from signorini_fx.scenes.reading import parse_scene
 
 COMM = MPI.COMM_WORLD
 COULOMB = {"law": "coulomb", "coefficient": 0.3}
@@ -146,6 +141,7 @@ def test_the_force_on_a_block_that_slides():
     assert found.derivatives == pytest.approx((-8.0, -2.0, 0.0), rel=1e-9, abs=1e-7)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("algorithm", ["alm", "ssn"])
 @pytest.mark.parametrize("springs", [False, True])
 def test_a_support_holds_a_node_that_slips(algorithm, springs):
@@ -165,37 +161,6 @@ def test_a_support_holds_a_node_that_slips(algorithm, springs):
     found = agrees(scene, ["force bottom x", "force bottom y"], ["contact.friction.coefficient"])
     if not springs:
         assert found[0].derivatives[0] == pytest.approx(-7.0, rel=1e-8)
-
-
-def test_the_area_of_hertz():
-    """Half of the contact under p0 sqrt(1 - x^2 / a^2) with a = 0.4 counts as 3 pi^2 / 32 a for the power 2; a is
-    proportional to the square root of load over modulus.
-    """
-    file = Path(__file__).parents[2] / "demos" / "scenes" / "hertz.toml"
-    found = sensitivity(read_scene(file), "area arc", ["traction[0]", "material[0].young"])
-    assert found.value == pytest.approx(3 * np.pi**2 / 32 * 0.4, rel=1e-2)
-    assert found.derivatives == pytest.approx((found.value / 2, -found.value / 2 / 200.0), rel=4e-2)  # 20 nodes
-
-
-def test_points_between_two_sets_are_counted():
-    """A block that its foundation just touches: the load is zero, and so is every pressure."""
-    scene = plane({"law": "none"})
-    flat = scene.model_copy(update={"traction": (), "contact": (scene.contact[0].model_copy(update={"gap": 0.0}),)})
-    held = tuple(one.model_copy(update={"y": 0.0}) for one in flat.displacement)
-    found = sensitivity(flat.model_copy(update={"displacement": held}), "mean top y", ["material.young"])
-    assert found.between > 0
-    assert "one-sided" in str(found)
-
-
-def test_one_factor_serves(monkeypatch):
-    """Given bounds, and the monolithic method in 2D: the factor of Newton's method is used again."""
-    seen, original = [], TransposedTangent._set_up
-    monkeypatch.setattr(TransposedTangent, "_set_up", lambda self: seen.append(len(seen)) or original(self))
-    counts = []
-    for friction, solver in ((TRESCA, {}), (COULOMB, {"coulomb": "newton"}), (COULOMB, {"coulomb": "fp"})):
-        sensitivity(plane(friction, linear_algebra="condensed", **solver), PLANE, ["traction[0]"])
-        counts.append(len(seen))
-    assert counts == [0, 0, 1]
 
 
 @pytest.mark.parametrize(
@@ -220,25 +185,6 @@ def test_what_has_no_derivative(of, by, said):
     with pytest.raises(SceneError, match=said) as caught:
         sensitivity(plane(friction), of, by)
     assert len(caught.value.problems) == 1
-
-
-def test_no_derivative_of_half_an_iteration(monkeypatch):
-    """Without regularisation, where the tractions of the adjoint problem are not found in as many solves as allowed."""
-    monkeypatch.setattr(adjoint, "MOST_ADJOINT_SOLVES", 1)
-    with pytest.raises(AdjointError, match="after 1 solves: there is no derivative"):
-        sensitivity(plane(TRESCA, algorithm="alm"), PLANE, ["traction[0]"])
-
-
-def test_scenes_without_derivatives():
-    """Without contact."""
-    with pytest.raises(SceneError):
-        sensitivity(plane(TRESCA).model_copy(update={"contact": ()}), "mean top y")
-
-
-def test_nested_meshes():
-    """The derivatives are those of the finest mesh, however it was reached."""
-    nested, alone = (sensitivity(plane(TRESCA, levels=levels), "mean top y", ["traction[0]"]) for levels in (2, 1))
-    assert nested.derivatives == pytest.approx(alone.derivatives, rel=1e-8)
 
 
 def test_the_command(tmp_path, capsys):
@@ -314,23 +260,6 @@ def test_constants_that_enter_nonlinearly():
     assert slopes[0] == pytest.approx(slopes[1], rel=5e-6)
 
 
-def test_rough_data_are_not_extrapolated():
-    """Differences that jump with the width leave the narrow one; those that the problem refuses count as none."""
-    assert extrapolated(lambda width: 2.0 if width < 1e-4 else 3.0 + np.sin(1 / width), 1.0) == 2.0
-    smooth = [
-        extrapolated(lambda width, noise=noise: np.sinh(width) / width + noise * (width < 1e-4), 1.0)
-        for noise in (0.0, 1e-5)
-    ]
-    assert smooth == pytest.approx([1.0, 1.0], rel=1e-12)
-
-    def refused(width):
-        if width > 1e-3:
-            raise FormError([("by", "no")])
-        return 2.0
-
-    assert extrapolated(refused, 1.0) == extrapolated(refused, 0.0) == 2.0
-
-
 def test_bad_arguments_of_gradient():
     """One error each."""
     mesh = plain_box((1.0, 1.0), (2, 2), dmesh.CellType.quadrilateral)
@@ -394,93 +323,3 @@ def test_after_advance():
     assert mean(problem, by).derivatives == pytest.approx(wanted, rel=1e-5)
     with pytest.raises(RuntimeError, match="depends on the slip"):
         mean(history(0.3, 0.29999), by)
-
-
-@pytest.mark.mpi(slow=True)
-def test_after_advance_in_space():
-    """The same block in 3D: where it slides straight on, the force is that of statics, and the mean displacement
-    follows central differences over both steps.  What depends on the directions of slip owes them to the step before:
-    at an angle a force along one axis, with a Poisson's ratio the mean displacement, but not the force of the load.
-    """
-    mesh = plain_box((2.0, 1.0, 1.0), (3, 2, 2), dmesh.CellType.hexahedron)
-    space = fem.functionspace(mesh, ("Lagrange", 1, (3,)))
-    friction, load, push, cross, nu = (fem.Constant(mesh, value) for value in (0.25, -4.0, 0.0, 0.0, 0.0))
-    y, z, top = ufl.TrialFunction(space), ufl.TestFunction(space), np.sort(side(mesh, 2, 1.0))
-    ds = ufl.Measure("ds", mesh, subdomain_data=dmesh.meshtags(mesh, 2, top, np.ones(top.size, dtype=np.int32)))
-    bcs = [
-        fem.dirichletbc(value, fem.locate_dofs_topological(space.sub(k), 2, top), space.sub(k))
-        for k, value in enumerate((push, cross))
-    ]
-
-    def history(*ways):
-        foundation = Foundation(side(mesh, 2, 0.0), friction=Coulomb(friction))
-        form = hooke(y, z, 1000.0, nu)
-        problem = ContactProblem(form, load * z[2] * ds(1), bcs, contact=[foundation], coulomb="newton")
-        for number, (push.value, cross.value) in enumerate(ways):
-            if number:
-                problem.advance()
-            problem.solve()
-        return problem
-
-    def mean(problem, by):
-        return problem.gradient(problem.u[0] * ufl.dx, by)
-
-    by, straight = [friction, load], [(0.3, 0.0), (0.6, 0.0)]
-    problem = history(*straight)
-    force = problem.gradient("force 0 x", by)
-    assert force.value == pytest.approx(-2.0, rel=1e-9)
-    assert force.derivatives == pytest.approx([-8.0, 0.5], rel=1e-6)
-    found, wanted = mean(problem, by).derivatives, []
-    for constant in by:
-        kept, values = float(constant.value), []
-        for sign in (1, -1):
-            constant.value = kept * (1 + sign * 1e-4)
-            values.append(mean(history(*straight), []).value)
-        constant.value = kept
-        wanted.append((values[0] - values[1]) / (2e-4 * kept))
-    assert found == pytest.approx(wanted, rel=1e-5)
-    at_an_angle, sticking = history((0.3, 0.1), (0.6, 0.2)), history((0.3, 0.0), (0.29999, 0.0))
-    for problem in (at_an_angle, sticking):
-        with pytest.raises(RuntimeError, match="depends on the slip"):
-            problem.gradient("force 0 x", by)
-    nu.value = 0.3
-    problem = history(*straight)
-    across = problem.gradient("force 0 z", by)
-    assert across.value == pytest.approx(8.0, rel=1e-9)
-    assert across.derivatives == pytest.approx([0.0, -2.0], abs=1e-9)
-    with pytest.raises(RuntimeError, match="depends on the slip"):
-        mean(problem, by)
-
-
-@pytest.mark.parametrize("stale", ["factor", "matrix"])
-def test_a_factor_of_other_sets_is_none_of_the_solution(stale):
-    """The last factor of the solver may be that of an earlier iterate, and its matrix that of a later one."""
-    mesh = plain_box((2.0, 1.0), (4, 2))
-    space = fem.functionspace(mesh, ("Lagrange", 1, (2,)))
-    y, z, young = ufl.TrialFunction(space), ufl.TestFunction(space), fem.Constant(mesh, 1000.0)
-    down = np.array([0.002, -0.01])
-    held = fem.dirichletbc(down, fem.locate_dofs_topological(space, 1, side(mesh, 1, 1.0)), space)
-    foundation = Foundation(side(mesh, 1, 0.0), gap=lambda x: 0.01 * x[0], friction=Coulomb(0.3))
-    problem = ContactProblem(
-        young * hooke(y, z, 1.0),
-        fem.Constant(mesh, 0.0) * z[0] * ufl.dx,
-        [held],
-        foundation,
-        linear_algebra="full",
-        coulomb="newton",
-        gamma_n=1e5,
-        gamma_t=1e5,
-    )
-    problem.solve()
-    wanted = problem.gradient("moment 0", [young]).derivatives
-    newton = problem.assembled.task.iterate.unsymmetric_newton
-    jacobian, ksp, tangent = newton.snes.getJacobian()[0], newton.snes.getKSP(), newton.problem.tangent
-    right = tangent.inserted[jacobian.handle]
-    if stale == "factor":
-        tangent.insert(jacobian, 0.0 * right)
-    ksp.getPC().setReusePreconditioner(False)
-    ksp.setOperators(jacobian)
-    ksp.setUp()
-    newton.problem.factorised(jacobian)
-    tangent.insert(jacobian, right if stale == "factor" else 0.0 * right)
-    assert problem.gradient("moment 0", [young]).derivatives == pytest.approx(wanted, rel=1e-9)

@@ -99,7 +99,7 @@ SCENES = {
 ON_RANKS = ("steps", "space", "held beside contact in one step")
 
 
-@pytest.mark.one_quick
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("scene", "by"),
     [pytest.param(*SCENES[name], id=name, marks=[pytest.mark.mpi] * (name in ON_RANKS)) for name in SCENES],
@@ -125,22 +125,6 @@ def test_differences_of_solves(scene, by):
             assert entry[path] == pytest.approx(difference, rel=3e-5, abs=digits), (entry.of, path)
 
 
-def test_without_friction_only_relative_places_matter():
-    data = [*PLACES, "contact[0].foundation.centre[1]"]
-    across, along, up, upwards = sensitivity(parse_scene(rubber(algorithm="ssn")), "force bottom y", data).derivatives
-    assert (along, up) == pytest.approx((-across, -upwards), rel=1e-7)
-
-
-def test_the_sum_of_derivatives_by_moduli_and_loads_is_that_of_units():
-    # Forces are homogeneous of degree one in all stresses, displacements of degree zero.
-    force, mean = sensitivity(
-        parse_scene(rubber(COULOMB, MOVED, **STEPS)), ["force bottom y", "mean right x"], ["material[0].young", BOTH[0]]
-    )
-    for found, expected in ((force, force.value), (mean, 0.0)):
-        scaled = np.dot(found.data, found.derivatives)
-        assert scaled == pytest.approx(expected, rel=1e-7, abs=1e-7 * abs(found.derivatives[0] * found.data[0]))
-
-
 DRIVEN = {"shape": "circle", "centre": [1.05, -0.45], "radius": 0.5, "force": [0.0, 1.0]}
 REFUSED = {
     "state": ({"material": [{"law": "j2", "young": 100.0, "poisson": 0.3, "yield_stress": 5.0}]}, "has a state"),
@@ -160,40 +144,6 @@ REFUSED = {
 def test_what_has_no_derivatives_is_refused_by_name(change, why):
     with pytest.raises(SceneError, match=why):
         sensitivity(parse_scene(changed(rubber(), change)), "force bottom y", ["material[0].isochoric"])
-
-
-OGDEN = [{"law": "ogden", "mu": [10.0, 2.0], "alpha": [2.0, 4.0], "bulk": 100.0, "expansion": 1e-5}]
-
-
-@pytest.mark.parametrize(
-    ("material", "constants"),
-    [(MOONEY, ["c10", "c01", "bulk"]), (OGDEN, ["mu[0]", "mu[1]", "alpha[0]", "alpha[1]", "bulk"])],
-    ids=["mooney-rivlin", "ogden"],
-)
-def test_constants_of_any_material_are_data_unless_others_are_named(material, constants):
-    found = sensitivity(parse_scene(rubber(material=material)), "force bottom y")
-    assert [path.partition(".")[2] for path in found.by if path.startswith("material")] == constants
-    # Forces are homogeneous in stresses.
-    stresses = [path for path in found.by if path.startswith(("material", "traction")) and "alpha" not in path]
-    scaled = sum(found.data[found.by.index(path)] * found[path] for path in stresses)
-    assert scaled == pytest.approx(found.value, rel=1e-6)
-
-
-def test_moments_are_refused():
-    """Results are about displaced points, and these derivatives would not be."""
-    with pytest.raises(SceneError, match="of: a moment at displaced points"):
-        sensitivity(parse_scene(rubber()), "moment bottom", [BOTH[0]])
-
-
-ALONG = COULOMB | {"ratio": 0.5, "along": [1.0, 0.5, 0.0]}
-PLANE = {"shape": "plane", "point": [0.0, 0.0, -0.02], "normal": [0.1, 0.0, 1.0], "shift": ["0.05*t", 0.0, "0.05*t"]}
-
-
-def test_friction_with_a_direction_has_derivatives_where_no_shape_turns_it():
-    scene = in_space(ALONG, MOVED_IN_SPACE, **STEPS)
-    with pytest.raises(FormError, match=r"contact.friction: .* depends on the direction of slip"):
-        sensitivity(parse_scene(scene), "force bottom y", ["contact[0].gap"])
-    test_differences_of_solves(changed(scene, {"contact[0].foundation": PLANE}), ["contact[0].gap", *COEFFICIENT])
 
 
 # --- forms ------------------------------------------------------------------------------------------------------------
@@ -280,6 +230,7 @@ def test_constants_of_a_residual(friction, dim):
             assert gradient.derivatives[column] == pytest.approx(difference, rel=3e-5, abs=digits)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ramp", [False, True])
 def test_constants_of_supports_that_reach_contact(ramp):
     pressed = Pressed("coulomb")
@@ -308,42 +259,6 @@ def test_constants_of_supports_that_reach_contact(ramp):
         assert gradient.derivatives[0] == pytest.approx((ahead - behind) / (2 * 0.02 * STEP), rel=3e-5)
 
 
-def test_a_ramp_has_the_derivatives_of_its_end_where_its_way_does_not_matter():
-    pressed = Pressed(None)
-    of, by = pressed.of[1], [pressed.data["mu"], pressed.data["gap"]]
-    once = pressed.solved().gradient(of, by)
-    pressed.u.x.array[:] = 0.0
-    problem = pressed.problem()
-    problem.ramp(lambda t: problem.place(0, shift=pressed.at(t)), first=0.4)
-    before = problem.u.x.array.copy(), problem.linear.step
-    ramped = problem.gradient(of, by)
-    assert ramped.derivatives == pytest.approx(once.derivatives, rel=1e-8)
-    assert (problem.u.x.array == before[0]).all()
-    # What follows is as it would have been.
-    problem.place(0, shift=pressed.at(1.2))
-    problem.solve()
-    again = pressed.problem()
-    pressed.u.x.array[:] = before[0]
-    again.place(0, shift=pressed.at(1.2))
-    again.solve()
-    assert problem.state.pressure == pytest.approx(again.state.pressure, rel=1e-7, abs=1e-9)
-
-
-def test_after_steps_with_friction_a_residual_does_not_know_its_past():
-    pressed = Pressed("coulomb")
-    pressed.u.x.array[:] = 0.0
-    problem = pressed.problem()
-    problem.ramp(lambda t: problem.place(0, shift=pressed.at(t)))
-    single = problem.gradient(pressed.of[1], [pressed.data["mu"]])
-    assert single.derivatives == pytest.approx(
-        pressed.solved().gradient(pressed.of[1], [pressed.data["mu"]]).derivatives, rel=1e-8
-    )
-    problem.place(0, shift=pressed.at(1.3))
-    problem.solve()
-    with pytest.raises(RuntimeError, match="the step before"):
-        problem.gradient(pressed.of[1], [pressed.data["mu"]])
-
-
 def test_arguments_are_refused_by_name():
     pressed = Pressed(None)
     with pytest.raises(RuntimeError, match="no solution to differentiate"):
@@ -360,19 +275,3 @@ def test_arguments_are_refused_by_name():
 
 
 # --- a gap beside a shape ---------------------------------------------------------------------------------------------
-
-
-def test_a_gap_beside_a_shape_is_that_of_now():
-    pressed = Pressed(None)
-    problem = pressed.solved()
-    pressed.gap.value -= 0.03
-    problem.solve()
-    assert problem.state.forces[0] == pytest.approx(pressed.solved().state.forces[0], rel=1e-6)
-
-
-def test_a_gap_beside_a_shape_may_depend_on_the_time():
-    timed, constant = rubber(**{"load_steps": {"times": [0.5, 1.0]}}), rubber()
-    timed["contact"][0]["gap"], constant["contact"][0]["gap"] = "0.02 - 0.05*t", -0.03
-    for of in ("force bottom y", "force bottom x"):
-        ends = [sensitivity(parse_scene(scene), of, []).value for scene in (timed, constant)]
-        assert ends[0] == pytest.approx(ends[1], rel=1e-7)

@@ -6,9 +6,6 @@ from mpi4py import MPI
 from test_derivatives import COMM, COULOMB, TRESCA, agrees
 
 from signorini_fx import SceneError, sensitivity
-from signorini_fx.addons.derivatives import of_scene
-from signorini_fx.addons.derivatives.adjoint import TransposedTangent
-from signorini_fx.algebra.linalg import partial_factor
 from signorini_fx.scenes.reading import parse_scene
 
 OF = ["force bottom x", "moment bottom step 3", "displacement 1.7,0.6 x step 2", "mean top y"]
@@ -97,14 +94,6 @@ def test_in_the_plane(way):
     assert all(met), "some point turns back, and some point opens"
 
 
-@pytest.mark.mpi(slow=True)
-def test_in_space():
-    """On a foundation that moves, gap, normals and the slip in each load step follow its place."""
-    shape = ["contact.foundation.radius", "contact.foundation.shift[0]", "contact.foundation.rotation[2]"]
-    scene = space({"law": "coulomb", "coefficient": 0.2}, algorithm="alm")
-    agrees(scene, ["force bottom y", "force bottom x step 2", "mean top x"], shape)
-
-
 def test_a_block_that_has_slid_and_sticks():
     """Pulled back by very little, a block keeps the friction of the first load step, F times the pressing force of 8,
     less what the way back shears it by, which F does not change but for one corner that goes on slipping.
@@ -124,30 +113,7 @@ def test_a_block_that_has_slid_and_sticks():
     assert [slides.derivatives[0], sticks.derivatives[0]] == pytest.approx([-8.0, -8.0], rel=1e-5)
 
 
-def test_other_units():
-    """In millimetres and MPa the derivatives are the same numbers in these units."""
-    length, stress = 1e3, 1e-6
-    by = ["contact.friction.coefficient", "contact.gap", "material.young"]
-    here = sensitivity(plane(COULOMB), ["force bottom x", "mean top y"], by)
-    there = sensitivity(plane(COULOMB, length, stress), ["force bottom x", "mean top y"], by)
-    data = np.array([1.0, length, stress])
-    for one, other, unit in zip(here, there, (stress * length, length), strict=True):
-        assert np.array(other.derivatives) * data / unit == pytest.approx(one.derivatives, rel=1e-7, abs=1e-9)
-
-
-def test_steps_that_do_not_matter(monkeypatch):
-    """Without friction a load step owes nothing to the one before it; a ramp has its increments."""
-    seen, original = [], TransposedTangent.adjoint
-    monkeypatch.setattr(TransposedTangent, "adjoint", lambda *given: seen.append(1) or original(*given))
-    sensitivity(plane({"law": "none"}), ["force bottom y", "mean top y step 2"], ["traction[0]"])
-    assert len(seen) == 2
-    seen.clear()
-    ramp = plane(COULOMB)
-    ramp = ramp.model_copy(update={"load_steps": ramp.load_steps.model_copy(update={"steps": 2})})
-    sensitivity(ramp, "force bottom y step 3", ["traction[0]"])
-    assert len(seen) == 3
-
-
+@pytest.mark.slow
 @pytest.mark.mpi(slow=True)
 def test_moduli_and_loads_of_many_kinds():
     """Moduli that vary in the body, springs that do not follow them, heat that does, weight, and a load of the time."""
@@ -176,29 +142,6 @@ def test_moduli_and_loads_of_many_kinds():
     )
     loads = ["temperature[0]", "temperature.change", "gravity.y", "traction[1]", "traction[0].y"]
     agrees(scene, OF[:3], ["material.young", "material.poisson", "springs.x", *loads])
-
-
-def test_work(monkeypatch):
-    """An adjoint state of forces takes one back substitution at most, however many data there are; all load steps have
-    one plan of a factorisation; and for a load or a modulus the scene is not prepared again.
-    """
-    called, made = [], []
-    call, adjoint, set_up = partial_factor.call, TransposedTangent.adjoint, TransposedTangent._set_up
-    monkeypatch.setattr(partial_factor, "call", lambda name, *given: called.append(name) or call(name, *given))
-    monkeypatch.setattr(TransposedTangent, "adjoint", lambda *given: made.append("adjoint") or adjoint(*given))
-    monkeypatch.setattr(TransposedTangent, "_set_up", lambda self: made.append("plan") or set_up(self))
-    monkeypatch.setattr(of_scene, "prepare", None)
-    forces, solves = [f"force bottom x step {number}" for number in (1, 2, 3, 4)], []
-    for by in ([], ["traction[0]"], ["traction[0]", "traction[1].x", "material.young"]):
-        called.clear()
-        made.clear()
-        sensitivity(plane(TRESCA, linear_algebra="condensed"), forces, by)
-        solves.append(called.count("MatSolve"))
-    assert solves[0] < solves[1] <= solves[0] + made.count("adjoint")
-    assert solves[1] == solves[2]
-    made.clear()
-    sensitivity(plane(TRESCA, linear_algebra="full"), forces, ["traction[0]"])
-    assert made.count("plan") == 1
 
 
 @pytest.mark.parametrize("number", ["5", "0", "last"])

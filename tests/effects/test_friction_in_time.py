@@ -4,9 +4,8 @@ import pytest
 from mpi4py import MPI
 from spaces import box
 
-from signorini_fx import ConvergenceError, SceneError
+from signorini_fx import SceneError
 from signorini_fx.mechanics.body.discretisation import prepare
-from signorini_fx.mechanics.obstacles.foundations_on_points import Foundations
 from signorini_fx.records import Status, Timings
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import parse_scene
@@ -77,6 +76,7 @@ def test_only_the_fall_makes_a_block_at_rest_slide():
 NONLINEAR = [{"law": "neo-hooke"}, {"law": "j2", "yield_stress": 5.0}]
 
 
+@pytest.mark.one_quick
 @pytest.mark.mpi
 @pytest.mark.parametrize("law", NONLINEAR)
 def test_a_nonlinear_body(law):
@@ -109,13 +109,6 @@ def test_a_ramp():
     assert found == pytest.approx([0.1, 0.15, 0.2], rel=1e-8)
 
 
-def test_accuracy():
-    """On meshes that are refined, too."""
-    solution = solve(dragged(coulomb("0.1*t"), more={"accuracy": {"target": 0.15}}), COMM)
-    assert len(solution.levels) > 1
-    assert pull(solution) == pytest.approx([0.1, 0.2, 0.3], rel=1e-8)
-
-
 def test_times_alone_make_load_steps():
     """Without factors there is a load step for each time."""
     more = {"load_steps": {"times": [1.0, 2.0]}}
@@ -140,89 +133,3 @@ def test_bad_values(friction, more, message):
     with pytest.raises(SceneError, match=message) as caught:
         check()
     assert len(caught.value.problems) == 1
-
-
-@pytest.mark.parametrize(
-    ("friction", "wanted"),
-    [
-        (coulomb("0.1*t"), lambda t, pressing: 0.1 * t * pressing),
-        (coulomb("0.4 - 0.1*t"), lambda t, pressing: (0.4 - 0.1 * t) * pressing),
-        ({"law": "tresca", "bound": "t*x[0]"}, lambda t, pressing: 2.0 * t),
-    ],
-)
-@pytest.mark.parametrize("law", [{}, {"law": "neo-hooke"}, {"law": "j2", "yield_stress": 2.0, "hardening": 100.0}])
-def test_a_foundation_that_moves_while_its_friction_changes(friction, wanted, law):
-    """The foundation slides below the block in every step: friction is what the bound of its own time allows."""
-    plane = {"shape": "plane", "point": [0.0, 0.0], "normal": [0.0, 1.0], "shift": ["-0.05*t", "1e-3"]}
-    still = [{"boundary": "top", "x": 0.0, "y": 0.0}]
-    contact = {"boundary": "bottom", "foundation": plane, "friction": friction}
-    more = {"displacement": still, "traction": [], "contact": contact, "load_steps": {"times": [1.0, 2.0, 3.0]}}
-    more |= {"material": {"young": 1000.0, "poisson": 0.0} | law}
-    solution = solve(dragged(friction, more=more), COMM)
-    assert solution.status is Status.CONVERGED
-    assert {1.0, 2.0, 3.0} <= {step.time for step in solution.steps}  # and halves of steps in which metal yields
-    for step in solution.steps:
-        (_, pressing), (along, _) = step.contact.forces
-        assert pressing > 0.0
-        assert -along == pytest.approx(wanted(step.time, pressing), rel=1e-7)
-
-
-@pytest.mark.parametrize("law", NONLINEAR)
-def test_nonlinear_bodies_that_slide_on_each_other(law):
-    """The upper one slides in every step: friction is what the coefficient of its own time allows."""
-    sizes = {"lower": (2.0, 8, [0.0, 0.0]), "upper": (1.0, 5, [0.2, 0.5])}
-    bodies = [
-        {
-            "name": name,
-            "mesh": {"generator": "rectangle", "parameters": {"length": length, "height": 0.5, "nx": count, "ny": 2}},
-            "shift": shift,
-        }
-        for name, (length, count, shift) in sizes.items()
-    ]
-    held = {"boundary": "lower.bottom", "x": 0.0, "y": 0.0}
-    scene = {
-        "body": bodies,
-        "material": {"young": 1000.0, "poisson": 0.0} | law,
-        "displacement": [held, {"boundary": "upper.top", "x": "0.1*t", "y": -2e-3}],
-        "contact": {"boundary": "upper.bottom", "against": "lower.top", "friction": coulomb("0.1*t")},
-        "load_steps": {"times": [1.0, 2.0, 3.0]},
-    }
-    solution = solve(parse_scene(scene), MPI.COMM_SELF)
-    assert solution.status is Status.CONVERGED
-    for step in solution.steps:
-        (_, pressing), (along, _) = step.contact.forces
-        assert -along == pytest.approx(0.1 * step.time * pressing, rel=1e-5)  # normals are turned by 1e-3
-
-
-@pytest.mark.parametrize("law", NONLINEAR)
-def test_a_nonlinear_body_is_not_asked_for_friction_before_its_first_step(law):
-    """A coefficient that is infinite at time 0, and one that is negative there."""
-    material = {"material": {"young": 1000.0, "poisson": 0.0} | law, "load_steps": {"times": [1.0, 2.0]}}
-    for coefficient, expected in (("0.4/t", [0.4, 0.2]), ("0.2*t - 0.1", [0.1, 0.3])):
-        solution = solve(dragged(coulomb(coefficient), (1.0, 2.0), more=material), COMM)
-        assert pull(solution) == pytest.approx(expected, rel=1e-6)
-
-
-@pytest.mark.parametrize("law", NONLINEAR)
-def test_the_certificate_knows_the_friction_of_its_time(monkeypatch, law):
-    """Of a nonlinear body that keeps the friction of the first load step it does not hold."""
-    monkeypatch.setattr(Foundations, "give_friction", lambda self, number, friction: None)
-    scene = dragged(coulomb("0.1*t"), more={"material": {"young": 1000.0, "poisson": 0.0} | law})
-    with pytest.raises(ConvergenceError, match=r"\(slip_below_bound .*there is a solution at time 1"):
-        solve(scene, COMM)
-
-
-@pytest.mark.mpi
-@pytest.mark.parametrize("law", NONLINEAR)
-def test_a_restart_of_a_nonlinear_body(tmp_path, law):
-    """Friction is that of the time of each load step, of those that an earlier run has left, too."""
-    folder = MPI.COMM_WORLD.bcast(tmp_path)
-    scene = dragged(
-        coulomb("0.1 if t < 1.5 else 0.6 - 0.1*t"), more={"material": {"young": 1000.0, "poisson": 0.0} | law}
-    )
-    whole = solve(scene, COMM, checkpoint=folder)
-    again = solve(scene, COMM, checkpoint=folder, restart=True)
-    assert [step.linear_solves for step in again.steps] == [step.linear_solves for step in whole.steps]
-    assert again.history.events[0].startswith("restart: 3 complete load steps")
-    assert not any("solved again" in event for event in again.history.events)
-    assert pull(again) == pytest.approx(pull(whole), rel=1e-12)

@@ -4,11 +4,8 @@ slips count from where these were before.
 
 import numpy as np
 import pytest
-from mpi4py import MPI
 
-from signorini_fx import ConvergenceError, Scene, solve
-from signorini_fx.scenes.nonlinear import ProblemOfScene
-from signorini_fx.scenes.reading import parse_scene
+from signorini_fx import Scene, solve
 
 FRICTION = {"law": "coulomb", "coefficient": 0.4}
 BLOCK = {"generator": "rectangle", "parameters": {"length": 1.0, "height": 0.5, "nx": 8, "ny": 4}}
@@ -80,26 +77,3 @@ def test_supports_that_leave_a_tilted_block():
     _, left, pushed = solved(displacement=support, traction=[TRACTION[0], push], contact=contact)
     assert np.allclose(forces(left), [0.0, 1.0, 0.0, 0.0], atol=1e-9)
     assert np.allclose(forces(pushed), [0.0, 1.0, -0.2, 0.0], atol=1e-9)
-
-
-@pytest.mark.parametrize("moves", ["gap", "shape"])
-def test_the_certificate_knows_where_a_foundation_is(monkeypatch, moves):
-    """Of a nonlinear body on one that stays where it was in the first load step it does not hold."""
-    plane = {"shape": "plane", "point": [0.0, 0.0], "normal": [0.0, 1.0], "shift": [0.0, "0.01*t"]}
-    scene = {
-        "mesh": {"generator": "rectangle", "parameters": {"length": 1.0, "height": 0.5, "nx": 4, "ny": 2}},
-        "material": {"law": "neo-hooke", "young": 100.0, "poisson": 0.3},
-        "displacement": {"boundary": "top", "x": 0.0, "y": 0.0},
-        "contact": {"boundary": "bottom"} | ({"gap": "-0.01*t"} if moves == "gap" else {"foundation": plane}),
-        "load_steps": {"times": [1.0, 2.0]},
-    }
-    assert solve(parse_scene(scene), MPI.COMM_SELF).converged
-    move, statements = ProblemOfScene._move, []
-
-    def stays(problem, statement):
-        statements.append(statement)
-        move(problem, statements[:2][-1])  # where it begins, and where it is in the first load step
-
-    monkeypatch.setattr(ProblemOfScene, "_move", stays)
-    with pytest.raises(ConvergenceError, match=r"\(entered .*there is a solution at time 1"):
-        solve(parse_scene(scene), MPI.COMM_SELF)

@@ -5,7 +5,6 @@ import pytest
 from mpi4py import MPI
 from scenes import alone
 
-from signorini_fx.mechanics.statement.cut_simplices import cut
 from signorini_fx.mechanics.statement.expressions import Expression, in_space, sample
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve
@@ -47,22 +46,6 @@ def test_a_load_has_one_rule_on_each_facet(where, degree):
     assert given.moment == pytest.approx(-(loaded * x).sum(), rel=1e-12, abs=1e-12)
 
 
-def test_the_parts_of_cut_simplices():
-    """They fill their simplex, and no function changes its sign inside one."""
-    chance = np.random.default_rng(3)
-    text = Expression("(1 if 2*x[0] + x[1] < 0.9 else 0) + abs(x[0] - x[1]) + min(x[0], 0.3)")
-    for size in (2, 3, 4):
-        x = chance.uniform(size=(20, size, 3 if size == 4 else 2))
-        owner, parts = cut(x, [text, 1.0])
-        assert len(x) < len(parts) < 30 * len(x)
-        np.testing.assert_allclose(np.bincount(owner, np.abs(np.linalg.det(parts))), 1.0, rtol=1e-12)
-        corners = np.einsum("mkc,mcd->mkd", parts, x[owner])
-        values = text.switches(corners.reshape(-1, x.shape[2]).T)
-        signs = np.where(np.abs(values) < 1e-9, 0, np.sign(values))
-        by_part = signs.reshape(len(signs), -1, size)
-        assert ((by_part.min(axis=2) >= 0) | (by_part.max(axis=2) <= 0)).all()
-
-
 BOX = {"length": 1.0, "width": 0.5, "height": 0.3, "nx": 5, "ny": 3, "nz": 2}
 
 
@@ -99,12 +82,3 @@ def test_forces_of_all_kinds_that_jump(cell):
         assert step.certificate.holds
         assert step.contact.forces[0][-1] == pytest.approx(weight + pushed + 0.7, rel=1e-8)
     assert solution.resultants.of("top").force[-1] == pytest.approx(-pushed - 0.7, rel=1e-12)
-
-
-def test_round_a_body_and_equal_loads():
-    """An axisymmetric body under two equal pressures up to a radius: the circumference counts, and both act."""
-    push = {"boundary": "top", "pressure": "where(x[0] < 0.5, 1, 0)"}
-    material = {"young": 1000.0, "poisson": 0.3, "hypothesis": "axisymmetric"}
-    solution = alone(square(0.0, traction=[push, push], material=material, displacement=[], solver={}), check=False)
-    assert solution.certificate.holds
-    assert solution.resultants.of("bottom").force[1] == pytest.approx(2 * np.pi * 0.5**2, rel=1e-9)

@@ -1,21 +1,13 @@
 """Loads beside tractions: total forces, weight, fluids, rotation, and functions of time; exact states and statics."""
 
-import shutil
-from dataclasses import replace
-
 import numpy as np
 import pytest
-from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from scenes import alone
-from test_springs import COMM, ELEMENTS, PLANE, POISSON, SIZE, YOUNG, body, scene
+from test_springs import COMM, ELEMENTS, PLANE, SIZE, YOUNG, body, scene
 
 from signorini_fx import SceneError
-from signorini_fx.mechanics.statement.expressions import Expression
-from signorini_fx.results.certificate.certificate import certify
 from signorini_fx.scenes.checks import check_scene
-from signorini_fx.scenes.mesh import load_mesh
-from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve
 
 SOFT = {"young": YOUNG, "poisson": 0.0}
@@ -90,27 +82,6 @@ def test_column_under_its_weight(cells, degree):
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize("cells", ["quadrilateral", "hexahedra"])
-def test_weight_of_two_materials(cells):
-    """Each has its density; the weight acts at the centre of mass."""
-    tagged, (up, letter) = body(cells), upwards(cells)
-    space = tagged.mesh.topology.dim
-    count = tagged.mesh.topology.index_map(space).size_local + tagged.mesh.topology.index_map(space).num_ghosts
-    cell = np.arange(count, dtype=np.int32)
-    middles = dmesh.compute_midpoints(tagged.mesh, space, cell)
-    tags = dmesh.meshtags(tagged.mesh, space, cell, np.where(middles[:, 0] < 1.0, 1, 2).astype(np.int32))
-    tagged = replace(tagged, cell_tags=tags, regions={"light": 1, "heavy": 2})
-    material = [{**SOFT, "region": "light", "density": 1.0}, {**SOFT, "region": "heavy", "density": 3.0}]
-    held = {"boundary": "bottom", "x": 0.0, "y": 0.0, **({} if cells in PLANE else {"z": 0.0})}
-    given = scene(tagged, 1, material, displacement=held, gravity={letter: -1.0})
-    solution = solve(given, COMM, check=False)
-    (weight,) = (one for one in solution.resultants.every() if one.boundary is None)
-    assert weight.force[up] == pytest.approx(-4.0, rel=1e-12)
-    assert weight.acts_at[0] == pytest.approx(0.25 * 0.5 + 0.75 * 1.5, rel=1e-12)
-    assert solution.certificate.holds
-
-
-@pytest.mark.mpi
 @pytest.mark.parametrize(("cells", "degree"), [("quadrilateral", 2), ("triangle", 2), ("tetrahedra", 2)])
 def test_rotating_bar(cells, degree):
     """About an axis through its end: y = rho omega^2 (L^2 x / 2 - x^3 / 6) / E at the vertices and the free end."""
@@ -150,18 +121,6 @@ def test_rotation_about_any_axis_in_space(axis):
 
 
 @pytest.mark.mpi
-def test_rotation_in_the_plane():
-    """Without an axis about x[2]: the force points away from the given point."""
-    material = {**SOFT, "density": 2.0}
-    held = {"boundary": "bottom", "x": 0.0, "y": 0.0}
-    given = scene(body(), 2, material, displacement=held, rotation={"speed": 3.0, "about": [0.5, -1.0]})
-    solution = solve(given, COMM, check=False)
-    (drag,) = (one for one in solution.resultants.every() if one.boundary is None)
-    assert drag.force == pytest.approx(2.0 * 9.0 * 2.0 * np.array([0.5, 1.5]), rel=1e-12)
-    assert solution.certificate.holds
-
-
-@pytest.mark.mpi
 @pytest.mark.parametrize(("cells", "degree"), ELEMENTS)
 def test_archimedes(cells, degree):
     """A body that is all under water is pushed up by the weight of the water that it displaces."""
@@ -192,28 +151,6 @@ def test_water_at_a_wall(cells):
     assert found.force[0] == pytest.approx(weight * level**2 / 2, rel=1e-3)
     assert found.acts_at[up] == pytest.approx(level / 3, rel=1e-2)
     assert solution.certificate.holds
-
-
-@pytest.mark.parametrize("restarted", [False, True])
-def test_a_gap_that_depends_on_the_time(restarted, tmp_path):
-    """Each load step has the gap of its time, also where the first of them was read from a checkpoint."""
-
-    def pressed(gap, **steps):
-        held = {"boundary": "top", "x": 0.0, "y": -0.05 * SIZE[1]}
-        contact = {"boundary": "bottom", "gap": gap, "friction": {"law": "coulomb", "coefficient": 0.3}}
-        return scene(body("quadrilateral"), 1, SOFT, displacement=held, contact=contact, **steps)
-
-    times = [1.0, 2.5]
-    given = pressed(f"{0.01 * SIZE[1]} * t", load_steps={"times": times})
-    kept = tmp_path / "kept"
-    found = solve(given, COMM, check=False, checkpoint=kept)
-    if restarted:
-        shutil.rmtree(kept / "checkpoint" / "0-00001")
-        found = solve(given, COMM, check=False, checkpoint=kept, restart=True)
-    for time, step in zip(times, found.steps, strict=True):
-        alone_at = solve(pressed(0.01 * SIZE[1] * time), COMM, check=False)
-        assert alone_at.contact.pressure.max() > 0.0
-        assert step.contact.pressure == pytest.approx(alone_at.contact.pressure, rel=1e-9, abs=1e-12)
 
 
 # --- functions of time -----------------------------------------------------------------------------------------------
@@ -255,105 +192,7 @@ def test_time_is_a_list_of_factors(linear_algebra, tmp_path):
     assert np.array_equal(again.displacement.x.array, timed.displacement.x.array)
 
 
-@pytest.mark.parametrize("contact", [True, False])
-def test_a_ramp_follows_the_time(contact):
-    """Water that rises in a ramp stands at each of its times where the level is, and not where its last pressure
-    grows.
-    """
-
-    def wet(level, **more):
-        water = {"boundary": "right", "level": level, "weight": 5.0}
-        held = [PRESSED["displacement"], {"boundary": "bottom", "y": 0.0}]
-        touching = {"contact": {"boundary": "top", "gap": 1e-5}} if contact else {}
-        return alone(
-            scene(body(comm=MPI.COMM_SELF, fine=2), displacement=held, fluid=water, **touching, **more), check=False
-        )
-
-    ramp = wet("t", load_steps={"steps": 4})
-    assert ramp.converged
-    assert len(ramp.steps) > 2
-    for step in ramp.steps:
-        y, same = step.displacement.x.array, wet(step.time).displacement.x.array
-        assert np.abs(y - same).max() <= 1e-9 * np.abs(same).max()
-        assert step.certificate.holds
-
-
-@pytest.mark.one_quick
-@pytest.mark.parametrize("more", [{"solver": {"levels": 2}}, {"accuracy": {"target": 0.1}}])
-def test_rising_water_on_several_meshes(more):
-    """Supports and friction carry w h^2 / 2 in each load step, and the foundation the weight."""
-    weight, own, rises = 2.0, 3.0, 0.4
-    data = {
-        "mesh": {"generator": "rectangle", "parameters": {"length": 2.0, "height": 1.0, "nx": 8, "ny": 4}},
-        "material": {"young": 100.0, "poisson": 0.3},
-        "load_steps": {"times": [1.0, 2.0]},
-        "displacement": {"boundary": "right", "x": 0.0},
-        "fluid": {"boundary": "left", "level": f"{rises}*t", "weight": weight},
-        "body_force": {"y": -own},
-        "contact": {"boundary": "bottom", "gap": "0.001*x[0]", "friction": {"law": "coulomb", "coefficient": 0.3}},
-    }
-    solution = alone(parse_scene(data | more))
-    assert len(solution.levels) > 1
-    for step in solution.steps:
-        assert step.certificate.holds
-        assert step.contact.forces[0][1] == pytest.approx(2.0 * own, rel=1e-8)
-    found = solution.resultants.of("right").force[0] + solution.contact.forces[1][0]
-    assert found == pytest.approx(-weight * (2 * rises) ** 2 / 2, rel=5e-3)
-    if "solver" in more:
-        same_steps(solution, alone(parse_scene(data)), 1e-6)
-
-
-def test_wrong_time_is_noticed():
-    """The certificate does not hold for the loads of another time."""
-    given = scene(
-        body(comm=MPI.COMM_SELF),
-        displacement={"boundary": "bottom", "x": 0.0, "y": "1e-4*t"},
-        traction={"boundary": "top", "y": "-20*t"},
-        load_steps={"times": [1.0, 2.0]},
-    )
-    solution = alone(given, check=False)
-    tagged = solution.model.tagged
-    assert certify(given.statement, tagged, solution.displacement, None, step=1).holds
-    assert not certify(given.statement, tagged, solution.displacement, None, step=0).holds
-
-
-def test_time_without_factors_needs_no_list():
-    """One load step at time 1, and with times one for each; loads without the time act in full."""
-    once = scene(body(comm=MPI.COMM_SELF), traction={"boundary": "top", "y": "-20*t"})
-    assert (once.statement.steps, once.statement.time_at(0)) == (1, 1.0)
-    assert once.statement.now(once.traction[0], 0)[1].y == Expression("-20*t", 1.0, allows_time=True)
-    several = scene(body(comm=MPI.COMM_SELF), traction={"boundary": "top", "y": "t"}, load_steps={"times": [1.0, 3.0]})
-    assert several.statement.steps == 2
-    assert several.statement.now(several.traction[0], 0.5)[1].y.time == pytest.approx(2.0)
-
-
 # --- what is said, and refused ---------------------------------------------------------------------------------------
-
-
-def test_said():
-    """Each has a line, with its values and its form."""
-    given = scene(
-        body(comm=MPI.COMM_SELF),
-        1,
-        {**SOFT, "density": 2.0},
-        displacement={"boundary": "bottom", "x": 0.0, "y": 0.0},
-        force={"boundary": "right", "x": 2.0},
-        gravity={"y": -9.81},
-        fluid={"boundary": "left", "level": "t", "weight": 3.0},
-        rotation={"speed": 0.0},
-    )
-    report = check_scene(given, MPI.COMM_SELF)
-    rows = {row.name: (row.on, row.why, row.forms) for row in report.effects}
-    constant = "gravity + force right"
-    assert rows["force right"] == (True, "x = 2", (constant,))
-    assert rows["gravity"] == (True, "y = -9.81", (constant,))
-    assert rows["fluid left"] == (True, "level = t, weight = 3", ("fluid left",))
-    assert rows["rotation"] == (False, "it is 0", ())
-    assert constant in report.forms
-    without = check_scene(scene(body(comm=MPI.COMM_SELF), displacement={"boundary": "left", "x": 0.0, "y": 0.0}))
-    rows = {row.name: (row.on, row.why, row.forms) for row in without.effects}
-    assert rows["force"] == (False, "no [[force]]", ())
-    assert not [form for form in without.forms if "total" in form or "gravity" in form]
 
 
 HEAVY = {**SOFT, "density": 1.0}
@@ -410,22 +249,10 @@ def test_mistakes(mistake):
         )
 
 
-def test_poisson_does_not_matter():
-    """The sum of the forces of a material with lateral strain is the same."""
-    held = {"boundary": "left", "x": 0.0, "y": 0.0}
-    given = scene(
-        body(comm=MPI.COMM_SELF),
-        2,
-        {"young": YOUNG, "poisson": POISSON},
-        displacement=held,
-        force={"boundary": "top", "y": -3.0},
-    )
-    assert alone(given, check=False).resultants.of("left").force == pytest.approx([0.0, 3.0], abs=1e-10)
-
-
 # --- prescribed rotations, and supports at points --------------------------------------------------------------------
 
 
+@pytest.mark.one_quick
 @pytest.mark.mpi
 @pytest.mark.parametrize("angle", [1e-3, "1e-3*t", "1e-3 + 0*x[0]"])
 @pytest.mark.parametrize(("cells", "degree"), ELEMENTS)
@@ -497,49 +324,3 @@ def test_mistakes_of_supports(mistake):
     held, message = SUPPORTS_REFUSED[mistake]
     with pytest.raises(SceneError, match=message):
         check_scene(scene(body(), displacement=[held]), COMM)
-
-
-@pytest.mark.mpi(slow=True)
-@pytest.mark.parametrize("bodies", [True, False], ids=["bodies", "one mesh"])
-def test_a_point_with_nodes_of_two_bodies(bodies):
-    """Which of them is supported is not guessed, on all ranks alike; a point of one of them is."""
-    meshes = [
-        {"generator": "rectangle", "parameters": {"length": 1.0, "height": 1.0, "nx": n, "ny": 2}} for n in (3, 2)
-    ]
-    scene = {
-        "body": [
-            {"name": "lower", "mesh": meshes[0]},
-            {"name": "upper", "mesh": meshes[1], "shift": [0.0, 1.0]},
-        ],
-        "material": {"young": 100.0, "poisson": 0.3},
-        "displacement": [{"boundary": "lower.bottom", "x": 0.0, "y": 0.0}, {"at": [0.0, 1.0], "x": 0.0}],
-        "traction": {"boundary": "upper.top", "y": -1.0},
-        "contact": {"boundary": "upper.bottom", "against": "lower.top"},
-    }
-    if not bodies:
-        scene["mesh"] = load_mesh(parse_scene(scene), COMM)
-        del scene["body"]
-    whose = "of the bodies 'lower' and 'upper'" if bodies else "of parts that do not share their nodes"
-    message = rf"displacement\[1\]\.at: 2 nodes of the mesh are at \(0, 1\), {whose}: .*choose a point"
-    with pytest.raises(SceneError, match=message):
-        check_scene(parse_scene(scene), COMM)
-    scene["displacement"][1]["at"] = [0.0, 2.0]
-    for name in ("lower", "upper") if bodies else ():
-        more = {"at": [0.0, 1.0], "x": 0.0, "region": name}
-        with_region = parse_scene({**scene, "displacement": [*scene["displacement"], more]})
-        assert _moved_at(solve(with_region, COMM), [0.0, 1.0]) == 1
-    found = solve(parse_scene(scene), COMM)
-    owned = found.displacement.function_space.dofmap.index_map.size_local
-    x, u = (one[:owned, :2] for one in nodes(found))
-    held = np.linalg.norm(x - [0.0, 2.0], axis=1) < 1e-9
-    assert np.abs(u[held, 0]).max(initial=0.0) < 1e-15
-    assert _moved_at(found, [0.0, 1.0]) == 2
-
-
-def _moved_at(found, place):
-    """How many nodes at a place move along x, on all ranks; the certificate knows which of them are held."""
-    assert found.certificate.holds
-    owned = found.displacement.function_space.dofmap.index_map.size_local
-    x, u = (one[:owned, :2] for one in nodes(found))
-    beside = np.linalg.norm(x - place, axis=1) < 1e-9
-    return COMM.allreduce(np.count_nonzero(np.abs(u[beside, 0]) > 1e-6))

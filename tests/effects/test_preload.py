@@ -1,7 +1,5 @@
 """Preload of bolts against springs in series and in parallel, by force and by shortening, in 2D and in 3D."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from dolfinx import mesh as dmesh
@@ -10,13 +8,9 @@ from mpi4py import MPI
 from signorini_fx import SceneError, solve
 from signorini_fx.mechanics.mesh.files.formats import read_file
 from signorini_fx.mechanics.mesh.tagged import gmsh_mesh, tag_boundaries
-from signorini_fx.records import Status, StepRecord
 from signorini_fx.results.section_forces import section_forces
-from signorini_fx.scenes.check_text import render
-from signorini_fx.scenes.checks import check_scene
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import parse_scene
-from signorini_fx.scenes.sweep import sweep
 
 COMM = MPI.COMM_WORLD
 CELLS = {
@@ -159,214 +153,6 @@ def test_force_and_the_shortening_that_it_causes_give_the_same():
 FRICTION = {"law": "coulomb", "coefficient": 0.2}
 
 
-def test_two_bolts():
-    """Each is tightened by its own force, through one head, with friction between it and the sleeve; then both are
-    locked.
-    """
-    whole = dmesh.create_rectangle(COMM, [[-2.0, 0.0], [2.0, 5.0]], (8, 10), CELLS["quadrilateral"])
-    x = dmesh.compute_midpoints(whole, 2, np.arange(whole.topology.index_map(2).size_local, dtype=np.int32))
-    kept = (np.abs(x[:, 0]) > 1.0) | (x[:, 1] > HEIGHT)
-    mesh = dmesh.create_submesh(whole, 2, np.flatnonzero(kept).astype(np.int32))[0]
-    cells = np.arange(mesh.topology.index_map(2).size_local + mesh.topology.index_map(2).num_ghosts, dtype=np.int32)
-    x = dmesh.compute_midpoints(mesh, 2, cells)
-    kind = np.where(x[:, 1] > HEIGHT, 3, np.where(x[:, 0] < 0, 1, 2)).astype(np.int32)
-    sides = {
-        "foot": lambda x: np.isclose(x[1], 0.0),
-        "under": lambda x: np.isclose(x[1], HEIGHT) & (np.abs(x[0]) < 1.1),
-    }
-    frame = replace(
-        tag_boundaries(mesh, sides),
-        cell_tags=dmesh.meshtags(mesh, 2, cells, kind),
-        regions={"left": 1, "right": 2, "head": 3},
-    )
-    _, sleeve = bodies("quadrilateral", 1.0)
-    plane = {"point": [0.0, 1.8], "axis": [0.0, 1.0]}
-    scene = parse_scene(
-        {
-            "body": [{"name": "frame", "mesh": frame}, {"name": "sleeve", "mesh": sleeve, "shift": [-0.5, 0.0]}],
-            "material": [{"region": name, "young": YOUNG, "poisson": 0.3} for name in ("frame", "sleeve")],
-            "displacement": [{"boundary": f"{name}.foot", "x": 0.0, "y": 0.0} for name in ("frame", "sleeve")],
-            "contact": {"boundary": "top", "against": "under", "friction": FRICTION},
-            "preload": [
-                {"region": "frame.left", **plane, "force": 20.0, "factors": [1.0, 3.0]},
-                {"region": "frame.right", **plane, "force": "6 * t", "locked_after": 2},
-            ],
-        }
-    )
-    solution = solve(scene)
-    first, second = (
-        section_forces(solution.statement, frame_of(solution), step.displacement, step.place) for step in solution.steps
-    )
-    assert np.allclose([one.force for one in first], [20.0, 6.0], rtol=1e-6)
-    assert np.isclose(second[1].force, 12.0, rtol=1e-6)
-    assert second[0].shortening == first[0].shortening
-    assert np.isclose(-solution.contact.forces[0][1], sum(one.force for one in second), rtol=1e-7)
-
-
-@pytest.mark.one_quick
-@pytest.mark.parametrize("steps", [None, 2])
-def test_restart(tmp_path, steps):
-    """A run that ends after the step that tightened goes on with the shortening that was found, and does not solve it
-    again.
-    """
-    scene = clamped(poisson=0.3, friction=FRICTION, more={"load_steps": {"steps": steps}}, force=TIGHT, locked_after=1)
-    whole = solve(scene)
-
-    def ends(event):
-        if isinstance(event, StepRecord) and event.step == 2:
-            raise KeyboardInterrupt
-
-    folder = COMM.bcast(tmp_path)
-    with pytest.raises(KeyboardInterrupt):
-        solve(scene, observers=[ends], checkpoint=folder)
-    again = solve(scene, checkpoint=folder, restart=True)
-    assert again.history.events[0].startswith("restart: 1 complete load step")
-    assert not any("solved again" in str(event) for event in again.history.events)
-    assert again.steps[0].linear_solves == whole.steps[0].linear_solves
-    assert again.history.linear_solves == whole.history.linear_solves
-    for step in range(len(whole.steps)):
-        assert figures(again, step) == pytest.approx(figures(whole, step), rel=1e-12)
-    assert abs(figures(again, 0)[0] - TIGHT) < 1e-6 * TIGHT
-    assert figures(again, -1)[2] == figures(again, 0)[2]
-
-
-@pytest.mark.one_quick
-@pytest.mark.parametrize("friction", [None, FRICTION])
-def test_sweep(friction):
-    """Each multiple of all loads, and each coefficient, against its own solve; the force is met in each."""
-    scene = clamped(poisson=0.3, friction=friction).model_copy(update={"force": ()})
-    if friction is None:
-        points = sweep(scene, loads=[0.5, 2.0])
-        own = [clamped(poisson=0.3, force=load * TIGHT).model_copy(update={"force": ()}) for load in (0.5, 2.0)]
-        wanted = [0.5 * TIGHT, 2.0 * TIGHT]
-    else:
-        points = sweep(scene, coefficients=[0.1, 0.4])
-        own = [
-            clamped(poisson=0.3, friction=FRICTION | {"coefficient": value}).model_copy(update={"force": ()})
-            for value in (0.1, 0.4)
-        ]
-        wanted = [TIGHT, TIGHT]
-    for point, one, force in zip(points, own, wanted, strict=True):
-        (found,), (alone,) = point.preloads(), solve(one).preloads
-        assert np.isclose(found.force, force, rtol=1e-6)
-        assert np.isclose(found.shortening, alone.shortening, rtol=1e-6)
-        assert point.certificate().holds
-    assert not np.isclose(points[0].preloads()[0].shortening, points[1].preloads()[0].shortening, rtol=1e-4)
-
-
-def test_a_section_with_nothing_to_pull_at_is_named():
-    """Its head is a hundred times the size of the bolt away from the sleeves: no shortening makes a force."""
-    solution = solve(clamped(gap=100.0), check=False)
-    (step,) = solution.steps
-    assert step.status is Status.OPEN
-    assert "preload bolt: no force goes through it" in step.reason.message
-    assert "forces miss" in str(solution.history.events[-1])
-    assert solution.history.linear_solves <= 10
-
-
-def test_a_bolt_that_nothing_holds_is_not_tightened():
-    """Another shortening does not hold it either."""
-    scene = clamped()
-    loose = solve(scene.model_copy(update={"displacement": scene.displacement[1:]}), check=False)
-    assert loose.status is Status.NOT_HELD
-    assert loose.history.events == []
-
-
-@pytest.mark.parametrize("force", [7.0, 20.0])
-def test_a_force_is_met_to_round_off(force):
-    """Also where an iterate with friction misses it by less than the millionth that Coulomb's iteration may leave."""
-    solution = solve(clamped(poisson=0.3, friction={"law": "tresca", "bound": 2.0}, force=force))
-    bolt, clamp, _ = figures(solution, 0)
-    assert abs(bolt - force) < 1e-10 * force
-    assert abs(clamp - force) < 1e-9 * force
-
-
-def test_sweep_of_a_heavy_and_heated_bolt():
-    """Statics: the sleeves carry the force through the section and the weight of what is above it, at each load."""
-    scene = clamped(poisson=0.3, more={"body_force": {"y": -0.5}, "temperature": {"change": 2.0}}, expansion=1e-3)
-    above = 0.5 * (SHANK * (HEIGHT - 2.0) + 4.0 * 1.0)  # the section is where cells meet, at x[1] = 2
-    points = sweep(scene.model_copy(update={"force": ()}), loads=[0.5, 2.0])
-    for point, load in zip(points, (0.5, 2.0), strict=True):
-        clamp = COMM.allreduce(float(point.contact.boundary.weight @ point.contact.pressure))
-        (section,) = point.preloads()
-        assert np.isclose(section.force, load * TIGHT, rtol=1e-6)
-        # The tops of the sleeves carry their force down to the ground.
-        assert np.isclose(clamp, section.force + load * above, rtol=1e-6)
-        assert point.certificate().holds
-
-
-def test_levels():
-    """Coarser meshes first: each meets the force; the stiffness of the last is that of the mesh alone."""
-    scene = seated(nx=16)
-    alone, nested = solve(scene), solve(seated(nx=16, solver={"levels": 3}))
-    assert len(nested.levels) == 3
-    assert np.isclose(nested.preloads[0].force, 5.0, rtol=1e-9)
-    assert np.isclose(nested.preloads[0].shortening, alone.preloads[0].shortening, rtol=1e-7)
-
-
-def seated(nx, **more):
-    """A bar that is held on the left, and tightened by a force against a plane on the right."""
-    size = {"length": 3.0, "height": 1.0, "nx": nx, "ny": 4}
-    return parse_scene(
-        {
-            "mesh": {"generator": "rectangle", "parameters": size},
-            "material": {"young": YOUNG, "poisson": 0.3},
-            "displacement": [{"boundary": "left", "x": 0.0, "y": 0.0}],
-            "contact": {"boundary": "right", "direction": [-1.0, 0.0], "kind": "bilateral"},
-            "preload": {"point": [1.37, 0.0], "axis": [1.0, 0.0], "force": 5.0},
-            **more,
-        }
-    )
-
-
-@pytest.mark.slow
-def test_a_force_against_a_plane_that_moves():
-    """A plane presses the stiff head down as time goes on: by statics its way adds to the shortening that the force
-    needs, and takes from the force once that is locked.
-    """
-    way = 0.05
-    plane = {"shape": "plane", "point": [0.0, 5.0], "normal": [0.0, -1.0], "shift": [0.0, f"-{way}*t"]}
-    under = {"against": "bolt.under"}
-    contact = [{"boundary": f"{side}.top", **under} for side in ("left", "right")]
-    more = {"contact": [*contact, {"boundary": "bolt.over", "foundation": plane}], "force": []}
-    more["load_steps"] = {"times": [1.0, 2.0, 3.0]}
-    solution = solve(clamped(stiff=1e6, solver={"linear_algebra": "full"}, more=more, force=TIGHT, locked_after=2))
-    for step, force in enumerate((TIGHT, TIGHT, TIGHT - BOLT * way)):
-        bolt, all_of_it, shortening = figures(solution, step)
-        assert bolt == pytest.approx(force, rel=1e-4)
-        clamp = SLEEVE * way * (step + 1)
-        assert all_of_it == pytest.approx(clamp + clamp - force, rel=1e-4)  # on the sleeves, and of the plane
-        assert shortening == pytest.approx(TIGHT / BOLT + way * min(step + 1, 2), rel=1e-4)
-
-
-def test_all_sections_have_their_forces():
-    """Of two bars that do not touch, the one that bends a gap closed needs more shortenings than the linear one."""
-    size = {"length": 3.0, "height": 1.0, "nx": 6, "ny": 4}
-    mesh = {"generator": "rectangle", "parameters": size}
-    plane = {"direction": [-1.0, 0.0]}
-    forces = {"plain": 5.0, "bent": 7.0}
-    scene = {
-        "body": [{"name": "plain", "mesh": mesh}, {"name": "bent", "mesh": mesh, "shift": [0.0, 2.0]}],
-        "material": {"young": YOUNG, "poisson": 0.3},
-        "displacement": [{"boundary": f"{name}.left", "x": 0.0, "y": 0.0} for name in forces],
-        "contact": [
-            {"boundary": "plain.right", "kind": "bilateral", **plane},
-            {"boundary": "bent.right", "gap": "0.02 * (x[1] - 2)", **plane},
-        ],
-        "preload": [
-            {"region": name, "point": [1.37, 0.0], "axis": [1.0, 0.0], "force": force} for name, force in forces.items()
-        ],
-    }
-    solution = solve(parse_scene(scene))
-    assert solution.converged
-    assert [section.force for section in solution.preloads] == pytest.approx(list(forces.values()), rel=1e-9)
-
-
-def frame_of(solution):
-    """The mesh of a solution."""
-    return solution.model.tagged
-
-
 def bar(cell, degree=1, *, preload=None, volumetric="full", heat=0.0, **more):
     """A bar of length 3 and section 1, held at both ends without Poisson's effect."""
     plane = cell in ("triangle", "quadrilateral")
@@ -399,30 +185,6 @@ def test_a_clamped_bar_has_one_stress_everywhere(cell, degree, heat):
     assert np.isclose(section.force, wanted * area, rtol=1e-10)
     assert np.isclose(solution.last_step.strain_energy, wanted**2 / (2 * YOUNG) * 3.0, rtol=1e-10)
     assert solution.certificate.holds
-    assert solution.certificate.worst < 1e-10
-
-
-@pytest.mark.parametrize(("cell", "degree"), [("triangle", 1), ("tetrahedron", 1), ("hexahedron", 2)])
-def test_a_plane_that_cuts_cells_askew(cell, degree):
-    """The section is a staircase then, and the stress is uniform all the same."""
-    dim = 2 if cell == "triangle" else 3
-    preload = {"point": [1.3, *[0.4] * (dim - 1)], "axis": [1.0, *[0.0] * (dim - 1)], "shortening": 0.03}
-    solution = solve(bar(cell, degree, preload=preload))
-    (section,) = solution.preloads
-    assert np.isclose(section.force, YOUNG * 0.03 / 3.0, rtol=1e-10)
-    assert np.isclose(solution.last_step.strain_energy, YOUNG * 0.01**2 / 2 * 3.0, rtol=1e-10)
-    assert np.isclose(solution.stress.largest().value, YOUNG * 0.01, rtol=1e-8)
-    assert np.isclose(solution.stress.smallest("von_mises", 0).value, YOUNG * 0.01, rtol=1e-8)
-
-
-@pytest.mark.parametrize("cell", ["quadrilateral", "hexahedron"])
-def test_an_orthotropic_bar(cell):
-    """Only its modulus along the bar counts, with free sides."""
-    wood = {"young": [YOUNG, 70.0, 40.0], "poisson": [0.4, 0.3, 0.5], "shear": [60.0, 50.0, 5.0]}
-    material = {"orthotropic": wood} | ({"hypothesis": "plane stress"} if cell == "quadrilateral" else {})
-    solution = solve(bar(cell, material=material))
-    assert np.isclose(solution.preloads[0].force, YOUNG * 0.01, rtol=1e-10)
-    assert np.isclose(solution.stress.largest().value, YOUNG * 0.01, rtol=1e-8)
     assert solution.certificate.worst < 1e-10
 
 
@@ -518,27 +280,6 @@ def test_a_section_that_a_file_names(tmp_path, several):
     assert not read_file(file).boundaries["cut"].size  # nobody else stores them
 
 
-@pytest.mark.mpi
-def test_a_section_of_a_file_whose_cells_are_halved(tmp_path):
-    """A bar and a block are one rod of length 4, also on the finer meshes of a requested accuracy."""
-    file, mpi = COMM.bcast(tmp_path) / "bar.geo", COMM
-    if mpi.rank == 0:
-        file.write_text(DRAWN)
-    mpi.barrier()
-    block = {"generator": "rectangle", "parameters": {"length": 1.0, "nx": 3, "ny": 3, "cell": "triangle"}}
-    scene = {
-        "body": [{"name": "bar", "mesh": {"file": str(file)}}, {"name": "block", "mesh": block, "shift": [3.0, 0.0]}],
-        "material": {"young": YOUNG, "poisson": 0.0},
-        "displacement": [{"boundary": "bar.left", "x": 0.0, "y": 0.0}, {"boundary": "block.right", "x": 0.0}],
-        "contact": {"boundary": "bar.right", "against": "block.left", "kind": "bonded"},
-        "preload": {"section": "bar.cut", "shortening": 0.03},
-        "accuracy": {"target": 0.5},
-    }
-    found = solve(parse_scene(scene))
-    assert len(found.levels) > 1
-    assert np.isclose(found.preloads[0].force, YOUNG * 0.03 / 4.0, rtol=1e-4)
-
-
 MISTAKES = {
     "no section": ({"section": "nowhere", "shortening": 0.1}, "preload[0].section: the mesh has no facets 'nowhere'"),
     "outside": ({"section": "left", "shortening": 0.1}, "preload[0].section: 'left' has no facets inside the mesh"),
@@ -585,43 +326,8 @@ def pressed_pair(points="boundary", axis=(0.0, 1.0), **contact):
 
 @pytest.mark.mpi
 @pytest.mark.parametrize("points", ["boundary", "against"])
-def test_a_section_at_the_contact_of_two_bodies(points):
-    """The other body would see the displacement on one side of the section alone, whichever has the points: what it
-    lost of the pressure was up to a third.
-    """
-    with pytest.raises(SceneError, match="holds nodes of the section"):
-        solve(pressed_pair(points))
-
-
-@pytest.mark.mpi
-@pytest.mark.parametrize("points", ["boundary", "against"])
 def test_a_section_across_a_contact_of_two_bodies(points):
     """Along the contact a bond holds the section, and contact without friction does not."""
     with pytest.raises(SceneError, match="holds nodes of the section"):
         solve(pressed_pair(points, axis=(1.0, 0.0), kind="bonded"))
     assert solve(pressed_pair(points, axis=(1.0, 0.0))).converged
-
-
-def test_a_section_that_ends_inside():
-    scene = {
-        "mesh": drawn(COMM, 2, whole=False),
-        "material": {"young": YOUNG, "poisson": 0.3},
-        "displacement": {"boundary": "left", "x": 0.0, "y": 0.0},
-        "preload": {"section": "cut", "shortening": 0.03},
-    }
-    with pytest.raises(SceneError, match="ends inside the body"):
-        solve(parse_scene(scene))
-
-
-def test_check_tells():
-    told = render(check_scene(clamped()))
-    assert "preload bolt" in told
-    assert "force = 20, locked_after = 1" in told
-
-
-@pytest.mark.slow
-def test_zero_is_nothing():
-    """A shortening of zero compiles nothing, and a scene without a preload does not import it."""
-    none = solve(bar("triangle", preload={"point": [1.0, 0.0], "axis": [1.0, 0.0], "shortening": 0.0}))
-    assert not none.preloads
-    assert none.model.inventory.forms == ["elasticity"]

@@ -41,6 +41,7 @@ def size(step):
     return MPI.COMM_WORLD.allreduce(largest, MPI.MAX)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     "entries",
     [
@@ -61,19 +62,6 @@ def test_nothing_is_left(entries):
     for step in (released, at_end):
         assert size(step) == 0.0
         assert step.strain_energy < 1e-20 * pressed.strain_energy
-
-
-@pytest.mark.parametrize("further", [{}, {"element": {"degree": 2}, "solver": {"algorithm": "alm"}}])
-def test_released_by_the_load(further):
-    """A body that supports hold, on which a load has come and gone, is where it was; also where sets are proposed from
-    a state without any traction.
-    """
-    load = [{"boundary": "top", "y": -1.0, "factors": PRESSED}]
-    support = [{"boundary": "left", "x": 0.0, "y": 0.0}]
-    contact = {"boundary": "bottom", "friction": FRICTION}
-    scene = Scene(mesh=BLOCK, material=STEEL, traction=load, displacement=support, contact=contact, **further)
-    steps = solve(scene).steps
-    assert [np.abs(step.displacement.x.array).max() == 0.0 for step in steps] == [False, True, False, False, True]
 
 
 def test_what_friction_holds_stays():

@@ -1,9 +1,5 @@
 """Springs between a boundary and the ground: exact states, the same by a form of one's own, statics, what is said."""
 
-import os
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 import ufl
@@ -14,21 +10,15 @@ from scenes import alone
 from spaces import box
 
 from signorini_fx import ContactProblem, Coulomb, Foundation, SceneError
-from signorini_fx.mechanics.assembly.mesh_entities import action
 from signorini_fx.mechanics.body.discretisation import discretise
 from signorini_fx.mechanics.mesh.tagged import tag_boundaries
-from signorini_fx.mechanics.statement.effect import Resistance
 from signorini_fx.records import Timings
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery
-from signorini_fx.results.certificate.certificate import certify
-from signorini_fx.results.certificate.nodal_forces import NodalForces
 from signorini_fx.scenes.checks import check_scene
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve
 
 COMM = MPI.COMM_WORLD
-# A process of its own knows nothing of the MPI of this one.
-SEPARATE = {key: value for key, value in os.environ.items() if not key.startswith(("OMPI_COMM", "PMIX_"))}
 YOUNG, POISSON = 5000.0, 0.3
 SIZE = (2.0, 1.0)
 PLANE = {"triangle": dmesh.CellType.triangle, "quadrilateral": dmesh.CellType.quadrilateral}
@@ -99,6 +89,7 @@ def test_bar_on_end_springs(cells, degree, keys):
     assert error < 1e-5 * np.sqrt(2 * strained)
 
 
+@pytest.mark.one_quick
 @pytest.mark.mpi
 @pytest.mark.parametrize("linear_algebra", ["full", "condensed", "krylov"])
 @pytest.mark.parametrize("cells", ["quadrilateral", "hexahedra"])
@@ -216,145 +207,7 @@ def test_against_a_spring_form(cells, degree, linear_algebra):
 # --- the independent check, load steps, units -------------------------------------------------------------------------
 
 
-@pytest.mark.mpi
-@pytest.mark.parametrize(("cells", "degree"), ELEMENTS)
-def test_independent_check(cells, degree):
-    """What NumPy makes of the springs is what the compiled form does, for data of every kind."""
-    springs = [
-        {"boundary": "top", "normal": "100 + x[0]**2", "tangential": 7.0},
-        {"boundary": "left", "x": lambda x: 1 + np.sin(x[1]), "y": 3.0},
-    ]
-    d = discretise(scene(body(cells), degree, springs=springs).statement, body(cells), Timings())
-    y = fem.Function(d.space)
-    y.interpolate(lambda x: np.array([np.sin(3 * x[0] + k) * x[1] for k in range(d.tagged.dimension)]))
-    forces = NodalForces(d.statement, d.tagged, d.space).resisted(y.x.array.reshape(-1, d.tagged.dimension))
-    every = np.arange(y.x.array.size // d.tagged.dimension, dtype=np.int32)
-    compiled = action(d.resists, y, every).reshape(forces.shape)
-    size = COMM.allreduce(np.abs(compiled).max(initial=0.0), op=MPI.MAX)
-    assert COMM.allreduce(np.abs(forces - compiled).max(initial=0.0), op=MPI.MAX) <= 1e-13 * size
-
-
-def test_wrong_springs_are_noticed():
-    """The certificate does not hold for a displacement of other springs."""
-
-    def standing(stiffness):
-        springs = {"boundary": "bottom", "normal": stiffness, "tangential": stiffness}
-        return scene(body(comm=MPI.COMM_SELF), springs=springs, traction={"boundary": "top", "y": -1.0})
-
-    right, wrong = standing(100.0), standing(101.0)
-    solution = alone(right)
-    assert certify(right.statement, solution.model.tagged, solution.displacement, None).equilibrium < 1e-11
-    assert certify(wrong.statement, solution.model.tagged, solution.displacement, None).equilibrium > 1e-3
-
-
-HELD = {
-    "springs": [{"boundary": "right", "normal": 200.0, "tangential": 100.0}],
-    "contact": {"boundary": "bottom", "friction": {"law": "coulomb", "coefficient": 0.3}},
-}
-
-
-def test_load_steps_a_ramp_and_a_restart(tmp_path):
-    """Springs have no memory: every step of a frictionless history is a solve of its own, and a restart goes on."""
-    held = {**HELD, "contact": {"boundary": "bottom"}}
-    push = {"boundary": "top", "y": -20.0, "factors": [0.5, 1.0, 0.25]}
-    given = scene(body(comm=MPI.COMM_SELF), **held, traction=push)
-    solution = solve(given, MPI.COMM_SELF, check=False, checkpoint=tmp_path)
-    for step, factor in zip(solution.steps, push["factors"], strict=True):
-        one = scene(body(comm=MPI.COMM_SELF), **held, traction={"boundary": "top", "y": -20.0 * factor})
-        alike = alone(one, check=False).displacement.x.array
-        assert np.abs(step.displacement.x.array - alike).max() <= 1e-9 * np.abs(alike).max()
-    ramp = scene(body(comm=MPI.COMM_SELF), **held, traction=push, load_steps={"steps": 2})
-    last = alone(ramp, check=False).displacement.x.array
-    assert np.abs(last - solution.displacement.x.array).max() <= 1e-9 * np.abs(last).max()
-    again = solve(given, MPI.COMM_SELF, check=False, checkpoint=tmp_path, restart=True)
-    assert np.array_equal(again.displacement.x.array, solution.displacement.x.array)
-
-
-@pytest.mark.parametrize(("length", "force"), [(1e3, 1.0), (1.0, 1e6), (1e-3, 1e9)])
-def test_units(length, force):
-    """Other units of length and of force: the same linear solves, the same displacement in its unit."""
-
-    def made(length, force):
-        tagged = body(comm=MPI.COMM_SELF)
-        tagged.mesh.geometry.x[:] *= length
-        stress = force / length
-        springs = [{"boundary": "right", "normal": 200.0 * stress / length, "tangential": 100.0 * stress / length}]
-        push = {"boundary": "top", "y": -20.0 * stress, "x": 3.0 * stress}
-        material = {"young": YOUNG * stress, "poisson": POISSON}
-        return alone(scene(tagged, 1, material, springs=springs, traction=push, contact=HELD["contact"]), check=False)
-
-    one, other = made(1.0, 1.0), made(length, force)
-    assert [step.linear_solves for step in one.steps] == [step.linear_solves for step in other.steps]
-    y, same = one.displacement.x.array, other.displacement.x.array / length
-    assert np.abs(y - same).max() <= 1e-9 * np.abs(y).max()
-
-
 # --- an effect is a file ---------------------------------------------------------------------------------------------
-
-OWN = '''
-"""Water that stands at a boundary."""
-from typing import Any
-from signorini_fx.mechanics.statement.effect import Force
-
-class Water(Force):
-    """Pressure of water.
-
-    Attributes:
-        boundary: its name.
-        level: height of the water, length.
-        weight: force per volume, stress / length.
-    """
-
-    boundary: str
-    level: float
-    weight: float
-
-    @property
-    def given(self) -> dict[str, Any]:
-        return {"pressure": "x"}  # it varies
-
-    def density(self, on):
-        from signorini_fx.mechanics.statement.expressions import Expression
-        return -on.value(Expression(f"{self.weight} * ({self.level} - x[1])")) * on.normal
-
-    def density_at(self, at):
-        from signorini_fx.mechanics.statement.expressions import Expression
-        return -at.value(Expression(f"{self.weight} * max({self.level} - x[1], 0)"))[..., None] * at.normal
-
-Entry = Water
-'''
-PROGRAM = """
-import sys
-import numpy as np
-import signorini_fx.mechanics.effects
-signorini_fx.mechanics.effects.__path__.append(sys.argv[1])
-from signorini_fx.scenes.checks import check_scene
-from signorini_fx.scenes.reading import parse_scene
-from signorini_fx.scenes.solver import solve
-common = {"mesh": {"generator": "rectangle", "parameters": {"nx": 6, "ny": 4}},
-          "material": {"young": 100.0, "poisson": 0.3}, "displacement": {"boundary": "left", "x": 0.0, "y": 0.0},
-          "contact": {"boundary": "bottom", "gap": 0.01}}
-wet = parse_scene({**common, "water": {"boundary": "right", "level": 1.0, "weight": 2.0}})
-dry = parse_scene({**common, "traction": {"boundary": "right", "pressure": "2 * (1 - x[1])"}})
-one, other = (solve(scene, check=False) for scene in (wet, dry))
-assert one.certificate.holds, one.certificate
-assert np.allclose(one.displacement.x.array, other.displacement.x.array, rtol=0, atol=1e-12)
-assert one.resultants.of("right").acts == ("water",)
-assert [e.name for e in check_scene(wet).effects if "water" in e.name] == ["water right"]
-assert [e.why for e in check_scene(dry).effects if "water" in e.name] == ["no [[water]]"]
-print("the same")
-"""
-
-
-def test_a_file_is_an_effect(tmp_path):
-    """Beside the others, and with nothing else changed: keys, form, independent check, resultants and words are
-    there.
-    """
-    (tmp_path / "water.py").write_text(OWN, encoding="utf-8")
-    done = subprocess.run(
-        [sys.executable, "-c", PROGRAM, str(tmp_path)], capture_output=True, text=True, check=False, env=SEPARATE
-    )
-    assert (done.stdout.strip(), done.returncode) == ("the same", 0), done.stderr
 
 
 # --- supports, and what is said --------------------------------------------------------------------------------------
@@ -391,23 +244,6 @@ def test_springs_are_supports(held, angle):
     assert discretise(given.statement, given.mesh, Timings()).motions.free.shape[1] == free
 
 
-def test_springs_press_a_body_on_its_foundation():
-    """Springs across the bottom and friction below: the body is held, and no motion is left to contact alone."""
-    report = check_scene(
-        scene(body(comm=MPI.COMM_SELF), **HELD, traction={"boundary": "top", "y": -1.0}), MPI.COMM_SELF
-    )
-    assert report.warnings == ()
-    row = next(effect for effect in report.effects if effect.name == "springs right")
-    assert (row.on, row.why, row.forms) == (True, "normal = 200, tangential = 100", ("springs right",))
-
-
-def test_what_is_not_listed():
-    """One row says that there are none."""
-    report = check_scene(scene(body(comm=MPI.COMM_SELF), displacement={"boundary": "left", "x": 0.0, "y": 0.0}))
-    row = next(effect for effect in report.effects if effect.name == "springs")
-    assert (row.on, row.why, row.forms) == (False, "no [[springs]]", ())
-
-
 REFUSED = {
     "nothing": ({}, r"springs\[0\].*give either"),
     "two frames": ({"normal": 1.0, "x": 1.0}, r"springs\[0\].*give either"),
@@ -427,15 +263,3 @@ def test_mistakes(mistake):
     springs, message = REFUSED[mistake]
     with pytest.raises(SceneError, match=message):
         check_scene(scene(body(), springs=[{"boundary": "bottom", **springs}]), COMM)
-
-
-def test_springs_that_are_zero_where_they_act():
-    """A warning, as for a traction."""
-    given = scene(
-        body(comm=MPI.COMM_SELF),
-        displacement={"boundary": "left", "x": 0.0, "y": 0.0},
-        springs=[{"boundary": "right", "normal": "1 if x[0] < 1 else 0"}],
-    )
-    (found,) = (finding for finding in check_scene(given, MPI.COMM_SELF).warnings if finding.path == "springs[0]")
-    assert "it is 0 on the whole boundary 'right'" in found.message
-    assert len(given.statement.of(Resistance)) == 1

@@ -1,8 +1,6 @@
 """Thermal strain: free and prevented expansion, exact states, a bimetal, a ring that is heated until it is loose."""
 
-import tomllib
 from dataclasses import replace
-from pathlib import Path
 
 import basix.ufl
 import numpy as np
@@ -16,15 +14,12 @@ from test_axisymmetric import section
 from test_springs import ELEMENTS, PLANE, body
 
 from signorini_fx import SceneError
-from signorini_fx.addons.derivatives.of_scene import sensitivity
 from signorini_fx.mechanics.mesh.tagged import tag_boundaries
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery
-from signorini_fx.scenes.checks import check_scene
-from signorini_fx.scenes.reading import parse_scene, read_scene
+from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve
 
 COMM = MPI.COMM_WORLD
-SCENES = Path(__file__).parents[2] / "demos" / "scenes"
 YOUNG, POISSON, ALPHA = 5000.0, 0.3, 1e-3
 STEEL = {"young": YOUNG, "poisson": POISSON, "expansion": ALPHA}
 
@@ -193,26 +188,6 @@ def test_linear_temperature(cells):
     assert extreme(solution.stress.tensor) <= 1e-9 * YOUNG * ALPHA * 30
 
 
-def test_derivatives():
-    """The force of a heated bar on its stop, E (alpha T - d) for the length and the area 1, by its data."""
-    heat, gap = 50.0, 0.03
-    given = scene(
-        section(comm=MPI.COMM_SELF),
-        1,
-        {"hypothesis": "axisymmetric", "poisson": 0.0},
-        displacement={"boundary": "bottom", "y": 0.0},
-        temperature={"change": heat},
-        contact={"boundary": "top", "gap": gap},
-    )
-    by = ["material.young", "material.expansion", "temperature.change", "temperature[0]", "contact.gap"]
-    found = sensitivity(given, "force top y", by, MPI.COMM_SELF)
-    strain, area = ALPHA * heat - gap, 4 * np.pi
-    exact = [-strain, -YOUNG * heat, -YOUNG * ALPHA, -YOUNG * ALPHA * heat, YOUNG]
-    assert found.derivatives == pytest.approx(area * np.array(exact), rel=1e-4)
-    with pytest.raises(SceneError, match="take young"):
-        sensitivity(given, "force top y", ["material.grading"], MPI.COMM_SELF)
-
-
 def logarithmic(r, inside, outside, heat, alpha=ALPHA):
     """Stresses of a long thick cylinder with T = heat ln(b / r) / ln(b / a), ends held, see Timoshenko and Goodier,
     Theory of Elasticity, section 150; sigma_zz = nu (sigma_r + sigma_t) - E alpha T.
@@ -326,49 +301,6 @@ def test_bimetal(tmp_path):
         assert nodes(again)[1][below, 1] == pytest.approx(y[below, 1], abs=1e-5 * curvature * length**2)
 
 
-def test_ring_that_comes_loose():
-    """A ring that is pressed on a rigid shaft loses its pressure in proportion to the heat, and then touches nowhere.
-
-    The pressure follows from Lame's equations for free ends: E (d / a - alpha T) / ((b^2 + a^2) / (b^2 - a^2) + nu).
-    """
-    inside, outside, tight = 1.0, 2.0, 0.02
-    loose = tight / (inside * ALPHA)
-    given = scene(
-        section(inside, outside, 0.5, counts=(12, 4), comm=MPI.COMM_SELF),
-        2,
-        {"hypothesis": "axisymmetric"},
-        displacement={"boundary": "bottom", "y": 0.0},
-        temperature={"change": loose, "factors": [0.0, 0.5, 0.99, 1.01]},
-        contact={"boundary": "inside", "gap": -tight},
-    )
-    solution = alone(given, check=False)
-    stiff = YOUNG / ((outside**2 + inside**2) / (outside**2 - inside**2) + POISSON)
-    for step, share in zip(solution.steps, (1.0, 0.5, 0.01, 0.0), strict=True):
-        assert step.certificate.holds
-        assert step.contact.pressure == pytest.approx(share * stiff * tight / inside, rel=5e-4, abs=1e-8 * stiff)
-    assert not solution.contact.pressure.any()
-    assert extreme(solution.stress.tensor) <= 1e-9 * YOUNG * tight
-
-
-def test_a_body_that_nothing_holds():
-    """A heated block between floor and nothing keeps its weight as its load: the heat neither lifts nor turns it."""
-    given = scene(
-        body("quadrilateral", MPI.COMM_SELF),
-        1,
-        {"density": 1e-2},
-        displacement={"boundary": "left", "x": 0.0},
-        gravity={"y": -1.0},
-        temperature={"change": "100 * x[0] * x[1]"},
-        contact={"boundary": "bottom"},
-    )
-    assert not [finding for finding in check_scene(given, MPI.COMM_SELF).findings if finding.level == "error"]
-    solution = alone(given, check=False)
-    assert solution.converged
-    assert solution.certificate.holds
-    weight = 2e-2
-    assert solution.contact.forces[0][1] == pytest.approx(weight, rel=1e-6)
-
-
 # --- values and what is said ------------------------------------------------------------------------------------------
 
 
@@ -387,29 +319,6 @@ def test_values_from_a_file(tmp_path_factory):
     second = solve(parse_scene({**given, "temperature": {"change": "10 + 3*x[0] - 2*x[1]"}}), COMM, check=False)
     assert first.certificate.holds
     assert first.displacement.x.array == pytest.approx(second.displacement.x.array, abs=1e-12)
-
-
-def test_values_across_bodies_that_touch(tmp_path):
-    """``check`` warns of one table for both; of a file for each, or of bodies that do not touch, it says nothing."""
-    corners = [f"{x},{y},{x}" for x in (0.0, 1.0, 2.0) for y in (0.0, 1.0)]
-    (tmp_path / "all.csv").write_text("\n".join(("x,y,change", *corners)), encoding="utf-8")
-    squares = {"generator": "rectangle", "parameters": {"length": 1.0, "height": 1.0, "nx": 2, "ny": 2}}
-    touching, apart = ({"boundary": "one.right", **other} for other in ({"against": "other.left"}, {}))
-
-    def warned(regions, contact):
-        given = {
-            "body": [{"name": name, "shift": [k, 0.0], "mesh": squares} for k, name in enumerate(("one", "other"))],
-            "material": [{**STEEL, "region": name} for name in ("one", "other")],
-            "displacement": [{"boundary": f"{name}.bottom", "x": 0.0, "y": 0.0} for name in ("one", "other")],
-            "temperature": [{"file": "all.csv", **({"region": name} if name else {})} for name in regions],
-            "contact": contact,
-        }
-        found = check_scene(parse_scene(given, folder=tmp_path), MPI.COMM_SELF).warnings
-        return [finding.path for finding in found if "points of all bodies" in finding.message]
-
-    assert warned([None], touching) == ["temperature[0].file"]
-    assert warned(["one", "other"], touching) == []
-    assert warned([None], apart) == []
 
 
 @pytest.mark.parametrize(
@@ -450,49 +359,3 @@ def test_what_is_wrong(temperature, material, place, words, tmp_path):
     ((path, message),) = caught.value.problems
     assert path == place
     assert words in message
-
-
-def test_what_is_said():
-    """The report of check."""
-    given = scene(
-        body("quadrilateral", MPI.COMM_SELF), displacement=sides("quadrilateral"), temperature={"change": 5.0}
-    )
-    told = str(check_scene(given, MPI.COMM_SELF))
-    assert "temperature" in told
-    assert "change = 5" in told
-
-
-def test_thermostat():
-    """The demo closes its contact where Timoshenko's curvature says, and presses as a beam does whose tip is held.
-
-    Beside the beam: the clamp also prevents the expansion across it, and the place of the contact moves a little.
-    """
-    solution = solve(read_scene(SCENES / "thermostat.toml"), MPI.COMM_SELF)
-    brass, invar, half, arm, gap, heat = 105000.0, 141000.0, 0.5, 38.0, 0.8, 60.0
-    ratio = invar / brass
-    curvature = 24 * (19.0e-6 - 1.2e-6) / (2 * half * (12 + (1 + ratio) * (1 + 1 / ratio)))
-    closes = gap / (curvature * arm**2 / 2)
-    assert closes == pytest.approx(41.7, abs=0.1)  # which the scene says
-    touching = [bool(step.contact.pressure.any()) for step in solution.steps]
-    assert touching == [bool(reached > closes) for reached in (15.0, 30.0, 45.0, 60.0)]
-    neutral = (brass - invar) * half / (2 * (brass + invar))
-    bending = half**3 / 12 * (brass + invar)
-    bending += half * (brass * (half / 2 - neutral) ** 2 + invar * (half / 2 + neutral) ** 2)
-    force = 3 * bending * (curvature * heat * arm**2 / 2 - gap) / arm**3
-    assert solution.contact.forces[0][1] == pytest.approx(force, rel=0.03)
-
-
-@pytest.mark.slow
-def test_a_hub_that_is_heated():
-    """Two bodies: half of the interference of the shrink fit is left where the hub alone grows by the other half."""
-    path = SCENES / "shrink_fit.toml"
-    given = tomllib.loads(path.read_text(encoding="utf-8"))
-    del given["traction"], given["load_steps"]
-    given["material"][0]["expansion"] = 1.2e-5
-    heat = 0.02 / 20 / (1.3 * 1.2e-5)  # (1 + nu) alpha T R is the interference
-    given["temperature"] = {"change": heat / 2, "region": "hub"}
-    solution = alone(parse_scene(given, folder=path.parent), check=False)
-    assert solution.certificate.holds
-    weight = solution.contact.boundary.weight
-    # Lame's pressure of the whole fit is 92.87, see the scene.
-    assert solution.contact.pressure @ weight / weight.sum() == pytest.approx(92.87 / 2, rel=1e-4)

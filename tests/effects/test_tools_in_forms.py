@@ -1,18 +1,14 @@
 """Foundations that forces move in ``ContactProblem``: the same as in scenes."""
 
-import inspect
-
 import forms
 import numpy as np
 import pytest
 import ufl
 from dolfinx import fem
 from mpi4py import MPI
-from test_tools import LAWS, block, on_named_posts, pressed
+from test_tools import block, pressed
 
-from signorini_fx import ContactProblem, ConvergenceError, Coulomb, FormError, Foundation, Tresca, solve
-from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodyMotion
-from signorini_fx.records import Status
+from signorini_fx import ContactProblem, Coulomb, FormError, Foundation, Tresca, solve
 
 COMM = MPI.COMM_WORLD
 FRICTION = {"none": None, "tresca": Tresca(4.0), "coulomb": Coulomb(0.3)}
@@ -124,29 +120,6 @@ def test_a_bond_to_a_tool():
     assert np.allclose(pull, [0.0, -3.0], atol=1e-8)
 
 
-def test_the_certificate_knows_the_force(monkeypatch):
-    solution = solve(block(2, "coulomb", **pressed(2, "coulomb")))
-    problem, right = same_as(solution, "coulomb"), RigidBodyMotion.unbalanced
-
-    def wrong(motion, drive, *others):
-        return right(motion, (1.01 * drive[0], drive[1]), *others)
-
-    monkeypatch.setattr(RigidBodyMotion, "unbalanced", wrong)
-    with pytest.raises(ConvergenceError):
-        problem.solve()
-    assert problem.status is Status.NOT_CERTIFIED
-
-
-def test_a_rigid_body_has_several_contacts():
-    solution = solve(on_named_posts())
-    problem = same_as(solution, "coulomb")
-    problem.solve()
-    assert [tool.body.parts for tool in problem.tools] == [(0, 1)]
-    assert differ(problem, solution.last_step) < 1e-9
-    with pytest.raises(FormError, match="in one contact of 'plate', not in 2"):
-        problem.place(0, prescribed={"rotation": 0.0})
-
-
 MISTAKES = [
     ({"bonded": True, "shape": None}, r"contact\[0\].bonded: needs a shape"),
     ({"shape": "timed"}, r"contact\[0\].shape: depends on t"),
@@ -168,9 +141,3 @@ def test_mistakes(others, words):
         problem.solve()
         with pytest.raises(RuntimeError, match="those of scenes"):
             problem.gradient("force 0 y", [])
-
-
-def test_signatures():
-    assert str(inspect.signature(ContactProblem.place)) == "(self, number: 'int', **placement: 'Any') -> 'None'"
-    assert str(inspect.signature(Foundation)).startswith("(facets: 'Any', gap: 'Any' = 0.0, direction: 'Any' = None, ")
-    assert set(LAWS) == set(FRICTION)

@@ -1,10 +1,7 @@
 """Moduli that vary within a material: a bar, layers, a cylinder, and that a constant changes nothing."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
-from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from scenes import alone
 from test_axisymmetric import section
@@ -164,42 +161,6 @@ def test_poisson_by_place(cells, degree, grading):
         lateral = -pressure * nu[layer] / (1 - nu[layer])
         wanted = np.diag([-pressure, lateral, lateral])
         np.testing.assert_allclose(values[here], np.broadcast_to(wanted, values[here].shape), atol=1e-8)
-
-
-@pytest.mark.parametrize("key", ["young", "poisson", "both"])
-def test_a_constant_is_a_smaller_modulus(key):
-    """Half of a modulus by grading, in one region of two, is half of the modulus."""
-    tagged = body("quadrilateral", MPI.COMM_SELF)
-    cells = np.arange(tagged.mesh.topology.index_map(2).size_local, dtype=np.int32)
-    right = dmesh.compute_midpoints(tagged.mesh, 2, cells)[:, 0] > 1.0
-    tags = dmesh.meshtags(tagged.mesh, 2, cells, np.where(right, 2, 1).astype(np.int32))
-    tagged = replace(tagged, cell_tags=tags, regions={"a": 1, "b": 2})
-
-    def of(**second):
-        material = [
-            {"young": YOUNG, "poisson": 0.3, "region": "a"},
-            {"young": YOUNG, "poisson": 0.2, "region": "b"} | second,
-        ]
-        given = {
-            "mesh": tagged,
-            "material": material,
-            "displacement": {"boundary": "left", "x": 0.0, "y": 0.0},
-            "traction": {"boundary": "right", "y": 1.0},
-        }
-        return alone(parse_scene(given), check=False)
-
-    half, gradings, halves = "0.5 + 0*x[0]", {}, {}
-    if key != "poisson":
-        gradings, halves = {"grading": half}, {"young": YOUNG / 2}
-    if key != "young":
-        gradings["poisson_grading"], halves["poisson"] = half, 0.1
-    graded, plain = of(**gradings), of(**halves)
-    assert graded.certificate.holds
-    assert graded.displacement.x.array == pytest.approx(plain.displacement.x.array, rel=1e-9, abs=1e-12)
-    for name in ("tensor", "von_mises", "shear_energy_density"):
-        ours, theirs = (getattr(one.stress.recovered, name).x.array for one in (graded, plain))
-        assert ours == pytest.approx(theirs, abs=1e-5 * np.abs(theirs).max())
-    assert graded.stress.error == pytest.approx(plain.stress.error, rel=1e-6)
 
 
 @pytest.mark.parametrize("key", ["grading", "poisson_grading"])

@@ -10,18 +10,14 @@ from mpi4py import MPI
 from scenes import alone, rectangle
 from spaces import box
 from test_axisymmetric import section
-from test_element_stress import true_error
 from test_hertz import RADIUS, YOUNG, ellipse, half_disk, profile
-from test_stresses import cylinder
 
-from signorini_fx.addons.derivatives.of_scene import sensitivity
 from signorini_fx.errors import SceneError
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.elasticity.mixed_pressure import MixedDisplacement
 from signorini_fx.mechanics.mesh.tagged import tag_boundaries
 from signorini_fx.results.certificate.certificate import certify
 from signorini_fx.results.certificate.law_of_method import Tractions
-from signorini_fx.scenes.checks import check_scene
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.scene import Discretised
 from signorini_fx.scenes.solver import solve
@@ -122,6 +118,7 @@ def test_augmentation(poisson):
     assert limit.displacement.hydrostatic.x.array == pytest.approx(other.displacement.hydrostatic.x.array, abs=1e-6)
 
 
+@pytest.mark.one_quick
 @pytest.mark.mpi
 @pytest.mark.parametrize("poisson", [0.3, 0.5])
 @pytest.mark.parametrize("cell", ["quadrilateral", "tetrahedra"])
@@ -149,58 +146,6 @@ def test_heated_patch(cell, poisson):
     assert solution.certificate.worst < 1e-9
     assert solution.last_step.strain_energy == pytest.approx(np.sum(stress * strain) / 2 * 3.0, rel=1e-9)
     assert solution.stress.error < 1e-4
-
-
-def test_free_expansion_of_a_ring():
-    """Incompressible, axisymmetric: it is without stress, and stands on the ground without pressure."""
-    scene = {
-        "mesh": tag_boundaries(shifted_ring(), {"under": lambda x: np.isclose(x[1], 0.0)}),
-        "element": MIXED,
-        "material": {"young": 10.0, "poisson": 0.5, "hypothesis": "axisymmetric", "expansion": 1e-3},
-        "temperature": {"change": 20.0},
-        "contact": {"boundary": "under", "kind": "bilateral"},
-    }
-    solution = solve(parse_scene(scene))
-    at = solution.model.space.tabulate_dof_coordinates()[:, :2]
-    np.testing.assert_allclose(solution.displacement.x.array.reshape(at.shape), 0.02 * at, rtol=0, atol=1e-11)
-    assert np.abs(solution.stress.tensor.x.array).max() < 1e-9
-    assert solution.last_step.strain_energy < 1e-12
-    assert solution.certificate.holds
-
-
-def shifted_ring():
-    """The section of a ring between the radii 1 and 2."""
-    mesh = rectangle(MPI.COMM_SELF, length=1.0, height=0.5, nx=4, ny=2).mesh
-    mesh.geometry.x[:, 0] += 1.0
-    return mesh
-
-
-@pytest.mark.one_quick
-@pytest.mark.parametrize("hypothesis", ["plane strain", "axisymmetric"])
-def test_uneven_heat_against_displacements(hypothesis):
-    """A field of temperatures in a held body with friction: forces, energy and stress are those of displacements."""
-
-    def block(element):
-        scene = {
-            "mesh": rectangle(MPI.COMM_SELF, length=3.0, height=1.0, nx=24, ny=8),
-            "element": element,
-            "material": {"young": 10.0, "poisson": 0.3, "expansion": 0.01, "hypothesis": hypothesis},
-            "displacement": {"boundary": "top", "x": 0.0, "y": 0.0},
-            "temperature": {"change": "x[0] - 0.5 * x[1]**2", "factors": [0.4, 1.0]},
-            "contact": {"boundary": "bottom", "friction": {"law": "coulomb", "coefficient": 0.2}},
-            "solver": {"algorithm": "alm"},
-        }
-        return alone(parse_scene(scene))
-
-    mixed, other = block(MIXED), block({"degree": 2})
-    force = other.resultants.of("bottom").force
-    assert mixed.resultants.of("bottom").force == pytest.approx(force, abs=1e-3 * np.linalg.norm(force))
-    for one, two in zip(mixed.steps, other.steps, strict=True):
-        assert one.strain_energy == pytest.approx(two.strain_energy, rel=2e-3)
-        assert one.certificate.worst < 1e-6
-    place = np.array([[1.5, 0.5, 0.0]])
-    assert mean_stress(mixed, place) == pytest.approx(mean_stress(other, place), rel=5e-3)
-    assert mixed.stress.error == pytest.approx(other.stress.error, rel=0.2)
 
 
 # --- a state that was made up ----------------------------------------------------------------------------------------
@@ -381,44 +326,6 @@ def rubbed(cell, tagged, poisson=0.5, **solver):
     return solve(scene, tagged.mesh.comm)
 
 
-def test_pressed_block_against_displacements():
-    """At nu = 0.49 pressure and stress of a rubber block are those of elements without a pressure on a finer mesh."""
-
-    def block(count, element):
-        tagged = rectangle(length=1.0, height=0.5, nx=2 * count, ny=count)
-        scene = {
-            "mesh": tagged,
-            "element": element,
-            "material": {"young": 10.0, "poisson": 0.49},
-            "displacement": [{"boundary": "top", "x": 0.0, "y": -0.02}, {"boundary": "left", "x": 0.0}],
-            "contact": {
-                "boundary": "bottom",
-                "gap": "0.05 * x[0]**2",
-                "friction": {"law": "coulomb", "coefficient": 0.2},
-            },
-        }
-        return alone(parse_scene(scene))
-
-    mixed, fine = block(8, MIXED), block(24, {"degree": 2})
-    assert mixed.resultants.of("bottom").force == pytest.approx(fine.resultants.of("bottom").force, rel=2e-3)
-    x, pressure, weight, _ = profile(mixed)
-    at, other, *_ = profile(fine)
-    expected = np.interp(x, at, other)
-    apart = np.sqrt(np.dot(weight, (pressure - expected) ** 2) / np.dot(weight, expected**2))
-    assert apart < 0.02
-    assert mixed.stress.error < 0.1
-    place = np.array([[0.3125, 0.25, 0.0]])  # a vertex of both meshes inside
-    assert mean_stress(mixed, place) == pytest.approx(mean_stress(fine, place), rel=0.02)
-
-
-def mean_stress(solution, at):
-    """A third of the trace of the recovered stress at the vertex that is nearest to a place."""
-    tensor = solution.stress.recovered.tensor
-    where = tensor.function_space.tabulate_dof_coordinates()
-    nearest = np.argmin(np.linalg.norm(where - at, axis=1))
-    return np.trace(tensor.x.array.reshape(-1, 3, 3)[nearest]) / 3
-
-
 @pytest.mark.mpi
 @pytest.mark.parametrize("cell", ["quadrilateral", "tetrahedra"])
 def test_certificate(cell):
@@ -443,36 +350,6 @@ def test_certificate(cell):
     for wrong in ({"shift": 1e-3}, {"factor": 1.001}, {"bump": 1e-3}, {"stretch": 1.001}):
         assert not verdict(**wrong).holds
         assert verdict(**wrong).equilibrium > 1e-5
-
-
-def test_certificate_needs_the_pressure():
-    """A copy of the displacement has none."""
-    solution = alone(pressed(uneven("triangle"), 0.5))
-    with pytest.raises(ValueError, match="without the pressure"):
-        certify(solution.statement, solution.model.tagged, solution.displacement.copy(), None)
-
-
-def test_change_of_volume_alone():
-    """With all forces balanced the certificate still sees a volume that Poisson's ratio excludes."""
-    found = alone(pressed(uneven("quadrilateral"), 0.3))
-    claimed = found.statement.changed(
-        material=(found.statement.material[0].model_copy(update={"poisson": 0.5, "young": 15.0 / 1.3}),)
-    )  # of the same shear modulus
-    tractions = Tractions.of(found.contact)
-    assert certify(found.statement, found.model.tagged, found.displacement, tractions).holds
-    assert certify(claimed, found.model.tagged, found.displacement, tractions).equilibrium > 0.1
-
-
-@pytest.mark.parametrize("units", [(1e-9, 1.0), (1e9, 1.0), (1.0, 1e-9), (1.0, 1e9), (1e9, 1e-9)])
-@pytest.mark.parametrize("linear_algebra", ["full", "condensed"])
-def test_units(units, linear_algebra):
-    """Nothing depends on the units of length and force."""
-    length, force = units
-    solution = alone(pressed(uneven("quadrilateral", length=length), 0.5, length, force, linear_algebra=linear_algebra))
-    assert solution.converged
-    assert solution.certificate.worst < 1e-9
-    assert solution.contact.pressure * length**2 / force == pytest.approx(0.5, rel=1e-8)
-    assert solution.displacement.hydrostatic.x.array * length**2 / force == pytest.approx(0.25, rel=1e-8)
 
 
 def test_nothing_determines_the_pressure():
@@ -508,18 +385,6 @@ def test_nothing_determines_the_pressure():
 # --- estimates and sequences of meshes -----------------------------------------------------------------------------
 
 
-@pytest.mark.mpi
-@pytest.mark.parametrize("poisson", [0.3, 0.5])
-def test_estimate_of_the_error(poisson):
-    """In Lame's cylinder, whose stress does not depend on Poisson's ratio, the estimate is near the true error."""
-    scene = cylinder(2, 0.25, "triangle")
-    material = scene.material[0].model_copy(update={"poisson": poisson})
-    solution = solve(scene.model_copy(update={"material": (material,), "element": Discretised(**MIXED)}))
-    error = true_error(solution)
-    assert error < 0.02
-    assert 0.7 < solution.stress.error / error < 1.7
-
-
 def rubber(**more):
     """An incompressible block on a bowl."""
     return alone(
@@ -538,24 +403,6 @@ def rubber(**more):
             }
         )
     )
-
-
-def test_levels():
-    """Coarser meshes as a start lead to the same state, and each has its estimate."""
-    plain, nested = rubber(), rubber(solver={"levels": 3})
-    assert nested.converged
-    np.testing.assert_allclose(
-        nested.contact.pressure, plain.contact.pressure, rtol=0, atol=1e-5 * plain.contact.pressure.max()
-    )
-    first, second, third = (level.energy for level in nested.levels)
-    assert first > 1.3 * second > 1.3**2 * third
-
-
-def test_accuracy():
-    """Refined, each cell where it pays, until the estimate is as small as asked for."""
-    solution = rubber(accuracy={"target": 0.06})
-    assert solution.converged
-    assert solution.levels[-1].energy <= 0.06 < solution.levels[0].energy
 
 
 BASE = {
@@ -579,62 +426,3 @@ def test_refused(name):
     changes, message = REFUSED[name]
     with pytest.raises(SceneError, match=message):
         parse_scene({**BASE, **changes})
-
-
-def test_refused_elsewhere():
-    """Derivatives."""
-    scene = parse_scene(BASE | {"displacement": {"boundary": "top", "x": 0.0, "y": -0.01}})
-    with pytest.raises(SceneError, match="derivatives are not possible yet"):
-        sensitivity(scene, "force bottom y", comm=MPI.COMM_SELF)
-
-
-def test_incompressible_plane_stress():
-    """In plane stress nu = 1/2 needs no pressure: a stretched sheet thins by half of its stretch."""
-    scene = parse_scene(
-        {
-            "mesh": {"generator": "rectangle", "parameters": {"nx": 2, "ny": 2}},
-            "material": {"young": 2.0, "poisson": 0.5, "hypothesis": "plane stress"},
-            "displacement": [{"boundary": "left", "x": 0.0}, {"boundary": "bottom", "y": 0.0}],
-            "traction": {"boundary": "right", "x": 0.1},
-        }
-    )
-    solution = alone(scene)
-    assert solution.converged
-    x = solution.model.space.tabulate_dof_coordinates()[:, :2]
-    np.testing.assert_allclose(solution.displacement.x.array.reshape(-1, 2), x * [0.05, -0.025], atol=1e-12)
-
-
-def test_what_it_costs():
-    """Two forms and matrices more, and one unknown of pressure for each vertex, which ``check`` says beforehand."""
-    scene = parse_scene(BASE)
-    told = check_scene(scene, MPI.COMM_SELF)
-    (pressure,) = (effect for effect in told.effects if effect.name == "pressure of the mixed element")
-    assert (pressure.on, pressure.forms, pressure.unknowns) == (True, ("divergence", "compressibility"), 9)
-    solution = alone(scene, check=False)
-    assert tuple(solution.model.inventory.forms) == told.forms
-    assert sorted(solution.model.inventory.matrices) == ["compressibility", "divergence", "stiffness"]
-    assert solution.model.stiffness.getSize()[0] == 2 * 25 + 9
-
-
-@pytest.mark.parametrize("length", [1.0, 1e-6])
-@pytest.mark.parametrize("cell", ["triangle", "tetrahedra"])
-def test_weight_of_an_enclosed_body(cell, length):
-    """An incompressible body in a box does not move under its weight: it has a pressure, and strains of round-off."""
-    tagged = uneven(cell, length=length)
-    dim = tagged.dimension
-    height = "xyz"[dim - 1]
-    scene = {
-        "mesh": tagged,
-        "element": MIXED,
-        "material": {"young": 10.0, "poisson": 0.5},
-        "body_force": {height: -1.0 / length},
-        "displacement": [{"boundary": f"{side}{k}", "xyz"[k]: 0.0} for k in range(dim - 1) for side in ("low", "high")],
-        "contact": {"boundary": f"low{dim - 1}"},
-        "solver": {"algorithm": "alm"},
-    }
-    solution = alone(parse_scene(scene))
-    assert solution.converged
-    assert np.abs(solution.displacement.x.array).max() < 1e-12 * length
-    columns = solution.table.columns
-    weight = 3.0 * length ** (dim - 1)  # the largest face has as many units of area
-    assert np.isclose(np.sum(columns["weight"] * columns["pressure"]), weight, rtol=1e-9)

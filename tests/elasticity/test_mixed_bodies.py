@@ -133,23 +133,6 @@ def test_friction(unit, linear_algebra):
         assert (np.abs(found.contact.shear).ravel() <= bound).all()
 
 
-def test_one_of_them_enclosed():
-    """A body between supports and the other one keeps its volume: it does not move, and has the pressure from outside.
-
-    The other one of its material, which is free at a side, does not determine it.
-    """
-    scene = stacked("triangle", solver={"linear_algebra": "condensed"})
-    wall = scene.displacement[1].model_copy(update={"boundary": "below.high0"})
-    solution = solve(scene.model_copy(update={"displacement": (*scene.displacement, wall)}))
-    assert solution.linear_algebra == "full: contact and supports enclose the incompressible body"
-    assert solution.certificate.worst < 1e-9
-    tagged, y = solution.model.tagged, solution.displacement
-    nodes = np.unique(y.function_space.dofmap.list[tagged.cells("below")])
-    np.testing.assert_allclose(y.x.array.reshape(-1, 2)[nodes], 0.0, atol=1e-12)
-    cells = y.hydrostatic.function_space.dofmap.list[tagged.cells("below")]
-    np.testing.assert_allclose(y.hydrostatic.x.array[cells], PRESSURE, rtol=1e-9)
-
-
 @pytest.mark.long
 def test_cattaneo_and_mindlin():
     """Cylinders of nu = 1/2, pressed and pushed: Hertz's pressure, and the half-width that sticks, to a node."""

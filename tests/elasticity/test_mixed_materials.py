@@ -12,8 +12,6 @@ from spaces import box
 
 from signorini_fx.errors import SceneError
 from signorini_fx.mechanics.mesh.tagged import tag_boundaries
-from signorini_fx.results.certificate.certificate import certify
-from signorini_fx.results.certificate.law_of_method import Tractions
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve
 
@@ -118,22 +116,6 @@ def test_two_columns(cell, heat):
     energy = HALF * sum(state.density for state in states)
     assert solution.last_step.strain_energy == pytest.approx(energy, rel=1e-9)
     assert solution.stress.error < 1e-3
-
-
-def test_certificate():
-    """It sees a pressure that is wrong in one material, and the materials in each other's place."""
-    solution = alone(columns(halves("quadrilateral", MPI.COMM_SELF)))
-    tagged, y, tractions = solution.model.tagged, solution.displacement, Tractions.of(solution.contact)
-    kept = y.hydrostatic.x.array.copy()
-    assert certify(solution.statement, tagged, y, tractions).holds
-    one = y.hydrostatic.function_space.dofmap.list[tagged.cells("right")[:1]].ravel()
-    for wrong in (y.hydrostatic.function_space.dofmap.list[tagged.cells("right")].ravel(), one):
-        y.hydrostatic.x.array[wrong] *= 1.001
-        assert certify(solution.statement, tagged, y, tractions).equilibrium > 1e-6
-        y.hydrostatic.x.array[:] = kept
-    left, right = solution.statement.material
-    swapped = left.model_copy(update={"region": "right"}), right.model_copy(update={"region": "left"})
-    assert not certify(solution.statement.changed(material=swapped), tagged, y, tractions).holds
 
 
 def test_enclosed():

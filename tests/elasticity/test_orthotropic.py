@@ -4,22 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from scenes import alone
 from test_axisymmetric import section
 from test_springs import PLANE, body
 
-from signorini_fx import SceneError, sensitivity
-from signorini_fx.mechanics.assembly.mesh_entities import action
-from signorini_fx.mechanics.body.discretisation import discretise
+from signorini_fx import SceneError
 from signorini_fx.mechanics.elasticity.moduli import middles
-from signorini_fx.mechanics.materials.isotropic import LinearElastic
-from signorini_fx.mechanics.materials.protocol import Material
-from signorini_fx.records import Timings
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery
-from signorini_fx.results.certificate.nodal_forces import NodalForces
 from signorini_fx.scenes.checks import check_scene
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve
@@ -109,6 +102,7 @@ def assert_uniform(solution, strain, stress, rel=1e-7):
     assert recovery.error(solution.displacement) <= 1e-5 * np.sqrt(2 * energy)
 
 
+@pytest.mark.one_quick
 @pytest.mark.mpi
 @pytest.mark.parametrize("linear_algebra", ["full", "condensed", "krylov"])
 @pytest.mark.parametrize("hypothesis", ["plane strain", "plane stress"])
@@ -125,6 +119,7 @@ def test_off_axis(cells, degree, hypothesis, linear_algebra):
     assert_uniform(solution, strain, -PRESSURE * np.diag([1.0, 0.0, out]))
 
 
+@pytest.mark.one_quick
 @pytest.mark.mpi
 @pytest.mark.parametrize("linear_algebra", ["full", "krylov"])
 @pytest.mark.parametrize(("cells", "degree"), [("hexahedra", 1), ("tetrahedra", 2)])
@@ -259,48 +254,6 @@ def test_turned_and_mirrored(dim):
 
 # --- independent check, several materials, products -------------------------------------------------------------------
 
-FIELD = {"direction": ["cos(2*x[1])", "0.3 + sin(x[0])"]}
-
-
-@pytest.mark.mpi
-@pytest.mark.parametrize(
-    ("cells", "degree", "hypothesis"),
-    [
-        ("triangle", 1, "plane strain"),
-        ("quadrilateral", 2, "plane stress"),
-        ("triangle", 2, "axisymmetric"),
-        ("tetrahedra", 2, None),
-        ("hexahedra", 1, None),
-    ],
-)
-def test_independent_check(cells, degree, hypothesis):
-    """Forces of any displacement of a body of two materials: by the form, and by strains turned into axes."""
-    tagged = halves(body(cells))
-    more = {} if hypothesis is None else {"hypothesis": hypothesis}
-    axes = FIELD if hypothesis else {"direction": [*FIELD["direction"], 0.5], "second": [0.1, "x[2]", 1.0]}
-    given = parse_scene(
-        {
-            "mesh": tagged,
-            "element": {"degree": degree},
-            "material": [
-                wood(region="a", grading="0.4 + 0.3*x[1]", **axes, **more),
-                {"region": "b", "young": 5000.0, "poisson": 0.3, **more},
-            ],
-            "displacement": {"boundary": "left", "x": 0.0},
-        }
-    )
-    d = discretise(given.statement, tagged, Timings())
-    y = fem.Function(d.space)
-    y.interpolate(
-        lambda x: np.array([x[0] * np.sin(2 * x[1] + 1), np.cos(3 * x[0]) * x[1], x[2] + x[0] ** 2])[: len(y)]
-    )
-    found, every = (
-        NodalForces(given.statement, tagged, d.space).internal(y),
-        np.arange(y.x.array.size // len(y), dtype=np.int32),
-    )
-    forces = action(d.forms, y, every).reshape(found.shape)
-    assert np.abs(found - forces).max(initial=0.0) <= 1e-12 * np.abs(forces).max(initial=1.0)
-
 
 def halves(tagged):
     """The same body with its left half called a, the other one b."""
@@ -326,49 +279,6 @@ def test_bar_of_two_woods(cells):
     assert shortened == pytest.approx(PRESSURE * (1 / E1 + 4 / E2), rel=1e-8)
 
 
-@pytest.mark.one_quick
-@pytest.mark.mpi(slow=True)
-@pytest.mark.parametrize("dim", [2, 3])
-def test_products(dim):
-    """Coulomb friction, several ranks, all linear algebra and other units: one solution."""
-    axes = FIELD if dim == 2 else {"direction": [*FIELD["direction"], 0.5], "second": [0.1, "x[2]", 1.0]}
-    cells, found = "triangle" if dim == 2 else "tetrahedra", []
-    reference = alone(pressed(body(cells, MPI.COMM_SELF), wood(**axes), solver={"linear_algebra": "full"}))
-    forces = np.sum(reference.contact.forces, axis=0)
-    size = np.linalg.norm(forces)
-    for algebra in ("full", "krylov", *(["condensed"] if COMM.size == 1 else [])):
-        solution = solve(pressed(body(cells), wood(**axes), solver={"linear_algebra": algebra}), COMM)
-        assert solution.certificate.holds
-        assert solution.linear_algebra.startswith(algebra)
-        assert np.abs(np.sum(solution.contact.forces, axis=0) - forces).max() <= 1e-8 * size
-        found.append(COMM.allreduce(solution.contact.pressure.max(initial=0.0), op=MPI.MAX))
-    assert found == pytest.approx([reference.contact.pressure.max()] * len(found), rel=1e-6)
-    stress, material = 1e6, wood(**axes)
-    for key in ("young", "shear"):
-        material["orthotropic"][key] = [stress * one for one in WOOD[key]]
-    scene = pressed(body(cells, MPI.COMM_SELF), material)
-    load = {axis: stress * getattr(scene.traction[0], axis) for axis in "xyz"[:dim]}
-    scaled = alone(scene.model_copy(update={"traction": (scene.traction[0].model_copy(update=load),)}))
-    assert scaled.contact.pressure == pytest.approx(stress * reference.contact.pressure, abs=1e-8 * stress * size)
-    assert scaled.certificate.holds
-
-
-def test_estimate():
-    """The estimated error follows the true one, which a fine mesh shows, and Galerkin's energies confirm."""
-
-    def energy(fine):
-        given = pressed(
-            body("triangle", MPI.COMM_SELF, fine), wood(**FIELD), displacement={"boundary": "left", "x": 0.0}
-        )
-        solution = alone(given)
-        return solution
-
-    coarse, fine = energy(2), energy(8)
-    error = StressRecovery.of(coarse.model).error(coarse.displacement)
-    work = [one.certificate.strain_energy for one in (coarse, fine)]
-    assert error**2 / 2 == pytest.approx(work[1] - work[0], rel=0.6)
-
-
 # --- what is refused and said ----------------------------------------------------------------------------------------
 
 
@@ -392,12 +302,6 @@ def test_wrong_constants(change, place, message):
     with pytest.raises(SceneError, match=rf"orthotropic.*{place}.*{message}") as raised:
         check_scene(pressed(body(comm=MPI.COMM_SELF), wood(**change)), MPI.COMM_SELF)
     assert len(raised.value.problems) == 1
-
-
-def test_parallel_vectors():
-    material = wood(direction=[1.0, 1.0, 0.0], second=[2.0, 2.0, 0.0])
-    with pytest.raises(SceneError, match="not parallel"):
-        check_scene(pressed(body("hexahedra", MPI.COMM_SELF), material), MPI.COMM_SELF)
 
 
 @pytest.mark.parametrize(
@@ -428,25 +332,6 @@ def test_refused(more, message):
         parse_scene(data)
 
 
-def test_derivatives_by_constants_are_refused():
-    given = pressed(body(comm=MPI.COMM_SELF), wood(), displacement={"boundary": "left", "x": 0.0})
-    found = sensitivity(given, "force bottom y", comm=MPI.COMM_SELF)
-    assert found.by == ("contact[0].friction.coefficient", "contact[0].gap", "traction[0]")
-    assert found.derivatives[2] == pytest.approx(found.value, rel=1e-6)  # of a load as a whole: statics
-    with pytest.raises(SceneError, match=r"material.* is possible where all materials are isotropic"):
-        sensitivity(given, "force bottom y", ["material[0].young"], MPI.COMM_SELF)
-
-
-def test_check_says_so_and_others_have_nothing_of_it(monkeypatch):
-    report = check_scene(pressed(body(comm=MPI.COMM_SELF), wood()), MPI.COMM_SELF)
-    assert "orthotropic material" in str(report)
-    assert "E = 12000, 900, 500; nu = 0.37, 0.42, 0.5; G = 800, 700, 60" in str(report)
-    for kind, needed in ((LinearElastic, "stress_at"), (Material, "axes"), (Material, "stiffness")):
-        monkeypatch.setattr(kind, needed, None)
-    solution = alone(pressed(body(comm=MPI.COMM_SELF), {"young": 5000.0, "poisson": 0.3}))
-    assert solution.certificate.holds
-
-
 @pytest.mark.mpi(slow=True)
 def test_free_expansion_and_prevented_expansion():
     """Heat strains a free bar without stress; held along its length it has the stress of E along it."""
@@ -471,32 +356,3 @@ def test_free_expansion_and_prevented_expansion():
         assert solution.certificate.holds
         strained = -2e-3 * stress[held].sum() / 2 * 2.0  # of a bar of area 2
         assert solution.certificate.strain_energy == pytest.approx(strained, rel=1e-9)
-
-
-@pytest.mark.mpi
-def test_torsion():
-    """Constants that are alike in all directions: those of an isotropic shaft."""
-    results, tagged = [], section()
-    for constants in (
-        {"young": 1000.0, "poisson": 0.3},
-        {
-            "orthotropic": {
-                "young": [1000.0] * 3,
-                "poisson": [0.3] * 3,
-                "shear": [1000 / 2.6] * 3,
-                "direction": [0.6, 0.8],
-            }
-        },
-    ):
-        shaft = {
-            "mesh": tagged,
-            "material": constants | {"hypothesis": "axisymmetric", "torsion": True},
-            "displacement": [{"boundary": "bottom", "x": 0.0, "y": 0.0, "z": 0.0}],
-            "traction": {"boundary": "top", "z": "x[0]", "y": -1.0},
-        }
-        results.append(solve(parse_scene(shaft), COMM))
-    assert all(result.certificate.holds for result in results)
-    first, second = (result.displacement.x.array for result in results)
-    np.testing.assert_allclose(second, first, atol=1e-9 * np.abs(first).max())
-    tensors = [result.stress.recovered.tensor.x.array for result in results]
-    np.testing.assert_allclose(tensors[1], tensors[0], atol=1e-8 * np.abs(tensors[0]).max())

@@ -7,12 +7,10 @@ import pytest
 import ufl
 from dolfinx import fem
 from dolfinx.fem import petsc as fem_petsc
-from mpi4py import MPI
 from scenes import on_mesh, rectangle
 from shifted_problems import shifted
 
 from signorini_fx.algebra.contact.active_sets import ActiveSets
-from signorini_fx.algebra.contact.complementarity import trial_shear
 from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.algebra.linalg.full import FullSystem
 from signorini_fx.algebra.problem.regularised import RegularisedProblem
@@ -141,17 +139,6 @@ def test_residual_and_jacobian_are_those_of_the_weak_form(cell, degree):
     assert np.abs(difference).max() <= 1e-12 * np.abs(reference.jacobian).max()
 
 
-def test_sets_of_the_problem_before_stick_where_there_is_no_limit():
-    """Before the first solve of a problem whose bound is infinite, as Coulomb friction begins, nothing slips."""
-    problem, y = problem_at_random_state(body("quadrilateral", 1), seed=3)
-    assert problem.sets.slip.any()
-    problem.set_data(replace(problem.data, bound=np.full(problem.points.size, np.inf)))
-    vector = problem.system.start.duplicate()
-    vector.setArray(y.x.array)
-    _, shear = problem.multipliers(vector, problem.sets)
-    np.testing.assert_array_equal(shear, trial_shear(problem.system.contact.traces(vector)[1], problem.data))
-
-
 @pytest.mark.parametrize("friction", ["given", "none", "of the pressure"])
 @pytest.mark.parametrize(("cell", "degree"), ELEMENTS)
 def test_taylor(cell, degree, friction):
@@ -212,10 +199,3 @@ def test_nodal_forces_do_the_work_of_the_multipliers():
     u_n, u_t = boundary.traces(y)
     work = np.sum(boundary.nodal_forces(pressure, shear) * y)
     assert work == pytest.approx(np.dot(boundary.weight, pressure * u_n + (shear * u_t)[:, 0]), rel=1e-13)
-
-
-def test_norm_of_the_contact_boundary():
-    """|1| on bottom and right is the square root of their length."""
-    boundary = body("triangle", 2).boundary
-    assert boundary.comm.size == MPI.COMM_SELF.size
-    assert boundary.points.norm(np.ones(boundary.size)) == pytest.approx(2.0, rel=1e-13)

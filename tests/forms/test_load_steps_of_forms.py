@@ -14,22 +14,15 @@ import ufl
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
-from support.nonlinear_bodies import PLATE, held, rectangle, residual
 from test_load_steps import FRICTION, LIMIT, PRESSURE
-from test_ramp import ramp
 
 from signorini_fx import (
     ContactProblem,
-    ConvergenceError,
     Coulomb,
     FormError,
     Foundation,
     LoadPath,
-    NonlinearContactProblem,
-    solve,
 )
-from signorini_fx.records import Status
-from signorini_fx.scenes.reading import parse_scene
 
 COMM = MPI.COMM_WORLD
 GAMMA = {"gamma_n": 1e6, "gamma_t": 1e6}
@@ -75,93 +68,6 @@ def test_a_path_is_a_loop(steps):
     np.testing.assert_array_equal(problem.u.x.array, y.x.array)
 
 
-@pytest.mark.slow
-@pytest.mark.mpi
-@pytest.mark.parametrize("settings", [{}, {"algorithm": "alm"}], ids=["ssn", "alm"])
-def test_a_ramp_is_that_of_a_scene(settings):
-    """The same increments, limit load and linear solves; the problem goes on from the last solution."""
-    scene = ramp(1.2, nx=12, **GAMMA, **settings)
-    solution = solve(scene, COMM, check=False)
-    problem, push = block(solution.model.tagged.mesh, **settings)
-
-    def at(time):
-        push.value = 1.2 * LIMIT * time
-
-    with pytest.raises(ConvergenceError, match=r"there is a solution at time 0\.8") as error:
-        problem.run(LoadPath((0.0, 1.0), steps=10), at)
-    solved = error.value.solution
-    assert [(step.time, step.status) for step in solved.steps] == [(s.time, s.status) for s in solution.steps]
-    assert (solved.status, problem.status) == (Status.SLIDES, Status.SLIDES)
-    assert solved.history.linear_solves == solution.history.linear_solves
-    assert solved.history.events == solution.history.events
-    scale = np.abs(solution.displacement.x.array).max()
-    assert np.abs(solved.last_step.displacement.x.array - solution.displacement.x.array).max() <= 1e-9 * scale
-    at(solved.last_step.time)
-    problem.solve()
-    assert abs(-problem.state.forces[1][0] - push.value) <= 1e-6 * LIMIT
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("settings", [{}, {"algorithm": "alm"}], ids=["ssn", "alm"])
-def test_slip_of_the_first_time_is_that_of_a_scene(settings):
-    """A circle that moves from where it is given, of which the first time is not 0: what it has moved until then is
-    slip, of scenes, forms, and forms that are solved one by one.  All of the contact slides: friction is F times the
-    pressure, and against the motion of the circle in the first step already.
-    """
-    times, circle = (0.4, 0.6, 0.8, 1.0), {"shape": "circle", "centre": [0.5, 1.3], "radius": 0.3}
-    sides, centre = {"length": 1.0, "height": 1.0, "nx": 8, "ny": 8, "cell": "quadrilateral"}, (0.05, -0.02)
-    law = {"law": "coulomb", "coefficient": 0.4}
-    scene = parse_scene(
-        {
-            "mesh": {"generator": "rectangle", "parameters": sides},
-            "material": {"young": 100.0, "poisson": 0.3},
-            "displacement": {"boundary": "bottom", "x": 0.0, "y": 0.0, "factors": [1.0] * 4},
-            "contact": {
-                "boundary": "top",
-                "foundation": circle | {"shift": [f"{v} * t" for v in centre]},
-                "friction": law,
-            },
-            "load_steps": {"times": times},
-            "solver": {**GAMMA, **settings},
-        }
-    )
-    solution = solve(scene, check=False)
-    expected = [step.contact.forces_of_each[0] for step in solution.steps]
-    for pressed, friction in expected:
-        assert friction[0] > 0.3 * abs(pressed[1]) > 0.0
-    mesh = forms.box((1.0, 1.0), (8, 8), dmesh.CellType.quadrilateral)
-    V = fem.functionspace(mesh, ("Lagrange", 1, (2,)))
-    u, v = ufl.TrialFunction(V), ufl.TestFunction(V)
-    held = fem.dirichletbc(np.zeros(2), fem.locate_dofs_topological(V, 1, forms.side(mesh, 1, 0.0)), V)
-    tool = Foundation(forms.side(mesh, 1, 1.0), shape=circle, friction=Coulomb(0.4))
-
-    def problem():
-        return ContactProblem(
-            forms.hooke(u, v, 100.0),
-            ufl.inner(fem.Constant(mesh, (0.0, 0.0)), v) * ufl.dx,
-            [held],
-            tool,
-            **GAMMA,
-            **settings,
-        )
-
-    def shift(time):
-        return [component * time for component in centre]
-
-    by_run = problem()
-    steps = by_run.run(times, lambda t: by_run.place(0, shift=shift(t))).steps
-    for step, force in zip(steps, expected, strict=True):
-        assert step.contact.forces_of_each[0] == pytest.approx(force, rel=1e-7)
-    by_hand = problem()
-    for time, force in zip(times, expected, strict=True):
-        for tried in (1.1 * time, time):  # what was tried before does not count
-            by_hand.place(0, shift=shift(tried))
-            by_hand.solve()
-        by_hand.advance()
-        assert by_hand.state.forces_of_each[0] == pytest.approx(force, rel=1e-7)
-        assert by_hand.certificate.holds
-
-
 def test_limit_load():
     """Statics: the block slides at the coefficient times its weight, which the ramp encloses to 1 %."""
     found = run_path(str(Path(__file__).parents[2] / "demos" / "forms" / "limit_load.py"))
@@ -202,6 +108,7 @@ def program(ranks, folder, what):
     return subprocess.run(command, env=alone, capture_output=True, text=True, timeout=500, check=False)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(COMM.size > 1, reason="starts ranks itself")
 def test_a_killed_program_goes_on(tmp_path):
     """Killed with -9 and restarted on two ranks, it solves what is missing, and ends as one that was not."""
@@ -240,54 +147,3 @@ def test_another_problem(tmp_path):
     problem, push = block(forms.box((3.0, 1.0), (3, 1)))
     solved = problem.run((1.0, 2.0), push, folder=tmp_path, restart=True)
     assert "restart: 2 complete load steps" in solved.history.events[0]
-
-
-@pytest.mark.parametrize("nonlinear", [False, True])
-def test_each_run_has_its_folder(tmp_path, monkeypatch, nonlinear):
-    """A second run does not replace the load steps of the first, however the folder is written: with folders of their
-    own a restart of the whole program goes on from both.
-    """
-
-    def program(*, restart):
-        if nonlinear:
-            space, side = rectangle([1.0, 1.0], [2, 2], MPI.COMM_SELF)
-            u = fem.Function(space)
-            plate = Foundation(side(1, 1.0), shape=PLATE)
-            problem = NonlinearContactProblem(residual(u), u, bcs=[held(space, side(1, 0.0))], contact=plate)
-
-            def push(time):
-                problem.place(0, shift=(0.0, -0.05 * time))
-        else:
-            problem, push = block(forms.box((3.0, 1.0), (3, 1)))
-        problem.run((1.0, 2.0), push, folder=tmp_path / "first", restart=restart)
-        if not nonlinear:
-            problem.advance()
-        with pytest.raises(FormError, match=r"folder: first has the load steps of another run of this problem: give"):
-            problem.run((3.0,), push, folder="first")
-        problem.run((3.0,), push, folder=tmp_path / "second", restart=restart)
-        return problem
-
-    monkeypatch.chdir(tmp_path)
-    program(restart=False)
-    again = program(restart=True)
-    counted = [event.partition(" complete")[0] for event in again.history.events if "restart" in event]
-    assert counted == ["restart: 2", "restart: 1"]
-
-
-@pytest.mark.parametrize("of", ["young", "friction"])
-def test_constants_that_hardly_differ(tmp_path, of):
-    """A Constant that has changed by 1e-9 makes another problem; one that ``at`` moves does not."""
-
-    def made(change):
-        mesh = forms.box((3.0, 1.0), (3, 1))
-        values = {"young": 5000.0, "friction": FRICTION}
-        values[of] *= 1 + change
-        return block(mesh, **{name: fem.Constant(mesh, value) for name, value in values.items()})
-
-    problem, push = made(0.0)
-    problem.run((1.0, 2.0), push, folder=tmp_path)
-    problem, push = made(0.0)
-    assert "2 complete load steps" in problem.run((1.0, 2.0), push, folder=tmp_path, restart=True).history.events[0]
-    problem, push = made(1e-9)
-    with pytest.raises(FormError, match="constants"):
-        problem.run((1.0, 2.0), push, folder=tmp_path, restart=True)

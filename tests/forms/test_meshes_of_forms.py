@@ -10,7 +10,7 @@ import ufl
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
-from test_hertz import POISSON, RADIUS, YOUNG, half_disk, load, peak
+from test_hertz import POISSON, RADIUS, YOUNG, load, peak
 
 from signorini_fx import (
     Accuracy,
@@ -19,7 +19,6 @@ from signorini_fx import (
     Coulomb,
     FormError,
     Foundation,
-    LoadPath,
     MeshError,
     TaggedMesh,
     Tresca,
@@ -28,8 +27,7 @@ from signorini_fx import (
     solve_nested,
     solve_to_accuracy,
 )
-from signorini_fx.forms.named_parts import tagged_mesh
-from signorini_fx.records import Status, StepRecord
+from signorini_fx.records import Status
 from signorini_fx.scenes.reading import parse_scene
 
 COMM = MPI.COMM_WORLD
@@ -79,7 +77,7 @@ GAMMA = {"gamma_n": 1e5, "gamma_t": 1e5}
 PEAK_OF_DISK = 5.4906
 
 
-@pytest.mark.one_quick
+@pytest.mark.slow
 @pytest.mark.mpi(slow=True)
 @pytest.mark.parametrize(("degree", "size", "meshes", "most"), [(1, 0.3, 4, 4.0), (2, 0.24, 3, 2.0)])
 def test_hertz_to_one_per_cent_of_the_peak(degree, size, meshes, most):
@@ -95,36 +93,6 @@ def test_hertz_to_one_per_cent_of_the_peak(degree, size, meshes, most):
     assert 0.5 <= estimate / true <= most
     assert solution.convergence_table[-1].predicted
     assert solution.convergence_table[-1].peak < estimate
-
-
-def test_names_without_facets():
-    """A rank may have none of the facets that have names."""
-    nothing = np.empty(0, dtype=np.int32)
-    tagged = tagged_mesh(forms.box((3.0, 1.0), [2, 1], comm=MPI.COMM_SELF), {"floor": nothing, "wall": nothing})
-    assert tagged.facets("floor").size == tagged.facets("wall").size == 0
-
-
-@pytest.mark.slow
-@pytest.mark.mpi
-@pytest.mark.parametrize("friction", [0.0, 0.3])
-def test_as_many_solves_as_the_scene(friction):
-    """On three nested meshes, with the same errors and the same pressure; the finer ones begin with the coarser."""
-    ours = solve_nested(hertz(friction=friction, **GAMMA), disks(0.16))
-    scene = half_disk(size=0.04, friction=friction, solver={"levels": 3, **GAMMA})
-    parameters = {**scene.mesh.parameters, "size": 0.25}
-    theirs = solve(scene.model_copy(update={"mesh": scene.mesh.model_copy(update={"parameters": parameters})}))
-    for level, known in zip(ours.levels, theirs.levels, strict=True):
-        assert (level.dofs, level.linear_solves) == (known.dofs, known.linear_solves)
-        for name in ("energy", "pressure", "inside", "data", "force"):
-            assert getattr(level, name) == pytest.approx(getattr(known, name), rel=1e-6, abs=1e-9), name
-    assert [level.linear_solves for level in ours.levels[1:]] <= [3, 3]
-    assert ours.history.linear_solves == theirs.history.linear_solves
-    for row, known in zip(ours.convergence_table, theirs.convergence_table, strict=True):
-        for name in ("pressure", "force", "zone", "peak"):
-            figure = getattr(known, name)
-            assert getattr(row, name) == (figure and pytest.approx(figure, rel=1e-4, abs=1e-9)), name
-    pressure, known = (solution.table.columns["pressure"] for solution in (ours, theirs))
-    np.testing.assert_allclose(pressure, known, rtol=0, atol=1e-8 * peak(0.4))
 
 
 def block(degree=1, friction=None, **settings):
@@ -155,16 +123,6 @@ def test_tetrahedra_are_divided():
     assert nested.levels[1].linear_solves < alone.history.linear_solves
     assert nested.levels[1].dofs == 3 * 13 * 5 * 5
     assert nested.steps[0].linear_solves <= nested.history.linear_solves
-
-
-@pytest.mark.slow
-@pytest.mark.mpi
-def test_tetrahedra_to_an_accuracy():
-    """Divided where the error is."""
-    goal = Accuracy(target=0.35, of="energy", refinement="adaptive")
-    solution = solve_to_accuracy(block(), forms.box((3.0, 1.0, 1.0), (3, 1, 1)), goal)
-    assert solution.convergence_table[-2].energy <= 0.35
-    assert solution.levels[-1].dofs < 8 * solution.levels[-2].dofs
 
 
 @pytest.mark.one_quick
@@ -202,67 +160,9 @@ def test_adaptive_meshes_are_those_of_the_scene(of):
     assert costs[0].next_seconds[1] > took
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize(("levels", "of"), [(1, "energy"), (2, "pressure")])
-def test_cost_without_a_requested_accuracy(levels, of):
-    """Of a single mesh it is about the stress; of several about the first error of the convergence table that is
-    known.
-    """
-    solution = solve_nested(block(friction=Tresca(0.5)), forms.box((3.0, 1.0), (9, 3)), levels)
-    assert solution.cost.of == of
-    assert solution.cost.dofs == solution.levels[-1].dofs
-    assert solution.cost.next_error == pytest.approx(solution.cost.error / 10)
-
-
 def pushed(mesh):
     """The block of ``test_load_steps_of_forms``, and the force that pushes it."""
     return load_steps.block(mesh, **{"stress": stress_of(5000.0, 0.3, 2)})
-
-
-@pytest.mark.slow
-@pytest.mark.mpi
-@pytest.mark.parametrize("path", [LoadPath((0.0, 6.0, 12.0)), LoadPath((0.0, 15.0), steps=3)], ids=["steps", "ramp"])
-def test_load_steps_on_each_mesh(path):
-    """The finest mesh has the load steps of that mesh alone; its first one begins with that of the coarser mesh."""
-    nested = solve_nested(pushed, forms.box((3.0, 1.0), (9, 3)), 2, path=path)
-    problem, push = pushed(nested.displacement.function_space.mesh)
-    alone = problem.run(path, push)
-    assert [step.time for step in nested.steps] == [step.time for step in alone.steps]
-    for step, known in zip(nested.steps, alone.steps, strict=True):
-        scale = np.abs(known.displacement.x.array).max()
-        np.testing.assert_allclose(step.displacement.x.array, known.displacement.x.array, rtol=0, atol=1e-7 * scale)
-    assert nested.steps[0].linear_solves < alone.steps[0].linear_solves
-    assert len(nested.convergence_table) == 3
-    assert nested.levels[1].force.size == 4 * len([step for step in nested.steps if step.place.is_integer()])
-
-
-def test_restart_on_a_finer_mesh(tmp_path):
-    """A run that was killed on its second mesh goes on there."""
-    coarsest, path = forms.box((3.0, 1.0), (9, 3), comm=MPI.COMM_SELF), LoadPath((0.0, 6.0, 12.0))
-    seen = []
-
-    def killed(record):
-        seen.append(record)
-        if seen.count("level 1") and sum(isinstance(entry, StepRecord) for entry in seen) == 5:
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        solve_nested(pushed, coarsest, 2, path=path, folder=tmp_path, observers=[killed])
-    begun = solve_nested(pushed, coarsest, 2, path=path, folder=tmp_path, restart=True)
-    whole = solve_nested(pushed, coarsest, 2, path=path)
-    assert begun.history.events[0].startswith("restart: 4 complete load steps")
-    assert begun.history.linear_solves == whole.history.linear_solves
-    np.testing.assert_allclose(begun.displacement.x.array, whole.displacement.x.array, rtol=0, atol=1e-12)
-
-
-def test_gamma_is_raised():
-    """A given regularisation error that is in the way is brought below the target."""
-    goal = Accuracy(target=0.05, of="force")
-    solution = solve_to_accuracy(
-        block(gamma_n=1e3, gamma_t=1e3), forms.box((3.0, 1.0), (6, 2), comm=MPI.COMM_SELF), goal
-    )
-    assert solution.statement.solver.gamma_n > 1e3
-    assert solution.levels[-1].regularisation < 0.05
 
 
 def test_budget_ends_by_name():
@@ -300,19 +200,6 @@ def test_what_is_refused():
     ):
         with pytest.raises(FormError, match=reason):
             wrong()
-
-
-def test_the_bound_of_the_last_mesh():
-    """Is that of its problem."""
-    mesh, problems = forms.box((3.0, 1.0), (6, 2), comm=MPI.COMM_SELF), []
-
-    def make(mesh):
-        problems.append(block()(mesh))
-        return problems[-1]
-
-    bound = solve_nested(make, mesh, 1).error_bound
-    assert not isinstance(bound, str), bound
-    assert bound.error == problems[-1].solution.error_bound.error > 0.0
 
 
 def test_without_stress_there_is_no_estimate():

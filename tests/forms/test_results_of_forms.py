@@ -3,7 +3,6 @@
 import json
 from pathlib import Path
 
-import forms as supported
 import jsonschema
 import numpy as np
 import pytest
@@ -14,7 +13,7 @@ from mpi4py import MPI
 from scenes import example1
 from two_bodies import stress_of
 
-from signorini_fx import ContactProblem, Coulomb, Foundation, Pair, Tresca, read_results, write_results
+from signorini_fx import ContactProblem, Foundation, Pair, read_results, write_results
 from signorini_fx.quantities.proved_statements import ErrorBound
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve
@@ -181,31 +180,6 @@ def test_a_problem_of_forms_has_the_results_of_its_scene(scene, tmp_path):
         jsonschema.Draft202012Validator(summary_schema()).validate(summary)
 
 
-def test_load_steps_of_forms_have_the_results_of_those_of_scenes(tmp_path):
-    """With a table of load steps, the contact in each, and the fields in a folder."""
-    scene = example1(coefficient=0.3, nx=12, ny=4, poisson=0.3)
-    loads = [load.model_copy(update={"factors": (0.5, 1.0)}) for load in scene.traction]
-    scene = scene.model_copy(update={"traction": tuple(loads)})
-    solution = solve(scene)
-    problem, factor = as_forms(scene.statement, solution.model.tagged)
-
-    def at(time):
-        factor.value = time / 2
-
-    problem.run((1.0, 2.0), at)
-    of_scene = write_results(solution, tmp_path / "scene", pictures=False)
-    of_forms = problem.write(tmp_path / "forms", pictures=False)
-    assert differences(of_scene, of_forms) == []
-    assert files_in(tmp_path / "scene") == files_in(tmp_path / "forms")
-    assert [step["step"] for step in of_forms["steps"]] == [1, 2]
-    assert of_forms["steps"][0].keys() == of_scene["steps"][0].keys()
-    problem.solve()
-    problem.advance()
-    factor.value = 1.2
-    problem.solve()
-    assert problem.solution.last_step.step == 3
-
-
 @pytest.mark.one_quick
 @pytest.mark.parametrize("law", [{}, {"bound": 3.0}], ids=str)
 def test_bounds_are_those_of_the_scene(law):
@@ -222,31 +196,6 @@ def test_bounds_are_those_of_the_scene(law):
     assert tuple(ours) == pytest.approx(tuple(theirs), rel=1e-9)
 
 
-def test_forces_of_springs():
-    """Springs, loads, supports and contact through parts of the boundary with names balance each other."""
-    solution = solve(example1(coefficient=0.3, nx=6, ny=2, poisson=0.3))
-    tagged = solution.model.tagged
-    problem, _ = as_forms(solution.statement, tagged)
-    (a, L), space = problem.assembled.forms.original, problem.u.function_space
-    u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
-    a += 100.0 * ufl.inner(u, v) * on(tagged, "right")
-    contact = Foundation(tagged.facets("bottom"), 0.001, friction=Coulomb(0.3))
-    names = {name: tagged.facets(name) for name in ("left", "right", "top", "bottom")}
-    problem = ContactProblem(a, L, problem.bcs[:1], contact, boundaries=names)
-    y = problem.solve()
-    rows = problem.solution.resultants.every()
-    assert [(row.boundary, row.acts) for row in rows] == [
-        ("left", ("support",)),
-        ("right", ("springs",)),
-        ("top", ("traction",)),
-        ("bottom", ("contact",)),
-    ]
-    stretched = [fem.assemble_scalar(fem.form(-100.0 * y[k] * on(tagged, "right"))) for k in range(2)]
-    assert rows[1].force == pytest.approx(stretched, rel=1e-10)
-    assert sum(row.force for row in rows) == pytest.approx([0.0, 0.0], abs=1e-9)
-    assert sum(row.moment for row in rows) == pytest.approx(0.0, abs=1e-9)
-
-
 def test_derivatives_of_quantities_of_scenes():
     """A mean displacement by name, and a force by the name of its contact or its number."""
     solution = solve(example1(coefficient=0.3, nx=12, ny=4, poisson=0.3))
@@ -260,6 +209,7 @@ def test_derivatives_of_quantities_of_scenes():
     assert force.derivatives == pytest.approx(same.derivatives)
 
 
+@pytest.mark.slow
 def test_forms_alone(tmp_path):
     """Without stress and names there is a folder with what is known, and no bound, which says what is missing."""
     solution = solve(example1(coefficient=0.3, nx=12, ny=4, poisson=0.3))
@@ -275,114 +225,3 @@ def test_forms_alone(tmp_path):
     assert problem.solution.error_bound == "the forms do not say what the stress is: give stress="
     np.testing.assert_array_equal(problem.table().columns["state"], solution.table.columns["state"])
     assert set(problem.plot().png) == {"deformed", "profiles", "history"}
-
-
-@pytest.mark.mpi
-def test_loads_along_the_normal_have_bounds():
-    """A pressure by the normal on a top and a side, and a load by a gradient or an index, are those of numbers."""
-    assert _check_loads_along_the_normal(COMM) == pytest.approx(_check_loads_along_the_normal(MPI.COMM_SELF), rel=1e-8)
-
-
-def _check_loads_along_the_normal(comm):
-    """The bounds of both loads, on the ranks of a communicator."""
-    mesh = dmesh.create_unit_square(comm, 6, 6)
-    space = fem.functionspace(mesh, ("Lagrange", 1, (2,)))
-    u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
-    x, n, p, k = ufl.SpatialCoordinate(mesh), ufl.FacetNormal(mesh), fem.Constant(mesh, 0.01), ufl.Index()
-    sides = [supported.side(mesh, *place) for place in ((1, 1.0), (0, 1.0), (1, 0.0), (0, 0.0))]
-    order = np.argsort(np.concatenate(sides))
-    marks = np.repeat(np.arange(1, 5, dtype=np.int32), [side.size for side in sides])[order]
-    ds = ufl.ds(domain=mesh, subdomain_data=dmesh.meshtags(mesh, 1, np.concatenate(sides)[order], marks))
-    held = fem.dirichletbc(np.zeros(2), fem.locate_dofs_topological(space, 1, sides[3]), space)
-    floor = Foundation(sides[2], 0.001, friction=Tresca(0.002))
-
-    def bound(L):
-        a = ufl.inner(stress_of(u, 1.0, 0.3), ufl.sym(ufl.grad(v))) * ufl.dx
-        problem = ContactProblem(a, L, [held], floor, stress=lambda y: stress_of(y, 1.0, 0.3))
-        problem.solve()
-        assert isinstance(problem.solution.error_bound, ErrorBound), problem.solution.error_bound
-        return problem.solution.error_bound.error
-
-    pull = ufl.as_tensor([[0.0, 0.0], [0.0, -p]])
-    expected = bound(-0.01 * v[1] * ds(1) - 0.01 * v[0] * ds(2))
-    assert expected > 0.0
-    assert bound(-p * ufl.inner(n, v) * ds((1, 2))) == pytest.approx(expected, rel=1e-9)
-    assert bound(-p * n[k] * v[k] * (ds(1) + ds(2))) == pytest.approx(expected, rel=1e-9)
-    down = bound(-0.01 * v[1] * ds(1))
-    assert down != pytest.approx(expected, rel=1e-3)
-    for L in (ufl.inner(pull * n, v), ufl.inner(ufl.grad(-p * x[1]), v), ufl.as_vector([x[0], -p])[1] * v[1]):
-        assert bound(L * ds(1)) == pytest.approx(down, rel=1e-9)
-    return expected, down
-
-
-@pytest.mark.mpi
-def test_supports_of_one_facet_have_bounds():
-    """The rank that owns a node may have none of the facets that are held there: it is no support at a point."""
-    mesh = dmesh.create_rectangle(COMM, ((0.0, 0.0), (4.0, 1.0)), (4, 1))
-    space = fem.functionspace(mesh, ("Lagrange", 1, (2,)))
-    u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
-    a = ufl.inner(stress_of(u, 1.0, 0.3), ufl.sym(ufl.grad(v))) * ufl.dx
-    floor = Foundation(supported.side(mesh, 1, 0.0), 0.001)
-    for k in range(4):
-        on_facet = dmesh.locate_entities_boundary(mesh, 1, lambda x, k=k: (x[1] > 0.9) & (abs(x[0] - k - 0.5) < 0.6))
-        held = fem.dirichletbc(np.zeros(2), fem.locate_dofs_topological(space, 1, on_facet), space)
-        problem = ContactProblem(a, -1e-3 * v[1] * ufl.dx, [held], floor, stress=lambda y: stress_of(y, 1.0, 0.3))
-        problem.solve()
-        assert isinstance(problem.solution.error_bound, ErrorBound), problem.solution.error_bound
-
-
-@pytest.mark.mpi
-def test_a_part_of_another_mesh_has_bounds():
-    """It has no numbers of the cells of its input."""
-    errors = [_error_on_a_part(comm) for comm in (COMM, MPI.COMM_SELF)]
-    assert errors[0] == pytest.approx(errors[1], rel=1e-8)
-
-
-def _error_on_a_part(comm):
-    """The bound on the left part of a square, on the ranks of a communicator."""
-    square = dmesh.create_unit_square(comm, 6, 6)
-    mesh = dmesh.create_submesh(square, 2, dmesh.locate_entities(square, 2, lambda x: x[0] < 0.7))[0]
-    space = fem.functionspace(mesh, ("Lagrange", 1, (2,)))
-    u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
-    a = ufl.inner(stress_of(u, 1.0, 0.3), ufl.sym(ufl.grad(v))) * ufl.dx
-    dofs = fem.locate_dofs_topological(space, 1, supported.side(mesh, 0, 0.0))
-    floor = Foundation(supported.side(mesh, 1, 0.0), 0.001)
-    held = fem.dirichletbc(np.zeros(2), dofs, space)
-    problem = ContactProblem(a, -1e-3 * v[1] * ufl.dx, [held], floor, stress=lambda y: stress_of(y, 1.0, 0.3))
-    problem.solve()
-    assert isinstance(problem.solution.error_bound, ErrorBound), problem.solution.error_bound
-    return problem.solution.error_bound.error
-
-
-def test_what_bounds_refuse():
-    """Loads that are known at points of quadrature alone, springs in a, and supports that vary."""
-    solution = solve(example1(coefficient=0.3, nx=6, ny=2, poisson=0.3))
-    tagged = solution.model.tagged
-    problem, _ = as_forms(solution.statement, tagged)
-    (a, L), bcs, stress = problem.assembled.forms.original, problem.bcs, problem.assembled.forms.stress
-    space = problem.u.function_space
-    u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
-    bottom = Foundation(tagged.facets("bottom"), 0.001, friction=Coulomb(0.3))
-    load = fem.Function(space)
-    load.x.array[:] = 1e-3
-    strain = ufl.inner(ufl.grad(v), ufl.Identity(2)) * ufl.dx
-    for forms, reason in (
-        ((a, L + ufl.inner(load, v) * ufl.dx), "the body force is not known between points of quadrature"),
-        ((a, L + fem.Constant(tagged.mesh, 1e-3) * strain), "works on strains"),
-        ((a + ufl.inner(u, v) * on(tagged, "top"), L), "springs, or another law"),
-    ):
-        other = ContactProblem(*forms, bcs, bottom, stress=stress)
-        other.solve()
-        assert reason in other.solution.error_bound
-
-
-@pytest.mark.parametrize("scene", [example1(bound=3.0, nx=12, ny=4), block()], ids=["plane", "space"])
-def test_pictures_of_forms_alone(scene, tmp_path):
-    """Where the stress is not known the body has the colours of its displacement, and the report says so."""
-    solution = solve(scene)
-    problem, _ = as_forms(scene.statement, solution.model.tagged, stress=None)
-    problem.solve()
-    problem.write(tmp_path, report=True)
-    body = {"body.json", "contact.vtu", "contact_surface.png"} if solution.model.dimension == 3 else set()
-    assert body | {"deformed.png", "history.png", "report.html"} < set(files_in(tmp_path))
-    assert "the stress is not known" in (tmp_path / "report.html").read_text()

@@ -36,6 +36,7 @@ def changed(name, folder, pattern, new):
     return judge(deck, DATA / f"{name}.dat")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", sorted(file.stem for file in DATA.glob("*.dat")))
 def test_good_results_agree(name):
     """Of full, reduced and quadratic elements, in 2D, of revolution and in 3D."""
@@ -64,6 +65,7 @@ SPOILED = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("fault", SPOILED)
 def test_what_is_another_problem_is_named(fault, tmp_path):
     """The deck is changed the other way round."""
@@ -74,6 +76,7 @@ def test_what_is_another_problem_is_named(fault, tmp_path):
     assert judgement.exit_code == (5 if word == ANOTHER else 6)
 
 
+@pytest.mark.slow
 def test_units_and_single_nodes():
     """Displacements in millimetres, a node moved by a tenth of the largest displacement, and none that moves."""
     table = displacements("shelf_CPE4")
@@ -193,6 +196,7 @@ def test_friction_turned_round():
     assert judgement.figures["equilibrium"]["value"] < 1e-6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["press_fit", "two_cylinders"])
 def test_solutions_of_demos_agree(name, tmp_path):
     """Of two bodies, with friction and load steps; the end of an earlier load step is named."""
@@ -218,6 +222,7 @@ def test_materials_that_are_not_linear_are_refused():
     assert judgement.reason == "materials that are not linear are not judged"
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(("result", "code"), [("shelf_CPE4.dat", 0), ("press_CPE4.dat", 6), ("absent.dat", 2)])
 def test_the_command(result, code, capsys):
     """Its exit code, and JSON."""

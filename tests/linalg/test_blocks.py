@@ -1,7 +1,6 @@
 """Matrices by blocks: products against scipy and PETSc, and whole solves against those with sparse matrices."""
 
 import functools
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,7 +8,6 @@ import scipy.sparse as sp
 import ufl
 from dolfinx import default_scalar_type, fem
 from dolfinx import mesh as dmesh
-from dolfinx.fem import petsc as fem_petsc
 from mpi4py import MPI
 from petsc4py import PETSc
 from scenes import example1
@@ -134,60 +132,6 @@ def test_a_stiffness_by_blocks(dimension):
         assert difference(rows, both.createSubMatrix(places, None)) <= 1e-15
 
 
-@pytest.mark.mpi
-@pytest.mark.parametrize("dimension", [2, 3])
-def test_entries_of_a_pattern_stay_in_double_precision(dimension):
-    """They are those of the matrix, what is left of it has none of them, and both together are A but for the round-off
-    of single precision; A itself stays as it is.
-    """
-    ours, theirs, _space = two_matrices(dimension, WORLD)
-    first, last = ours.getOwnershipRange()
-    pattern = PETSc.Mat().createAIJ(ours.getSizes(), nnz=(9, 9), comm=WORLD)
-    for row in range(first, last, 3):  # rows of some nodes, in part, and one entry that A has no room for
-        columns, _ = theirs.getRow(row)
-        pattern.setValues(row, columns[::3][:8], np.zeros(len(columns[::3][:8])))
-        pattern.setValue(row, (row + ours.getSize()[0] // 2) % ours.getSize()[0], 0.0)
-    pattern.assemble()
-    left, entries = blocks.apart(ours, pattern)
-    wanted = pattern.copy()
-    for row in range(first, last):
-        columns, _ = pattern.getRow(row)
-        if len(columns):
-            wanted.setValues(row, columns, theirs.getValues([row], columns))
-    wanted.assemble()
-    assert difference(entries, wanted) <= 1e-15
-    x, y = ours.createVecs()
-    whole, inside = y.duplicate(), y.duplicate()
-    x.getArray()[:] = np.random.default_rng(WORLD.rank).standard_normal(x.getLocalSize())
-    theirs.mult(x, whole)
-    wanted.mult(x, inside)
-    left.mult(x, y)
-    assert inside.norm() > 0.05 * whole.norm()
-    assert 0 < (y + inside - whole).norm() <= 1e-7 * whole.norm()
-    assert difference(blocks.by_entries(ours), theirs) <= 1e-15
-
-
-@pytest.mark.mpi
-def test_a_scalar_form_with_the_pattern_of_blocks():
-    """The matrix that dolfinx assembles with a pattern of its own, on any number of ranks."""
-    stiffness, _, space = two_matrices(3, WORLD)
-    scalar = fem.functionspace(space.mesh, ("Lagrange", 1))
-    form = fem.form(ufl.TrialFunction(scalar) * ufl.TestFunction(scalar) * ufl.dx)
-    ours, theirs = block_stiffness.scalar_matrix(form, stiffness), fem_petsc.assemble_matrix(form)
-    ours.assemble()
-    theirs.assemble()
-    assert difference(ours, theirs) <= 1e-15
-    assert ours.getInfo()["nz_used"] == theirs.getInfo()["nz_used"]
-
-
-def test_single_precision_in_small_units():
-    """Entries far below the range of single precision are as good as others."""
-    ours, _, _space = two_matrices(3, MPI.COMM_SELF)
-    rows = ours.getPythonContext().rows
-    small = replace(rows, blocks=1e-60 * rows.blocks).in_single_precision()
-    assert 1e60 * small.scale * small.blocks == pytest.approx(rows.blocks, rel=1e-6, abs=1e-7 * rows.blocks.max())
-
-
 @pytest.fixture
 def either(monkeypatch):
     """Solves a scene by blocks and with a sparse matrix; with each solution the Krylov steps of all solves."""
@@ -310,45 +254,3 @@ def test_a_factor_of_blocks(symmetric, regular):
         np.testing.assert_allclose(solution, reference, rtol=0, atol=1e-13 * np.abs(reference).max())
     else:
         assert reasons[1] is None or reasons[1] != PETSc.PC.FailedReason.NOERROR
-
-
-@pytest.mark.parametrize("coulomb", ["fp", "newton"])
-def test_what_fails_by_blocks_is_factorised(coulomb, monkeypatch):
-    """As with sparse matrices: one step of the Krylov method is too few, and the answer is that of a factorisation."""
-    usual = krylov.KrylovSystem.keep_factor
-
-    def keep(self, ksp, *arguments, **how):
-        kept = usual(self, ksp, *arguments, **how)
-        ksp.setTolerances(max_it=1)
-        return kept
-
-    monkeypatch.setattr(elastic_body, "FEWEST_BLOCK_UNKNOWNS", 0)
-    monkeypatch.setattr(krylov.KrylovSystem, "keep_factor", keep)
-    scene = block(6, coefficient=0.3, coulomb=coulomb, linear_algebra="krylov", fallbacks=False)
-    found = solve(scene, MPI.COMM_SELF, check=False)
-    assert blocks.is_by_blocks(found.model.stiffness)
-    assert "linear solver failed: the matrix is factorised" in found.history.events
-    full = scene.model_copy(update={"solver": scene.solver.model_copy(update={"linear_algebra": "full"})})
-    agree(found, solve(full, MPI.COMM_SELF, check=False))
-
-
-def test_a_body_of_one_level(monkeypatch):
-    """Smoothed aggregation finds nothing coarser: it alone preconditions, made for the entries."""
-    monkeypatch.setattr(elastic_body, "FEWEST_BLOCK_UNKNOWNS", 0)
-    scene = block(3, bound=1.5, linear_algebra="krylov")
-    solution = solve(scene, MPI.COMM_SELF, check=False)
-    assert blocks.is_by_blocks(solution.model.stiffness)
-    full = scene.model_copy(update={"solver": scene.solver.model_copy(update={"linear_algebra": "full"})})
-    agree(solution, solve(full, MPI.COMM_SELF, check=False))
-
-
-@pytest.mark.slow
-def test_levels_by_blocks(either):
-    """A coarser mesh by blocks has what truncation changes beside it: the same steps and answer on three meshes."""
-    sizes = {"length": 3.0, "width": 1.0, "height": 1.0, "nx": 12, "ny": 4, "nz": 4}
-    mesh = {"generator": "box", "parameters": sizes}
-    made = functools.partial(block, mesh=mesh, coefficient=0.3, levels=3, linear_algebra="krylov")
-    (ours, steps), (theirs, wanted) = either(made)
-    assert len({size for size, _ in steps}) == 3
-    assert steps == wanted
-    agree(ours, theirs, 1e-12)

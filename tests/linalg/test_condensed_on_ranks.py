@@ -9,10 +9,9 @@ from scenes import example1
 from test_ranks import agree, same_on_all_ranks
 
 from signorini_fx import solve
-from signorini_fx.algebra.linalg import choice, partial_factor
+from signorini_fx.algebra.linalg import partial_factor
 from signorini_fx.algebra.linalg.schur import SchurComplement
 from signorini_fx.machine import parallel
-from signorini_fx.scenes.reading import parse_scene
 
 pytestmark = pytest.mark.mpi
 WORLD = MPI.COMM_WORLD
@@ -81,63 +80,6 @@ def test_one_body(name):
     """Sets, tractions, energy, certificate."""
     found = agree(SCENES[name])
     assert same_on_all_ranks(found.linear_algebra) == "condensed: as asked for"
-
-
-def two_strips(**changes):
-    """Thin bodies that do not match, pressed onto each other, with ends that move."""
-
-    def body(name, nx, height):
-        parameters = {"length": 3.0, "height": 0.1, "nx": nx, "ny": 2}
-        return {"name": name, "mesh": {"generator": "rectangle", "parameters": parameters}, "shift": [0.0, height]}
-
-    friction = {"law": "coulomb", "coefficient": 0.3}
-    data = {
-        "body": [body("lower", 250, -0.1), body("upper", 320, 0.001)],
-        "material": {"young": 5000.0, "poisson": 0.4},
-        "displacement": [
-            {"boundary": "lower.bottom", "x": 0.0, "y": 0.0},
-            {"boundary": "upper.left", "x": 0.0005},
-            {"boundary": "upper.right", "x": 0.0},
-        ],
-        "traction": {"boundary": "upper.top", "y": "-20 if 1 <= x[0] <= 2 else 0"},
-        "contact": {
-            "boundary": "upper.bottom",
-            "against": "lower.top",
-            "distance": "nominal",
-            "gap": "0.003 * (x[0] - 1.5)**2",
-            "friction": friction,
-        },
-        "solver": {"linear_algebra": "condensed", "tolerance": 1e-11} | changes,
-    }
-    return parse_scene(data)
-
-
-@pytest.mark.slow
-def test_two_bodies():
-    """As many linear solves as one rank takes, and the same forces."""
-    together, alone = (solve(two_strips(), comm, check=False) for comm in (WORLD, MPI.COMM_SELF))
-    assert same_on_all_ranks(together.linear_algebra) == alone.linear_algebra == "condensed: as asked for"
-    assert same_on_all_ranks(together.history.linear_solves) == alone.history.linear_solves
-    assert same_on_all_ranks(together.history.events) == alone.history.events
-    assert same_on_all_ranks(together.certificate.holds)
-    np.testing.assert_allclose(together.contact.forces, alone.contact.forces, rtol=0, atol=1e-9 * 20)
-    ours, theirs = together.table.columns, alone.table.columns
-    for name in ("pressure", "shear"):
-        np.testing.assert_allclose(ours[name], theirs[name], rtol=0, atol=1e-9 * theirs["pressure"].max())
-
-
-@pytest.mark.parametrize(
-    ("change", "reason"),
-    [({}, "between ranks"), ({"dimension": 3}, "in 3D"), ({"definite": False}, "an indefinite matrix")],
-)
-def test_where_several_ranks_condense(change, reason):
-    """In 2D, with a definite matrix; where it is not asked for, on few ranks."""
-    size = {"dimension": 2, "retained": 100, "held": True, "compressible": True} | change
-    for requested in ("auto", "condensed"):
-        kind, why = choice.choose_kind(choice.SystemSize(WORLD, 15_000, **size), requested)
-        few = WORLD.size == 1 or (not change and (WORLD.size <= 4 or requested == "condensed"))
-        assert kind == ("condensed" if few else "full")
-        assert few or reason in why
 
 
 def test_a_rank_that_cannot_condense(monkeypatch):

@@ -5,27 +5,20 @@ import sys
 
 import forms
 import pytest
-from dolfinx import fem
 from mpi4py import MPI
 from petsc4py import PETSc
 from scenes import example1
-from support.nonlinear_bodies import held, neo_hooke, rectangle, residual
 from test_meshes_of_forms import block
 
-from signorini_fx import ConvergenceError, Foundation, NonlinearContactProblem, solve_to_accuracy
-from signorini_fx.algebra.algorithms.interior_point import interior_point, proposed_sets
+from signorini_fx import ConvergenceError, solve_to_accuracy
 from signorini_fx.algebra.linalg.callbacks import called_back
 from signorini_fx.algebra.linalg.failures import memory_ended
 from signorini_fx.algebra.linalg.full import FullSystem
-from signorini_fx.mechanics.body.discretisation import discretise
 from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
 from signorini_fx.mechanics.statement.settings import Accuracy
-from signorini_fx.records import History, Status, Timings
+from signorini_fx.records import Status
 from signorini_fx.scenes.cli.exit_codes import EXIT_CRASH, on_ranks
-from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.solver import solve
-from signorini_fx.solving import finer_meshes
-from signorini_fx.solving.solve_on_mesh import contact_task
 
 FAULTS = {
     "numpy": (lambda: MemoryError(), Status.NO_MEMORY),
@@ -107,18 +100,6 @@ def test_one_mesh(fault, coulomb, monkeypatch):
 
 
 @pytest.mark.parametrize("fault", FAULTS)
-def test_inside_the_bounds(fault, monkeypatch):
-    """The interior-point method ends likewise, and proposes no sets."""
-    scene = example1(bound=1.5, gamma="auto", nx=6, ny=2, linear_algebra="full")
-    task = contact_task(discretise(scene.statement, load_mesh(scene, MPI.COMM_SELF), Timings()), History())
-    lacking(fault, monkeypatch)
-    newton, data = task.iterate.newton, task.start.data
-    assert interior_point(newton, data, lambda: None) is FAULTS[fault][1]
-    newton.pose(data, task.start.sets)
-    assert proposed_sets(newton, data) is None
-
-
-@pytest.mark.parametrize("fault", FAULTS)
 def test_without_contact(fault, monkeypatch):
     """A linear problem has no Newton's method that could tell."""
 
@@ -140,33 +121,6 @@ def test_without_contact(fault, monkeypatch):
     assert solve(scene, MPI.COMM_SELF, check=False).status is FAULTS[fault][1]
 
 
-@pytest.mark.parametrize("fault", ["numpy", "petsc"])
-def test_the_next_mesh_of_an_accuracy(fault, monkeypatch):
-    """The solution on the last mesh that the memory is enough for stays, certified, with the reason."""
-    lacking(fault, monkeypatch, above=500)
-    scene = example1(bound=1.5, nx=12, ny=4, gamma="auto", linear_algebra="full")
-    scene = scene.model_copy(update={"accuracy": Accuracy(target=1e-6, refinement="uniform")})
-    solution = solve(scene, MPI.COMM_SELF, check=False)
-    assert solution.status is Status.MEMORY
-    assert solution.certificate.holds
-    assert solution.advice.endswith("the next mesh has used up the memory")
-
-
-def test_the_making_of_the_next_mesh(monkeypatch):
-    """A mesh that there is no memory for, before anything is solved on it."""
-
-    def refine(self, *args):
-        raise MemoryError
-
-    monkeypatch.setattr(finer_meshes.Meshes, "refine", refine)
-    scene = example1(bound=1.5, nx=12, ny=4, gamma="auto")
-    scene = scene.model_copy(update={"accuracy": Accuracy(target=1e-6, refinement="uniform")})
-    solution = solve(scene, MPI.COMM_SELF, check=False)
-    assert solution.status is Status.MEMORY
-    assert solution.certificate.holds
-    assert solution.advice.endswith("to make the next mesh has used up the memory")
-
-
 def test_forms(monkeypatch):
     """One mesh of forms has no solution, several have that of the last but one."""
     boxed, settings = forms.box((3.0, 1.0), (6, 2), comm=MPI.COMM_SELF), {"linear_algebra": "full"}
@@ -177,26 +131,6 @@ def test_forms(monkeypatch):
     lacking("petsc", monkeypatch)
     with pytest.raises(ConvergenceError, match="memory ends before a solution: the memory was used up"):
         block(**settings)(boxed).solve()
-
-
-def test_a_ramp_is_not_ended_by_its_load(monkeypatch):
-    """No smaller step is tried, and no limit of the load is told: the matrix is as large for every one."""
-    space, side = rectangle([2.0, 1.0], [8, 4], MPI.COMM_SELF)
-    u, tried = fem.Function(space), []
-    circle = {"shape": "circle", "centre": (0.8, 1.5), "radius": 0.5}
-    contact = Foundation(side(1, 1.0), shape=circle)
-    problem = NonlinearContactProblem(residual(u, neo_hooke), u, bcs=[held(space, side(1, 0.0))], contact=contact)
-
-    def apply(load):
-        tried.append(load)
-        problem.place(0, shift=(0.0, -0.2 * load))
-        if load > 0.5:
-            lacking("numpy", monkeypatch)
-
-    with pytest.raises(ConvergenceError, match="memory ends before a solution: at load 1; there is a solution"):
-        problem.ramp(apply, first=0.5)
-    assert problem.status is Status.NO_MEMORY
-    assert tried == [0.5, 1.0, 0.5]
 
 
 def test_an_error_that_is_no_outcome(capsys):

@@ -12,7 +12,6 @@ from test_linalg import turned
 from test_ranks import same_on_all_ranks
 from test_space_ranks import brick
 
-from signorini_fx.algebra.algorithms.strategy import solve_task
 from signorini_fx.algebra.linalg import choice, factorisation, krylov, multigrid
 from signorini_fx.mechanics.body.discretisation import discretise
 from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
@@ -20,10 +19,7 @@ from signorini_fx.records import History, Status, Timings
 from signorini_fx.scenes.checks import check_scene
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.mesh_sequence import solve_scenes
-from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve
-from signorini_fx.scenes.sweep import sweep
-from signorini_fx.solving.solve_on_mesh import contact_task
 
 WORLD = MPI.COMM_WORLD
 LAWS = {"none": {}, "tresca": {"bound": 1.5}, "coulomb": {"coefficient": 0.3, "coulomb": "newton"}}
@@ -123,7 +119,7 @@ def linear_solve(scene, steps):
     return steps.pop()[3]
 
 
-@pytest.mark.one_quick
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("cells", "laws"),
     [("hexahedra", ("none", "coulomb")), ("hexahedra", ("tresca",)), ("tetrahedra", tuple(LAWS))],
@@ -158,55 +154,8 @@ def test_the_monolithic_method(steps):
     assert max(monolithic) <= 15
 
 
-def test_soft_contact_is_on_all_levels(steps):
-    """With a small gamma contact holds nothing by itself, and alone holds the body: coarse levels must know of it."""
-    alone(block(12, bound=1.5, gamma=1e3, linear_algebra="krylov"))
-    assert max(count for *_, count in steps) <= 25
-
-
-@pytest.mark.parametrize("gamma", [1e2, 2e4, 1e8])
-def test_coarse_matrix_of_truncated_functions(gamma, monkeypatch):
-    """P'^T (A + C) P' of what contact adds softly, P' without what it holds, but for 1e-10 of the diagonal."""
-    made = []
-
-    def create(*arguments, **how):
-        made.append(multigrid.ContactPreconditioner(*arguments, **how))
-        return made[0]
-
-    monkeypatch.setattr(krylov, "ContactPreconditioner", create)
-    scene = block(6, "tetrahedra", bound=1.5, gamma=gamma, linear_algebra="krylov")
-    d = discretise(scene.statement, load_mesh(scene, MPI.COMM_SELF), Timings())
-    task = contact_task(d, History())
-    assert solve_task(task, task.start).status is Status.CONVERGED
-    (found,) = made
-    levels = found._levels
-    held, soft = levels._truncated_at
-    assert (np.trace(held, axis1=1, axis2=2) > 0.5).any() == (gamma > 1e3)
-    matrix, unknowns = dense(task.system.matrix), levels.unknowns
-    added = dense(found._contact) - matrix[np.ix_(unknowns, unknowns)]
-    softly = dense(levels.nodes.matrix(soft))
-    if gamma < 1e3:
-        np.testing.assert_allclose(softly, added, rtol=0, atol=1e-9 * np.abs(added).max())
-    else:
-        assert np.abs(softly).max() < np.abs(added).max()
-    functions = dense(levels.truncated.interpolation)
-    matrix[np.ix_(unknowns, unknowns)] += softly
-    wanted = functions.T @ matrix @ functions + np.diag(1e-10 * np.diag(dense(levels.hierarchy.coarse[0])))
-    np.testing.assert_allclose(dense(levels.truncated.coarse[0]), wanted, rtol=0, atol=1e-12 * np.abs(wanted).max())
-
-
 def dense(matrix):
     return matrix.convert("dense").getDenseArray().copy()
-
-
-def test_one_hierarchy_for_sweeps_and_load_steps(set_ups):
-    """Nothing of the mesh changes with the load, the friction coefficient or gamma."""
-    scene = example1(coefficient=0.3, nx=24, ny=8, linear_algebra="krylov")
-    assert [point.status for point in sweep(scene, MPI.COMM_SELF, loads=[1.0, 0.5])] == [Status.CONVERGED] * 2
-    assert len(set_ups) == 1
-    follow = example1(bound=1.5, nx=24, ny=8, gamma="auto", algorithm="path-following", linear_algebra="krylov")
-    assert alone(follow).converged
-    assert len(set_ups) == 2
 
 
 @pytest.mark.parametrize(
@@ -298,23 +247,6 @@ def test_chosen_for_large_bodies_in_space(monkeypatch):
     assert [kind(scene) for scene in (plane, solid, rubber)] == ["krylov", "krylov", "krylov"]
 
 
-@pytest.mark.parametrize(
-    ("unknowns", "retained", "expected"),
-    [
-        (1_400, 100, "full"),
-        (1_600, 100, "condensed"),
-        (33_627, 2_400, "condensed"),
-        (33_627, 3_100, "krylov"),  # 3100^3 / 3 > 8 * 33627^2
-        (15_000, 2_000, "full"),
-        (40_000, 2_400, "krylov"),
-    ],
-)
-def test_the_kind_in_space(unknowns, retained, expected):
-    """By the unknowns, and by those that contact touches."""
-    size = choice.SystemSize(MPI.COMM_SELF, unknowns, 3, retained, held=True, compressible=True)
-    assert choice.choose_kind(size, "auto")[0] == expected
-
-
 RANKED = {
     "hexahedra": lambda comm: block(9, gamma=1e8, linear_algebra="krylov", comm=comm, **LAWS["tresca"]),
     "tetrahedra": lambda comm: block(6, "tetrahedra", gamma=1e8, linear_algebra="krylov", comm=comm, **LAWS["coulomb"]),
@@ -344,25 +276,3 @@ def test_one_rank_or_many(name, steps):
         size = max(np.abs(wanted[one]).max() for one in group)
         for one in group:
             np.testing.assert_allclose(table[one], wanted[one], rtol=0, atol=1e-8 * size, err_msg=one)
-
-
-@pytest.mark.parametrize("touching", [True, False])
-@pytest.mark.parametrize("generator", ["rectangle", "box"])
-def test_a_body_that_its_support_lifts_off(generator, touching):
-    """Nothing strains it: what the support does to its neighbours, however large, is no scale."""
-    dim = {"rectangle": 2, "box": 3}[generator]
-    lifted = dict(zip("xyz", (3.3, 10.1) if dim == 2 else (3.3, 2.4, 10.1), strict=False))
-    scene = {
-        "mesh": {"generator": generator, "parameters": dict(zip(("nx", "ny", "nz"), (6, 4, 3)[:dim], strict=False))},
-        "material": {"young": 1000.0, "poisson": 0.2},
-        "displacement": {"boundary": "top", **{axis: 1e-5 * value for axis, value in lifted.items()}},
-        "solver": {"linear_algebra": "krylov"},
-    }
-    if touching:
-        scene["displacement"]["factors"] = [-1.0, 0.3]
-        scene["contact"] = {"boundary": "bottom"}
-    solution = alone(parse_scene(scene), check=False)
-    assert solution.status is Status.CONVERGED
-    y = solution.displacement.x.array.reshape(-1, dim)
-    wanted = (0.3 if touching else 1.0) * 1e-5 * np.array(list(lifted.values()))
-    np.testing.assert_allclose(y, np.broadcast_to(wanted, y.shape), rtol=0, atol=1e-14)

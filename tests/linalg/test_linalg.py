@@ -6,7 +6,6 @@ from mpi4py import MPI
 from petsc4py import PETSc
 from scenes import alone, example1, table_of
 
-from signorini_fx.algebra.contact.contact_map import ContactMap
 from signorini_fx.algebra.linalg import full, partial_factor, schur
 from signorini_fx.mechanics.body.discretisation import discretise
 from signorini_fx.mechanics.statement.expressions import Expression
@@ -110,21 +109,6 @@ def test_prescribed_displacements_of_a_load_step():
             assert values[np.abs(values).argmax()] == pytest.approx(0.001 * factor * scale)
 
 
-def test_one_system_serves_symmetric_and_unsymmetric_matrices():
-    """A last factor is the preconditioner of the matrices it is of, whatever was configured after it."""
-    d = discretise(example1(bound=1.5, nx=6, ny=2).statement, load_mesh(example1(nx=6, ny=2), COMM), Timings())
-    system = full.FullSystem.of(d.elasticity(d.cases))
-    solvers = {symmetric: PETSc.KSP().create(COMM) for symmetric in (False, True)}
-    for symmetric, ksp in solvers.items():
-        ksp.setOperators(system.matrix)
-        system.configure(ksp, symmetric=symmetric)
-    for symmetric, kind in ((False, "gmres"), (True, "cg"), (False, "gmres")):
-        ksp = solvers[symmetric]
-        assert system.keep_factor(ksp, 1, 1.0)
-        assert ksp.getType() == kind
-        ksp.setUp()
-
-
 @pytest.mark.parametrize("kind", ["condensed", "full"])
 def test_scaled_loads(kind):
     """Half and twice the loads, in the interior of the body too; prescribed displacements are loads."""
@@ -141,27 +125,3 @@ def test_scaled_loads(kind):
         found = point.displacement().x.array
         np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-9 * np.abs(wanted).max())
         assert point.certificate().holds
-
-
-def test_an_old_factor_serves_where_few_nodes_have_moved(monkeypatch):
-    """Fewer factorisations than without it, for the same solves and the same pressure."""
-
-    def solved():
-        solution = alone(example1(bound=1.5, nx=60, ny=20, linear_algebra="full"))
-        records = solution.history.iterations
-        return sum(record.factorised for record in records), len(records), table_of(solution).columns["pressure"]
-
-    lagged, solves, pressure = solved()
-    monkeypatch.setattr(full, "LAGGED_NODES", 0)
-    renewed, as_many, wanted = solved()
-    assert lagged < renewed <= solves == as_many
-    np.testing.assert_allclose(pressure, wanted, rtol=0, atol=1e-7 * wanted.max())
-
-
-def test_stiffness_at_no_points():
-    """A rank may have no contact points: it has no stiffness at them, and no error that others wait for."""
-    matrix = PETSc.Mat().createAIJ((4, 4), nnz=1, comm=MPI.COMM_SELF)
-    matrix.assemble()
-    matrix.shift(2.0)
-    found = ContactMap.without_contact(matrix, np.zeros(4, dtype=bool), 2).stiffness(matrix.getDiagonal())
-    assert found.shape == (0,)

@@ -76,6 +76,7 @@ def test_a_compilation_that_was_killed(folder, tmp_path):
     assert compile_it() == pytest.approx(1.0)
 
 
+@pytest.mark.slow
 def test_two_processes_at_once(folder, tmp_path):
     """The second one waits as long as the first one compiles, which is longer than FFCx waits, and takes its form."""
     process = begin(folder, f'touch {tmp_path}/begun; sleep 2; exec cc "$@"', tmp_path)

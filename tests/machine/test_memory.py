@@ -8,17 +8,14 @@ its own, which any collector sees.
 import gc
 import weakref
 
-import numpy as np
 import pytest
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
-from petsc4py import PETSc
 from scenes import example1
 from spaces import block
 
 from signorini_fx.algebra.algorithms.ssn import SemismoothNewton
 from signorini_fx.machine.petsc_objects import free_unused
-from signorini_fx.results import files
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve
 
@@ -117,6 +114,7 @@ def test_nothing_is_left(name, counted):
         assert counted(interpolated=interpolated) == before
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", ["full", "condensed", "krylov", "several meshes"])
 def test_nothing_is_left_of_an_error(name, counted):
     """An observer raises in the middle of a solve, on all ranks."""
@@ -141,25 +139,3 @@ def test_nothing_is_left_of_an_error(name, counted):
         assert raised
         before = before or counted(interpolated=interpolated)
     assert counted(interpolated=interpolated) == before
-
-
-def test_what_is_kept_is_counted(counted):
-    """The count notices one vector that keeps a communicator."""
-    before = counted()
-    comm = COMM.Dup()
-    vector = PETSc.Vec().createMPI((4, None), comm=comm)
-    comm.Free()
-    assert counted() != before
-    vector.set(1.0)
-    assert np.isclose(vector.norm() ** 2, 4 * COMM.size)
-    vector.destroy()
-    assert counted() == before
-
-
-def test_tables_of_many_steps_are_on_the_first_rank():
-    """Of every load step there are columns, no rows, and none on the other ranks."""
-    columns = files._contact_by_step(solve(ramp(), COMM))
-    assert bool(columns) == (COMM.rank == 0)
-    if columns:
-        assert columns["step"].tolist() == [1] * 7 + [2] * 7 + [3] * 7
-    assert all(isinstance(column, np.ndarray) and column.shape == (21,) for column in columns.values())

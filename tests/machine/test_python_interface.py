@@ -2,8 +2,6 @@
 
 import inspect
 import pydoc
-import tempfile
-from dataclasses import replace
 from importlib import import_module
 from pkgutil import iter_modules
 from typing import get_args
@@ -77,13 +75,6 @@ def test_every_public_name_is_explained(name):
         assert f"{field}:" in explained or f"{field}, " in explained, field
 
 
-@pytest.mark.parametrize("observers", [sfx.print_progress, ["quiet"]])
-def test_observers_are_a_list_of_functions(observers):
-    """Else the message says what is expected."""
-    with pytest.raises(TypeError, match=r"observers: a list of functions is expected, such as \[print_progress\]"):
-        sfx.solve(scene(), COMM, observers=observers)
-
-
 def test_what_can_be_accepted(tmp_path):
     """The path of a scene for a scene, NumPy's numbers, a field of the mesh as a traction."""
     path = tmp_path / "scene.toml"
@@ -155,48 +146,10 @@ def test_wrong_kinds_of_arguments(call, told):
         call()
 
 
-def test_short_forms():
-    """One line each, and tables for notebooks whose text is escaped."""
-    solution = alone(example1(bound=1.5, nx=12, ny=4).model_copy(update={"title": "<b>"}))
-    for thing in (solution, solution.table, solution.contact, solution.history, solution.certificate, TAGGED):
-        assert "\n" not in repr(thing)
-        assert len(repr(thing)) < 200
-    shown = solution._repr_html_()
-    assert "&lt;b&gt;" in shown
-    assert "converged" in shown
-    assert solution.table._repr_html_().count("<tr>") == 1 + 13
-    table = replace(solution.table, columns={"x": np.array([-1e-18, 1.0]), "u_n": np.array([-1e-18, 1e-20])})
-    assert "<td>0</td><td>-1e-18</td>" in table._repr_html_()  # only positions have a scale
-
-
 def test_numbers_of_numpy_in_settings():
     """Where a word would do as well."""
     settings = sfx.SolverSettings(gamma_n=np.float64(1e6), gamma_t=np.float32(2e6), inner_iterations=np.int64(3))
     assert (settings.gamma_n, settings.gamma_t, settings.inner_iterations) == (1e6, 2e6, 3)
-
-
-def test_changed_copy():
-    """An unknown key is refused; a single table stands for a list of one."""
-    with pytest.raises(SceneError, match="gap: unknown key; there are: title"):
-        scene().model_copy(update={"gap": 0.1})
-    contact = sfx.UnilateralContact(boundary="bottom", gap=0.5)
-    for given in (contact, [contact], (contact,)):
-        assert scene().model_copy(update={"contact": given}).contact == (contact,)
-
-
-def test_progress(capsys):
-    """One line for each linear solve, and one for each regularised problem."""
-    solution = sfx.solve(scene(), COMM, observers=[sfx.print_progress])
-    lines = capsys.readouterr().out.splitlines()
-    assert lines[0].startswith("solve  outer  iter")
-    assert sum(line[:5].strip().isdigit() for line in lines) == solution.history.linear_solves
-    assert lines[-1].endswith(f"converged after {solution.history.linear_solves} linear solves")
-
-
-def test_points_of_a_sweep_are_short():
-    """They hold whole problems."""
-    (point,) = sfx.sweep(example1(coefficient=0.3, nx=12, ny=4), COMM, coefficients=[0.2])
-    assert repr(point) == f"<SweepPoint 0.2: converged, {point.linear_solves} linear solves>"
 
 
 def test_signature_of_a_table():
@@ -210,16 +163,6 @@ def test_signature_of_a_table():
     assert str(inspect.signature(sfx.LinearElastic)).startswith(
         "(*, young, poisson, grading=None, hypothesis='plane strain', torsion=False, density=None, "
     )
-
-
-def test_plot(tmp_path, monkeypatch):
-    """The pictures of a result folder, for a notebook; nothing stays behind."""
-    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
-    drawn = alone(example1(bound=1.5, nx=12, ny=4)).plot("displacement")
-    assert repr(drawn) == "<Pictures: deformed, profiles, history, field_displacement>"
-    assert all(data.startswith(b"\x89PNG") for data in drawn.png.values())
-    assert drawn._repr_html_().count("<img") == 4
-    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.one_quick

@@ -3,12 +3,9 @@
 import importlib
 import subprocess
 import sys
-import tomllib
-from pathlib import Path
 
 import dolfinx
 import pytest
-from packaging.requirements import Requirement
 
 from signorini_fx.errors import InstallationError
 from signorini_fx.machine import compat, fenicsx, requirements
@@ -95,23 +92,3 @@ IN_A_NEW_PLACE = f"-m venv ~/signorini && ~/signorini/bin/pip install {WHEELS} /
 def test_the_next_command(other, command):
     """What can be done on this machine, by Python's version, the platform, and who manages its packages."""
     assert on(**other).command == command
-
-
-def test_the_extra_has_the_same_wheels():
-    """With markers, so that elsewhere ``pip install .[fenicsx]`` does not end in a search without a match."""
-    project = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    wheels = [Requirement(wheel) for wheel in project["optional-dependencies"]["fenicsx"]]
-    assert [f"{wheel.name}{wheel.specifier}" for wheel in wheels] == [*fenicsx.WHEELS]
-    here = {"python_version": "3.12", "sys_platform": "linux", "platform_machine": "x86_64"}
-    for other, there in (({}, True), ({"python_version": "3.11"}, False), ({"platform_machine": "aarch64"}, False)):
-        assert all(wheel.marker.evaluate(here | other) is there for wheel in wheels)
-
-
-def test_what_runs(tmp_path, monkeypatch):
-    """A placeholder on the path that starts nothing is no Python."""
-    shim = tmp_path / "python3.12"
-    shim.write_text("#!/bin/sh\nexit 127\n")
-    shim.chmod(0o755)
-    monkeypatch.setenv("PATH", str(tmp_path), prepend=":")
-    assert not fenicsx._runs("python3.12")
-    assert not fenicsx._runs("python3.no-such")

@@ -19,6 +19,7 @@ def named(name, **changes):
     return TypeAdapter(OneMaterial).validate_python(material(name, **changes))
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", LAWS)
 def test_both_opinions(name):
     """The stress is the derivative of the energy, does not rotate with the body, and has the moduli at rest; that of
@@ -47,6 +48,7 @@ def test_flow_that_ends_at_a_row():
         assert np.allclose(stress, metal.respond_at(strain, np.zeros_like(state)), rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_ogden_has_no_seam():
     """Where the series of nearly equal stretches ends, its energy and its stress go on."""
     import ufl

@@ -6,16 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from mpi4py import MPI
-from scipy.spatial.transform import Rotation
-from test_orthotropic import assert_uniform, pressed, uniform
+from test_orthotropic import pressed
 from test_springs import body
 
 from signorini_fx import InstallationError, SceneError, extensions, solve
 from signorini_fx.extensions import MATERIALS
-from signorini_fx.mechanics.body import discretisation
-from signorini_fx.mechanics.materials.orthotropic import OrthotropicElastic
 from signorini_fx.mechanics.materials.protocol import Material
-from signorini_fx.records import Status
 
 DEMO = Path(__file__).parents[2] / "demos" / "extensions" / "material.py"
 COMM = MPI.COMM_WORLD
@@ -48,11 +44,6 @@ def orthotropic(dimension, **more):
     return {"orthotropic": hill(**MODULI) | AXES[dimension], **more}
 
 
-def test_the_demo_is_short():
-    """As the gallery says."""
-    assert len(DEMO.read_text(encoding="utf-8").splitlines()) <= 40
-
-
 @pytest.mark.one_quick
 @pytest.mark.mpi
 @pytest.mark.parametrize("hypothesis", ["plane strain", "plane stress", "axisymmetric", None], ids=str)
@@ -76,82 +67,6 @@ def test_as_the_orthotropic_one(hypothesis):
     assert first.certificate.strain_energy == pytest.approx(second.certificate.strain_energy, rel=1e-9)
 
 
-@pytest.mark.one_quick
-@pytest.mark.mpi(slow=True)
-@pytest.mark.parametrize("cells", ["quadrilateral", "tetrahedra"])
-def test_uniform(cells):
-    """A bar under a pressure along it, whose fibres are along or across it."""
-    tagged = body(cells)
-    dim = tagged.dimension
-    constants = hill(**MODULI)
-    for axis in (0, 1):
-        material = Fibres(
-            **MODULI, direction=list(np.eye(dim)[axis]), **({"second": list(np.eye(3)[1 - axis])} if dim == 3 else {})
-        )
-        material = material.model_copy(update={"hypothesis": "plane stress"}) if dim == 2 else material
-        (along, across, _), (nu, _, beside) = constants["young"], constants["poisson"]
-        strain = np.diag(
-            [1 / along, -nu / along, -nu / along] if axis == 0 else [1 / across, -nu / along, -beside / across]
-        )
-        solution = solve(uniform(tagged, material, 2 if dim == 3 else 1, "full"), COMM, check=False)
-        assert_uniform(solution, -3.0 * strain, np.diag([-3.0, 0.0, 0.0]))
-
-
-@pytest.mark.parametrize("cells", ["triangle", "tetrahedra"])
-def test_guaranteed_bounds(cells):
-    """Those of the orthotropic material, above the distance to the solution on a finer mesh."""
-    if COMM.size > 1:
-        pytest.skip("a guaranteed bound is computed on one rank")
-    tagged = body(cells)
-    solver = {"error_bound": True, "algorithm": "alm"}
-    held = {
-        "displacement": [{"boundary": "left", "x": 0.0, **({"y": 0.0} if tagged.dimension == 3 else {})}],
-        "traction": {"boundary": "top", "pressure": 4.0},
-        "contact": {"boundary": "bottom"},
-        "solver": solver,
-    }
-    first, second = (
-        solve(pressed(tagged, material, **held), COMM)
-        for material in (own(tagged.dimension), orthotropic(tagged.dimension))
-    )
-    assert first.error_bound.as_dict()["guaranteed"]
-    assert first.error_bound.error == pytest.approx(second.error_bound.error, rel=1e-6)
-
-
-class WrongTwin(Fibres):
-    """A independent check with another shear."""
-
-    def stress_at(self, e):
-        return super().stress_at(e) + 1e-3 * self.p * e
-
-
-class WrongBounds(Fibres):
-    """A least modulus that is too large."""
-
-    @property
-    def moduli(self):
-        return 1.001 * super().moduli[0], super().moduli[1]
-
-
-class TooSoft(Fibres):
-    """A largest one that is too small."""
-
-    @property
-    def moduli(self):
-        return super().moduli[0], 0.999 * super().moduli[1]
-
-
-@pytest.mark.mpi
-@pytest.mark.parametrize(("kind", "figure"), [(WrongTwin, "equilibrium"), (WrongBounds, "moduli"), (TooSoft, "moduli")])
-def test_the_certificate_notices(kind, figure, monkeypatch):
-    """Faults of a material by the figures that judge it, if nobody looks before."""
-    monkeypatch.setattr(discretisation, "check_materials", lambda _: None)
-    scene = pressed(body("triangle"), own(2, kind), displacement={"boundary": "left", "x": 0.0})
-    solution = solve(scene, COMM, check=False)
-    assert solution.status is Status.NOT_CERTIFIED
-    assert getattr(solution.certificate, figure) > 1e-4
-
-
 def lying(**methods):
     """The material of the demo with other methods."""
     return type("Lying", (Fibres,), {"__module__": __name__, **methods})
@@ -172,6 +87,7 @@ def doubled(self, strain):
     return 2 * strain
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("methods", "message"),
     [
@@ -213,48 +129,6 @@ def test_materials_that_are_not_what_they_say(methods, message):
         solve(scene, MPI.COMM_SELF)
 
 
-def test_no_energy():
-    """A stress that follows another strain than that which follows it has none."""
-    import ufl
-
-    def skew(law, e):
-        return Fibres.stress(law, e) + law.p * e[0, 0] * ufl.as_matrix([[0, 0, 0], [0, 1, 0], [0, 0, 0]])
-
-    scene = pressed(body("triangle", comm=MPI.COMM_SELF), own(2, lying(stress=skew)))
-    with pytest.raises(SceneError, match="has no energy: its stiffness is not symmetric"):
-        solve(scene, MPI.COMM_SELF)
-
-
-def test_missed():
-    """Moduli beyond the eigenvalues, moduli that bound nothing, and a stress that is not that of an energy."""
-
-    def skew(law, e):
-        return Fibres.stress_at(law, e) + law.p * e[..., :1, :1] * np.diag([0.0, 1.0, 0.0])
-
-    assert own(2).missed() <= 1e-12
-    least, most = own(2).eigenvalues
-    assert own(2, lying(moduli=constant((1.01 * least, 2 * most)))).missed() == pytest.approx(0.01)
-    assert own(2, lying(moduli=constant((0.5 * least, most / 1.02)))).missed() == pytest.approx(0.02)
-    assert np.isinf(own(2, lying(moduli=constant((-1.0, 2 * most)))).missed())
-    skewed = own(2, lying(stress_at=skew, moduli=constant((0.1 * least, 10 * most))))
-    assert skewed.missed() == pytest.approx(MODULI["p"] / skewed.eigenvalues[1])
-
-
-def test_mean_over_all_directions():
-    """Lame parameters against the mean of the stress over the rotations of the icosahedron, which is exact for tensors
-    of fourth order.
-    """
-    rotations = Rotation.create_group("I").as_matrix()
-    material = own(3)
-    for pair in ((0, 0), (0, 1)):
-        strain = np.zeros((3, 3))
-        strain[pair] = strain[pair[::-1]] = 1.0
-        turned = np.einsum("nai,ab,nbj->nij", rotations, strain, rotations)
-        mean = np.einsum("nai,nij,nbj->ab", rotations, material.stress_at(turned), rotations) / len(rotations)
-        first, second = material.lame
-        np.testing.assert_allclose(mean, first * np.trace(strain) * np.eye(3) + 2 * second * strain, atol=1e-9)
-
-
 def test_by_name():
     """As a scene file has it; wrong names, wrong keys and what is no material are named."""
     table = {"law": "fibres", **MODULI, "direction": [1.0, 0.5]}
@@ -269,31 +143,3 @@ def test_by_name():
     extensions.register(MATERIALS, "fibres", dict)
     with pytest.raises(InstallationError, match="is not a Material"):
         pressed(body(), table)
-
-
-def test_no_plane_of_symmetry():
-    """A plane body would not stay plane."""
-
-    class Tilted(Fibres):
-        def axes(self, x):
-            return np.broadcast_to(np.linalg.qr(np.array([[1.0, 0, 0], [1, 1, 0], [1, 1, 1]]))[0], (x.shape[1], 3, 3))
-
-    with pytest.raises(SceneError, match="plane of symmetry"):
-        solve(pressed(body(comm=MPI.COMM_SELF), own(2, Tilted)), MPI.COMM_SELF)
-
-
-@pytest.mark.parametrize("material", [own(3), OrthotropicElastic(**orthotropic(3))], ids=["own", "orthotropic"])
-def test_both_opinions(material):
-    """Stress, independent check and bounds of strains at random."""
-    chance = np.random.default_rng(1)
-    strain = chance.normal(size=(40, 3, 3))
-    strain += strain.swapaxes(1, 2)
-    components = [strain[:, i, j] * (1 if i == j else 2) for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
-    expected = Material.stiffness.fget(material) @ components
-    stress = material.stress_at(strain)
-    np.testing.assert_allclose(
-        [stress[:, i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))], expected, rtol=1e-9, atol=1e-6
-    )
-    ratio = np.sum(stress * strain, axis=(1, 2)) / np.sum(strain**2, axis=(1, 2))
-    assert material.moduli[0] <= ratio.min() <= ratio.max() <= material.moduli[1]
-    assert material.missed() <= 1e-12

@@ -2,7 +2,6 @@
 
 import re
 
-import h5py
 import meshio
 import numpy as np
 import pytest
@@ -63,15 +62,6 @@ def test_truncated(sound, tmp_path, suffix, kept, capfd):
     content = (sound / f"body.{suffix}").read_bytes()
     if suffix == "geo" and kept == 0.8:
         kept = 0.5  # what comes last names the body
-    file.write_bytes(content[: int(kept * len(content))])
-    refused(file, capfd)
-
-
-@pytest.mark.parametrize("kept", [0.1, 0.5, 0.9])
-def test_truncated_binary(sound, tmp_path, kept, capfd):
-    """The same of numbers in binary."""
-    file = tmp_path / "body.msh"
-    content = (sound / "binary.msh").read_bytes()
     file.write_bytes(content[: int(kept * len(content))])
     refused(file, capfd)
 
@@ -153,16 +143,6 @@ def test_meshes_that_cannot_be(tmp_path, points, blocks, message, capfd):
     meshio.write(file, meshio.Mesh(np.array(points, dtype=float), [(kind, np.array(nodes)) for kind, nodes in blocks]))
     capfd.readouterr()
     assert re.search(message, refused(file, capfd))
-
-
-def test_sets_that_are_not_there(sound, tmp_path, capfd):
-    """A MED file without its coordinates."""
-    file = tmp_path / "body.med"
-    file.write_bytes((sound / "body.med").read_bytes())
-    with h5py.File(file, "r+") as data:
-        (mesh,) = data["ENS_MAA"].values()
-        del next(iter(mesh.values()))["NOE"]
-    refused(file, capfd)
 
 
 @pytest.mark.parametrize(

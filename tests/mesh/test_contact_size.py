@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-from signorini_fx import MeshError, SceneError, TaggedMesh, solve
+from signorini_fx import MeshError, SceneError, TaggedMesh
 from signorini_fx.machine import compat
 from signorini_fx.mechanics.mesh.files import formats
 from signorini_fx.mechanics.mesh.files.gmsh_session import gmsh_session
@@ -87,6 +87,7 @@ def far_sizes(tagged: TaggedMesh) -> np.ndarray:
     return tagged.mesh.h(tagged.dimension, cells)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("name", "size"), [("plane.step", 0.3), ("plane.geo", 0.3), ("quads.geo", 0.3), ("space.step", 0.9)]
 )
@@ -125,6 +126,7 @@ def test_sizes_grow_by_a_quarter_per_length(drawings):
     assert quality(tagged.mesh.geometry.x[:, :2], compat.geometry_cells(tagged.mesh)).min() > 0.4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("degree", [1, 2])
 def test_facets_much_shorter_than_the_chords_are_off_the_curve(drawings, degree):
     """The first chords are off the circle by a tenth of their length, and by ten of the facets that are asked for."""
@@ -134,27 +136,7 @@ def test_facets_much_shorter_than_the_chords_are_off_the_curve(drawings, degree)
     assert lengths.max() < 0.02
 
 
-def test_a_contact_counts_more_than_the_mesh(drawings):
-    tagged = load_mesh(scene(drawings / "plane.geo", own=0.9, contact=0.3), MPI.COMM_SELF)
-    assert np.median(edges(tagged, "hole")) == pytest.approx(0.3, rel=0.15)
-
-
-def test_only_the_body_in_contact_is_finer(drawings):
-    sized = scene(drawings / "plane.geo", contact=0.3, bodies=("one", "other"))
-    tagged = load_mesh(sized, MPI.COMM_SELF)
-    assert np.median(edges(tagged, "one.hole")) == pytest.approx(0.3, rel=0.15)
-    assert np.median(edges(tagged, "other.hole")) > 2
-    assert np.median(edges(tagged, "one.top")) > 2
-
-
-def test_both_sides_of_a_contact_are_finer(drawings):
-    text = '[[contact]]\nboundary = "one.top"\nagainst = "other.hole"\ncontact_size = 0.5\n'
-    tagged = load_mesh(scene(drawings / "plane.geo", bodies=("one", "other"), more=text), MPI.COMM_SELF)
-    for name in ("one.top", "other.hole"):
-        assert np.median(edges(tagged, name)) == pytest.approx(0.5, rel=0.15)
-    assert np.median(edges(tagged, "one.hole")) > 2
-
-
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("generator", "boundary", "size", "parameters"),
     [
@@ -226,41 +208,3 @@ def test_what_cannot_be_had_is_refused_with_its_place(drawings, tmp_path):
     script.write_text(SCRIPT + "Transfinite Curve {6} = 5;\n")
     text = f'[mesh]\nfile = "{script}"\ncontact_size = 0.5\n{CONTACT}{REST}'.replace("bottom", "hole")
     assert "Transfinite" in refused(text)
-
-
-LOADED = """
-[[displacement]]
-boundary = "top"
-x = 0.0
-y = -0.05
-[[contact]]
-boundary = "arc"
-gap = "x[1]"
-direction = [0.0, -1.0]
-"""
-
-
-@pytest.mark.slow
-def test_results_are_those_of_small_cells_everywhere():
-    """The indented half disk: force and largest pressure of a mesh that is fine on the arc, and of a fine one."""
-
-    def solved(size, own):
-        text = (
-            f'[mesh]\ngenerator = "half_disk"\n{own}parameters = {{ size = {size}, contact_size = {size}, '
-            f"symmetric = true, order = 2 }}\n[element]\ndegree = 2\n{REST}{LOADED}"
-        )
-        text += '[[displacement]]\nboundary = "symmetry"\nx = 0.0\n'
-        solution = solve(_read(text), MPI.COMM_SELF)
-        assert solution.converged
-        return solution
-
-    coarse, local, fine = solved(1.0, ""), solved(1.0, "contact_size = 0.06\n"), solved(0.06, "")
-    figures = [
-        np.array([one.table.columns["pressure"].max(), one.table.columns["weight"] @ one.table.columns["pressure"]])
-        for one in (coarse, local, fine)
-    ]
-    error, before = np.abs(figures[1] / figures[2] - 1), np.abs(figures[0] / figures[2] - 1)
-    assert (error < [0.01, 0.005]).all()
-    assert before[0] > 5 * error[0]
-    counts = [one.model.dofs for one in (local, fine)]
-    assert counts[0] < counts[1] / 8

@@ -75,6 +75,7 @@ def test_on_ranks(name):
         assert space.integral(shared) == pytest.approx(space.integral(own), rel=1e-12)
 
 
+@pytest.mark.one_quick
 @each
 def test_coarser(name):
     """Facets twice as long: about a quarter, or an eighth, of the cells, the same names."""
@@ -94,15 +95,3 @@ def test_words_that_are_refused(name):
         with pytest.raises(SceneError) as caught:
             make(name, **{key: value})
         assert [problem[0] for problem in caught.value.problems] == [f"mesh.parameters.{key}"]
-
-
-@each
-def test_documented(name):
-    """A sketch in the docstring, all parameters under Args, and names under Returns."""
-    generate = known_generators()[name]()
-    assert "::\n" in inspect.getmodule(inspect.unwrap(generate)).__doc__
-    doc = inspect.getdoc(generate)
-    for boundary in SMALL[name][2]:
-        assert boundary in doc.partition("Returns:")[2]
-    for parameter in inspect.signature(generate).parameters:
-        assert parameter == "comm" or f"\n    {parameter}: " in doc

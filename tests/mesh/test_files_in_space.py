@@ -1,30 +1,21 @@
 """Mesh files in 3D: names, volume and moments survive every format; drawings of CAD programs; what is refused."""
 
 import itertools
-import json
-import re
 
 import gmsh
 import meshio
 import numpy as np
 import pytest
 import ufl
-from dolfinx import default_scalar_type, fem, mesh
-from dolfinx.io import XDMFFile
+from dolfinx import default_scalar_type, fem
 from mpi4py import MPI
-from scenes import alone, table_of
 
 from signorini_fx.errors import MeshError, SceneError
-from signorini_fx.machine.compat import geometry_degree
 from signorini_fx.mechanics.mesh.files.cells import CELLS, completed
 from signorini_fx.mechanics.mesh.files.formats import read_file, write_file
 from signorini_fx.mechanics.mesh.files.shape import measures, quality
-from signorini_fx.mechanics.mesh.halving import halved, straightened
-from signorini_fx.mechanics.mesh.info import mesh_info
+from signorini_fx.mechanics.mesh.halving import halved
 from signorini_fx.mechanics.mesh.tagged import read_mesh
-from signorini_fx.scenes import cli
-from signorini_fx.scenes.mesh import load_mesh
-from signorini_fx.scenes.reading import parse_scene
 
 KINDS = ["tetra", "tetra10", "hexahedron", "hexahedron27"]
 SUFFIXES = ["inp", "med", "msh", "vtu", "xdmf"]
@@ -261,34 +252,6 @@ def test_faces_of_abaqus_tetrahedra(tmp_path, element):
         read_file(abaqus(tmp_path, element, points, surfaces="*SURFACE, NAME=no\n1, S5"))
 
 
-def test_shells_that_name_faces_of_solids(tmp_path):
-    """Membranes on the skin of a body name its boundary, as shells do in Abaqus."""
-    file = abaqus(tmp_path, "C3D8", CUBE)
-    file.write_text(file.read_text() + "*ELEMENT, TYPE=M3D4, ELSET=skin\n2, 1, 2, 3, 4\n")
-    found = read_file(file)
-    assert found.boundaries["skin"].size == 1
-    assert set(found.regions) == {"solid"}
-
-
-def test_tags_of_dolfinx(tmp_path):
-    """A mesh in 3D with tags on facets and cells as dolfinx writes them into one XDMF file."""
-    for cell in (mesh.CellType.tetrahedron, mesh.CellType.hexahedron):
-        own = mesh.create_box(MPI.COMM_SELF, [[0.0, 0.0, 0.0], [2.0, 1.0, 1.0]], [4, 2, 2], cell)
-        facets = mesh.locate_entities_boundary(own, 2, low)
-        tags = mesh.meshtags(own, 2, np.sort(facets), np.full(len(facets), 3, dtype=np.int32))
-        left = mesh.locate_entities(own, 3, lambda x: x[0] < 1 + 1e-9)
-        parts = mesh.meshtags(own, 3, left, np.full(len(left), 7, dtype=np.int32))
-        tags.name, parts.name = "sides", "parts"
-        own.topology.create_connectivity(2, 3)
-        with XDMFFile(MPI.COMM_SELF, tmp_path / "mesh.xdmf", "w") as file:
-            file.write_mesh(own)
-            file.write_meshtags(tags, own.geometry)
-            file.write_meshtags(parts, own.geometry)
-        found = read_file(tmp_path / "mesh.xdmf")
-        assert areas(found) == pytest.approx({"boundary_3": 2.0})
-        assert volumes(found) == pytest.approx({"region_7": 1.0})
-
-
 # --- drawings of CAD programs ----------------------------------------------------------------------------------------
 
 
@@ -322,6 +285,7 @@ PLATE, SHEET, RIM = 8000 - 250 * np.pi, 800 - 25 * np.pi, 100 * np.pi
 SIDES = {"left": 200, "front": 400, "back": 400, "right end": 200, "cover": SHEET, "foot": SHEET, "hole": RIM}
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", ["plain.step", "metres.stp"])
 def test_faces_of_step(drawings, name):
     """They have the numbers of the file; the mesh is in millimetres whatever its unit."""
@@ -337,6 +301,7 @@ def test_faces_of_step(drawings, name):
     assert list(found.regions) == ["region_1"]  # and not the name that OpenCASCADE gives to a part without one
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["plain.step", "plain.brep"])
 def test_drawings_without_names(drawings, name):
     """Surfaces by their numbers, which the scene may name, or by rules; cells have the size that is asked for."""
@@ -353,6 +318,7 @@ def test_drawings_without_names(drawings, name):
         read_file(drawings / name, {"sole": 9})
 
 
+@pytest.mark.slow
 def test_finer_cells_of_a_drawing(drawings):
     """Halved cells have their new nodes on the true shape."""
     straight, finer = (read_file(drawings / "plain.step", size=10.0, halvings=n) for n in (0, 1))
@@ -361,14 +327,6 @@ def test_finer_cells_of_a_drawing(drawings):
     assert errors[1] < 0.3 * errors[0]
     curved = read_file(drawings / "plain.step", size=10.0, halvings=1, degree=2)
     assert abs(measures(curved.points, curved.cells, curved.cell).sum() - PLATE) < 0.1 * errors[1]
-
-
-def test_a_plane_drawing(drawings):
-    """A face in 2D makes a plane mesh."""
-    found = read_file(drawings / "flat.step")
-    assert found.kind == "triangle"
-    assert measures(found.points, found.cells, found.cell).sum() == pytest.approx(3.0)
-    assert sorted(areas(found).values()) == pytest.approx([1.0, 1.0, 3.0, 3.0])
 
 
 @pytest.mark.parametrize(
@@ -388,15 +346,6 @@ def test_drawings_that_are_none(tmp_path, name, content, message, capfd):
         read_file(file)
     assert str(file) in str(caught.value)
     assert capfd.readouterr() == ("", "")
-
-
-def test_sizes_that_cannot_be(tmp_path, drawings):
-    """A size is for drawings of CAD programs, and positive."""
-    with pytest.raises(SceneError, match=r"mesh\.size: a \.geo file determines the size of its cells"):
-        read_file(quarter(tmp_path, "tetra"), size=1.0)
-    for size in (0.0, -1.0, float("nan"), float("inf")):
-        with pytest.raises(SceneError, match=r"mesh\.size: a positive length is expected"):
-            read_file(drawings / "plain.step", size=size)
 
 
 # --- what is refused -------------------------------------------------------------------------------------------------
@@ -445,14 +394,6 @@ def test_curved_cells_that_are_folded(tmp_path):
         read_file(tmp_path / "odd.vtu")
 
 
-def test_an_abaqus_mesh_without_heights(tmp_path):
-    """Nodes of solid elements with two coordinates."""
-    file = abaqus(tmp_path, "C3D4", TETRA)
-    file.write_text(re.sub(r"^(\d+, \S+, \S+), \S+$", r"\1", file.read_text(), count=4, flags=re.MULTILINE))
-    with pytest.raises(MeshError, match="no third coordinate"):
-        read_file(file)
-
-
 # --- halving, info, ranks --------------------------------------------------------------------------------------------
 
 
@@ -475,80 +416,6 @@ def test_halved(tmp_path, kind):
     assert integrals(tagged[0]) == pytest.approx(integrals(tagged[1]), rel=1e-12)
 
 
-def test_halved_again_and_again(tmp_path):
-    """The shape of tetrahedra does not get worse with every halving."""
-    found = read_file(quarter(tmp_path, "tetra"))
-    worst = []
-    for _ in range(3):
-        found = halved(found)
-        worst.append(quality(found.points, found.corners).min())
-    assert worst[2] > 0.3
-    assert worst[2] > 0.95 * worst[1]
-
-
-@pytest.mark.parametrize("kind", ["tetra10", "hexahedron27"])
-def test_straightened(tmp_path, kind):
-    """The corners alone."""
-    found = straightened(read_file(quarter(tmp_path, kind)))
-    assert found.kind == kind.rstrip("0123456789")
-    check_quarter(found, 3e-2)
-    assert len(found.points) == len(np.unique(found.cells))
-
-
-def test_quality_of_perfect_cells():
-    """1 for a regular tetrahedron and a cube, however large; less for others."""
-    regular = np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]], dtype=float)
-    cube = 3 * np.array(CUBE, dtype=float)
-    assert quality(regular, np.array([[0, 1, 2, 3]])) == pytest.approx([1.0])
-    assert quality(cube, np.array([range(8)])) == pytest.approx([1.0])
-    assert quality(cube * [1, 1, 2], np.array([range(8)])) == pytest.approx([3 * 4 ** (1 / 3) / 6])
-    assert quality(regular * [1, 1, 1e-3], np.array([[0, 1, 2, 3]]))[0] < 0.02
-
-
-def test_mesh_info_and_convert(tmp_path, capsys):
-    """Volume, areas, quality, and what has no name, of a body in 3D."""
-    file, target = quarter(tmp_path, "hexahedron"), tmp_path / "again.med"
-    assert cli.main(["mesh-info", str(file)]) == 0
-    out = capsys.readouterr().out
-    for text in (
-        "16 hexahedra, 45 points",
-        "x[0] 0 to 2, x[1] 0 to 2, x[2] 0 to 1.5; volume 3.44",
-        "best 1",
-        "foot             8 facets, area 2.29",
-        "x[2] 0 to 0",
-        "all              16 cells, volume 3.44",
-        "exterior facets  16 facets, area ",
-    ):
-        assert text in out, text
-    assert cli.main(["convert", str(file), str(target)]) == 0
-    capsys.readouterr()
-    assert cli.main(["mesh-info", str(target), "--json"]) == 0
-    info, own = json.loads(capsys.readouterr().out), mesh_info(read_file(file))
-    assert info["volume"] == pytest.approx(own["volume"])
-    assert info["surface"] == pytest.approx(own["surface"])
-    assert {name: one["facets"] for name, one in info["boundaries"].items()} == {"foot": 8, "ends": 16, "outside": 8}
-    assert (info["pieces"], info["coincident"]) == (1, 0)
-
-
-def test_pieces_that_share_an_edge(tmp_path):
-    """Two cubes that share an edge are two pieces; forces pass through faces."""
-    other = [(x + 1, y, z + 1) for x, y, z in CUBE]
-    points = [*CUBE, *(x for x in other if x not in CUBE)]
-    where = {x: n for n, x in enumerate(points)}
-    cells = [[where[x] for x in cube] for cube in (CUBE, other)]
-    meshio.write(tmp_path / "two.vtu", meshio.Mesh(np.array(points, dtype=float), [("hexahedron", cells)]))
-    assert mesh_info(read_file(tmp_path / "two.vtu"))["pieces"] == 2
-
-
-def test_size_on_the_command_line(drawings, capsys):
-    """Of the cells of a drawing."""
-    counts = []
-    for size in ("3", "2"):
-        assert cli.main(["mesh-info", str(drawings / "plain.step"), "--size", size, "--json"]) == 0
-        counts.append(json.loads(capsys.readouterr().out)["cells"])
-    assert counts[1] > 2 * counts[0]
-
-
 @pytest.mark.mpi
 @each_kind
 def test_on_ranks(tmp_path, kind):
@@ -567,53 +434,3 @@ def test_on_ranks(tmp_path, kind):
     assert cells == {name: 8 * len(rows) for name, rows in own.regions.items()}
     rel = 3e-4 if kind[-1].isdigit() else 6e-2
     assert integrals(tagged) == pytest.approx([VOLUME, MOMENT], rel=rel)
-
-
-@pytest.mark.mpi
-def test_mistakes_on_ranks(tmp_path):
-    """All ranks raise the same."""
-    comm = MPI.COMM_WORLD
-    folder = comm.bcast(tmp_path)
-    if comm.rank == 0:
-        meshio.write(folder / "odd.vtu", meshio.Mesh(np.array(TETRA, dtype=float), [("tetra", [[0, 1, 2, 3]] * 2)]))
-    comm.barrier()
-    with pytest.raises(MeshError, match="1 cells occur twice"):
-        read_mesh(folder / "odd.vtu", comm)
-
-
-def test_a_scene_on_a_drawing(drawings):
-    """Names of the file and rules with x[2]: pressed without friction, the plate has a pressure of E times 0.001."""
-    scene = parse_scene(
-        {
-            "mesh": {"file": drawings / "plain.step", "size": 6.0, "boundaries": NUMBERS | {"sole": "x[2] < 1e-9"}},
-            "material": {"young": 1000.0, "poisson": 0.3},
-            "displacement": [
-                {"boundary": "cover", "z": -0.01},
-                {"boundary": "left", "normal": 0.0},
-                {"boundary": "front", "normal": 0.0},
-            ],
-            "contact": {"boundary": "sole"},
-        }
-    )
-    solution = alone(scene)
-    assert solution.converged
-    columns = table_of(solution).columns
-    area = areas(read_file(drawings / "plain.step", NUMBERS, size=6.0))["foot"]
-    # Not exactly: the facets of the hole are not quite upright.
-    assert np.median(columns["pressure"]) == pytest.approx(1.0, rel=1e-3)
-    assert np.dot(columns["weight"], columns["pressure"]) == pytest.approx(area, rel=2e-3)
-
-
-def test_curved_cells_of_a_drawing(drawings):
-    """They come with elements of degree 2, which can follow them."""
-    for degree in (1, 2):
-        scene = parse_scene(
-            {
-                "mesh": {"file": drawings / "plain.step", "size": 6.0, "boundaries": NUMBERS},
-                "element": {"degree": degree},
-                "material": {"young": 1000.0, "poisson": 0.3},
-                "displacement": {"boundary": "cover", "z": -0.01},
-                "contact": {"boundary": "foot"},
-            }
-        )
-        assert geometry_degree(load_mesh(scene, MPI.COMM_SELF).mesh) == degree

@@ -74,6 +74,7 @@ FILES += [(suffix, draw, 4.1, 0, 1, 0, 0) for suffix in ("med", "vtu", "xdmf") f
 FILES += [(suffix, draw, 4.1, 0, 1, 0, 0) for suffix in ("step", "brep") for draw in (plate, box)]
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(("suffix", "draw", "version", "binary", "order", "recombined", "incomplete"), FILES)
 def test_counts_names_and_sizes(tmp_path, suffix, draw, version, binary, order, recombined, incomplete):
     """Cells, facets of each name and their length or area, area or volume of the body."""

@@ -11,11 +11,11 @@ import pytest
 from mpi4py import MPI
 from scenes import alone, table_of
 
-from signorini_fx.errors import MeshError, SceneError
+from signorini_fx.errors import SceneError
 from signorini_fx.machine.compat import geometry_cells, geometry_degree
 from signorini_fx.mechanics.mesh.files.shape import quality
 from signorini_fx.mechanics.mesh.refinement import refine
-from signorini_fx.mechanics.mesh.tagged import coarser_parameters, generate_mesh, simplex_parameters
+from signorini_fx.mechanics.mesh.tagged import generate_mesh, simplex_parameters
 from signorini_fx.scenes.checks import check_scene
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.scene import Discretised
@@ -127,6 +127,7 @@ def check(tagged, whole, lengths, rel):
         assert area(tagged) == pytest.approx(whole, rel=rel)
 
 
+@pytest.mark.one_quick
 @each_cell
 @each
 def test_names_area_and_quality(name, cell):
@@ -185,12 +186,6 @@ def integral(tagged):
 
     one = fem.Constant(tagged.mesh, default_scalar_type(1.0))
     return fem.assemble_scalar(fem.form(one * ufl.dx(metadata={"quadrature_degree": 4})))
-
-
-def test_curved_cells_are_not_refined():
-    """Bisection would straighten them without a word."""
-    with pytest.raises(MeshError, match="straight sides"):
-        refine(make("half_disk", order=2))
 
 
 @pytest.mark.parametrize(
@@ -299,23 +294,6 @@ def test_generators_of_other_packages_that_cannot_be_used(installed):
     assert generate_mesh("box", {"nx": 2, "ny": 1, "nz": 1}, MPI.COMM_SELF).dimension == 3
 
 
-def test_without_the_decorator(installed, monkeypatch):
-    """A plain function makes its mesh, no coarser ones; what is no mesh is refused."""
-    installed("plain = wavy:plain", "none = wavy:none")
-    import wavy as module
-
-    def plain(comm, /, *, nx=4):
-        return module.generate(comm, nx=nx, ny=1)
-
-    monkeypatch.setattr(module, "plain", plain, raising=False)
-    monkeypatch.setattr(module, "none", lambda comm: 7, raising=False)
-    assert generate_mesh("plain", {"nx": 2}, MPI.COMM_SELF).mesh.topology.index_map(2).size_global == 4
-    with pytest.raises(SceneError, match=r"solver\.levels"):
-        coarser_parameters("plain", {}, 2.0)
-    with pytest.raises(SceneError, match="a TaggedMesh is expected"):
-        generate_mesh("none", {}, MPI.COMM_SELF)
-
-
 # --- bodies in contact -----------------------------------------------------------------------------------------------
 
 STEEL = {"young": 210000.0, "poisson": 0.3}
@@ -327,26 +305,6 @@ def solved(name, parameters, contact, **effects):
     solution = alone(parse_scene(data))
     assert solution.converged
     return solution
-
-
-def test_punch_with_rounded_edges():
-    """The load is borne; near its edge the punch looks the same at any rounding, so the peak is the same too."""
-    peaks, places = [], []
-    for rounding in (0.5, 0.2):
-        solution = solved(
-            "punch",
-            {"rounding": rounding, "symmetric": True, "contact_zone": 0.4},
-            {"boundary": "foot", "gap": "x[1]", "direction": [0, -1]},
-            material={"young": 2000.0, "poisson": 0.3},
-            displacement={"boundary": "symmetry", "normal": 0.0},
-            traction={"boundary": "top", "pressure": 100.0},
-        )
-        columns = table_of(solution).columns
-        assert np.dot(columns["weight"], columns["pressure"]) == pytest.approx(200.0, rel=1e-6)
-        peaks.append(columns["pressure"].max())
-        places.append((columns["x"][np.argmax(columns["pressure"])] - (2 - rounding)) / rounding)
-    assert peaks == pytest.approx([253.4, 253.4], rel=3e-3)
-    assert places == pytest.approx([0.09, 0.09], abs=0.03)
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.1, 0.2])
@@ -363,56 +321,6 @@ def test_wedge_in_its_groove(friction):
     total = load * (1 + 4 * tan(angle))
     normal = np.dot(columns["weight"], columns["pressure"])
     assert normal == pytest.approx(total / (sin(angle) + friction * cos(angle)), rel=1e-5)
-
-
-def test_pin_in_a_hole():
-    """A plate hangs on a rigid pin that is a little thinner: the pin bears the whole weight, on its upper half."""
-    solution = solved(
-        "plate_with_hole",
-        {"contact_size": 0.05},
-        # The pin touches the hole at its top; the gap is along the normal of the plate, which points to the centre.
-        {"boundary": "hole", "gap": "0.001 * (1 - x[1])"},
-        displacement={"boundary": "top", "x": 0.0},
-        body_force={"y": -1.0},
-    )
-    columns = table_of(solution).columns
-    force = -np.dot(columns["weight"] * columns["pressure"], columns["n_y"])
-    assert force == pytest.approx(32 - pi, rel=3e-3)
-    assert columns["y"][columns["pressure"] > 0].min() > 0.0
-
-
-def test_saddle_on_a_pipe():
-    """A seat that fits its cylinder bears all along; the same seat on a thinner cylinder at its crown only."""
-    widths = []
-    for thinner in (0.0, 0.2):
-        r = 4.0 - thinner
-        solution = solved(
-            "block_on_cylinder",
-            {"order": 2, "contact_size": 0.2},
-            {"boundary": "seat", "gap": f"sqrt(x[0]**2 + (x[1] + {r})**2) - {r}"},
-            element={"degree": 2},
-            displacement={"boundary": "top", "x": 0.0},
-            traction={"boundary": "top", "pressure": 50.0},
-        )
-        columns = table_of(solution).columns
-        force = -np.dot(columns["weight"] * columns["pressure"], columns["n_y"])
-        assert force == pytest.approx(500.0, rel=5e-3)
-        widths.append(np.abs(columns["x"][columns["pressure"] > 0]).max())
-    assert widths[1] < 0.5 * widths[0]
-
-
-def test_shoe_on_a_plane():
-    """A ring segment pressed down by its ends: the force on the plane is what they are pushed with."""
-    solution = solved(
-        "ring_segment",
-        {"contact_size": 0.1, "symmetric": True, "order": 2},
-        {"boundary": "outer", "gap": "x[1]", "direction": [0, -1]},
-        element={"degree": 2},
-        displacement=[{"boundary": "symmetry", "normal": 0.0}],
-        traction={"boundary": "right", "y": -20.0},
-    )
-    columns = table_of(solution).columns
-    assert np.dot(columns["weight"], columns["pressure"]) == pytest.approx(40.0, rel=1e-6)
 
 
 @pytest.mark.mpi
@@ -432,44 +340,3 @@ def test_linear_elements_on_curved_cells(cell):
             ask(scene, MPI.COMM_WORLD)
     quadratic = scene.model_copy(update={"element": Discretised(degree=2)})
     assert solve(quadratic, MPI.COMM_WORLD).converged
-
-
-@pytest.mark.parametrize("depth", [0.0, 0.1])
-def test_sawtooth(depth):
-    """A flat body touches the tips only; one with teeth that fit touches everywhere."""
-    teeth = "0.2 * min(abs(x[0] - 0.5), abs(x[0] - 1.5), abs(x[0] - 2.5))"
-    solution = solved(
-        "sawtooth",
-        {"depth": depth, "facets": 8, "ny": 16},
-        {"boundary": "bottom", "gap": teeth if depth == 0.0 else 0.0, "direction": [0, -1]},
-        displacement=[{"boundary": side, "x": 0.0} for side in ("left", "right")],
-        traction={"boundary": "top", "pressure": 50.0},
-    )
-    table = table_of(solution)
-    columns = table.columns
-    assert np.dot(columns["weight"], columns["pressure"]) == pytest.approx(150.0, rel=2e-2)
-    touching = columns["pressure"] > 0
-    if depth == 0.0:
-        assert len(table.zones(touching)) == 3
-        assert np.abs(columns["x"][touching] % 1 - 0.5).max() < 0.1
-    else:
-        assert touching.mean() > 0.9
-
-
-@pytest.mark.one_quick
-@pytest.mark.parametrize("name", ["punch", "dovetail"])
-def test_nested(name):
-    """Coarser meshes of the same body as a start lead to the same solution."""
-    feet = {"punch": ["foot"], "dovetail": ["left", "right"]}[name]
-    effects = {
-        "displacement": {"boundary": "top", "x": 0.0},
-        "traction": {"boundary": "top", "pressure": 100.0 if name == "punch" else -100.0},
-    }
-    contact = [{"boundary": foot, "friction": {"law": "coulomb", "coefficient": 0.3}} for foot in feet]
-    if name == "punch":
-        contact[0] |= {"gap": "x[1]", "direction": [0, -1]}
-    parameters = {"contact_size": 0.1 if name == "punch" else 0.5}
-    plain, nested = (solved(name, parameters, contact, solver={"levels": levels}, **effects) for levels in (1, 3))
-    assert len(nested.convergence_table) == 4
-    pressures = [table_of(solution).columns["pressure"] for solution in (plain, nested)]
-    np.testing.assert_allclose(pressures[1], pressures[0], rtol=0, atol=1e-6 * pressures[0].max())

@@ -1,8 +1,6 @@
 """``mesh-info`` and ``convert``: what a mesh file holds, in any format, without dolfinx."""
 
 import json
-import subprocess
-import sys
 
 import pytest
 
@@ -90,11 +88,3 @@ def test_mesh_formats_that_cannot_be(capsys, squares, monkeypatch, arguments, me
     assert (code, out) == (2, "")
     assert message in err
     assert "Traceback" not in err
-
-
-def test_mesh_info_is_light(squares):
-    """No dolfinx, no MPI."""
-    code = f"import sys; from signorini_fx.scenes.cli import main; main(['mesh-info', {str(squares)!r}]); "
-    code += "print([name for name in ('dolfinx', 'petsc4py', 'mpi4py', 'ufl') if name in sys.modules])"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.endswith("[]\n")

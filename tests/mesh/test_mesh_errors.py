@@ -99,11 +99,6 @@ def test_contact_and_tangential_support_on_the_same_facets():
     assert solution.contact.pressure.max() > 0.0
 
 
-def test_overlap_at_a_corner_is_no_mistake():
-    """Left and bottom share a node, no facet: Example 1 itself."""
-    assert alone(small()).converged
-
-
 def test_unknown_generator():
     """The generators that there are, are listed."""
     with pytest.raises(SceneError, match=r"mesh\.generator: no generator 'torus'; there are: block, .*rectangle"):
@@ -184,36 +179,3 @@ def test_mesh_without_names(tmp_path):
     file.write_text(GEOMETRY)
     with pytest.raises(MeshError, match="no named boundary"):
         read_mesh(file, MPI.COMM_SELF)
-
-
-@pytest.mark.slow
-def test_mesh_file(tmp_path):
-    """A geometry with physical groups is a mesh like that of a generator."""
-    file = tmp_path / "body.geo"
-    names = {"bottom": 1, "right": 2, "top": 3, "left": 4}
-    file.write_text(GEOMETRY + "".join(f'Physical Curve("{name}") = {{{tag}}};\n' for name, tag in names.items()))
-    ours = alone(small(mesh=MeshFile(file=file)))
-    assert ours.model.dofs == 2 * 7 * 3
-    theirs = alone(example1(nx=6, ny=2, cell="triangle", generator="block"))
-    assert ours.contact.pressure.max() == pytest.approx(theirs.contact.pressure.max(), rel=0.1)
-
-
-def test_facets_of_a_file_inside_of_a_boundary_are_told(tmp_path):
-    """So are those that a file names: only where the name is used."""
-    names = '1 1 "left"\n1 2 "bottom"\n1 3 "top"\n1 4 "unused"\n2 5 "body"'
-    nodes = "\n".join(f"{k + 1} {k % 3} {k // 3} 0" for k in range(6))
-    lines = ["1 4 1", "2 1 2", "2 2 3", "2 2 5", "3 4 5", "3 5 6", "4 2 5", "4 3 6"]  # 2 5 is between both cells
-    elements = [f"{k + 1} 1 2 {tag} {tag} {a} {b}" for k, (tag, a, b) in enumerate(line.split() for line in lines)]
-    elements += ["9 3 2 5 5 1 2 5 4", "10 3 2 5 5 2 3 6 5"]
-    (file := tmp_path / "plate.msh").write_text(
-        f"$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$PhysicalNames\n5\n{names}\n$EndPhysicalNames\n$Nodes\n6\n{nodes}\n"
-        f"$EndNodes\n$Elements\n{len(elements)}\n" + "\n".join(elements) + "\n$EndElements\n"
-    )
-    tagged = read_mesh(file, MPI.COMM_SELF)
-    assert dict(tagged.left_out) == {"bottom": 1, "unused": 1}
-    scene = on_mesh(example1(nx=6, ny=2), MeshFile(file=file))
-    found = mistakes(
-        scene.model_copy(update={"displacement": (PrescribedDisplacement(boundary="left", x=0.0, y=0.0),)})
-    )
-    assert list(found) == ["contact[0].boundary"]
-    assert "1 of the 3 facets of boundary 'bottom' are inside of the body" in found["contact[0].boundary"]

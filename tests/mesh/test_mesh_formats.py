@@ -204,35 +204,6 @@ def lengths(mesh):
 
 
 @pytest.mark.mpi
-def test_overlapping_names_on_ranks(tmp_path):
-    """Names that share facets or cells have all of them, on any number of ranks."""
-    comm = MPI.COMM_WORLD
-    folder = comm.bcast(tmp_path)
-    if comm.rank == 0:
-        write_file(body(folder, "triangle"), folder / "body.msh")
-    comm.barrier()
-    tagged = read_mesh(folder / "body.msh", comm)
-    counts = {name: comm.allreduce(int(tagged.facets(name).size)) for name in tagged.boundaries}
-    assert counts == {"low": 6, "foot": 3, "side of it": 3}
-    owned = tagged.mesh.topology.index_map(2).size_local
-    cells = {name: comm.allreduce(int((tagged.cells(name) < owned).sum())) for name in tagged.regions}
-    assert cells == {"left": 18, "both": 36}
-
-
-def test_numbers_of_groups_that_overlap(tmp_path):
-    """A number takes all elements of its physical group, also those that another group has too."""
-    mesh, file = body(tmp_path, "triangle"), tmp_path / "body.msh"
-    write_file(mesh, file)
-    names = read_file(file)
-    for number, name in enumerate(mesh.boundaries, start=1):
-        found = read_file(file, boundaries={"chosen": number})
-        np.testing.assert_array_equal(found.boundaries["chosen"], names.boundaries[name])
-    for number, name in enumerate(mesh.regions, start=len(mesh.boundaries) + 1):
-        found = read_file(file, regions={"chosen": number})
-        np.testing.assert_array_equal(found.regions["chosen"], names.regions[name])
-
-
-@pytest.mark.mpi
 def test_names_that_must_not_overlap(tmp_path):
     """One foundation for each facet, one material for each cell; else there would be two answers."""
     comm = MPI.COMM_WORLD
@@ -252,21 +223,6 @@ def test_names_that_must_not_overlap(tmp_path):
     data["material"][1]["region"] = "both"
     with pytest.raises(SceneError, match="material: 9 cells are in several of the regions"):
         solve(parse_scene(data), comm)
-
-
-@pytest.mark.mpi
-def test_a_file_on_ranks(tmp_path):
-    """A foreign mesh is read on one rank, and solved by all."""
-    comm = MPI.COMM_WORLD
-    folder = comm.bcast(tmp_path)
-    if comm.rank == 0:
-        points, cells, _ = numbered("quadrilateral")
-        meshio.write(folder / "bare.vtu", meshio.Mesh(np.column_stack((points, 0 * points[:, 0])), [("quad", cells)]))
-    comm.barrier()
-    solution = solve(scene({"file": folder / "bare.vtu", "boundaries": RULES}), comm)
-    one = ours("quadrilateral")
-    theirs, own = (table_of(s).columns["pressure"] for s in (solution, one))
-    np.testing.assert_allclose(theirs, own, rtol=0, atol=1e-9 * own.max())
 
 
 def test_regions_by_rule_and_number(tmp_path):
@@ -449,18 +405,6 @@ def test_selections_that_take_nothing(tmp_path, changes, path, message):
     assert message in text
 
 
-def test_which_numbers(tmp_path):
-    """With several cell data the scene must say which one it means."""
-    points, cells, lines = numbered("triangle")
-    blocks = [("triangle", cells), ("line", lines["bottom"])]
-    data = {name: [np.zeros(len(cells), dtype=int), np.full(NX, k)] for k, name in enumerate(("a", "b"), start=1)}
-    file = vtu(tmp_path / "two.vtu", points, blocks, cell_data=data)
-    assert not read_file(file).boundaries
-    with pytest.raises(SceneError, match=r"mesh\.boundaries\.foot: .*set mesh\.data to .*; there are: 'a', 'b'"):
-        read_file(file, boundaries={"foot": 2})
-    assert read_file(file, boundaries={"foot": 2}, data="b").boundaries["foot"].size == NX
-
-
 @pytest.mark.parametrize(
     "given",
     [
@@ -477,30 +421,6 @@ def test_selections_in_the_scene(given):
     """A whole number or an expression; everything else is refused before the file is looked at."""
     with pytest.raises(SceneError, match=r"mesh\.boundaries"):
         scene({"file": "nowhere.vtu", "boundaries": given})
-
-
-def test_numbers_that_a_file_does_not_have(tmp_path):
-    """Nothing to choose from: the message does not ask for a choice."""
-    points, cells, _ = numbered("triangle")
-    file = vtu(
-        tmp_path / "bare.vtu", points, [("triangle", cells)], cell_data={"part": [np.ones(len(cells), dtype=int)]}
-    )
-    with pytest.raises(SceneError, match="no exterior facet has a number: give a condition instead"):
-        read_file(file, boundaries={"foot": 1})
-
-
-def test_several_numbers(tmp_path):
-    """A list of numbers selects the facets that have one of them; each must be there."""
-    points, cells, lines = numbered("triangle")
-    blocks = [("triangle", cells), ("line", lines["bottom"]), ("line", lines["top"])]
-    data = {"tag": [np.zeros(len(cells), dtype=int), np.full(NX, 1), np.full(NX, 2)]}
-    file = vtu(tmp_path / "both.vtu", points, blocks, cell_data=data)
-    both = read_file(file, boundaries={"one": 1, "other": 2, "both": (1, 2)}).boundaries
-    assert set(both["both"].tolist()) == {*both["one"].tolist(), *both["other"].tolist()}
-    assert both["both"].size == 2 * NX
-    with pytest.raises(SceneError, match="number 7 selects no exterior facet; the numbers there are: 1, 2"):
-        read_file(file, boundaries={"both": (1, 7)})
-    assert scene({"file": str(file), "boundaries": {"both": [1, 2]}}).mesh.boundaries["both"] == (1, 2)
 
 
 def test_tags_of_dolfinx(tmp_path):
@@ -546,20 +466,3 @@ def test_packages_that_are_not_installed(tmp_path, monkeypatch, suffix, missing)
     monkeypatch.setattr(meshio_reader.importlib, "import_module", absent)
     with pytest.raises(MeshError, match=f"needs the Python package {missing}: apt install python3-{missing}"):
         read_file(file)
-
-
-@pytest.mark.one_quick
-@pytest.mark.parametrize("kind", ["triangle6", "quad9"])
-def test_straight_cells_with_midside_nodes(tmp_path, kind):
-    """Linear elements may be used on them: the answer is that of the corners alone."""
-    pressures = []
-    for nodes in (kind, kind[:-1]):
-        write_file(body(tmp_path, nodes), tmp_path / f"{nodes}.msh")
-        data = {
-            "mesh": {"file": tmp_path / f"{nodes}.msh"},
-            "material": {"young": 1000.0, "poisson": 0.3},
-            "displacement": {"boundary": "side of it", "x": 0.0, "y": -0.01},
-            "contact": {"boundary": "low"},
-        }
-        pressures.append(table_of(alone(parse_scene(data))).columns["pressure"])
-    np.testing.assert_allclose(pressures[0], pressures[1], rtol=0, atol=1e-9 * pressures[1].max())

@@ -3,7 +3,7 @@
 import gmsh
 import numpy as np
 import pytest
-from dolfinx import fem, geometry
+from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from spaces import CELLS
@@ -27,16 +27,6 @@ def distorted(cell, n=3, comm=SELF):
 
 
 @pytest.mark.parametrize("cell", [*CELLS.values(), *PLANE])
-def test_only_cells_of_another_piece_are_near(cell):
-    """There is no cell for the point: basix ended the process for want of points."""
-    mesh = distorted(cell)
-    x, count = mesh.geometry.x[:1], mesh.topology.index_map(mesh.topology.dim).size_local
-    for piece, wanted in ((0, True), (1, False)):
-        cells, _, gap = cells_of_points(mesh, x, 1.0, (np.array([piece]), np.zeros(count, dtype=np.int64)))
-        assert (cells[0] >= 0) == wanted == np.isfinite(gap[0])
-
-
-@pytest.mark.parametrize("cell", [*CELLS.values(), *PLANE])
 def test_points_of_distorted_cells(cell):
     """The cells and places that points were taken from, to round-off; none for a point far away."""
     mesh = distorted(cell)
@@ -51,25 +41,6 @@ def test_points_of_distorted_cells(cell):
     np.testing.assert_allclose(place[:-1], wanted, rtol=0, atol=1e-12)
     assert gap[:-1].max() < 1e-12
     assert gap[-1] == np.inf
-
-
-def test_a_cell_of_a_size_of_its_own(monkeypatch):
-    """Points outside of the box of a single cell: dolfinx 0.9 reads beyond the end of a tree with one box."""
-    boxes = []
-    tree = geometry.bb_tree
-    monkeypatch.setattr(
-        geometry,
-        "bb_tree",
-        lambda *given, entities, **more: boxes.append(len(entities)) or tree(*given, entities=entities, **more),
-    )
-    mesh = dmesh.create_rectangle(SELF, [[0.0, 0.0], [3.0, 1.0]], [3, 1], dmesh.CellType.quadrilateral)
-    mesh.geometry.x[mesh.geometry.x[:, 0] > 2.5, 0] = 9.0
-    found, place, gap = cells_of_points(mesh, np.array([[0.5, 0.5, 0.0], [8.0, 0.5, 0.0], [20.0, 0.5, 0.0]]), 0.25)
-    assert len(set(found[:2])) == 2
-    assert found[2] == -1
-    np.testing.assert_allclose(sorted(place[1]), [0.5, 6 / 7], rtol=0, atol=1e-12)
-    np.testing.assert_allclose(gap[:2], 0.0, rtol=0, atol=1e-12)
-    assert min(boxes) == 2
 
 
 @pytest.fixture(scope="module")
@@ -137,7 +108,7 @@ def test_quadratic_functions_on_meshes_that_are_not_nested(cell):
     np.testing.assert_allclose(found[:, 0], function(x.T), rtol=0, atol=1e-11)
 
 
-@pytest.mark.one_quick
+@pytest.mark.slow
 @pytest.mark.mpi(slow=True)
 @pytest.mark.parametrize("degrees", [(2, 2), (2, 1), (1, 2)])
 def test_nodes_of_a_finer_mesh_beside_the_coarser_one(drawing, degrees):
@@ -150,62 +121,3 @@ def test_nodes_of_a_finer_mesh_beside_the_coarser_one(drawing, degrees):
         found = values_at(coarse, x * unit, degrees[0], lambda x, unit=unit: x / unit)
         coarse.geometry.x[:] /= unit
         assert COMM.allreduce(np.abs(found - x).max(initial=0.0), op=MPI.MAX) < 1e-8
-
-
-@pytest.mark.mpi
-def test_ranks_without_cells_and_points_that_are_nowhere():
-    """A mesh of one cell, asked by all ranks or by one; one point of one rank outside, and there is nothing on all."""
-    mesh = dmesh.create_rectangle(COMM, [(0.0, 0.0), (1.0, 1.0)], [1, 1], dmesh.CellType.quadrilateral)
-    for asking in (range(COMM.size), [COMM.size - 1]):
-        x = np.array([[0.25, 0.5, 0.0], [1.0, 1.2, 0.0]])[: 2 * (COMM.rank in asking)]
-        found = values_at(mesh, x, 1, lambda x: x[0] + 2 * x[1])
-        np.testing.assert_allclose(found.ravel(), x[:, 0] + 2 * x[:, 1], rtol=0, atol=1e-14)
-        for away in (1.5, np.nan):
-            x[x == 1.2] = away
-            assert values_at(mesh, x, 1, lambda x: x[0]) is None
-            x[1:, 1] = 1.2
-
-
-@pytest.mark.mpi
-def test_the_rank_that_has_the_cell():
-    """Of two ranks whose cells are next to a point, the one answers that has it in a cell."""
-    mesh = dmesh.create_rectangle(COMM, [(0.0, 0.0), (12.0, 1.0)], [12, 1], dmesh.CellType.quadrilateral)
-    x = np.full((24, 3), [0.0, 0.5, 0.0])
-    x[:, 0] = (np.arange(12)[:, None] + [0.1, 0.9]).ravel()
-    nodes = mesh.geometry.x[compat.geometry_cells(mesh)]
-    found = at_points(mesh, x, 0.25, lambda cells, _: nodes[cells].mean(axis=1))
-    assert COMM.allreduce(np.abs(found[:, 0] - x[:, 0]).max(), op=MPI.MAX) < 0.5
-
-
-@pytest.mark.mpi
-def test_an_error_on_one_rank():
-    """It is raised on all, so that none waits."""
-    mesh = dmesh.create_unit_square(COMM, 4, 4)
-
-    def evaluate(cells, place):
-        if COMM.rank == COMM.size - 1:
-            raise ValueError("only here")
-        return place
-
-    with pytest.raises(ValueError, match="only here"):
-        at_points(mesh, nodes(mesh), 0.25, evaluate)
-
-
-@pytest.mark.one_quick
-@pytest.mark.parametrize("dim", [2, 3])
-def test_the_nearest_cell(dim):
-    """A point that two cells continue to takes the one that it is less outside of, large or small."""
-    split = [0.0, 1.0, 1.1, 2.0]
-    mesh = dmesh.create_box(SELF, [(0.0,) * 3, (3.0, 1.0, 1.0)], (3, 1, 1), dmesh.CellType.hexahedron)
-    if dim == 2:
-        mesh = dmesh.create_rectangle(SELF, [(0.0, 0.0), (3.0, 1.0)], [3, 1], dmesh.CellType.quadrilateral)
-    mesh.geometry.x[:, 0] = np.interp(mesh.geometry.x[:, 0], range(4), split)
-    x = np.zeros((6, 3))
-    x[:, :dim] = 0.5
-    x[:, 0] = 0.5, 1.05, 1.5, -0.1, 2.1, 1.05
-    x[5, 1] = -0.1
-    cells, place, gap = cells_of_points(mesh, x, 0.5)
-    middle = mesh.geometry.x[compat.geometry_cells(mesh)[cells]].mean(axis=1)[:, 0]
-    np.testing.assert_allclose(middle, [0.5, 1.05, 1.55, 0.5, 1.55, 1.05])
-    np.testing.assert_allclose(gap, [0, 0, 0, 0.1, 0.1, 0.1], rtol=0, atol=1e-14)
-    np.testing.assert_allclose(np.abs(place[4] - 0.5).max(), 0.5 + 0.1 / 0.9)

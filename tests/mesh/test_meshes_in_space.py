@@ -8,15 +8,13 @@ import ufl
 from dolfinx import default_scalar_type, fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
-from scenes import alone, table_of
 
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.machine.compat import geometry_cells, geometry_degree, geometry_element
 from signorini_fx.mechanics.mesh.files.cells import CELLS
 from signorini_fx.mechanics.mesh.files.shape import check_shape, quality
-from signorini_fx.mechanics.mesh.refinement import cells_at, refine
-from signorini_fx.mechanics.mesh.tagged import TaggedMesh, generate_mesh, simplex_parameters
-from signorini_fx.scenes.reading import parse_scene
+from signorini_fx.mechanics.mesh.refinement import refine
+from signorini_fx.mechanics.mesh.tagged import generate_mesh, simplex_parameters
 
 TAN, COS = tan(radians(15)), cos(radians(15))
 FLANK = 2 * 2 / COS
@@ -144,6 +142,7 @@ def test_geometry_of_degree_two(name, cell):
     check_shape(curved.mesh.geometry.x, nodes, kind, name)  # none is turned inside out
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("part", ["half", "quarter"])
 @pytest.mark.parametrize("name", PARTS)
 def test_parts(name, part):
@@ -158,47 +157,7 @@ def test_parts(name, part):
         assert tagged.mesh.geometry.x[:, axis].min() > -1e-9 or boundary not in cut
 
 
-def test_symmetric_bracket():
-    """The half with x[1] >= 0."""
-    _, volume, areas = SMALL["bracket"]
-    half = {boundary: area / 2 for boundary, area in areas.items() if boundary not in ("front", "back")}
-    side = areas["back"]
-    check(
-        make("bracket", symmetric=True, order=2),
-        volume / 2,
-        half | {"back": side, "symmetry": side - 8 * 11},
-        5e-4,
-    )
-
-
-@pytest.mark.parametrize("part", ["whole", "half", "quarter"])
-def test_a_node_where_contact_begins(part):
-    """The sphere touches a plane in a node."""
-    x = make("half_sphere", part=part).mesh.geometry.x
-    assert np.linalg.norm(x, axis=1).min() < 1e-9
-    assert x[:, 2].min() > -1e-9
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["half_sphere", "cylindrical_punch", "bracket"])
-def test_small_cells_where_contact_is(name):
-    """Edges are short in the zone and long far away."""
-    tagged = make(name, contact_size=0.1 if name != "bracket" else 1.5)
-    x = tagged.mesh.geometry.x[geometry_cells(tagged.mesh)]
-    edges = np.linalg.norm(x - np.roll(x, 1, axis=1), axis=2).mean(axis=1)
-    middle = x.mean(axis=1)
-    away = {
-        "half_sphere": np.linalg.norm(middle, axis=1),
-        "cylindrical_punch": np.hypot(np.hypot(middle[:, 0], middle[:, 1]) - 1.5, middle[:, 2]),
-        "bracket": np.maximum(np.hypot(middle[:, 0] - 37, middle[:, 1]) - 10, 0),
-    }[name]
-    wanted = {"half_sphere": (1, 0.1, 1.2), "cylindrical_punch": (0.3, 0.1, 0.35), "bracket": (2, 1.5, 4)}
-    zone, near, far = wanted[name]
-    # gmsh takes a size as that of the shortest edges rather than of all.
-    assert near < edges[away < zone].mean() < 1.5 * near
-    assert edges[away > 0.8 * away.max()].mean() > far
-
-
+@pytest.mark.one_quick
 @pytest.mark.mpi
 @pytest.mark.parametrize("everything", [True, False], ids=["all", "marked"])
 @pytest.mark.parametrize("name", ["box", "wedge_block"])
@@ -217,30 +176,12 @@ def test_refined(name, everything):
         assert len(fine.cells("body")) == index_map.size_local + index_map.num_ghosts
 
 
-def test_regions_of_refined_tetrahedra():
-    """The children of a cell are in its region, and no others."""
-    tagged = make("box", cell="tetrahedron")
-    left = dmesh.locate_entities(tagged.mesh, 3, lambda x: x[0] < 1 + 1e-9)
-    tags = dmesh.meshtags(tagged.mesh, 3, left, np.full(left.size, 5, dtype=np.int32))
-    fine = refine(TaggedMesh(tagged.mesh, tagged.facet_tags, tagged.boundaries, tags, {"third": 5}))
-    x = fine.mesh.geometry.x[geometry_cells(fine.mesh)].mean(axis=1)
-    np.testing.assert_array_equal(fine.cells("third"), np.flatnonzero(x[:, 0] < 1))
-
-
 def test_what_is_not_refined():
     """Hexahedra, and cells that would lose their curves."""
     with pytest.raises(MeshError, match="only tetrahedra can be refined"):
         refine(make("box"))
     with pytest.raises(MeshError, match="straight sides"):
         refine(make("half_sphere", order=2))
-
-
-def test_cells_at_a_point():
-    """Those that have it as a corner."""
-    tagged = make("box")
-    assert len(cells_at(tagged, np.array([[0.0, 0.0, 0.0]]))) == 1
-    assert len(cells_at(tagged, np.array([[2.0, 0.5, 0.5], [0.0, 0.0, 0.0]]))) == 9
-    assert len(cells_at(tagged, np.array([[0.5, 0.5, 0.25]]))) == 0
 
 
 @pytest.mark.parametrize(
@@ -285,32 +226,6 @@ def test_more_cells_than_there_could_be(name, changes):
         make(name, MPI.COMM_WORLD, **changes)
 
 
-@pytest.mark.mpi
-def test_cells_too_large_for_their_arcs():
-    """A thin ring of few curved tetrahedra would have some turned inside out: that is said, on all ranks."""
-    with pytest.raises(MeshError, match="turned inside out: use more of them"):
-        make("ring", MPI.COMM_WORLD, cell="tetrahedron", order=2, nt=2, inner_radius=1.95)
-
-
 # --- bodies in contact -----------------------------------------------------------------------------------------------
 
 STEEL = {"young": 210000.0, "poisson": 0.3}
-
-
-@pytest.mark.one_quick
-@pytest.mark.parametrize("friction", [0.0, 0.2])
-def test_wedge_in_its_groove(friction):
-    """The normal forces on the flanks balance the load: P / (sin a + F cos a) together, while it slides down."""
-    scene = {
-        "mesh": {"generator": "wedge_block", "parameters": {"nx": 4, "ny": 3, "nz": 8}},
-        "material": STEEL,
-        "displacement": [{"boundary": side, "normal": 0.0} for side in ("front", "back")],
-        "traction": {"boundary": "top", "z": -100.0},
-        "contact": [
-            {"boundary": side, "friction": {"law": "coulomb", "coefficient": friction}} for side in ("left", "right")
-        ],
-    }
-    columns = table_of(alone(parse_scene(scene))).columns
-    load = 100.0 * SMALL["wedge_block"][2]["top"]
-    normal = np.dot(columns["weight"], columns["pressure"])
-    assert normal == pytest.approx(load / (tan(radians(15)) * COS + friction * COS), rel=1e-5)

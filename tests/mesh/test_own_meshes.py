@@ -1,7 +1,6 @@
 """Meshes of one's own: their boundaries, a session of gmsh that is open already, drawings, what is no mesh."""
 
 import gmsh
-import meshio
 import numpy as np
 import pytest
 import ufl
@@ -12,7 +11,7 @@ from scenes import alone
 from signorini_fx.errors import MeshError
 from signorini_fx.machine.compat import geometry_degree
 from signorini_fx.mechanics.mesh.files.formats import read_file, write_file
-from signorini_fx.mechanics.mesh.tagged import generate_mesh, gmsh_mesh, tag_boundaries
+from signorini_fx.mechanics.mesh.tagged import generate_mesh, tag_boundaries
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import parse_scene
 
@@ -48,27 +47,6 @@ def test_forces_on_boundaries_that_overlap():
     assert (table["pressure"] * table["weight"]).sum() == pytest.approx(7.0, rel=1e-9)
 
 
-def test_physical_groups_that_overlap():
-    """They keep all their facets, also where three of them meet, and their names."""
-
-    def draw(gmsh):
-        geo = gmsh.model.geo
-        points = [geo.addPoint(x, y, 0.0) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))]
-        lines = [geo.addLine(points[k], points[k - 3]) for k in range(4)]
-        body = geo.addPlaneSurface([geo.addCurveLoop(lines)])
-        geo.synchronize()
-        for line in lines:
-            gmsh.model.mesh.setTransfiniteCurve(line, 5)
-        gmsh.model.addPhysicalGroup(2, [body], name="body")
-        for tag, (name, own) in enumerate({"low": [0], "both": [0, 1], "all": [0, 1, 2, 3]}.items(), start=3):
-            gmsh.model.addPhysicalGroup(1, [lines[k] for k in own], tag, name=name)
-        gmsh.model.mesh.generate(2)
-
-    tagged = gmsh_mesh(SELF, draw, "square")
-    assert {name: len(tagged.facets(name)) for name in tagged.boundaries} == {"low": 4, "both": 8, "all": 16}
-    assert len(tagged.cells("body")) == tagged.mesh.topology.index_map(2).size_local
-
-
 # --- gmsh ------------------------------------------------------------------------------------------------------------
 
 # Options of each kind, one of them a text that gmsh itself cannot write and read again.
@@ -90,6 +68,7 @@ def generated(folder):
     return plane, solid, target.read_text()
 
 
+@pytest.mark.slow
 def test_session_of_the_caller(tmp_path):
     """Models, the current one, options and the size function of an open session stay; our meshes do not see them."""
     alone_in_gmsh = generated(tmp_path)
@@ -121,28 +100,6 @@ def test_session_of_the_caller(tmp_path):
     assert alone_in_gmsh[2] == beside_it[2]
 
 
-def test_session_after_an_error():
-    """An error in a drawing leaves the session as it was too."""
-    gmsh.initialize(readConfigFiles=False, interruptible=False)
-    try:
-        gmsh.option.setNumber("General.Terminal", 0)
-        with pytest.raises(Exception, match="no physical group of dimension 2 or 3"):
-            gmsh_mesh(SELF, lambda gmsh: gmsh.model.geo.addPoint(0, 0, 0), "nothing")
-        assert gmsh.model.list() == [""]
-    finally:
-        gmsh.finalize()
-
-
-def test_options_of_the_user_in_files(tmp_path, monkeypatch):
-    """What gmsh's files in the home folder say does not change a mesh."""
-    before = generate_mesh("punch", {}, SELF).mesh.geometry.x
-    for name in (".gmshrc", ".gmsh-options"):
-        (tmp_path / name).write_text("Mesh.MeshSizeFactor = 0.3;\nMesh.Algorithm = 1;\n")
-    monkeypatch.setenv("HOME", str(tmp_path))
-    monkeypatch.setenv("GMSH_HOME", str(tmp_path))
-    np.testing.assert_array_equal(generate_mesh("punch", {}, SELF).mesh.geometry.x, before)
-
-
 # --- drawings --------------------------------------------------------------------------------------------------------
 
 DISK = """
@@ -170,37 +127,6 @@ def test_curved_scripts(tmp_path, more):
         assert geometry_degree(straight.mesh) == 1
 
 
-def test_straight_scripts_stay_straight(tmp_path):
-    """Nodes between the corners are only for curves: without any the cells can still be divided one by one."""
-    file = tmp_path / "triangle.geo"
-    file.write_text(DISK.replace("Circle(2) = {2, 1, 3}", "Line(2) = {2, 3}").replace("MORE", ""))
-    data = {"mesh": {"file": file}, "material": {"young": 1.0, "poisson": 0.3}, "contact": {"boundary": "low"}}
-    assert geometry_degree(load_mesh(parse_scene(data | {"element": {"degree": 2}}), SELF).mesh) == 1
-
-
-def test_curved_cells_that_are_folded(tmp_path):
-    """A cell whose curved side crosses another one has no area there: it is refused, also in 2D."""
-    points = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0.5, 0.6, 0], [0.5, 0.5, 0], [0, 0.5, 0]]
-    meshio.write(tmp_path / "body.vtu", meshio.Mesh(points, [("triangle6", [list(range(6))])]))
-    with pytest.raises(MeshError, match="1 cells are folded"):
-        read_file(tmp_path / "body.vtu")
-
-
-def test_cells_without_end(tmp_path):
-    """A size that no memory holds is refused at once, with the number of cells."""
-    gmsh.initialize(readConfigFiles=False, interruptible=False)
-    try:
-        gmsh.option.setNumber("General.Terminal", 0)
-        gmsh.model.occ.addBox(0, 0, 0, 10, 10, 10)
-        gmsh.model.occ.synchronize()
-        gmsh.write(str(tmp_path / "box.step"))
-    finally:
-        gmsh.finalize()
-    for size, count in ((1e-9, r"1\.3e\+31"), (1e-200, "inf")):
-        with pytest.raises(MeshError, match=f"cells of size {size:g} would be about {count}, too many for the memory"):
-            read_file(tmp_path / "box.step", size=size)
-
-
 @pytest.mark.parametrize("value", [np.nan, np.inf])
 def test_positions_that_are_not_finite(value):
     """A mesh of one's own is checked before anything is computed."""
@@ -209,13 +135,3 @@ def test_positions_that_are_not_finite(value):
     data = {"mesh": tag_boundaries(own, {"low": "x[1] < 1e-9"}), "material": {"young": 1.0, "poisson": 0.3}}
     with pytest.raises(MeshError, match="coordinates that are not finite"):
         load_mesh(parse_scene(data | {"contact": {"boundary": "low"}}), SELF)
-
-
-@pytest.mark.slow
-def test_second_order_cells_beside_their_facets_in_xdmf(tmp_path):
-    """meshio cannot read what it has written; the message names the kind of the cells, not a number."""
-    x = np.vstack((np.eye(4)[:, :3], [[0.5, 0, 0]] * 6))
-    cells = [("tetra10", [list(range(10))]), ("triangle6", [[0, 1, 2, 4, 5, 6]])]
-    meshio.write(tmp_path / "body.xdmf", meshio.Mesh(x, cells))
-    with pytest.raises(MeshError, match="cells of kind tetra10 in a topology of type Mixed"):
-        read_file(tmp_path / "body.xdmf")

@@ -1,20 +1,14 @@
 """How the cells of several bodies are divided among the ranks: equal shares, each with both sides of its contact."""
 
 from itertools import pairwise
-from pathlib import Path
 
-import meshio
 import numpy as np
 import pytest
 from mpi4py import MPI
 from test_two_bodies_on_ranks import points_of
-from test_two_bodies_scenes import DEMO
-from two_bodies import grid
 
-from signorini_fx import read_scene, solve
-from signorini_fx.mechanics.mesh import distribution, shares_of_ranks
-from signorini_fx.mechanics.mesh.tagged import generate_mesh
-from signorini_fx.scenes.mesh import load_mesh
+from signorini_fx import solve
+from signorini_fx.mechanics.mesh import shares_of_ranks
 from signorini_fx.scenes.reading import parse_scene
 
 WORLD = MPI.COMM_WORLD
@@ -77,6 +71,7 @@ def test_along_the_contact(size, normal, cut):
     assert np.flatnonzero(apart).tolist() == [0 if cut is None else cut]
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("dim", [2, 3])
 @pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
 def test_few_cells(dim, scale):
@@ -92,18 +87,6 @@ def test_few_cells(dim, scale):
             ).min()
             >= 1
         )
-
-
-@pytest.mark.mpi
-def test_whoever_brings_the_cells():
-    """The shares are those of one process, also where a rank brings nothing."""
-    middles, _ = boxes(((9, 4), (0, 0), (3, 1)), ((7, 3), (0, -1), (3, 0)))
-    sides = flat(1, (0, 0), 3.0)
-    expected = shares_of_ranks.shares(Ranks(WORLD.size), middles, sides)
-    for start in (0, 1):
-        first, step = (WORLD.rank - start, WORLD.size - start) if WORLD.size > 1 else (0, 1)
-        own = slice(first, None, step) if first >= 0 else slice(0)
-        np.testing.assert_array_equal(shares_of_ranks.shares(WORLD, middles[own], sides[own]), expected[own])
 
 
 def block(kind, counts):
@@ -154,18 +137,6 @@ STACKS = {
 }
 
 
-@pytest.mark.mpi
-@pytest.mark.parametrize("name", STACKS)
-def test_meshes_of_their_own(name):
-    """Equal shares of the cells and, but for a layer of cells, of the facets of each side of each contact."""
-    scene = stack(*STACKS[name])
-    tagged = load_mesh(scene, WORLD)
-    assert np.ptp(WORLD.allgather(tagged.mesh.topology.index_map(tagged.dimension).size_local)) <= 2
-    for side in scene.statement.touching:
-        own, along = np.array(WORLD.allgather(len(tagged.facets(side)))), STACKS[name][1 + int(side[6])][0]
-        assert np.abs(own - own.sum() / WORLD.size).max() <= own.sum() / along
-
-
 @pytest.mark.one_quick
 @pytest.mark.mpi
 @pytest.mark.parametrize(("name", "more"), [*((name, {}) for name in STACKS), ("quadrilaterals", {"levels": 2})])
@@ -178,72 +149,3 @@ def test_the_same_as_on_one_rank(name, more):
     ours, theirs = points_of(together.contact), points_of(alone.contact)
     assert np.abs(alone.contact.shear).max() > 0.01
     np.testing.assert_allclose(ours, theirs, rtol=0, atol=1e-9)
-
-
-@pytest.mark.mpi
-def test_meshes_of_the_caller():
-    """Each rank brings the cells that it owns."""
-    scene = stack(*STACKS["triangles"])
-    made = [generate_mesh(body.mesh.generator, body.mesh.parameters, WORLD) for body in scene.body]
-    bodies = [body.model_copy(update={"mesh": mesh}) for body, mesh in zip(scene.body, made, strict=True)]
-    together = solve(scene.model_copy(update={"body": tuple(bodies)}), WORLD)
-    ours, theirs = points_of(together.contact), points_of(solve(scene, MPI.COMM_SELF).contact)
-    np.testing.assert_allclose(ours, theirs, rtol=0, atol=1e-9)
-
-
-@pytest.mark.mpi
-def test_bodies_in_one_file():
-    """The shares are equal; half of the contact of the demo is on each of two ranks, on both sides."""
-    scene = read_scene(DEMO)
-    tagged = load_mesh(scene, WORLD)
-    shares = WORLD.allgather(tagged.mesh.topology.index_map(2).size_local)
-    assert np.ptp(shares) <= 2
-    for side in scene.statement.touching:
-        own = np.array(WORLD.allgather(len(tagged.facets(side))))
-        assert WORLD.size != 2 or own[0] == pytest.approx(own[1], rel=0.1)
-
-
-@pytest.mark.mpi(slow=True)
-def test_a_file_whose_cells_are_halved(tmp_path):
-    """The finer meshes of a requested accuracy are divided anew, alike."""
-    file = Path(WORLD.bcast(str(tmp_path))) / "blocks.vtu"
-    if WORLD.rank == 0:
-        (cells, x), (more, y) = grid("triangle", (5, 2), (0, 0.01), (3, 1)), grid("triangle", (4, 2), (0, -1), (3, 0))
-        points = np.pad(np.concatenate([x, y]), ((0, 0), (0, 1)))
-        meshio.write(file, meshio.Mesh(points, [("triangle", np.concatenate([cells, more + len(x)]))]))
-    WORLD.barrier()
-    heights = {"top": 1.0, "upper": 0.01, "lower": 0.0, "bottom": -1.0}
-    marks = {name: f"abs(x[1] - {height}) < 0.001" for name, height in heights.items()}
-    scene = {
-        "mesh": {"file": str(file), "boundaries": marks},
-        "material": {"young": 100.0, "poisson": 0.3},
-        "displacement": [{"boundary": "bottom", "x": 0.0, "y": 0.0}, {"boundary": "top", "x": 0.0, "y": -0.03}],
-        "contact": {"boundary": "upper", "against": "lower"},
-        "accuracy": {"target": 0.8, "of": "energy", "refinement": "uniform"},
-    }
-    found = solve(parse_scene(scene), WORLD)
-    assert len(found.levels) > 1
-    tagged = found.model.tagged
-    assert np.ptp(WORLD.allgather(tagged.mesh.topology.index_map(2).size_local)) <= 2
-    for side in ("upper", "lower"):
-        own = np.array(WORLD.allgather(len(tagged.facets(side))))
-        assert np.ptp(own) <= 2
-
-
-@pytest.mark.slow
-@pytest.mark.mpi
-def test_one_body(monkeypatch):
-    """Nothing is cut without two bodies that touch."""
-
-    def cut(*_):
-        raise AssertionError("cut")
-
-    monkeypatch.setattr(distribution, "shares", cut)
-    alone = read_scene(DEMO)
-    alone = alone.model_copy(
-        update={"contact": tuple(one.model_copy(update={"against": None}) for one in alone.contact)}
-    )
-    load_mesh(alone, WORLD)
-    if WORLD.size > 1:
-        with pytest.raises(AssertionError, match="cut"):
-            load_mesh(read_scene(DEMO), WORLD)

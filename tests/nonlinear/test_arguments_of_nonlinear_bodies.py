@@ -9,7 +9,7 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from support.nonlinear_bodies import PLATE, held, rectangle, residual
 
-from signorini_fx import ConvergenceError, FormError, Foundation, NonlinearContactProblem
+from signorini_fx import FormError, Foundation, NonlinearContactProblem
 
 
 def block(**arguments):
@@ -76,25 +76,6 @@ def test_wrong_placements_are_named():
     assert problem.shapes[0].shape == before
 
 
-def test_update_that_raises():
-    """It is named, with what it has raised; where a shorter increment does it is none."""
-    problem = None
-
-    def update():
-        if np.abs(problem.u.x.array).max() > limit:
-            raise ValueError("no return")
-
-    limit, problem = 0.01, block(update=update)
-    with pytest.raises(FormError, match="update: raised ValueError: no return") as raised:
-        problem.solve()
-    assert isinstance(raised.value.__cause__, ValueError)
-    assert problem.status is None
-    assert not problem.u.x.array.any()
-    limit = 0.051
-    problem.solve()
-    assert problem.certificate.holds
-
-
 @pytest.mark.mpi
 def test_update_that_raises_on_one_rank():
     """All ranks have the error of the one, and go on together."""
@@ -112,21 +93,6 @@ def test_update_that_raises_on_one_rank():
     raising = False
     problem.solve()
     assert problem.certificate.holds
-
-
-def test_messages_name_the_figure():
-    """A certificate that does not hold is told with its figure, though it goes back to the last solution."""
-    problem = block()
-    judge = problem._solver._judge
-
-    def spoilt(_):
-        problem.u.x.array[2:4] += 1e-3
-        return judge()
-
-    problem._solver._judge = spoilt
-    with pytest.raises(ConvergenceError, match=r"certificate does not hold \((equilibrium|entered|supports) [0-9.]+e"):
-        problem.solve()
-    assert problem.certificate is None
 
 
 def test_a_residual_that_is_compiled_wrongly_is_refused():

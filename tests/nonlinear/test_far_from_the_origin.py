@@ -38,6 +38,7 @@ def moved(stated, far):
 
 
 # With a pull before there is contact (0, 15, 35), pressed by ways of 1e-4 of the size (6, 21, 23), and others.
+@pytest.mark.one_quick
 @pytest.mark.parametrize("seed", [6, 15, 21, 23, 35, *(pytest.param(k, marks=pytest.mark.slow) for k in (0, 2, 4, 7))])
 def test_a_scene_as_the_judge_sees_it(seed):
     """1e6 times its size away from the origin: certified, right for another program that looks at the origin, and with
@@ -64,6 +65,7 @@ def test_a_scene_as_the_judge_sees_it(seed):
         assert lost < LAST_DIGITS * np.finfo(float).eps * np.abs(x).max()
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("unit", [1e-6, 1e6])
 @pytest.mark.parametrize("far", [1e3, 1e6])
 def test_block_between_plates(unit, far):

@@ -30,6 +30,7 @@ def arch(**shape):
     return NonlinearContactProblem(F, u, bcs=bcs, contact=Foundation(top, shape=circle), algorithm="alm")
 
 
+@pytest.mark.slow
 def test_an_arch_snaps_through():
     """The force on the prescribed circle rises, falls and rises again.  A force on the circle beyond the limit point
     takes it to where the prescribed one needs the same force.

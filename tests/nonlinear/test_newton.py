@@ -6,26 +6,10 @@ import ufl
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
-from support.nonlinear_bodies import MU, PLATE, held, neo_hooke, rectangle, residual, stress_of_block
+from support.nonlinear_bodies import MU, PLATE, held, neo_hooke, rectangle, residual
 
 from signorini_fx import ConvergenceError, Coulomb, Foundation, NonlinearContactProblem, Status
 from signorini_fx.algebra.linalg.blocks import is_by_blocks
-
-
-@pytest.mark.slow
-def test_the_residual_itself_is_solved():
-    """Forms without a quadrature degree: the certificate, which assembles F as it is compiled, is left round-off."""
-    space, side = rectangle([2.0, 1.0], [16, 8], MPI.COMM_SELF)
-    u = fem.Function(space)
-    circle = {"shape": "circle", "centre": (1.0, 1.3), "radius": 0.3}
-    contact = Foundation(side(1, 1.0), shape=circle)
-    problem = NonlinearContactProblem(residual(u), u, bcs=[held(space, side(1, 0.0))], contact=contact)
-    for step in range(1, 10):
-        problem.place(0, shift=(0.0, -0.05 * step))
-        problem.solve()
-        problem.advance()
-        assert problem.certificate.worst < 1e-10
-        assert problem.iterations <= 6
 
 
 @pytest.mark.one_quick
@@ -117,35 +101,7 @@ def test_a_wrong_tangent_goes_on_until_the_forces_balance():
     assert short.status is Status.MAX_ITERATIONS
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(("most", "left"), [(40, 2e-16), (30, 5e-15)])
-def test_a_wrong_tangent_comes_to_rest(most, left):
-    """A body that is released has nothing that increments are small beside: they go on down to round-off, or for as
-    long as there are iterations.
-    """
-    space, side = rectangle([1.0, 1.0], [2, 2], MPI.COMM_SELF)
-    u, trial, test = fem.Function(space), ufl.TrialFunction(space), ufl.TestFunction(space)
-    J = ufl.derivative(residual(u), u, trial) + 0.5 * MU * ufl.inner(ufl.grad(trial), ufl.grad(test)) * ufl.dx
-    options = {"bcs": [held(space, side(1, 0.0))], "contact": Foundation(side(1, 1.0), shape=PLATE), "J": J}
-    problem = NonlinearContactProblem(residual(u), u, max_newton=most, **options)
-    problem.place(0, shift=(0.0, -0.1))
-    problem.solve()
-    problem.place(0, shift=(0.0, 0.1))
-    problem.solve()
-    assert np.abs(u.x.array).max() < left
-
-
-def test_gap_added_to_a_shape():
-    """A plate that leaves a gap meets the block by so much later."""
-    space, side = rectangle([1.0, 1.0], [2, 2], MPI.COMM_SELF)
-    u = fem.Function(space)
-    bcs = [held(space, side(1, 0.0), 1), held(space, side(0, 0.0), 0)]
-    contact = Foundation(side(1, 1.0), shape=PLATE | {"shift": (0.0, -0.3)}, gap=0.1)
-    problem = NonlinearContactProblem(residual(u), u, bcs=bcs, contact=contact, algorithm="alm")
-    problem.solve()
-    assert problem.state.forces[0][1] == pytest.approx(stress_of_block(0.8), rel=1e-8)
-
-
+@pytest.mark.one_quick
 @pytest.mark.parametrize("hollow", [False, True])
 def test_a_bilateral_shape_in_tension(hollow):
     """It pulls the body, whose normals turn as under pressure; a node of two such shapes has both curvatures."""

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 import ufl
 from dolfinx import fem
-from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from scipy.optimize import minimize
 from support.nonlinear_bodies import (
@@ -138,28 +137,6 @@ def test_energy_minimised_by_a_library(seeds):
         assert u.x.array.reshape(-1, 2) == pytest.approx(expected, abs=5e-6), seed
         touching += int((np.abs(distances) < 1e-9).sum())
     assert touching >= 1.5 * len(seeds)
-
-
-@pytest.mark.long
-def test_elastica():
-    """A strip that a circle bends by more than half of its length, against the elastica, to 1 %."""
-    mesh = dmesh.create_rectangle(MPI.COMM_WORLD, [[0.0, -0.1], [10.0, 0.1]], [200, 2], dmesh.CellType.quadrilateral)
-    space = fem.functionspace(mesh, ("Lagrange", 2, (2,)))
-    clamped, above = (
-        dmesh.locate_entities_boundary(mesh, 1, lambda x, axis=axis, at=at: np.isclose(x[axis], at))
-        for axis, at in ((0, 0.0), (1, 0.1))
-    )
-    u = fem.Function(space)
-    gradient = ufl.Identity(2) + ufl.grad(u)
-    strain = (gradient.T * gradient - ufl.Identity(2)) / 2
-    energy = 500.0 * ufl.inner(strain, strain) * ufl.dx(metadata={"quadrature_degree": 4})
-    circle = {"shape": "circle", "centre": (6.0, 1.1), "radius": 1.0}
-    form, contact = ufl.derivative(energy, u, ufl.TestFunction(space)), Foundation(above, shape=circle)
-    problem = NonlinearContactProblem(form, u, bcs=[held(space, clamped)], contact=contact)
-    for down, force in enumerate((0.009872, 0.019379, 0.026353, 0.029859, 0.030322, 0.028795), start=1):
-        problem.ramp(lambda t, down=down: problem.place(0, shift=(0.0, -(down - 1 + t))), first=0.5)
-        assert problem.certificate.holds
-        assert np.linalg.norm(problem.state.forces[0]) == pytest.approx(force, rel=0.01)
 
 
 def test_linear_bodies():
@@ -305,44 +282,6 @@ def test_buckled_columns_are_called_unstable(smooth, stable, unstable):
     height = float(re.search(r"it begins at \(\S+, ([^)]+)\)", str(error.value)).group(1))
     assert (height == 8.0) if smooth else (3.0 <= height <= 5.0)
     assert "round that off" in str(error.value)
-
-
-@pytest.mark.slow
-def test_no_equilibrium_beyond_a_load():
-    """A body without supports but a smooth foundation is pulled off: the ramp says how far it came."""
-    space, side = rectangle([1.0, 1.0], [2, 2], MPI.COMM_SELF)
-    u, pull = fem.Function(space), fem.Constant(space.mesh, 0.0)
-    z = ufl.TestFunction(space)
-    spring = MU * (ufl.exp(-u[1]) - 1) * z[1] * ufl.dx  # it holds with less than MU
-    form = residual(u) - spring - pull * z[1] * ufl.dx
-    contact = Foundation(side(1, 0.0), shape={"shape": "plane", "point": (0.0, 0.0), "normal": (0.0, 1.0)})
-    problem = NonlinearContactProblem(form, u, bcs=[held(space, side(0, 0.0), 0)], contact=contact, max_newton=15)
-    with pytest.raises(ConvergenceError, match=r"no equilibrium found beyond a load: there is a solution at 0\.9"):
-        problem.ramp(lambda load: setattr(pull, "value", 1.05 * load * MU), first=0.5)
-    assert problem.status is Status.LIMIT
-
-
-def test_a_shape_that_moves_along_in_the_first_step():
-    """Its motion since it was given is slip, as of linear bodies, which small forces cannot tell from these: a circle
-    that moves along drags the body with all of its friction, in the first step too.
-    """
-    space, side = rectangle([2.0, 1.0], [8, 4], MPI.COMM_SELF)
-    u, trial, test = fem.Function(space), ufl.TrialFunction(space), ufl.TestFunction(space)
-    circle = {"shape": "circle", "centre": (0.8, 1.5), "radius": 0.5}
-    contact = Foundation(side(1, 1.0), shape=circle, friction=Coulomb(0.3))
-    bcs = [held(space, side(1, 0.0))]
-    nonlinear = NonlinearContactProblem(residual(u), u, bcs=bcs, contact=contact, algorithm="alm")
-    strain = ufl.sym(ufl.grad(trial))
-    stress = 2 * MU * strain + LAME * ufl.tr(strain) * ufl.Identity(2)
-    load = ufl.inner(fem.Constant(space.mesh, (0.0, 0.0)), test) * ufl.dx
-    linear = ContactProblem(ufl.inner(stress, ufl.grad(test)) * ufl.dx, load, bcs, contact, algorithm="alm")
-    for problem in (nonlinear, linear):
-        problem.place(0, shift=(1e-4, -1e-5))
-        problem.solve()
-    (pressed, friction), expected = nonlinear.state.forces_of_each[0], linear.state.forces_of_each[0]
-    assert friction[0] == pytest.approx(0.3 * abs(pressed[1]), rel=1e-3)
-    assert friction == pytest.approx(expected[1], rel=1e-3, abs=1e-3 * abs(pressed[1]))
-    assert pressed == pytest.approx(expected[0], rel=1e-3, abs=1e-3 * abs(pressed[1]))
 
 
 def test_certificate_notices_what_is_wrong():

@@ -56,38 +56,6 @@ def test_wrong_sizes(arguments, wrong):
         pressed().ramp(lambda load: pytest.fail("it began"), **arguments)
 
 
-def test_a_class_of_a_user_ends_steps():
-    """A ramp and a run end their steps by ``advance``, also that of a class of a user."""
-
-    class Counting(NonlinearContactProblem):
-        ended = 0
-
-        def advance(self):
-            """Count."""
-            super().advance()
-            self.ended += 1
-
-    problem = pressed(made=Counting)
-    assert len(problem.ramp(down(problem), first=0.5)) == problem.ended
-    before = problem.ended
-    problem.run([0.5, 1.0], down(problem))
-    assert problem.ended == before + 2
-
-
-@pytest.mark.slow
-def test_sizes_of_steps():
-    """The largest step holds for the first one too, easy steps grow up to it, and loads may be negative."""
-    problem = pressed(stability=False)
-    loads = [step.load for step in problem.ramp(down(problem), first=np.float64(0.1), largest=0.3)]
-    assert loads == pytest.approx([0.1, 0.25, 0.475, 0.775, 1.0])
-    problem = pressed(stability=False)
-    assert [step.load for step in problem.ramp(down(problem), largest=np.float32(0.5))] == pytest.approx([0.5, 1.0])
-    problem = pressed(stability=False)
-    steps = problem.ramp(lambda load: problem.place(0, shift=(0.0, 0.2 * load)), -1.0, first=0.5)
-    assert [step.load for step in steps] == pytest.approx([-0.5, -1.0])
-    assert problem.state.forces[0][1] < -1.0
-
-
 class Unlike(Exception):
     """What a user's function may raise."""
 
@@ -153,35 +121,6 @@ def test_a_failure_goes_back_to_the_last_step(fault, monkeypatch):
     problem.advance()
 
 
-def test_a_failure_before_the_first_solution_leaves_nothing():
-    """A solve after it is the one of a problem that has never failed: no curvature of its last iterate is left."""
-    problem, fresh = pressed(max_newton=4, fallbacks=False), pressed(max_newton=12)
-    problem.place(0, shift=(0.0, -0.5))
-    with pytest.raises(ConvergenceError):
-        problem.solve()
-    for each in (problem, fresh):
-        each._solver.max_newton = 12
-        each.place(0, shift=(0.0, -0.1))
-        each.solve()
-    assert everything(problem) == pytest.approx(everything(fresh), rel=0, abs=0)
-
-
-def test_errors_of_others_pass():
-    """An error of what applies the load is not one of the load: it passes at once, and the problem is where it was."""
-    problem, applied = pressed(), []
-
-    def apply(load):
-        applied.append(load)
-        if load > 0.5:
-            raise ZeroDivisionError
-        problem.place(0, shift=(0.0, -0.1 * load))
-
-    with pytest.raises(ZeroDivisionError):
-        problem.ramp(apply, first=0.5)
-    assert applied == [0.5, 1.0, 0.5]
-    assert problem.certificate.holds
-
-
 def test_cells_turned_inside_out():
     """An energy that is finite for every displacement lets a plate press a block through its ground."""
     space, side = rectangle([1.0, 1.0], [2, 2], MPI.COMM_SELF)
@@ -195,19 +134,7 @@ def test_cells_turned_inside_out():
     assert problem.status is Status.INVERTED
 
 
-def test_shapes_stay_where_they_are_after_a_step():
-    """The motion of a shape counts once: nothing changes if nothing moves after ``advance``."""
-    problem = pressed(algorithm="alm")
-    for shift in ((0.0, -0.1), (0.002, -0.1)):
-        problem.place(0, shift=shift)
-        problem.solve()
-        problem.advance()
-    forces = sum(problem.state.forces)
-    problem.solve()
-    assert abs(forces[0]) > 0.05
-    assert sum(problem.state.forces) == pytest.approx(forces, rel=1e-7)
-
-
+@pytest.mark.slow
 def test_divergence_is_a_limit():
     """A pull beyond what a softening bed can hold is a limit; Newton's method without enough iterations is none."""
     space, side = rectangle([1.0, 1.0], [2, 2], MPI.COMM_SELF)

@@ -7,14 +7,12 @@ import jsonschema
 import numpy as np
 import pytest
 from mpi4py import MPI
-from support.nonlinear_scenes import LAWS, block, indented, material
+from support.nonlinear_scenes import block, indented, material
 
 from signorini_fx import SceneError, extensions, read_results, solve, sweep, write_results
 from signorini_fx.extensions import KINEMATICS
-from signorini_fx.forms.nonlinear.outcomes import advice_on_forms
 from signorini_fx.mechanics.kinematics import PLANE_STRAIN
 from signorini_fx.records import Status
-from signorini_fx.results.solution import ConvergenceError, advice_on_nonlinear
 from signorini_fx.scenes.checks import check_scene
 from signorini_fx.scenes.template import summary_schema
 
@@ -134,35 +132,6 @@ def test_check():
     assert "its cells lock" in locking.warnings[0].message
 
 
-@pytest.mark.parametrize(
-    ("changes", "said", "beforehand"),
-    [
-        ({"material": RUBBER | {"poisson": 0.499}, "element": {"volumetric": "full"}}, "its cells lock", True),
-        ({"solver": {"gamma_n": 1e-3}}, "a penetration of about 100% of the displacements", True),
-        ({"traction": {"boundary": "right", "x": "max(x[0] - 9, 0)"}}, "it is 0 on the whole boundary", True),
-        ({"contact": contact(foundation=CIRCLE | {"centre": [0.8, 5.0]})}, "nothing is in contact", False),
-    ],
-    ids=["locking", "penalty", "idle load", "no contact"],
-)
-def test_results_say_what_check_does(changes, said, beforehand):
-    """A result that is converged and wrong, or of nothing, says so, whether ``check`` was asked or not."""
-    scene = indented(RUBBER, **changes)
-    warnings = [
-        finding.message for finding in solve(scene, MPI.COMM_SELF, check=False).findings if finding.level == "warning"
-    ]
-    assert any(said in message for message in warnings)
-    before = [finding.message for finding in check_scene(scene, MPI.COMM_SELF).warnings]
-    assert any(said in message for message in before) is beforehand
-
-
-@pytest.mark.slow
-def test_estimates_of_linear_solves():
-    """What ``check`` expects of a scene is what it takes."""
-    scene = indented(RUBBER)
-    low, high = check_scene(scene, MPI.COMM_SELF).cost.linear_solves
-    assert low <= solve(scene, MPI.COMM_SELF).history.linear_solves <= high
-
-
 def test_folder(tmp_path):
     """That of a scene: its own title, names, units and load steps; what makes no sense is left out."""
     path = {"times": [1.0, 2.0], "names": ["press", "slide"], "steps": 2}
@@ -183,9 +152,7 @@ def test_folder(tmp_path):
     assert "nonlinear bodies have no estimate" in str(solution.cost)
 
 
-MOSTLY_SLOW = [name if name == "j2" else pytest.param(name, marks=pytest.mark.slow) for name in LAWS]
-
-
+@pytest.mark.one_quick
 @pytest.mark.mpi
 @pytest.mark.parametrize("law", ["neo-hooke", "j2"])
 def test_resultants(law):
@@ -205,30 +172,6 @@ def test_resultants(law):
         assert abs(sum(part.moment for part in resultants.every())) < 1e-8 * pressed
 
 
-@pytest.mark.parametrize("name", MOSTLY_SLOW)
-def test_the_certificate_is_of_numpy(name, monkeypatch):
-    """A wrong sign, or a wrong constant, of the independent check of a material is found."""
-    scene = block(material(name), "0.1*t", cells=(2, 2))
-    kind = type(scene.material[0])
-    said = "respond_at" if name == "j2" else "shape_stress_by_change"
-    right = getattr(kind, said)
-    monkeypatch.setattr(kind, said, lambda self, *arguments: 1.001 * right(self, *arguments))
-    with pytest.raises(Exception, match="certificate does not hold"):
-        solve(scene, MPI.COMM_SELF)
-
-
-def test_pictures(tmp_path, capsys):
-    """Those of the stress are drawn; of the shear energy, which is not known, nothing but a word."""
-    solution = solve(block(RUBBER, "0.1*t", cells=(2, 2)), MPI.COMM_SELF)
-    summary = write_results(solution, tmp_path, fields=False, pictures=["pressure", "density", "displacement"])
-    assert {path.name for path in tmp_path.glob("*.png")} >= {"deformed.png", "profiles.png", "history.png"}
-    drawn = sorted(path.name for path in tmp_path.glob("field_*.png"))
-    assert drawn == ["field_displacement.png", "field_pressure.png"]
-    said = "not drawn, as its shear energy is known of linear isotropic bodies alone: density\n"
-    assert capsys.readouterr().out == said
-    assert not [row for row in summary["findings"] if row["path"] == "pictures"]
-
-
 def drawn_out(law, **further):
     """A block that is drawn out to three times its length, away from its foundation."""
     held = [{"boundary": "left", "x": 0.0}, {"boundary": "right", "x": "t"}, {"boundary": "bottom", "y": 0.0}]
@@ -236,6 +179,7 @@ def drawn_out(law, **further):
     return solve(block(material(law), "0", cells=(3, 3), **further), MPI.COMM_SELF, check=False)
 
 
+@pytest.mark.slow
 def test_small_strains_that_are_not_small_are_no_solution():
     """A metal at small strains says so, as a linear body does; rubber may be drawn out, and so may who wants it."""
     solution = drawn_out("j2")
@@ -246,73 +190,3 @@ def test_small_strains_that_are_not_small_are_no_solution():
         reached = drawn_out(law, **further)
         assert reached.status is Status.CONVERGED
         assert reached.steps[-1].deformation.largest > 1
-
-
-@pytest.mark.parametrize("status", Status)
-def test_advice_to_a_scene_names_no_arguments_of_forms(status):
-    """What a user of forms may change, a scene has not."""
-    advice = advice_on_nonlinear(status, indented(RUBBER).statement)
-    assert "max_newton" not in advice
-    if status in (Status.NOT_SOLVED, Status.MAX_ITERATIONS):
-        assert "max_newton" in advice_on_forms(status)
-        assert "load_steps" in advice
-
-
-DRAWN = {"boundary": "top", "x": 0.0, "y": "-0.3*t"}
-
-
-@pytest.mark.parametrize("status", Status)
-def test_a_displacement_is_advised_where_a_force_acts(status):
-    """Where a displacement is prescribed already it is no advice."""
-    assert "instead of a force" not in status.advice
-    if status in (Status.UNSTABLE, Status.LIMIT):
-        assert "where a force acts" in status.advice
-
-
-@pytest.mark.parametrize("name", ["slender", "softening"])
-def test_what_displacements_alone_cannot_follow(name):
-    """A column that buckles, and a law that loses its stiffness under compression: each does what the advice to it
-    says helps, a small traction across the column and another law, and is solved.
-    """
-    law = "neo-hooke" if name == "slender" else "saint-venant-kirchhoff"
-    drawn = DRAWN if name == "slender" else {"boundary": "top", "y": "-0.6*t"}
-    held = {"boundary": "bottom", "y": 0.0} | ({"x": 0.0} if name == "slender" else {})
-    scene = {
-        "length": 0.1 if name == "slender" else 1.0,
-        "cells": (2, 20) if name == "slender" else (4, 4),
-        "displacement": [held, drawn] + ([] if name == "slender" else [{"boundary": "left", "x": 0.0}]),
-        "contact": [],
-        "load_steps": {"times": [1.0]},
-    }
-    solution = solve(block(material(law), "0", **scene), MPI.COMM_SELF, check=False)
-    assert solution.status is Status.UNSTABLE
-    advised = {"traction": {"boundary": "left", "x": 1e-3}} if name == "slender" else {}
-    assert (
-        "a small traction across" if name == "slender" else "a material that loses its stiffness"
-    ) in solution.advice
-    assert solve(block(RUBBER, "0", **scene, **advised), MPI.COMM_SELF).converged
-
-
-@pytest.mark.parametrize("law", ["neo-hooke", "j2"])
-def test_a_solution_gives_the_advice_of_its_kind(law):
-    """Settings of contact algorithms do not help Newton's iteration on the body, and an energy not metal at small
-    strains.
-    """
-    solved = solve(block(material(law), "1e-4*t", cells=(1, 1), load_steps={"times": [1.0]}), MPI.COMM_SELF)
-    ended = replace(solved, status=Status.MAX_ITERATIONS)
-    assert "solver.max_iterations" in Status.MAX_ITERATIONS.advice
-    assert "solver." not in ended.advice
-    assert "load_steps" in ended.advice
-    inverted = replace(solved, status=Status.INVERTED).advice
-    assert ("an energy" in inverted) == (law != "j2")
-    assert ("beyond small strains" in inverted) == (law == "j2")
-
-
-def test_a_path_without_a_solution_says_times_alone():
-    """A pull that a yielding body cannot balance: the end of the path is a time, like the last solution before it."""
-    scene = indented(material("j2", yield_stress=1.0), traction={"boundary": "left", "x": "-100 * t"})
-    with pytest.raises(ConvergenceError) as ended:
-        solve(scene, MPI.COMM_SELF)
-    assert "time " in str(ended.value)
-    assert "load 0" not in str(ended.value)
-    assert "max_newton" not in str(ended.value)

@@ -7,13 +7,11 @@ import numpy as np
 import pytest
 from dolfinx import fem
 from mpi4py import MPI
-from support.sliding_bodies import blocks, stacked, turn_of, wheel
+from support.sliding_bodies import blocks, stacked, turn_of
 from two_bodies import assembled, facets, facets_of_cells, grid
 
 from signorini_fx import Coulomb, FormError, Foundation, NonlinearContactProblem, Pair
-from signorini_fx.forms.nonlinear.displaced_certificate import certified, mechanics_at
-from signorini_fx.forms.nonlinear.undeformed_pairs import held_between, turned_forces, turned_gaps
-from signorini_fx.results.certificate.law_of_method import Tractions
+from signorini_fx.forms.nonlinear.undeformed_pairs import turned_forces
 
 KEPT = {"pair": {"sliding": False}}
 
@@ -63,22 +61,7 @@ def test_joint_rotations_do_not_matter(make, way):
     assert not problem.linear.pairs  # none slides
 
 
-@pytest.mark.slow
-def test_near_sides_that_slide():
-    """A block pressed onto another one: the difference from sides that slide decreases with the depth, as how far
-    points move along the other side does.
-    """
-
-    def pressed(depth, **settings):
-        return blocks(lower=(6, 3), upper=(3, 2), **settings).move(0.0, -depth)
-
-    depths = (0.02, 0.08)
-    kept, slid = (np.array([pressed(depth, **settings)[1] for depth in depths]) for settings in (KEPT, {}))
-    away = np.abs(kept / slid - 1.0)
-    assert away[1] < 0.005
-    assert away[0] < away[1] / 2
-
-
+@pytest.mark.one_quick
 @pytest.mark.parametrize("facets", [0.2, 0.9])
 def test_sides_that_slide_too_far_are_told(facets):
     """A warning says how many facets points have moved along the side whose partners they keep."""
@@ -152,36 +135,7 @@ def bent(mesh, contact, ends):
     return x, u.x.array.reshape(-1, 2).copy()
 
 
-def test_certificate_sees_wrong_directions():
-    """Pressures along the normals of the undeformed sides are no solution once both have turned."""
-    scene = blocks(lower=(6, 3), upper=(3, 2), **KEPT)
-    _, problem = turned_as_a_whole(scene, (0.0, -0.1), 0.5)
-    linear, state, u = problem.linear, problem.state, scene.u
-    law, previous = linear.law, linear.previous_step
-    residual = problem._solver.residual.at(u.x.array.copy())
-    mechanics = mechanics_at(u, residual, linear)
-    right = certified(u, mechanics, linear.shapes, Tractions.of(state), law, previous)
-    assert right.holds
-    (side,) = mechanics.contact_sides
-    still = replace(side, claim=replace(side.claim, followed=np.zeros_like(side.claim.followed)))
-    wrong = replace(mechanics, contact_sides=[still])
-    assert not certified(u, wrong, linear.shapes, Tractions.of(state), law, previous).holds
-
-
-def test_what_is_held_between():
-    """The stiffness that stands for contact between sides: none for joint motions, that of the points for others."""
-    scene = blocks(lower=(6, 3), upper=(3, 2), **KEPT)
-    scene.move(0.0, -0.05)
-    state = scene.problem.state
-    held = held_between(state, [0], np.zeros(state.boundary.size, dtype=bool))
-    moved = fem.Function(scene.u.function_space)
-    moved.x.array[:] = 1.0
-    assert np.abs(held.times(moved)).max() < 1e-12
-    moved.x.array[:] = 0.0
-    moved.x.array.reshape(-1, 2)[state.boundary.nodes] = state.boundary.normal
-    assert np.abs(held.times(moved)).max() > 0.1
-
-
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     "scene",
     [
@@ -234,72 +188,6 @@ def test_forces_turn_with_the_normals(scene):
     expected = turned_forces(claimed, 0, paired, space, places).times(along)
     assert np.abs(change).max() > 0.01
     assert expected == pytest.approx(change, abs=1e-6 * np.abs(change).max())
-
-
-def test_steps_without_friction():
-    """A block that is pressed and pushed on without friction: with a tangent that did not know that normals turn,
-    Newton's method failed; without how gaps close as they turn it took up to eight iterations.
-    """
-    scene = blocks(lower=(6, 3), upper=(3, 2), **KEPT)
-    for way in ((0.0, -0.1), (0.0, -0.3), (0.05, -0.3)):
-        scene.move(*way)
-        assert scene.problem.iterations <= 5
-    assert scene.problem.certificate.holds
-
-
-@pytest.mark.one_quick
-@pytest.mark.parametrize(
-    "scene",
-    [
-        lambda: blocks(lower=(6, 3), upper=(3, 2), **KEPT),
-        lambda: blocks(lower=(4, 2), upper=(3, 2), degree=2, slave=1, **KEPT),
-        lambda: stacked("hexahedron", lower=(2, 2, 1), upper=(1, 1, 1), **KEPT),
-        lambda: wheel(cells=(6, 3), around=6, half=True, **KEPT),
-    ],
-    ids=["plane", "quadratic", "space", "half"],
-)
-def test_gaps_close_as_normals_turn(scene):
-    """Against differences of the relative displacement along the turned normals, from points that are apart."""
-    scene = scene()
-    dim = scene.u.function_space.mesh.geometry.dim
-    scene.move(*np.zeros(dim - 1), -0.05)
-    state, paired = scene.problem.state, scene.problem.linear.foundations.kept_pairs[0]
-    generator = np.random.default_rng(0)
-    shape = scene.u.x.array.reshape(-1, dim).shape
-    places, way = 0.02 * generator.standard_normal(shape), generator.standard_normal(shape)
-    boundary, space, step = state.boundary, scene.u.function_space, 1e-6
-    rows = (dim * np.arange(boundary.size)[:, None] + np.arange(dim)).ravel()
-    apart = (boundary.averages.operator[rows] @ places[boundary.averages.nodes].ravel()).reshape(-1, dim)
-    ahead, behind = (
-        np.sum(paired.deformed(space, places + sign * step * way).coupling.normal * apart, axis=1) for sign in (1, -1)
-    )
-    expected = (ahead - behind) / (2 * step)
-    points, closed = turned_gaps(state, 0, paired, (places - step * way, places))
-    assert points.tolist() == list(range(boundary.size))
-    assert np.abs(expected).max() > 1e-3
-    assert closed / step == pytest.approx(expected, abs=1e-4 * np.abs(expected).max())
-
-
-@pytest.mark.parametrize("degree", [1, 2])
-@pytest.mark.parametrize("slave", [0, 1])
-def test_half_of_a_body_beside_a_plane_of_symmetry(slave, degree):
-    """A half of a wheel, with friction, is certified and has the displacements of a whole one: normals that turn have
-    nothing across the plane, where points see partners on one side of it alone.
-    """
-    found = []
-    for half in (False, True):
-        pair = {"sliding": False, "friction": Coulomb(0.3), "reach": 0.3}
-        scene = wheel(cells=(6, 3), around=6, half=half, slave=slave, degree=degree, pair=pair, algorithm="alm")
-        force = [scene.move(0.0, -depth) for depth in (0.01, 0.05)][-1]
-        assert scene.problem.certificate.holds
-        x, u = scene.u.function_space.tabulate_dof_coordinates()[:, :2], scene.u.x.array.reshape(-1, 2)
-        right = np.flatnonzero(x[:, 0] > -1e-9)
-        order = right[np.lexsort(np.round(x[right], 9).T)]
-        found.append((force[1], x[order], u[order]))
-    (force, x, u), (of_half, x_of_half, u_of_half) = found
-    assert x_of_half == pytest.approx(x, abs=1e-12)
-    assert 2.0 * of_half == pytest.approx(force, rel=1e-7)
-    assert u_of_half == pytest.approx(u, abs=1e-7 * np.abs(u).max())
 
 
 def test_what_a_pair_may_be():

@@ -64,6 +64,7 @@ def test_a_block_between_smooth_walls(metal):
     assert hardened > 0.002
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("driven", ["by a force at its end", "by a circle under a force"])
 def test_load_steps_of_metal_that_yields(driven):
     """Hardening is a tenth of the modulus: each time is one load step, and no unit of length changes the result."""

@@ -25,6 +25,7 @@ def test_they_agree(seed):
     assert end == "converged"
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("changes", "fault"),
     [

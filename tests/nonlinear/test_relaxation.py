@@ -6,11 +6,8 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 from scipy.integrate import solve_ivp
-from test_restart_of_nonlinear_bodies import assert_same, interrupted
 
-from signorini_fx import ConvergenceError, SceneError, read_results, solve, write_results
-from signorini_fx.mechanics.materials.maxwell import Maxwell
-from signorini_fx.mechanics.materials.trial import check_materials
+from signorini_fx import SceneError, solve
 from signorini_fx.scenes.reading import parse_scene
 
 COMM = MPI.COMM_WORLD
@@ -72,6 +69,7 @@ def test_a_strain_that_is_held_relaxes():
     assert at_last * 0.01 < found[-1] < found[2] < at_first * 0.01
 
 
+@pytest.mark.slow
 def test_a_load_that_is_held_creeps():
     """The strain under a pressure that comes at once and stays, with load steps that become as short as the fastest
     branch needs: towards that of the differential equation, with the second order of the steps.
@@ -113,37 +111,6 @@ def test_fast_and_slow_limits_are_those_of_the_linear_material():
         assert both[0] == pytest.approx(both[1], rel=2e-4, abs=1e-9)
 
 
-def test_a_ramp_and_results(tmp_path):
-    """Smaller steps of an even strain change nothing; results have no plastic strain."""
-    scene = confined("-0.02*t", [0.5, 1.0], comm=MPI.COMM_SELF)
-    ramp = confined("-0.02*t", [0.5, 1.0], comm=MPI.COMM_SELF, load_steps={"times": [0.5, 1.0], "steps": 3})
-    assert pressures(ramp)[-1] == pytest.approx(pressures(scene)[-1], rel=1e-7)
-    write_results(scene, tmp_path / "out")
-    assert read_results(tmp_path / "out").summary.plastic_strain is None
-
-
-def test_a_restart_goes_on_relaxing(tmp_path):
-    """A run that is continued ends as one that was not interrupted."""
-    circle = {"shape": "circle", "centre": [1.0, -3.0], "radius": 3.0, "shift": ["0.02*t", "0.02*min(t, 1)"]}
-    contact = {"boundary": "bottom", "foundation": circle, "friction": {"law": "coulomb", "coefficient": 0.2}}
-    held = [{"boundary": "top", "x": 0.0, "y": 0.0}]
-    tables = {"displacement": held, "contact": [contact], "load_steps": {"times": [1.0, 2.0, 4.0], "steps": 2}}
-    scene = parse_scene(confined_scene("0", [1.0]) | tables)
-    reference = solve(scene, MPI.COMM_SELF)
-    interrupted(scene, MPI.COMM_SELF, tmp_path, 4)
-    again = solve(scene, MPI.COMM_SELF, checkpoint=tmp_path, restart=True)
-    assert_same(again, reference, 1e-9)
-    forces = [step.contact.forces[0][1] for step in reference.steps]
-    assert forces[1] > 1.2 * forces[-1] > 0  # it has relaxed since it was pressed
-
-
-def test_the_certificate_notices_another_relaxation(monkeypatch):
-    """Its independent check has an exponential of its own."""
-    monkeypatch.setattr(Maxwell, "respond_at", lambda self, strain, state: 1.01 * self.respond(strain, state)[0])
-    with pytest.raises((ConvergenceError, SceneError), match=r"certificate does not hold|respond_at"):
-        confined("-0.02*t", [0.5])
-
-
 @pytest.mark.parametrize(
     ("change", "why"),
     [
@@ -160,14 +127,3 @@ def test_wrong_constants_are_refused(change, why):
 def test_times_before_zero_are_refused():
     with pytest.raises(SceneError, match=r"load_steps.times: must be positive"):
         confined("0", [-1.0, 1.0])
-
-
-def test_what_the_material_says_is_true():
-    material = Maxwell(**MATERIAL)
-    check_materials((material,))
-    # Any number of steps of an even strain are one.
-    strain = np.diag([0.3, -0.1, 0.2])[None]
-    once = material.at_time(2.0).respond(strain, np.zeros((1, material.state_size)))
-    half = material.at_time(1.0).respond(strain / 2, np.zeros((1, material.state_size)))
-    twice = material.at_time(2.0).respond(strain, half[2])
-    assert twice[0] == pytest.approx(once[0], rel=1e-13)

@@ -2,7 +2,6 @@
 
 import json
 import os
-import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -11,7 +10,7 @@ import numpy as np
 import pytest
 from dolfinx import fem
 from mpi4py import MPI
-from support.nonlinear_bodies import Killed, held, rectangle, residual
+from support.nonlinear_bodies import Killed, rectangle, residual
 from support.nonlinear_scenes import indented, material
 from support.sliding_bodies import pillow, roller
 
@@ -21,12 +20,9 @@ from signorini_fx import (
     Foundation,
     NonlinearContactProblem,
     SceneError,
-    Status,
-    read_results,
     solve,
 )
 from signorini_fx.mechanics.contact_points.contact_table import contact_table
-from signorini_fx.mechanics.statement.load_path import LoadPath
 from signorini_fx.records import StepRecord
 from signorini_fx.results import restart_files
 from signorini_fx.results.folder import CHECKPOINT
@@ -109,101 +105,6 @@ def test_with_as_many_ranks(tmp_path, law, method, at):
         assert solution.history.linear_solves == reference.history.linear_solves
 
 
-@pytest.mark.mpi
-@pytest.mark.slow
-@pytest.mark.parametrize("law", LAWS)
-def test_from_one_rank_to_all(tmp_path, law):
-    """To what the solver's tolerance leaves open."""
-    folder, scene = shared(tmp_path), pressed(law)
-    if MPI.COMM_WORLD.rank == 0:
-        interrupted(scene, MPI.COMM_SELF, folder, 5)
-    MPI.COMM_WORLD.barrier()
-    solution = solve(scene, checkpoint=folder, restart=True)
-    assert solution.history.events[0].startswith("restart: 4 complete load steps")
-    assert_same(solution, solve(scene), 1e-8)
-
-
-@pytest.mark.mpi
-@pytest.mark.slow
-def test_in_space(tmp_path):
-    """A ball that comes to metal, is pressed into it, and is lifted as it spins: shears have two components, and turn
-    with it; before, points that touch nothing slip in no direction.
-    """
-    ball = {
-        "shape": "sphere",
-        "centre": [0.5, 0.5, 2.01],
-        "radius": 1.0,
-        "shift": ["0.05 * max(t - 1, 0)", 0.0, "-0.06 * max(t - 1, 0) + 0.08 * max(t - 2, 0)"],
-        "rotation": [0.0, 0.0, "5 * t"],
-        "pivot": [0.45, 0.5, 1.0],
-    }
-    scene = pressed(
-        "metal",
-        mesh={"generator": "box", "parameters": {"nx": 4, "ny": 4, "nz": 2}},
-        displacement={"boundary": "bottom", "x": 0.0, "y": 0.0, "z": 0.0},
-        contact={"boundary": "top", "foundation": ball, "friction": {"law": "coulomb", "coefficient": 0.3}},
-        load_steps={"times": [1.0, 2.0, 3.0]},
-    )
-    folder = shared(tmp_path)
-    interrupted(scene, MPI.COMM_WORLD, folder, 3)
-    solution = solve(scene, checkpoint=folder, restart=True)
-    assert solution.history.events[0].startswith("restart: 2 complete load steps")
-    assert_same(solution, solve(scene), 1e-10)
-    touching = [int(np.count_nonzero(solution.at(step).table.columns["pressure"])) for step in solution.steps]
-    assert touching[0] == 0 < touching[2]
-
-
-@pytest.mark.one_quick
-@pytest.mark.parametrize("degree", [1, pytest.param(2, marks=pytest.mark.slow)])
-def test_steps_that_were_halved(tmp_path, degree):
-    """A way in which steps are halved is gone on with the steps that it has come to, also one load step alone."""
-
-    def problem():
-        space, side = rectangle([1.0, 1.0], [3, 3], MPI.COMM_SELF, degree=degree)
-        u = fem.Function(space)
-        walls = [held(space, side(0, 0.0), 0), held(space, side(1, 0.0), 1)]
-        plate = {"shape": "plane", "point": (0.0, 1.0), "normal": (0.0, -1.0)}
-        contact = Foundation(side(1, 1.0), shape=plate, friction=Coulomb(0.2))
-        made = NonlinearContactProblem(residual(u), u, bcs=walls, contact=contact, max_newton=4)
-        return made, lambda time: made.place(0, shift=(0.0, -0.5 * time if time <= 1 else 0.1 * time - 0.6))
-
-    def kill(step):
-        if step.step == 3:
-            raise Killed
-
-    path = LoadPath((1.0, 2.0), steps=1)
-    whole, at = problem()
-    begun = []
-    whole.history.observers.append(lambda record: begun.append(record) if isinstance(record, StepRecord) else None)
-    reference = whole.run(path, at)
-    assert len(reference.steps) > 3
-    assert [record.step for record in begun] == sorted(record.step for record in begun)  # again where it is halved
-    ends = {record.step: record.time for record in begun}
-    assert ends == {step.step: step.time for step in reference.steps}
-    assert {record.step for record in whole.history.iterations} == ends.keys()
-    first, at = problem()
-    with pytest.raises(Killed):
-        first.run(path, at, folder=tmp_path, on_step=kill)
-    again, at = problem()
-    solution = again.run(path, at, folder=tmp_path, restart=True)
-    assert again.history.events[0].startswith("restart: 2 complete load steps")
-    assert [step.time for step in solution.steps] == [step.time for step in reference.steps]
-    assert [step.linear_solves for step in solution.steps] == [step.linear_solves for step in reference.steps]
-    assert np.abs(again.u.x.array - whole.u.x.array).max() < 1e-10
-    assert again.history.events[1:] == whole.history.events
-    assert again.state.pressure == pytest.approx(whole.state.pressure, abs=1e-10 * whole.state.pressure.max())
-
-
-def test_a_tangent_that_is_not_symmetric(tmp_path):
-    """A pressure follows the body: what is recalled says once that it is factorised as LU."""
-    scene = pressed(steps=None, traction={"boundary": "left", "pressure": 2.0})
-    interrupted(scene, MPI.COMM_SELF, tmp_path, 3)
-    solution, reference = solve(scene, MPI.COMM_SELF, checkpoint=tmp_path, restart=True), solve(scene, MPI.COMM_SELF)
-    assert_same(solution, reference, 1e-10)
-    assert solution.history.events[1:] == reference.history.events
-    assert sum("not symmetric" in event for event in reference.history.events) == 1
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_two_bodies(tmp_path, dimension):
@@ -256,7 +157,7 @@ def test_another_scene_is_refused(tmp_path):
         problem.run((1.0,), lambda time: None, folder=tmp_path, restart=True)
 
 
-@pytest.mark.one_quick
+@pytest.mark.slow
 @pytest.mark.parametrize("wrong", ["solution.bin", "tangent.bin", "certificate"])
 def test_what_is_damaged_is_solved_again(tmp_path, wrong, monkeypatch):
     """A file that lacks a digit, and a load step that is no solution: it and all later ones."""
@@ -281,71 +182,9 @@ def test_what_is_damaged_is_solved_again(tmp_path, wrong, monkeypatch):
     assert solution.displacement.x.array == pytest.approx(reference.displacement.x.array, abs=1e-10)
 
 
-@pytest.mark.slow
-def test_a_path_that_ended(tmp_path):
-    """What had no solution has none after a restart, with the same load steps before."""
-    down = {"shape": "plane", "point": [0.0, 1.0], "normal": [0.0, -1.0], "shift": [0.0, "-0.4*t"]}
-    scene = pressed(contact={"boundary": "top", "foundation": down}, load_steps={"times": [1.0, 2.0, 3.0]})
-    scenes = [solve(scene, MPI.COMM_SELF, check=False, checkpoint=tmp_path, restart=again) for again in (False, True)]
-    first, second = scenes
-    assert first.status is second.status
-    assert first.status is not Status.CONVERGED
-    assert [step.time for step in first.steps] == [step.time for step in second.steps]
-    assert np.abs(first.displacement.x.array - second.displacement.x.array).max() < 1e-10
-
-
-KILL = """
-import os, signal, sys
-from mpi4py import MPI
-from signorini_fx import solve
-from signorini_fx.records import StepRecord
-
-def kill(record):
-    if isinstance(record, StepRecord) and record.step == 3:
-        MPI.COMM_WORLD.barrier()
-        os.kill(os.getpid(), signal.SIGKILL)
-
-solve(sys.argv[1], checkpoint=sys.argv[2], observers=[kill])
-"""
-FILE = """
-mesh = { generator = "rectangle", parameters = { length = 2.0, nx = 6, ny = 3 } }
-material = { law = "j2", young = 100.0, poisson = 0.3, yield_stress = 2.0, hardening = [[0.2, 6.0]] }
-displacement = { boundary = "bottom", x = 0.0, y = 0.0 }
-load_steps = { times = [1.0, 2.0, 3.0], steps = 2 }
-[contact]
-boundary = "top"
-friction = { law = "coulomb", coefficient = 0.3 }
-[contact.foundation]
-shape = "circle"
-centre = [0.8, 1.5]
-radius = 0.5
-shift = ["max(0.1 * (min(t, 2) - 1), 0)", "-0.1 * min(t, 1) + 0.05 * max(t - 2, 0)"]
-"""
-
-
 def run(ranks, *arguments):
     """A Python process on several ranks: how it ends, and what it prints."""
     launcher = ["mpirun", "-n", str(ranks)] if ranks > 1 else []
     own = {name: value for name, value in os.environ.items() if not name.startswith(("OMPI_COMM", "PMIX"))}
     command = [*launcher, sys.executable, *map(str, arguments)]
     return subprocess.run(command, env=own, capture_output=True, text=True, timeout=500, check=False)
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="starts ranks itself")
-def test_killed(tmp_path):
-    """With -9, and restarted by the command line on two ranks: the table of load steps is that of a run in one go."""
-    file, out = tmp_path / "scene.toml", tmp_path / "out"
-    file.write_text(FILE)
-    assert run(1, "-c", KILL, file, out).returncode == -signal.SIGKILL
-    command = ("-m", "signorini_fx", "solve", file, "--no-pictures", "--no-fields", "--out")
-    ended = run(2, *command, out, "--restart", "--verbose")
-    assert ended.returncode == 0, ended.stderr
-    assert "restart 2 complete load steps" in " ".join(ended.stdout.split())
-    assert not (out / CHECKPOINT).exists()
-    assert run(1, *command, tmp_path / "whole").returncode == 0
-    ours, theirs = (read_results(folder).summary.steps for folder in (out, tmp_path / "whole"))
-    for one, other in zip(ours, theirs, strict=True):
-        assert (one.time, one.status) == (other.time, other.status)
-        for name in ("contact_force_x", "contact_force_y", "friction_force_x", "max_pressure"):
-            assert getattr(one, name) == pytest.approx(getattr(other, name), rel=1e-7, abs=1e-9)

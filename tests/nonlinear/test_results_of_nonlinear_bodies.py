@@ -12,7 +12,6 @@ from support.nonlinear_bodies import held, neo_hooke, rectangle, residual
 
 from signorini_fx import (
     ContactProblem,
-    ConvergenceError,
     Coulomb,
     Foundation,
     NonlinearContactProblem,
@@ -117,6 +116,7 @@ def test_what_a_nonlinear_body_does_not_have():
         solution.stress  # noqa: B018
 
 
+@pytest.mark.slow
 def test_folder(tmp_path):
     """A result folder with a report, as of linear bodies, without what is not known."""
     problem = pressed()
@@ -134,19 +134,6 @@ def test_folder(tmp_path):
     assert {"deformed.png", "profiles.png", "load_steps.png", "fields.pvd"} <= {
         path.name for path in tmp_path.iterdir()
     }
-
-
-def test_after_a_ramp_that_fails():
-    """The solution is the last one that there is, with the outcome of the ramp."""
-    problem = pressed()
-    with pytest.raises(ConvergenceError):
-        problem.ramp(lambda load: problem.place(0, shift=(0.0, -2.0 * load)), first=0.1, smallest=0.05)
-    solution = problem.solution
-    assert solution.status is problem.status is not Status.CONVERGED
-    assert {step.status for step in solution.steps} == {Status.CONVERGED}
-    assert np.array_equal(solution.displacement.x.array, problem.u.x.array)
-    assert solution.certificate.holds
-    assert solution.statement.contact[0].foundation.shift[1] == pytest.approx(-2.0 * solution.last_step.time)
 
 
 @pytest.mark.mpi

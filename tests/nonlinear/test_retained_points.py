@@ -43,7 +43,7 @@ def pressed(monkeypatch, *, reach, left_out):
     return np.array(found), len(problem.history.iterations), seen
 
 
-@pytest.mark.one_quick
+@pytest.mark.slow
 @pytest.mark.parametrize(("reach", "repeats"), [(0.5, False), (-10.0, True)])
 def test_left_out_points(monkeypatch, reach, repeats):
     """The answers are those with all points, to round-off, also if points are left out that will touch: these are found
@@ -119,6 +119,7 @@ PLANE = {"shape": "plane", "point": (0.0, 0.0, 0.0), "normal": (0.0, 0.0, -1.0)}
 TILTED = {"rotation": (0.0, 15.0, 0.0)}
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("make", "steps", "leaves_out"),
     [
@@ -159,21 +160,3 @@ def test_what_else_acts_on_points(monkeypatch, make, steps, leaves_out):
     for values in zip(found, expected, strict=True):
         for ours, reference in zip(*values, strict=True):
             assert ours == pytest.approx(reference, abs=1e-9 * max(1e-3, np.abs(reference).max()))
-
-
-@pytest.mark.parametrize(
-    ("needed", "retained"),
-    [(range(10, 20), range(8, 21)), (range(10, 19), range(9, 20)), (range(12, 22), range(11, 23))],
-    ids=["hardly-fewer", "many-fewer", "another"],
-)
-def test_points_of_the_last_tangent(needed, retained):
-    """They are retained again where they are hardly more than are needed, so that tangents have one pattern; else some
-    more than are needed, which the next ones may need.
-    """
-    mesh = dmesh.create_unit_square(MPI.COMM_SELF, 1, 1)
-    choice, every = RetainedPoints(fem.Function(fem.functionspace(mesh, ("Lagrange", 1, (2,))))), np.arange(30)
-    first = np.isin(every, range(8, 21))
-    choice._retained = choice._hardly_more(np.isin(every, range(9, 20)), first)
-    wanted = np.isin(every, needed)
-    wider = wanted | np.isin(every, (min(needed) - 1, max(needed) + 1))
-    assert np.array_equal(choice._hardly_more(wanted, wider), np.isin(every, retained))

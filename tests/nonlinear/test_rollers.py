@@ -1,30 +1,22 @@
 """Tools that turn as forces and moments ask for it: rolling, statics, objectivity, restart, and what is refused."""
 
-from dataclasses import replace
-from pathlib import Path
-
 import numpy as np
 import pytest
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
-from support.nonlinear_bodies import Killed, held, neo_hooke, rectangle, residual
+from support.nonlinear_bodies import held, neo_hooke, rectangle, residual
 from support.nonlinear_scenes import indented, material
 
 from signorini_fx import (
-    ConvergenceError,
     Coulomb,
     FormError,
     Foundation,
     NonlinearContactProblem,
     SceneError,
-    Status,
     solve,
     write_results,
 )
-from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
-from signorini_fx.records import StepRecord
-from signorini_fx.scenes.reading import read_scene
 
 CENTRE, RADIUS = (0.8, 1.5), 0.5
 ROLLER = {"shape": "circle", "centre": list(CENTRE), "radius": RADIUS, "pivot": list(CENTRE)}
@@ -180,80 +172,6 @@ def test_a_lever_on_two_rollers():
         signed, _ = there.distance(centre + tool.at(centre))
         assert signed == pytest.approx([-0.25], abs=1e-12)
     assert moment == pytest.approx(0.0, abs=1e-8)
-
-
-@pytest.mark.one_quick
-@pytest.mark.parametrize("wrong", ["angle", "moment"])
-def test_the_certificate_knows_the_turn(wrong, monkeypatch):
-    """A tool that has turned further by a thousandth, and a moment that is another one."""
-    right = LinearisedProblem.driven_tools.fget
-    drive = {"force": (0.0, -8.0), "moment": 0.5, "prescribed": {"x": 0.0}}
-    assert problem(ROLLER | drive).solve() is not None
-
-    def others(self):
-        """Where the check finds tools, and what it takes for what drives them."""
-        factors = (1.001, 1.0) if wrong == "angle" else (1.0, 1.001)
-        return [
-            (replace(tool, rotation=factors[0] * tool.rotation), (np.append(load[:2], factors[1] * load[2]), motion))
-            for tool, (load, motion) in right(self)
-        ]
-
-    monkeypatch.setattr(LinearisedProblem, "driven_tools", property(others))
-    rolled = problem(ROLLER | drive)
-    with pytest.raises(ConvergenceError, match="certificate does not hold"):
-        rolled.solve()
-    assert rolled.status is Status.NOT_CERTIFIED
-
-
-def test_a_spring_that_turns_back():
-    """The moment of the spring and that of the tractions are the given one."""
-    rolled = problem(ROLLER | {"force": (0.0, -8.0), "moment": 2.0, "spring": {"rotation": 5.0, "x": 3.0}})
-    rolled.solve()
-    (tool,) = rolled.tools
-    taken = wrench(rolled.state, rolled.u, tool.reference + tool.translation)
-    springs = np.array([3.0 * tool.translation[0], 0.0, 5.0 * tool.rotation[0]])
-    # With friction convergence is linear, so that the last increment leaves some digits.
-    assert -taken == pytest.approx(np.array([0.0, -8.0, 2.0]) - springs, abs=1e-7)
-    assert abs(springs).min(where=[True, False, True], initial=1.0) > 1e-3
-
-
-@pytest.mark.slow
-def test_the_roller_of_the_gallery():
-    """Its axle is drawn, and friction turns it against the brake: what the mat takes is what drives the roller."""
-    scene = read_scene(Path(__file__).parents[2] / "demos" / "scenes" / "roller.toml")
-    mesh = scene.mesh.model_copy(update={"parameters": {**scene.mesh.parameters, "nx": 25, "ny": 5}})
-    solution = solve(scene.model_copy(update={"mesh": mesh}), MPI.COMM_SELF)
-    for step in solution.steps:
-        (tool,), way = step.tools, 50 * (step.time - 1)
-        assert tool.translation[0] == pytest.approx(way, abs=1e-9)
-        assert tool.rotation[0] == pytest.approx(-way / 25, abs=0.05 * way / 25 + 0.02)  # it rolls
-        taken = wrench(step.contact, step.displacement, tool.reference + tool.translation)
-        assert taken[1:] == pytest.approx([20.0, -60 * (step.time - 1)], abs=1e-5)
-
-
-@pytest.mark.one_quick
-@pytest.mark.mpi
-@pytest.mark.parametrize("law", ["rubber", pytest.param("metal", marks=pytest.mark.slow)])
-def test_restart(tmp_path, law):
-    """A roller goes on from where it was, and from how far it had turned."""
-    folder = MPI.COMM_WORLD.bcast(str(tmp_path))
-    drive = {"force": ["0", "-1.5 * min(t, 2)"], "moment": "-0.1 * max(t - 1, 0)", "prescribed": {"x": "0.03 * t"}}
-    scene = under(ROLLER | drive, law)
-
-    def watch(record):
-        if isinstance(record, StepRecord) and record.step == 3:
-            raise Killed
-
-    with pytest.raises(Killed):
-        solve(scene, checkpoint=folder, observers=[watch])
-    MPI.COMM_WORLD.barrier()
-    solution, reference = solve(scene, checkpoint=folder, restart=True), solve(scene)
-    assert solution.history.events[0].startswith("restart: 2 complete load steps")
-    assert not any("solved again" in event for event in solution.history.events)
-    for ours, theirs in zip(solution.steps, reference.steps, strict=True):
-        assert ours.tools[0].translation == pytest.approx(theirs.tools[0].translation, abs=1e-9)
-        assert ours.tools[0].rotation == pytest.approx(theirs.tools[0].rotation, abs=1e-9)
-    assert abs(solution.last_step.tools[0].rotation[0]) > 0.01
 
 
 def on_a_box(drive, law="rubber", **further):

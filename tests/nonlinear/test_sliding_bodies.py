@@ -1,16 +1,14 @@
 """Two nonlinear bodies that slide on each other over many facets: closed forms, invariances, limits, and outcomes."""
 
-import runpy
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 import ufl
-from dolfinx import fem, la
+from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
-from support.nonlinear_bodies import LAME, MU, stress_of_block
+from support.nonlinear_bodies import stress_of_block
 from support.sliding_bodies import SlidingBodies, as_linear_bodies, blocks, bump, grid, out_of_balance, roller, wheel
 
 from signorini_fx import (
@@ -21,13 +19,7 @@ from signorini_fx import (
     Pair,
     Status,
 )
-from signorini_fx.algebra.linalg import schur
-from signorini_fx.forms.nonlinear import newton
 from signorini_fx.forms.nonlinear.displaced_certificate import certified, mechanics_at
-from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
-from signorini_fx.forms.nonlinear.moving_pairs import MovingPair
-from signorini_fx.mechanics.body import elastic_body
-from signorini_fx.mechanics.pairs.mortar_coupling import PairingError
 from signorini_fx.results.certificate.law_of_method import Law, Tractions
 
 PRESSED = ((0, -0.1), (0, -0.2))
@@ -146,35 +138,6 @@ def test_linear_limit(friction, slave):
 
 
 @pytest.mark.slow
-def test_sides_exchanged():
-    """Points on the one or on the other side: half a per cent, at facets of a twelfth of the height."""
-    ways = (*PRESSED, (0.0625, -0.2), (0.125, -0.2))
-    first, second = (
-        slid(roller(cells=(48, 12), around=24, ratio=3.0, friction=Coulomb(0.3), slave=slave), ways)[-1]
-        for slave in (0, 1)
-    )
-    assert first == pytest.approx(-second, abs=5e-3 * np.abs(first).max())
-
-
-@pytest.mark.slow
-@pytest.mark.mpi
-def test_ironing(monkeypatch):
-    """The demo: once all points slide the force hardly changes, and has friction and the slope ahead in it."""
-    monkeypatch.setenv("CELLS", "8")
-    found = runpy.run_path(str(Path(__file__).parents[2] / "demos" / "forms" / "ironing.py"))
-    problem = found["problem"]
-    assert problem.certificate.holds
-    force = sum(problem.state.forces)
-    assert force == pytest.approx([6.79, -20.0], abs=0.05)
-    held = fem.locate_dofs_topological(found["V"], 1, found["on"](lambda x: x[1]))
-    owned = held[held < found["V"].dofmap.index_map.size_local]
-    reactions = fem.assemble_vector(fem.form(found["F"]))
-    reactions.scatter_reverse(la.InsertMode.add)
-    reaction = found["mesh"].comm.allreduce(reactions.array.reshape(-1, 2)[owned].sum(axis=0))
-    assert reaction == pytest.approx(-force, abs=1e-6)
-
-
-@pytest.mark.slow
 @pytest.mark.mpi
 def test_on_ranks():
     """The same on any number of ranks, with stick and slip."""
@@ -231,6 +194,7 @@ def test_the_certificate_sees_what_is_wrong():
     assert not judged(before=elsewhere).holds
 
 
+@pytest.mark.slow
 def test_bodies_that_part_and_meet_again():
     """No side sees the other one, then they touch, part, and touch at another place as if they had not before."""
     scene = roller(ratio=10.0, gap=0.3, reach=0.2, friction=Coulomb(0.3))
@@ -243,6 +207,7 @@ def test_bodies_that_part_and_meet_again():
     assert again == pytest.approx(first, abs=0.01 * np.abs(first).max())
 
 
+@pytest.mark.slow
 def test_past_the_end_of_the_other_side():
     """Points that come to lie past the end of the other side share what its corner carries: forces are those with the
     points on the side that ends, and a note says which part of them is there.
@@ -258,52 +223,12 @@ def test_past_the_end_of_the_other_side():
     assert "13% of the contact force" in notes[0][0]
 
 
-@pytest.mark.slow
-def test_ends_of_sides_in_contact(monkeypatch):
-    """A block that slides over the end of a smaller one: the same forces in fewer iterations than where points in
-    contact do not know that their functions change with where the other side ends, also where bodies that are moved on
-    for that see two sheets.
-    """
-    ways = [(0, -0.02), (0, -0.1), (0.1, -0.1), (0.2, -0.1), (0.3, -0.1)]
-
-    def sees_two_sheets(*_):
-        raise PairingError("two sheets")
-
-    found = []
-    for unknown in ({}, {"moves_little": lambda self, increment: False}, {"missed": sees_two_sheets}):
-        with monkeypatch.context() as patch:
-            for name, replaced in unknown.items():
-                patch.setattr(MovingPair, name, replaced)
-            scene = blocks(slave=0)
-            found.append((slid(scene, ways), scene.iterations))
-    (forces, iterations), *others = found
-    for expected, more in others:
-        assert forces == pytest.approx(expected, abs=1e-7 * np.abs(expected).max())
-        assert max(iterations) <= 6 < max(more) - 2
-        assert sum(iterations) <= sum(more) - 6
-
-
 def test_names_of_outcomes():
     """A body that goes through another one, or starts inside it."""
     small = roller(radius=0.1, gap=0.05, cells=(32, 8), around=8, ratio=10.0, reach=0.05)
     with pytest.raises(ConvergenceError, match=r"bodies inside each other \(contact\[0\]: "):
         small.move(0.0, -0.6)
     assert small.problem.status is Status.PASSED
-
-
-def test_two_sheets():
-    """Two bars above each other, the sides of both of which face a block within the reach."""
-    cells, x = grid("quadrilateral", (4, 1), [0.0, 0.0], [1.0, 0.2])
-    bars = np.concatenate((cells, cells + len(x))), np.concatenate((x, x + np.array([0.0, 0.5])))
-    bodies = grid("quadrilateral", (6, 2), [-0.5, -1.0], [1.5, 0.0]), bars
-    level = [lambda x: np.isclose(x[1], 0.0), lambda x: np.isclose(x[1], 0.0) | np.isclose(x[1], 0.5)]
-    held = [lambda x: np.isclose(x[1], -1.0), lambda x: np.isclose(x[1], 0.2) | np.isclose(x[1], 0.7)]
-    scene = SlidingBodies("quadrilateral", bodies, level, held, reach=1.0)
-    with pytest.raises(ConvergenceError, match="a side sees two sheets of the other one"):
-        scene.move(0.0, -0.01)
-    assert scene.problem.status is Status.FOLDED
-    near = SlidingBodies("quadrilateral", bodies, level, held, reach=0.2)
-    assert slid(near, [(0.0, -0.01)])[-1][1] < 0
 
 
 @pytest.mark.parametrize(
@@ -374,26 +299,7 @@ def test_half_a_model(settings, slave):
     assert state.boundary.normal[on_plane, 0] == pytest.approx(0.0, abs=1e-15)
 
 
-@pytest.mark.parametrize("slave", [0, 1])
-@pytest.mark.parametrize(
-    ("kind", "cells"), [("quadrilateral", 1), ("triangle", 1), pytest.param("quadrilateral", 2, marks=pytest.mark.slow)]
-)
-def test_few_facets_between_two_planes_of_symmetry(kind, cells, slave):
-    """A block of one facet, whose points are all in planes of symmetry, on one of several, neither of which can widen:
-    each is stretched evenly, and its stress is known.
-    """
-    sides = [lambda x: np.isclose(x[0], 0.0) | np.isclose(x[0], 1.0), lambda x: np.isclose(x[1], 0.0)]
-    counts = (cells, 1), (3, 2)
-    bodies = grid(kind, counts[slave], [0.0, -1.0], [1.0, 0.0]), grid(kind, counts[1 - slave], [0.0, 0.0], [1.0, 1.0])
-    ends = [lambda x, y=y: np.isclose(x[1], y) for y in (-1.0, 1.0)]
-    scene = SlidingBodies(kind, bodies, [sides[1]] * 2, ends, slave=slave, smooth=sides[0], algorithm="alm")
-    for depth in (0.1, 0.4):
-        stretch = 1.0 - depth / 2
-        stress = MU * (stretch - 1.0 / stretch) + LAME * np.log(stretch) / stretch
-        force = scene.move(0.0, -depth)
-        assert np.abs(force) == pytest.approx([0.0, -stress], abs=-1e-9 * stress)
-
-
+@pytest.mark.slow
 @pytest.mark.parametrize("slave", [0, 1])
 def test_overlap_beyond_the_reach(slave):
     """Supports hold a plate and a block below it at one end, and move them into each other there, farther than points
@@ -417,48 +323,3 @@ def test_overlap_beyond_the_reach(slave):
     with pytest.raises(ConvergenceError, match=r"bodies inside each other \(contact\[0\]: 0.02 at "):
         scene.move(0.0, -0.02)
     assert scene.problem.status is Status.PASSED
-
-
-def test_shears_that_are_passed_on(monkeypatch):
-    """A wheel that is pressed and pulled: the same force in fewer iterations than where a shear stays at the nodes that
-    its point has met.
-    """
-    found = []
-    for passes in (True, False):
-        if not passes:
-            monkeypatch.setattr(LinearisedProblem, "_pass_on", lambda self, begun, ending: False)
-        scene = wheel(slave=1, friction=Coulomb(0.3))
-        force = [scene.move(*way) for way in ((0.0, -0.05), (0.0, -0.1), (0.1, -0.1))][-1]
-        found.append((scene.problem.iterations, force))
-    assert found[0][0] <= 5 < found[1][0]
-    assert found[1][1] == pytest.approx(found[0][1], rel=1e-7)
-
-
-@pytest.mark.slow
-def test_tangents_that_are_kept(monkeypatch):
-    """A wheel that is pressed and pulled: after small increments nothing is assembled or eliminated, and the answer is
-    that of tangents which are all new.
-    """
-    found, made, joined = [], list[str](), elastic_body.joined_stiffness
-    begin = schur.SchurComplement.__init__
-
-    def counted(self, *of, **more):
-        made.append("eliminated")
-        begin(self, *of, **more)
-
-    monkeypatch.setattr(elastic_body, "joined_stiffness", lambda *of: made.append("assembled") or joined(*of))
-    monkeypatch.setattr(schur.SchurComplement, "__init__", counted)
-    for kept in (newton.KEPT_TANGENT, (0.0, 0.0)):
-        monkeypatch.setattr(newton, "KEPT_TANGENT", kept)
-        scene, iterations = wheel(slave=1, friction=Coulomb(0.3), linear_algebra="condensed"), 0
-        made.clear()
-        for way in ((0.0, -0.05), (0.0, -0.1), (0.1, -0.1)):
-            force = scene.move(*way)
-            iterations += scene.problem.iterations
-        found.append((iterations, made.count("assembled"), made.count("eliminated"), force, scene.u.x.array.copy()))
-    (iterations, *with_kept, force, u), (of_new, *all_new, expected, u_of_new) = found
-    assert all_new == [of_new - 1, of_new]  # nothing is between both bodies at first
-    assert with_kept[1] == with_kept[0] + 1 <= iterations - 3
-    assert iterations <= of_new
-    assert force == pytest.approx(expected, rel=1e-8)
-    assert u == pytest.approx(u_of_new, abs=1e-9 * np.abs(u).max())

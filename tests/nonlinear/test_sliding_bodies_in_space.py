@@ -1,15 +1,12 @@
 """Two nonlinear bodies in 3D that slide on each other: closed forms, invariances, limits, and the certificate."""
 
-import runpy
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
-import ufl
-from dolfinx import fem, la
+from dolfinx import fem
 from mpi4py import MPI
-from support.nonlinear_bodies import neo_hooke, stress_of_block
+from support.nonlinear_bodies import stress_of_block
 from support.sliding_bodies import (
     SlidingBodies,
     as_linear_bodies,
@@ -20,14 +17,13 @@ from support.sliding_bodies import (
     rounded,
     stacked,
 )
-from two_bodies import assembled, facets, facets_of_cells, grid
+from two_bodies import grid
 
-from signorini_fx import ConvergenceError, Coulomb, Foundation, NonlinearContactProblem, Pair, Scene, Status, solve
+from signorini_fx import ConvergenceError, Coulomb, Foundation, NonlinearContactProblem, Status
 from signorini_fx.forms.nonlinear.displaced_certificate import certified, mechanics_at
-from signorini_fx.mechanics.pairs import dual_functions, sliding
+from signorini_fx.mechanics.pairs import sliding
 from signorini_fx.mechanics.pairs.pair_side import PairSurface
 from signorini_fx.results.certificate.law_of_method import Law, Tractions
-from signorini_fx.tuned import KEPT_WEIGHT
 
 COARSE = {"kind": "tetrahedron", "lower": (8, 6, 1), "upper": (4, 4, 1), "ratio": 10.0}
 PRESSED = ((0, 0, -0.05), (0, 0, -0.1))
@@ -41,6 +37,7 @@ def slid(scene, ways):
     return forces
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("kind", "slave"),
     [
@@ -111,93 +108,6 @@ def test_on_a_rigid_plane(kind):
     assert forces[0][2:] == pytest.approx(forces[1][2:], abs=0.005 * largest)
 
 
-@pytest.mark.parametrize(
-    "method",
-    [
-        pytest.param({"linear_algebra": "krylov"}, marks=pytest.mark.slow),
-        pytest.param({"linear_algebra": "full"}, marks=pytest.mark.long),
-        pytest.param({"coulomb": "newton"}, marks=pytest.mark.long),
-    ],
-)
-def test_methods(method):
-    """All ways to solve the linearised problem give the same forces."""
-    ways = (0, 0, -0.1), (0.15, 0.05, -0.1)
-    forces = [slid(pillow(friction=Coulomb(0.3), **more, **COARSE), ways) for more in ({}, method)]
-    assert forces[1] == pytest.approx(forces[0], abs=1e-7 * np.abs(forces[0]).max())
-
-
-@pytest.mark.slow
-def test_units():
-    """In micrometres the forces are those in metres."""
-    forces = [slid(pillow(unit=unit, friction=Coulomb(0.3), **COARSE), PRESSED) for unit in (1.0, 1e-6)]
-    assert forces[1] == pytest.approx(forces[0], abs=1e-7 * np.abs(forces[0]).max())
-
-
-@pytest.mark.slow
-def test_three_bodies():
-    """A block between two larger ones: it slides on the upper one, which has less friction, and hardly on the lower."""
-    kind, side = "tetrahedron", {}
-    boxes = (
-        ((4, 4, 1), [-0.3, -0.3, -1.0], [1.3, 1.3, 0.0]),
-        ((3, 3, 1), [0.0, 0.0, 0.0], [1.0, 1.0, 0.5]),
-        ((4, 3, 1), [-0.3, -0.3, 0.5], [1.3, 1.3, 1.2]),
-    )
-    bodies = [grid(kind, *box) for box in boxes]
-    mesh, starts = assembled(kind, *bodies), np.cumsum([0, *(len(cells) for cells, _ in bodies)])
-    for height, body in ((0.0, 0), (0.0, 1), (0.5, 1), (0.5, 2)):
-        cells = np.arange(starts[body], starts[body + 1])
-        side[height, body] = facets_of_cells(mesh, lambda x, z=height: np.isclose(x[2], z), cells)
-    space = fem.functionspace(mesh, ("Lagrange", 1, (3,)))
-    u, way = fem.Function(space), fem.Constant(mesh, np.zeros(3))
-    form = ufl.derivative(neo_hooke(u) * ufl.dx(metadata={"quadrature_degree": 2}), u, ufl.TestFunction(space))
-    ends = [facets(mesh, lambda x, z=z: np.isclose(x[2], z)) for z in (-1.0, 1.2)]
-    bcs = [
-        fem.dirichletbc(value, fem.locate_dofs_topological(space, 2, end), space)
-        for value, end in zip((np.zeros(3), way), ends, strict=True)
-    ]
-    pairs = [
-        Pair(side[height, 1], side[height, body], friction=Coulomb(friction))
-        for height, body, friction in ((0.0, 0, 0.6), (0.5, 2, 0.2))
-    ]
-    problem = NonlinearContactProblem(form, u, bcs=bcs, contact=pairs)
-    for driven in ((0.0, 0.0, -0.1), (0.1, 0.05, -0.1), (0.3, 0.1, -0.1)):
-        way.value[:] = driven
-        problem.solve()
-        problem.advance()
-        assert problem.certificate.holds
-        assert problem.iterations <= 8
-    state = problem.state
-    shear = np.linalg.norm(state.shear, axis=1)
-    on_upper = state.boundary.part == 1
-    assert shear[on_upper] == pytest.approx(0.2 * state.pressure[on_upper], rel=1e-6)
-    assert np.median((shear / state.pressure)[~on_upper]) < 0.4
-    forces = [(state.boundary.weight * state.pressure)[part].sum() for part in (on_upper, ~on_upper)]
-    assert forces[0] == pytest.approx(forces[1], rel=0.02)
-
-
-@pytest.mark.slow
-def test_a_block_turns_with_all_that_is_below():
-    """Stuck by friction both turn by a right angle in two steps: no traction changes but by the rotation."""
-    scene = stacked(lower=(3, 2, 1), upper=(2, 3, 1), friction=Coulomb(0.9), algorithm="alm")
-    x = [scene.u.function_space.tabulate_dof_coordinates()[nodes] for nodes in scene.nodes]
-    held, driven = (fem.Function(scene.u.function_space) for _ in range(2))
-    for bc, values in zip(range(2), (held, driven), strict=True):
-        scene.problem.bcs[bc] = fem.dirichletbc(values, scene.nodes[bc])
-    tractions = []
-    for angle in (0.0, 0.25 * np.pi, 0.5 * np.pi):
-        turn = np.array([[np.cos(angle), -np.sin(angle), 0.0], [np.sin(angle), np.cos(angle), 0.0], [0.0, 0.0, 1.0]])
-        for values, nodes, places, depth in zip((held, driven), scene.nodes, x, (0.0, -0.1), strict=True):
-            values.x.array.reshape(-1, 3)[nodes] = places @ turn.T - places + [0.0, 0.0, depth]
-        scene.problem.solve()
-        scene.problem.advance()
-        state = scene.problem.state
-        shear = np.einsum("nik,nk->ni", state.boundary.tangents, state.shear) @ turn
-        tractions.append((state.pressure.copy(), shear))
-    for pressure, shear in tractions[1:]:
-        assert pressure == pytest.approx(tractions[0][0], rel=1e-6)
-        assert shear == pytest.approx(tractions[0][1], abs=1e-6 * tractions[0][0].max())
-
-
 @pytest.mark.parametrize("kind", ["tetrahedron", pytest.param("hexahedron", marks=pytest.mark.slow)])
 def test_a_block_over_a_larger_one(kind):
     """A soft block by three facets of a stiff one in two steps, of at most eight iterations each: the force is F N
@@ -210,19 +120,6 @@ def test_a_block_over_a_larger_one(kind):
     assert np.linalg.norm(forces[-1, :2]) == pytest.approx(0.3 * abs(forces[-1, 2]), rel=0.01)
     assert -forces[-1, :2] @ [2.0, 1.0] == pytest.approx(np.sqrt(5.0) * np.linalg.norm(forces[-1, :2]), rel=0.01)
     assert max(out_of_balance(scene)) < 1e-13
-
-
-@pytest.mark.slow
-def test_what_sticks():
-    """Driven along by less than friction holds: no point slides, and meshes that match or not give the same force."""
-    forces = []
-    for upper in ((3, 4, 2), (4, 4, 2)):
-        scene = stacked(lower=(4, 4, 2), upper=upper, friction=Coulomb(0.9), algorithm="alm")
-        forces.append(slid(scene, [(0.0, 0.0, -0.1), (0.02, 0.01, -0.1)])[-1])
-        state = scene.problem.state
-        assert (np.linalg.norm(state.shear, axis=1) < 0.9 * state.pressure).all()
-    assert np.linalg.norm(forces[0][:2]) > 0.02 * abs(forces[0][2])
-    assert forces[0] == pytest.approx(forces[1], abs=0.02 * np.abs(forces[1]).max())
 
 
 @pytest.mark.slow
@@ -269,53 +166,6 @@ def test_hertz(kind, slave):
     assert state.in_contact[r < 0.75 * a].all()
 
 
-@pytest.mark.parametrize("slave", [pytest.param(0, marks=pytest.mark.slow), pytest.param(1, marks=pytest.mark.long)])
-def test_half_of_a_scene(slave):
-    """What is the same on both sides of a plane has half of the force on one of them, pressed and drawn along it."""
-    ways, forces = ((0.0, 0.0, -0.05), (0.0, 0.1, -0.05)), []
-    for half in (False, True):
-        law = {"half": half, "friction": Coulomb(0.3), "algorithm": "alm", "slave": slave, "ratio": 3.0}
-        forces.append(slid(rounded(**law), ways))
-    largest = np.abs(forces[0]).max()
-    assert forces[0][:, 0] == pytest.approx(0.0, abs=1e-5 * largest)
-    assert np.abs(forces[0][1, 1]) > 0.2 * largest
-    assert 2 * forces[1][:, 1:] == pytest.approx(forces[0][:, 1:], abs=1e-4 * largest)
-
-
-def test_shears_stay_in_a_plane_of_symmetry():
-    """Points that stick there have a shear of the regularised law, whose direction the next step takes over: it turns
-    with the plane, and not about its normal as the facets on one side of it do.  Both halves have twice the force.
-    """
-    forces = []
-    for halves in (1, 2):
-        meshes = [
-            {
-                "generator": "box",
-                "parameters": {"length": 1.0 * halves, "width": 1.0, "height": 0.5, "nx": n * halves, "ny": n, "nz": 1},
-            }
-            for n in (3, 2)
-        ]
-        shift = [1.0 - halves, 0.0, 0.0]
-        bodies = [
-            {"name": "u", "mesh": meshes[0], "shift": [shift[0], 0.1, 0.5]},
-            {"name": "l", "mesh": meshes[1], "shift": shift},
-        ]
-        displacement = [
-            {"boundary": "u.top", "z": -0.02},
-            {"boundary": "u.top", "y": 0.004, "factors": [0.5, 1.0, -1.0]},
-            {"boundary": "l.bottom", "x": 0.0, "y": 0.0, "z": 0.0},
-        ]
-        if halves == 1:
-            displacement += [{"boundary": "u.left", "x": 0.0}, {"boundary": "l.left", "x": 0.0}]
-        rubber = {"law": "neo-hooke", "young": 100.0, "poisson": 0.3}
-        rough = {"law": "coulomb", "coefficient": 0.3}
-        contact = {"boundary": "u.bottom", "against": "l.top", "friction": rough}
-        solution = solve(Scene(body=bodies, material=rubber, displacement=displacement, contact=contact), MPI.COMM_SELF)
-        forces.append([np.sum(step.contact.forces, axis=0)[1:] / halves for step in solution.steps])
-    half, whole = np.array(forces)
-    assert half == pytest.approx(whole, abs=1e-4 * np.abs(whole).max())  # both have a penalty of their own
-
-
 @pytest.mark.long
 @pytest.mark.parametrize("kind", ["hexahedron", "tetrahedron"])
 def test_force_is_even_over_edges_between_facets(kind):
@@ -332,26 +182,6 @@ def test_force_is_even_over_edges_between_facets(kind):
     for component in forces.T:
         fitted = np.polyval(np.polyfit(np.arange(9), component, 2), np.arange(9))
         assert np.abs(component - fitted).max() < 0.01 * largest
-
-
-@pytest.mark.slow
-@pytest.mark.mpi
-def test_punch_along_an_arc(monkeypatch):
-    """The demo: the force is F times the pressure along the end of the way, and that of the supports."""
-    monkeypatch.setenv("CELLS", "2")
-    found = runpy.run_path(str(Path(__file__).parents[2] / "demos" / "forms" / "punch_along_an_arc.py"))
-    problem, space = found["problem"], found["V"]
-    assert problem.certificate.holds
-    force, way = sum(problem.state.forces), np.array([0.5, np.sqrt(0.75)])
-    along = np.linalg.norm(force[:2])
-    assert along == pytest.approx(0.3 * abs(force[2]), rel=0.05)
-    assert force[:2] @ way == pytest.approx(along, rel=0.02)
-    held = fem.locate_dofs_topological(space, 2, found["on"](lambda x: x[2] + 1))
-    reactions = fem.assemble_vector(fem.form(found["F"]))
-    reactions.scatter_reverse(la.InsertMode.add)
-    owned = held[held < space.dofmap.index_map.size_local]
-    reaction = found["mesh"].comm.allreduce(reactions.array.reshape(-1, 3)[owned].sum(axis=0))
-    assert reaction == pytest.approx(-force, abs=1e-6 * np.abs(force).max())
 
 
 @pytest.mark.slow
@@ -484,15 +314,6 @@ def test_bodies_inside_each_other(kind):
     assert scene.problem.status is Status.PASSED
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_past_the_end_of_the_other_side(kind):
-    """A block that slides over the end of another one has about the same force with the points on either."""
-    ways, forces = [(0.0, 0.0, -0.05), (0.3, 0.0, -0.05), (0.6, 0.0, -0.05)], []
-    for slave in (0, 1):
-        forces.append(slid(stacked(kind, lower=(6, 3, 1), upper=(3, 2, 1), width=2.0, slave=slave), ways))
-    assert forces[0] == pytest.approx(-forces[1], abs=0.02 * np.abs(forces[0]).max())
-
-
 def at_the_rim(**settings):
     """A punch at whose rim a node keeps 3 per cent of its area only where it carries no point, and its way."""
     law = {**COARSE, "lower": (7, 5, 1), "upper": (5, 4, 2), "height": 0.59, "ratio": 3.0, "algorithm": "alm"}
@@ -510,15 +331,3 @@ def test_points_that_come_and_go(slave):
     assert max(scene.iterations) <= 12
     assert max(out_of_balance(scene)) < 1e-13
     assert forces[1] == pytest.approx(forces[0], abs=0.003 * np.abs(forces).max())
-
-
-def test_points_that_come_and_go_at_once(monkeypatch):
-    """If they did not, there would be none: the message names the place, and what helps."""
-    monkeypatch.setattr(dual_functions, "WHOLE_WEIGHT", KEPT_WEIGHT * (1 + 1e-9))
-    scene, way = at_the_rim(max_newton=12)
-    with pytest.raises(ConvergenceError, match=r"iterations reached \(contact\[0\], at .* exchange facets and against"):
-        scene.move(*way)
-    assert scene.problem.status is Status.MAX_ITERATIONS
-    scene, way = at_the_rim(max_newton=4)
-    with pytest.raises(ConvergenceError, match="iterations reached: "):
-        scene.move(*way)

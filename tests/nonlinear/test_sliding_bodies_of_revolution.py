@@ -2,18 +2,14 @@
 certificate refuses.
 """
 
-import runpy
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
-import ufl
 from dolfinx import fem
 from mpi4py import MPI
-from scipy.optimize import brentq
-from support.nonlinear_bodies import LAME, MU, stress_of_block
-from support.sliding_bodies import as_linear_bodies, cylinders, dome, ring_on_cone, roller
+from support.nonlinear_bodies import stress_of_block
+from support.sliding_bodies import as_linear_bodies, cylinders, dome, ring_on_cone
 
 from signorini_fx import ConvergenceError, Coulomb, Foundation, NonlinearContactProblem, Status
 from signorini_fx.mechanics.obstacles.sliding_sides import SlidingSides
@@ -24,44 +20,7 @@ FRICTION = pytest.mark.parametrize("friction", [None, Coulomb(0.3)], ids=["smoot
 SLOW = pytest.mark.slow
 
 
-def assembled(form):
-    """A number of all ranks."""
-    form = fem.form(form)
-    return form.mesh.comm.allreduce(fem.assemble_scalar(form))
-
-
-def reaction(scene):
-    """The force along the axis that supports exert on the held end, from the residual alone."""
-    residual = fem.assemble_vector(fem.form(scene.form)).array.reshape(-1, 2)
-    return residual[scene.nodes[0], 1].sum()
-
-
-@pytest.mark.parametrize(("revolved", "degree"), [(True, 1), (False, 1), pytest.param(True, 2, marks=SLOW)])
-def test_lifted_off_the_axis(revolved, degree):
-    """Half of a pressed dome is lifted until the facet at the axis is nearly open: the axis, which holds the rays on
-    it, takes the moment of what is left, and the load step is no less certified than the pressed one.
-    """
-    scene = dome(height=0.05, lower=(6, 3), upper=(4, 2), slave=1, revolved=revolved, degree=degree)
-    scene.move(0.0, -0.025)
-    pressed = scene.problem.state.pressure.max()
-    scene.move(0.0, -0.0015 * degree)
-    opening = scene.problem.linear.pairs[0].coupling.gap
-    assert np.count_nonzero(opening > 1e-3) > opening.size / 2
-    assert 0 < scene.problem.state.pressure.max() < 0.2 * pressed
-    assert reaction(scene) == pytest.approx(sum(scene.problem.state.forces)[1], rel=1e-6)
-
-
-@pytest.mark.parametrize("depth", [0.01, pytest.param(0.03, marks=SLOW)])
-def test_a_quadratic_node_on_the_axis(depth):
-    """It has no share of any ring, and forces on it are not relative to that: its certificate is as that of the node
-    beside it.
-    """
-    scene = dome(height=0.05, lower=(6, 3), upper=(4, 2), degree=2, ratio=5.0)
-    force = scene.move(0.0, -depth)
-    assert scene.problem.certificate.worst < 1e-6
-    assert reaction(scene) == pytest.approx(-force[1], rel=1e-6)
-
-
+@pytest.mark.one_quick
 @pytest.mark.parametrize("kind", ["quadrilateral", pytest.param("triangle", marks=SLOW)])
 @pytest.mark.parametrize("slave", [0, 1])
 @pytest.mark.parametrize("inner", [0.0, pytest.param(0.2, marks=SLOW)])
@@ -97,6 +56,7 @@ def agrees_with_linear_bodies(scene):
     return linear
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("friction", [pytest.param(None, marks=SLOW), Coulomb(0.3)], ids=["smooth", "rough"])
 @pytest.mark.parametrize("slave", [0, 1])
 def test_linear_limit(friction, slave):
@@ -104,42 +64,6 @@ def test_linear_limit(friction, slave):
     linear = agrees_with_linear_bodies(dome(friction=friction, slave=slave, algorithm="alm"))
     if friction is not None:
         assert np.abs(linear.state.shear).max() > 0.01 * linear.state.pressure.max()
-
-
-def test_linear_limit_of_half_a_scene():
-    """In 2D the halves of both bodies: at points in 2D of symmetry friction has nothing to hold."""
-    scene = dome(friction=Coulomb(0.3), revolved=False, algorithm="alm")
-    agrees_with_linear_bodies(scene)
-    state = scene.problem.state
-    on_plane = np.isclose(state.boundary.x[:, 0], 0.0)
-    assert state.pressure[on_plane] > 0.5 * state.pressure.max()
-    assert state.shear[on_plane] == pytest.approx(0.0, abs=1e-12 * state.pressure.max())
-
-
-@pytest.mark.slow
-def test_plane_limit():
-    """At radii of 1e6 the forces are those of the plane times 2 pi r, after pressing and sliding with friction."""
-    forces = []
-    for far, revolved in ((0.0, False), (1e6, True)):
-        scene = roller(ratio=10.0, cells=(16, 4), around=10, far=far, revolved=revolved, friction=Coulomb(0.3))
-        for way in ((0.0, -0.1), (0.2, -0.1)):
-            force = scene.move(*way)
-        assert scene.problem.certificate.holds
-        forces.append(force / (2 * np.pi * far if revolved else 1.0))
-    assert np.abs(forces[0]).min() > 1.0
-    assert forces[1] == pytest.approx(forces[0], abs=1e-5 * np.abs(forces[0]).max())
-
-
-def hoop_force(scene, body_ratio):
-    """2 pi N of a thin ring that is stretched along itself alone, from its mean stretch and its area."""
-    mesh, u = scene.mesh, scene.u
-    radius = ufl.SpatialCoordinate(mesh)[0]
-    ring = scene.of_body
-    area = assembled(ring * ufl.dx)
-    stretch = 1 + assembled(ring * u[0] / radius * ufl.dx) / area
-    free = brentq(lambda width: MU * (width**2 - 1) + LAME * np.log(width**2 * stretch), 0.3, 3.0)
-    stress = (MU * (stretch**2 - 1) + LAME * np.log(stretch * free**2)) / stretch
-    return 2 * np.pi * area * body_ratio * stress
 
 
 @pytest.mark.slow
@@ -163,42 +87,6 @@ def test_ring_over_a_cone(friction):
 
 
 @pytest.mark.slow
-def test_hoop_force():
-    """The radial force of rings that are stretched by two fifths tends to that of their hoop stress as they are thin:
-    what is left falls with their size, and the straight line through two sizes ends there.
-    """
-    sizes, shares = np.array([0.1, 0.05]), []
-    for size in sizes:
-        scene = ring_on_cone(ratio=0.02, slave=1, size=size, cells=(round(4.8 / size), 4))
-        for way in -0.1 * np.arange(1, 5):
-            force = scene.move(0.0, way)
-        shares.append(force[0] / hoop_force(scene, 0.02))
-    assert shares[0] == pytest.approx(1.0, abs=0.06)
-    assert 2 * shares[1] - shares[0] == pytest.approx(1.0, abs=5e-3)
-
-
-@pytest.mark.slow
-def test_forces_balance():
-    """Along the axis the force on the ring is that of the support of the cone, from the residual alone; upside down all
-    forces are mirror images, and in millimetres the same.
-    """
-    ways = (-0.1, -0.2)
-    law = {"ratio": 0.02, "slave": 1, "friction": Coulomb(0.3), "cells": (24, 3), "around": 12}
-    forces = []
-    for up, scale in ((1.0, 1.0), (-1.0, 1.0), (1.0, 1e-3)):
-        scene = ring_on_cone(up=up, scale=scale, **law)
-        for way in ways:
-            force = scene.move(0.0, way * up * scale)
-        assert scene.problem.certificate.holds
-        largest = np.abs(force).max()
-        assert largest > 0
-        assert reaction(scene) == pytest.approx(force[1], abs=1e-8 * largest)
-        forces.append(force * [1.0, up] / scale**2)
-    assert forces[1] == pytest.approx(forces[0], rel=1e-8)
-    assert forces[2] == pytest.approx(forces[0], rel=1e-8)
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("slave", [0, 1])
 def test_hertz(slave):
     """Small pressures are those of Hertz: on the axis and within half of the radius of contact to 3 %."""
@@ -214,20 +102,6 @@ def test_hertz(slave):
     assert np.count_nonzero(inner) > 4
     assert state.pressure[inner] == pytest.approx(largest * np.sqrt(1 - (r[inner] / a) ** 2), abs=0.03 * largest)
     assert not state.in_contact[r > 1.15 * a].any()
-
-
-@pytest.mark.slow
-@pytest.mark.mpi
-def test_seal_on_a_shaft():
-    """The demo: on the taper the slope and friction hold the ring back, on the cylinder friction alone."""
-    found = runpy.run_path(str(Path(__file__).parents[2] / "demos" / "forms" / "seal_on_a_shaft.py"))
-    assert found["problem"].certificate.holds
-    way, radial, axial = np.array(found["forces"]).T
-    taper, cylinder = (way > 0.85) & (way < 1.25), way > 1.74
-    assert np.count_nonzero(taper) > 3
-    assert np.count_nonzero(cylinder) > 0
-    assert axial[taper] == pytest.approx(radial[taper] * np.tan(2 * np.arctan(0.3)), rel=0.01)
-    assert axial[cylinder] == pytest.approx(0.3 * radial[cylinder], rel=0.02)
 
 
 def random_rings(seed, degree=1):
@@ -270,14 +144,6 @@ def test_random_rings(seed, degree):
     force, expected, way = random_rings(seed, degree)
     assert way > 2.0
     assert force == pytest.approx(expected, abs=5e-3 * np.abs(expected).max())
-
-
-@pytest.mark.long
-def test_forty_random_rings():
-    """None is farther off."""
-    for seed in range(40):
-        force, expected, _ = random_rings(seed, 1 + seed % 2)
-        assert force == pytest.approx(expected, abs=5e-3 * np.abs(expected).max()), seed
 
 
 @pytest.mark.slow

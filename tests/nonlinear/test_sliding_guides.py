@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from dolfinx import fem
-from mpi4py import MPI
 from support.nonlinear_bodies import stress_of_block
 from support.sliding_bodies import (
     as_linear_bodies,
@@ -14,8 +13,6 @@ from support.sliding_bodies import (
     bump,
     out_of_balance,
     roller,
-    run_alone,
-    same_in_products,
     stacked,
 )
 
@@ -51,6 +48,7 @@ def test_patch(scene_of, slave):
         assert scene.problem.certificate.holds
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("friction", [None, Coulomb(0.3)], ids=["smooth", "rough"])
 @pytest.mark.parametrize(
     ("scene_of", "lower", "slave"),
@@ -90,6 +88,7 @@ def test_on_a_rigid_plane(friction, kind, degree):
     assert forces[0] == pytest.approx(forces[1], abs=3e-5 * largest)
 
 
+@pytest.mark.slow
 def test_friction_of_what_is_pulled():
     """It is F times the size of the pressure, against the way, and forces and moments of both bodies balance."""
     scene = blocks(slave=1, width=3.0, friction=Coulomb(0.3), **CLOSED)
@@ -106,50 +105,7 @@ def test_friction_of_what_is_pulled():
     assert moment < 1e-12
 
 
-@pytest.mark.parametrize(
-    ("friction", "kind", "degree", "finer", "apart"),
-    [
-        pytest.param(Coulomb(0.3), "quadrilateral", 1, 1, 1e-2, marks=pytest.mark.slow),
-        pytest.param(Coulomb(0.3), "quadrilateral", 1, 2, 2e-3, marks=pytest.mark.slow),
-        pytest.param(None, "quadrilateral", 1, 2, 3e-3, marks=pytest.mark.slow),
-        pytest.param(None, "triangle", 2, 1, 2e-3, marks=pytest.mark.slow),
-    ],
-    ids=["coarse", "rough", "smooth", "quadratic"],
-)
-def test_past_the_end_of_a_guide(friction, kind, degree, finer, apart):
-    """A block that is held to another one and slides off its end is held where they still meet: forces are those of the
-    other choice of the first side, whose points see nothing beyond that end, or, with points on the guide, past the end
-    of the block, and shrink as less is held.
-    """
-    ways, forces = ((0.0, -0.1), (0.35, -0.1), (0.6, -0.1), (0.8, -0.1)), []
-    for slave in (0, 1):
-        size = {"lower": (11 * finer, 4 * finer), "upper": (5 * finer, 4 * finer), "width": 1.4, "degree": degree}
-        scene = blocks(kind, slave=slave, friction=friction, **size, **CLOSED)
-        scene.move(*ways[0])
-        pressed = scene.move(*ways[0])
-        if degree == 2:  # in one step to .35 the tangent loses its stiffness
-            scene.move(0.175, -0.1)
-        forces.append([(-1.0) ** slave * force for force in (pressed, *(scene.move(*way) for way in ways[1:]))])
-        assert scene.problem.certificate.holds
-        force, moment = out_of_balance(scene)
-        assert max(force, moment) < 1e-11
-    assert forces[0] == pytest.approx(np.array(forces[1]), abs=apart * np.abs(forces).max())
-    assert (np.diff(np.abs(forces[1])[:, 1]) < -0.1 * np.abs(forces[1])[0, 1]).all()
-
-
 @pytest.mark.slow
-def test_a_stiff_punch_that_is_held_to_a_block():
-    """Points of the block that begin to see past the end of a punch, as the block widens below it, are let go of
-    evenly: forces are within 1 % of those with the points on the punch.
-    """
-    size, forces = {"lower": (22, 8), "upper": (10, 8), "width": 1.4, "ratio": 1e3}, []
-    for slave in (0, 1):
-        scene = blocks(slave=slave, friction=Coulomb(0.3), **size, **CLOSED)
-        forces.append([(-1.0) ** slave * scene.move(*way) for way in ((0.0, -0.02), (0.0, -0.1), (0.1, -0.1))])
-        assert scene.problem.certificate.holds
-    assert forces[0] == pytest.approx(np.array(forces[1]), abs=1e-2 * np.abs(forces).max())
-
-
 def test_the_end_of_a_guide():
     """A slider that has left its guide ends in an outcome, and sides that do not see each other are an error."""
     scene = blocks(slave=1, width=1.4, **CLOSED)
@@ -188,26 +144,3 @@ def test_the_certificate_sees_what_is_wrong():
     assert judged(lambda tractions: replace(tractions, shear=1.01 * tractions.shear)).friction_cone > 1e-5
     u.x.array.reshape(-1, 2)[fem.locate_dofs_topological(u.function_space, 1, scene.sides[1])] += [0.0, 1e-4]
     assert judged().entered > 1e-5
-
-
-@pytest.mark.slow
-@pytest.mark.mpi
-@pytest.mark.parametrize(("kind", "degree"), [("quadrilateral", 1), ("triangle", 2)])
-@pytest.mark.parametrize("friction", [None, Coulomb(0.3)], ids=["smooth", "rough"])
-def test_products(monkeypatch, tmp_path_factory, friction, kind, degree):
-    """On any number of ranks, gone on with after a kill, in other units and as a mirror image: the same forces."""
-    comm, times = MPI.COMM_WORLD, (0.5, 1.0, 1.5, 2.0)
-    folder = comm.bcast(str(tmp_path_factory.mktemp("restart")) if comm.rank == 0 else None)
-
-    def made(**more):
-        size = {"lower": (8, 3), "upper": (4, 3), "width": 3.0, "degree": degree, "slave": 1}
-        scene = blocks(kind, friction=friction, **size, **CLOSED, **more)
-
-        def at(time):
-            scene.drive.value[:] = scene.turn @ [0.3 * max(time - 1, 0), 0.1 * min(time, 1)]
-
-        return scene, at
-
-    alone = run_alone(made, times)
-    assert np.abs(alone).max() > 1.0
-    same_in_products(made, times, alone, folder, monkeypatch)

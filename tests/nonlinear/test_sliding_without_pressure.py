@@ -5,8 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from dolfinx import fem
-from mpi4py import MPI
-from support.nonlinear_bodies import neo_hooke
 from support.sliding_bodies import (
     as_linear_bodies,
     blocks,
@@ -15,10 +13,7 @@ from support.sliding_bodies import (
     out_of_balance,
     pillow,
     roller,
-    run_alone,
-    same_in_products,
 )
-from ufl import dx
 
 from signorini_fx import Coulomb, Foundation, NonlinearContactProblem, Tresca
 from signorini_fx.forms.nonlinear.displaced_certificate import certified, mechanics_at
@@ -50,10 +45,10 @@ class Sticky(FrictionLaw):
         return Envelope(zero + self.given, zero + self.coefficient)
 
 
-WITHOUT_PRESSURE = [Tresca(BOUND), Coulomb(0.0, cohesion=BOUND)]
 NAMES = ["tresca", "cohesion"]
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("slave", [0, 1])
 @pytest.mark.parametrize("scene_of", [bump, pytest.param(bulge, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("law", [Tresca(2e-4), Coulomb(0.1, cohesion=1e-4)], ids=NAMES)
@@ -92,28 +87,6 @@ def test_on_a_rigid_plane(law, kind, degree):
     assert forces[0][[3, 5], 0] == pytest.approx([-BOUND, BOUND], rel=1e-5)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("law", WITHOUT_PRESSURE, ids=NAMES)
-def test_work(law):
-    """What drives a block over another one does the work that friction takes and the bodies store: in steps of half the
-    size the rest is a quarter, as that of the trapezoidal rule.
-    """
-    left = []
-    for steps in (8, 16):
-        scene = blocks(friction=law, **WIDE)
-        stored = fem.form(neo_hooke(scene.u) * dx(metadata={"quadrature_degree": 2}))
-        scene.move(0.0, -0.02)
-        force, begun, work = -scene.move(0.0, -0.1), fem.assemble_scalar(stored), 0.0
-        for share in np.arange(1, steps + 1) / steps:
-            after = -scene.move(0.3 * share, -0.1)
-            work += (force + after)[0] / 2 * 0.3 / steps - scene.problem.state.friction_work
-            force = after
-        left.append(work - (fem.assemble_scalar(stored) - begun))
-    friction = 0.3 * BOUND
-    assert abs(left[0]) < 0.02 * friction
-    assert abs(left[1]) < 0.3 * abs(left[0])
-
-
 @pytest.mark.parametrize("friction", [Tresca(BOUND), Coulomb(0.1, cohesion=BOUND), Sticky(BOUND, 0.3)], ids=type)
 @pytest.mark.parametrize("algorithm", [pytest.param("ssn", marks=pytest.mark.slow), "alm"])
 def test_nothing_acts_where_there_is_no_other_side(friction, algorithm):
@@ -140,6 +113,7 @@ def test_nothing_acts_where_there_is_no_other_side(friction, algorithm):
     assert shears[0] == shears[-1] == 0.0
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(("law", "across"), [(Tresca(BOUND), True), (Coulomb(0.0, cohesion=BOUND), False)], ids=NAMES)
 def test_friction_across_gaps_is_told(law, across):
     """A finding says how far friction without pressure reaches, and what to take instead; of that nothing is said."""
@@ -193,30 +167,3 @@ def test_the_certificate_sees_what_is_wrong(dim):
     assert not judged(lambda shear: -shear).holds
     assert not judged(lambda shear: 0.0 * shear).holds
     assert judged(beside).friction_cone > 1e-3
-
-
-@pytest.mark.slow
-@pytest.mark.mpi
-@pytest.mark.parametrize(("kind", "degree"), [("quadrilateral", 1), ("triangle", 2)])
-@pytest.mark.parametrize("slave", [0, 1])
-@pytest.mark.parametrize("law", WITHOUT_PRESSURE, ids=NAMES)
-def test_products(monkeypatch, tmp_path_factory, law, slave, kind, degree):
-    """On any number of ranks, gone on with after a kill, in other units and as a mirror image: the same forces."""
-    settings = {"ratio": 10.0, "cells": (12, 3), "around": 8, "degree": degree, "slave": slave, "algorithm": "alm"}
-    # At 2.0 one point is about to open: its cohesion ends at once, no set repeats, and the run ends with that name.  At
-    # 1.5 another one is, of triangles: the path goes around that, and the ramp through it by a halved step.
-    times = (0.5, 1.0, 1.25, 1.75, 1.9)
-    comm = MPI.COMM_WORLD
-    folder = comm.bcast(str(tmp_path_factory.mktemp("restart")) if comm.rank == 0 else None)
-
-    def made(**more):
-        scene = roller(kind, friction=law, **settings, **more)
-
-        def at(time):
-            scene.drive.value[:] = scene.turn @ [0.2 * max(time - 1, 0), -0.1 * min(time, 1)]
-
-        return scene, at
-
-    alone = run_alone(made, times)
-    assert abs(alone[0]) > 0.005 * np.abs(alone).max()
-    same_in_products(made, times, alone, folder, monkeypatch)

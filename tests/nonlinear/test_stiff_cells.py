@@ -2,15 +2,11 @@
 
 import re
 
-import numpy as np
 import pytest
-from dolfinx import fem
 from mpi4py import MPI
-from support.nonlinear_bodies import rectangle
 from support.nonlinear_scenes import force, material
 
 from signorini_fx import solve
-from signorini_fx.mechanics.body.deformation import added_stiffness
 from signorini_fx.scenes.reading import parse_scene
 
 METAL = material("j2", yield_stress=10.0)
@@ -38,6 +34,7 @@ def share_of(solution):
     return next((int(share[1]) / 100 for share in shares if share), None)
 
 
+@pytest.mark.one_quick
 @pytest.mark.mpi
 @pytest.mark.parametrize(
     ("cells", "changes"),
@@ -56,15 +53,3 @@ def test_a_plank_that_is_too_stiff(cells, changes):
     pressed, wanted = (comm.allreduce(force(s.steps[-1])[1]) for s in (solution, exact))
     assert share_of(solution) == pytest.approx(pressed / wanted - 1, rel=0.55, abs=0.0)
     assert share_of(exact) is None
-
-
-def test_small_cells_are_not_warned_of():
-    assert share_of(rolled((80, 8))) is None
-
-
-def test_what_is_not_strained():
-    """A block that is turned has strains of round-off, which change from cell to cell."""
-    space, _ = rectangle([2.0, 1.0], [4, 2], MPI.COMM_SELF)
-    u, x = fem.Function(space), space.tabulate_dof_coordinates()[:, :2] - [1e3, 0.0]
-    u.x.array[:] = (x @ np.array([[0.8, 0.6], [-0.6, 0.8]]) - x).ravel()
-    assert added_stiffness(u) == 0.0

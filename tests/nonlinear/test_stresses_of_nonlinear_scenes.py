@@ -1,8 +1,5 @@
 """The Cauchy stress of scenes with nonlinear materials: closed forms, linear scenes, balance, units and ranks."""
 
-from dataclasses import replace
-from pathlib import Path
-
 import numpy as np
 import pytest
 import ufl
@@ -14,13 +11,11 @@ from petsc4py import PETSc
 from scipy.optimize import brentq
 from support.nonlinear_scenes import block, indented, material
 
-from signorini_fx import solve, write_results
-from signorini_fx.mechanics.mesh.tagged import generate_mesh
+from signorini_fx import solve
 from signorini_fx.scenes.reading import parse_scene
 
 RUBBER = {"young": 100.0, "poisson": 0.3}
 METAL = {"young": 100.0, "poisson": 0.3, "yield_stress": 2.0, "hardening": 20.0}
-CLOSE = {"tolerance": 1e-13}
 PRESSED_BLOCKS = {
     "plane strain": ({}, {}, (0,)),
     "plane strain, degree 2": ({}, {"degree": 2}, (0,)),
@@ -255,98 +250,3 @@ def test_a_section_carries_the_force_of_contact(name, element):
     pressed = solution.resultants.of("top").force
     assert abs(pressed[1]) > 1.0
     np.testing.assert_allclose(carried, pressed, atol=0.02 * abs(pressed[1]))
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["neo-hooke", "j2"])
-def test_units(name):
-    """Lengths in micrometres and another unit of stress: the same strains, and stresses of the same digits."""
-    unit, stress = 1e-6, 1e3
-    law = material(name, **({"yield_stress": 2.0, "hardening": 20.0} if name == "j2" else {}))
-    keys = ("young", "yield_stress", "hardening")
-    scaled = {key: value * stress if key in keys else value for key, value in law.items()}
-    first, second = (solve(scene, MPI.COMM_SELF) for scene in (indented(law), indented(scaled, unit=unit)))
-    np.testing.assert_allclose(tensors(second) / stress, tensors(first), atol=1e-6 * np.abs(tensors(first)).max())
-    mine, theirs = second.stress.largest(), first.stress.largest()
-    assert mine.value / stress == pytest.approx(theirs.value, rel=1e-6)
-    assert np.array(mine.place) / unit == pytest.approx(np.array(theirs.place), rel=1e-9)
-    if name == "j2":
-        strains = [solution.stress.plastic_extreme()["value"] for solution in (second, first)]
-        assert strains[0] == pytest.approx(strains[1], rel=1e-6)
-        assert strains[1] > 0.1
-
-
-@pytest.mark.mpi
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["neo-hooke", "j2"])
-def test_ranks_and_restart(name, tmp_path):
-    """Extremes of all load steps are those of one rank, and those of a run that goes on from its last load step."""
-    law = material(name, **({"yield_stress": 2.0, "hardening": 20.0} if name == "j2" else {}))
-    comm, scene = MPI.COMM_WORLD, indented(law, cells=(6, 3))
-    folder = Path(comm.bcast(str(tmp_path)))
-    several, alone = solve(scene, comm, checkpoint=folder), solve(scene, MPI.COMM_SELF)
-    again = solve(scene, comm, checkpoint=folder, restart=True)
-    assert again.history.events[0].startswith("restart: 2 complete load steps")
-    for number, theirs in enumerate(alone.steps):
-        wanted = alone.at(theirs).stress
-        for solution in (several, again):
-            stress = solution.at(solution.steps[number]).stress
-            assert stress.largest().value == pytest.approx(wanted.largest().value, rel=1e-6)
-            assert stress.largest().place == pytest.approx(wanted.largest().place, abs=1e-9)
-            assert stress.smallest("yy").value == pytest.approx(wanted.smallest("yy").value, rel=1e-6)
-            if name == "j2":
-                assert stress.plastic_extreme()["value"] == pytest.approx(wanted.plastic_extreme()["value"], rel=1e-6)
-
-
-@pytest.mark.mpi
-def test_two_regions():
-    """An elastic half below one that yields, between smooth walls: both carry the same pressure, and are named."""
-    comm = MPI.COMM_WORLD
-    tagged = generate_mesh("rectangle", {"length": 1.0, "height": 1.0, "nx": 4, "ny": 4}, comm)
-    index_map = tagged.mesh.topology.index_map(2)
-    cells = np.arange(index_map.size_local + index_map.num_ghosts, dtype=np.int32)
-    below = dmesh.compute_midpoints(tagged.mesh, 2, cells)[:, 1] < 0.5
-    tags = dmesh.meshtags(tagged.mesh, 2, cells, np.where(below, 1, 2).astype(np.int32))
-    tagged = replace(tagged, cell_tags=tags, regions={"lower half": 1, "upper half": 2})
-    walls = [{"boundary": side, "x": 0.0} for side in ("left", "right")] + [{"boundary": "bottom", "y": 0.0}]
-    constants = {"young": 100.0, "poisson": 0.0}
-    parts = [constants | {"region": "lower half"}]
-    parts += [{"law": "j2", **constants, "yield_stress": 1.0, "hardening": 20.0, "region": "upper half"}]
-    solution = solve(block(parts, "0.04", mesh=tagged, displacement=walls), comm)
-
-    def metal(strain):
-        return next(confined([strain], 100.0, 0.0, 1.0, 20.0))
-
-    strain = brentq(lambda strain: metal(strain)[1] + 100.0 * (0.08 - strain), 0.0, 0.08, xtol=1e-15)
-    aside, down, hardened = metal(strain)
-    summary = solution.stress.as_dict()
-    assert summary["von_mises"]["value"] == pytest.approx(-down, rel=1e-8)
-    assert summary["von_mises"]["region"] == "lower half"
-    assert solution.stress.smallest("xx").value == pytest.approx(aside, rel=1e-8)
-    assert solution.stress.smallest("xx").place[1] > 0.5
-    plastic = solution.stress.plastic_extreme()
-    assert (plastic["value"], plastic["region"]) == (pytest.approx(hardened, rel=1e-8), "upper half")
-    assert solution.stress.plastic_strain.x.array.min() == 0.0 or comm.size > 1
-    assert hardened > 0.01
-
-
-def test_fields_and_summary(tmp_path):
-    """Files have the field, with zeros where nothing has yielded, and what is not recovered is not there."""
-    scene = indented(material("j2", yield_stress=2.0, hardening=20.0), cells=(6, 3))
-    solution = solve(scene, MPI.COMM_SELF)
-    summary = write_results(solution, tmp_path, pictures=False)
-    assert summary["stress"]["von_mises"]["value"] == solution.stress.largest().value
-    assert summary["plastic_strain"] == solution.stress.plastic_extreme()
-    assert "utilisation" not in summary
-    text = (tmp_path / "fields" / "0001.vtu").read_bytes()
-    for name in ("stress", "von_mises", "principal_stresses", "plastic_strain"):
-        assert f'Name="{name}"'.encode() in text
-    assert b"recovered" not in text
-    assert b'Name="density"' not in text
-    plastic = solution.stress.plastic_strain.x.array
-    assert plastic.min() == 0.0
-    assert 0.0 < plastic.max() <= summary["plastic_strain"]["value"]
-    with pytest.raises(RuntimeError, match="nonlinear bodies have no estimate"):
-        solution.stress.recovered  # noqa: B018
-    with pytest.raises(ValueError, match="is no field with extremes"):
-        solution.stress.largest("density")

@@ -1,21 +1,13 @@
 """Nonlinear bodies that expand as they become warmer: closed forms, CalculiX, the linear limit, ranks and restart."""
 
-from dataclasses import replace
-from typing import ClassVar, Literal
-
 import numpy as np
 import pytest
-from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from scipy.optimize import brentq
 from support.nonlinear_scenes import LAWS, force, indented, material
 from test_nonlinear_scenes import energy_of_stretches
-from test_restart_of_nonlinear_bodies import assert_same, interrupted
 
-from signorini_fx import ConvergenceError, SceneError, Status, extensions, solve
-from signorini_fx.mechanics.materials.j2 import J2
-from signorini_fx.mechanics.mesh.tagged import generate_mesh
-from signorini_fx.results.certificate.nonlinear_forces import NonlinearForces
+from signorini_fx import SceneError, Status, solve
 from signorini_fx.scenes.reading import parse_scene
 
 IN_SPACE = [name for name in LAWS if name != "ogden"]
@@ -45,6 +37,7 @@ def stresses(solution):
     return [solution.at(step).stress.at_points.stress for step in solution.steps]
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", but_slow(IN_SPACE, "mooney-rivlin", "j2"))
 @pytest.mark.parametrize("change", [30.0, -20.0])
 def test_free_expansion(name, change):
@@ -57,6 +50,7 @@ def test_free_expansion(name, change):
     assert np.abs(stresses(solution)[-1]).max() < 1e-11 * 100.0
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", but_slow(["mooney-rivlin", "ogden"], "ogden"))
 @pytest.mark.parametrize("degree", [1, 2])
 def test_free_expansion_of_revolution(name, degree):
@@ -95,6 +89,7 @@ def held_bar(name, expansion):
     return slope(lambda along: stored(along, across), 1.0), across
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", but_slow([name for name in IN_SPACE if name != "j2"], "neo-hooke"))
 @pytest.mark.parametrize("volumetric", ["full", "reduced"])
 def test_a_bar_that_is_held(name, volumetric):
@@ -140,72 +135,6 @@ def test_a_bar_that_yields():
         assert stress[..., 0, 0] == pytest.approx(wanted, rel=1e-9)
 
 
-class Gauge(J2):
-    """Metal whose state has the change of volume by stress, too, which it shows as its plastic strain."""
-
-    state_size: ClassVar[int] = J2.state_size + 1
-    law: Literal["gauge"]
-
-    def respond(self, strain, state):
-        """See ``PathDependent``."""
-        stress, tangent, new = super().respond(strain, state[:, :-1])
-        return stress, tangent, np.column_stack((new, np.trace(strain, axis1=1, axis2=2)))
-
-    def respond_at(self, strain, state):
-        """See ``PathDependent``."""
-        return super().respond_at(strain, state[:, :-1])
-
-    def plastic_strain(self, state):
-        """See ``PathDependent``."""
-        return state[:, -1]
-
-
-def test_a_state_follows_the_strain_less_that_of_the_temperature(monkeypatch):
-    """Of a bar that is held: tr(epsilon) is 2 (1 + nu) alpha T, and 3 alpha T less (1 - 2 nu) alpha T by stress, at
-    the temperature of each load step.
-    """
-    monkeypatch.setattr(extensions, "_registered", {extensions.MATERIALS: {"gauge": Gauge}})
-    law = {"law": "gauge", "young": 100.0, "poisson": 0.3, "yield_stress": 1e3}
-    steps = {"load_steps": {"times": [1.0, 2.0]}}
-    solution = solve(cube(law, "2 * t", {"boundary": "right", "x": 0.0}, **steps), MPI.COMM_SELF)
-    for step, change in zip(solution.steps, (2.0, 4.0), strict=True):
-        assert solution.at(step).stress.plastic == pytest.approx(-0.4 * EXPANSION * change, rel=1e-9)
-
-
-def test_regions_and_nodal_values(tmp_path):
-    """Two halves of a bar between walls, one that expands and one that is heated: without Poisson's effect each
-    becomes longer as the force says.
-    """
-    tagged = generate_mesh(
-        "box", {"length": 2.0, "width": 1.0, "height": 1.0, "nx": 4, "ny": 2, "nz": 2}, MPI.COMM_SELF
-    )
-    cells = np.arange(16, dtype=np.int32)
-    left = dmesh.compute_midpoints(tagged.mesh, 3, cells)[:, 0] < 1.0
-    tags = dmesh.meshtags(tagged.mesh, 3, cells, np.where(left, 1, 2).astype(np.int32))
-    tagged = replace(tagged, cell_tags=tags, regions={"one": 1, "two": 2})
-    points = np.array([[x, y, z] for x in (-1.0, 3.0) for y in (-1.0, 2.0) for z in (-1.0, 2.0)])
-    table = np.column_stack((points, 4.0 + 0 * points[:, 0]))
-    np.savetxt(tmp_path / "heat.csv", table, delimiter=",", header="x,y,z,change", comments="")
-    law = material("j2", poisson=0.0)
-    scene = {
-        "mesh": tagged,
-        "material": [law | {"region": "one", "expansion": 0.002}, law | {"region": "two", "expansion": 0.001}],
-        "temperature": [{"file": str(tmp_path / "heat.csv")}, {"change": 3.0, "region": "two", "factors": [1.0, 2.0]}],
-        "displacement": [
-            *SIDES,
-            *({"boundary": side, key: 0.0} for side, key in zip(("right", "back", "top"), "xyz", strict=True)),
-        ],
-        "load_steps": {"times": [1.0, 2.0]},
-    }
-    solution = solve(parse_scene(scene), MPI.COMM_SELF)
-    for step, stress, extra in zip(solution.steps, stresses(solution), (3.0, 6.0), strict=True):
-        free = np.array([0.008, 0.001 * (4.0 + extra)])
-        assert stress[..., 0, 0] == pytest.approx(-100.0 * free.mean(), rel=1e-9)
-        middle = np.isclose(solution.model.space.tabulate_dof_coordinates()[:, 0], 1.0)
-        moved = step.displacement.x.array.reshape(-1, 3)[middle, 0]
-        assert moved == pytest.approx(free[0] - free.mean(), rel=1e-9)
-
-
 def between_walls(law, change, **further):
     """A bar whose ends are held in all directions."""
     size = {"length": 2.0, "width": 1.0, "height": 1.0, "nx": 4, "ny": 2, "nz": 2, "cell": "hexahedron"}
@@ -223,23 +152,6 @@ def at_middle(solution, step):
     """The displacement of the node in the middle of the top and back edge."""
     x = solution.model.space.tabulate_dof_coordinates()
     return step.displacement.x.array.reshape(-1, 3)[np.argmin(np.abs(x - 1.0).sum(axis=1))]
-
-
-CALCULIX = {
-    "neo-hooke, isochoric": ((0.0, 0.2 - 5.929271e-2, 0.2 - 5.929271e-2), -31.87052),
-    "mooney-rivlin": ((0.0, 0.2 - 6.208236e-2, 0.2 - 6.208236e-2), -32.48046),
-}
-
-
-@pytest.mark.parametrize("name", but_slow(CALCULIX, "mooney-rivlin"))
-def test_calculix_squeezes_a_larger_bar(name):
-    """What a bar becomes that is warmer all over is what a larger one becomes that is squeezed to the same places:
-    CalculiX 2.20, C3D8 on the same cells, larger by 1.2, by prescribed displacements.  Its own *EXPANSION takes alpha
-    T from grad u, which is another material at finite strains.
-    """
-    solution, (moved, push) = between_walls(material(name), 20.0), CALCULIX[name]
-    assert at_middle(solution, solution.steps[-1]) == pytest.approx(np.array(moved), abs=1e-8)
-    assert solution.resultants.of("right").force[0] == pytest.approx(push, rel=1e-6)
 
 
 def test_metal_of_calculix():
@@ -271,49 +183,6 @@ def test_small_changes_are_those_of_the_linear_scene(name):
         assert np.abs(force(mine) - force(without)).max() > 0.1 * np.abs(force(theirs)).max()
     mine, theirs = solution.displacement.x.array, linear.displacement.x.array
     assert np.abs(mine - theirs).max() < 2e-5 * np.abs(theirs).max()
-
-
-HOT = {"neo-hooke": "120 * t * x[1]", "j2": "20 * t * x[1]"}
-
-
-@pytest.mark.mpi
-@pytest.mark.parametrize("name", but_slow(HOT, "neo-hooke"))
-def test_ranks(name):
-    """Forces are those of one rank."""
-    law = material(name, **({"yield_stress": 5.0, "hardening": 10.0} if name == "j2" else {}))
-    scene = warm(law, HOT[name], element={"volumetric": "reduced"})
-    several, alone = solve(scene, MPI.COMM_WORLD), solve(scene, MPI.COMM_SELF)
-    for mine, theirs in zip(several.steps, alone.steps, strict=True):
-        assert force(mine) == pytest.approx(force(theirs), rel=1e-7)
-    assert several.stress.largest().value == pytest.approx(alone.stress.largest().value, rel=1e-7)
-
-
-@pytest.mark.parametrize("name", HOT)
-def test_restart(name, tmp_path):
-    """A run that is continued ends as one that was not interrupted, with the state of the warm metal."""
-    law = material(name, **({"yield_stress": 5.0, "hardening": 10.0} if name == "j2" else {}))
-    scene = warm(law, HOT[name], load_steps={"times": [1.0, 2.0], "steps": 2}, cells=(6, 3))
-    reference = solve(scene, MPI.COMM_SELF)
-    interrupted(scene, MPI.COMM_SELF, tmp_path, 3)
-    again = solve(scene, MPI.COMM_SELF, checkpoint=tmp_path, restart=True)
-    assert_same(again, reference, 1e-9)
-    for mine, theirs in zip(stresses(again), stresses(reference), strict=True):
-        assert np.abs(mine - theirs).max() < 1e-9 * np.abs(theirs).max()
-
-
-def test_the_certificate_expands_by_its_own_formula(monkeypatch):
-    """Another expansion of the independent check, or none, is no equilibrium."""
-    scene = cube(material("neo-hooke"), 20.0, {"boundary": "right", "x": 0.0})
-    assert solve(scene, MPI.COMM_SELF).certificate.holds
-    strain = NonlinearForces.strain
-    for share in (0.0, 1.001):
-
-        def other(forces, step, scale, share=share):
-            return strain(forces, step, scale * share)
-
-        monkeypatch.setattr(NonlinearForces, "strain", other)
-        with pytest.raises(ConvergenceError, match="certificate does not hold"):
-            solve(scene, MPI.COMM_SELF)
 
 
 def test_what_would_shrink_to_nothing_is_refused():

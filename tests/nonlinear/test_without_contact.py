@@ -75,25 +75,6 @@ def test_a_bar_of_rubber():
     assert solution.stress.largest("xx").value == pytest.approx(PULL / across, rel=1e-9)
 
 
-@pytest.mark.mpi
-@pytest.mark.parametrize("contact", [(), {"boundary": "left", "gap": 9.0}], ids=["without contact", "apart"])
-def test_forces_at_points_balance(contact):
-    """Supports at points take what the loads do to a strongly deformed body."""
-    scene = Scene(
-        mesh={"generator": "rectangle", "parameters": {"length": 1.0, "height": 0.5, "nx": 4, "ny": 1}},
-        material={"young": YOUNG, "poisson": POISSON, "law": "neo-hooke"},
-        displacement=[{"at": [0.0, 0.0], "x": 0.0, "y": 0.0}, {"at": [1.0, 0.0], "y": 0.0}],
-        traction={"boundary": "top", "x": 0.1, "y": -0.5},
-        contact=contact,
-    )
-    rows = {row.boundary: row for row in solve(scene, MPI.COMM_WORLD).resultants.every()}
-    assert {name for name, row in rows.items() if "support" in row.acts} == {"(0, 0)", "(1, 0)"}
-    np.testing.assert_allclose(rows["(1, 0)"].force[0], 0.0, atol=1e-9)
-    assert rows["(1, 0)"].force[1] > 0.25
-    np.testing.assert_allclose(rows["(0, 0)"].force + rows["(1, 0)"].force, (-0.1, 0.5), atol=1e-9)
-    assert sum(row.moment for row in rows.values()) == pytest.approx(0.0, abs=1e-9)
-
-
 def forms(mesh):
     """The linear bar as forms: a, L, its stress, conditions, parts of its boundary, and the pull."""
     space = fem.functionspace(mesh, ("Lagrange", 1, (2,)))
@@ -216,34 +197,7 @@ def test_a_column_is_stable_up_to_the_load_of_euler():
     assert problem.status is Status.UNSTABLE
 
 
-def test_restart(tmp_path):
-    """Load steps of a run that has ended in between are read, and certified again."""
-
-    def pulled():
-        space, _, L, _, bcs, sides, pull = forms(bar_mesh())
-        u, v = fem.Function(space), ufl.TestFunction(space)
-        gradient = ufl.Identity(2) + ufl.grad(u)
-        volume = LAME * ufl.ln(ufl.det(gradient)) * ufl.inv(gradient).T
-        F = ufl.inner(SHEAR * (gradient - ufl.inv(gradient).T) + volume, ufl.grad(v)) * ufl.dx - L
-        return NonlinearContactProblem(F, u, bcs=bcs, boundaries=sides), pull
-
-    def end(step):
-        if step.step == 2:
-            raise Killed
-
-    times = [0.25, 0.5, 1.0]
-    problem, pull = pulled()
-    with pytest.raises(Killed):
-        problem.run(times, lambda time: setattr(pull, "value", PULL * time), folder=tmp_path, on_step=end)
-    problem, pull = pulled()
-    solution = problem.run(times, lambda time: setattr(pull, "value", PULL * time), folder=tmp_path, restart=True)
-    assert problem.history.events[0].startswith("restart: 1 complete load step")
-    along, across = stretches(PULL)
-    end_of_bar = certified(solution).displacement.x.array.reshape(-1, 2).max(axis=0)
-    np.testing.assert_allclose(end_of_bar, (2 * (along - 1), 0.0), atol=1e-9)
-    assert across < 1
-
-
+@pytest.mark.one_quick
 @pytest.mark.mpi
 @pytest.mark.parametrize("further", [{}, {"law": "neo-hooke"}], ids=["linear", "nonlinear"])
 def test_restart_of_a_scene(tmp_path, further):

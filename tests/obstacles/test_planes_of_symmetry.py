@@ -1,27 +1,20 @@
 """Two bodies that end at a plane of symmetry: half a model is the whole one, with no shear across the plane."""
 
 import sys
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import ufl
 from dolfinx import fem
 from mpi4py import MPI
-from scipy.spatial.distance import cdist
-from support.surfaces import sheet
 from two_bodies import KINDS, assembled, facets, facets_of_cells, forms, grid, held, per_cell
 
-from signorini_fx import ContactProblem, ConvergenceError, Coulomb, Pair, Tresca, solve
+from signorini_fx import ContactProblem, Coulomb, Pair, Tresca
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.discretisation import prepare
-from signorini_fx.mechanics.obstacles import paired_points
-from signorini_fx.mechanics.obstacles.mirrored_points import mirrored
 from signorini_fx.records import Timings
-from signorini_fx.results.certificate import undeformed_sides
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import parse_scene
-from signorini_fx.tuned import ASKEW_NORMAL
 
 EXACT = {"algorithm": "alm", "tolerance": 1e-10}
 
@@ -162,48 +155,6 @@ def test_where_it_is_no_plane_of_symmetry(of_master):
         assert (shear[on_plane, 1] > 0.1 * pressure[on_plane]).all()
 
 
-def test_an_edge_at_the_plane_is_none():
-    """Sides that are askew to the plane keep all components: a constant stress has a part across it."""
-    assert pressed("triangle", 1, (3, 4), half=True, of_master=0.0).assembled.foundations.pairs[0].across.any()
-    turn = np.arcsin(1.5 * ASKEW_NORMAL)
-
-    def tilt(x):
-        return np.column_stack((x[:, 0], x[:, 1] + np.tan(turn) * x[:, 0] * (1 - np.abs(x[:, 1]))))
-
-    kind = "triangle"
-    bodies = [grid(kind, n, (0.0, y), (1.0, y + 1.0), tilt) for n, y in (((3, 2), 0.0), ((5, 2), -1.0))]
-    mesh = assembled(kind, *bodies)
-    space, a, v = forms(mesh, 1, per_cell(mesh, lambda x: 100.0))
-    sides = [
-        facets_of_cells(mesh, lambda x: np.isclose(x[1], np.tan(turn) * x[0]), numbers)
-        for numbers in (range(12), range(12, 32))
-    ]
-    walls = facets(mesh, lambda x: np.isclose(x[0], 0) | np.isclose(x[0], 1))
-    ends = [facets(mesh, lambda x, y=y: np.isclose(x[1], y)) for y in (1.0, -1.0)]
-    bcs = [held(space, walls, 0), held(space, ends[0], 1, -0.01), held(space, ends[1], 1, 0.01)]
-    nothing = ufl.inner(fem.Constant(mesh, (0.0, 0.0)), v) * ufl.dx
-    problem = ContactProblem(a, nothing, bcs, contact=Pair(*sides, bonded=True), **EXACT)
-    problem.solve()
-    x = space.tabulate_dof_coordinates()
-    exact = np.column_stack((0 * x[:, 0], -0.01 * x[:, 1]))
-    np.testing.assert_allclose(problem.u.x.array.reshape(-1, 2), exact, rtol=0, atol=1e-10)
-
-
-def test_the_certificate_asks_for_the_supports(monkeypatch):
-    """Components that are left out although nothing holds the bodies along them are found out."""
-    known = paired_points.mirrored
-
-    def too_many(slave, master, at_rest, on_axis):
-        found = known(slave, master, at_rest, on_axis)
-        end = int(np.argmax(slave.x[:, 0]))
-        found[end, 0, 0] = 1.0
-        return found
-
-    monkeypatch.setattr(paired_points, "mirrored", too_many)
-    with pytest.raises(ConvergenceError, match="certificate"):
-        pressed("triangle", 1, (3, 4), half=True, of_master=0.0, friction=Coulomb(0.3))
-
-
 GENERATOR = """
 import numpy as np
 from test_planes_of_symmetry import doubled
@@ -264,76 +215,9 @@ def halved(tmp_path, monkeypatch):
     return scene
 
 
-def test_a_plane_across_no_axis(halved):
-    """The support along the normal of the plane holds both bodies."""
-    found = [solve(halved(0.0, half), check=False) for half in (True, False)]
-    assert all(one.converged for one in found)
-    (ours, theirs), columns = (one.table.columns for one in found), ("x", "y", "z")
-    away = np.linalg.norm(np.stack([ours[k][:, None] - theirs[k] for k in columns]), axis=0)
-    places, size = away.argmin(axis=1), theirs["pressure"].max()
-    for name in ("pressure", "shear_x", "shear_y", "shear_z"):
-        np.testing.assert_allclose(ours[name], theirs[name][places], rtol=0, atol=1e-8 * size)
-
-
 @pytest.mark.parametrize(("normal", "symmetric"), [(0.0, True), (0.001, False), ("0.001 * t", False)])
 def test_supports_that_move(halved, normal, symmetric):
     """A support that moves, now or later, is no plane of symmetry."""
     scene = halved(normal, **({"load_steps": {"times": [0.0, 1.0]}} if isinstance(normal, str) else {}))
     found = prepare(scene.statement, load_mesh(scene, MPI.COMM_SELF), Timings())
     assert found.pairs[0].across.any() == symmetric
-
-
-def test_sides_that_are_held_everywhere():
-    """Planes across them end both sides along their edges alone, and how many functions are called for it does not
-    depend on how many nodes are held: each looks at those around it.
-    """
-
-    def count_calls(frame, event, argument):
-        called[-1] += event in ("call", "c_call")
-
-    called = list[int]()
-    for cells in (4, 4, 16):  # the first time functions are called that are not called again
-        sides = [
-            sheet("Q1", (cells, cells), lambda s, t, z=z: (s, t, z), (0.0, 0.0, up))
-            for z, up in ((0.0, 1.0), (0.1, -1.0))
-        ]
-        x = sides[0].x
-        held = np.tile(np.eye(3), (len(x), 1, 1)), np.ones((len(x), 3), dtype=bool)
-        assert all(side.nodal_normals.any() for side in sides)  # which are computed once
-        called.append(0)
-        sys.setprofile(count_calls)
-        try:
-            across = mirrored(*sides, (held, held))
-        finally:
-            sys.setprofile(None)
-        for axis in range(2):
-            at_edge = np.isclose(x[:, axis], 0.0) | np.isclose(x[:, axis], 1.0)
-            assert across[:, axis, axis] == pytest.approx(at_edge.astype(float))
-        assert np.abs(across).sum() == pytest.approx(4 * (cells + 1))
-    assert called[2] < 2 * called[1]
-
-
-def test_the_independent_check_on_sides_that_are_held_everywhere(monkeypatch):
-    """It finds the same planes, and looks for partners of the nodes at edges alone."""
-    cells, looked_at = 12, []
-
-    def counted(x, y):
-        looked_at.append(len(x))
-        return cdist(x, y)
-
-    monkeypatch.setattr(undeformed_sides, "cdist", counted)
-    sides = [sheet("Q1", (cells, cells), lambda s, t, z=z: (s, t, z), (0.0, 0.0, 1.0)) for z in (0.0, 0.1)]
-    every = [
-        SimpleNamespace(
-            chain=SimpleNamespace(x=side.x, facets=side.nodes, diagonals=np.full(len(side.nodes), np.sqrt(2) / cells)),
-            normals=np.tile([0.0, 0.0, 1.0], (len(side.x), 1)),
-        )
-        for side in sides
-    ]
-    count = (cells + 1) ** 2
-    held = np.ones((count, 3), dtype=bool)
-    found = undeformed_sides.planes_of_symmetry(every, (held, held), np.zeros(count, dtype=bool))
-    frames = np.tile(np.eye(3), (count, 1, 1))
-    across = mirrored(*sides, ((frames, held), (frames, held)))
-    assert np.array_equal(found, np.einsum("nii->ni", across) > 0.5)
-    assert looked_at == [2 * (cells + 1)] * 2

@@ -14,20 +14,18 @@ from signorini_fx import Status, read_scene, solve
 from signorini_fx.forms.contact_problem import ContactProblem
 from signorini_fx.mechanics.interfaces.pair import Pair
 from signorini_fx.mechanics.laws.coulomb import Coulomb
-from signorini_fx.mechanics.pairs.pair_side import PairSurface
-from signorini_fx.results.certificate import paired_sides
 from signorini_fx.scenes.reading import parse_scene
 
 COMM = MPI.COMM_WORLD
 DEMO = Path(__file__).parents[2] / "demos" / "scenes" / "press_fit.toml"
 STIFF = {"gamma_n": 1e8, "gamma_t": 1e8}
-IDENTITIES = paired_sides.defect
 EXACT = {"solver": {"algorithm": "alm", "tolerance": 1e-12}}
 
 
 # --- an independent program ------------------------------------------------------------------------------------------
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("seed", [0, 7, 28, 382, 199])
 def test_random_bodies(seed):
     """Two and three bodies, one upon or around the other, agree with a program of the tests in every node: with and
@@ -41,14 +39,6 @@ def test_random_bodies(seed):
     apart, pressure = difference(bodies, found)
     assert apart < 1e-4
     assert pressure < 1e-3
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("first", range(400, 520, 20))
-def test_many_random_bodies(first):
-    """The same for 120 others."""
-    for seed in range(first, first + 20):
-        test_random_bodies(seed)
 
 
 # --- fits of rings ---------------------------------------------------------------------------------------------------
@@ -85,6 +75,7 @@ def pressure_of_a_fit(radii, young, poisson, fit):
     return fit / (inner + outer)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("cell", "degree", "tolerance"), [("quadrilateral", 2, 3e-3), ("triangle", 2, 0.02), ("quadrilateral", 1, 0.06)]
 )
@@ -149,31 +140,6 @@ def test_ring_that_the_friction_of_a_fit_holds(radii, height, along, stiff, fit,
     assert pressure < 1e-3
 
 
-RADII, SOFT, NU = (1.0, 2.0, 3.0), (100.0, 300.0), (0.3, 0.25)
-
-
-def test_fit_by_heat():
-    """A shaft that is heated, without a fit: that of its free expansion."""
-    material = [
-        {"region": name, "young": SOFT[k], "poisson": NU[k], "hypothesis": "axisymmetric", "expansion": 1e-5}
-        for k, name in enumerate(("shaft", "hub"))
-    ]
-    heat = {"region": "shaft", "change": 100.0}
-    found = solve(rings(RADII, SOFT, NU, 0.0, material=material, temperature=heat))
-    assert found.contact.pressure == pytest.approx(pressure_of_a_fit(RADII, SOFT, NU, 0.002), rel=1e-3)
-
-
-@pytest.mark.parametrize("of", ["energy", "peak"])
-def test_requested_accuracy_of_a_fit(of):
-    """The mesh is refined until the estimate is below the target, which the truth is."""
-    goal = {"target": 0.05, "of": of, "refinement": "uniform"}
-    found = solve(rings(RADII, SOFT, NU, 0.002, degree=1, cell="triangle", accuracy=goal))
-    boundary, expected = found.contact.boundary, pressure_of_a_fit(RADII, SOFT, NU, 0.002)
-    mean = boundary.weight @ found.contact.pressure / boundary.weight.sum()
-    assert mean == pytest.approx(expected, rel=0.01)
-    assert found.contact.pressure.max() == pytest.approx(expected, rel=0.05)
-
-
 def cylinders(**more):
     """A cylinder upon another one, with friction, and meshes that do not match."""
 
@@ -194,24 +160,10 @@ def cylinders(**more):
     )
 
 
-def test_plate_that_a_force_presses():
-    """A rigid plate on the upper one of two cylinders, which nothing else holds."""
-    plate = {"shape": "plane", "point": [0.0, 2.0], "normal": [0.0, -1.0], "force": [0.0, -12 * np.pi]}
-    found = solve(cylinders(contact=[{"boundary": "upper.top", "foundation": plate}]))
-    assert found.contact.pressure == pytest.approx(3.0, rel=1e-8)
-
-
-def test_preloaded_section():
-    """A section of the upper cylinder that is lengthened between two plates presses it on the lower one."""
-    held_ends = [{"boundary": "lower.bottom", "y": 0.0}, {"boundary": "upper.top", "y": 0.0}]
-    longer = {"point": [0.0, 1.6], "axis": [0.0, 1.0], "shortening": -0.01}
-    found = solve(cylinders(displacement=held_ends, preload=longer))
-    assert found.contact.pressure == pytest.approx(200.0 * 0.01 / 2.0, rel=1e-4)
-
-
 # --- patches ---------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.one_quick
 @pytest.mark.mpi(slow=True)
 @pytest.mark.parametrize(
     ("cell", "degree", "linear_algebra", "exchanged"),
@@ -260,6 +212,7 @@ def test_cylinders_upon_each_other(cell, degree, linear_algebra, exchanged):
     assert found.table.chains == [range(len(found.table.columns["x"]))]
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(("kind", "inner", "slope"), [("quadrilateral", 0.0, 0.4), ("triangle", 0.5, -0.3)])
 def test_bonded_cones(kind, inner, slope):
     """A uniform state passes through the conical side of bodies whose meshes do not match, and which are tied."""
@@ -286,29 +239,7 @@ def test_bonded_cones(kind, inner, slope):
     assert found.contact.pressure == pytest.approx(3.0 * cosine * np.abs(normal[:, 1]), rel=1e-8)
 
 
-@pytest.mark.parametrize("friction", [{}, {"law": "coulomb", "coefficient": 0.2}])
-def test_balance_of_each_body(friction):
-    """Curved bodies upon each other: every side passes on the force of the pressure on the uppermost, to round-off."""
-    boxes = [
-        Box(name, (count, 2), (0.0, k), (2.0, k + 1.0))
-        for k, (name, count) in enumerate(zip("abc", (5, 4, 6), strict=True))
-    ]
-    pairs = [("b.bottom", "a.top"), ("b.top", "c.bottom")]
-    bodies = Bodies(
-        "quadrilateral",
-        boxes,
-        lambda x: np.column_stack((x[:, 0], x[:, 1] + 0.05 * (3.0 - x[:, 1]) * x[:, 0] ** 2)),
-        held=[("a.bottom", {"y": 0.0})],
-        pressed=[("c.top", 3.0)],
-        touching=[Touching(*sides, friction=friction) for sides in pairs],
-    )
-    found = solve(bodies.scene(**EXACT))
-    force = np.pi * 4.0 * 3.0
-    assert found.resultants.of("c.top").force[1] == pytest.approx(-force, rel=1e-9)
-    assert np.abs(found.contact.forces_of_each.sum(axis=1)[:, 1]) == pytest.approx(force, rel=1e-9)
-    assert found.resultants.of("a.bottom").force[1] == pytest.approx(force, rel=1e-9)
-
-
+@pytest.mark.one_quick
 @pytest.mark.parametrize("measured", [True, False])
 def test_forms_with_a_measure(measured):
     """A pair in forms that are multiplied by 2 pi r: the pressure of a scene, which without the measure is multiplied.
@@ -351,16 +282,6 @@ def test_forms_with_a_measure(measured):
         assert pressure == pytest.approx(3.0, rel=1e-7)
 
 
-def test_a_measure_that_is_left_out_is_noticed(monkeypatch):
-    """Forces balance, and all shares are right, but pressures are not: the certificate tries the areas."""
-    monkeypatch.setattr(paired_sides, "defect", IDENTITIES)
-    monkeypatch.setattr(PairSurface, "measured", lambda self, facets, at, weight: weight)
-    bodies = drawn(28)
-    found = solve(bodies.scene(), check=False)
-    assert found.status is Status.NOT_CERTIFIED
-    assert found.certificate.coupling > 0.1
-
-
 def cone(slope, degree=1):
     """A cone, the tip of which on its axis is pressed into a rigid foundation, in which it sticks or slides."""
     box = Box("b", (5, 3), (0.0, 0.0), (2.0, 1.0))
@@ -372,42 +293,6 @@ def cone(slope, degree=1):
     )
     friction = {"law": "coulomb", "coefficient": 0.2}
     return tip.scene(contact=[{"boundary": "b.bottom", "gap": 0.0, "friction": friction}], **EXACT)
-
-
-def test_the_tip_of_a_cone_on_a_rigid_foundation():
-    """All around the tip the mean normal is along the axis: what moves along it does not slip, and has no shear."""
-    found = solve(cone(0.4), check=False)
-    boundary = found.contact.boundary
-    (tip,) = np.flatnonzero(np.abs(boundary.x[:, 0]) < 1e-12)
-    assert found.certificate.holds
-    assert boundary.normal[tip] == pytest.approx([0.0, -1.0], abs=1e-14)
-    assert found.contact.shear[tip] == pytest.approx(0.0, abs=1e-12)
-    assert found.contact.pressure[tip] > 0.0
-    assert np.all(np.abs(np.delete(boundary.normal, tip, axis=0)[:, 0]) > 0.3)
-
-
-@pytest.mark.parametrize("exchanged", [False, True])
-def test_quadratic_nodes_on_the_axis(exchanged):
-    """A curved body of degree 2 upon a flat one: the node on the axis has no ring of its own, but a force, as the
-    rotation of facets around it moves points.  Forces of both sides and of both supports agree.
-    """
-    bodies = Bodies(
-        "quadrilateral",
-        [Box("a", (5, 2), (0.0, 0.0), (1.0, 1.0)), Box("b", (6, 2), (0.0, 2.0), (1.0, 3.0))],
-        lambda x: np.column_stack(
-            (x[:, 0], np.where(x[:, 1] > 1.5, x[:, 1] - 1.0 + 0.4 * x[:, 0] ** 2 * (3.0 - x[:, 1]), x[:, 1]))
-        ),
-        held=[("a.bottom", {"x": 0.0, "y": 0.0}), ("b.top", {"y": -0.05})],
-    )
-    sides = ["a.top", "b.bottom"][:: -1 if exchanged else 1]
-    contact = {"boundary": sides[0], "against": sides[1], "points": "boundary"}
-    friction = {"law": "coulomb", "coefficient": 0.3}
-    found = solve(bodies.scene(element={"degree": 2}, contact=[contact | {"friction": friction}], **EXACT), check=False)
-    assert found.status is Status.CONVERGED
-    assert found.certificate.equilibrium < 1e-9
-    force = found.resultants.of("a.bottom").force[1]
-    assert force > 0
-    assert found.resultants.of("b.top").force[1] == pytest.approx(-force, rel=1e-9)
 
 
 # --- spheres ---------------------------------------------------------------------------------------------------------

@@ -102,6 +102,7 @@ def test_pressed_or_squeezed(lift, gap, size, stress):
     assert below / (size * stress) > 0.1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("below", "size", "stress"), [(COULOMB, 1.0, 1.0), (COULOMB, 1e-6, 1e9), (TRESCA, 1e-6, 1e9), (TRESCA, 1e5, 1e-3)]
 )
@@ -114,50 +115,6 @@ def test_lifted_more_than_the_interference(below, size, stress):
         np.testing.assert_allclose(forces(solution), 0.0, atol=1e-9 * size * stress)
     else:
         assert solution.status is Status.OPEN
-
-
-@pytest.mark.parametrize(
-    ("below", "above", "lift", "aside", "loose"),
-    [
-        (COULOMB, COULOMB, 0.0303, 0.0, True),
-        (COULOMB, COULOMB, 0.0297, 0.0, False),
-        (TRESCA, COULOMB, 0.0303, 0.01, True),
-        (TRESCA, COULOMB, 0.0297, 0.01, False),
-        (TRESCA, TRESCA, 0.0303, 0.0, True),
-        (TRESCA, TRESCA, 0.0303, 0.01, False),  # given friction acts on both sides, and shears it
-        (TRESCA, TRESCA, 0.04, "0.01 * x[0]", False),  # it slips on the stretched block, wherever it is
-        (TRESCA, TRESCA, 0.0297, 0.0, False),
-    ],
-)
-def test_with_an_interference(below, above, lift, aside, loose):
-    """Of 0.03, and the upper block moved sideways."""
-    solution = alone(stack(lift, below, above, -0.03, aside=aside), check=False)
-    if solution.status is Status.CONVERGED:
-        assert not loose or np.abs(forces(solution)).max() < 1e-9
-    else:
-        assert loose
-        assert solution.status is Status.OPEN
-
-
-def test_pressed_and_lifted():
-    """Pressed in the first load step, loose in the second one, in which the middle block rests on the lower one."""
-    solution = alone(stack(0.02, COULOMB, COULOMB, factors=[-1.0, 1.0]))
-    np.testing.assert_allclose(forces(solution), 0.0, atol=1e-9)
-    message = "load step 2: nothing presses on body 'middle'"
-    assert [finding.level for finding in solution.findings if message in finding.message] == ["note"]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("gap", "lift"), [(0.0, 1e-3), (1e-3, 2e-3)])
-def test_pushed_between_blocks_that_do_not_press(gap, lift):
-    """Friction of the pressures that are found holds nothing of the push: more iterations are no help, and the outcome
-    does not ask for them.
-    """
-    scene = stack(lift, COULOMB, COULOMB, gap)
-    push = parse_scene(scene.model_dump(exclude_unset=True) | {"traction": {"boundary": "middle.right", "x": -1e-3}})
-    solution = alone(push, check=False)
-    assert solution.status is Status.SLIDES_AT_PRESSURES
-    assert "what presses the contact" in solution.advice
 
 
 def unloaded(friction, factors, check=True):
@@ -180,10 +137,3 @@ def test_unloaded_between_two_loads(friction):
     assert not solution.steps[1].contact.pressure.any()
     first, last = (solution.steps[k].displacement.x.array for k in (0, 2))
     np.testing.assert_allclose(last, first, rtol=0, atol=1e-3 * np.abs(first).max())
-
-
-def test_unloaded_before_it_is_lifted():
-    """The outcome is that of the load step whose load moves it off."""
-    solution = unloaded(None, [1.0, 0.0, -1e-4], check=False)
-    assert [step.status for step in solution.steps] == [Status.CONVERGED, Status.CONVERGED, Status.OPEN]
-    assert "nothing presses on" not in solution.advice

@@ -2,15 +2,9 @@
 
 import numpy as np
 import pytest
-from surfaces import sheet
 
 from signorini_fx.mechanics.pairs import search
-from signorini_fx.mechanics.pairs.overlap_space import Parts
 from signorini_fx.mechanics.pairs.search import Patches, candidates
-
-
-def patches(side):
-    return Parts.of(side, np.arange(len(side.nodes))).patches
 
 
 def every_pair(slave, master, reach, turning):
@@ -50,40 +44,3 @@ def test_every_pair_that_can_meet(seed, monkeypatch):
     assert len(expected[0])
     for found, numbers in zip(candidates(*sides, reach, turning), expected, strict=True):
         np.testing.assert_array_equal(found, numbers)
-
-
-def bowl(n, below):
-    """A sheet that turns by more than a right angle, and reaches far along its normals."""
-    angle = np.pi / 2 * 1.2
-
-    def place(s, t):
-        a, b = angle * (s - 0.5), angle * (t - 0.5)
-        return (1.0 + 1e-3 * below) * np.array([np.sin(a) * np.cos(b), -np.cos(a) * np.cos(b), np.sin(b)])
-
-    return patches(sheet("Q1", (n, n), place, (0, 1 if below else -1, 0)))
-
-
-def test_work_grows_like_the_sides(monkeypatch):
-    """Four times as many facets on both sides: the pairs that are tested are about four times as many, not sixteen."""
-    tested = []
-    whole = search._Search.tested
-
-    def counting(self, part, others):
-        tested.append(part.size * others.size)
-        return whole(self, part, others)
-
-    monkeypatch.setattr(search._Search, "tested", counting)
-    work = []
-    for n in (30, 60):
-        tested.clear()
-        found = candidates(bowl(n, below=False), bowl(n + 1, below=True), 0.3, 0.0)
-        assert len(found[0]) > 4 * n**2
-        work.append(sum(tested))
-    assert work[1] < 5 * work[0]
-
-
-def test_sides_without_facets():
-    """No pairs."""
-    empty, full = Patches(np.empty((0, 3, 3)), np.empty((0, 3))), bowl(2, below=True)
-    for sides in ((empty, full), (full, empty)):
-        assert [len(numbers) for numbers in candidates(*sides, 1.0, 0.0)] == [0, 0]

@@ -105,15 +105,3 @@ def test_what_shears_pass_on(degree):
     assert missed < 0.07 * np.linalg.norm(expected)
     assert np.linalg.norm(expected - turned) > 10 * missed
     assert passed.sum(axis=0) == pytest.approx(0.0, abs=1e-12 * np.abs(passed).max())
-
-
-def test_areas_are_undeformed():
-    """A side that is stretched by two keeps the weights of its points."""
-    x = np.column_stack((np.linspace(0.0, 1.0, 6), np.zeros(6)))
-    slave, master = chain(x, -1.0), chain(3 * x[::-1] - [0.5, -0.1], -1.0)
-    coupling = slide(slave.displaced(x), master, np.arange(6), np.zeros(6, dtype=bool), 0.3)
-    assert coupling.weight == pytest.approx([0.1, 0.2, 0.2, 0.2, 0.2, 0.1])
-    assert coupling.gap == pytest.approx(0.1)
-    alone = slide(slave, master.displaced(np.array([0.0, 9.0])), np.arange(6), np.zeros(6, dtype=bool), 0.3)
-    assert not alone.frames.partnered.any()
-    assert np.isinf(alone.gap).all()

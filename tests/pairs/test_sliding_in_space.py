@@ -2,15 +2,10 @@
 
 import numpy as np
 import pytest
-from scipy.optimize import lsq_linear
 from scipy.spatial.transform import Rotation
 
-from signorini_fx.mechanics.pairs.dual_functions import EvenRedistribution, HeldSides
-from signorini_fx.mechanics.pairs.overlap_space import clip
 from signorini_fx.mechanics.pairs.pair_side import Lagrange, PairSurface
 from signorini_fx.mechanics.pairs.sliding import slide
-from signorini_fx.results.certificate.common_polygons import common_polygons
-from signorini_fx.tuned import KEPT_WEIGHT
 
 KINDS = pytest.mark.parametrize("kind", ["triangle", "quadrilateral"])
 PLACES = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]])
@@ -148,6 +143,7 @@ def test_stiffness_of_pressures(kind):
         assert np.linalg.norm(stiffness @ along.ravel() - expected) < error * np.linalg.norm(expected)
 
 
+@pytest.mark.one_quick
 @KINDS
 def test_derivatives_of_what_is_seen(kind):
     """With points, places and functions held: rows and stiffness are the derivatives of the distances to 1e-6, by
@@ -192,113 +188,3 @@ def test_derivatives_of_what_is_seen(kind):
     stiffness = coupling.stiffness(pressure, np.zeros((scene.count, 2)), near=True)
     expected = -second - kinks @ passed**2
     assert along.ravel() @ stiffness @ along.ravel() == pytest.approx(expected, rel=1e-5)
-
-
-def test_areas_are_undeformed():
-    """A side that is stretched by two keeps the weights of its points; a body that is far away is not seen."""
-    squares = ((2, 2), (0, 0), (1, 1), 1.0), ((3, 3), (-1, -1), (3, 3), -1.0)
-    slave, master = (sheet("quadrilateral", *square) for square in squares)
-    able = np.zeros(9, dtype=bool)
-    above = np.array([0.0, 0.0, 0.1])
-    coupling = slide(slave.displaced(slave.x), master.displaced(above), np.arange(9), able, 0.3)
-    assert coupling.weight.sum() == pytest.approx(1.0)
-    assert coupling.weight.max() == pytest.approx(0.25)
-    assert coupling.gap == pytest.approx(0.1)
-    alone = slide(slave, master.displaced(9 * above), np.arange(9), able, 0.3)
-    assert not alone.frames.partnered.any()
-    assert np.isinf(alone.gap).all()
-
-
-@pytest.mark.slow
-def test_polygons_of_the_certificate_where_edges_coincide():
-    """What two facets share, on grids with common lines, turned: no corner is lost to round-off, and none is added."""
-    rng = np.random.default_rng(0)
-    kinds = [PLACES[[0, 1, 2]], PLACES[[0, 1, 3]], PLACES[[0, 1, 3, 2]], PLACES[[0, 3, 2]]]
-
-    def area(polygon):
-        after = np.roll(polygon, -1, axis=0)
-        return np.sum(polygon[:, 0] * after[:, 1] - polygon[:, 1] * after[:, 0]) / 2
-
-    met = 0
-    for _ in range(2000):
-        first, second = (kinds[k] for k in rng.integers(4, size=2))
-        second = second * rng.choice([1.0, 0.5, 2.0, 1 / 3]) + rng.integers(-4, 5, 2) * rng.choice([0.25, 0.5, 1 / 3])
-        (corners,), (count,) = clip(first[None], second[None])
-        expected = area(corners[:count]) if count else 0.0
-        turn, away = turn_in_plane(rng.choice([0.0, rng.uniform(0.0, 3.0)])), rng.uniform(-1.0, 1.0, 2)
-        (shared,), (corner_count,) = common_polygons((first @ turn.T + away)[None], (second @ turn.T + away)[None])
-        assert (area(shared[:corner_count]) if corner_count else 0.0) == pytest.approx(expected, abs=1e-12)
-        met += expected > 0
-    assert met > 200
-
-
-def turn_in_plane(angle):
-    """A rotation of the plane."""
-    return Rotation.from_rotvec([0.0, 0.0, angle]).as_matrix()[:2, :2]
-
-
-@pytest.mark.slow
-@KINDS
-def test_the_map_is_even_as_a_rim_passes(kind):
-    """The force that holds both sides out of each other with equal springs at all nodes, as the rim of one passes nodes
-    of the other: no second difference of small steps is more than three thousandths of the largest force.
-    """
-    dent, forces = Dent(kind), []
-    for way in np.linspace(0.1, 0.3, 41):
-        displacement = dent.still
-        displacement[dent.count :] += [way, 0.4 * way, -0.05]
-        coupling = dent.at(displacement)
-        points = np.flatnonzero(coupling.frames.partnered)
-        rows, gap = coupling.normal_rows[points].toarray(), coupling.gap[points]
-        least = np.linalg.lstsq(rows, gap, rcond=None)[0]
-        pressing = lsq_linear(rows.T, -least, bounds=(0, np.inf), tol=1e-13, max_iter=1000).x
-        forces.append((rows.T @ pressing)[: 3 * dent.count].reshape(-1, 3).sum(axis=0))
-    largest = np.linalg.norm(forces, axis=1).max()
-    assert np.linalg.norm(np.diff(forces, 2, axis=0), axis=1).max() < 0.003 * largest
-
-
-@KINDS
-def test_shares_of_functions_sum_to_one(kind):
-    """All of each function is in points, whatever is unable, also where no neighbour of a weak node is able."""
-    rng = np.random.default_rng(4)
-    side = sheet(kind, (6, 5), (0.0, 0.0), (1.0, 1.0), 1.0)
-    for _ in range(20):
-        weight = side.area * rng.choice([1e-3, 0.05, 0.1, 0.5, 1.0], len(side.x))
-        unable = rng.random(len(side.x)) < 0.2
-        carriers = EvenRedistribution.of(side, np.arange(len(side.nodes)), weight, unable)
-        assert np.asarray(carriers.shares.sum(axis=0)) == pytest.approx(np.ones(len(side.x)), abs=1e-14)
-        assert carriers.shares.data.min() >= 0.0
-        assert not unable[carriers.nodes].any()
-        assert (weight[carriers.nodes] > KEPT_WEIGHT * side.area[carriers.nodes]).all()
-
-
-def test_functions_of_many_nodes_without_a_point():
-    """Within a large part that cannot carry points the function of each node is shared as the mean of those around it;
-    with powers of all steps in pairs this took half a minute.
-    """
-    cells, lines = 40, 18
-    side = sheet("quadrilateral", (cells, cells), (0.0, 0.0), (1.0, 1.0), 1.0)
-    unable = np.arange(len(side.x)) < lines * (cells + 1)
-    shares = EvenRedistribution.of(side, np.arange(len(side.nodes)), side.area, unable).shares.toarray()
-    assert shares.sum(axis=0) == pytest.approx(np.ones(len(side.x)), abs=1e-12)
-    grid = shares.reshape(-1, cells + 1, cells + 1)[:, :lines]
-    around = [grid[:, 1 + i : lines - 1 + i, 1 + j : cells + j] for i in (-1, 0, 1) for j in (-1, 0, 1) if i or j]
-    np.testing.assert_allclose(grid[:, 1:-1, 1:-1], np.mean(around, axis=0), atol=1e-12)
-
-
-@KINDS
-def test_a_point_that_keeps_only_round_off(kind):
-    """One node of a covered part that has next to nothing more than the least share takes all functions, as before."""
-    side = sheet(kind, (3, 2), (0.0, 0.0), (1.0, 1.0), 1.0)
-    weight = np.zeros(len(side.x))
-    weight[5] = KEPT_WEIGHT * (1 + 1e-14) * side.area[5]
-    carriers = EvenRedistribution.of(side, np.arange(len(side.nodes)), weight, np.zeros(len(side.x), dtype=bool))
-    assert carriers.nodes.tolist() == [5]
-    assert carriers.shares.toarray() == pytest.approx(np.ones((1, len(side.x))))
-
-
-def test_held_nodes_over_held_nodes():
-    """More than half of a function is over held nodes of the other side; one of negative weight is over none."""
-    held = HeldSides(np.array([True, True, True, False]), np.array([True, False]))
-    met = np.array([[0.3, 0.7], [0.7, 0.3], [-0.1, -0.2], [1.0, 0.0]])
-    assert held.constrained_slaves(met).tolist() == [False, True, False, False]

@@ -6,9 +6,7 @@ from dolfinx import mesh as dmesh
 from dolfinx.graph import adjacencylist
 from mpi4py import MPI
 from test_two_bodies import example1, paraboloids, stack
-from test_two_bodies_scenes import DEMO
 
-from signorini_fx import read_scene, solve
 from signorini_fx.machine import parallel
 
 pytestmark = pytest.mark.mpi
@@ -77,31 +75,3 @@ def test_ranks_without_cells(monkeypatch):
     mesh = PROBLEMS["Q2"](WORLD).u.function_space.mesh
     assert WORLD.rank == 0 or mesh.topology.index_map(2).size_local == 0
     test_one_rank_or_many("Q2")
-
-
-@pytest.mark.slow
-def test_a_scene():
-    """Table, resultants and certificate of the demo."""
-    scene = read_scene(DEMO)
-    together, alone = (solve(scene, comm, check=False) for comm in (WORLD, MPI.COMM_SELF))
-    assert together.converged
-    assert together.certificate.holds
-    ours, theirs = together.table.columns, alone.table.columns
-    for name in ("x", "weight", "gap", "u_n", "u_t", "pressure", "shear"):
-        np.testing.assert_allclose(ours[name], theirs[name], rtol=0, atol=1e-9 * np.abs(theirs["pressure"]).max())
-    assert ours["state"].tolist() == theirs["state"].tolist()
-    for one, other in zip(together.resultants.every(), alone.resultants.every(), strict=True):
-        np.testing.assert_allclose(one.force, other.force, atol=1e-9)
-        np.testing.assert_allclose(one.moment, other.moment, atol=1e-9)
-
-
-@pytest.mark.slow
-def test_errors_are_those_of_all_ranks():
-    """Sides that do not meet are refused on every rank alike."""
-    from test_two_bodies_scenes import altered
-
-    from signorini_fx import SceneError
-    from signorini_fx.scenes.reading import parse_scene
-
-    with pytest.raises(SceneError, match="none of its facets finds one"):
-        solve(parse_scene(altered(against="bottom")), WORLD)

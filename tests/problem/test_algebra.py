@@ -8,7 +8,6 @@ import algebra_alone
 import numpy as np
 import pytest
 from scenes import alone, example1
-from shifted_problems import shifted
 
 PROGRAM = Path(__file__).parents[1] / "support" / "algebra_alone.py"
 # The friction law of a scene, and of the core.
@@ -87,23 +86,3 @@ def test_another_load_on_the_same_factor(kind):
     ours, theirs = (outcome.displacement().getArray(readonly=True) for outcome in outcomes)
     assert np.abs(theirs).max() > 0
     np.testing.assert_allclose(ours, theirs, rtol=0, atol=1e-12 * np.abs(theirs).max())
-
-
-@pytest.mark.parametrize("friction", [None, 0.0, 1.0])
-def test_sets_that_hold_no_body_are_not_kept(friction):
-    """The body may stay, but neither the next sets nor those before hold it, as where the friction bound was another
-    one: then all points that can do.
-    """
-    from signorini_fx.algebra.contact.active_sets import ActiveSets
-    from signorini_fx.algebra.contact.stabilised_sets import hold
-    from signorini_fx.algebra.linalg.from_scipy import from_scipy
-
-    stiffness, load, operator, weight, gap, prescribed, modes = algebra_alone.matrices()
-    _, motions = from_scipy(stiffness, load, operator, weight, prescribed=prescribed, modes=modes)
-    none = np.zeros(gap.size)
-    open_sets = ActiveSets.of(none > 0, np.ones((gap.size, 1)))
-    bound = None if friction is None else none + friction
-    data = shifted(gap, 1e6, 1e6, np.inf, none, none[:, None], bound)
-    found, status, repaired = hold(open_sets, open_sets, lambda: (none, none[:, None]), data, motions, lambda: None)
-    assert (status, repaired) == (None, True)
-    assert motions.held_by(found.contact, ~found.slip & (bound is not None))

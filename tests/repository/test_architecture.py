@@ -4,7 +4,6 @@ import ast
 import subprocess
 import sys
 import tomllib
-from collections import Counter
 from pathlib import Path
 
 import architecture
@@ -17,13 +16,6 @@ from signorini_fx.mechanics.statement.generators import known_generators
 ROOT = Path(__file__).parents[2]
 PACKAGE = ROOT / "signorini_fx"
 MODULES = sorted((*PACKAGE.rglob("*.py"), *(PACKAGE / "meshes").glob("*.py")))  # globs follow no links
-# Pronouns and particles, which point at something without saying what it is.
-POINTING = {
-    "found", "one", "own", "place", "here", "given", "every", "there", "known", "other", "others", "same",
-    "both", "some", "any", "each", "such", "this", "that", "these", "those", "it", "them", "they", "told",
-    "said", "now", "then", "before", "after", "again", "more", "most", "less", "rest", "left", "kept", "had",
-    "has", "is", "so", "whole", "all", "none", "what", "which",
-}  # fmt: skip
 
 
 def imports(path, *, everywhere):
@@ -65,16 +57,7 @@ def test_tests_follow_the_rooms():
     assert len({file.name for file in files}) == len(files)
 
 
-def test_the_reader_of_imports_reads():
-    """The checks below would notice: contact_forms.py imports ufl, expressions.py imports dolfinx lazily."""
-    assert uses(PACKAGE / "mechanics" / "assembly" / "contact_forms.py", "ufl") == {"ufl"}
-    assert uses(PACKAGE / "mechanics" / "statement" / "expressions.py", "dolfinx", everywhere=True)
-    assert not uses(PACKAGE / "mechanics" / "statement" / "expressions.py", "dolfinx", everywhere=False)
-    assert uses(PACKAGE / "mechanics" / "assembly" / "averages.py", "signorini_fx.mechanics.assembly.contact_forms")
-    assert len(MODULES) > 20
-
-
-@pytest.mark.one_quick
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["petsc_vec", "assemble_vector", "create_vector", "set_bc", "create_petsc_vector"])
 def test_vectors_of_dolfinx_are_not_made_petscs(name):
     """See ``assembly.mesh_entities._summed``: ranks would wait for each other as their garbage collectors run."""
@@ -118,13 +101,7 @@ def test_every_module_has_a_layer():
     assert {architecture.layer_of(module) for module in architecture.files()} == set(architecture.LAYERS)
 
 
-def test_every_package_says_what_it_knows():
-    """And what it must not know."""
-    for layer in architecture.packages():
-        text = ast.get_docstring(ast.parse((architecture.folder_of(layer) / "__init__.py").read_text(encoding="utf-8")))
-        assert len(text.split("\n\n")) > 1, layer
-
-
+@pytest.mark.slow
 def test_imports_point_down():
     """To lower layers, or within one."""
     graph = architecture.graph()
@@ -141,21 +118,6 @@ def test_imports_point_down():
     assert not upward
 
 
-def test_names_say_what():
-    """At most one name in a hundred only points at something."""
-    names = [name for path in MODULES for name in assigned_names(ast.parse(path.read_text(encoding="utf-8")))]
-    pointing = [name for name in names if POINTING.issuperset(name.lower().strip("_").split("_"))]
-    assert len(names) > 10_000
-    assert len(pointing) <= 0.01 * len(names), Counter(pointing).most_common(9)
-
-
-def test_a_class_name_stands_once():
-    """In the whole package."""
-    trees = [ast.parse(path.read_text(encoding="utf-8")) for path in sorted(PACKAGE.rglob("*.py"))]
-    names = Counter(node.name for tree in trees for node in ast.walk(tree) if isinstance(node, ast.ClassDef))
-    assert [name for name, count in names.items() if count > 1] == []
-
-
 def assigned_names(tree):
     """What a module gives a name to: variables, arguments, attributes, functions, classes."""
     for node in ast.walk(tree):
@@ -170,6 +132,7 @@ def assigned_names(tree):
 ADDED = tuple(f"signorini_fx.{room}" for room in architecture.ADD_ONS)
 
 
+@pytest.mark.slow
 def test_the_rest_imports_no_add_on():
     """Anywhere in a file, also within functions: ``extensions.add_on`` finds them by their entry points."""
     rest = {
@@ -184,6 +147,7 @@ def test_the_rest_imports_no_add_on():
     assert {architecture.layer_of(room) for room in rooms} < set(architecture.ADD_ONS)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("room", architecture.ADD_ONS)
 def test_add_ons_use_no_private_names(room):
     """Of the rest, or of each other."""
@@ -195,6 +159,7 @@ def test_add_ons_use_no_private_names(room):
         assert {name for name in attributes if name.startswith("_") and not name.endswith("__")} <= names, path
 
 
+@pytest.mark.slow
 def test_a_missing_package_is_one_message():
     """What draws and writes reports needs packages that the rest works without: the error names the one to install."""
     code = (
@@ -255,15 +220,7 @@ def test_scenes_need_no_solver(module):
     assert not uses(PACKAGE / f"{module}.py", *heavy, everywhere=False)
 
 
-def test_a_tuned_constant_stands_once():
-    """A second value of the same name would be that of both."""
-    tree = ast.parse((PACKAGE / "tuned.py").read_text(encoding="utf-8"))
-    targets = [target for node in tree.body if isinstance(node, ast.Assign) for target in node.targets]
-    names = [name.id for target in targets for name in ast.walk(target) if isinstance(name, ast.Name)]
-    assert len(names) > 100
-    assert len(set(names)) == len(names)
-
-
+@pytest.mark.slow
 def test_mpi_is_imported_first():
     """Each module can be imported alone where PETSc and dolfinx find MPI only once mpi4py has loaded it."""
     for file in MODULES:
@@ -284,11 +241,13 @@ def compares_versions(path):
     return any("version" in ast.unparse(node).lower() for node in comparisons)
 
 
+@pytest.mark.slow
 def test_versions_are_compared_in_one_place():
     """Only compat.py does something else for another version of dolfinx."""
     assert [file.name for file in MODULES if compares_versions(file)] == ["compat.py"]
 
 
+@pytest.mark.slow
 def test_private_parts_of_dolfinx_are_used_in_one_place():
     """Only compat.py imports ``dolfinx.cpp``, or asks a geometry for what has other names in other releases."""
     assert [file.name for file in MODULES if uses(file, "dolfinx.cpp")] == ["compat.py"]
@@ -325,6 +284,7 @@ def test_only_named_effects_are_imported():
     assert (ended.stdout.split("\n")[:2], ended.stderr) == (named, "")
 
 
+@pytest.mark.slow
 def test_a_small_solve_imports_no_more_than_it_runs(tmp_path):
     """Neither materials, methods, readers of meshes nor accuracies that the scene does not need."""
     code = "import sys; from signorini_fx.scenes.cli import main; main(['solve', 'demos/scenes/example1_coulomb.toml', "
@@ -332,37 +292,6 @@ def test_a_small_solve_imports_no_more_than_it_runs(tmp_path):
     code += "sys.modules if m in ('scipy.optimize', 'signorini_fx.mechanics.materials.nonlinear', "
     code += "'signorini_fx.mechanics.mesh.files.abaqus', 'signorini_fx.solving.to_accuracy')])"
     assert python(code).stdout.splitlines()[-1:] == ["[]"]
-
-
-@pytest.mark.slow
-def test_public_names():
-    """Every public name can be imported, again and again, and none is a module in disguise."""
-    import signorini_fx
-
-    for _ in range(2):
-        for name in signorini_fx.__all__:
-            assert not isinstance(getattr(signorini_fx, name), type(sys)), name
-    from signorini_fx import solve
-
-    assert callable(solve)
-    with pytest.raises(AttributeError, match="no attribute 'nothing'"):
-        signorini_fx.nothing  # noqa: B018
-
-
-def test_every_tuned_constant_is_used_and_explained():
-    """By a module that imports it by name; the comment above it says more than a word."""
-    path = PACKAGE / "tuned.py"
-    lines = path.read_text(encoding="utf-8").splitlines()
-    defined = {
-        node.lineno: {name.id for target in node.targets for name in ast.walk(target) if isinstance(name, ast.Name)}
-        for node in ast.parse("\n".join(lines)).body
-        if isinstance(node, ast.Assign)
-    }
-    names = set().union(*defined.values())
-    imported = set().union(*(uses(module, "signorini_fx.tuned") for module in MODULES))
-    assert imported - {"signorini_fx.tuned"} == {f"signorini_fx.tuned.{name}" for name in names}
-    ends = ("# ", *names)
-    assert not {line: lines[line - 1] for line in defined if not lines[line - 2].startswith(ends)}
 
 
 def test_the_certificate_stands_alone():

@@ -59,6 +59,7 @@ for number in (1, 2):
 """
 
 
+@pytest.mark.slow
 def test_progress_line(run):
     """One output of its cell, which changes, and is empty in the end; nothing on standard error."""
     from nbformat.v4 import new_code_cell, new_notebook
@@ -100,6 +101,7 @@ def test_pictures_of_a_body_in_space(run):
             assert len(set(picture.convert("L").resize((60, 60)).getdata())) > 10  # it is not blank
 
 
+@pytest.mark.slow
 def test_notebook_runs(tmp_path, run):
     """The cells do not fail, and results are displayed as tables."""
     nbformat = pytest.importorskip("nbformat")

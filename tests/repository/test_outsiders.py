@@ -53,6 +53,7 @@ def test_all_are_here():
         assert len(file.read_text(encoding="utf-8").splitlines()) <= 40, file
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", sorted(SPOILED))
 def test_runs(name, capfd):
     """As it stands it ends with a solution, or says what it is about."""
@@ -61,6 +62,7 @@ def test_runs(name, capfd):
     assert "converged" in printed or "holds" in printed or "derivative" in printed
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", sorted(SPOILED))
 def test_is_refused(name, tmp_path):
     """With one sign changed there is an error that names it."""
@@ -101,6 +103,7 @@ friction = { law = "tresca", bound = 0.5 }
 """
 
 
+@pytest.mark.slow
 def test_installed(tmp_path):
     """By entry points of an installed package, from the command line: keys, shapes and hypotheses have their names."""
     modules = {name: DEMOS / f"{name}.py" for name in ("effect", "interface", "kinematics", "shape")}

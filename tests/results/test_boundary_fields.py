@@ -50,6 +50,7 @@ def block(generator, cell, degree):
     }
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(("generator", "cell", "degree"), PLANE + SPACE)
 @pytest.mark.mpi
 def test_a_constant_state(generator, cell, degree):
@@ -73,6 +74,7 @@ def test_a_constant_state(generator, cell, degree):
     assert np.abs(positions(fields.pressure)[:, last]).max(initial=0) == 0
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.mpi
 def test_values_at_points(degree):
@@ -122,23 +124,7 @@ def test_axisymmetric(degree):
     assert force == pytest.approx(solution.contact.forces[0][1], rel=1e-9)
 
 
-@pytest.mark.mpi
-def test_two_contacts():
-    """Each alone, and both: at their common node the later one counts, as in the fields on the body."""
-    data = block("rectangle", "quadrilateral", 1)
-    data["traction"] = [{"boundary": "top", "y": -PRESSURE}, {"boundary": "left", "x": PRESSURE}]
-    data["contact"] = [{"boundary": "bottom"}, {"boundary": "right"}]
-    solution = solve(parse_scene(data), COMM)
-    bottom, right, both = (solution.boundary_fields(number) for number in (0, 1, None))
-    forces = [whole(one.pressure * ufl.dx) for one in (bottom, right)]
-    assert forces == pytest.approx([1.5 * PRESSURE, PRESSURE], rel=1e-9)
-    assert whole(fem.Constant(both.mesh, 1.0) * ufl.dx) == pytest.approx(2.5, rel=1e-12)
-    count = both.pressure.function_space.dofmap.index_map.size_global
-    assert count == 5 + 4 - 1
-    with pytest.raises(ValueError, match="number: must be from 0 to 1, the contacts in their order, got 2"):
-        solution.boundary_fields(2)
-
-
+@pytest.mark.one_quick
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.mpi
 def test_of_forms(degree):
@@ -163,31 +149,6 @@ def test_of_forms(degree):
     )
     largest = COMM.allreduce(problem.pressure.x.array.max(initial=0), MPI.MAX)
     assert COMM.allreduce(fields.pressure.x.array.max(initial=0), MPI.MAX) == largest > 0
-
-
-def test_on_curved_cells():
-    """Nodes of degree 2 on an arc: the same positions, and the length of the arc by its cells."""
-    scene = parse_scene(
-        {
-            "mesh": {
-                "generator": "half_disk",
-                "parameters": {"radius": 1.0, "size": 0.3, "contact_size": 0.1, "order": 2},
-            },
-            "element": {"degree": 2},
-            "material": {"young": YOUNG, "poisson": POISSON},
-            "displacement": {"boundary": "top", "x": 0.0, "y": -0.01},
-            "contact": {"boundary": "arc", "gap": "x[1]", "direction": [0.0, -1.0]},
-        }
-    )
-    solution = alone(scene)
-    fields = solution.boundary_fields()
-    length = fem.assemble_scalar(fem.form(fem.Constant(fields.mesh, 1.0) * ufl.dx))
-    assert length == pytest.approx(np.pi, rel=1e-4)
-    table = solution.table.columns
-    for x, y, pressure in zip(table["x"], table["y"], table["pressure"], strict=True):
-        at = np.linalg.norm(positions(fields.pressure)[:, :2] - [x, y], axis=1)
-        assert at.min() <= 1e-12
-        assert fields.pressure.x.array[at.argmin()] == pytest.approx(pressure, abs=1e-10)
 
 
 def test_without_contact():

@@ -10,7 +10,7 @@ from mpi4py import MPI
 from scenes import alone, example1
 from spaces import block
 
-from signorini_fx.addons.report.comparison import _interpolation, compare
+from signorini_fx.addons.report.comparison import compare
 from signorini_fx.addons.report.page import page
 from signorini_fx.errors import ResultError
 from signorini_fx.mechanics.mesh.tagged import tag_boundaries
@@ -90,28 +90,6 @@ def in_pieces(nx, solver=None, factors=None):
             "contact": {"boundary": "feet", "friction": {"law": "tresca", "bound": 3.0}},
         }
     )
-
-
-def test_a_boundary_of_several_pieces(tmp_path):
-    """A result does not differ from itself."""
-    write_results(alone(in_pieces(12)), tmp_path, pictures=False, fields=False)
-    same = compare(tmp_path, tmp_path)
-    assert "boundary feet: pressure 0.0e+00 of its norm; shear 0.0e+00 of its norm; 0 of 10 nodes" in same
-
-
-@pytest.mark.parametrize("order", [(0, 1), (1, 0)])
-def test_values_between_nodes_on_every_piece(order):
-    """The arc length begins anew on each piece, and the pieces of two meshes may come in another order."""
-
-    def table(counts, pieces=(0, 1)):
-        angles = [np.linspace(2.0 * piece, 2.0 * piece + 1.0, counts[piece]) for piece in pieces]
-        s = np.concatenate([angle - angle[0] for angle in angles])
-        x = np.concatenate(angles)
-        return {"x": x, "y": 0.1 * x, "s": 3.0 * s}, 7.0 * (x > 1.5) - 2.0 * x
-
-    (one, expected), (other, values) = table((5, 9)), table((4, 3), order)
-    take = _interpolation(one, np.full(14, True), other, np.full(7, True))
-    np.testing.assert_allclose(take(values), expected, rtol=0, atol=1e-14)
 
 
 def nothing_computed(value, key=""):

@@ -1,20 +1,15 @@
 """What is said about a result that stands may fail, on any rank: the result is kept, and nobody waits for ever."""
 
 import json
-import shutil
-import subprocess
-import sys
 
 import pytest
 from mpi4py import MPI
 from scenes import alone, example1
 
-from signorini_fx.addons.picture_data import of_solution, plot
+from signorini_fx.addons.picture_data import of_solution
 from signorini_fx.addons.report.page import write_report
-from signorini_fx.errors import PictureError, ResultError
+from signorini_fx.errors import ResultError
 from signorini_fx.machine.manifest import MANIFEST, PART
-from signorini_fx.mechanics.statement.settings import Accuracy
-from signorini_fx.records import Status
 from signorini_fx.results import files
 from signorini_fx.results.files import write_results
 from signorini_fx.results.solution import Solution
@@ -70,30 +65,6 @@ def test_a_failure_is_one_of_all_ranks(rank, solution, tmp_path, monkeypatch):
     COMM.Barrier()
 
 
-ALONE = """
-import os, signal, sys
-from mpi4py import MPI
-from signorini_fx.scenes import cli
-from signorini_fx.addons.picture_data import of_solution
-from signorini_fx.results import deferred_quantities
-from signorini_fx.results.solution import Solution
-
-deferred_quantities.ERROR_PATIENCE = 0.3
-rank, what, how = int(sys.argv[1]), sys.argv[2], sys.argv[3]
-
-def fails(*arguments, **options):
-    if MPI.COMM_WORLD.rank == rank:
-        if how == "signal":
-            os.kill(os.getpid(), signal.SIGINT)
-        raise ArithmeticError("a factorisation broke down")
-    MPI.COMM_WORLD.Barrier()
-
-if what == "safety":
-    Solution.safety = property(fails)
-else:
-    of_solution.gather_pictures = fails
-sys.exit(cli.main(sys.argv[4:]))
-"""
 SCENE = """
 mesh = { generator = "rectangle", parameters = { nx = 6, ny = 2 } }
 material = { young = 5000.0, poisson = 0.3 }
@@ -105,31 +76,6 @@ y = -0.01
 boundary = "bottom"
 friction = { law = "coulomb", coefficient = 0.3 }
 """
-
-
-@pytest.mark.one_quick
-@pytest.mark.parametrize(
-    ("ranks", "rank", "what", "how"),
-    [(2, 0, "safety", "error"), (2, 1, "pictures", "error"), (3, 1, "safety", "signal")],
-)
-def test_a_rank_that_fails_while_the_others_wait(ranks, rank, what, how, tmp_path):
-    """The run ends with what an error or an interruption ends with; what stands is there, and says what it lacks."""
-    if shutil.which("mpirun") is None:
-        pytest.skip("there is no mpirun")
-    out = tmp_path / "out"
-    (tmp_path / "run.py").write_text(ALONE)
-    (tmp_path / "scene.toml").write_text(SCENE)
-    command = ["mpirun", "-n", str(ranks), sys.executable, str(tmp_path / "run.py"), str(rank), what, how]
-    command += ["solve", str(tmp_path / "scene.toml"), "--out", str(out), "--no-fields"]
-    ended = subprocess.run(command, capture_output=True, text=True, timeout=120)
-    assert ended.returncode == (130 if how == "signal" else 3)
-    told = "The results are written, without this" if how == "error" else f"the results are in {out}/"
-    assert (told in ended.stderr) == (how == "error" or rank == 0)
-    summary = json.loads((out / "summary.json").read_text())
-    missing = [found["path"] for found in summary["findings"] if found["message"].startswith("is missing")]
-    assert missing == (["pictures"] if what == "pictures" else ["safety", "cost", "tables", "pictures"])
-    assert ("cost" in summary) == (what == "pictures")
-    assert len((out / "contact.csv").read_text().splitlines()) == 8
 
 
 def test_ctrl_c_during_an_afterthought(tmp_path, monkeypatch, capfd):
@@ -157,20 +103,3 @@ def test_a_report_that_fails_costs_no_result(tmp_path, monkeypatch):
     with pytest.raises(ResultError, match="broke down"):
         write_report(tmp_path / "out")
     assert {path: path.read_bytes() for path in (tmp_path / "out").iterdir()} == before
-
-
-def test_pictures_of_a_notebook_tell_their_failure(solution, monkeypatch):
-    """They are all that is asked for there."""
-    monkeypatch.setattr(of_solution, "gather_pictures", fails)
-    with pytest.raises(PictureError, match="a factorisation broke down"):
-        plot.plot(solution)
-
-
-def test_a_certified_accuracy_whose_bound_fails(monkeypatch):
-    """The solution stands, and the outcome is that of an accuracy that is not reached."""
-    scene = example1(bound=1.5, nx=6, ny=2).model_copy(update={"accuracy": Accuracy(target=0.5, certified=True)})
-    monkeypatch.setattr(Solution, "error_bound", property(fails))
-    found = solve(scene, MPI.COMM_SELF, check=False)
-    assert found.status is Status.OUT_OF_REACH
-    assert any("a factorisation broke down" in event for event in found.history.events)
-    assert found.last_step.certificate.holds

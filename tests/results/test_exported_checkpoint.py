@@ -111,27 +111,6 @@ def test_another_number_of_ranks(degree, library, tmp_path):
     some.Free()
 
 
-def test_written_again(library, tmp_path):
-    """The later solution counts: here of a body without contact on a coarser mesh, stretched by a hundredth."""
-    file = tmp_path / "solution.bp"
-    alone(scene(1)).write_checkpoint(file)
-    stretched = parse_scene(
-        {
-            "mesh": {"generator": "rectangle", "parameters": {"length": 2.0, "height": 1.0, "nx": 2, "ny": 1}},
-            "material": {"young": 5000.0, "poisson": 0.0},
-            "displacement": [{"boundary": "left", "x": 0.0, "y": 0.0}, {"boundary": "right", "x": 0.02}],
-        }
-    )
-    alone(stretched).write_checkpoint(file)
-    domain = library.read_mesh(file, MPI.COMM_SELF)
-    displacement = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (2,))))
-    library.read_function(file, displacement, name="displacement")
-    x = displacement.function_space.tabulate_dof_coordinates()[:, 0]
-    assert len(x) == 6
-    assert displacement.x.array[::2] == pytest.approx(0.01 * x, abs=1e-12)
-    assert displacement.x.array[1::2] == pytest.approx(0.0, abs=1e-12)
-
-
 def test_what_is_in_the_way(library, tmp_path):
     solution = alone(scene(1))
     (tmp_path / "thesis").mkdir()

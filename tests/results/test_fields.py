@@ -11,11 +11,8 @@ from spaces import box
 
 from signorini_fx.errors import InstallationError
 from signorini_fx.machine import compat
-from signorini_fx.results import fields as fields_module
-from signorini_fx.results import files
 from signorini_fx.results.files import write_results
 from signorini_fx.results.vtkhdf import write_vtkhdf
-from signorini_fx.results.vtu import write_vtu
 from signorini_fx.scenes import cli
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve
@@ -113,23 +110,6 @@ def test_other_readers(tmp_path, cells):
         assert np.array_equal(values.ravel(), grid.point_data[name].ravel()), name
 
 
-@pytest.mark.mpi
-def test_bytes_of_all_ranks(folder):
-    """Whatever number of bytes each rank has, a multiple of three or not, none is lost or twice."""
-    for rows in range(7):
-        here = (rows * (COMM.rank + 1)) % 5
-        points = np.arange(3.0 * here).reshape(here, 3) + 100 * COMM.rank
-        cells = np.arange(here)[:, None]
-        write_vtu(folder / f"{rows}.vtu", COMM, points, cells, 1, {"number": points[:, 0]})
-        every = np.concatenate(COMM.allgather(points))
-        arrays = arrays_of(folder / f"{rows}.vtu")
-        assert np.array_equal(arrays["points"], every)
-        assert np.array_equal(arrays["number"][:, 0], every[:, 0])
-        assert np.array_equal(arrays["connectivity"][:, 0], np.arange(len(every)))
-        assert np.array_equal(arrays["types"][:, 0], np.ones(len(every)))
-        COMM.barrier()
-
-
 def test_load_steps(tmp_path):
     """A file for each load step with a solution, and their times."""
     scene = parse_scene(
@@ -208,38 +188,6 @@ def test_vtkhdf(folder, cells, degree):
     COMM.barrier()
 
 
-@pytest.mark.skipif(not compat.has_vtkhdf(), reason="dolfinx writes VTKHDF since 0.10")
-def test_vtkhdf_of_a_result(tmp_path):
-    """The displacement, and the stress in the cells, of each load step."""
-    scene = parse_scene(
-        {
-            "mesh": {"generator": "rectangle", "parameters": {"nx": 3, "ny": 2}},
-            "material": {"young": YOUNG, "poisson": 0.0},
-            "displacement": [{"boundary": "left", "x": 0.0, "y": 0.0}, {"boundary": "right", "x": "0.01 * t"}],
-            "load_steps": {"times": [0.5, 1.0]},
-        }
-    )
-    summary = write_results(solve(scene, MPI.COMM_SELF), tmp_path, fields="vtkhdf", pictures=False)
-    assert summary["fields"][:2] == ["displacement.vtkhdf", "stress.vtkhdf"]
-    length = 3.0
-    for step, time in enumerate((0.5, 1.0)):
-        _, points, _, read_time, moved, _ = read_vtkhdf(tmp_path / "displacement.vtkhdf", step)
-        stress, where = read_vtkhdf(tmp_path / "stress.vtkhdf", step)[-2:]
-        assert (read_time, where) == (time, "cells")
-        assert moved[:, 0] == pytest.approx(0.01 * time * points[:, 0] / length, abs=1e-12)
-        assert stress[:, 0] == pytest.approx(YOUNG * 0.01 * time / length, rel=1e-9)
-    write_results(solve(scene, MPI.COMM_SELF), tmp_path, pictures=False)
-    assert list(tmp_path.glob("*.vtkhdf")) == []
-
-
-def test_every_field_has_a_name():
-    """A run removes the files of an earlier one, hence it knows their names."""
-    names = [name for name in files.FILES if name.endswith((".bp", ".vtkhdf"))]
-    assert len(names) == 2 * len(fields_module.FIELDS)
-    solution = solve(stretched("triangle", 1), MPI.COMM_SELF)
-    assert set(fields_module._fields(solution)) <= {*fields_module.FIELDS}
-
-
 def test_formats(tmp_path, monkeypatch):
     """VTU unless VTX is asked for; files of another format go; what cannot be written is refused before."""
     solution = solve(stretched("triangle", 1), MPI.COMM_SELF)
@@ -273,11 +221,3 @@ def test_command(tmp_path, capsys):
         cli.main([*solved, "--fields", "vtu", "--no-fields"])
     assert end.value.code == 2
     assert "not allowed with" in capsys.readouterr().err
-
-
-def test_size_of_files(tmp_path):
-    """The space that is reserved is enough, and not ten times too much."""
-    solution = solve(stretched("tetrahedra", 2), MPI.COMM_SELF)
-    write_results(solution, tmp_path, pictures=False)
-    size = (tmp_path / "fields.vtu").stat().st_size
-    assert size < fields_module.size_of_fields(solution, "vtu") < 1.1 * size

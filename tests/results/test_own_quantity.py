@@ -21,7 +21,6 @@ from signorini_fx import (
     write_results,
 )
 from signorini_fx.addons.report.page import page
-from signorini_fx.errors import ResultError
 from signorini_fx.extensions import QUANTITIES
 from signorini_fx.quantities.registry import quantities
 from signorini_fx.quantities.table import markdown
@@ -48,6 +47,7 @@ def scene(coefficient=0.3):
     return loaded.model_copy(update={"traction": tuple(loads)})
 
 
+@pytest.mark.slow
 def test_one_file(register, monkeypatch, tmp_path):
     """The demo, of at most 40 lines: summary, schema, terminal, report, table of load steps, documentation, derivative;
     without it nothing of it is left.
@@ -193,6 +193,7 @@ class Shown(Objects):
         return ["a card"]
 
 
+@pytest.mark.slow
 def test_each_costs_only_itself(register, tmp_path):
     """Whatever a quantity of others does, all else is there, and a message has its name."""
     plain = write_results(alone(scene()), tmp_path / "plain", pictures=False)
@@ -242,26 +243,3 @@ def test_bounds():
     assert solution.bounds("strain_energy") == solution.error_bound.strain_energy
     with pytest.raises(SceneError, match="'force BOUNDARY AXIS', 'strain_energy'"):
         solution.bounds("pressure bottom")
-
-
-def test_tables_that_are_not_there(tmp_path):
-    """They are named, and so is a summary of another kind."""
-    write_results(alone(example1(bound=1.5, nx=12, ny=4)), tmp_path, pictures=False, fields=False)
-    results = read_results(tmp_path)
-    assert results.summary.contact_boundaries[0].boundary == "bottom"
-    assert set(results.table("contact")) >= {"x", "pressure"}
-    try:
-        import pandas
-    except ImportError:
-        with pytest.raises(InstallationError, match=r"table\(\) needs nothing"):
-            results.frame("contact")
-    else:
-        frame = results.frame("contact")
-        pandas.testing.assert_frame_equal(frame, pandas.DataFrame(results.table("contact")))
-        assert set(frame["state"]) <= {"open", "stick", "slip+", "slip-"}
-    with pytest.raises(ResultError, match="has no table 'steps'; there are: contact, history, outer"):
-        results.table("steps")
-    file = tmp_path / "summary.json"
-    file.write_text(file.read_text(encoding="utf-8").replace('"dofs": 1', '"dofs": -1'), encoding="utf-8")
-    with pytest.raises(ResultError, match=r"summary.json is not what solve writes: dofs"):
-        read_results(tmp_path)

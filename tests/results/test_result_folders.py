@@ -3,7 +3,6 @@
 import shutil
 import tomllib
 from functools import cache
-from pathlib import Path
 
 import pytest
 from mpi4py import MPI
@@ -71,26 +70,6 @@ def test_files_of_others(scene, tmp_path, monkeypatch, capsys, name):
     assert content(out) == before
 
 
-@pytest.mark.slow
-def test_files_of_others_beside_ours(solution, tmp_path):
-    """Also where they stand in a folder that a run has made; once they are gone, the next run can write."""
-    files.write_results(solution, tmp_path, fields="vtx", pictures=False)
-    write_report(tmp_path)
-    (tmp_path / "notes.txt").write_text("mine")
-    assert set(manifest.ours(tmp_path)) == set(content(tmp_path)) - {"notes.txt"}
-    (tmp_path / "stress.bp" / "mine.txt").write_text("mine")
-    before = content(tmp_path)
-    with pytest.raises(OutputError, match=r"stress\.bp/mine\.txt: no earlier run"):
-        files.write_results(solution, tmp_path, fields=False, pictures=False)
-    assert content(tmp_path) == before
-    (tmp_path / "stress.bp" / "mine.txt").unlink()
-    files.write_results(solution, tmp_path, fields=False, pictures=False)
-    assert set(content(tmp_path)) == {
-        *("summary.json", "contact.csv", "history.csv", "outer.csv", "notes.txt", manifest.MANIFEST)
-    }
-    assert not (tmp_path / "stress.bp").exists()
-
-
 def test_a_file_that_appears_meanwhile(solution, tmp_path):
     """What was not there when the run began is not replaced at its end."""
     folder = ResultFolder(SELF, tmp_path, files.FILES)
@@ -118,20 +97,6 @@ def test_a_manifest_of_others(solution, tmp_path, line):
     assert (out / "link").is_symlink()
 
 
-def test_a_part_that_another_rank_removes_meanwhile(tmp_path, monkeypatch):
-    """What ended a run is told, not that its hidden folder went while one looked into it."""
-    part = tmp_path / manifest.PART
-    part.mkdir()
-
-    def removed_first(_):
-        shutil.rmtree(part)
-        return False
-
-    monkeypatch.setattr(manifest, "_marked", removed_first)
-    manifest.remove_part(tmp_path)
-    assert not part.exists()
-
-
 def test_what_a_killed_run_leaves(tmp_path, monkeypatch):
     """Its checkpoint, its last mesh and its hidden folders are known to the next run, which removes them."""
     scene, out = parse_scene(tomllib.loads(SCENE)), tmp_path / "out"
@@ -154,24 +119,6 @@ def test_what_a_killed_run_leaves(tmp_path, monkeypatch):
     assert not (out / "checkpoint").exists()
 
 
-@pytest.mark.parametrize(
-    "name", [f"{manifest.MANIFEST}.new", f"{manifest.PART}/mine", f"checkpoint/{manifest.PART}/mine"]
-)
-def test_hidden_names_of_others(solution, tmp_path, name):
-    """A file or a folder with the name of what is not complete, but without its mark, is somebody else's."""
-    (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
-    (tmp_path / name).write_text("mine")
-    with pytest.raises(OutputError, match=r"signorini_fx\.|File exists"):
-        solve(parse_scene(tomllib.loads(SCENE)), SELF, checkpoint=tmp_path)
-    if not name.startswith("checkpoint"):
-        with pytest.raises(OutputError, match=r"signorini_fx\.(new|part): no earlier run lists this"):
-            files.write_results(solution, tmp_path, fields=False, pictures=False)
-    assert (tmp_path / name).read_text() == "mine"
-    with pytest.raises(OSError, match="File exists"):
-        manifest.add(tmp_path, []) if name.endswith("new") else manifest.begin_part((tmp_path / name).parent.parent)
-    assert (tmp_path / name).read_text() == "mine"
-
-
 def test_a_checkpoint_of_others(tmp_path):
     """From Python too it is refused before anything is solved."""
     (tmp_path / "checkpoint").mkdir()
@@ -181,6 +128,7 @@ def test_a_checkpoint_of_others(tmp_path):
     assert content(tmp_path) == {"checkpoint/mine.txt": b"mine"}
 
 
+@pytest.mark.slow
 def test_reports(solution, tmp_path, monkeypatch):
     """A report replaces a report, no other file."""
     files.write_results(solution, tmp_path / "out", fields=False, pictures=False)
@@ -209,13 +157,6 @@ def test_empty_names(scene, tmp_path, monkeypatch, capsys, words):
     assert content(tmp_path) == before
 
 
-def test_empty_name_in_python(solution, tmp_path, monkeypatch):
-    """Nor does it in Python."""
-    monkeypatch.chdir(tmp_path)
-    with pytest.raises(OutputError, match="a result folder has a name"):
-        files.write_results(solution, "")
-
-
 @pytest.mark.parametrize("name", ["body.msh", "body.xdmf", "body.vtu"])
 def test_converted_meshes(tmp_path, capsys, name):
     """``convert`` replaces no file, nor the one with the data beside it."""
@@ -227,56 +168,6 @@ def test_converted_meshes(tmp_path, capsys, name):
     assert f"{taken}: already exists" in capsys.readouterr().err
     assert taken.read_text() == "mine"
     assert main(["convert", str(source), str(tmp_path / f"other.{name.rpartition('.')[2]}")]) == 0
-
-
-def test_what_is_no_longer_listed(tmp_path):
-    """A file of the same name that somebody puts there later is not ours."""
-    manifest.add(tmp_path, ["old.csv", "both.csv"])
-    manifest.add(tmp_path, ["both.csv", "new.csv"], alone=True)
-    for name in ("old.csv", "both.csv", "new.csv"):
-        (tmp_path / name).touch()
-    assert manifest.foreign(tmp_path, ["old.csv", "both.csv", "new.csv"]) == ["old.csv"]
-
-
-def test_what_is_not_complete(tmp_path):
-    """A folder under way, and what a manifest in it says, is no result."""
-    manifest.begin_inner(tmp_path, "inner")
-    (tmp_path / manifest.PART).mkdir()
-    for folder in (tmp_path / manifest.PART, tmp_path / "inner"):
-        (folder / "a.csv").touch()
-        manifest.add(folder, ["a.csv"])
-    assert manifest.ours(tmp_path) == {manifest.MANIFEST, "inner/a.csv", f"inner/{manifest.MANIFEST}"}
-
-
-def test_manifests_go_last(tmp_path, monkeypatch):
-    """So that the next run can go on where this one is interrupted."""
-    manifest.begin_inner(tmp_path, "inner")
-    (tmp_path / "inner" / "z.csv").touch()
-    manifest.add(tmp_path / "inner", ["z.csv"])
-    removed = []
-    plain = Path.unlink
-    monkeypatch.setattr(Path, "unlink", lambda path, **how: removed.append(path.name) or plain(path, **how))
-    manifest.remove(tmp_path)
-    assert removed == ["z.csv", manifest.MANIFEST]
-
-
-def test_results_of_another_run_in_an_inner_folder(solution, tmp_path):
-    """A folder named as one that a run makes is a result of its own where another run has filled it, and nobody fills
-    the folder that a run has made.
-    """
-    files.write_results(solution, tmp_path / files.LAST_LEVEL, fields=False, pictures=False)
-    before = content(tmp_path / files.LAST_LEVEL)
-    with pytest.raises(OutputError, match=r"last_level/.*: no earlier run"):
-        ResultFolder(SELF, tmp_path, (*files.FILES, *files.INNER))
-    files.write_results(solution, tmp_path, fields=False, pictures=False)
-    assert content(tmp_path / files.LAST_LEVEL) == before
-    with ResultFolder(SELF, tmp_path / "out", (*files.FILES, *files.INNER)):
-        with ResultFolder(SELF, tmp_path / "out" / files.LAST_LEVEL, files.FILES, inner=True) as inner:
-            files.write_results(solution, inner, fields=False, pictures=False)
-        before = content(tmp_path / "out")
-        with pytest.raises(OutputError, match=r"belongs to the run into .*out/: choose another folder"):
-            files.write_results(solution, tmp_path / "out" / files.LAST_LEVEL, fields=False, pictures=False)
-        assert content(tmp_path / "out") == before
 
 
 def test_without_matplotlib(solution, tmp_path, monkeypatch):

@@ -170,6 +170,7 @@ def killed(tmp_path_factory, solution):
     return folder
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seeds", [range(6), pytest.param(range(6, 306), marks=pytest.mark.long)], ids=["few", "many"])
 def test_what_is_not_of_this_run_stays(seeds, solution, killed, tmp_path, monkeypatch, capsys):
     """In random trees every command is run on each level in a random order: what others have written stays as it is."""

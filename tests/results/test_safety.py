@@ -1,7 +1,6 @@
 """The safety factor against statics, ramps and linear programmes: blocks, a dam, a groove, a hub and a bracket."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,12 +12,9 @@ from scipy.optimize import linprog
 from spaces import CELLS
 from test_pieces import scene_on
 
-from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
-from signorini_fx.mechanics.effects.traction import SurfaceTraction
 from signorini_fx.mechanics.mesh.tagged import tag_boundaries
 from signorini_fx.records import Status
-from signorini_fx.results.safety import safety_of
-from signorini_fx.scenes.reading import parse_scene, read_scene
+from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve
 
 WEIGHT, LENGTH, HEIGHT = 3.0, 3.0, 2.0
@@ -78,39 +74,6 @@ def test_a_block_on_a_plinth(depth):
     assert safety.motion == "the rotation about (2, 0)"
 
 
-@pytest.mark.parametrize("gap", [0.0, 0.02])
-def test_what_the_body_rests_on_counts(gap):
-    """A block that a dead push has nearly tipped over one edge is pushed back, until it tips over the other one, which
-    does not touch the foundation yet; the gap that it has closed before does not matter.
-    """
-    dead, live = 0.9 * WEIGHT * LENGTH / HEIGHT, 0.1
-    scene = block(dead, ROUGH, gap=gap)
-    back = SurfaceTraction(boundary="right", x=-live / HEIGHT)
-    pushed = scene.traction[0].model_copy(update={"live": False})
-    solution = alone(scene.model_copy(update={"traction": (pushed, back)}))
-    contact = solution.contact
-    assert not contact.in_contact[contact.boundary.x[:, 0] < 1.0].any()
-    assert solution.safety.factor * live == pytest.approx(dead + WEIGHT * LENGTH / HEIGHT, rel=1e-6)
-    broken = replace(contact, pressure=np.full_like(contact.pressure, np.nan))
-    assert safety_of(solution.model, broken, 0.0) is None
-
-
-def test_a_support_takes_the_pressure():
-    """It holds a corner inside the foundation: friction there is that without pressure, whatever gamma is."""
-    sides = tuple(PrescribedDisplacement(boundary=name, y=0.0) for name in ("left", "right"))
-
-    def held(**friction):
-        scene = block(2.0, friction, gap=-1e-4).model_copy(update={"displacement": sides})
-        return solve(scene, MPI.COMM_SELF, check=False)
-
-    solution = held(law="tresca", bound="30 if x[0] < 0.01 else 0")
-    contact, safety = solution.contact, solution.safety
-    limit = contact.boundary.weight @ contact.bound
-    assert limit == pytest.approx(30.0 * LENGTH / 24)
-    assert (safety.factor * 2.0, safety.bound * 2.0) == (pytest.approx(limit), pytest.approx(limit))
-    assert held(law="coulomb", coefficient="0.8 if x[0] < 0.01 else 0").status is Status.NOT_HELD
-
-
 @pytest.mark.parametrize("pushes", [(0.1, 0.2), (0.2, 0.1)])
 def test_of_several_pieces_the_weakest_counts(pushes):
     """Each slides at its own limit."""
@@ -125,20 +88,6 @@ def test_of_several_pieces_the_weakest_counts(pushes):
     assert (safety.sliding, safety.overturning) == (pytest.approx(0.8 / 0.2), pytest.approx(0.5 / (0.2 * 0.5)))
 
 
-def test_a_preload_does_not_grow():
-    """Friction under a pressure that is not live: F N over the push; if it grew as well, there would be no limit."""
-    press, push = {"boundary": "top", "pressure": 2.0}, {"boundary": "left", "x": 0.5}
-    mesh = {"generator": "rectangle", "parameters": {"length": LENGTH, "height": 1.0, "nx": 12, "ny": 4}}
-    contact = {"boundary": "bottom", "friction": COULOMB}
-    common = {"mesh": mesh, "material": {"young": 1e6, "poisson": 0.3}, "contact": contact}
-    dead = alone(parse_scene({**common, "traction": [press | {"live": False}, push]})).safety
-    assert dead.factor == pytest.approx(0.8 * 2.0 * LENGTH / 0.5, rel=1e-9)
-    grown = alone(parse_scene({**common, "traction": [press, push]})).safety
-    assert grown.factor == grown.sliding == grown.overturning == np.inf
-    assert grown.motion == ""
-    assert grown.friction_used == pytest.approx(0.5 / (0.8 * 2.0 * LENGTH), rel=1e-6)
-
-
 def hub(torque, **solver):
     """A ring pressed onto a shaft that turns it."""
     return parse_scene(
@@ -151,19 +100,6 @@ def hub(torque, **solver):
             "solver": solver,
         }
     )
-
-
-def test_a_hub_at_its_slip_torque():
-    """The fit presses whatever the torque is: statics sets no limit, and says so; the friction in use tells more."""
-    shares = []
-    for torque in (0.5, 1.5, 1.95, 2.0):
-        safety = alone(hub(torque)).safety
-        assert (safety.factor, safety.exact) == (np.inf, False)
-        shares.append(safety.friction_used / torque)
-    # The torque itself takes a per cent of the pressure away.
-    np.testing.assert_allclose(shares, 1 / 2.02, rtol=0.01)
-    assert shares == sorted(shares)
-    assert not alone(hub(1.01 / shares[-1], fallbacks=False), check=False).converged
 
 
 def dam(friction):
@@ -320,21 +256,6 @@ def test_a_wedge_in_a_groove():
     check_between_programmes(solution, [[(weight * DOWN, centre)], [(pull * ALONG, end)]])
 
 
-@pytest.mark.slow
-def test_a_bracket():
-    """A bolt holds its foot, which it presses near the bolt; statics would allow pressures at the rim."""
-    scene = read_scene(Path(__file__).parents[2] / "demos" / "scenes" / "bracket.toml")
-    parameters = {"contact_size": 5.0, "size": 12.0}
-    solution = alone(scene.model_copy(update={"mesh": scene.mesh.model_copy(update={"parameters": parameters})}))
-    bolt = solution.contact.forces[0][2]
-    pull = np.array([320.0, 160.0, 0.0])
-    check_between_programmes(solution, [[(bolt * DOWN, [37.0, 0.0, 0.0])], [(pull, [4.0, 0.0, 50.0])]])
-    safety = solution.safety
-    assert not safety.exact
-    assert safety.motion.startswith("the rotation about the axis through")
-    assert safety.factor > 1.5 / safety.friction_used
-
-
 TURN = np.linalg.qr(np.random.default_rng(5).normal(size=(3, 3)))[0]
 
 
@@ -363,37 +284,3 @@ def test_figures_do_not_depend_on_the_view(changes, law, materials):
     if law == "coulomb":
         assert found.factor == pytest.approx(alone(groove()).safety.factor, rel=1e-9)
         assert found.friction_used == pytest.approx(reference.friction_used, rel=1e-9)
-
-
-def test_friction_of_a_wheel_is_that_of_the_nodes_in_contact():
-    """A braked wheel that is pushed: it would rest at steeper nodes if it slid, which this solution does not use."""
-    push, weight, radius = 0.6, 2.0, 4.0
-    wheel = {"shape": "circle", "centre": [5.0, 3.0 + radius], "radius": radius, "pivot": [5.0, 3.0 + radius]}
-    wheel |= {"force": [push, -weight], "prescribed": {"rotation": 0.0}}
-    scene = parse_scene(
-        {
-            "mesh": {"generator": "rectangle", "parameters": {"length": 10.0, "height": 3.0, "nx": 40, "ny": 12}},
-            "material": {"young": 20.0, "poisson": 0.3},
-            "displacement": {"boundary": "bottom", "x": 0.0, "y": 0.0},
-            "contact": {"boundary": "top", "foundation": wheel, "friction": {"law": "coulomb", "coefficient": 0.5}},
-        }
-    )
-    solution = alone(scene)
-    table = solution.table.columns
-    touching = table["state"] != "open"
-    normal = np.column_stack((table["n_x"], table["n_y"]))[touching]
-    along = np.column_stack((-normal[:, 1], normal[:, 0]))
-    bound = (table["bound"] * table["weight"])[touching]
-    # Forces of the wheel on the body: pressures along -n, shears within their bounds; the multiple is the last unknown.
-    rows = np.column_stack((-normal.T, along.T, [-push, weight]))
-    limits = [(0, None)] * len(bound) + [(-b, b) for b in bound] + [(0, None)]
-    best = linprog([0.0] * (2 * len(bound)) + [-1.0], A_eq=rows, b_eq=[0.0, 0.0], bounds=limits)
-    assert 1.0 < -best.fun < 10.0
-    assert solution.safety.friction_used == pytest.approx(-1 / best.fun, rel=1e-6)
-
-
-@pytest.mark.slow
-def test_statements_say_what_they_rest_on():
-    """Where contact is not stated, and on straight cells of a curved body."""
-    assert alone(block(1.0, COULOMB)).safety.assumed == "the foundation presses where the body touches it now"
-    assert "straight cells of the mesh" in alone(hub(0.5)).safety.assumed

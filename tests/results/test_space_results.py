@@ -6,15 +6,12 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from dolfinx import fem
 from mpi4py import MPI
 from scenes import alone
 from spaces import block, box, friction_of
 
 from signorini_fx.mechanics.body.discretisation import discretise
 from signorini_fx.records import Timings
-from signorini_fx.results.certificate import surface_quadrature
-from signorini_fx.results.certificate.nodal_forces import NodalForces
 from signorini_fx.results.certificate.surface_quadrature import SurfaceQuadrature
 from signorini_fx.results.files import write_results
 from signorini_fx.scenes.mesh import load_mesh
@@ -37,7 +34,7 @@ def written(request, tmp_path):
     return solution, tmp_path / "out"
 
 
-@pytest.mark.one_quick
+@pytest.mark.slow
 def test_files(written):
     """Summary, table, contact surface; the surface has the area of the boundary and the numbers of the table."""
     _, folder = written
@@ -65,7 +62,7 @@ def test_files(written):
     assert (folder / "fields.vtu").exists()
 
 
-@pytest.mark.one_quick
+@pytest.mark.slow
 def test_forces_and_moments(written):
     """Of all that acts on the body nothing is left, moments included."""
     solution, folder = written
@@ -83,6 +80,7 @@ def test_forces_and_moments(written):
     assert np.abs(twist).max() > 0
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("kind", CELLS)
 def test_moment_of_a_push(kind):
     """A push at a height tips the body: the pressure goes to the other end, where its resultant balances it."""
@@ -133,20 +131,3 @@ def test_where_forces_act_on_curved_facets():
     products = SurfaceQuadrature(body.space).products(body.tagged.facets("sphere"))
     shares = products.tocsr()[boundary.nodes][:, boundary.averages.nodes].toarray() / boundary.weight[:, None]
     np.testing.assert_allclose(shares, boundary.averages.shares.toarray(), rtol=0, atol=1e-12)
-
-
-def test_points_of_few_facets_at_a_time(monkeypatch):
-    """The forces of a load are the same to round-off however many facets are looked at together."""
-    scene = block(6)
-    tagged = scene.mesh
-    space = fem.functionspace(tagged.mesh, ("Lagrange", 1, (3,)))
-    forces = NodalForces(scene.statement, tagged, space)
-    together = forces.external(0)
-    calls, jacobian = [], SurfaceQuadrature.jacobian
-    monkeypatch.setattr(surface_quadrature, "_TOGETHER", 50)
-    monkeypatch.setattr(
-        SurfaceQuadrature, "jacobian", lambda self, *given: calls.append(given) or jacobian(self, *given)
-    )
-    np.testing.assert_allclose(forces.external(0), together, rtol=0, atol=1e-15 * np.abs(together).max())
-    assert np.abs(together).max() > 0
-    assert max(len(cells) * len(table.shape) for cells, table in calls) < 200  # one facet has at most so many

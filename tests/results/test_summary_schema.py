@@ -146,7 +146,7 @@ def written(tmp_path_factory):
     return found
 
 
-@pytest.mark.one_quick
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SCENES)
 def test_summaries(written, name):
     """They are valid, solved or not."""
@@ -173,6 +173,7 @@ def test_every_key_is_used(written):
         assert set(SCHEMA["properties"][name]["properties"]) == set(written[kind][name]), name
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     "place",
     [(), ("certificate",), ("resultants", 0), ("contact_boundaries", 0), ("stress", "von_mises"), ("parameters",)],

@@ -8,15 +8,13 @@ import numpy as np
 import pytest
 import ufl
 from dolfinx import fem
-from hypothesis import given
-from hypothesis import strategies as st
 from mpi4py import MPI
 
 from signorini_fx import ContactProblem, Coulomb, Foundation, NonlinearContactProblem, generate_mesh, solve
 from signorini_fx.errors import SceneError
 from signorini_fx.mechanics.statement.changes import changed, parsed_change
 from signorini_fx.scenes import cli
-from signorini_fx.scenes.parameter_study import FIGURES, run, several
+from signorini_fx.scenes.parameter_study import FIGURES, run
 from signorini_fx.scenes.reading import parse_scene
 from tests.support.forms import hooke
 
@@ -37,6 +35,7 @@ friction = { law = "coulomb", coefficient = 0.5 }
 """
 
 
+@pytest.mark.slow
 def test_a_ramp_beyond_its_limit_names_it():
     """A block of weight 20 that is pushed with 10 t slides at the time 2 F, known to half a per cent."""
 
@@ -115,26 +114,6 @@ def test_paths_that_lead_nowhere(path, message):
         changed({"contact": [{"gap": 0.0}, {"gap": 1.0}], "title": "t"}, {path: 1.0})
 
 
-@given(st.text())
-def test_any_text_is_a_change_or_is_refused(text):
-    try:
-        path, _ = parsed_change(text)
-    except ValueError:
-        return
-    assert text.strip().startswith(path)
-
-
-def test_values():
-    assert several({"a": "0.1:0.8:8", "b": 3}) == ("a", [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8])
-    assert several({"a": "ssn,alm"}) == ("a", ["ssn", "alm"])
-    assert several({"a": "1,2.5"}) == ("a", [1, 2.5])
-    assert several({"a": "1,2", "b": "max(x[0], 0)"}) == ("a", [1, 2])
-    assert several({"a": "min(x[0], 1), 0.5"}) == ("a", ["min(x[0], 1)", 0.5])
-    for given_, told in (({"a": 1}, "none has"), ({"a": "1,2", "b": "3,4"}, "a, b"), ({"a": "1:e:3"}, "no range")):
-        with pytest.raises(SceneError, match=told):
-            several(given_)
-
-
 @pytest.fixture
 def scene(tmp_path):
     file = tmp_path / "pushed.toml"
@@ -142,6 +121,7 @@ def scene(tmp_path):
     return file
 
 
+@pytest.mark.slow
 def test_a_block_that_is_pushed(scene, tmp_path, capsys):
     """Statics: friction carries 3 x, until the block slides beyond x = F 20 = 10."""
     out = tmp_path / "out"
@@ -178,19 +158,6 @@ def test_bodies_without_contact(tmp_path, capsys):
 
 
 @pytest.mark.slow
-def test_a_sweep_is_what_solve_finds(scene, tmp_path):
-    arguments = ["--set", "contact.friction.coefficient=0.4", "--quiet", "--no-fields", "--no-pictures"]
-    assert cli.main(["solve", str(scene), *arguments, "--out", str(tmp_path / "one")]) == 0
-    two = ["--set", "contact.friction.coefficient=0.4,0.6", "--out", str(tmp_path / "two")]
-    assert cli.main(["sweep", str(scene), *two]) == 0
-    with (tmp_path / "one/contact.csv").open() as file:
-        largest = max(float(row["pressure"]) for row in csv.DictReader(file))
-    with (tmp_path / "two/sweep.csv").open() as file:
-        first, second = csv.DictReader(file)
-    assert float(first["max_pressure"]) == pytest.approx(largest, rel=1e-12)
-    assert float(second["max_shear"]) != float(first["max_shear"])
-
-
 def test_forms_and_residuals_have_parameter_studies():
     """A block that is pushed down and aside, for several coefficients: a scene, forms and a residual have one table."""
     sides = {"generator": "rectangle", "parameters": {"nx": 12, "ny": 4}}

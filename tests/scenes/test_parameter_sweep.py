@@ -47,52 +47,6 @@ def test_loads_that_vanish_and_turn_round(friction):
                 )
 
 
-def test_no_load_and_nothing_to_do():
-    """A body that supports hold stays where it is, and comes back to it between two loads."""
-    scene = parse_scene(
-        {
-            "mesh": {"generator": "rectangle", "parameters": {"nx": 12, "ny": 4}},
-            "material": {"young": 1000.0, "poisson": 0.3},
-            "displacement": {"boundary": "left", "x": 0.0, "y": 0.0},
-            "traction": {"boundary": "top", "y": -1.0},
-            "contact": {"boundary": "bottom", "gap": 0.001, "friction": {"law": "coulomb", "coefficient": 0.3}},
-        }
-    )
-    first, nothing, again = sweep(scene, MPI.COMM_SELF, loads=[1.0, 0.0, 1.0])
-    assert nothing.status is Status.CONVERGED
-    assert nothing.linear_solves == 0
-    assert not nothing.displacement().x.array.any()
-    assert nothing.certificate().holds
-    np.testing.assert_allclose(
-        again.contact.pressure, first.contact.pressure, rtol=0, atol=1e-6 * first.contact.pressure.max()
-    )
-
-
-def test_only_friction_that_is_there_changes():
-    """A smooth wall beside a rough floor stays smooth; each point is the solution of a scene of its own."""
-
-    def pressed(coefficient):
-        """Down on the floor and against the wall, along which it slides down."""
-        rough = {"law": "coulomb", "coefficient": coefficient}
-        return parse_scene(
-            {
-                "mesh": {"generator": "rectangle", "parameters": {"nx": 9, "ny": 6}},
-                "material": {"young": 1000.0, "poisson": 0.3},
-                "traction": [{"boundary": "top", "y": -4.0}, {"boundary": "right", "x": -1.0}],
-                "contact": [{"boundary": "bottom", "friction": rough}, {"boundary": "left"}],
-            }
-        )
-
-    for point in sweep(pressed(0.3), MPI.COMM_SELF, coefficients=[0.1, 0.5]):
-        assert point.status is Status.CONVERGED
-        assert point.certificate().holds
-        wanted = alone(pressed(point.value)).contact
-        assert (wanted.pressure[wanted.boundary.part == 1] > 0).any()
-        size = np.abs(wanted.pressure).max()
-        for name in ("pressure", "shear"):
-            np.testing.assert_allclose(getattr(point.contact, name), getattr(wanted, name), rtol=0, atol=1e-6 * size)
-
-
 ENTRIES = {
     "contact[0].gap": (["0.01 + 0.02 * (x[0] - 0.4)**2", "0.02 * (x[0] - 0.6)**2", 0.004], 1),
     "contact[0].friction.coefficient": ([0.1, 0.5, 0.2], 1),
@@ -147,32 +101,6 @@ def test_values_of_an_entry(path):
     assert len({id(point._model.tagged.mesh) for point in points}) == (3 if "mesh" in path else 1)
 
 
-def pulled(force):
-    """A block on its foundation that is pulled at one side and pushed on the other one."""
-    return parse_scene(
-        {
-            "mesh": {"generator": "rectangle", "parameters": {"length": 1.0, "height": 0.3, "nx": 24, "ny": 6}},
-            "material": {"young": 1000.0, "poisson": 0.3},
-            "displacement": {"boundary": "left", "x": -2e-4},
-            "traction": [{"boundary": "top", "y": -1.0}, {"boundary": "right", "x": force}],
-            "contact": {"boundary": "bottom", "friction": {"law": "coulomb", "coefficient": 0.3}},
-            "solver": {"coulomb": "newton"},  # to round-off, whatever the start
-        }
-    )
-
-
-def test_forces_beside_prescribed_displacements():
-    """They share their factors, one force does not act for one value, and what was computed of the supports stays."""
-    values = [0.1, 0.0, -0.2]
-    points = sweep(pulled(0.1), MPI.COMM_SELF, path="traction[1].x", values=values)
-    for point, wanted in zip(points, (alone(pulled(value)) for value in values), strict=True):
-        assert point.certificate().holds
-        owned = wanted.displacement.x.array
-        np.testing.assert_allclose(point.displacement().x.array, owned, rtol=0, atol=1e-9 * np.abs(owned).max())
-    (inventory,) = {id(point._model.inventory): point._model.inventory for point in points}.values()
-    assert inventory.matrices.count("stiffness") == 1
-
-
 SPRINGS = {"springs": {"boundary": "right", "x": 50.0, "y": 20.0}}
 # What else is in the scene, the entry, its values, and whether all values have one function space.
 MODULI = {
@@ -207,6 +135,7 @@ def squeezed(further, path="", value=None):
     return parse_scene(data)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", MODULI)
 def test_other_moduli_keep_all_but_the_stiffness(name):
     """Where loads or the element depend on them, nothing but the mesh stays; each value has its own solution."""
@@ -222,12 +151,6 @@ def test_other_moduli_keep_all_but_the_stiffness(name):
         size = np.abs(wanted.contact.forces).max()
         np.testing.assert_allclose(point.contact.forces, wanted.contact.forces, rtol=0, atol=1e-9 * size)
     assert (len({id(point._model.space) for point in points}) == 1) == stays
-
-
-def test_a_value_begins_where_the_last_one_ended():
-    """Loads that hardly change leave the sets as they are."""
-    first, second = sweep(leaning(), MPI.COMM_SELF, path="traction[0].y", values=["-1 - x[0]", "-1.001 - x[0]"])
-    assert second.linear_solves == 1 < first.linear_solves
 
 
 def test_values_are_refused_by_their_place():

@@ -237,13 +237,6 @@ def test_syntax_errors(text, message):
     assert str(caught.value).startswith("bad.toml: syntax: ")
 
 
-@pytest.mark.parametrize(("given", "told"), [("boundary_3", "is a name: write 3"), ("sole", "needs no other one")])
-def test_names_of_the_mesh_file_are_no_expressions(given, told):
-    mesh = {"file": "part.step", "boundaries": {"foot": given}}
-    with pytest.raises(SceneError, match=rf"mesh.boundaries.foot: .*{told}"):
-        parse_scene({**GOOD, "mesh": mesh})
-
-
 @pytest.mark.parametrize("content", [None, b"\xff\xfe"])
 def test_unreadable_files(tmp_path, content):
     """A file that is not there, or no text, is a mistake of the user like any other."""
@@ -252,13 +245,6 @@ def test_unreadable_files(tmp_path, content):
         path.write_bytes(content)
     with pytest.raises(SceneError, match=r"cannot be read|not a text file"):
         read_scene(path)
-
-
-def test_mesh_files_are_beside_the_scene(tmp_path):
-    """A relative mesh file is looked up where the scene file is."""
-    path = tmp_path / "scene.toml"
-    path.write_text('mesh = { file = "block.msh" }\nmaterial = { young = 1.0, poisson = 0.3 }\n')
-    assert read_scene(path).mesh.file == tmp_path / "block.msh"
 
 
 KEYS = """
@@ -323,23 +309,3 @@ def test_random_mistake(path, value):
 def test_random_text(text):
     """Text of any kind as a scene file never raises anything but SceneError."""
     refused_or_valid(lambda: parse_scene_text(text, Path("random.toml")))
-
-
-@pytest.mark.parametrize(
-    ("key", "value", "refused"), [("gap", 0.0, False), ("gap", 0.1, True), ("distance", "nominal", True)]
-)
-def test_what_a_bond_may_say(key, value, refused):
-    """What is without effect may be stated as it is by default."""
-    bond = {"boundary": "bottom", "against": "top", "kind": "bonded"} | {key: value}
-    # The same pair twice is always a mistake.
-    told = problems(changed(("contact", [bond, bond])))
-    assert "contact[1]" in told
-    assert (f"contact[0].{key}" in told) == refused
-
-
-def test_a_scene_is_named_once():
-    """Errors of no key in a scene that has no file."""
-    assert (
-        str(SceneError([("scene", "is empty"), ("mesh", "is missing")])) == "scene: is empty\nscene: mesh: is missing"
-    )
-    assert str(SceneError([("scene", "is empty")], "a.toml")) == "a.toml: scene: is empty"

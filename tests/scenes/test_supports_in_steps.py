@@ -2,12 +2,8 @@
 
 import numpy as np
 import pytest
-from deck_lines import squares
 
 from signorini_fx.errors import SceneError
-from signorini_fx.records import Status
-from signorini_fx.results.solution import ConvergenceError
-from signorini_fx.scenes import nonlinear
 from signorini_fx.scenes.reading import as_scene
 from signorini_fx.scenes.solver import solve
 
@@ -47,6 +43,7 @@ def changing(*lists):
     ]
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("kind", WITH)
 def test_each_step_has_its_supports(kind):
     """Without friction nothing but the supports of a step counts in it."""
@@ -56,49 +53,6 @@ def test_each_step_has_its_supports(kind):
         alone = solve(block(supports, **more)).displacement.x.array
         np.testing.assert_allclose(step.displacement.x.array, alone, atol=1e-8 * np.abs(alone).max())
         assert step.certificate.holds
-
-
-@pytest.mark.slow
-def test_what_follows_from_a_solution():
-    """Forces at supports and the guaranteed bound are those of the supports of the step."""
-    solution = solve(block(changing(FIRST, SECOND)))
-    for step, supports in zip(solution.steps, (FIRST, SECOND), strict=True):
-        moment, alone = solution.at(step), solve(block(supports))
-        assert str(moment.error_bound)[:40] == str(alone.error_bound)[:40]
-        for name in ("left", "right", "top"):
-            force = moment.resultants.of(name).force
-            np.testing.assert_allclose(force, alone.resultants.of(name).force, rtol=1e-6, atol=1e-9)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("kind", ["supports", "soft contact"])
-def test_restart(tmp_path, kind):
-    """A run that ended after its first step goes on from there, to the same end."""
-    more = {"contact": [{"boundary": "bottom", "overclosure": {"law": "linear", "stiffness": 1e3}}]}
-    scene = block(changing(FIRST, SECOND), **({} if kind == "supports" else more))
-    whole = solve(scene)
-
-    def stop(record):
-        if getattr(record, "step", 0) == 2 and hasattr(record, "name"):
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        solve(scene, observers=[stop], checkpoint=tmp_path)
-    again = solve(scene, checkpoint=tmp_path, restart=True)
-    for step, other in zip(again.steps, whole.steps, strict=True):
-        assert step.certificate.holds
-        np.testing.assert_allclose(step.displacement.x.array, other.displacement.x.array, atol=1e-12)
-
-
-@pytest.mark.slow
-def test_skew_supports():
-    """Those along the normal of a slanted side, too: nodes are turned in the step in which it holds."""
-    more = {"mesh": {"generator": "wedge", "parameters": {"nx": 4, "ny": 6}}, "contact": [{"boundary": "tip"}]}
-    first, second = [{"boundary": "left", "x": 0.0}], [{"boundary": "right", "normal": 0.001}]
-    solution = solve(block(changing(first, second, first), **more))
-    for step, supports in zip(solution.steps, (first, second, first), strict=True):
-        alone = solve(block(supports, **more)).displacement.x.array
-        np.testing.assert_allclose(step.displacement.x.array, alone, atol=1e-7 * np.abs(alone).max())
 
 
 def test_friction_remembers():
@@ -116,27 +70,6 @@ def test_friction_remembers():
     assert abs(shear @ weight) < 1e-6 * (pressure @ weight)
     never = solve(block([{"boundary": "top", "y": -0.003}], **friction))
     assert np.abs(last.displacement.x.array - never.displacement.x.array).max() > 0.01
-
-
-def test_two_bodies():
-    """The upper one, which is held in the first step, is pressed on the lower one in the second."""
-    mesh = {"generator": "rectangle", "parameters": {"length": 1.0, "height": 1.0, "nx": 4, "ny": 4}}
-    bodies = [{"name": "low", "mesh": mesh}, {"name": "up", "mesh": mesh, "shift": [0.0, 1.0]}]
-    data = {
-        "body": bodies,
-        "material": [{"region": name, "young": 1000.0, "poisson": 0.0} for name in ("low", "up")],
-        "contact": [{"boundary": "up.bottom", "against": "low.top"}],
-        "traction": [{"boundary": "up.top", "y": -5.0}],
-        "displacement": [
-            {"boundary": "low.bottom", "y": 0.0},
-            *({"boundary": f"{name}.left", "x": 0.0} for name in ("low", "up")),
-            {"boundary": "up.top", "y": -0.001, "holds": [True, False]},
-        ],
-    }
-    held, free = solve(as_scene(data)).steps
-    np.testing.assert_allclose(held.contact.pressure, 1000.0 * 0.001 / 2, rtol=1e-4)
-    np.testing.assert_allclose(free.contact.pressure, 5.0, rtol=1e-6)
-    assert free.displacement.x.array.min() == pytest.approx(-2 * 5.0 / 1000.0, rel=1e-4)
 
 
 @pytest.mark.parametrize(
@@ -157,36 +90,6 @@ def test_what_is_wrong(holds, more, said):
     assert said in str(raised.value)
 
 
-@pytest.mark.parametrize("friction", [None, {"law": "coulomb", "coefficient": 0.3}, {"law": "tresca", "bound": 0.5}])
-@pytest.mark.parametrize("order", [(True, False), (False, True)])
-def test_planes_of_symmetry_that_come_and_go(tmp_path, order, friction):
-    """A support of the side below along the contact: with that of the body above, the corner lies in a plane of
-    symmetry while both hold, across which there is neither slip nor shear, nor any from the step before.
-    """
-    lines = [*squares(4, 2, name="LOW"), *squares(4, 2, 101, (0.0, 1.0), name="UP")]
-    (tmp_path / "two.inp").write_text("\n".join(lines) + "\n", encoding="utf-8")
-    fixed = [{"boundary": "LOW_FEET", "x": 0.0, "y": 0.0}, {"boundary": "UP_WALL", "x": 0.0}]
-    changing_support = {"boundary": "LOW_TOP", "x": 0.0}
-
-    def solved(supports):
-        data = {
-            "mesh": {"file": str(tmp_path / "two.inp")},
-            "material": {"young": 1000.0, "poisson": 0.3},
-            "traction": [{"boundary": "UP_HEAD", "y": -5.0, "factors": [1.0, 1.0]}],
-            "contact": [{"boundary": "UP_BOTTOM", "against": "LOW_TOP"} | ({"friction": friction} if friction else {})],
-            "displacement": supports,
-        }
-        return solve(as_scene(data))
-
-    solution = solved([*fixed, changing_support | {"holds": list(order)}])
-    assert solution.converged
-    assert all(step.certificate.holds for step in solution.steps)
-    if friction is None:  # what came before does not count
-        for step, holds in zip(solution.steps, order, strict=True):
-            alone = solved([*fixed, *([changing_support] if holds else [])]).displacement.x.array
-            np.testing.assert_allclose(step.displacement.x.array, alone, atol=1e-8 * np.abs(alone).max())
-
-
 PLANE = {"shape": "plane", "point": [0.0, 0.0], "normal": [0.0, 1.0]}
 FEW = [
     {"boundary": "top", "x": 0.0, "y": -1e-5},
@@ -202,6 +105,7 @@ def few(material, **more):
     return scene.model_copy(update={"traction": ()})
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("law", ["neo-hooke", "saint-venant-kirchhoff"])
 def test_supports_of_nonlinear_bodies(law):
     """Each step has its supports, and at small strains it is that of the linear body."""
@@ -221,19 +125,6 @@ def test_supports_of_nonlinear_bodies(law):
         for entry in FEW[1:]:
             if not entry["holds"][number]:
                 assert all(row.boundary != entry["boundary"] or "support" not in row.acts for row in rows)
-
-
-def test_a_nonlinear_body_with_supports_of_another_step_is_refused(monkeypatch):
-    """A solver that keeps those of the first step converges in each step, and the certificate of the second one, which
-    asks the scene, does not hold.
-    """
-    monkeypatch.setattr(nonlinear, "held_at", lambda model, step: model)
-    with pytest.raises(ConvergenceError, match="supports") as refused:
-        solve(few({"young": 1000.0, "poisson": 0.3, "law": "neo-hooke"}))
-    solution = refused.value.solution
-    assert solution.status is Status.NOT_CERTIFIED
-    assert len(solution.steps) == 1
-    assert solution.steps[0].certificate.holds
 
 
 def test_supports_of_nonlinear_pairs_stay():

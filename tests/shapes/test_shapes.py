@@ -2,9 +2,6 @@
 
 import subprocess
 import sys
-from itertools import combinations
-from pathlib import Path
-from runpy import run_path
 
 import forms
 import numpy as np
@@ -15,8 +12,7 @@ from dolfinx.mesh import CellType
 from mpi4py import MPI
 
 from signorini_fx import ContactProblem, Coulomb, FormError, Foundation, SceneError, solve
-from signorini_fx.mechanics.statement.crossing_pieces import crossing_pieces
-from signorini_fx.mechanics.statement.rigid_shape import distance_from, names, read_shape, shape_class
+from signorini_fx.mechanics.statement.rigid_shape import distance_from, read_shape
 from signorini_fx.scenes.check_text import render
 from signorini_fx.scenes.checks import check_scene
 from signorini_fx.scenes.reading import parse_scene, read_scene
@@ -112,7 +108,11 @@ def on_the_surface(shape, dim, count=5_000):
 # --- distances -------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("table", [*PLANE, *SPACE], ids=lambda table: table["shape"])
+@pytest.mark.parametrize(
+    "table",
+    [pytest.param(t, marks=pytest.mark.slow if t["shape"] == "spline" else ()) for t in [*PLANE, *SPACE]],
+    ids=lambda table: table["shape"],
+)
 def test_distance_and_normal(table):
     """The gradient has the length one and is the normal; no point of the surface is closer, and one is as close."""
     shape = read_shape(table)
@@ -194,6 +194,7 @@ def test_a_plane_mesh_is_a_shape(tmp_path):
     assert shape.distance(at)[0] == pytest.approx(np.where(hole < 0, -hole, np.maximum(outside, -hole)), abs=1e-13)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("size", [0.05, 5e-3])
 def test_a_plane_drawing_is_a_shape(files, size):
     """A disc with a hole, with few and with many lines around it: distances are exact but for their sag."""
@@ -207,43 +208,6 @@ def test_a_plane_drawing_is_a_shape(files, size):
     assert normal[clear] == pytest.approx(exact[clear] / np.linalg.norm(exact[clear], axis=1)[:, None], abs=2 * size)
     with pytest.raises(SceneError, match="not in a plane"):
         distance_from({"shape": "surface", "file": files / "tilted.step"}, 2)
-
-
-@pytest.mark.parametrize("name", ["touching", "overlapping", "flat"])
-def test_a_drawing_of_two_solids(files, name):
-    """What they have in common is no surface: within them it is the rim of both that is close; an edge keeps both."""
-    dim = 2 if name == "flat" else 3
-    middle, half = (2.0, 0.0, 0.0), (1.0, 0.5, 0.5)
-    at = np.random.default_rng(8).uniform(-2, 4, (400, 3))
-    # Deep within; and next to what is between the two, from whose rim they are sqrt(0.1^2 + 0.5^2) and 0.5 away.
-    at[:3] = [(0.0, 0.0, 0.0), (0.9, 0.0, 0.0), (1.2, 0.0, 0.0)]
-    at[:, dim:] = 0.0
-    signed, _ = read_shape({"shape": "surface", "file": files / f"{name}.step", "size": 1.0}).distance(at[:, :dim])
-    beyond = [(np.abs(at) - 1.0)[:, :dim], (np.abs(at - middle) - half)[:, :dim]]
-    inside = np.any([(part < 0).all(axis=1) for part in beyond], axis=0)
-    away = np.min([np.linalg.norm(np.maximum(part, 0.0), axis=1) for part in beyond], axis=0)
-    assert inside.sum() > 20
-    assert signed[~inside] == pytest.approx(away[~inside], abs=1e-12)
-    assert (signed[inside] < 0).all()
-    assert signed[:3] == pytest.approx([-1.0, -np.sqrt(0.26), -0.5])
-
-
-@pytest.mark.parametrize("closed", [False, True])
-def test_many_pieces_of_unlike_lengths(closed):
-    """Those that are looked at have the closest one among them; at the ends the line goes on."""
-    random = np.random.default_rng(8)
-    angle = np.sort(random.uniform(0, 2 * np.pi, 900) ** 3) / (2 * np.pi) ** 2
-    points = np.column_stack((np.cos(angle), np.sin(angle))) * random.uniform(0.9, 1.1, (900, 1))
-    points = np.vstack((points, points[:1])) if closed else points
-    shape = read_shape({"shape": "polyline", "points": tuple(map(tuple, points.tolist()))})
-    at = random.uniform(-2, 2, (500, 2))
-    begin, way = points[:-1], np.diff(points, axis=0)
-    first, last = np.zeros(len(way)), np.ones(len(way))
-    if not closed:
-        first[0], last[-1] = -np.inf, np.inf
-    share = np.clip(np.einsum("nmd,md->nm", at[:, None] - begin, way) / np.sum(way**2, axis=1), first, last)
-    away = np.linalg.norm(at[:, None] - begin - share[..., None] * way, axis=2).min(axis=1)
-    assert np.abs(shape.distance(at)[0]) == pytest.approx(away, abs=1e-14)
 
 
 # --- the same by formula ---------------------------------------------------------------------------------------------
@@ -355,15 +319,6 @@ def test_other_elements(dim, kind, degree):
     assert u.x.array == pytest.approx(v.x.array, abs=1e-10 * np.abs(v.x.array).max())
 
 
-@pytest.mark.parametrize("scale", [1e-3, 1e6])
-def test_units(scale):
-    """Lengths in another unit."""
-    table = {"shape": "sphere", "centre": (0.9, 0.5, -1.51), "radius": 1.5}
-    other = {"shape": "sphere", "centre": tuple(scale * c for c in table["centre"]), "radius": 1.5 * scale}
-    (_, u), (_, v) = pressed(table), pressed(other, block(3, MPI.COMM_SELF, scale=scale), scale=scale)
-    assert v.x.array / scale == pytest.approx(u.x.array, abs=1e-9 * np.abs(u.x.array).max())
-
-
 def test_gap_is_added():
     """To the distance; and any object with a distance is a shape."""
 
@@ -387,6 +342,7 @@ class Ball:
         return self.signed(size - 1.0, x), self.normal(away / size[:, None], x)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
@@ -480,48 +436,6 @@ def test_bad_values(shape, message):
     assert len(error.value.problems) == 1 + ("center" in str(shape))
 
 
-def test_lines_that_cross_themselves():
-    """The first pieces that cross are those that comparing all with all finds; corners that touch do not cross."""
-    drawn = np.random.default_rng(0)
-
-    def side(start, end, point):
-        return np.sign(np.linalg.det([end - start, point - start]))
-
-    def compared(line):
-        for first, second in combinations(range(len(line) - 1), 2):
-            (a, b), (c, d) = line[first : first + 2], line[second : second + 2]
-            if side(a, b, c) * side(a, b, d) < 0 and side(c, d, a) * side(c, d, b) < 0:
-                return first, second
-        return None
-
-    crossed = 0
-    for number in range(120):
-        line = drawn.standard_normal((drawn.integers(3, 12), 2))
-        if number % 2:
-            line = np.cumsum(line + np.array([0.8, 0.0]), axis=0)
-        if number % 3 == 0:
-            line = np.vstack((line, line[:1]))
-        assert crossing_pieces(line) == compared(line)
-        crossed += compared(line) is not None
-    assert 20 < crossed < 100
-    through_a_corner = np.array([(0.0, 0.0), (2.0, 0.0), (2.0, 1.0), (1.0, 0.0), (1.0, -1.0)])
-    assert crossing_pieces(through_a_corner) == (0, 2)
-    assert crossing_pieces(np.vstack((through_a_corner[:4], [(0.0, 1.0)]))) is None
-
-
-def test_bad_combinations():
-    """A direction or another body beside a foundation; in Python too."""
-    for key, value in (("direction", (0, -1)), ("against", "top")):
-        with pytest.raises(SceneError, match=f"{key}: foundation already says"):
-            scene(None, contact={"boundary": "bottom", "foundation": GROUND, key: value})
-    with pytest.raises(FormError, match="direction: is that of the closest point"):
-        pressed(GROUND, block(2, MPI.COMM_SELF), direction=(0, -1))
-    with pytest.raises(FormError, match=r"contact\[0\].shape.normal: must not be zero"):
-        pressed(GROUND | {"normal": (0, 0)}, block(2, MPI.COMM_SELF))
-    with pytest.raises(FormError, match="shape: a table is expected"):
-        pressed(3, block(2, MPI.COMM_SELF))
-
-
 def test_bad_surfaces(tmp_path):
     """Surfaces that are open, have no inside, or are no surfaces."""
 
@@ -570,106 +484,7 @@ foundation = { shape = "surface", file = "cube.stl", shift = [0.0, 0.0, -1.1] }
     assert "at a distance from 0.1 to" in render(check_scene(read_scene(files / "it.toml")))
 
 
-def test_only_named_shapes_are_imported():
-    """And VTK only where one needs it."""
-    code = (
-        "import sys; from signorini_fx.scenes.reading import parse_scene\n"
-        "scene = {'mesh': {'generator': 'rectangle'}, 'material': {'young': 1, 'poisson': 0.3}, 'contact': "
-        "{'boundary': 'bottom', 'foundation': {'shape': 'circle', 'centre': [0, -1], 'radius': 1}}}\n"
-        "parse_scene(scene)\n"
-        "print([m for m in sys.modules if m.startswith(('signorini_fx.mechanics.shapes.', 'vtk', 'scipy'))])"
-    )
-    told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
-    assert told.strip() == "['signorini_fx.mechanics.shapes.circle']"
-
-
-def test_every_shape_is_tested():
-    """The word in a scene is the name of the file."""
-    assert sorted({*(table["shape"] for table in (*PLANE, *SPACE)), "surface"}) == list(names())
-    assert [shape_class(name).model_fields["shape"].default for name in names()] == list(names())
-
-
 # --- foundations that move -------------------------------------------------------------------------------------------
-
-
-class Loop:
-    """A block on a foundation below it, in steps: its top moves, or the foundation, or both."""
-
-    def __init__(self, mesh, **data):
-        dim = mesh.geometry.dim
-        space = fem.functionspace(mesh, ("Lagrange", 1, (dim,)))
-        u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
-        self.way = fem.Constant(mesh, np.zeros(dim))
-        top = fem.locate_dofs_topological(space, dim - 1, forms.side(mesh, dim - 1, 1.0))
-        zero = ufl.inner(fem.Constant(mesh, np.zeros(dim)), v) * ufl.dx
-        found = Foundation(forms.side(mesh, dim - 1, 0.0), **data)
-        self.problem = ContactProblem(
-            forms.hooke(u, v), zero, [fem.dirichletbc(self.way, top, space)], contact=[found], algorithm="alm"
-        )
-
-    def step(self, way=None, **placement):
-        """The state after the next step."""
-        if placement:
-            self.problem.place(0, **placement)
-        if way is not None:
-            self.way.value[:] = way
-        self.problem.solve()
-        assert self.problem.certificate.holds
-        self.problem.advance()
-        return self.problem.state
-
-
-@pytest.mark.slow
-@pytest.mark.mpi
-@pytest.mark.parametrize("dim", [2, 3])
-def test_moving_the_foundation_is_moving_the_support(dim):
-    """To and fro with friction: the same pressures and shears in each step, displacements that differ by the way."""
-    ways = np.zeros((5, dim))
-    ways[:, -1], ways[:, 0] = (-0.02, -0.02, -0.03, -0.03, -0.03), (0.0, 0.01, 0.02, -0.01, 0.0)
-    if dim == 3:
-        ways[:, 1] = (0.0, 0.0, 0.01, 0.01, -0.01)
-    ground = {"shape": "plane", "point": (0.0,) * dim, "normal": (0.0,) * (dim - 1) + (1.0,)}
-    mesh, friction = block(dim), Coulomb(0.3)
-    first, second = (Loop(mesh, shape=ground, friction=friction) for _ in range(2))
-    # In the first step the law is static: both start from the pressed state.
-    for number, way in enumerate(ways):
-        one = first.step(way)
-        other = second.step(ways[0], shift=tuple(ways[0] - way)) if number else second.step(way)
-        size = COMM.allreduce(np.abs(one.pressure).max(initial=0.0), MPI.MAX)
-        assert size > 0
-        for field in ("pressure", "shear"):
-            assert getattr(other, field) == pytest.approx(getattr(one, field), abs=1e-8 * size)
-        apart = (first.problem.u.x.array - second.problem.u.x.array).reshape(-1, dim)
-        assert apart == pytest.approx(np.tile(way - ways[0], (len(apart), 1)), abs=1e-9)
-
-
-def test_turning_the_foundation_is_turning_the_formula():
-    """Gap and direction after each turn are those of the shape in its new place, with friction along it."""
-    centre, radius = (1.0, -1.5), 1.5
-    moves = [((0.0, 0.02), 0.0), ((0.05, 0.03), 20.0), ((0.1, 0.03), -10.0)]
-    wheel = {"shape": "circle", "centre": centre, "radius": radius, "pivot": centre}
-    slope = {"shape": "plane", "point": centre, "normal": (0.0, 1.0), "pivot": (1.0, 0.0)}
-    loop = Loop(block(2, MPI.COMM_SELF), shape=wheel)  # without friction the turn has no effect
-    for shift, rotation in moves:
-        state = loop.step(shift=shift, rotation=rotation)
-        fresh = Loop(block(2, MPI.COMM_SELF), **of_a_ball(np.add(centre, shift), radius)).step()
-        assert state.pressure == pytest.approx(fresh.pressure, abs=1e-8 * fresh.pressure.max())
-    loop = Loop(block(2, MPI.COMM_SELF), shape=slope | {"point": (1.0, 0.0)}, friction=Coulomb(0.4))
-    loop.step((0.0, -0.03))
-    state = loop.step(rotation=1.0)
-    angle = np.radians(1.0)
-    assert state.boundary.normal == pytest.approx(np.tile([np.sin(angle), -np.cos(angle)], (9, 1)), abs=1e-14)
-
-
-@pytest.mark.slow
-def test_a_wheel_rolls():
-    """Locked it meets the whole friction at each step, rolling a part of it; every step is certified."""
-    found = run_path(str(Path(__file__).parents[2] / "demos" / "forms" / "rolling_wheel.py"))
-    rolling, locked = (np.array([ratio for ratio, _ in found[name]]) for name in ("rolling", "locked"))
-    assert all(holds for name in ("rolling", "locked") for _, holds in found[name])
-    assert len(rolling) == 21
-    assert locked[1:] == pytest.approx(0.3, abs=0.01)
-    assert np.abs(rolling).max() < 0.15
 
 
 def moving(*, tool, shift, rotation=0.0, **more):
@@ -727,22 +542,6 @@ def test_a_foundation_moves_in_a_scene(more):
         assert one.regularisation == pytest.approx(other.regularisation, rel=0.01)
 
 
-def test_a_foundation_turns_in_a_scene():
-    """Its load steps have the normals of their places, and the last one without friction is that of its place alone."""
-    smooth = {"boundary": "bottom", "foundation": GROUND | {"point": [0, 0], "shift": [0, 0.03], "rotation": "0.2*t"}}
-    found = solve(moving(tool=False, shift=["0", "0"], contact=smooth))
-    for step in found.steps:
-        angle = np.radians(0.2 * step.time)
-        normal = step.contact.boundary.normal
-        assert normal == pytest.approx(np.tile([np.sin(angle), -np.cos(angle)], (len(normal), 1)), abs=1e-13)
-        assert step.certificate.holds
-    tilted = {"shape": "plane", "point": [0.0, 0.03], "normal": [-np.sin(angle), np.cos(angle)]}
-    more = {"contact": {"boundary": "bottom", "foundation": tilted}, "load_steps": {"times": [1]}}
-    there = solve(moving(tool=False, shift=["0", "0"], **more))
-    last = found.steps[-1].contact.pressure
-    assert last == pytest.approx(there.steps[-1].contact.pressure, abs=1e-7 * last.max())
-
-
 @pytest.mark.parametrize(
     ("more", "message"),
     [
@@ -757,20 +556,6 @@ def test_bad_motions(more, message):
         solve(moving(tool=True, **({"shift": ["0.01*t", 0.0]} | more)))
     assert message in str(error.value)
     assert len(error.value.problems) == 1
-
-
-def test_bad_placements():
-    """What has no shape cannot be placed, nor what cannot turn so."""
-    loop = Loop(block(2, MPI.COMM_SELF), shape=GROUND)
-    for placement, message in (
-        ({"shift": (0.0, 0.0, 1.0)}, r"contact\[0\].shape.shift: the mesh is plane: give 2 numbers"),
-        ({"radius": 3.0}, r"contact\[0\].shape.radius: unknown key"),
-        ({"rotation": "x"}, r"contact\[0\].shape.rotation: must be"),
-    ):
-        with pytest.raises(FormError, match=message):
-            loop.problem.place(0, **placement)
-    with pytest.raises(FormError, match="no shape that can be placed"):
-        Loop(block(2, MPI.COMM_SELF), gap=0.1).problem.place(0, shift=(0.0, 0.0))
 
 
 # --- known answers ---------------------------------------------------------------------------------------------------
@@ -833,28 +618,3 @@ def test_an_indenter_from_a_drawing(files, name):
     exact = force(sphere)
     assert exact > 0
     assert force(drawn | ({"size": 0.1} if name.endswith("step") else {})) == pytest.approx(exact, rel=0.05)
-
-
-@pytest.mark.parametrize("radius", [0.0, 0.2])
-@pytest.mark.parametrize("kind", ["edge", "cone"])
-@pytest.mark.parametrize("dim", [2, 3])
-def test_distances_are_distances(kind, dim, radius):
-    """They differ by no more than the points are apart, also between faces, and the closest point is on the surface."""
-    chance = np.random.default_rng(dim)
-    for angle in (20.0, 50.0, 80.0):
-        if kind == "cone":
-            table = {"tip": [0.0] * dim, "axis": [0.3, -1.0, 0.5][:dim], "angle": angle}
-        else:
-            turn = np.radians(2 * angle)
-            normals = [[0.0, 1.0, 0.0][:dim], [np.sin(turn), np.cos(turn), 0.0][:dim]]
-            table = {"point": [0.0] * dim, "normals": normals}
-        shape = shape_class(kind).model_validate({"shape": kind, **table, "radius": radius})
-        x = chance.normal(size=(4000, dim))
-        near = x + 1e-3 * chance.normal(size=x.shape)
-        outside = shape.initial(x)[0] > 0
-        both = outside & (shape.initial(near)[0] > 0)
-        off = np.abs(shape.initial(x)[0] - shape.initial(near)[0])[both]
-        assert (off <= (1 + 1e-9) * np.linalg.norm(x - near, axis=1)[both]).all()
-        distance, normal = shape.initial(x)
-        foot, _ = shape.initial(x - distance[:, None] * normal)
-        assert np.abs(foot[outside]).max() < 1e-9

@@ -12,7 +12,6 @@ import signal
 import subprocess
 import sys
 import time
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -26,7 +25,6 @@ from signorini_fx.machine.manifest import MANIFEST, PART
 from signorini_fx.mechanics.mesh.tagged import generate_mesh
 from signorini_fx.results import files
 from signorini_fx.results.folder import CHECKPOINT, ResultFolder
-from signorini_fx.scenes.reading import read_scene_text
 from signorini_fx.scenes.solver import solve
 
 SELF = MPI.COMM_SELF
@@ -61,7 +59,7 @@ def in_a_child(action):
     return os.waitpid(child, 0)[1]
 
 
-@pytest.mark.one_quick
+@pytest.mark.slow
 @pytest.mark.parametrize("every", [1, 3])
 def test_killed_at_every_step(tmp_path, solutions, every):
     """Killed before any of its operations on files, a second run leaves the first result, none, or its own, whole."""
@@ -111,6 +109,7 @@ def test_no_space(tmp_path, solutions, fields):
     assert sorted(tmp_path.rglob("*")) == before
 
 
+@pytest.mark.slow
 def test_second_run_into_the_same_folder(tmp_path, solutions):
     """While one run holds a folder another one is refused; after it nothing of the first result is left."""
     first, second = solutions
@@ -126,17 +125,6 @@ def test_second_run_into_the_same_folder(tmp_path, solutions):
     assert {path.name for path in tmp_path.iterdir()} == {
         *("summary.json", "contact.csv", "history.csv", "outer.csv", "notes.txt", MANIFEST)
     }
-
-
-@pytest.mark.parametrize("place", ["a file", "under a file", "no name", "a null byte"])
-def test_folder_that_cannot_be(tmp_path, solutions, place):
-    """Whoever runs it: a folder cannot be where a file is."""
-    (tmp_path / "file").write_text("mine")
-    names = {"a file": "file", "under a file": "file/out", "no name": "x" * 300, "a null byte": "a\0b"}
-    with pytest.raises(OutputError, match="cannot be written"):
-        files.write_results(solutions[0], tmp_path / names[place])
-    assert (tmp_path / "file").read_text() == "mine"
-    assert [path.name for path in tmp_path.iterdir()] == ["file"]
 
 
 SCENE = """
@@ -167,7 +155,7 @@ def start(tmp_path, *arguments, cells=200, **options):
     )
 
 
-@pytest.mark.one_quick
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_interrupted(tmp_path, number):
     """It says how far it got, and keeps the last complete mesh."""
@@ -189,6 +177,7 @@ def test_interrupted(tmp_path, number):
     assert {path.name for path in (tmp_path / "out").iterdir()} == {files.LAST_LEVEL, CHECKPOINT, MANIFEST}
 
 
+@pytest.mark.slow
 def test_killed_between_meshes(tmp_path):
     """Who cannot be asked to end leaves the last complete mesh too; the next run takes it away when it is done."""
     with start(tmp_path) as process:
@@ -206,6 +195,7 @@ def test_killed_between_meshes(tmp_path):
     assert not (tmp_path / "out" / files.LAST_LEVEL).exists()
 
 
+@pytest.mark.slow
 def test_output_that_goes_nowhere(tmp_path):
     """A full disk behind standard output is said and ends with an exit code; the results are written all the same."""
     with open("/dev/full", "w") as nowhere, start(tmp_path, cells=16, stdout=nowhere) as process:
@@ -213,12 +203,6 @@ def test_output_that_goes_nowhere(tmp_path):
     assert process.returncode == 2
     assert errors.splitlines() == ["signorini-fx: the output cannot be written: No space left on device"]
     assert whole(tmp_path / "out") == 17
-
-
-def test_scene_without_end():
-    """A file that has no end is refused after a while."""
-    with pytest.raises(SceneError, match="longer than"):
-        read_scene_text(Path("/dev/zero"))
 
 
 # --- a PETSc without packages, a machine without memory --------------------------------------------------------------
@@ -262,18 +246,6 @@ def test_without_mumps(without, packages, wanted):
 
 
 @pytest.mark.mpi
-def test_body_without_contact_and_mumps(without):
-    """The linear solve too."""
-    support = example1().displacement[0]
-    scene = example1(nx=12, ny=4).model_copy(
-        update={"contact": (), "displacement": (support.model_copy(update={"boundary": "bottom", "y": 0.0}),)}
-    )
-    energy = solve(scene, MPI.COMM_WORLD).steps[-1].strain_energy
-    without("mumps", "superlu_dist", "cholmod")
-    assert solve(scene, MPI.COMM_WORLD).steps[-1].strain_energy == pytest.approx(energy, rel=1e-9)
-
-
-@pytest.mark.mpi
 @pytest.mark.parametrize(
     ("generator", "parameters"),
     [
@@ -293,10 +265,3 @@ def test_mesh_that_no_machine_holds(monkeypatch, generator, parameters):
     with pytest.raises(SceneError, match=reasons):
         generate_mesh(generator, parameters, MPI.COMM_WORLD)
     assert time.process_time() - begin < 1.0
-
-
-@pytest.mark.mpi
-def test_memory_of_the_machine():
-    """All ranks share one machine here, which is counted once."""
-    assert 1e8 < parallel.machine_memory(MPI.COMM_WORLD) < 1e14
-    assert parallel.machine_memory(MPI.COMM_WORLD) == parallel.machine_memory(SELF)

@@ -214,7 +214,7 @@ sys.exit(cli.main(sys.argv[2:]))
 """
 
 
-@pytest.mark.one_quick
+@pytest.mark.slow
 @pytest.mark.parametrize("rank", [0, 1])
 def test_a_signal_on_one_of_two_ranks(rank, older, tmp_path):
     """Whichever rank it reaches inside a linear solve in 3D: all ranks end, and the older result stays."""
@@ -230,92 +230,3 @@ def test_a_signal_on_one_of_two_ranks(rank, older, tmp_path):
     assert "singular" not in ended.stdout + ended.stderr
     assert "Traceback" not in ended.stderr
     assert left_alone(older, out)
-
-
-IN_PYTHON = """
-import os, signal, sys
-from mpi4py import MPI
-from signorini_fx import solve
-from signorini_fx.algebra.linalg.multigrid import ContactPreconditioner
-from signorini_fx.solving import solve_on_mesh
-
-rank, place, scene = int(sys.argv[1]), sys.argv[2], sys.argv[3]
-owner, name = {"krylov": (ContactPreconditioner, "apply"), "assembly": (solve_on_mesh, "discretise")}[place]
-function, count = getattr(owner, name), [0]
-
-def entered(*args, **options):
-    count[0] += 1
-    if count[0] == 1 and MPI.COMM_WORLD.rank == rank:
-        os.kill(os.getpid(), signal.SIGINT)
-    return function(*args, **options)
-
-setattr(owner, name, entered)
-try:
-    solve(scene)
-except KeyboardInterrupt:
-    MPI.COMM_WORLD.Barrier()
-    sys.stdout.write(f"rank {MPI.COMM_WORLD.rank}: interrupted, then {solve(scene).status.value}\\n")
-"""
-
-
-@pytest.mark.one_quick
-@pytest.mark.parametrize(("rank", "place"), [(0, "krylov"), (1, "krylov"), (1, "assembly")])
-def test_a_signal_on_one_of_two_ranks_in_python(rank, place, tmp_path):
-    """It is raised on both, none waits for ever, and the next solve knows nothing of it."""
-    if shutil.which("mpirun") is None:
-        pytest.skip("there is no mpirun")
-    scene = written(tmp_path / "scene.toml", SOLID, KRYLOV)
-    (tmp_path / "run.py").write_text(IN_PYTHON)
-    command = ["mpirun", "-n", "2", sys.executable, str(tmp_path / "run.py"), str(rank), place, str(scene)]
-    ended = subprocess.run(command, capture_output=True, text=True, timeout=120)
-    assert ended.returncode == 0, ended.stderr
-    assert sorted(ended.stdout.split("\n"))[-2:] == [f"rank {k}: interrupted, then converged" for k in (0, 1)]
-
-
-def test_handlers_of_others(monkeypatch):
-    """A handler that does not raise is called once, and the solve goes on; afterwards it is in place again."""
-    called = []
-
-    def handle(number, frame):
-        called.append(number)
-
-    def act(self, record, add=History.add):
-        os.kill(os.getpid(), signal.SIGUSR1)
-        assert not called or called == [signal.SIGUSR1] * len(called)
-        add(self, record)
-
-    monkeypatch.setattr(History, "add", act)
-    before = signal.signal(signal.SIGUSR1, handle)
-    try:
-        solution = solver.solve(example1(bound=1.5, nx=6, ny=2))
-        assert solution.converged
-        assert len(called) == solution.history.linear_solves + len(solution.history.outer)
-        assert signal.getsignal(signal.SIGUSR1) is handle
-    finally:
-        signal.signal(signal.SIGUSR1, before)
-
-
-def test_signals_wait_in_order():
-    """Nested blocks count as one; what one handler raises leaves the others for the next moment."""
-    calls = []
-
-    def handle(number, frame):
-        calls.append(number)
-        if number == signal.SIGUSR1:
-            raise Enough
-
-    before = [signal.signal(number, handle) for number in (signal.SIGUSR1, signal.SIGUSR2)]
-    try:
-        with signals.deferred():
-            with signals.deferred():
-                os.kill(os.getpid(), signal.SIGUSR1)
-                os.kill(os.getpid(), signal.SIGUSR2)
-            assert not calls
-            with pytest.raises(Enough):
-                signals.serve()
-            assert calls == [signal.SIGUSR1]
-            signals.serve()
-        assert calls == [signal.SIGUSR1, signal.SIGUSR2]
-    finally:
-        for number, one in zip((signal.SIGUSR1, signal.SIGUSR2), before, strict=True):
-            signal.signal(number, one)

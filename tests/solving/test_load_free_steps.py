@@ -80,6 +80,7 @@ def nodes_of(displacement):
     return [(x[part], y[part]) for part in (~upper, upper) if part.any()]
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(("law", "bodies", "path", "rough", "held"), table())
 def test_stays_near_to_where_it_was(law, bodies, path, rough, held):
     """No forces, no strain but that of heat and of yielding, each body on what is below it, and not moved sideways."""
@@ -128,6 +129,7 @@ def share_of_load(load, step):
     return np.interp(step.time, range(len(load["factors"]) + 1), [0.0, *load["factors"]])
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("law", "bodies"),
     [

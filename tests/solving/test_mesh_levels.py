@@ -5,26 +5,17 @@ import pytest
 from mpi4py import MPI
 from petsc4py import PETSc
 from scenes import example1
-from scipy.spatial import cKDTree
 from spaces import block, box, friction_of
 from test_krylov import LAWS, agree, set_ups, steps  # noqa: F401
 from test_ranks import same_on_all_ranks
 from test_space_patch import rotation
-from two_bodies import assembled, grid
 
-from signorini_fx.algebra.linalg import multigrid
 from signorini_fx.mechanics.body.discretisation import discretise
-from signorini_fx.mechanics.mesh.points import at_points
-from signorini_fx.mechanics.mesh.tagged import tag_boundaries
-from signorini_fx.mechanics.rigid import mesh_levels
 from signorini_fx.records import History, Timings
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.mesh_sequence import solve_scenes
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve
-from signorini_fx.scenes.sweep import _coarser, _Value, sweep
-from signorini_fx.solving.first_start import begin_at_coarse
-from signorini_fx.solving.solve_on_mesh import contact_task
 
 WORLD, SELF = MPI.COMM_WORLD, MPI.COMM_SELF
 
@@ -72,6 +63,7 @@ MESHES = {
 }
 
 
+@pytest.mark.one_quick
 @pytest.mark.mpi
 @pytest.mark.parametrize("name", MESHES)
 def test_linear_functions_are_interpolated_exactly(name):
@@ -95,82 +87,6 @@ def test_linear_functions_are_interpolated_exactly(name):
 # Whether all nodes are looked up on one rank.
 LOOKED_UP = dict.fromkeys(("rectangle", "quadratic", "hexahedra", "tetrahedra"), True)
 LOOKED_UP |= dict.fromkeys(("not nested", "cylinder"), False)
-
-
-@pytest.mark.mpi
-@pytest.mark.parametrize("name", [*LOOKED_UP, "touching"])
-def test_places_that_are_looked_up_are_those_that_are_found(name, monkeypatch):
-    """The same interpolation to round-off as by the search alone, also of two bodies whose nodes are at the same
-    places; where meshes are nested nothing is sought on one rank.
-    """
-    if name == "touching":
-        coarse, fine = (level(touching(n), WORLD) for n in (1, 2))
-    else:
-        coarse, fine = (level(scene(WORLD), WORLD) for scene in MESHES[name])
-    fine.coarser, sought = coarse, []
-
-    def search(mesh, x, *arguments):
-        sought.append(len(x))
-        return at_points(mesh, x, *arguments)
-
-    monkeypatch.setattr(mesh_levels, "at_points", search)
-    interpolation = fine.interpolation
-    if WORLD.size == 1:
-        assert (sum(sought) == 0) == LOOKED_UP.get(name, True)
-    del fine.interpolation
-    monkeypatch.setattr(mesh_levels, "at_lattice", nowhere)
-    interpolation.axpy(-1.0, fine.interpolation, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
-    assert interpolation.norm(PETSc.NormType.NORM_INFINITY) <= 1e-9
-
-
-def touching(n):
-    """Two cubes on each other that are not joined, each held at its end, with the same nodes where they touch."""
-    cubes = (grid("hexahedron", (n, n, n), (0, 0, z), (1, 1, z + 1)) for z in (0, 1))
-    mesh = assembled("hexahedron", *cubes, comm=WORLD)
-    tagged = tag_boundaries(mesh, {"bottom": lambda x: x[2] < 1e-9, "top": lambda x: x[2] > 2 - 1e-9})
-    held = [{"boundary": name, "x": 0.0, "y": 0.0, "z": 0.0} for name in ("bottom", "top")]
-    return parse_scene({"mesh": tagged, "material": {"young": 1.0, "poisson": 0.3}, "displacement": held})
-
-
-def nowhere(mesh, x, *_):
-    """No point is at a lattice point."""
-    return np.full(len(x), -1), np.zeros(len(x), dtype=np.int64), np.zeros((1, mesh.topology.dim))
-
-
-def test_prescribed_unknowns_do_not_move():
-    """Neither those of the finer mesh nor by those of the coarser one."""
-    coarse = level(block(6), SELF)
-    fine = level(block(12), SELF, coarse)
-    rows, columns, values = fine.interpolation.getValuesCSR()
-    assert fine.fixed.any()
-    assert coarse.fixed.any()
-    assert not values[np.repeat(fine.fixed, np.diff(rows))].any()
-    assert not values[coarse.fixed[columns]].any()
-
-
-def test_levels_in_between():
-    """Meshes of nearly the same size are left out; a mesh far too coarse is no level."""
-    coarse, same, fine, finest = (level(block(n), SELF) for n in (6, 9, 12, 27))
-    d = discretise(block(12).statement, load_mesh(block(12), SELF), Timings())
-    same.coarser = coarse
-    assert d.level(same).coarser is coarse
-    assert d.level(coarse).coarser is coarse
-    assert d.level(finest).coarser is None
-    assert d.level(fine).coarser is None
-    d = discretise(block(27).statement, load_mesh(block(27), SELF), Timings())
-    assert d.level(coarse).coarser is None
-
-
-def test_another_body_is_no_coarser_mesh():
-    """A mesh that does not cover the finer one gives no interpolation, and multigrid does without it."""
-    half = parse_scene(
-        {
-            "mesh": {"generator": "box", "parameters": {"length": 1.0, "nx": 3, "ny": 3, "nz": 3}},
-            "material": {"young": 1.0, "poisson": 0.3},
-            "displacement": {"boundary": "left", "x": 0.0, "y": 0.0, "z": 0.0},
-        }
-    )
-    assert level(block(12), SELF, level(half, SELF)).interpolation is None
 
 
 def nested(scenes, comm=SELF):
@@ -203,7 +119,7 @@ CURVED = {
 }
 
 
-@pytest.mark.one_quick
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CURVED)
 def test_curved_bodies(name):
     """Nodes beyond the coarser mesh take the shape functions of the nearest cell."""
@@ -229,6 +145,7 @@ def between_walls(n, **solver):
     )
 
 
+@pytest.mark.slow
 def test_skew_supports(steps):  # noqa: F811
     """Unknowns in frames of their own on either mesh; the interpolation turns them, with as few steps."""
     ours, theirs = (nested([between_walls(n, linear_algebra=kind) for n in (4, 8)]) for kind in ("krylov", "full"))
@@ -237,54 +154,7 @@ def test_skew_supports(steps):  # noqa: F811
     assert max(count for *_, count in steps) <= 12
 
 
-def test_frames_of_skew_supports():
-    """A linear displacement in the frames of the coarser mesh becomes the same in those of the finer one."""
-    coarse, fine = (level(between_walls(n), SELF) for n in (4, 8))
-    fine.coarser = coarse
-    turned = []
-    for one in (coarse, fine):
-        one.fixed[:] = False
-        flat, own = one.vector(), one.vector()
-        flat.getArray()[:] = linear(one.space.tabulate_dof_coordinates()).ravel()
-        one.rotation.multTranspose(flat, own)
-        assert (own - flat).norm() > 0.1 * flat.norm()
-        turned.append(own)
-    found = fine.vector()
-    fine.interpolation.mult(turned[0], found)
-    wanted = turned[1].getArray()
-    np.testing.assert_allclose(found.getArray(), wanted, rtol=0, atol=1e-12 * np.abs(wanted).max())
-
-
-@pytest.mark.parametrize("cells", ["hexahedra", "tetrahedra"])
-def test_the_coarser_displacement_is_the_start(cells):
-    """At the nodes of the coarser mesh it is what it was there, although each body has a reference motion of its
-    own.
-    """
-    coarse = solve(block(6, cells, bound=1.5, linear_algebra="krylov"), SELF)
-    scene = block(12, cells, bound=1.5, linear_algebra="krylov")
-    d = discretise(scene.statement, load_mesh(scene, SELF), Timings())
-    below = coarse.model.level(None, coarse.displacement)
-    task = contact_task(d, History(), below)
-    assert task.rest is not None
-    begin_at_coarse(task, below, d)
-    found = d.from_rest(task.rest, task.iterate.x).x.array.reshape(-1, 3)
-    wanted = coarse.displacement.x.array.reshape(-1, 3)
-    distance, node = cKDTree(d.space.tabulate_dof_coordinates()).query(coarse.model.space.tabulate_dof_coordinates())
-    assert distance.max() < 1e-12
-    np.testing.assert_allclose(found[node], wanted, rtol=0, atol=1e-12 * np.abs(wanted).max())
-
-
-def test_a_coarsest_mesh_that_is_large(monkeypatch, steps):  # noqa: F811
-    """It is coarsened further by aggregation, with hardly more steps."""
-    scenes = NESTED["tresca"](linear_algebra="krylov")
-    assert nested(scenes).converged
-    direct = sum(count for *_, count in steps)
-    steps.clear()
-    monkeypatch.setattr(multigrid, "MOST_COARSEST_UNKNOWNS", 100)
-    assert nested(scenes).converged
-    assert direct <= sum(count for *_, count in steps) <= 1.3 * direct
-
-
+@pytest.mark.slow
 def test_steps_do_not_grow_with_the_mesh(steps):  # noqa: F811
     """In 2D from 60 x 20 to 240 x 80 cells: 2.5 times those of one linear solve at most."""
     spent = []
@@ -323,36 +193,3 @@ def test_one_rank_or_many(name, steps):  # noqa: F811
         size = max(np.abs(wanted[one]).max() for one in group)
         for one in group:
             np.testing.assert_allclose(table[one], wanted[one], rtol=0, atol=1e-8 * size, err_msg=one)
-
-
-def test_sweep():
-    """Coarser meshes are levels of multigrid in a sweep too, and change no result; other methods do without them."""
-    scene = parse_scene(
-        {
-            "mesh": {"generator": "box", "parameters": {"nx": 12, "ny": 4, "nz": 4}},
-            "material": {"young": 5000.0, "poisson": 0.4},
-            "displacement": [{"boundary": name, "x": 0.0, "y": 0.0} for name in ("left", "right")],
-            "traction": {"boundary": "top", "y": 4.0, "z": -20.0},
-            "contact": {"boundary": "bottom", "gap": 0.001, "friction": {"law": "coulomb", "coefficient": 0.3}},
-            "solver": {"linear_algebra": "krylov", "levels": 2, "coulomb": "newton"},
-        }
-    )
-    body = discretise(scene.statement, load_mesh(scene, SELF), Timings())
-    values = [0.1, 0.3]
-    first = [_Value(coefficient=values[0])]
-    level, state = _coarser(scene, body, first)
-    assert level.dofs == 3 * 7 * 3 * 3
-    assert level.solved is not None
-    assert state.boundary.size == 7 * 3
-    others = {}
-    for kind, levels in (("krylov", 2), ("krylov", 1), ("condensed", 2)):
-        settings = scene.solver.model_copy(update={"linear_algebra": kind, "levels": levels})
-        others[kind, levels] = scene.model_copy(update={"solver": settings})
-    assert _coarser(others["krylov", 1], body, first) == (None, None)
-    assert _coarser(others["condensed", 2], body, first) == (None, None)
-    nested, *alone = (sweep(s, SELF, coefficients=values) for s in others.values())
-    assert nested[0].linear_solves < alone[0][0].linear_solves
-    for points in alone:
-        for mine, right in zip(points, nested, strict=True):
-            wanted = right.contact.pressure
-            np.testing.assert_allclose(mine.contact.pressure, wanted, rtol=0, atol=2e-8 * wanted.max())

@@ -3,42 +3,25 @@
 import csv
 import json
 import os
-import re
 import signal
 import subprocess
 import sys
 import tomllib
-from dataclasses import fields, replace
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from mpi4py import MPI
 
-from signorini_fx.algebra.algorithms import strategy
-from signorini_fx.algebra.algorithms.task import Outcome
-from signorini_fx.algebra.contact.active_sets import ActiveSets
-from signorini_fx.algebra.contact.friction import PointFriction
-from signorini_fx.algebra.contact.nodal_vectors import unit
 from signorini_fx.errors import SceneError
 from signorini_fx.machine.manifest import MANIFEST
-from signorini_fx.mechanics.body.discretisation import discretise
 from signorini_fx.mechanics.contact_points.contact_table import contact_table
-from signorini_fx.records import History, Status, StepRecord, Timings
-from signorini_fx.results import restart_files
+from signorini_fx.records import StepRecord
 from signorini_fx.results.files import write_results
 from signorini_fx.results.folder import CHECKPOINT
 from signorini_fx.results.restart_files import Checkpoint
-from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve
-from signorini_fx.solving import first_start
-from signorini_fx.solving.checkpointed_steps import MeshCheckpoint
-from signorini_fx.solving.data_at_times import stated_body
-from signorini_fx.solving.iterated_interfaces import protocol
-from signorini_fx.solving.ramp import Increments
-from signorini_fx.solving.solve_on_mesh import contact_task
 
 PUSHED = """
 title = "block, pressed and pushed"
@@ -267,34 +250,6 @@ def test_from_one_rank_to_all(tmp_path, method):
     assert_same(solution, solve(given))
 
 
-@pytest.mark.slow
-@pytest.mark.mpi
-@pytest.mark.parametrize("method", ["fp", "alm"])
-def test_from_all_ranks_to_one(tmp_path, method):
-    """The other way round."""
-    folder, given = shared(tmp_path), scene(PUSHED, **METHODS[method])
-    interrupted(given, MPI.COMM_WORLD, folder, 5)
-    if MPI.COMM_WORLD.rank == 0:
-        solution = solve(given, MPI.COMM_SELF, checkpoint=folder, restart=True)
-        reference = solve(given, MPI.COMM_SELF)
-        assert_same(solution, reference)
-        assert [r.linear_solves for r in solution.steps[:4]] != [0] * 4
-
-
-@pytest.mark.slow
-@pytest.mark.mpi
-def test_bodies_with_meshes_of_their_own(tmp_path):
-    """Begun on one rank and ended on all of them: the cells of all bodies are kept in an order without ranks."""
-    folder, given = shared(tmp_path), scene(BODIES)
-    if MPI.COMM_WORLD.rank == 0:
-        interrupted(given, MPI.COMM_SELF, folder, 4)
-    MPI.COMM_WORLD.barrier()
-    solution = solve(given, checkpoint=folder, restart=True)
-    assert solution.history.events[0].startswith("restart: 3 complete load steps")
-    assert not any("solved again" in event for event in solution.history.events)
-    assert_same(solution, solve(given, MPI.COMM_SELF))
-
-
 @pytest.mark.one_quick
 @pytest.mark.mpi(slow=True)
 @pytest.mark.parametrize("method", ["fp", "newton"])
@@ -306,26 +261,6 @@ def test_from_the_reference_motion(tmp_path, method):
     assert solution.history.events[0].startswith("restart: 3 complete load steps")
     assert not any("solved again" in event for event in solution.history.events)
     assert_same(solution, solve(given))
-
-
-@pytest.mark.mpi(slow=True)
-def test_bilateral_newton(tmp_path):
-    """The bound of points that pull grows with the size of their pressure, in what is kept as well."""
-    text = """
-mesh = { generator = "rectangle", parameters = { length = 1.0, height = 0.25, nx = 3, ny = 2 } }
-material = { young = 1000.0, poisson = 0.3 }
-traction = { boundary = "top", x = -2.0, y = -0.5, factors = [0.5, 0.8, 1.0, 1.2] }
-contact = { boundary = "bottom", kind = "bilateral", friction = { law = "coulomb", coefficient = 1.5 } }
-"""
-    folder, given = shared(tmp_path), scene(text, **METHODS["newton"])
-    interrupted(given, MPI.COMM_WORLD, folder, 4)
-    solution = solve(given, checkpoint=folder, restart=True)
-    assert solution.history.events[0].startswith("restart: 3 complete load steps")
-    assert not any("solved again" in event for event in solution.history.events)
-    reference = solve(given)
-    pressure, state = (reference.table.columns[name] for name in ("pressure", "state"))
-    assert (pressure[np.char.startswith(state, "slip")] < 0).any()
-    assert_same(solution, reference)
 
 
 @pytest.mark.one_quick
@@ -400,151 +335,7 @@ def test_a_ramp(tmp_path, push, method):
     assert solution.parameters == pytest.approx(reference.parameters)
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("where", [4, 6])
-def test_increments_without_a_solution_stay_in_the_history(tmp_path, where, monkeypatch):
-    """A restart counts every linear solve of the run before once, also those that led nowhere."""
-    plain, seen = strategy.solve_task, []
-
-    def fails_now_and_then(task, start, most=None):
-        outcome = plain(task, start, most)
-        if start.step not in (2, 4) or start.step in seen:
-            return outcome
-        seen.append(start.step)
-        return replace(outcome, status=Status.CYCLING)
-
-    monkeypatch.setattr(protocol, "solve_task", fails_now_and_then)
-    given = a_ramp(0.9)
-    reference = solve(given, MPI.COMM_SELF)
-    assert any("half the increment" in event for event in reference.history.events)
-    seen.clear()
-    interrupted(given, MPI.COMM_SELF, tmp_path, where)
-    solution = solve(given, MPI.COMM_SELF, checkpoint=tmp_path, restart=True)
-    own = solution.history.events[1:]
-    assert own == reference.history.events
-    ours, theirs = (
-        [(row.step, row.solve, row.outer, row.iteration, row.changed) for row in one.history.iterations]
-        for one in (solution, reference)
-    )
-    assert ours == theirs
-    ours, theirs = (
-        [(row.step, row.outer, row.linear_solves, row.status) for row in one.history.outer]
-        for one in (solution, reference)
-    )
-    assert ours == theirs
-
-
-def test_nodes_at_the_same_place():
-    """Where two bodies touch each other, each node finds itself by its displacement, in any order."""
-    places, moved = np.array([[1.0, 0.5], [1.0, 0.5], [2.0, 0.5]]), np.array([[0.0, -1e-3], [0.0, 2e-3], [0.0, 0.0]])
-    stored = {"part": np.zeros((3, 1)), "x": places, "y": moved, "value": np.array([[1.0], [2.0], [3.0]])}
-    for order in ([0, 1, 2], [1, 0, 2], [2, 1, 0]):
-        displacement = SimpleNamespace(x=SimpleNamespace(array=moved[order].ravel()))
-        nodes = SimpleNamespace(x=places[order], part=np.zeros(3), nodes=np.arange(3), size=3)
-        found = restart_files._placed(stored, nodes, displacement, 3.0)
-        np.testing.assert_array_equal(found["value"].ravel(), np.array(order) + 1.0)
-
-
-@pytest.mark.parametrize("text", [PUSHED, IN_SPACE, TWISTED], ids=["plane", "space", "torsion"])
-def test_all_that_belongs_to_a_load_step(tmp_path, text):
-    """Data, sets, iterate and what is known of the outcome come back, each by itself."""
-    given, rng = scene(text), np.random.default_rng(0)
-    d = discretise(given.statement, load_mesh(given, MPI.COMM_SELF), Timings())
-    tasks = [contact_task(d, History()) for _ in range(2)]
-    task = tasks[0]
-    count, tangents = task.start.data.mu_hat.shape
-    task.iterate.begin_step(task.start)
-
-    def anything(gamma_n, gamma_t):
-        vectors = {name: rng.normal(size=(count, tangents)) for name in ("mu_hat", "slip_origin")}
-        scalars = {name: rng.uniform(0.1, 1.0, count) for name in ("lambda_hat", "bound")}
-        friction = PointFriction(scalars["bound"], rng.uniform(0.1, 1.0, count))
-        parameters = {"gamma_n": gamma_n, "gamma_t": gamma_t, "sigma": 1e-5, "follows": friction}
-        return replace(task.start.data, **parameters, **vectors, **scalars)
-
-    regularised, solved = anything(3e6, 2e5), anything(5e6, 7e5)
-    directions = unit(rng.normal(size=(count, tangents))) * (rng.random((count, 1)) < 0.5)
-    sets = ActiveSets.of(rng.random(count) < 0.5, directions, rng.random(count))
-    newton = task.iterate.newton
-    free = ~newton.problem.system.contact.fixed
-    newton.x.getArray()[free] = 1e-3 * rng.normal(size=np.count_nonzero(free))
-    newton.pose(solved, sets)
-    outcome = Outcome(Status.CONVERGED, newton, regularised, monolithic=True, augmented=True, regularisation_error=0.25)
-    result = SimpleNamespace(displacement=d.from_rest(task.rest, outcome.displacement()))
-    start = replace(task.start, place=0.5)
-    stored = Checkpoint(MPI.COMM_SELF, tmp_path, given, restart=False)
-    path = Increments(given.statement.path, given.solver, may_augment=given.statement.has_coulomb)
-    steps = stated_body(d, Timings(), lambda d: tasks[1])
-    MeshCheckpoint(stored, 0).store(steps, task, start, outcome, result, path, (0, 0, 0))
-    again = Checkpoint(MPI.COMM_SELF, tmp_path, given, restart=True)
-    found = MeshCheckpoint(again, 0).recall(steps, tasks[1], tasks[1].start)
-    assert found.start.place == 0.5
-    for name in ("status", "monolithic", "augmented", "regularisation_error"):
-        assert getattr(found.outcome, name) == getattr(outcome, name), name
-    for one, other in ((found.outcome.data, regularised), (found.outcome.problem.data, solved)):
-        for field in fields(one):
-            ours, theirs = getattr(one, field.name), getattr(other, field.name)
-            assert (ours is None) == (theirs is None), field.name
-            if field.name == "follows":
-                ours, theirs = (np.array((friction.given, friction.coefficient)) for friction in (ours, theirs))
-            if ours is not None:
-                np.testing.assert_allclose(ours, theirs, rtol=1e-12, atol=1e-12, err_msg=field.name)
-    for name in ("contact", "direction", "turning"):
-        ours, theirs = (getattr(one.problem.sets, name) for one in (found.outcome, outcome))
-        np.testing.assert_allclose(ours, theirs, rtol=1e-12, atol=1e-12, err_msg=name)
-    moved = newton.x.getArray(readonly=True)
-    np.testing.assert_allclose(found.outcome.newton.x.getArray(readonly=True), moved, rtol=0, atol=1e-12)
-
-
 @pytest.mark.slow
-def test_after_augmentation(tmp_path, monkeypatch):
-    """A load step that augmentation has solved promises the law itself, also to the steps after a restart."""
-    given = scene(PUSHED)
-    plain = strategy.fixed_point
-
-    def fails_at_third(newton, *arguments, **options):
-        fails = newton.history.step == 3 and options["augmentation"] is None
-        return Status.CYCLING if fails else plain(newton, *arguments, **options)
-
-    monkeypatch.setattr(strategy, "fixed_point", fails_at_third)
-    monkeypatch.setattr(strategy, "coulomb_newton", lambda *arguments: Status.CYCLING)
-    reference = solve(given, MPI.COMM_SELF)
-    assert not reference.steps[2].certificate.law.regularised
-    interrupted(given, MPI.COMM_SELF, tmp_path, 4)
-    monkeypatch.setattr(strategy, "fixed_point", plain)  # Newton's method still fails, so that both go the same way
-    solution = solve(given, MPI.COMM_SELF, checkpoint=tmp_path, restart=True)
-    assert not any("solved again" in event for event in solution.history.events)
-    assert not solution.steps[2].certificate.law.regularised
-    assert_same(solution, reference)
-
-
-@pytest.mark.slow
-@pytest.mark.mpi
-def test_load_steps_on_several_meshes(tmp_path):
-    """Each mesh begins with the first load step, from that of the coarser mesh, and a restart goes on from there."""
-    data = tomllib.loads(PUSHED)
-    given = parse_scene({**data, "solver": {"levels": 2}})
-    folder = shared(tmp_path)
-    if MPI.COMM_WORLD.rank == 0:
-        with pytest.raises(Killed):
-            solve(given, MPI.COMM_SELF, checkpoint=folder, observers=[until(1)])  # where the second mesh begins
-    MPI.COMM_WORLD.barrier()
-    states = []
-    plain = first_start.carry_over
-
-    def watched(state, boundary):
-        states.append(state)
-        return plain(state, boundary)
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(first_start, "carry_over", watched)
-        solution = solve(given, checkpoint=folder, restart=True)
-    (begun,) = states
-    normal, tangential = begun.forces
-    np.testing.assert_allclose(normal + tangential, [0.0, 60.0], atol=1e-6)  # pressed, and not pushed yet
-    assert_same(solution, solve(given))
-
-
 @pytest.mark.mpi(slow=True)
 @pytest.mark.parametrize("method", ["fp", "newton", "krylov"])
 def test_meshes(tmp_path, method):
@@ -563,35 +354,6 @@ def test_meshes(tmp_path, method):
         assert ours.linear_solves == theirs.linear_solves
         assert ours.energy == pytest.approx(theirs.energy, rel=1e-6)
         assert ours.regularisation == pytest.approx(theirs.regularisation, rel=1e-3)
-
-
-@pytest.mark.one_quick
-@pytest.mark.parametrize("text", [PUSHED, NESTED], ids=["pushed", "nested"])
-def test_what_was_done_is_not_done_again(tmp_path, text):
-    """The history has the linear solves of both runs, but a restart shows only its own."""
-    given, seen = scene(text), []
-    interrupted(given, MPI.COMM_SELF, tmp_path, 2)
-    solution = solve(given, MPI.COMM_SELF, checkpoint=tmp_path, restart=True, observers=[seen.append])
-    own = [record.solve for record in seen if hasattr(record, "solve")]
-    assert own[0] > 1
-    assert [record.solve for record in solution.history.iterations] == list(range(1, own[-1] + 1))
-
-
-def test_seconds_of_the_earlier_run_count_once(tmp_path, monkeypatch):
-    """A run that goes on shows what both have taken: that of the last step that it recalls, which has those before."""
-    given, figures, hours = scene(PUSHED), Checkpoint.figures, 3600.0
-    interrupted(given, MPI.COMM_SELF, tmp_path, 4)
-
-    def slow(self, level, step):
-        found = figures(self, level, step)
-        return found and found | {"seconds": {"iterate": hours * (step + 1), "mesh": hours}}
-
-    monkeypatch.setattr(Checkpoint, "figures", slow)
-    solution = solve(given, MPI.COMM_SELF, checkpoint=tmp_path, restart=True)
-    taken = solution.timings.total
-    assert solution.timings.seconds["iterate"] > 0.0
-    assert taken["iterate"] == pytest.approx(3 * hours + solution.timings.seconds["iterate"], rel=1e-12)
-    assert taken["mesh"] == pytest.approx(hours + solution.timings.seconds["mesh"], rel=1e-12)
 
 
 def broken(folder, what):
@@ -671,18 +433,6 @@ def test_a_byte_of_any_file(tmp_path, text):
     assert not Checkpoint(MPI.COMM_SELF, tmp_path, given, restart=True).damaged
 
 
-@pytest.mark.slow
-def test_a_hole_ends_what_is_there(tmp_path):
-    """What comes after a load step that is missing belongs to another history."""
-    given = scene(PUSHED)
-    interrupted(given, MPI.COMM_SELF, tmp_path, 6)
-    (tmp_path / CHECKPOINT / "0-00001" / "nodes.npz").unlink()
-    seen = []
-    solution = solve(given, MPI.COMM_SELF, checkpoint=tmp_path, restart=True, observers=[seen.append])
-    assert [record.step for record in seen if isinstance(record, StepRecord)] == [2, 3, 4, 5, 6]
-    assert_same(solution, solve(given, MPI.COMM_SELF))
-
-
 def test_the_certificate_judges(tmp_path):
     """A whole checkpoint with a wrong displacement is not believed."""
     given = scene(PUSHED)
@@ -721,21 +471,6 @@ def test_another_scene(tmp_path):
     assert solve(renamed, MPI.COMM_SELF, checkpoint=tmp_path, restart=True).converged
 
 
-@pytest.mark.parametrize("of", ["mesh", "temperature[0]"])
-def test_a_file_that_has_changed(tmp_path, of):
-    """It is known by its content."""
-    file = tmp_path / "some.msh"
-    file.write_text("one text")
-    text = "\n".join(line for line in PUSHED.splitlines() if of != "mesh" or not line.startswith("mesh"))
-    table = "mesh" if of == "mesh" else "temperature"
-    given = scene(f"{table} = {{ file = {str(file)!r} }}\n{text}".replace("poisson =", "expansion = 1e-5, poisson ="))
-    told = Checkpoint(MPI.COMM_SELF, tmp_path, given, restart=False)
-    told._begin()
-    file.write_text("another text")
-    with pytest.raises(SceneError, match=rf"{re.escape(of)}\.content"):
-        Checkpoint(MPI.COMM_SELF, tmp_path, given, restart=True)
-
-
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -755,11 +490,6 @@ def test_nothing_to_go_on_from(tmp_path, text, message):
     """A scene of one piece, and meshes that are made on the way, have no checkpoint: the error says which it is."""
     with pytest.raises(SceneError, match=message):
         solve(scene(text), MPI.COMM_SELF, checkpoint=tmp_path, restart=True)
-
-
-def test_a_folder_is_needed():
-    with pytest.raises(SceneError, match="needs the folder"):
-        solve(scene(PUSHED), MPI.COMM_SELF, restart=True)
 
 
 def test_results_remove_the_checkpoint(tmp_path):
@@ -821,7 +551,7 @@ def uninterrupted(tmp_path_factory):
     return folder
 
 
-@pytest.mark.one_quick
+@pytest.mark.slow
 @pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="starts ranks itself")
 @pytest.mark.parametrize(("before", "after"), [(1, 2), (2, 1), (3, 1)])
 def test_killed(tmp_path, uninterrupted, before, after):

@@ -1,12 +1,11 @@
 """Two hyperelastic bodies in one mesh that slide on each other, one held and one driven."""
 
 import numpy as np
-import pytest
 import ufl
 from dolfinx import fem
 from mpi4py import MPI
 from scipy.spatial.transform import Rotation
-from support.nonlinear_bodies import Killed, neo_hooke
+from support.nonlinear_bodies import neo_hooke
 from two_bodies import assembled, facets, facets_of_cells, grid, per_cell
 
 from signorini_fx import ContactProblem, NonlinearContactProblem, Pair
@@ -394,55 +393,3 @@ def quarter_of_a_bulge(kind="hexahedron", height=2e-3, cells=(12, 8), power=2.5,
         return np.isclose(x[2], height * (x[0] ** 2 + x[1] ** 2), atol=1e-12)
 
     return SlidingBodies(kind, bodies, [ends[0], below], ends[1:], quarter=True, **settings)
-
-
-def force_along(scene):
-    """The force on the first side, per area of the scene's unit, in axes that turn with the scene; it is certified."""
-    assert scene.problem.certificate.holds
-    return scene.turn.T @ sum(scene.problem.state.forces) / np.linalg.norm(scene.turn[0]) ** 2
-
-
-def run_alone(made, times):
-    """The force at the end of a run on this rank alone; ``made``: see ``same_in_products``."""
-    scene, at = made(comm=MPI.COMM_SELF)
-    scene.problem.run(times, at)
-    return force_along(scene)
-
-
-def same_in_products(made, times, alone, folder, monkeypatch):
-    """Assert that a path ends with one force on all ranks, in other units, turned, gone on with after a kill, as a
-    ramp, and as a mirror image; collective.
-
-    Args:
-        made: the scene with further arguments, and what drives it at a time.
-        times: the load steps, the largest half a unit apart.
-        alone: the force on one rank.
-        folder: an empty one, for what the run stores.
-        monkeypatch: of the test.
-    """
-    comm, size = MPI.COMM_WORLD, np.abs(alone).max()
-
-    def run(**more):
-        scene, at = made(comm=comm, **more)
-        scene.problem.run(times, at)
-        return force_along(scene)
-
-    def kill(step):
-        if step.step == 3:
-            raise Killed
-
-    assert run() == pytest.approx(alone, abs=1e-8 * size)
-    assert run(unit=1e-3) == pytest.approx(alone, abs=1e-7 * size)
-    assert run(angle=0.7) == pytest.approx(alone, abs=1e-8 * size)
-    scene, at = made(comm=comm)
-    with pytest.raises(Killed):
-        scene.problem.run(times, at, folder=folder, on_step=kill)
-    again, at = made(comm=comm)
-    again.problem.run(times, at, folder=folder, restart=True)
-    assert again.problem.history.events[0].startswith("restart: 2 complete load steps")
-    assert force_along(again) == pytest.approx(alone, abs=1e-8 * size)
-    ramped, at = made(comm=comm)
-    ramped.problem.ramp(at, times[-1], first=0.5, largest=0.5)
-    assert force_along(ramped) == pytest.approx(alone, abs=1e-8 * size)
-    monkeypatch.setattr("support.sliding_bodies.turn_of", lambda angle, dim: np.diag([-1.0, 1.0]))
-    assert run() == pytest.approx(alone, abs=1e-8 * size)

@@ -211,6 +211,7 @@ def test_block_on_a_circle():
     assert (height, width) == pytest.approx((1.0, 1.0), abs=8e-3)
 
 
+@pytest.mark.slow
 def test_scene_files():
     """The scenes that are shown are those that are tested here."""
     x, pressure, _, _ = profile(alone(read_scene(SCENES / "hertz.toml")))

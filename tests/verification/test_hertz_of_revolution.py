@@ -55,6 +55,7 @@ def pressed(cell, degree, share, *, on="plane", law="linear", friction=0.0):
     return force, radii[order], solution.contact.pressure[order] / largest, beyond, solution
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("cell", "on", "law"),
     [
@@ -81,6 +82,7 @@ def test_pressure_near_the_axis(cell, on, law):
         assert solution.certificate.worst < 1e-8
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("cell", "law"),
     [

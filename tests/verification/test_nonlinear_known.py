@@ -116,6 +116,7 @@ def punched(cells, friction):
     return [-np.sum(step.contact.forces, axis=0)[1] for step in solution.steps]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("friction", [None, {"law": "coulomb", "coefficient": 1.0}], ids=["smooth", "rough"])
 def test_a_punch_meets_the_limit_of_prandtl_and_hill(friction):
     """(2 + pi) k, rough or smooth: from above on meshes, and as their size goes to zero."""

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.slow
 ROOT = Path(__file__).parents[2]
 PRINTED = json.loads((ROOT / "demos" / "paper" / "printed.json").read_text())
 

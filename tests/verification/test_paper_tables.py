@@ -37,7 +37,7 @@ def table_3(nx, ny, start, sigma):
     assert found == table[f"{nx}x{ny}"][start]
 
 
-@pytest.mark.one_quick
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "table",
     [partial(table_1, 1.0), *(partial(table_3, *g, s, 1.0) for g in GRIDS for s in STARTS)],

@@ -1,20 +1,17 @@
 """The reference that studies compare solutions with, and the meshes that they vary."""
 
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 import pytest
 from mpi4py import MPI
-from reference import Reference, reference_errors, studied_settings
+from reference import Reference, studied_settings
 from scenes import example1
 from varied import varied
 
 from signorini_fx import LinearElastic, OrthotropicElastic
-from signorini_fx.scenes.reading import read_scene
 from signorini_fx.scenes.solver import solve
 
-SCENES = Path(__file__).parents[2] / "demos" / "scenes"
 CONSTANTS = {"young": [5000.0, 2000.0, 3000.0], "poisson": [0.3, 0.2, 0.25], "shear": [900.0, 1200.0, 1000.0]}
 
 
@@ -57,35 +54,3 @@ def test_no_error_against_itself():
     """All errors of the reference vanish."""
     solution = solve(example1(bound=1.0, nx=30, ny=10), MPI.COMM_SELF)
     assert all(error == pytest.approx(0.0, abs=1e-12) for error in Reference(solution).errors(solution).values())
-
-
-@pytest.mark.parametrize("cell", ["quadrilateral", "triangle"])
-def test_notched_sides(cell):
-    """Left and right begin at the given height, on every mesh of a nested iteration; the rest of them has no name."""
-    scene = read_scene(SCENES / "example2_tresca.toml")
-    for factor, ny in ((1.0, 40), (2.0, 20), (8.0, 5)):
-        tagged = varied(scene, MPI.COMM_SELF).mesh(factor, "Q1" if cell[0] == "q" else "P1")
-        for name, count in (("left", 0.8 * ny), ("right", 0.8 * ny), ("bottom", 3 * ny), ("top", 3 * ny)):
-            assert tagged.facet_tags.find(tagged.boundaries[name]).size == round(count), (factor, name)
-
-
-def test_example2_scene():
-    """The scene file is the paper's second example, as demos/paper builds it (g = 1): 7.2 has stick and both slips."""
-    solution = solve(read_scene(SCENES / "example2_tresca.toml"), MPI.COMM_SELF)
-    states = set(solution.table.columns["state"])
-    assert states >= {"open", "slip+", "slip-"}
-    x, pressure = solution.table.columns["x"], solution.table.columns["pressure"]
-    assert np.interp(3 - x[::-1], x, pressure) == pytest.approx(pressure[::-1], rel=1e-6, abs=1e-6)
-
-
-def test_how_far_the_reference_may_be_wrong():
-    """Of errors h^r the estimate is exact; it never takes a faster rate than expected, nor believes in luck."""
-    for rate in (0.5, 1.0):
-        near, far = 2**rate - 1, 4**rate - 1
-        found = reference_errors({"zone": near}, {"zone": far})
-        assert found["zone"] == pytest.approx(1.0)
-        found = reference_errors({"energy": np.sqrt(4**rate - 1)}, {"energy": np.sqrt(16**rate - 1)})
-        assert found["energy"] == pytest.approx(1.0)
-    found = reference_errors({"pressure": 1.0, "peak": None}, {"pressure": 100.0, "peak": 1.0})
-    assert found["pressure"] == pytest.approx(1 / (2**1.25 - 1))
-    assert found["peak"] is None

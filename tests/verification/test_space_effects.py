@@ -13,15 +13,10 @@ from scenes import alone
 from spaces import block, box, friction_of, turned_tangents
 
 from signorini_fx.errors import SceneError
-from signorini_fx.mechanics.body.discretisation import discretise
 from signorini_fx.mechanics.contact_points import contact_boundary
-from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
 from signorini_fx.mechanics.mesh.tagged import tag_boundaries
-from signorini_fx.records import Status, Timings
-from signorini_fx.scenes.checks import check_scene
-from signorini_fx.scenes.mesh import load_mesh
+from signorini_fx.records import Status
 from signorini_fx.scenes.reading import parse_scene
-from signorini_fx.scenes.sweep import sweep
 
 OSCILLATING = "0.3 + 0.1 * sin(5 * x[0]) * cos(4 * x[1])"
 CONTACT = {"boundary": "bottom", "gap": "0.003 * ((x[0] - 1.5)**2 + (x[1] - 0.5)**2) + 0.001"}
@@ -131,16 +126,6 @@ def test_solved_whatever_the_tangents(name, monkeypatch):
         assert ours[one].tolist() == theirs[one].tolist()
 
 
-@pytest.mark.slow
-def test_ways_agree():
-    """Methods without regularisation have one limit; condensed and full are the same to round-off."""
-    alm, monolithic = (alone(SCENES[name]).table.columns for name in ("alm", "alm, monolithic"))
-    for one in ("pressure", "shear_x", "shear_y"):
-        np.testing.assert_allclose(monolithic[one], alm[one], rtol=0, atol=2e-5)
-    full, condensed = (alone(SCENES[name]).table.columns for name in ("coulomb", "condensed"))
-    np.testing.assert_allclose(condensed["pressure"], full["pressure"], rtol=0, atol=1e-9 * full["pressure"].max())
-
-
 def test_load_steps_have_a_history():
     """Slip takes work out of the body in every step but the first, never gives any; the path matters."""
     solution = alone(SCENES["load steps"])
@@ -150,29 +135,6 @@ def test_load_steps_have_a_history():
     steps = [step.contact.forces[1] for step in solution.steps]
     np.testing.assert_allclose([step.contact.forces[0][2] for step in solution.steps], 20.0, rtol=1e-8)
     assert np.abs(steps[-1][0]) > 0
-
-
-@pytest.mark.slow
-def test_degree_2():
-    """Quadratic hexahedra: fewer cells, nearly the same answer."""
-    fine, coarse = alone(block(24, coefficient=0.3, gamma=1e8)), block(6, coefficient=0.3, gamma=1e8)
-    quadratic = alone(changed(coarse, element={"degree": 2}))
-    assert quadratic.certificate.holds
-    assert np.isclose(quadratic.steps[0].strain_energy, fine.steps[0].strain_energy, rtol=0.02)
-    np.testing.assert_allclose(quadratic.contact.forces[1][1], fine.contact.forces[1][1], rtol=0.05)
-
-
-def test_points_that_average_over_a_support():
-    """They can move with the nodes that no support holds: the body feels their pressure."""
-    scene = block(6, "tetrahedra", bound=1.5, degree=2)
-    scene = scene.model_copy(update={"displacement": (PrescribedDisplacement(boundary="left", z=0.0),)})
-    boundary = discretise(scene.statement, load_mesh(scene, MPI.COMM_SELF), Timings()).boundary
-    beside = boundary.x[:, 0] < 0.6  # of cells of 0.5
-    assert beside.sum() == 6
-    assert boundary.averages.fixed.any()
-    assert boundary.free.all()
-    pressure = np.where(beside, 100.0, 2.0)
-    assert boundary.points.scale(pressure) == pytest.approx(np.sqrt(np.sum(boundary.weight * pressure**2)), rel=1e-12)
 
 
 @pytest.mark.parametrize("coefficient", [1e5, 1e6])
@@ -189,42 +151,6 @@ def test_rigid_block_on_rough_ground(coefficient):
     solution = alone(scene)
     assert solution.status is Status.CONVERGED
     assert set(solution.table.columns["state"]) <= {"stick", "open"}
-
-
-def test_check_says_what_is_solved():
-    """Effects, linear algebra and a cost, nothing that only the plane has."""
-    scene = block(12, coefficient=0.3)
-    said = check_scene(scene, MPI.COMM_SELF)
-    solution = alone(scene)
-    assert said.cost.contact_nodes == len(solution.table.columns["x"]) == 65
-    assert said.cost.linear_algebra == solution.linear_algebra
-    assert said.cost.linear_solves[0] <= solution.history.linear_solves <= said.cost.linear_solves[1]
-    assert said.effects[0].why == "always; in 3D"
-    assert list(said.forms) == solution.model.inventory.forms
-
-
-def test_sweep():
-    """One elimination of the body for many coefficients, each with its certificate."""
-    points = sweep(block(12, coefficient=0.3, gamma="auto"), MPI.COMM_SELF, coefficients=[0.1, 0.3, 1.0])
-    forces = [abs(point.contact.forces[1][1]) for point in points]
-    assert forces == sorted(forces)
-    assert all(point.certificate().holds for point in points)
-
-
-def test_without_contact():
-    """One linear solve: a bar that is pulled."""
-    scene = parse_scene(
-        {
-            "mesh": box("hexahedra", (6, 2, 2), size=(3.0, 1.0, 1.0)),
-            "material": {"young": 1000.0, "poisson": 0.0},
-            "displacement": [{"boundary": name, "normal": 0.0} for name in ("left", "front", "bottom")],
-            "traction": {"boundary": "right", "x": 2.0},
-        }
-    )
-    solution = alone(scene)
-    x = solution.model.space.tabulate_dof_coordinates()
-    found = solution.displacement.x.array.reshape(-1, 3)
-    np.testing.assert_allclose(found[:, 0], 0.002 * x[:, 0], atol=1e-15)
 
 
 def test_curved_cells():
@@ -264,27 +190,3 @@ def test_curved_cells():
     solution = alone(scene(2))
     assert solution.certificate.holds
     assert {"slip", "open"} <= set(solution.table.columns["state"])
-
-
-def test_tangents_at_supports():
-    """The normal of a curved surface is off the support's plane by round-off of its cells: a tangent is in that plane
-    all the same, but where nothing is free, and tractions may be large, it is across the normal.
-    """
-    tilt = 3e-10
-    free = np.array([[True, True, False], [False, False, False], [True, True, True]])
-    boundary = contact_boundary.ContactBoundary(
-        MPI.COMM_SELF,
-        nodes=np.arange(3, dtype=np.int32),
-        x=np.zeros((3, 3)),
-        weight=np.ones(3),
-        normal=np.tile([np.cos(0.3), np.sin(0.3), tilt], (3, 1)),
-        part=np.zeros(3, dtype=np.int32),
-        free=free,
-        segments=np.empty((0, 4), dtype=np.int64),
-        global_nodes=np.arange(3),
-    )
-    assert boundary.tangents[0, :, 0].tolist() == [0.0, 0.0, 1.0]
-    assert boundary.tangents[0, 2, 1] == 0.0
-    across = np.einsum("nij,ni->nj", boundary.tangents, boundary.normal)
-    assert np.isclose(across[0, 0], tilt)
-    assert np.abs(across[1:]).max() < 1e-15

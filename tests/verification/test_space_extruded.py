@@ -89,7 +89,7 @@ def extruded(turn):
     )
 
 
-@pytest.mark.one_quick
+@pytest.mark.slow
 @pytest.mark.parametrize("turn", [*TURNS, "askew"])
 def test_table_1(turn, monkeypatch):
     """36 of 36, with tangents that nobody chose."""

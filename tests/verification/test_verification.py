@@ -26,6 +26,7 @@ def test_every_benchmark(rows):
     assert all(row.tolerance <= 1e-2 for row in rows)
 
 
+@pytest.mark.slow
 def test_file(rows):
     """The file has each of them: names and references as they are, our numbers to a fifth of the tolerance.
 
