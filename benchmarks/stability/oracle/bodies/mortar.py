@@ -53,24 +53,32 @@ class Side:
     Attributes:
         nodes: of the displacement, shape (facets, k).
         x: places of all nodes of the body, shape (nodes, d).
+        sign: +1 where the outward normal is that of the order of nodes, else -1, shape (facets,).
+        undeformed: places of which areas are, where the nodes have moved to ``x``, likewise.
     """
 
-    def __init__(self, body: Body | PlaneBody, name: str) -> None:
-        self.x = body.x
-        self.flat = body.x.shape[1] == 2
-        if isinstance(body, PlaneBody):
-            self.nodes: Ints = body.facet_nodes(name)
-            _, outward = body.facet_frames(name, np.array([0.5]))
-        else:
-            facets = body.facets(name)
-            self.nodes = facets.nodes
-            _, outward = body.frames(facets, np.array([[0.3, 0.3]]))
-        self.sign = np.ones(len(self.nodes))
-        middle = np.array([[0.5]] if self.flat else [[0.3, 0.3]])
-        for facet in range(len(self.nodes)):
-            self.sign[facet] = np.sign(self.across(facet, middle)[0] @ outward[facet, 0])
+    def __init__(self, nodes: Ints, x: Array, sign: Array, undeformed: Array | None = None) -> None:
+        self.nodes, self.x, self.sign = nodes, x, sign
+        self.undeformed = x if undeformed is None else undeformed
+        self.flat = x.shape[1] == 2
         self.mirrors = np.zeros((*self.x.shape, self.x.shape[1]))
         self.rays: Array | None = None  # at the nodes, along which both sides are projected, where not normals
+
+    @classmethod
+    def of(cls, body: Body | PlaneBody, name: str) -> Side:
+        """A boundary of a body that has a name."""
+        if isinstance(body, PlaneBody):
+            nodes: Ints = body.facet_nodes(name)
+            _, outward = body.facet_frames(name, np.array([0.5]))
+            middle = np.array([[0.5]])
+        else:
+            facets, middle = body.facets(name), np.array([[0.3, 0.3]])
+            nodes = facets.nodes
+            _, outward = body.frames(facets, middle)
+        found = cls(nodes, body.x, np.ones(len(nodes)))
+        for facet in range(len(nodes)):
+            found.sign[facet] = np.sign(found.across(facet, middle)[0] @ outward[facet, 0])
+        return found
 
     def mirrored(self, body: Body | PlaneBody, master: Side) -> Side:
         """The same with the normals of its mirror images beyond planes of symmetry, too."""
@@ -108,6 +116,10 @@ class Side:
         found = np.stack([t[:, 1, 0], -t[:, 0, 0]], axis=1) if self.flat else np.cross(t[:, :, 0], t[:, :, 1])
         return np.asarray(self.sign[facet] * found)
 
+    def area(self, facet: int, xi: Array) -> Array:
+        """The undeformed area of a unit of the reference facet, shape (points,)."""
+        return np.linalg.norm(Side(self.nodes, self.undeformed, self.sign).across(facet, xi), axis=1)
+
     @cached_property
     def rule(self) -> tuple[Array, Array]:
         """A rule on a whole facet."""
@@ -123,7 +135,7 @@ class Side:
         area, normal = np.zeros(len(self.x)), np.zeros(self.x.shape)
         for facet, nodes in enumerate(self.nodes):
             tested, across = self.tests(xi) * weights[:, None], self.across(facet, xi)
-            np.add.at(area, nodes[: self.width], tested.T @ np.linalg.norm(across, axis=1))
+            np.add.at(area, nodes[: self.width], tested.T @ self.area(facet, xi))
             np.add.at(normal, nodes[: self.width], tested.T @ across)
         return area, normal
 
@@ -165,17 +177,17 @@ class Side:
 def points_between(body: Body | PlaneBody, part: int) -> Points:
     """The points of a contact of two bodies."""
     effect = listed(body.scene, "contact")[part]
-    master = Side(body, effect["against"])
-    slave = Side(body, effect["boundary"])
+    master = Side.of(body, effect["against"])
+    slave = Side.of(body, effect["boundary"])
     mirrored = slave.mirrored(body, master)
-    master = Side(body, effect["against"]).mirrored(body, Side(body, effect["boundary"]))
+    master = Side.of(body, effect["against"]).mirrored(body, Side.of(body, effect["boundary"]))
     slave = mirrored
     bonded = effect.get("kind") == "bonded"
     between = not bonded and effect.get("distance", "geometry") == "geometry"
     if between:
         slave.rays = _half_way(body, slave, master, part)
     still = () if bonded else tuple(_held(body, side)[side.nodes].all(axis=1) for side in (slave, master))
-    there, weight, distance, own, others, arms = _integrals(slave, master, bonded=bonded, still=still)
+    there, weight, distance, _, own, others, arms = _integrals(slave, master, bonded=bonded, still=still)
     dimension = body.x.shape[1]
     shares = _carried(body, slave, master, part, there, weight, others)
     nodes = np.flatnonzero(shares.sum(axis=1) > 0)
@@ -201,6 +213,34 @@ def points_between(body: Body | PlaneBody, part: int) -> Points:
     return Points(body.x[nodes], matrix, weight, normals, gap)
 
 
+@dataclass(frozen=True)
+class MovedPoints:
+    """The points of sides that slide on each other, by the nodes of the slave: their weights, gaps along rays, normals,
+    and the shares of nodes of both sides, D and M.
+    """
+
+    nodes: Ints
+    weight: Array
+    gap: Array
+    normal: Array
+    own: Array
+    others: Array
+
+
+def points_of_moved(slave: Side, master: Side) -> MovedPoints:
+    """Those of sides that have moved, where the slave is wholly over the master, so that no point takes over functions:
+    rays are half-way between both sides as they have moved, and areas are undeformed.
+    """
+    for _ in range(2):
+        _, weight, _, gap, own, others, _ = _integrals(slave, master, bonded=False)
+        nodes = np.flatnonzero(weight > 0)
+        shares = [matrix.toarray()[nodes] / weight[nodes, None] for matrix in (own, others)]
+        normal = _unit(shares[0] @ slave.directions - shares[1] @ master.directions, slave.mirrors[nodes])
+        slave.rays = np.zeros_like(slave.x)
+        slave.rays[nodes] = normal
+    return MovedPoints(nodes, weight[nodes], gap[nodes] / weight[nodes], normal, *shares)
+
+
 def _unit(vectors: Array, mirrors: Array) -> Array:
     """Of length one, without what they have across planes of symmetry."""
     found = vectors - np.einsum("nij,nj->ni", mirrors, vectors)
@@ -209,7 +249,7 @@ def _unit(vectors: Array, mirrors: Array) -> Array:
 
 def _half_way(body: Body | PlaneBody, slave: Side, master: Side, part: int) -> Array:
     """Normals half-way between both sides at the nodes of the slave, from a projection along its own."""
-    there, weight, _, own, others, _ = _integrals(slave, master, bonded=False)
+    there, weight, _, _, own, others, _ = _integrals(slave, master, bonded=False)
     shares = _carried(body, slave, master, part, there, weight, others, free=True)
     nodes = np.flatnonzero(shares.sum(axis=1) > 0)
     shares = csr_array(shares[nodes])
@@ -227,9 +267,10 @@ def _half_way(body: Body | PlaneBody, slave: Side, master: Side, part: int) -> A
 
 def _integrals(
     slave: Side, master: Side, *, bonded: bool, still: tuple[Array, ...] = ()
-) -> tuple[list[int], Array, Array, csr_array, csr_array, list[csr_array]]:
-    """Covered facets; by the nodes of the slave weights, and these times distances and times shares of both sides; and
-    the areas in which nodes of both are seen; ``still``: facets of both that are held, which over each other count not.
+) -> tuple[list[int], Array, Array, Array, csr_array, csr_array, list[csr_array]]:
+    """Covered facets; by the nodes of the slave weights, and these times distances, as vectors and along the rays, and
+    times shares of both sides; and the areas in which nodes of both are seen; ``still``: facets of both that are held,
+    which over each other count not.
     """
     pieces = [
         (facet, piece)
@@ -237,7 +278,7 @@ def _integrals(
         if not (still and still[0][facet] and still[1][piece.master])
     ]
     size = len(slave.x)
-    weight, distance = np.zeros(size), np.zeros(slave.x.shape)
+    weight, distance, along = np.zeros(size), np.zeros(slave.x.shape), np.zeros(size)
     own, others, beside, arms = (lil_array((size, size)) for _ in range(4))
     there = sorted({facet for facet, _ in pieces})
     for facet in there:
@@ -252,14 +293,16 @@ def _integrals(
             weighted = (t @ dual.T) * piece.weight[:, None]
             seen = master.nodes[piece.master]
             apart = master.place(piece.master, piece.over) - slave.place(facet, piece.at)
+            gap = np.copysign(np.linalg.norm(apart, axis=1), (apart * slave.across(facet, piece.at)).sum(axis=1))
             for k, node in enumerate(nodes[: slave.width]):
                 weight[node] += weighted[:, k].sum()
                 distance[node] += weighted[:, k] @ apart
+                along[node] += weighted[:, k] @ gap
                 own[node, nodes] += weighted[:, k] @ slave.shape(piece.at)[0]
                 others[node, seen] += weighted[:, k] @ master.shape(piece.over)[0]
                 arms[node, seen] += piece.weight.sum() * np.ones(len(seen))
                 beside[node, nodes] += piece.weight.sum() * np.ones(len(nodes))
-    return there, weight, distance, own.tocsr(), others.tocsr(), [beside.tocsr(), arms.tocsr()]
+    return there, weight, distance, along, own.tocsr(), others.tocsr(), [beside.tocsr(), arms.tocsr()]
 
 
 def _carried(
@@ -280,7 +323,7 @@ def _carried(
     taken = set(master.nodes.ravel().tolist())
     for number, effect in enumerate(effects):
         if number != part and (number < part or "against" not in effect):
-            taken |= set(Side(body, effect["boundary"]).nodes.ravel().tolist())
+            taken |= set(Side.of(body, effect["boundary"]).nodes.ravel().tolist())
     covered = [slave.nodes[facet, : slave.width].tolist() for facet in there]
     beside: dict[int, set[int]] = {}
     for nodes in covered:
@@ -349,7 +392,7 @@ def _turning(arms: Array, x: Array, distance: Array) -> Array:
 
 def _pieces(slave: Side, master: Side) -> list[tuple[int, Piece]]:
     """All pieces of the overlap with the slave facets that they are of."""
-    both = [side.x[side.used] for side in (slave, master)]
+    both = [side.undeformed[side.used] for side in (slave, master)]
     reach = cdist(*both).min() + _REACH * min(float(np.linalg.norm(np.ptp(x, axis=0))) for x in both)
     found = []
     for facet, other in product(range(len(slave.nodes)), range(len(master.nodes))):
@@ -407,7 +450,7 @@ def _in_plane(slave: Side, facet: int, master: Side, other: int) -> Iterator[Pie
         if high - low > _NOTHING and 0 < met((low + high) / 2) < 1:
             at = (low + (high - low) * s)[:, None]
             over = np.array([[met(float(value))] for value in at[:, 0]])
-            size = np.linalg.norm(slave.across(facet, at), axis=1)
+            size = slave.area(facet, at)
             yield Piece(other, at, over, weights * (high - low) * size)
 
 
@@ -440,7 +483,7 @@ def _in_space(slave: Side, facet: int, master: Side, other: int) -> Iterator[Pie
                 p = shared[0] + xi[:, :1] * first + xi[:, 1:] * second
                 at, projected = _back(flat, part, p)
                 over, _ = _back(target, window, p)
-                area = np.linalg.norm(slave.across(facet, at), axis=1)
+                area = slave.area(facet, at)
                 if max(slave.nodes.shape[1], master.nodes.shape[1]) > 4:
                     p = (slave.place(facet, at) - centre) @ axes.T
                     for _ in range(20):
