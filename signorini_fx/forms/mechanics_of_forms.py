@@ -39,8 +39,7 @@ from signorini_fx.results.resultants import ActingForces, NamedForces
 from signorini_fx.results.stresses import RawStresses
 
 if TYPE_CHECKING:
-    from signorini_fx.results.certificate.paired_claim import Claim
-    from signorini_fx.results.certificate.sliding_claim import SlidingClaim
+    from signorini_fx.results.certificate.pair_points import PairPoints
 
 Nodal = npt.NDArray[np.float64]
 NO_STRESS = "only the form knows the stresses: give stress=, a function of the displacement"
@@ -200,7 +199,7 @@ def sides_of(
     facets: Sequence[Facets],
     masters: Mapping[int, Facets],
     space: fem.FunctionSpace,
-    claims: Mapping[int, SlidingClaim] | None = None,
+    sliding: Mapping[int, PairPoints] | None = None,
     moved: Nodal | None = None,
 ) -> list[ContactSide]:
     """The parts of the boundary with contact.
@@ -211,13 +210,12 @@ def sides_of(
         facets: of each of them.
         masters: of the other side of each pair, by its number.
         space: the displacements.
-        claims: the independent checks on pairs that slide, by their numbers; None: there are none.
+        sliding: the points of pairs that slide, by their numbers; None: there are none.
         moved: displacements of the nodes of this rank, that normals of other pairs follow, length, shape (nodes, d);
             None: they are those of the undeformed sides.
     """
-    sliding = claims or {}
     return [
-        _side(contact_data, entry, of_entry, masters.get(k), space, sliding.get(k), moved)
+        _side(contact_data, entry, of_entry, masters.get(k), space, (sliding or {}).get(k), moved)
         for k, (contact_data, entry, of_entry) in enumerate(zip(data, contact, facets, strict=True))
     ]
 
@@ -228,7 +226,7 @@ def _side(
     facets: Facets,
     master: Facets | None,
     space: fem.FunctionSpace,
-    sliding: SlidingClaim | None,
+    sliding: PairPoints | None,
     moved: Nodal | None,
 ) -> ContactSide:
     """One foundation or pair; what the user named decides which facets meet, and up to which distance."""
@@ -238,16 +236,15 @@ def _side(
             return np.full(nodes.size, np.inf)
         return np.zeros(nodes.size) if data.law is None else data.law.at(nodes).claimed(np.abs(pressure))
 
-    claim: Claim | SlidingClaim | None = sliding
+    points = sliding
     factor, along, axes = data.shape.factor, data.shape.direction, data.shape.axes
     if entry.against is not None and sliding is None:
-        from signorini_fx.results.certificate.paired_claim import claim_of
+        from signorini_fx.results.certificate.pair_points import FrozenPoints
 
         assert data.pair is not None
         assert master is not None
-        kind = {"nominal": not entry.by_geometry, "bonded": entry.bonded}
-        claim = claim_of(data.pair, space, (facets, master), entry.reach, **kind, factor=factor)
-        claim = claim if entry.bonded else replace(claim, followed=moved)
+        followed = None if entry.bonded or moved is None else moved[: space.dofmap.index_map.size_local]
+        points = FrozenPoints.of(data.pair, space, (facets, master), followed)
     return ContactSide(
         facets,
         lambda nodes: (data.gap if data.allowance is None else data.allowance)[nodes],
@@ -255,7 +252,7 @@ def _side(
         data.bilateral,
         None if along is None else lambda nodes: along[nodes],
         factor,
-        claim,
+        points,
         sliding is None and entry.by_geometry,
         None if axes is None else lambda nodes: (axes.along[nodes], axes.ratio[nodes]),
         entry.adjust,

@@ -205,13 +205,13 @@ class Resultants:
         """Positions of the contact points; those of sides that slide are where these are already."""
         assert self.contact is not None
         boundary = self.contact.boundary
-        placed = np.array([side.claim is not None and side.claim.displaced for side in self.sides], dtype=bool)
+        placed = np.array([side.pair is not None and side.pair.displaced for side in self.sides], dtype=bool)
         return boundary.centre + np.where(placed[boundary.part][:, None], 0.0, self._moved[boundary.nodes])
 
     def _keeps_partners(self, part: int) -> bool:
         """Whether the points of a contact act at partners that the displacement has moved away from them."""
-        claim = self.sides[part].claim
-        return self.acting.displaced and claim is not None and not claim.displaced
+        pair = self.sides[part].pair
+        return self.acting.displaced and pair is not None and not pair.displaced
 
     def _at_partners(self, boundary: str, parts: Sequence[int]) -> NodalForcesAt:
         """What contacts do to the other body, at its nodes; collective."""
@@ -222,9 +222,9 @@ class Resultants:
         on_boundary = fem.locate_dofs_topological(space, self.tagged.mesh.topology.dim - 1, facets)
         total = np.zeros_like(self._x)
         for part in parts:
-            claim = self.sides[part].claim
-            assert claim is not None
-            nodes, forces, _ = claim.forces(points.traction[points.parts()[part]], owned)
+            pair = self.sides[part].pair
+            assert pair is not None
+            nodes, forces, _ = pair.forces(points.traction[points.parts()[part]], owned)
             inside = np.isin(nodes, on_boundary)
             np.add.at(total, nodes[inside], -forces[inside])
         return NodalForcesAt(self._x, total)

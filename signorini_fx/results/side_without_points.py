@@ -33,15 +33,15 @@ def other_side(solution: Solution) -> dict[str, npt.NDArray[Any]]:
     x = np.array(node_positions(space)[:owned, :dim], dtype=np.float64)
     blocks = []
     for part, side in enumerate(solution.sides):
-        if (claim := side.claim) is None:
+        if (pair := side.pair) is None:
             continue
         points = np.flatnonzero(boundary.part == part)
         points = points[np.argsort(boundary.nodes[points], kind="stable")]
         distance = contact.gap[points] - contact.u_n[points]
         shear = np.einsum("ijk,ik->ij", boundary.tangents, contact.shear)[points]
         values = np.column_stack((contact.pressure[points], -shear, distance))
-        shares = abs(claim.others).T * claim.weight
-        rows = to_owners(np.column_stack((shares @ values, shares.sum(axis=1))), claim.reached, claim.comm, owned)
+        shares = abs(pair.others).T * pair.weight
+        rows = to_owners(np.column_stack((shares @ values, shares.sum(axis=1))), pair.reached, pair.comm, owned)
         nodes = np.flatnonzero(rows[:, -1] > 0)
         means = rows[nodes, :-1] / rows[nodes, -1:]
         blocks.append(np.column_stack((np.full(nodes.size, part), x[nodes], means)))

@@ -1,7 +1,6 @@
 """A requested accuracy where several bodies have meshes of their own: all are made again, with smaller cells."""
 
 import numpy as np
-import paired_integrals
 import pytest
 import ufl
 from dolfinx import fem, mesh
@@ -369,9 +368,8 @@ def test_two_spheres(target, size):
     assert 2 * found.convergence_table[-2].force < target
 
 
-def test_curved_facets(monkeypatch):
-    """The map between facets that arcs of 40 degrees bound, integrated twice by different rules."""
-    paired_integrals.tried_by(monkeypatch)
+def test_curved_facets():
+    """The map between facets that arcs of 40 degrees bound."""
     assert solve(spheres(2.4, 2), MPI.COMM_SELF).certificate.coupling < 1e-8
 
 

@@ -1,29 +1,23 @@
 """A solver that pairs two bodies wrongly does not get its result certified."""
 
-from dataclasses import replace
-
 import numpy as np
-import paired_integrals
 import pytest
 import ufl
 from dolfinx import fem
 from mpi4py import MPI
-from two_bodies import assembled, facets, facets_of_piece, forms, grid
+from two_bodies import assembled, facets, forms, grid
 
 from signorini_fx import Status, solve
 from signorini_fx.forms.contact_problem import ContactProblem
-from signorini_fx.machine import parallel
 from signorini_fx.mechanics.interfaces.pair import Pair
 from signorini_fx.mechanics.laws.coulomb import Coulomb
 from signorini_fx.mechanics.mesh.tagged import tag_boundaries
 from signorini_fx.mechanics.obstacles import paired_points
-from signorini_fx.mechanics.pairs import mortar_coupling as coupling
 from signorini_fx.results.solution import ConvergenceError
 from signorini_fx.scenes.reading import parse_scene
 
 COMM = MPI.COMM_WORLD
-COUPLE, PAIRED = paired_points.couple, paired_points.PairedSides.of.__func__
-USUAL = coupling.default_reach
+PAIRED = paired_points.PairedSides.of.__func__
 
 
 def scene():
@@ -69,76 +63,28 @@ def with_facets(change):
     return paired
 
 
-def point_left_out(slave, master, *rest, **settings):
-    """Without the point at x[0] = 1/2, and without its area."""
-    found = COUPLE(slave, master, *rest, **settings)
-    return kept_of(found, ~np.isclose(slave.x[found.nodes, 0], 0.5))
-
-
-def kept_of(found, keep):
-    """Some points of a coupling, as if they were all."""
-    rows = np.repeat(keep, 2)
-    lost = parallel.global_sum(COMM, found.weight[~keep].sum())
-    assert lost > 0.1
-    kept = {
-        name: getattr(found, name)[keep]
-        for name in ("nodes", "weight", "normal", "distance", "slave", "master", "centre")
-    }
-    kept |= {name: getattr(found, name)[rows] for name in ("slave_turning", "master_turning")}
-    return replace(found, **kept, alone=found.alone[keep], covered=found.covered - float(lost))
-
-
-def smaller(slave, master, *rest, **settings):
-    """Areas that are too small, of points that all have taken over functions of others, as they say."""
-    found = COUPLE(slave, master, *rest, **settings)
-    return replace(found, weight=0.9 * found.weight, covered=0.9 * found.covered, alone=np.zeros_like(found.alone))
-
-
-CHANGES = {
-    "right": (None, None),
-    "a facet of the points is missing": ((lambda x: np.abs(x - 0.6) > 0.1, None), None),
-    "a facet of the other side is missing": ((None, lambda x: np.abs(x - 0.6) > 0.1), None),
-    "a point is missing": (None, point_left_out),
-    "areas": (None, smaller),
+FACETS = {
+    "a facet of the points is missing": (lambda x: np.abs(x - 0.6) > 0.1, None),
+    "a facet of the other side is missing": (None, lambda x: np.abs(x - 0.6) > 0.1),
 }
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize("name", CHANGES)
-def test_a_wrong_pairing_is_noticed(name, monkeypatch):
-    """All balance forces and moments, and what is missing is missing for solver and certificate alike."""
-    paired_integrals.tried_by(monkeypatch)
-    facets, couple = CHANGES[name]
-    if facets is not None:
-        monkeypatch.setattr(paired_points.PairedSides, "of", classmethod(with_facets(facets)))
-    if couple is not None:
-        monkeypatch.setattr(paired_points, "couple", couple)
+def test_what_is_right_is_certified():
+    """The identities of the map hold to round-off."""
     found = solve(scene(), COMM, check=False)
-    if name == "right":
-        assert found.status is Status.CONVERGED
-        assert found.certificate.coupling < 1e-10
-        return
-    assert found.status is Status.NOT_CERTIFIED
-    assert found.certificate.coupling > 0.09
+    assert found.status is Status.CONVERGED
+    assert found.certificate.coupling < 1e-10
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize("name", [name for name, (facets, _) in CHANGES.items() if facets])
+@pytest.mark.parametrize("name", FACETS)
 def test_a_facet_is_missing(name, monkeypatch):
-    """Without any integral that is computed again: the facets are those that the scene names, or not."""
-    monkeypatch.setattr(paired_points.PairedSides, "of", classmethod(with_facets(CHANGES[name][0])))
+    """All balance forces and moments, but the facets are not those that the scene names."""
+    monkeypatch.setattr(paired_points.PairedSides, "of", classmethod(with_facets(FACETS[name])))
     found = solve(scene(), COMM, check=False)
     assert found.status is Status.NOT_CERTIFIED
     assert found.certificate.coupling == 1.0
-
-
-@pytest.mark.mpi
-def test_a_point_is_missing_beside_others(monkeypatch):
-    """Its facets must not be covered: noticed without any area that is tried."""
-    paired_integrals.tried_by(monkeypatch)
-    monkeypatch.setattr(paired_integrals, "_areas", lambda *_: (np.zeros(0, dtype=np.int64), np.zeros(0)))
-    monkeypatch.setattr(paired_points, "couple", point_left_out)
-    assert solve(scene(), COMM, check=False).certificate.coupling == 1.0
 
 
 def opening(reach=None):
@@ -163,10 +109,10 @@ def opening(reach=None):
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize("name", [name for name, (facets, _) in CHANGES.items() if facets])
+@pytest.mark.parametrize("name", FACETS)
 def test_facets_that_the_user_named_are_missing(name, monkeypatch):
     """The user's forms: the certificate takes both sides from ``Pair``, not from what the solver has paired."""
-    monkeypatch.setattr(paired_points.PairedSides, "of", classmethod(with_facets(CHANGES[name][0])))
+    monkeypatch.setattr(paired_points.PairedSides, "of", classmethod(with_facets(FACETS[name])))
     problem = opening()
     with pytest.raises(ConvergenceError):
         problem.solve()
@@ -174,92 +120,9 @@ def test_facets_that_the_user_named_are_missing(name, monkeypatch):
     assert problem.certificate.coupling == 1.0
 
 
-@pytest.mark.mpi
-@pytest.mark.parametrize("reach", [None, 0.5])
-@pytest.mark.parametrize("factor", [1.0, 0.01, 100.0])
-def test_a_wrong_reach_is_noticed(factor, reach, monkeypatch):
-    """With too small a reach the bodies pass through each other beyond their first facets, and all balances hold."""
-
-    def wrong(slave, master, *rest, reach=None, **settings):
-        return COUPLE(
-            slave, master, *rest, reach=factor * (USUAL(slave.x, master.x) if reach is None else reach), **settings
-        )
-
-    monkeypatch.setattr(paired_points, "couple", wrong)
-    problem = opening(reach)
-    if factor == 1.0:
-        problem.solve()
-        assert problem.certificate.coupling < 1e-10
-        return
-    with pytest.raises(ConvergenceError):
-        problem.solve()
-    assert problem.status is Status.NOT_CERTIFIED
-    assert problem.certificate.coupling > 0.9
-
-
-def feet():
-    """Forms of a user: two feet on a plate, pressed down; the left side of one is held, beyond the end of the plate,
-    which just reaches beyond a node.
-    """
-    blocks = ((7, 3), (0.276, 0.0), (3.0, 1.0)), ((20, 3), (0.2, 1.0), (1.0, 2.0)), ((4, 3), (2.0, 1.0), (2.8, 2.0))
-    mesh = assembled("quadrilateral", *(grid("quadrilateral", *block) for block in blocks), comm=COMM)
-    space, a, v = forms(mesh, 1, 100.0)
-    top, side, bottom = (
-        facets(mesh, lambda x, k=k, at=at: np.isclose(x[k], at)) for k, at in ((1, 2.0), (0, 0.2), (1, 0.0))
-    )
-    sides = [
-        facets_of_piece(mesh, lambda x: np.isclose(x[1], 1.0), lambda x, upper=upper: (x[1] > 1.0) == upper)
-        for upper in (True, False)
-    ]
-    down, still = (0.0, -0.02), (0.0, 0.0)
-    bcs = [
-        fem.dirichletbc(np.array(moved), fem.locate_dofs_topological(space, 1, there), space)
-        for there, moved in ((bottom, still), (top, down), (side, down))
-    ]
-    nothing = ufl.inner(fem.Constant(mesh, still), v) * ufl.dx
-    return ContactProblem(a, nothing, bcs, contact=Pair(*sides, friction=Coulomb(0.3)))
-
-
-def one_foot(slave, master, *rest, **settings):
-    """Without all points of the foot on the right, and without its area."""
-    found = COUPLE(slave, master, *rest, **settings)
-    return kept_of(found, slave.x[found.nodes, 0] < 1.5)
-
-
-def lighter(slave, master, *rest, **settings):
-    """Half the area of the points that have taken over functions, and as much less of the whole."""
-    found = COUPLE(slave, master, *rest, **settings)
-    assert parallel.global_sum(COMM, np.count_nonzero(~found.alone)) == 1
-    weight = found.weight * np.where(found.alone, 1.0, 0.5)
-    return replace(found, weight=weight, covered=float(parallel.global_sum(COMM, weight.sum())))
-
-
-@pytest.mark.mpi
-@pytest.mark.parametrize(("change", "least"), [(None, 0.0), (one_foot, 0.4), (lighter, 0.1)])
-def test_points_that_no_others_miss(change, least, monkeypatch):
-    """A foot that stands alone loses all of its points, and none of the others has a facet with one that is lost; a
-    point that has taken over the function of a node at the end has a wrong area.  Forces and moments of what is left
-    balance.
-    """
-    paired_integrals.tried_by(monkeypatch)
-    monkeypatch.setattr(paired_points, "couple", COUPLE if change is None else change)
-    if change is one_foot:  # few of all nodes are tried, as of larger meshes
-        monkeypatch.setattr(paired_integrals, "_SAMPLED", dict.fromkeys(paired_integrals._SAMPLED, 3))
-    problem = feet()
-    if change is None:
-        problem.solve()
-        assert problem.certificate.coupling < 1e-10
-        return
-    with pytest.raises(ConvergenceError):
-        problem.solve()
-    assert problem.status is Status.NOT_CERTIFIED
-    assert problem.certificate.coupling > least
-
-
 @pytest.mark.parametrize("degree", [1, 2])
-def test_faces_that_are_no_parallelograms(degree, monkeypatch):
-    """Integrands are no polynomials there; solver and oracle, whose rules differ, integrate them alike."""
-    paired_integrals.tried_by(monkeypatch)
+def test_faces_that_are_no_parallelograms(degree):
+    """Integrands are no polynomials there; the identities hold."""
 
     def block(counts, low, twist):
         def place(x):

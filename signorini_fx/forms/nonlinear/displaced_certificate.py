@@ -30,8 +30,7 @@ from signorini_fx.results.certificate.certificate import Certificate, judged
 from signorini_fx.results.certificate.contact_nodes import ContactSide
 from signorini_fx.results.certificate.equilibrium import Balance
 from signorini_fx.results.certificate.law_of_method import Law, PreviousStep, Tractions
-from signorini_fx.results.certificate.sliding_claim import SlidingClaim
-from signorini_fx.results.certificate.sliding_claim_in_space import SpaceSlidingClaim
+from signorini_fx.results.certificate.pair_points import SlidingPoints
 from signorini_fx.results.certificate.supports import PrescribedNodes
 from signorini_fx.results.certificate.surface_quadrature import SurfaceQuadrature
 from signorini_fx.results.mechanics import SolidBody
@@ -151,15 +150,7 @@ def mechanics_at(
         data[number] = replace(data[number], gap=nodal_gap, shape=distances)
     previous = linear.previous_step
     ends = u, None if previous is None else previous.displacement
-    claims = dict[int, SlidingClaim]()
-    for number, pair in linear.pairs.items():
-        sides = pair.sides
-        points = sides.points, sides.unable, sides.held, sides.reach
-        facets, factor = (linear.forms.facets[number], linear.forms.masters[number]), data[number].shape.factor
-        surfaces = sides.slave.surface, sides.master.surface
-        kind = SlidingClaim if dim == 2 else SpaceSlidingClaim
-        allowed = linear.contact[number].reach
-        claims[number] = kind.of(space, surfaces, points, facets, ends, factor, allowed, pair.certified)
+    sliding = {number: SlidingPoints.of(pair.sides, ends) for number, pair in linear.pairs.items()}
     forces = residual.reshape(-1, dim)
     nothing = np.zeros_like(forces)
     known = nothing if lost is None else lost.reshape(-1, dim)
@@ -179,7 +170,7 @@ def mechanics_at(
     )
     return ResidualMechanics(
         balance,
-        sides_of(data, linear.stated, linear.forms.facets, linear.forms.masters, space, claims, places),
+        sides_of(data, linear.stated, linear.forms.facets, linear.forms.masters, space, sliding, places),
         linear.forms.boundaries,
         fixed,
     )

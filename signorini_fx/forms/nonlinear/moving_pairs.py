@@ -19,7 +19,6 @@ from signorini_fx.mechanics.obstacles.sliding_sides import SlidingSides
 from signorini_fx.mechanics.pairs.fixed_distances import FixedDistances
 from signorini_fx.mechanics.pairs.sliding import Frames, SlidingCoupling
 from signorini_fx.records import Finding
-from signorini_fx.results.certificate.sliding_claim import PairMemory
 from signorini_fx.solving.check.pushed_nodes import HeldNodes
 from signorini_fx.tuned import LEAST_SEEN, MAP_STEP, NEAR_PARTNER, PAST_THE_END, SAME_NUMBER
 
@@ -55,7 +54,6 @@ class MovingPair:
         allowance: what is added to the gap, at the owned nodes of the space, length, shape (owned nodes,).
         fixed: where supports fix the distance of both sides, and at which displacement that is so; None: nowhere.
         changed: which points have begun or ceased to see the other side by each of the last two moves, shape (2, n).
-        certified: what certificates have found, which they alone read, see ``SlidingClaim``.
     """
 
     sides: SlidingSides
@@ -67,7 +65,6 @@ class MovingPair:
     allowance: Array = field(init=False)
     fixed: tuple[Array, FixedDistances | None] = field(init=False)
     changed: npt.NDArray[np.bool_] = field(init=False)
-    certified: PairMemory = field(default_factory=PairMemory, init=False, repr=False)
 
     def __post_init__(self) -> None:
         self.displacement = np.zeros((self.sides.nodes.size, self.sides.slave.surface.dimension))

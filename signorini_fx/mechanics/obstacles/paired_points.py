@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 import basix
 import numpy as np
@@ -24,7 +23,13 @@ from signorini_fx.mechanics.interfaces.pair import Pair
 from signorini_fx.mechanics.obstacles.held_pairs import HeldPairs, held_along
 from signorini_fx.mechanics.obstacles.mirrored_points import mirrored
 from signorini_fx.mechanics.pairs.dual_functions import HeldSides
-from signorini_fx.mechanics.pairs.mortar_coupling import Coupling, NobodyCarriesError, PairingError, couple
+from signorini_fx.mechanics.pairs.mortar_coupling import (
+    Coupling,
+    NobodyCarriesError,
+    PairingError,
+    couple,
+    normals_of_points,
+)
 from signorini_fx.mechanics.pairs.pair_side import Lagrange, PairSurface
 from signorini_fx.mechanics.pairs.sliding import along_vectors, turned_normals
 from signorini_fx.mechanics.pairs.sparse_scaling import of_components
@@ -193,7 +198,6 @@ class PairedSides:
         held: where supports hold both sides, on this rank; None: nowhere.
         followed: whether the normals are those of the deformed sides, with which distances turn; else it is the
             coupling that tells how distances turn.
-        independent_checks: what certificates have found of both sides, which nothing else reads.
     """
 
     slave: PairedSide
@@ -204,7 +208,6 @@ class PairedSides:
     axes: Array | None = None
     held: HeldPairs | None = None
     followed: bool = False
-    independent_checks: dict[Any, Any] = field(default_factory=dict, repr=False, compare=False)
 
     @classmethod
     def of(
@@ -267,6 +270,13 @@ class PairedSides:
             held = HeldPairs.of(sides, names, alone, (axes, reached), coupling, pair.adjust)
         return cls(slave, master, coupling, pair.by_geometry, facing.unable, turns, held)
 
+    @property
+    def undeformed_normals(self) -> Array:
+        """Normals of the points where both sides are undeformed, shape (n, d)."""
+        coupling, surfaces = self.coupling, (self.slave.surface, self.master.surface)
+        shares = coupling.slave, coupling.master
+        return normals_of_points(surfaces, coupling.nodes, shares, nominal=not self.by_geometry)
+
     def deformed(self, space: fem.FunctionSpace, displacement: Array) -> PairedSides:
         """The same points and partners, with normals that turn as those of the master do at the partners; collective.
 
@@ -274,16 +284,14 @@ class PairedSides:
             space: the displacements.
             displacement: of the owned nodes, length, shape (owned nodes, d).
         """
-        coupling, start = self.coupling, self.master.surface
+        normal, start = self.undeformed_normals, self.master.surface
         master = start.displaced(from_owners(displacement, self.master.nodes, space.mesh.comm))
         initial, present = (self._at_partners(side) for side in (start, master))
         initial, present = (vectors / np.linalg.norm(vectors, axis=1, keepdims=True) for vectors in (initial, present))
         bisector, share = initial + present, 1.0 + np.sum(initial * present, axis=1, keepdims=True)
-        along, initial_part = (
-            np.sum(vectors * coupling.normal, axis=1, keepdims=True) for vectors in (bisector, initial)
-        )
-        normal = coupling.normal - along / share * bisector + 2.0 * initial_part * present
-        return replace(self, coupling=replace(coupling, normal=normal), followed=True)
+        along, initial_part = (np.sum(vectors * normal, axis=1, keepdims=True) for vectors in (bisector, initial))
+        normal = normal - along / share * bisector + 2.0 * initial_part * present
+        return replace(self, coupling=replace(self.coupling, normal=normal), followed=True)
 
     def turning(self, space: fem.FunctionSpace, displacement: Array) -> sp.csr_array:
         """How further displacements of the nodes of the master turn the normals of ``deformed``, sparse, shape (n d, d

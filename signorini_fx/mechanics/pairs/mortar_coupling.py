@@ -319,9 +319,7 @@ def couple(
         turning_of(sp.csr_array(shares @ matrix), side.x, part * distance)
         for matrix, side, part in zip(arms, (slave, master), (half, 1.0 - half), strict=True)
     ]
-    normal = slave.nodal_normals[nodes]
-    if not nominal:
-        normal = slave.in_planes(slave_shares @ slave.directions - master_shares @ master.directions, nodes)
+    normal = normals_of_points((slave, master), nodes, (slave_shares, master_shares), nominal=nominal)
     coupling = Coupling(
         nodes=nodes,
         weight=weight,
@@ -350,6 +348,23 @@ def couple(
             "facets, and that the bodies do not lie inside each other"
         )
     return coupling
+
+
+def normals_of_points(
+    sides: tuple[PairSurface, PairSurface], nodes: Indices, shares: tuple[sp.csr_array, sp.csr_array], *, nominal: bool
+) -> Array:
+    """Mean normals of both sides at the points, of length one, shape (n, d).
+
+    Args:
+        sides: slave and master.
+        nodes: of the points, shape (n,).
+        shares: D and M.
+        nominal: see ``couple``: then they are those of the slave.
+    """
+    slave, master = sides
+    if nominal:
+        return np.asarray(slave.nodal_normals[nodes])
+    return slave.in_planes(shares[0] @ slave.directions - shares[1] @ master.directions, nodes)
 
 
 def _refuse_bare(slave: PairSurface, tested: Tested, shares: sp.csr_array) -> None:

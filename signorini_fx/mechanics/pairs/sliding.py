@@ -39,6 +39,7 @@ from signorini_fx.mechanics.pairs.dual_functions import EvenRedistribution, Held
 from signorini_fx.mechanics.pairs.fixed_distances import FixedDistances
 from signorini_fx.mechanics.pairs.mean_rotation import turning_blocks
 from signorini_fx.mechanics.pairs.mortar_coupling import projected
+from signorini_fx.mechanics.pairs.overlap_quadrature import Overlap
 from signorini_fx.mechanics.pairs.pair_side import PairSurface
 from signorini_fx.mechanics.pairs.sliding_plane import PlanePieces, turning_at_nodes
 from signorini_fx.mechanics.pairs.sliding_space import SpacePieces, rotations_at_nodes, turned_normals_in_space
@@ -90,6 +91,7 @@ class SlidingCoupling:
             (n, d m).
         tangent_rows: the relative displacement along T_i, a row for each tangent of a point, shape (n (d - 1), d m).
         centre: where forces act, length, shape (n, d).
+        overlap: where both sides see each other and one can move.
         pieces: what the second derivatives of the gap are made of; None: no point has a partner.
     """
 
@@ -108,6 +110,7 @@ class SlidingCoupling:
     normal_rows: sp.csr_array
     tangent_rows: sp.csr_array
     centre: Array
+    overlap: Overlap = field(repr=False)
     pieces: _TurningPieces | None = field(repr=False)
 
     def fixed_part(self, allowance: Array) -> Array:
@@ -326,7 +329,8 @@ def slide(
     centre = sharing @ slave.x + distance / 2
     rows = sp.csr_array(normal_rows), tangent_rows
     idle = np.flatnonzero(constrained_slaves), unpaired_gap, fixed, fixed_shares
-    return SlidingCoupling(slave, master, points, weights, normals, gap, frames, covered, *idle, *rows, centre, pieces)
+    place = centre, tested.overlap
+    return SlidingCoupling(slave, master, points, weights, normals, gap, frames, covered, *idle, *rows, *place, pieces)
 
 
 def fixed_by_supports(slave: PairSurface, master: PairSurface, held: HeldSides, reach: float) -> FixedDistances | None:

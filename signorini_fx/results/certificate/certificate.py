@@ -297,7 +297,7 @@ def judged(
         return Certificate(equilibrium=max(left.share, volume), unjudged=left.unjudged, lost=left.lost, **figures)
     nodes = ContactNodes.of(forces, sides, tractions)
     at = nodes.pieces(pieces.piece)
-    figures["coupling"] = nodes.coupling_error(supports, y / (float(far.max()) or 1.0))
+    figures["coupling"] = nodes.coupling_error()
 
     def largest(values: Nodal) -> Nodal:
         """Of the points of each piece, from either side."""

@@ -16,11 +16,10 @@ from signorini_fx.mechanics.rigid.rigid_bodies import Drive, RigidBodyMotion
 from signorini_fx.results.certificate.law_of_method import Tractions
 from signorini_fx.results.certificate.supports import PrescribedNodes
 from signorini_fx.results.certificate.surface_quadrature import SurfaceQuadrature
-from signorini_fx.tuned import SAME_DIRECTION, SAME_PLACE_IN_CELL, ZERO_SUM
+from signorini_fx.tuned import SAME_DIRECTION, ZERO_SUM
 
 if TYPE_CHECKING:
-    from signorini_fx.results.certificate.paired_claim import Claim
-    from signorini_fx.results.certificate.sliding_claim import SlidingClaim
+    from signorini_fx.results.certificate.pair_points import PairPoints
 
 Nodal = npt.NDArray[np.float64]
 
@@ -36,7 +35,7 @@ class ContactSide:
         bilateral: whether contact cannot open.
         direction: nodes -> the direction of contact, of length one, shape (n, d); None: the outward normal.
         factor: of the measure, see ``SurfaceQuadrature.moments``.
-        claim: what the solver says of both sides of a pair; None: the foundation is rigid.
+        pair: the points of a pair; None: the foundation is rigid.
         by_geometry: whether the distance of both sides of a pair along the normal is added to the gap.
         adjust: the distance of both sides, length, that is taken for none, and all below it; None: there is none.
         directions: nodes -> the vector along which friction is that of ``bound``, shape (n, d), and the ratio of that
@@ -49,7 +48,7 @@ class ContactSide:
     bilateral: bool
     direction: Callable[[npt.NDArray[np.integer[Any]]], Nodal] | None = None
     factor: Nodal | None = None
-    claim: Claim | SlidingClaim | None = None
+    pair: PairPoints | None = None
     by_geometry: bool = False
     directions: Callable[[npt.NDArray[np.integer[Any]]], tuple[Nodal, Nodal]] | None = None
     adjust: float | None = None
@@ -72,8 +71,7 @@ class ContactNodes:
         spread: of each contact boundary, how its test functions meet the shape functions, ``NodalForces.products``,
             None for a pair; None where points do not average.
         counts: number of points of each contact boundary.
-        claims: of the pairs of bodies, by the numbers of their contact boundaries, see ``ContactSide``.
-        boundaries: all of them, see ``SurfaceQuadrature.facets``.
+        pairs: of bodies, by the numbers of their contact boundaries, see ``ContactSide``.
         across: e, the unit vector across which friction has a ratio to that along, shape (n, d); None: it has none.
         ratio: r, of the friction along e, shape (n,).
     """
@@ -89,8 +87,7 @@ class ContactNodes:
     shear: Nodal
     spread: list[Any] | None
     counts: list[int]
-    claims: Mapping[int, Claim | SlidingClaim] = field(default_factory=dict)
-    boundaries: tuple[Any, ...] = ()
+    pairs: Mapping[int, PairPoints] = field(default_factory=dict)
     across: Nodal | None = None
     ratio: Nodal | None = None
 
@@ -113,18 +110,18 @@ class ContactNodes:
             moment = forces.moments(side.boundary, side.factor)
             weight = np.linalg.norm(moment, axis=1)
             outward = moment / np.maximum(weight, 1e-300)[:, None]
-            if side.claim is not None:
+            if side.pair is not None:
                 weight = np.zeros_like(weight)
-                weight[side.claim.points] = side.claim.weight
+                weight[side.pair.points] = side.pair.weight
             if forces.averaging:
-                spread.append(None if side.claim is not None else forces.products(side.boundary, side.factor))
+                spread.append(None if side.pair is not None else forces.products(side.boundary, side.factor))
                 weight = weight if spread[-1] is None else _sums(forces, spread[-1].sum(axis=1))
             least = 0.0
             if side.factor is not None:  # which may be zero at a node: on the axis of a body of revolution
                 least = ZERO_SUM * parallel.largest(forces.space.mesh.comm, weight)
             nodes = np.flatnonzero(weight > least)
             normal = outward[nodes] if side.direction is None else side.direction(nodes)
-            if side.factor is not None and side.direction is None and side.claim is None:
+            if side.factor is not None and side.direction is None and side.pair is None:
                 of_measure = np.nan_to_num(side.factor)
                 tips = of_measure[nodes] <= ZERO_SUM * parallel.largest(forces.space.mesh.comm, of_measure)
                 tips &= np.linalg.norm(normal[:, 1:], axis=1) > SAME_DIRECTION
@@ -138,26 +135,16 @@ class ContactNodes:
                 (values[rows] if not unmatched else np.zeros((nodes.size, *values.shape[1:])))
                 for values in (tractions.pressure, tractions.shear)
             )
-            if side.claim is None and spread:
+            if side.pair is None and spread:
                 gap = _averaged(forces, spread[-1], side.gap)[nodes] / weight[nodes]
             else:
                 gap = side.gap(nodes)
-            if side.claim is not None:
-                means = _normals_of(forces, side.claim, nodes)
-                normal = normal if unmatched else means
-            if side.claim is not None and side.by_geometry:
-                apart = side.claim.gap(normal)
-                closed = (
-                    np.zeros(nodes.size, bool)
-                    if side.adjust is None
-                    else apart - side.claim.counted * side.adjust <= SAME_PLACE_IN_CELL * side.adjust
-                )
-                gap = gap + (1.0 - closed) * apart
-            if side.claim is not None:
-                gap = gap - side.claim.fixed_gap(side.gap)
             bound, bilateral = side.bound(nodes, pressure), np.full(nodes.size, side.bilateral)
-            if side.claim is not None and not unmatched:
-                bound = np.where(side.claim.facing, bound, 0.0)
+            if side.pair is not None:
+                normal, bound = side.pair.normal, np.where(side.pair.facing, bound, 0.0)
+                if side.by_geometry:
+                    gap = gap + side.pair.gap(side.adjust)
+                gap = gap - side.pair.fixed_gap(side.gap)
             columns.append((nodes, weight[nodes], normal, gap, bound, bilateral, pressure, shear))
         if parallel.any_rank(forces.space.mesh.comm, unmatched):
             raise ValueError("the tractions are not those of the contact nodes of the scene")
@@ -165,11 +152,8 @@ class ContactNodes:
         nodes, *remaining = (np.concatenate(column) for column in zip(*columns, strict=True))
         weight, normal, gap, bound, bilateral, pressure, shear = remaining
         held = spread or None
-        claims = {number: side.claim for number, side in enumerate(sides) if side.claim is not None}
-        boundaries = tuple(side.boundary for side in sides)
-        contact_nodes = cls(
-            forces, nodes, weight, normal, gap, bound, bilateral, pressure, shear, held, counts, claims, boundaries
-        )
+        pairs = {number: side.pair for number, side in enumerate(sides) if side.pair is not None}
+        contact_nodes = cls(forces, nodes, weight, normal, gap, bound, bilateral, pressure, shear, held, counts, pairs)
         if all(side.directions is None for side in sides):
             return contact_nodes
         across, ratio = np.zeros_like(normal), np.ones(nodes.size)
@@ -203,8 +187,8 @@ class ContactNodes:
         the latter as a vector, shape (n, d).
         """
         relative = self._at(displacements)
-        for claim, part in self._paired:
-            relative[part] = claim.relative(displacements[: self.evaluation.owned])
+        for pair, part in self._paired:
+            relative[part] = pair.relative(displacements[: self.evaluation.owned])
         for motion in rigid:
             points = self.part(*motion.body.parts)
             relative[points] -= self._at(motion.at(self._x))[points]
@@ -233,8 +217,8 @@ class ContactNodes:
             of_node: the piece that each owned node is in.
         """
         opposite = np.full(self.nodes.size, -1, dtype=np.int64)
-        for claim, part in self._paired:
-            opposite[part] = claim.on_other_side(of_node)
+        for pair, part in self._paired:
+            opposite[part] = pair.on_other_side(of_node)
         return of_node[self.nodes], opposite
 
     def part(self, *numbers: int) -> npt.NDArray[np.int64]:
@@ -270,8 +254,8 @@ class ContactNodes:
         rigid foundation, length, shape (n,), from displacements of shape (owned nodes, d).
         """
         magnitudes = np.zeros(self.nodes.size)
-        for claim, part in self._paired:
-            magnitudes[part] = np.linalg.norm(claim.terms(owned), axis=1)
+        for pair, part in self._paired:
+            magnitudes[part] = np.linalg.norm(pair.terms(owned), axis=1)
         return magnitudes
 
     def forces(self) -> tuple[npt.NDArray[np.int64], Nodal, Nodal]:
@@ -279,7 +263,7 @@ class ContactNodes:
         (m, d), and the area that a node stands for, shape (m,); a node of two boundaries is there twice.
         """
         traction = self.traction
-        groups = [claim.forces(traction[part], self.evaluation.owned) for claim, part in self._paired]
+        groups = [pair.forces(traction[part], self.evaluation.owned) for pair, part in self._paired]
         if self.spread is None:
             alone = self._of_one_body()
             groups.append((self.nodes[alone], (self.weight[:, None] * traction)[alone], self.weight[alone]))
@@ -331,54 +315,27 @@ class ContactNodes:
         movable = (
             supports.left(vectors, self.nodes) if self.spread is None else vectors * self._any_of(supports.movable())
         )
-        for claim, part in self._paired:
-            movable[part] = vectors[part] * claim.moved(supports.movable())
+        for pair, part in self._paired:
+            movable[part] = vectors[part] * pair.moved(supports.movable())
         return movable
 
-    def coupling_error(self, supports: PrescribedNodes, y: Nodal) -> float:
-        """The largest error of what the solver says of pairs of bodies.
-
-        Args:
-            supports: what is prescribed.
-            y: displacements of the owned nodes relative to the largest one, shape (owned nodes, d).
-        """
-        if not self.claims:
-            return 0.0
-        from signorini_fx.results.certificate.paired_sides import defect, not_held, not_integrated
-        from signorini_fx.results.certificate.sliding_claim import SlidingClaim
-        from signorini_fx.results.certificate.undeformed_sides import error_of_sides
-
-        free = [supports.left(np.tile(axis, (len(y), 1))) for axis in np.eye(y.shape[1])]
-        held = np.eye(y.shape[1]) - np.stack(free, axis=2)
-        return max(
-            max(claim.error(), error_of_sides(claim, held, supports, self._others(number)))
-            if isinstance(claim, SlidingClaim)
-            else max(
-                defect(claim, self.evaluation.space),
-                not_held(claim, held, y),
-                not_integrated(claim, self.evaluation, held, self._others(number)),
-            )
-            for number, claim in self.claims.items()
-        )
-
-    def _others(self, number: int) -> list[npt.NDArray[np.int32]]:
-        """The facets of contacts that own a node which they share with a pair: rigid foundations, and pairs before."""
-        first = [k for k in range(len(self.boundaries)) if k < number or (k > number and k not in self.claims)]
-        return [self.evaluation.facets(self.boundaries[k]) for k in first]
+    def coupling_error(self) -> float:
+        """The largest error of the maps of pairs of bodies."""
+        return max((pair.error() for pair in self.pairs.values()), default=0.0)
 
     @property
     def shear_across(self) -> Nodal:
         """The shear across planes of symmetry, of which there is none, stress, shape (n, d)."""
         across = np.zeros_like(self.shear)
-        for claim, part in self._paired:
-            across[part] = np.einsum("nij,nj->ni", claim.across, self.shear[part])
+        for pair, part in self._paired:
+            across[part] = np.einsum("nij,nj->ni", pair.across, self.shear[part])
         return across
 
     @cached_property
-    def _paired(self) -> list[tuple[Claim | SlidingClaim, slice]]:
+    def _paired(self) -> list[tuple[PairPoints, slice]]:
         """The pairs of bodies, and which points are theirs."""
         parts = self.parts()
-        return [(claim, parts[number]) for number, claim in self.claims.items()]
+        return [(pair, parts[number]) for number, pair in self.pairs.items()]
 
     def _of_one_body(self) -> npt.NDArray[np.bool_]:
         """The points on a rigid foundation, shape (n,)."""
@@ -409,22 +366,6 @@ class ContactNodes:
         """Which rows each part of the boundary has, one after the other."""
         ends = np.cumsum([0, *self.counts])
         return [slice(int(a), int(b)) for a, b in pairwise(ends)]
-
-
-def _normals_of(forces: SurfaceQuadrature, claim: Claim | SlidingClaim, nodes: npt.NDArray[np.int64]) -> Nodal:
-    """Those of a pair at its points, means of both sides, but of the slave where they are nominally in contact, shape
-    (n, d); collective.
-    """
-    first = forces.space.dofmap.index_map.local_range[0]
-
-    def directed(nodes: npt.NDArray[np.int32], vectors: Nodal) -> Nodal:
-        return claim.in_planes(first + nodes.astype(np.int64), vectors)
-
-    slave, master = (forces.normals(side, directed) for side in (claim.slave, claim.master))
-    normals = slave[nodes] if claim.nominal else claim.normal(slave, master)
-    if claim.followed is None:
-        return normals
-    return claim.turned(normals, master, forces.normals(claim.master, directed, claim.followed))
 
 
 def _sums(forces: SurfaceQuadrature, values: Any) -> Nodal:

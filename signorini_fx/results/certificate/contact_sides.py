@@ -17,7 +17,7 @@ from signorini_fx.results.certificate.contact_nodes import ContactSide
 
 if TYPE_CHECKING:
     from signorini_fx.mechanics.obstacles.paired_points import PairedSides
-    from signorini_fx.results.certificate.paired_claim import Claim
+    from signorini_fx.results.certificate.pair_points import FrozenPoints
 
 Nodal = npt.NDArray[np.float64]
 
@@ -36,17 +36,16 @@ def sides_of(
     """
     x = node_positions(space)[:, : space.mesh.geometry.dim]
     factor = statement.kinematics.measure_at(x)
-    claims: dict[int, Claim] = {}
+    points: dict[int, FrozenPoints] = {}
     if any(effect.against is not None for effect in statement.contact):
         from signorini_fx.mechanics.body.discretisation import pairs_of
-        from signorini_fx.results.certificate.paired_claim import claim_of
+        from signorini_fx.results.certificate.pair_points import FrozenPoints
 
         paired = pairs_of(statement, tagged, space) if pairs is None else pairs
         for part, pair in paired.items():
             effect = statement.contact[part]
             slave, master = map(tagged.facets, (effect.boundary, str(effect.against)))
-            nominal = not _by_geometry(effect)
-            claims[part] = claim_of(pair, space, (slave, master), nominal=nominal, bonded=effect.bonded, factor=factor)
+            points[part] = FrozenPoints.of(pair, space, (slave, master))
 
     def side(part: int, effect: Any) -> ContactSide:
         gap = effect.gap_in(tagged.dimension)
@@ -67,7 +66,7 @@ def sides_of(
             not effect.opens,
             None if effect.direction is None and effect.surface is None else along,
             factor,
-            claim=claims.get(part),
+            pair=points.get(part),
             by_geometry=_by_geometry(effect),
             adjust=effect.adjust,
             directions=(lambda nodes: effect.friction.directions(in_space(x[nodes])))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -120,8 +120,8 @@ class SurfaceQuadrature:
             self._moments[boundary].setflags(write=False)
         return self._moments[boundary]
 
-    def _integrated(self, boundary: Any, factor: Array | None, moved: Array | None = None) -> Array:
-        """See ``moments`` and ``_facets``."""
+    def _integrated(self, boundary: Any, factor: Array | None) -> Array:
+        """See ``moments``."""
         total, degree = self.zero(), self._shapes.degree
         rule = basix.make_quadrature(self._facet, contact_forms.lumped_degree(degree, self._geometry.degree))
         if self.across == 2 and (factor is None or degree > 1):  # the nodal rule, which has the same integrals
@@ -130,36 +130,10 @@ class SurfaceQuadrature:
                 2: ([0.0, 1.0, 0.5], [1 / 6, 1 / 6, 2 / 3]),  # Simpson's rule
             }[degree]
             rule = np.array(places)[:, None], np.array(weights)
-        for facets in self._facets(boundary, rule[0], rule[1], factor, moved):
+        for facets in self._facets(boundary, rule[0], rule[1], factor):
             of_nodes = _clean(facets.table.test).T @ facets.moment
             np.add.at(total[:, : self.across], self.cell_nodes[facets.cells], of_nodes)
         return self.over_ranks(total)
-
-    def normals(self, boundary: Any, directed: Callable[[Indices, Array], Array], moved: Array | None = None) -> Array:
-        """Outward unit normals at the nodes of a boundary, means of those of the facets around them, between the
-        vertices of quadratic triangles the means of those at both; zero elsewhere, shape (owned nodes, d).
-
-        Args:
-            boundary: see ``facets``.
-            directed: makes unit vectors, where they may be, of vectors at the owned nodes, by their local numbers.
-            moved: see ``_facets``.
-        """
-        owned = np.arange(self.owned, dtype=np.int32)
-        moments = self.moments(boundary) if moved is None else self._integrated(boundary, None, moved)
-        normals = directed(owned, moments)
-        if self._hats is None:
-            return normals
-        layout, vertices, edge_sums = self.space.dofmap.dof_layout, self.with_ghosts(normals), self.zero()
-        entities = facet_entities(self.space.mesh, self.facets(boundary))
-        for side in range(len(basix.topology(self.cell_type)[self.across - 1])):
-            cells = entities[entities[:, 1] == side, 0]
-            nodes = self.cell_nodes[cells][:, layout.entity_closure_dofs(self.across - 1, side)]
-            edge_sums[nodes[:, 3:]] = (
-                vertices[nodes[:, :3]].sum(axis=1)[:, None] - vertices[nodes[:, :3]]
-            )  # opposite ones
-        # Both facets of an edge say the same.
-        between = directed(owned, self.over_ranks(edge_sums))
-        return np.where(np.any(normals, axis=1, keepdims=True), normals, between)
 
     def products(self, boundary: Any, factor: Array | None = None) -> Any:
         """Integrals of test times shape functions over the facets of this rank, scipy sparse, shape (nodes, nodes).
@@ -216,7 +190,7 @@ class SurfaceQuadrature:
         return np.array([[x[:, :, i] @ stretch.T for stretch in table.stretch] for i in range(self.across)])
 
     def _facets(
-        self, boundary: Any, places: Array, weight: Array, factor: Array | None = None, moved: Array | None = None
+        self, boundary: Any, places: Array, weight: Array, factor: Array | None = None
     ) -> Iterator[QuadratureFacets]:
         """The facets of a boundary with points at ``places`` of the reference facet, shape (q, across - 1).
 
@@ -225,8 +199,6 @@ class SurfaceQuadrature:
             places: see above.
             weight: of the points, shape (q,).
             factor: see ``moments``.
-            moved: displacements of the nodes, with which normals and areas are those of the deformed facets, length,
-                shape (nodes, d); None: those of the undeformed ones.
         """
         entities = facet_entities(self.space.mesh, self.facets(boundary))
         vertices = basix.geometry(self.cell_type)
@@ -242,9 +214,6 @@ class SurfaceQuadrature:
             for facet_cells in np.array_split(cells, 1 + cells.size * len(places) // _TOGETHER):
                 # Where the facet is warped, the middle of a cell may be on its outer side: the reference cell tells.
                 jacobian = self.jacobian(facet_cells, table)
-                if moved is not None:
-                    u = moved[self.cell_nodes[facet_cells], : self.across]
-                    jacobian = jacobian + np.einsum("cni,kqn->ikcq", u, table.slope)
                 adjugate, determinant = adjugates(jacobian)
                 normal = np.sign(determinant)[:, :, None] * np.einsum("kicq,k->cqi", adjugate, across)
                 if factor is not None:

@@ -1,0 +1,356 @@
+"""The points of pairs of bodies for the certificate: the map of the pair, made anew at the displacement of the result.
+
+A wrong map is the same in each run: the oracle and tests compare it to integrals of their own.  Here its identities
+are tried, which ranks, restarts or a changed entry would break.  At all points
+
+    D 1 = M 1 = 1,   D x - M x + d = 0,   B R = 0 for every joint rigid motion R,
+
+so that forces and moments of both sides balance, and the weights add up to the area where both sides meet.  Where
+normals follow deformed sides, a rotation R leaves B R = - R d, as the distance turns with the sides.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar
+
+import numpy as np
+import numpy.typing as npt
+import scipy.sparse as sp
+from dolfinx import fem
+from mpi4py import MPI
+
+from signorini_fx.machine import parallel
+from signorini_fx.mechanics.assembly.averages import from_owners, to_owners
+from signorini_fx.mechanics.assembly.mesh_entities import node_positions
+from signorini_fx.mechanics.obstacles.paired_points import PairedSides
+from signorini_fx.mechanics.obstacles.sliding_sides import SlidingSides
+from signorini_fx.mechanics.pairs.sliding import SlidingCoupling
+from signorini_fx.mechanics.pairs.sparse_scaling import beside
+from signorini_fx.tuned import SLIVER
+
+Array = npt.NDArray[np.float64]
+Flags = npt.NDArray[np.bool_]
+Indices = npt.NDArray[np.int32]
+
+
+@dataclass(frozen=True, kw_only=True)
+class PairPoints:
+    """The n contact points of a pair on this rank, made of m nodes of all ranks; methods are collective.
+
+    Attributes:
+        space: of the displacement.
+        points: local node of each point, shape (n,).
+        weight: area (in 2D: length) of each point times the measure, shape (n,).
+        normal: of length one, shape (n, d).
+        facing: which points see the other side, and may have tractions, shape (n,).
+        across: projectors onto the directions across planes of symmetry, shape (n, d, d).
+        reached: global numbers of the m nodes.
+        own: D, sparse, shape (n, m).
+        others: M, likewise.
+        operator: the relative displacement from displacements of these nodes, sparse, shape (n d, m d).
+        displaced: whether the points are where the displacement has moved the sides.
+    """
+
+    space: fem.FunctionSpace
+    points: npt.NDArray[np.int64]
+    weight: Array
+    normal: Array
+    facing: Flags
+    across: Array
+    reached: npt.NDArray[np.int64]
+    own: Any
+    others: Any
+    operator: Any
+    displaced: ClassVar[bool] = False
+
+    @property
+    def comm(self) -> MPI.Comm:
+        """The ranks."""
+        comm: MPI.Comm = self.space.mesh.comm
+        return comm
+
+    def gap(self, adjust: float | None) -> Array:
+        """The distance of both sides along the normals without what supports fix, zero up to ``adjust``, length, shape
+        (n,).
+        """
+        raise NotImplementedError
+
+    def fixed_gap(self, allowance_at: Callable[[Any], Array]) -> Array:
+        """What the points do not count, as supports fix it, of a gap that the problem gives at nodes by their local
+        numbers, length, shape (n,).
+        """
+        raise NotImplementedError
+
+    def relative(self, owned: Array) -> Array:
+        """The relative displacement at the points from that of the owned nodes, shape (owned nodes, d)."""
+        raise NotImplementedError
+
+    def error(self) -> float:
+        """The largest error of the identities of the map, relative to one, to weights, or to the size of the sides."""
+        raise NotImplementedError
+
+    def terms(self, owned: Array) -> Array:
+        """The sums of the magnitudes of what relative displacements are added up of, shape (n, d)."""
+        reached_values = from_owners(np.abs(owned), self.reached, self.comm)
+        return np.asarray(abs(self.operator) @ reached_values.ravel()).reshape(self.normal.shape)
+
+    def forces(self, traction: Array, owned: int) -> tuple[npt.NDArray[np.int64], Array, Array]:
+        """What tractions at the points, shape (n, d), do to both bodies: owned nodes, forces on them, and their areas;
+        ``owned``: how many nodes this rank owns.
+        """
+        acting = np.where(self.facing[:, None], self.weight[:, None] * traction, 0.0)
+        forces = (self.operator.T @ acting.ravel()).reshape(-1, traction.shape[1])
+        nodal_rows = to_owners(np.column_stack((forces, self._areas())), self.reached, self.comm, owned)
+        nodes = np.flatnonzero(nodal_rows[:, -1] > 0)
+        return nodes, nodal_rows[nodes, :-1], nodal_rows[nodes, -1]
+
+    def on_other_side(self, of_node: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+        """Numbers that the owned nodes have, at a node of the other side that each point meets most, -1 where it meets
+        none, shape (n,).
+        """
+        numbers = from_owners(of_node[:, None].astype(np.float64), self.reached, self.comm)[:, 0].astype(np.int64)
+        shares = abs(self.others).tocsr()
+        opposite = np.full(shares.shape[0], -1, dtype=np.int64)
+        for row in np.flatnonzero(np.diff(shares.indptr)):
+            span = slice(shares.indptr[row], shares.indptr[row + 1])
+            opposite[row] = numbers[shares.indices[span][np.argmax(shares.data[span])]]
+        return opposite
+
+    def moved(self, flags: Flags) -> Flags:
+        """Whether a node that a point depends on has a flag, from shape (owned nodes, d) to shape (n, d)."""
+        reached_flags = from_owners(flags.astype(np.float64), self.reached, self.comm)
+        met = np.asarray((abs(self.own) + abs(self.others)) @ reached_flags > 0)
+        return np.asarray(met & self.facing[:, None])
+
+    def _at_owned(self, allowance_at: Callable[[Any], Array], nodes: npt.NDArray[np.int64]) -> Array:
+        """Values at the owned nodes, shape (owned nodes,), that are given at local nodes; zero at nodes whose global
+        numbers are not among ``nodes``.
+        """
+        first, last = self.space.dofmap.index_map.local_range
+        at_owned, here = np.zeros(last - first), nodes[(nodes >= first) & (nodes < last)] - first
+        at_owned[here] = allowance_at(here)
+        return at_owned
+
+    def _areas(self) -> Array:
+        """The share of each of the m nodes in the areas of the points of this rank, shape (m,): a node that moves a
+        point by the turning of facets alone has a small one.
+        """
+        dim, entries = self.normal.shape[1], self.operator.tocoo()
+        places = entries.row // dim, entries.col // dim
+        moving = sp.csr_array(sp.coo_array((entries.data != 0, places), shape=self.own.shape))
+        moves = moving.astype(bool).astype(np.float64)
+        return np.asarray((abs(self.own) + abs(self.others)).maximum(SLIVER * moves).T @ self.weight)
+
+    def _rigid(self, x: Array) -> tuple[list[Array], float]:
+        """Joint rigid motions of the m nodes, at places of shape (m, d), of size one: translations first; and the size
+        of the sides, length.
+        """
+        low, high = parallel.global_bounds(self.comm, x)
+        size = float(np.linalg.norm(high - low))
+        return rigid_motions((x - (low + high) / 2) / size), size
+
+
+@dataclass(frozen=True, kw_only=True)
+class FrozenPoints(PairPoints):
+    """Those of a pair whose points keep the partners that they have where both sides are undeformed.
+
+    Attributes:
+        pair: both sides, with the normals of the displacement.
+        fixed_part: what of the relative displacement supports fix, with the other sign, sparse, shape (n d, m d); None:
+            nothing.
+        named: the facets of both sides as the problem names them, owned, local numbers.
+    """
+
+    pair: PairedSides
+    fixed_part: Any
+    named: tuple[Indices, Indices]
+
+    @classmethod
+    def of(
+        cls, pair: PairedSides, space: fem.FunctionSpace, named: tuple[Indices, Indices], moved: Array | None = None
+    ) -> FrozenPoints:
+        """Those of a pair as the solver has paired it; collective.
+
+        Args:
+            pair: both sides.
+            space: of the displacement.
+            named: see ``FrozenPoints``.
+            moved: displacements of the owned nodes, with which normals turn as the master does, length, shape (owned
+                nodes, d); None: they are those of the undeformed sides.
+        """
+        pair = replace(pair, coupling=replace(pair.coupling, normal=pair.undeformed_normals))
+        if moved is not None:
+            pair = pair.deformed(space, moved)
+        coupling, (own, others, turning) = pair.coupling, pair.shares()
+        relative = sp.kron(own - others, sp.eye_array(coupling.distance.shape[1]))
+        return cls(
+            space=space,
+            points=pair.slave.nodes[coupling.nodes] - space.dofmap.index_map.local_range[0],
+            weight=coupling.weight,
+            normal=coupling.normal,
+            facing=np.ones(coupling.nodes.size, dtype=bool),
+            across=pair.across,
+            reached=pair.reached,
+            own=own,
+            others=others,
+            operator=sp.csr_array(relative + turning),
+            pair=pair,
+            fixed_part=pair.fixed_rows,
+            named=named,
+        )
+
+    def gap(self, adjust: float | None) -> Array:
+        """See ``PairPoints``."""
+        return self.pair.coupling.adjusted(adjust, (self.pair.slave.surface, self.pair.master.surface))
+
+    def fixed_gap(self, allowance_at: Callable[[Any], Array]) -> Array:
+        """See ``PairPoints``."""
+        return self.pair.fixed_gap(self._at_owned(allowance_at, self.pair.slave.nodes), self.comm)
+
+    def relative(self, owned: Array) -> Array:
+        """See ``PairPoints``, without what supports fix."""
+        reached_values = from_owners(owned, self.reached, self.comm).ravel()
+        moved = np.asarray(self.operator @ reached_values)
+        if self.fixed_part is not None:
+            moved = moved + self.fixed_part @ reached_values
+        return moved.reshape(self.normal.shape)
+
+    def error(self) -> float:
+        """See ``PairPoints``; both sides consist of the facets that the problem names, no fewer and no others."""
+        dim, coupling = self.normal.shape[1], self.pair.coupling
+        x = np.array(node_positions(self.space)[: self.space.dofmap.index_map.size_local, :dim], dtype=np.float64)
+        used = from_owners(x, self.reached, self.comm)
+        motions, size = self._rigid(used)
+        total = float(parallel.global_sum(self.comm, self.weight.sum()))
+        errors = [abs(total / coupling.covered - 1.0), parallel.local_max(-self.weight, -np.inf) / coupling.covered]
+        errors += [_largest(shares.sum(axis=1) - 1.0) for shares in (self.own, self.others)]
+        errors.append(_largest(self.own @ used - self.others @ used + coupling.distance) / size)
+        for number, motion in enumerate(motions):
+            left = (self.operator @ motion.ravel()).reshape(self.normal.shape)
+            if self.pair.followed and number >= dim:
+                turned = rigid_motions(coupling.distance / size)[number]
+                left = left + turned - np.einsum("nij,nj->ni", self.across, turned)
+            errors.append(_largest(left))
+        paired = self.pair.slave.facets, self.pair.master.facets
+        errors.append(float(any(np.setxor1d(*facets).size for facets in zip(paired, self.named, strict=True))))
+        return parallel.global_max(self.comm, float(max(errors)))
+
+
+@dataclass(frozen=True, kw_only=True)
+class SlidingPoints(PairPoints):
+    """Those of sides that slide on each other, where the displacement has moved them.
+
+    Attributes:
+        sides: both, undeformed.
+        ends: displacements of their nodes, now and at the beginning of the step, length, shape (m, d), with the maps
+            there.
+    """
+
+    sides: SlidingSides
+    ends: tuple[tuple[Array, SlidingCoupling], tuple[Array, SlidingCoupling]]
+    displaced: ClassVar[bool] = True
+
+    @classmethod
+    def of(cls, sides: SlidingSides, ends: tuple[fem.Function, fem.Function | None]) -> SlidingPoints:
+        """Those at a displacement; collective.
+
+        Args:
+            sides: both, undeformed.
+            ends: displacements now and at the beginning of the step; None: none.
+        """
+        dim, owned = sides.slave.surface.dimension, sides.space.dofmap.index_map.size_local
+        now, begun = (
+            np.zeros((sides.nodes.size, dim))
+            if function is None
+            else sides.gathered(function.x.array.reshape(-1, dim)[:owned])
+            for function in ends
+        )
+        here, before = ((at, _map_at(sides, at, begun)) for at in (now, begun))
+        coupling, mine, frames = here[1], sides.mine, here[1].frames
+        between = sides.boundary(coupling).averages.between
+        return cls(
+            space=sides.space,
+            points=sides.local_points().astype(np.int64),
+            weight=coupling.weight[mine],
+            normal=coupling.normal[mine],
+            facing=frames.partnered[mine],
+            across=sides.across[mine],
+            reached=sides.nodes,
+            own=beside(frames.slave, 0.0 * frames.master)[mine],
+            others=beside(0.0 * frames.slave, frames.master)[mine],
+            operator=between,
+            sides=sides,
+            ends=(here, before),
+        )
+
+    def gap(self, adjust: float | None) -> Array:
+        """Zero: ``relative`` has it."""
+        return np.zeros(self.points.size)
+
+    def fixed_gap(self, allowance_at: Callable[[Any], Array]) -> Array:
+        """See ``PairPoints``; the distance of both sides, without what supports fix, is in ``relative``."""
+        nodes = self.sides.slave.nodes
+        at_nodes = from_owners(self._at_owned(allowance_at, nodes)[:, None], nodes, self.comm)[:, 0]
+        return self.ends[0][1].fixed_part(at_nodes)[self.sides.mine]
+
+    def relative(self, owned: Array) -> Array:
+        """See ``PairPoints``: along the normal the distance, negative, and across it the slip since the step began."""
+        values, (settled, before) = self.sides.gathered(owned), self.ends[1]
+        known = next((coupling for at, coupling in self.ends if np.array_equal(at, values)), None)
+        coupling = _map_at(self.sides, values, settled) if known is None else known
+        count = self.sides.slave.nodes.size
+        places = self.sides.slave.surface.x + settled[:count], self.sides.master.surface.x + settled[count:]
+        slip = self.sides.sliding_along(coupling, coupling.slip(coupling.started(before.frames, *places)))
+        partnered = coupling.frames.partnered[self.sides.mine]
+        gap = np.where(partnered, coupling.gap[self.sides.mine], self.sides.reach)
+        return np.where(partnered[:, None], slip, 0.0) - gap[:, None] * self.normal
+
+    def error(self) -> float:
+        """See ``PairPoints``; a plane of symmetry that holds the direction of rays takes a moment, too."""
+        coupling, facing = self.ends[0][1], self.facing
+        covered = float(coupling.overlap.weight.sum())
+        total = float(parallel.global_sum(self.comm, self.weight[facing].sum()))
+        if not coupling.frames.partnered.any():
+            return 0.0
+        errors = [abs(total / covered - 1.0), parallel.local_max(-self.weight, -np.inf) / covered]
+        errors += [_largest(shares.sum(axis=1)[facing] - 1.0) for shares in (self.own, self.others)]
+        motions, _ = self._rigid(np.concatenate((coupling.slave.x, coupling.master.x)))
+        in_plane = np.zeros(len(self.reached))
+        in_plane[: len(coupling.slave.x)] = self.sides.slave.surface.across.any(axis=(1, 2))
+        dim = self.normal.shape[1]
+        held = (abs(self.operator) @ np.repeat(in_plane, dim)).reshape(self.normal.shape).any(axis=1)
+        for number, motion in enumerate(motions):
+            counted = facing & ~held if number >= dim else facing
+            errors.append(_largest((self.operator @ motion.ravel()).reshape(self.normal.shape)[counted]))
+        return parallel.global_max(self.comm, float(max(errors)))
+
+    def forces(self, traction: Array, owned: int) -> tuple[npt.NDArray[np.int64], Array, Array]:
+        """See ``PairPoints``; what turns directions acts on the neighbours of points on the slave, too."""
+        nodes, forces, area = super().forces(traction, owned)
+        of_nodes = np.zeros((len(self.reached), 1))
+        of_nodes[: len(self.sides.slave.nodes), 0] = 0.5 * self.sides.slave.surface.area
+        return nodes, forces, np.maximum(area, self.sides.at_owned_nodes(of_nodes)[nodes, 0])
+
+
+def _map_at(sides: SlidingSides, displacement: Array, settled: Array) -> SlidingCoupling:
+    """The map at a displacement in a step that has begun at another one, length, shape (m, d)."""
+    return sides.at(displacement, sides.fixed_at(sides.carried_along(displacement, settled)))
+
+
+def rigid_motions(arm: Array) -> list[Array]:
+    """Translations and rotations by one of places at arms, shape (n, d): translations first, shapes (n, d)."""
+    dim = arm.shape[1]
+    motions = [np.tile(row, (len(arm), 1)) for row in np.eye(dim)]
+    for first in range(dim):
+        for second in range(first):
+            turned = np.zeros_like(arm)
+            turned[:, first], turned[:, second] = -arm[:, second], arm[:, first]
+            motions.append(turned)
+    return motions
+
+
+def _largest(values: Array) -> float:
+    """The largest magnitude."""
+    return float(np.max(np.abs(values), initial=0.0))

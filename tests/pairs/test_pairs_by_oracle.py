@@ -1,0 +1,186 @@
+"""The maps of two sides: points, gaps, frames and shares are those of the oracle's own integrals."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from signorini_fx.mechanics.pairs import mortar_coupling
+from signorini_fx.mechanics.pairs.mortar_coupling import couple
+from signorini_fx.mechanics.pairs.pair_side import Lagrange, PairSurface
+from signorini_fx.mechanics.pairs.sliding import slide
+from stability.oracle.bodies.mortar import Side, points_of_moved
+
+CORNERS = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]
+PLACES = {
+    2: [[0.0], [1.0]],
+    3: [[0.0], [1.0], [0.5]],
+    "triangle": CORNERS,
+    "quadrilateral": [*CORNERS, [1.0, 1.0]],
+    "quadratic triangle": [*CORNERS, [0.5, 0.5], [0.0, 0.5], [0.5, 0.0]],
+    "quadratic quadrilateral": [*CORNERS, [1.0, 1.0], [0.5, 0.0], [0.0, 0.5], [1.0, 0.5], [0.5, 1.0], [0.5, 0.5]],
+}
+SLIDING = [kind for kind in PLACES if "quadratic" not in str(kind)]
+
+
+def level(kind, cells, low, high):
+    """Nodes of the facets of a straight line or a flat square, and places of all nodes."""
+    places = np.array(PLACES[kind])
+    degree = 2 if len(places) > 2 * places.shape[1] and len(places) != 4 else 1
+    axis = np.linspace(low, high, degree * cells + 1)
+    if places.shape[1] == 1:
+        first = degree * np.arange(cells)[:, None]
+        return first + (degree * places[:, 0]).astype(int), np.column_stack((axis, 0.0 * axis))
+    first = degree * np.stack(np.meshgrid(np.arange(cells), np.arange(cells), indexing="ij"), axis=-1).reshape(-1, 1, 2)
+    turns = (
+        [np.eye(2)] if len(places) in (4, 9) else [np.array([[1.0, 1.0], [0.0, 1.0]]), np.array([[1.0, 0.0], [1, 1]])]
+    )
+    nodes = [(first + (degree * places @ turn.T).astype(int)) @ [axis.size, 1] for turn in turns]
+    x = np.stack([*np.meshgrid(axis, axis, indexing="ij"), np.zeros((axis.size, axis.size))], axis=-1).reshape(-1, 3)
+    return np.concatenate(nodes), x
+
+
+def displacement(x, upper, seed):
+    """Both sides bend alike, and each a little by itself; the upper one slides; then both turn by up to a radian."""
+    rng, dim = np.random.default_rng(seed), x.shape[1]
+    phase, height = rng.uniform(0.0, 6.0, 3), dim - 1
+    moved = x + 0.0
+    moved[:, height] += 0.1 * np.sin(2 * x[:, 0] + phase[0]) * np.cos(x[:, dim - 2] + phase[1])
+    moved[:, 0] += 0.04 * np.cos(3 * x[:, 0] + phase[2])
+    moved[upper, 0] += rng.uniform(-0.1, 0.1)
+    moved[upper, height] += 0.05 + 0.03 * np.sin(4 * x[upper, 0] + phase[0])
+    turn = np.linalg.qr(np.eye(dim) + 0.5 * rng.standard_normal((dim, dim)))[0]
+    turn[:, 0] *= np.linalg.det(turn)
+    return moved @ turn.T - x
+
+
+def differences(kind, seed, *, slides):
+    """The largest differences of weights, gaps, normals, D and M of a side that is wholly over the other one."""
+    (nodes, x), (others, y) = level(kind, 2, -0.5, 0.5), level(kind, 3, -0.9, 0.8)
+    dim, count, places = x.shape[1], len(x), np.concatenate((x, y))
+    moved = displacement(places, np.arange(len(places)) < count, seed)
+    # The normal of a line is its direction turned clockwise.
+    signs = np.full(len(nodes), 1.0 if dim == 2 else -1.0), np.full(len(others), -1.0 if dim == 2 else 1.0)
+    functions, undeformed = Lagrange(np.array(PLACES[kind])), places if slides else places + moved
+    slave, master = (
+        PairSurface(of_side, at, functions, sign, np.zeros((len(at), dim, dim)))
+        for of_side, at, sign in zip((nodes, others), np.split(undeformed, [count]), signs, strict=True)
+    )
+    able = np.zeros(count, dtype=bool)
+    if slides:
+        slave, master = slave.displaced(moved[:count]), master.displaced(moved[count:])
+        found = slide(slave, master, np.arange(count), able, 0.5)
+        shares = found.frames.slave, found.frames.master
+    else:
+        found = couple(slave, master, able, reach=0.5)
+        shares = found.slave, found.master
+    sides = [
+        Side(at, places + moved, sign, undeformed) for at, sign in zip((nodes, count + others), signs, strict=True)
+    ]
+    expected = points_of_moved(*sides)
+    assert np.array_equal(expected.nodes, found.nodes)
+    return [
+        np.abs(found.weight - expected.weight).max(),
+        np.abs(found.gap - expected.gap).max() if slides else 0.0,
+        np.abs(found.normal - expected.normal).max(),
+        np.abs(shares[0].toarray() - expected.own[:, :count]).max(),
+        np.abs(shares[1].toarray() - expected.others[:, count:]).max(),
+    ]
+
+
+@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 2))])
+@pytest.mark.parametrize("kind", SLIDING)
+def test_sides_that_have_moved(kind, seed):
+    """At X + u, with the areas of X."""
+    assert max(differences(kind, seed, slides=True)) < 1e-8
+
+
+@pytest.mark.parametrize(
+    "kind", [*SLIDING, *(pytest.param(kind, marks=pytest.mark.slow) for kind in PLACES if kind not in SLIDING)]
+)
+def test_undeformed_sides(kind):
+    """Curved ones, which keep their partners."""
+    assert max(differences(kind, 0, slides=False)) < 1e-8
+
+
+def straight(monkeypatch):
+    """Places of displaced sides are shifted at the last nodes of facets."""
+    displaced = PairSurface.displaced
+
+    def moved(self, displacement):
+        places = np.array(displacement)
+        places[self.nodes[:, -1]] *= 1.001
+        return displaced(self, places)
+
+    monkeypatch.setattr(PairSurface, "displaced", moved)
+
+
+def deformed_areas(monkeypatch):
+    """Areas are those of the displaced sides."""
+    displaced = PairSurface.displaced
+    monkeypatch.setattr(PairSurface, "displaced", lambda *given: replace(displaced(*given), undeformed=None))
+
+
+def hats(monkeypatch):
+    """The functions of the points are those of the displacement, not their duals."""
+    monkeypatch.setattr(
+        mortar_coupling,
+        "dual_coefficients",
+        lambda side, overlap: np.tile(np.eye(side.nodes.shape[1]), (len(side.nodes), 1, 1)),
+    )
+
+
+def of_overlap(change):
+    """Another overlap."""
+
+    def wrong(monkeypatch):
+        right = mortar_coupling.Tested.of
+        monkeypatch.setattr(
+            mortar_coupling.Tested,
+            "of",
+            lambda slave, master, overlap, *rest, **more: right(slave, master, change(overlap), *rest, **more),
+        )
+
+    return wrong
+
+
+def turned(monkeypatch):
+    """Directions of projection that enclose 5 degrees with the mean normals."""
+    right = mortar_coupling._mean_normals
+    c, s = np.cos(np.radians(5.0)), np.sin(np.radians(5.0))
+
+    def wrong(*given, **settings):
+        directions = right(*given, **settings)
+        first, last = directions[:, 0].copy(), directions[:, -1].copy()
+        directions[:, 0], directions[:, -1] = c * first - s * last, s * first + c * last
+        return directions
+
+    monkeypatch.setattr(mortar_coupling, "_mean_normals", wrong)
+
+
+def of_first(values, change):
+    """The same with another value of the first piece."""
+    values = np.array(values)
+    values[0] = change(values[0])
+    return values
+
+
+FAULTS = {
+    "places": straight,
+    "areas": deformed_areas,
+    "functions": hats,
+    "directions": turned,
+    "a piece is left out": of_overlap(lambda overlap: overlap.chosen(np.arange(len(overlap.slave)) > 0)),
+    "an area": of_overlap(lambda overlap: replace(overlap, weight=of_first(overlap.weight, lambda w: 1.001 * w))),
+    "partners are shifted": of_overlap(
+        lambda overlap: replace(overlap, over=of_first(overlap.over, lambda x: x + 0.01))
+    ),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+@pytest.mark.parametrize("kind", [3, pytest.param("quadrilateral", marks=pytest.mark.slow)])
+def test_faults_are_seen(kind, fault, monkeypatch):
+    """Wrong places, areas, functions, directions and pieces."""
+    FAULTS[fault](monkeypatch)
+    assert max(differences(kind, 0, slides=True)) > 1e-5
