@@ -7,8 +7,6 @@ from support.nonlinear_bodies import stress_of_block
 from support.sliding_bodies import as_linear_bodies, blocks, bump, cylinders, dome, ring_on_cone, roller
 
 from signorini_fx import ConvergenceError, Coulomb, Status
-from signorini_fx.mechanics.pairs import sliding_plane
-from signorini_fx.mechanics.pairs.pair_side import PairSurface
 
 
 def smooth_blocks(kind, slave):

@@ -12,9 +12,7 @@ from mpi4py import MPI
 from support.sliding_bodies import SlidingBodies, as_linear_bodies
 from two_bodies import assembled, facets, facets_of_cells, grid
 
-from signorini_fx import ContactProblem, ConvergenceError, Coulomb, Pair, Status
-from signorini_fx.mechanics.obstacles import sliding_sides
-from signorini_fx.mechanics.pairs.sliding import slide
+from signorini_fx import ContactProblem, Coulomb, Pair
 
 DEPTH = 0.02
 KINDS = {2: "quadrilateral", 3: "hexahedron"}

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.stability.oracle.bodies.mortar import Side, points_of_moved
 from signorini_fx.mechanics.pairs import mortar_coupling
 from signorini_fx.mechanics.pairs.mortar_coupling import couple
 from signorini_fx.mechanics.pairs.pair_side import Lagrange, PairSurface
 from signorini_fx.mechanics.pairs.sliding import slide
-from stability.oracle.bodies.mortar import Side, points_of_moved
 
 CORNERS = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]
 PLACES = {
