@@ -1,7 +1,7 @@
 # Everything runs through ./env: on this machine if it has dolfinx, otherwise in the image of the Dockerfile.
 # DEBIAN=sid make TARGET uses the image of that release.
 .DEFAULT_GOAL := help
-.PHONY: help demo test golden nightly test-core test-slow test-long test-wheel test-report test-sid golden-two lint format paper bench stability oracle mutants-drawn docs dist clean
+.PHONY: help demo test golden nightly test-core test-slow test-long test-wheel test-report test-sid golden-two lint format paper bench oracle mutants-drawn docs dist clean
 DEMOS := example1_tresca example1_coulomb
 REPORTS := $(addprefix demos/scenes/,example1_coulomb press_and_slide bracket) tests/data/three_feet
 SIDE_BY_SIDE := ./env python3 -m pytest -q -n auto --maxprocesses 8 --dist worksteal
@@ -70,9 +70,6 @@ paper:      ## recompute the tables and figures of the paper (results/paper)
 
 bench:      ## measure time and memory (results/bench)
 	./env python3 benchmarks/costs/run.py
-
-stability:  ## try to make the solver fail, and report the results (results/stability)
-	./env python3 -m benchmarks.stability
 
 oracle:     ## check 5,000 random scenes with a program that shares no code with the package (results/oracle, half an hour)
 	./env python3 -m benchmarks.stability.oracle --jobs 2

@@ -15,7 +15,7 @@ from __future__ import annotations
 # --- gamma: the regularisation ---------------------------------------------------------------------------------------
 
 # Natural gamma = this times E / size of the body: penetration of about 1e-5 of the displacements, far from round-off.
-# Source: docs/theory.md, "γ".  Tuned on Example 1 (3.3e-5 is left) and benchmarks/stability/regularisation.py.
+# Source: docs/theory.md, "γ".  Tuned on Example 1 (3.3e-5 is left); docs/evidence/stability.csv.
 AUTOMATIC_GAMMA = 1e5
 # gamma above this times E / size loses the last digits that double precision has for contact pressures.
 # Source: docs/evidence/stability.csv, first group: from 1e10 on the error grows.  Tuned on Example 1, 60 x 20 cells.
@@ -46,8 +46,7 @@ FALL_BACK_FIRST_SHARE, FALL_BACK_GROWTH = 1e-4, 10.0
 DAMPING = (0.5, 0.2)
 # A load step ends without a solution when all its problems and fall-backs together have taken as many linear solves as
 # this many problems that run to their last iteration.  A fixed-point iteration up to its limit takes a tenth of them.
-# Tuned on the random scenes of benchmarks/stability/scatter.py: scene 1534 is solved after 2,688 solves, for which 20
-# problems are too few.
+# Tuned on random scenes (docs/evidence/stability.csv): one is solved after 2,688 solves, for which 20 are too few.
 PROBLEMS_PER_STEP = 40
 # A load step of a ramp takes at most this many times the linear solves of the last one with a solution before a smaller
 # increment is tried, and all load steps without a solution together this many times those with one: where a limit load
@@ -128,8 +127,7 @@ RANKS_WITH_MINIMUM_DEGREE = 4
 # many nodes and steps.  Choice.
 LAGGED_NODES, LAGGED_STEPS = 4, 20
 # Residual of such a solve relative to the forces: far enough below the tolerance of Newton's method that the choice of
-# units has no influence.  Choice; a solve that ended at 1.4e-8 took one more step in other units
-# (benchmarks/stability/units.py).
+# units has no influence.  Choice; a solve that ended at 1.4e-8 took one more step in other units.
 LAGGED_SHARE = 1e-13
 # What a Krylov solve leaves of the forces once the sets stay, and of its residual while they change (inexact Newton).
 # Source: docs/evidence/whole_solves_in_space.csv.

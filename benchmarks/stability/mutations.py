@@ -1,4 +1,4 @@
-"""Texts and files spoilt at random, by seed: what the fuzz cases and their short form in the tests share."""
+"""Texts and files spoilt at random, by seed: what ``fuzz`` and tests share."""
 
 from __future__ import annotations
 

@@ -8,12 +8,11 @@ import pytest
 from mpi4py import MPI
 from scenes import alone, example1
 
-from benchmarks.stability.friction import STIFFNESS
-from benchmarks.stability.shapes import triangle
 from signorini_fx import solve
 from signorini_fx.algebra import attempts
 from signorini_fx.algebra.algorithms import augmented_fall_back, strategy
 from signorini_fx.mechanics.body.discretisation import discretise
+from signorini_fx.mechanics.mesh.tagged import gmsh_mesh
 from signorini_fx.records import History, Status, Timings
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import parse_scene
@@ -21,6 +20,8 @@ from signorini_fx.solving.solve_on_mesh import contact_task
 
 METHODS = ("ssn", "alm")
 WAYS = ("auto", "fp", "newton")
+# Of the free node of the triangle.
+STIFFNESS = np.array([[3.0, -np.sqrt(3.0)], [-np.sqrt(3.0), 5.0]])
 
 
 def square(**solver):
@@ -51,12 +52,27 @@ def test_square_by_newton(algorithm):
     np.testing.assert_allclose(fixed.contact.shear, monolithic.contact.shear, rtol=0, atol=8e-6 * largest)
 
 
+def draw_triangle(gmsh):
+    """One cell with a free node, and sides of contact and support."""
+    geo = gmsh.model.geo
+    corners = [geo.addPoint(x, y, 0.0) for x, y in ((0.0, 0.0), (1.0, 0.0), (1.0 + np.sqrt(3.0), 1.0))]
+    lines = [geo.addLine(*ends) for ends in itertools.pairwise([*corners, corners[0]])]
+    for line in lines:
+        geo.mesh.setTransfiniteCurve(line, 2)
+    body = geo.addPlaneSurface([geo.addCurveLoop(lines)])
+    geo.mesh.setTransfiniteSurface(body)
+    geo.synchronize()
+    gmsh.model.addPhysicalGroup(2, [body], name="body")
+    for name, line in zip(("contact", "support"), lines, strict=False):
+        gmsh.model.addPhysicalGroup(1, [line], name=name)
+    gmsh.model.mesh.generate(2)
+
+
 def one_triangle(coefficient, force, **solver):
-    """One linear triangle with one free node, whose stiffness is known: [[3, -sqrt 3], [-sqrt 3, 5]]."""
-    corners = [(0.0, 0.0), (1.0, 0.0), (1.0 + np.sqrt(3.0), 1.0)]
+    """One linear triangle with one free node, whose stiffness is known."""
     return parse_scene(
         {
-            "mesh": triangle(corners, {"contact": (0, 1), "support": (1, 2)}),
+            "mesh": gmsh_mesh(MPI.COMM_SELF, draw_triangle, name="triangle"),
             "material": {"young": 2.5, "poisson": 0.25},
             "displacement": {"boundary": "support", "x": 0.0, "y": 0.0},
             "body_force": {"x": force[0], "y": force[1]},
