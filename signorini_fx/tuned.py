@@ -60,7 +60,7 @@ AUGMENTED_SHARE = 1e-3
 # (seeds 500000 to 500149) alm takes 438 to 2,263 solves on the six where it does not contract, ssn 15 to 938.
 ALM_PROBLEMS, AUGMENTED_SOLVES = 2, 30
 # With friction bounds that follow the pressure it begins with a gamma this much smaller again.  Tuned on the cube of
-# demos/studies/limit_loads.py with 3 to 6 cells a side: without it the sets of one of eight cycle at 0.98 of the limit.
+# tests/solving/test_limit_loads.py with 3 to 6 cells a side: without it one of eight cycles at 0.98 of the limit.
 AUGMENTED_NEWTON_SHARE = 0.1
 # Number of coarser meshes of the nested iteration that is tried if nothing else has helped.  Choice.
 HELPING_MESHES = 2
@@ -241,16 +241,16 @@ POLYGON_ERRORS = {"energy": (0.04, 1), "pressure": (0.15, 1), "force": (0.01, 2)
 POLYGON_PEAK = 0.5
 # The error of a force over the squared one of the displacement in the energy norm, on meshes that are divided here and
 # there, by dimension and degree; and the change of a force from mesh to mesh below which statics determines it.  Tuned
-# on demos/studies/adaptive_in_space.py, seeds 1 and 11: 0.09 to 0.29, where the changes say 0.13 to 1.96 times the
+# on bodies in 3D with random loads: 0.09 to 0.29, where the changes say 0.13 to 1.96 times the
 # error, now 1.1 to 1.96.
 FORCE_OF_ENERGY = {(3, 1): 0.12}
 BALANCED_BY_STATICS = 1e-9
 # Shares of the sum of the contributions of cells, and of that of their sizes, in the error of a force that is asked for
-# on such meshes, see ``recovered_force``.  Tuned on demos/studies/adaptive_in_space.py, seed 1, so that estimates are
+# on such meshes, see ``recovered_force``.  Tuned on bodies in 3D with random loads, so that estimates are
 # above the error: from the third mesh on these sums are 0.68 to 1.08 and 0.70 to 1.33 times it, now 1.1 to 1.8.
 FORCE_OF_SUM, FORCE_OF_CELLS = 1.1, 0.5
 # The smallest rate that changes of the largest pressure show.  Tuned on an earlier estimate of it, with the problems of
-# demos/studies/largest_pressure.py, seeds 1, 2, 21 and 22.
+# docs/evidence/largest_pressure.csv.
 SLOWEST_PEAK = 0.75
 # The largest pressure has no limit if it grows like h^-GROWTH_POWER or faster on this many successive meshes, each
 # finer there by this factor, and hardly less (this share) on the last.  Fixed on the random scenes, seed 1.
@@ -261,7 +261,7 @@ SLOWEST_DECREASE = 0.95
 # Fixed on two half balls, whose first mesh has a single node in contact.
 LARGEST_CHANGE = 0.5
 # Sparse factors, by dimension: in 2D time between n for all else and n^1.5, memory n log n; in 3D time
-# between n and n^2, memory n^(4/3).  Tuned by demos/studies/prediction.py, in 3D on its block.
+# between n and n^2, memory n^(4/3).  Tuned on docs/evidence/prediction.csv, in 3D on its block.
 TIME_POWER, MEMORY_POWER = {2: 1.2, 3: 1.6}, {2: 1.1, 3: 1.3}
 # At least this share of the time is taken to grow: the previous mesh may have had a cold start, or a busy machine.
 # Tuned by the same.
@@ -295,7 +295,7 @@ SMOOTH_RATE = 2.0
 COARSER_START = {1: 4, 2: 8}
 # Estimates that compare meshes need three of them (see to_accuracy), these two: one to begin with and one to confirm.
 # By dimension: in 3D, where the first meshes are coarse, a force was seen to change by 1e-3 between two of them that
-# were both wrong by a tenth (demos/studies/accuracy_in_space.py).
+# were both wrong by a tenth (docs/evidence/effectivity_in_space.csv).
 FEWEST_MESHES = {2: {"energy": 2, "pressure": 2, "force": 2}, 3: {"energy": 2, "pressure": 2}}
 # No run came close to this number of meshes.  Choice.
 MOST_MESHES = 40
@@ -359,7 +359,7 @@ MEMORY_SHARE = 0.8
 EASY_STEP = 12
 LARGEST_INCREMENT = 2.0
 # One with Coulomb friction that takes more is hard: augmentation takes 30 to 50, wherever the load is.  Tuned on
-# demos/studies/limit_loads.py.
+# tests/solving/test_limit_loads.py.
 HARD_STEP = 4 * EASY_STEP
 # Where a ramp ends without a solution, its last increment is no larger than this share of the load since the last
 # factor (a limit load is wanted to 1 %), or, if nothing was reached, this share of the increment that was asked for.
@@ -497,7 +497,7 @@ FIRST_SHEAR = 0.5
 # with 6 steps and a share of 0.6 two of 200 did.
 SLOW_STEPS, SLOW_CHANGES, STILL_CHANGING, STEPS_LEFT, SLOWEST_STEPS = 7, 6, 0.7, 15, 25
 # In 3D, without friction, a whole row of a coarse plate opens with each full step and few rows open at all: sets are
-# asked for if full steps would be through in no fewer than this.  Tuned on 51 plates of demos/studies/slender.py, which
+# asked for if full steps would be through in no fewer than this.  Tuned on 51 plates (docs/evidence/slender.csv), which
 # take 943 solves then, 1,012 with the number above; beams in 2D are better with that.
 STEPS_LEFT_OF_FRONTS = 40
 # They propose sets once their products are at most the first share of the first ones, a step has gone at least the
