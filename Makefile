@@ -68,7 +68,7 @@ format: $(RUFF)  ## let ruff rewrite the files
 paper:      ## recompute the tables and figures of the paper (results/paper)
 	./env python3 demos/paper.py
 
-bench:      ## measure time and memory (results/bench)
+bench:      ## measure time and memory (results/bench.csv)
 	./env python3 benchmarks/costs/run.py
 
 oracle:     ## check 5,000 random scenes with a program that shares no code with the package (results/oracle, half an hour)

@@ -953,7 +953,7 @@ SAME_INERTIA = 0.01
 # diagonal.  Choice.
 HOLDING_STIFFNESS = 1e4
 # ICNTL(7) of MUMPS for that factorisation in 2D: approximate minimum degree.  With 18,914 and 116,402 unknowns
-# of benchmarks/costs/nonlinear_costs.py 0.019 s and 0.22 s, with the order that MUMPS chooses 0.045 s and 0.34 s; in 3D
+# of docs/evidence/nonlinear_costs.csv 0.019 s and 0.22 s, with the order that MUMPS chooses 0.045 s and 0.34 s; in 3D
 # that order is better, 0.47 s and 0.83 s with 24,375.
 ORDER_IN_PLANE = (7, 6)
 # A tangent is tried by differences of the residual over these strains, and is its derivative if both differ by less

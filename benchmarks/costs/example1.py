@@ -9,7 +9,6 @@ import numpy as np
 import numpy.typing as npt
 from mpi4py import MPI
 
-from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, generate_mesh
 from signorini_fx.results.solution import Solution
 from signorini_fx.scenes.reading import parse_scene
@@ -70,8 +69,6 @@ class Answer:
         contact: nodes of A_c.
         slip: +1, -1 on the slip sets, else 0.
         solves: linear solves.
-        factorisations: of them with a new factorisation.
-        note: printed with it.
     """
 
     x: Floats
@@ -80,23 +77,16 @@ class Answer:
     contact: npt.NDArray[np.bool_]
     slip: npt.NDArray[np.int8]
     solves: int
-    factorisations: int
-    note: str = ""
 
     @classmethod
     def of(cls, solution: Solution) -> Answer:
-        """The package's."""
-        assert solution.contact is not None
-        records = solution.history.iterations
-        return cls.of_state(solution.contact, len(records), sum(record.factorised for record in records))
-
-    @classmethod
-    def of_state(cls, c: ContactState, solves: int, factorisations: int = 0) -> Answer:
-        """The answer of the package, from the state of the contact boundary; one rank."""
+        """The package's, on one rank."""
+        c = solution.contact
+        assert c is not None
         order = np.argsort(c.boundary.x[:, 0])
         slip = np.where(c.bound > 0, c.direction[:, 0], 0).astype(np.int8)
         nodal = (c.boundary.x[:, 0], c.pressure, c.shear[:, 0], c.in_contact, slip)
-        return cls(*(values[order] for values in nodal), solves, factorisations)
+        return cls(*(values[order] for values in nodal), solution.history.linear_solves)
 
     def differs(self, other: Answer, tolerance: float = 1e-6) -> str:
         """The differences of ``other``; empty if there are none.

@@ -69,7 +69,7 @@ class Rival:
         self.options = _OPTIONS | (_BOTH if body.load.getSize() < _CHEAP else {})
         self.ksp = linear.direct_solver(self.matrix, "cholmod")
         self.factorised: Floats | None = None
-        self.solves = self.factorisations = 0
+        self.solves = 0
 
     def _step(self, sets: Sets, bound: Floats | None) -> _Iterate:
         """Step 4 with given sets."""
@@ -84,7 +84,6 @@ class Rival:
             self.matrix.assemble()
             self.matrix.setOption(PETSc.Mat.Option.SPD, True)
             self.factorised = diagonal
-            self.factorisations += 1
         self.body.load.copy(self.right)
         right = self.right.getArray()
         right[self.normal] -= np.where(contact, gamma * w * self.gap, 0.0)
@@ -124,7 +123,7 @@ class Rival:
     def answer(self, last: _Iterate) -> Answer:
         """The answer in the common form."""
         contact, slip = last.sets
-        return Answer(self.x, last.pressure, last.shear, contact, slip, self.solves, self.factorisations)
+        return Answer(self.x, last.pressure, last.shear, contact, slip, self.solves)
 
 
 def tresca(tagged: TaggedMesh) -> Answer:

@@ -303,13 +303,10 @@ def separately(command):
     assert "not used" not in done.stdout + done.stderr
 
 
-SCRIPTS = ["benchmarks/costs/run.py", "benchmarks/costs/messages.py"]
+SCRIPTS = ["benchmarks/costs/run.py"]
 SCRIPTS += [str(path.relative_to(ROOT)) for path in sorted((ROOT / "demos").rglob("*.py"))]
 PROGRAMS = {str(block): block.text for block in BLOCKS if block.language == "python"}
-PROGRAMS |= {
-    name: (ROOT / name).read_text(encoding="utf-8")
-    for name in [*SCRIPTS, "benchmarks/costs/run.py", "benchmarks/costs/messages.py"]
-}
+PROGRAMS |= {name: (ROOT / name).read_text(encoding="utf-8") for name in SCRIPTS}
 
 
 @pytest.mark.parametrize("name", PROGRAMS)
