@@ -107,7 +107,7 @@ def test_joint_rigid_motions_do_not_move_the_points(seed):
     skew[0, 1], skew[1, 0] = 1.0, -1.0
     for motion in (np.ones_like(body.x), middle @ skew):
         assert np.abs(contact.of(motion)[pair]).max() < 1e-11
-    slave = mortar.Side(body, drawn.scene["contact"][0]["boundary"])
+    slave = mortar.Side.of(body, drawn.scene["contact"][0]["boundary"])
     count, labels = body.pieces
     assert count > 1
     alone = np.where(labels == labels[slave.nodes[0, 0]], 1.0, 0.0)[:, None] * np.ones_like(body.x)
