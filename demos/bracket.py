@@ -13,9 +13,9 @@
 #
 # $$s = \max_{v_1, v_2, \omega} \frac{T_1 v_1 + T_2 v_2 + M \omega}{\int F \lambda\, |v|},$$
 #
-# with the moment $M$ of the load about the vertical axis through the origin. This is `friction_used` of
-# `solution.safety`. Only the contact problem tells where the pressure is: the foot is a plate that is pressed near its
-# bolt and lifts off elsewhere, and the load changes the pressure.
+# with the moment $M$ of the load about the vertical axis through the origin. This is
+# `solution.friction_used`. Only the contact problem tells where the pressure is: the foot is a plate that is pressed
+# near its bolt and lifts off elsewhere, and the load changes the pressure.
 
 # %%
 import os
@@ -70,15 +70,9 @@ areas = [step.contact.areas for step in solution.steps]
 through = np.column_stack((-moments[:, 1], moments[:, 0])) / force[:, None]
 statics = np.array([BOLT, 0.0]) + 50.0 * pull / force[:, None]
 
-# %% [markdown]
-# ## How much of the friction is used
-#
-# The safety factor says what statics alone can promise: with the best of all pressures, at the rim of the foot, the
-# bracket would hold more than five times the load. It is an upper bound, and here a poor one.
-
 # %%
 simple = np.hypot(*pull[-1]) / (friction * force[-1])
-factor, used = solution.safety.factor, solution.safety.friction_used
+used = solution.friction_used
 
 # %% [markdown]
 # ## Checking it
@@ -91,7 +85,7 @@ factor, used = solution.safety.factor, solution.safety.friction_used
 # %%
 held = 0.97 / used
 below = solve(loaded(0.0, 1.0, held))
-at_limit = held / below.safety.friction_used
+at_limit = held / below.friction_used
 above = solve(loaded(0.0, 1.0, 1.03 * at_limit), check=False)
 
 # %% [markdown]
@@ -107,7 +101,6 @@ if MPI.COMM_WORLD.rank == 0:
     for row in zip((0.0, 0.5, 1.0), force, np.hypot(*pull.T), *through.T, *statics.T, areas, strict=True):
         line = "{:9.1f}      {:9.1f}  {:7.1f}   ({:.3f}, {:.3f})    ({:.3f}, {:.3f})      {:5.0f}    {:5.0f}"
         print(line.format(*row[:-1], row[-1]["contact"], row[-1]["stick"]))
-    print(f"safety factor by statics: at most {factor:.2f}")
     print(f"friction used: T / (F N) = {100 * simple:.1f} %; with the turning of the foot {100 * used:.1f} %")
     print(f"{held:.3f} times the load: {below.status.value}; the pressure there bears {at_limit:.3f} times the load")
     print(f"{1.03 * at_limit:.3f} times the load: {above.status.value}")

@@ -14,8 +14,6 @@ import numpy as np
 from signorini_fx.machine.compilation import compiling
 
 T = TypeVar("T")
-# What advice about an outcome says where statics proves it of the body, and not only of its mesh.
-PROVED_FOR_BODY = "proved for the body"
 # How an event begins that is about a requested accuracy.
 ACCURACY = "accuracy: "
 

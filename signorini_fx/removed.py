@@ -15,6 +15,10 @@ INSTEAD: dict[str, str] = {
     "solver.uniqueness": "signorini-fx check --verbose says below which friction coefficient there is one solution",
     "fluid.enters": "state the uplift as a traction with a pressure on the contact boundary",
     "fluid.closed": "state the uplift as a traction with a pressure on the contact boundary",
+    **{
+        f"{load}.live": "leave it out: friction_used is of all loads, and a ramp (load_steps.steps) finds the limit"
+        for load in ("traction", "force", "point_force", "fluid", "body_force", "gravity", "rotation")
+    },
     "links": "tie bodies by a contact with kind = 'bonded'; MPCs of forms of your own are those of dolfinx_mpc",
     "Links": "tie bodies by BondedContact",
     "periodic_sides": "model several periods, of which the one in the middle counts",

@@ -422,8 +422,7 @@ SAME_TRACE = 1e-11
 # Forces are round-off below this share of all loads, of stiffness times displacement, or of those of the largest piece.
 # Choice: Newton's method ends at a residual as large.
 NO_FORCE = 1e-8
-# What the balance of forces may miss of the load in a proof, or for the tension of a bolt.  Choice: ten times what
-# direct solves leave.
+# What the balance of forces may miss of the tension of a bolt.  Choice: ten times what direct solves leave.
 BALANCED = 1e-11
 # Gaps and slips below this share of the largest one are none.  Choice: a hundred times what solves leave.
 CLOSED_GAP = 1e-6
@@ -460,8 +459,6 @@ LARGEST_NUMBER, SMALLEST_NUMBER = 1e60, 1e-60
 # A row of a table of yield stresses that rises more steeply, in Young's moduli per plastic strain, is a mistake in
 # writing: beyond it the plastic strain of a step is lost in round-off.  Choice.
 STEEPEST_HARDENING = 1e6
-# Limits of the mesh and of the body that differ by less than this share are equal.  Choice: as for forces.
-SAME_LIMIT = 1e-8
 
 # --- algorithms ------------------------------------------------------------------------------------------------------
 
@@ -537,11 +534,6 @@ LOCKING_POISSON = 0.45
 
 # --- statics and limit loads -----------------------------------------------------------------------------------------
 
-# Share of a facet by which the mean of the normals at its ends may lean along it.  Choice.
-LEANING_NORMAL = 1e-6
-# Shares by which a multiple of the load is lowered, one after the other, until its balance is proved.  Choice: from
-# what a linear programme leaves to the accuracy that is printed.
-LOWERED_LIMITS = (1e-9, 5e-9, 1e-7, 1e-6)
 # Coulomb friction above this is treated as unlimited.  Choice: its cone leaves six digits of a pressure.
 UNLIMITED_FRICTION = 1e6
 # Contact forces beyond this multiple of the loads balance nothing: round-off would.  Choice.
@@ -789,9 +781,6 @@ CLOSED_BOUNDARY = 0.01
 BESIDE_VERTEX, NO_STEP = 1.01, 0.1
 # Angles within a body that differ by less than these degrees are equal; a share of a load that is a jump.  Choice.
 SAME_ANGLE, JUMP_OF_LOAD = 1.0, 1e-3
-# Share of the largest normal motion at contact points below which a motion opens none: normals of meshes are not exact.
-# Choice.
-ALONG_CONTACT = 1e-3
 # Share of what has been added since the last factor by which a limit is passed to be proved: well above the round-off
 # of statics.  Choice.
 BEYOND_LIMIT = 1e-6

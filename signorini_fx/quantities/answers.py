@@ -13,12 +13,11 @@ from signorini_fx.machine.display import load_step
 from signorini_fx.mechanics.statement.units import with_unit
 from signorini_fx.quantities.digits import between, figure, percent, solved_prices
 from signorini_fx.quantities.families.cost import cost_in_words
-from signorini_fx.quantities.families.safety import used_friction
 from signorini_fx.quantities.families.stress import largest_von_mises, share_in_words, yielding_in_words
 from signorini_fx.quantities.registry import error_of
 from signorini_fx.quantities.text import point_in_words
 from signorini_fx.quantities.validity import Validity, validity_of, was_solved
-from signorini_fx.records import PROVED_FOR_BODY, Status
+from signorini_fx.records import Status
 from signorini_fx.tuned import CERTIFICATE_TOLERANCE
 
 # Of a share of the yield stress at a place where the stress has no limit, which the first answer tells.
@@ -190,58 +189,34 @@ class Strength:
 
 
 def _what_is_left(summary: dict[str, Any]) -> Answer:
-    """How much of the strength, and how many times the loads until it moves."""
+    """How much of the strength and of the friction, or beyond which load step nothing."""
     validity, moves_away = validity_of(summary), _status(summary) in _MOVES_AWAY
     if not validity.solved:
         nothing_left = moves_away and not summary.get("incomplete")
         return Answer("", "nothing" if nothing_left else "not known", (_failure(summary),), "bad")
-    strength, (limit, details) = Strength.of(summary), _limit_of_statics(summary)
-    if strength.exceeded:
-        at = f"at {load_step(summary['results_of'])}: " if validity is Validity.EARLIER_STEP else ""
-        return Answer("", f"nothing: {strength.share}", tuple(f"{at}{text}" for text in (limit, *details)), "bad")
+    strength, used = Strength.of(summary), summary.get("friction_used")
     if validity is Validity.EARLIER_STEP:
         last, failed = (load_step(step) for step in (summary["results_of"], summary["steps"][-1]))
+        if strength.exceeded:
+            return Answer("", f"nothing: {strength.share}", (f"at {last}",), "bad")
         text = f"nothing at {failed}" if moves_away else f"no solution was found beyond {last}"
         first = _NOT_SHOWN if strength.singular else strength.share if strength.is_known else strength.statement
-        # The load step that failed is the limit that is known.
-        limits = [] if moves_away and _no_limit(summary) else [limit]
-        return Answer("", text, (f"at {last}: {first}", *limits, *details), "bad")
-    texts = [strength.share] if strength.is_known and not strength.singular else []
-    if summary.get("safety") is None:
-        details.insert(0, limit)
+        return Answer("", text, (f"at {last}: {first}",), "bad")
+    if used is not None:
+        friction = f"friction used: {percent(used)}" if used else "the loads need no friction"
+    elif summary.get("held_by_supports"):
+        friction = "supports hold it, so that no load moves it away"
     else:
-        texts.append(limit)
+        friction = "no multiple of the loads is known at which it moves away"
+    if strength.exceeded:
+        return Answer("", f"nothing: {strength.share}", (friction,), "bad")
+    texts, details = [strength.share] if strength.is_known and not strength.singular else [], []
+    (details if used is None else texts).append(friction)
     if strength.singular:
         details.append(_NOT_SHOWN)
     elif not texts:
         details.append(strength.statement)
     return Answer("", "; ".join(texts) or "not known", tuple(details))
-
-
-def _no_limit(summary: dict[str, Any]) -> bool:
-    """Whether statics proves that no multiple of the live loads moves the body."""
-    safety = summary.get("safety")
-    return safety is not None and (safety["factor"] if safety["exact"] else safety["bound"]) is None
-
-
-def _limit_of_statics(summary: dict[str, Any]) -> tuple[str, list[str]]:
-    """How many times the live loads until the body moves away, and what else is known of that."""
-    safety = summary.get("safety")
-    if safety is None:
-        if summary.get("held_by_supports"):
-            return "supports hold it, so that no load moves it away", []
-        return "no multiple of the loads is known at which it moves away", []
-    factor = safety["factor"] if safety["exact"] else safety["bound"]
-    limit = "no multiple of the live loads moves it"
-    if factor is not None:
-        limit = f"{factor:.3g} times the live loads until it moves away"
-    multiples = {name: safety[name] for name in ("sliding", "overturning") if name in safety and factor is not None}
-    details = [
-        f"{name}: {'no limit' if multiple is None else f'{multiple:.3g} times'}" for name, multiple in multiples.items()
-    ]
-    if friction := used_friction(safety):
-        details.append(friction)
-    return (limit if safety["exact"] or factor is None else f"at most {limit}"), details
 
 
 def _stress(summary: dict[str, Any]) -> Answer:
@@ -301,8 +276,7 @@ def _sure(summary: dict[str, Any]) -> Answer:
     checked = "the certificate holds" if holds else "the certificate does NOT hold"
     if not validity.solved:
         if _status(summary) in _MOVES_AWAY:
-            of = "for the body" if PROVED_FOR_BODY in summary["advice"] else "on this mesh"
-            return Answer("", f"proved by statics, {of}")
+            return Answer("", "proved by statics")
         if not was_solved(summary):
             return Answer("", "there is no figure", ("nothing was solved",), "bad")
         return Answer("", "no figure may be used", () if holds else (checked,), "bad")

@@ -80,7 +80,7 @@ def write_results(
 ) -> dict[str, Any]:
     """Write the result folder; collective.
 
-    The result is in its place before guaranteed bounds, safety factor, further tables and pictures are
+    The result is in its place before guaranteed bounds, friction used, further tables and pictures are
     made.  One of these that fails is a warning in the summary.
 
     Args:

@@ -11,10 +11,9 @@ from typing import Any
 from signorini_fx.machine.display import clean, effort_in_words, results_of, status_in_words, touch_each_other
 from signorini_fx.machine.terminal import COLUMNS, TerminalLine, clauses, printable
 from signorini_fx.quantities.answers import error_in_words
-from signorini_fx.quantities.digits import between, figure, figure_or_error
+from signorini_fx.quantities.digits import between, figure, figure_or_error, percent
 from signorini_fx.quantities.families.contact_nodes import boundaries_touched_by
 from signorini_fx.quantities.families.cost import cost_in_words
-from signorini_fx.quantities.families.safety import used_friction
 from signorini_fx.quantities.families.stress import largest_von_mises, share_in_words
 from signorini_fx.quantities.registry import error_of, of_package, quantities, shown_lines
 from signorini_fx.quantities.text import has_friction, kinematics_of, named_components, point_in_words
@@ -65,7 +64,7 @@ def _figures(summary: dict[str, Any]) -> list[tuple[int, list[TerminalLine]]]:
         *((8 if k else 6, lines) for k, lines in enumerate(asked)),
         (5, _contact(summary)),
         (1, _stress(summary)),
-        (2, _safety(summary)),
+        (2, _friction(summary)),
         (_EFFORT if _in_cost(summary) else 3, _line("error", error_in_words(summary)[0])),
         (2 if validity_of(summary) is Validity.LESS_ACCURATE else 3, _cost(summary)),
         (0, _certificate(summary)),
@@ -187,32 +186,12 @@ def _contact(summary: dict[str, Any]) -> list[TerminalLine]:
     return _line("contact", text)
 
 
-def _safety(summary: dict[str, Any]) -> list[TerminalLine]:
-    """How many times the live loads until the body slides or tips, as statics proves it."""
-    if summary.get("safety") is None:
+def _friction(summary: dict[str, Any]) -> list[TerminalLine]:
+    """How much of its friction the body uses; beyond the load step of the figures there is a limit, which is told."""
+    used = summary.get("friction_used")
+    if used is None or validity_of(summary) is Validity.EARLIER_STEP:
         return []
-    safety = summary["safety"]
-    friction = used_friction(safety)
-    used = f"; {friction}" if friction else ""
-    if safety["factor"] is None:
-        return _line("safety", f"no limit by statics{used}")
-    at_most = "" if safety["exact"] else "at most "
-    multiples = {name: safety[name] for name in ("sliding", "overturning") if name in safety}
-    if not multiples:
-        return _line("safety", f"{at_most}{safety['factor']:.3g} times these loads{used}")
-
-    def limits(prefix: str, suffix: str) -> list[str]:
-        return [
-            f"{name}: " + ("no limit" if multiple is None else f"{prefix}{multiple:.3g}{suffix}")
-            for name, multiple in multiples.items()
-        ]
-
-    texts = [
-        "; ".join(limits(at_most, " times these loads")) + used,
-        "; ".join(limits(at_most, " times")) + used,
-        f"{at_most}{', '.join(limits('', ''))} times these loads",
-    ]
-    return _line("safety", next((text for text in texts if len(text) <= COLUMNS - _LABEL), texts[-1]))
+    return _line("friction", f"{percent(used)} used" if used else "the loads need none")
 
 
 def _stress(summary: dict[str, Any]) -> list[TerminalLine]:

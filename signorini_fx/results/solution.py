@@ -36,11 +36,11 @@ from signorini_fx.results.closed_boundaries import Turning, turning_of
 from signorini_fx.results.contact_boundaries import ContactFigures, contact_figures
 from signorini_fx.results.contact_fields import BoundaryFields, boundary_fields
 from signorini_fx.results.exported_checkpoint import export_checkpoint
+from signorini_fx.results.friction_used import friction_used
 from signorini_fx.results.functionals import Functionals
 from signorini_fx.results.mechanics import NO_ESTIMATE, SolidBody
 from signorini_fx.results.requested_law import RequestedLaw, requested_law
 from signorini_fx.results.resultants import Resultants
-from signorini_fx.results.safety import Safety, safety_of
 from signorini_fx.results.stresses import RawStresses
 
 if TYPE_CHECKING:
@@ -454,13 +454,13 @@ class Solution:
         return interval
 
     @cached_property
-    def safety(self) -> Safety | None:
-        """By how much the live loads can grow before the body moves away; None where supports hold it, nothing is live,
-        or there is no solution; with load steps, of the last one; collective.
+    def friction_used(self) -> float | None:
+        """The share of its friction that the loads use, with the friction bounds of this solution; None without
+        friction, where supports hold the body, or without a solution; with load steps, of the last one; collective.
         """
         if self.contact is None or self.last_step.status is not Status.CONVERGED:
             return None
-        return safety_of(self.model, self.contact, self._position)
+        return friction_used(self.model, self.contact, self._position)
 
     def plot(self, *fields: str) -> Any:
         """Pictures that a notebook displays, see the function ``plot``; collective."""

@@ -9,10 +9,7 @@ import pytest
 from mpi4py import MPI
 
 from signorini_fx import SceneError, sensitivity
-from signorini_fx.mechanics.body.discretisation import discretise
-from signorini_fx.mechanics.body.statics_of_surface import Unproved, surface_of
 from signorini_fx.mechanics.statement.features import features
-from signorini_fx.records import Timings
 from signorini_fx.scenes.checks import check_scene
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import parse_scene
@@ -188,14 +185,6 @@ def test_pairs():
     assert len(entered) >= 12
 
 
-def problems_of_statics(scene):
-    """Of a proof by statics."""
-    try:
-        surface_of(discretise(scene.statement, load_mesh(scene, COMM), Timings()))
-    except Unproved as error:
-        return str(error)
-
-
 def message_of(function):
     """Of one that refuses a scene."""
 
@@ -209,7 +198,6 @@ def message_of(function):
 
 
 COMPUTED = {
-    "proof by statics": problems_of_statics,
     "derivatives": message_of(lambda scene: sensitivity(scene, "force bottom y", comm=COMM)),
 }
 SPACE = {

@@ -32,7 +32,7 @@ def labels(lines):
 def test_what_is_said(summary):
     """The lines in their order, with the figures of the summary."""
     lines = told(summary)
-    known = ["force", "contact", "stress", "safety", "error", "cost", "certificate", "effort", "results"]
+    known = ["force", "contact", "stress", "friction", "error", "cost", "certificate", "effort", "results"]
     assert labels(lines)[1:] == known
     assert lines[0].endswith("converged")
     numbers = {
@@ -47,21 +47,6 @@ def test_what_is_said(summary):
     assert float(forecast.split()[0]) == pytest.approx(100 * summary["cost"]["next_error"], rel=2e-1)  # one digit
     assert int(numbers["effort"][0]) == summary["linear_solves"]
     assert lines[-1].endswith("results/scene/")
-
-
-@pytest.mark.parametrize(
-    ("safety", "sentence"),
-    [
-        ({"sliding": 2.4, "overturning": None}, "sliding: 2.4 times these loads; overturning: no limit"),
-        ({"exact": False, "friction_used": 0.41}, "at most 2.4 times these loads; friction used: 41 %"),
-        ({"factor": None, "bound": None, "friction_used": 0.1}, "no limit by statics; friction used: 10 %"),
-    ],
-)
-def test_safety_is_a_sentence(summary, safety, sentence):
-    """With what Coulomb friction leaves open."""
-    known = {"factor": 2.4, "bound": 2.4, "exact": True, "friction_used": None, "motion": "slides"}
-    (line,) = (line for line in told(summary | {"safety": known | safety}) if "safety" in line)
-    assert line.split(maxsplit=1)[1] == sentence
 
 
 @pytest.mark.parametrize("warnings", [0, 1])

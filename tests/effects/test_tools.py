@@ -229,7 +229,7 @@ def test_a_plate_on_two_posts_tilts_as_statics_says(algebra):
     # The force follows no motion: it stays where it is given.
     assert np.isclose(tool.rotation[0], (sunk[0] - sunk[1]) / 10.0, rtol=1e-3)
     assert np.isclose(tool.translation[1], -(0.75 * sunk[0] + 0.25 * sunk[1]), rtol=1e-3)
-    assert solution.safety is not None
+    assert solution.friction_used is not None
 
 
 OUTCOMES = [

@@ -203,15 +203,6 @@ def test_the_share_of_an_earlier_step_names_it():
         assert "41 % of the yield stress used at load step 3 (time 0.75)" in why
 
 
-@pytest.mark.parametrize("proved", ["body", "mesh"])
-def test_a_proof_is_told_as_the_advice_tells_it(proved):
-    """Of the body or of its mesh: the page does not contradict itself."""
-    advice = {"body": "this is proved for the body", "mesh": "this is proved for its mesh"}[proved]
-    summary = page.known(**(page.ended(Status.SLIDES) | {"advice": advice}))
-    expected = {"body": "proved by statics, for the body", "mesh": "proved by statics, on this mesh"}[proved]
-    assert told(summary)[3] == (expected, expected)
-
-
 def test_a_solution_beyond_linear_elasticity_is_not_called_missing():
     """Its certificate holds: a solution was found, which means nothing."""
     summary = page.known(**(page.ended(Status.TOO_LARGE) | {"certificate": {"holds": True, "law": "a law"}}))
@@ -232,11 +223,10 @@ def test_nothing_is_said_of_a_certificate_that_was_never_computed():
 
 def test_loads_that_pressures_balance_use_no_share_of_the_friction():
     """Zero per cent would contradict the friction force beside it."""
-    safety = {**page.BASE["safety"], "exact": False, "factor": None, "bound": None, "friction_used": 0.0}
-    summary = page.known(safety=safety)
+    summary = page.known(friction_used=0.0)
     lines = [str(line) for line in short_answer(summary, Path("out"))]
-    assert "the live loads need no friction" in told(summary)[1][1]
-    assert any("safety" in line and "the live loads need no friction" in line for line in lines)
+    assert "the loads need no friction" in told(summary)[1][0]
+    assert any("friction" in line and "the loads need none" in line for line in lines)
     assert not any(" 0 %" in line for line in [*lines, told(summary)[1][1]])
 
 

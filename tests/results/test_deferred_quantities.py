@@ -50,12 +50,12 @@ def test_a_failure_is_one_of_all_ranks(rank, solution, tmp_path, monkeypatch):
     folder = COMM.bcast(tmp_path) / "results"
     monkeypatch.setattr(files._Written, "_tables", fails_on(rank, files._Written._tables))
     monkeypatch.setattr(files._Written, "_pictures", fails_on(rank, lambda self, *tables: None))
-    for name in ("safety", "cost"):
+    for name in ("friction_used", "cost"):
         known = fails_on(rank, getattr(Solution, name).func)
         monkeypatch.setattr(Solution, name, property(known))
     summary = write_results(solution, folder)
     warned = [found["path"] for found in summary["findings"] if "broke down" in found["message"]]
-    assert warned == ["tables", "safety", "cost", "pictures"], summary["findings"]
+    assert warned == ["tables", "friction_used", "cost", "pictures"], summary["findings"]
     assert all(other == summary["findings"] for other in COMM.allgather(summary["findings"]))
     COMM.Barrier()
     there = {path.name for path in folder.iterdir()}

@@ -9,14 +9,12 @@ from itertools import chain
 
 from signorini_fx.addons.derivatives import of_scene
 from signorini_fx.mechanics import effects, materials
-from signorini_fx.mechanics.body import statics_of_surface
 from signorini_fx.mechanics.kinematics import KINDS
 from signorini_fx.mechanics.statement.effect import Effect
 from signorini_fx.mechanics.statement.features import REFUSED_BY_SETTINGS
 
 # What is computed of a scene, and the features that it does not know.
 COMPUTED = {
-    "proof by statics": statics_of_surface.REFUSES,
     "derivatives": of_scene.REFUSES,
 }
 YET = (" yet", " so far", "not tried")

@@ -18,8 +18,6 @@ _DIFFERS = (
 )
 _CERTIFICATE = {"holds": True, "law": "the unregularised law"}
 _STRESS = {"value": 96.0, "place": [1.25, 0.0], "region": None, "no_limit": None}
-_SAFETY = {"factor": 2.4, "bound": 2.4, "exact": True, "friction_used": None, "motion": "it slides", "sliding": 2.4}
-_SAFETY |= {"overturning": None}
 _PRICE = {"predicted": False, "energy": 0.031, "pressure": 0.012, "force": 0.0004, "seconds": 0.8}
 
 # A summary of which everything is known, by the keys that the first lines look at.
@@ -48,7 +46,7 @@ BASE: dict[str, Any] = {
     },
     "stress": {"von_mises": _STRESS, "recovered": {"von_mises": {**_STRESS, "value": 93.0}}, "error": 0.08},
     "utilisation": {"value": 0.41, "place": [1.25, 0.0], "region": None, "no_limit": None},
-    "safety": _SAFETY,
+    "friction_used": 0.37,
     "cost": CostOfAccuracy("energy", 0.08, 0.8, 9922, 0.008, (3.0, 40.0), 900_000.0).as_dict(),
 }
 
@@ -101,11 +99,9 @@ STRENGTHS: dict[str, dict[str, Any]] = {
     "no fields": {"utilisation": None, "stress": None},
 }
 STATICS: dict[str, dict[str, Any]] = {
-    "a limit": {},
-    "an upper limit": {"safety": {**_SAFETY, "exact": False, "factor": 1.9, "friction_used": 0.37}},
-    "no limit": {"safety": {**_SAFETY, "factor": None, "bound": None, "sliding": None}},
-    "supports": {"safety": None, "held_by_supports": True},
-    "nothing": {"safety": None},
+    "friction used": {},
+    "supports": {"friction_used": None, "held_by_supports": True},
+    "nothing": {"friction_used": None},
 }
 ERRORS: dict[str, dict[str, Any]] = {
     "of the stress": {},

@@ -13,10 +13,7 @@ class BodyForce(VectorForce):
         y: component along x[1], stress / length.
         z: component along x[2], stress / length; only in 3D.
         factors: one number per load step; None: 1 in every step.
-        live: whether the safety factor multiplies it, as it does tractions.
     """
-
-    live: bool = False
 
 
 Entry = BodyForce

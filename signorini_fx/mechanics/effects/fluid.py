@@ -21,7 +21,6 @@ class Fluid(Force):
         weight: of the fluid, force per volume.
         up: the axis against gravity, ``x``, ``y`` or ``z``; None: y in 2D, z in 3D.
         factors: one number per load step; None: 1 in every step.
-        live: whether the safety factor multiplies it; a permanent load is not live.
     """
 
     boundary: str
@@ -88,5 +87,4 @@ level = "10*t"                             # VALUE, height of its surface, lengt
 weight = 0.0                               # of the fluid, force per volume
 #up = "y"                                  # the axis that points upwards; without: y in 2D, z in 3D
 #factors = [0.5, 1.0]                      # load steps, as above
-live = true                                # whether the safety factor multiplies it
 """

@@ -19,7 +19,6 @@ class TotalForce(VectorForce):
         z: component along x[2], force; only in 3D.
         spread: to what the force per area is proportional; its integral over the boundary must not be zero.
         factors: one number per load step; None: 1 in every step.
-        live: whether the safety factor multiplies it; a permanent load is not live.
     """
 
     boundary: str
@@ -56,5 +55,4 @@ y = 0.0                                    # VALUE, force
 #z = 0.0                                   # VALUE, force; only if the mesh is in 3D
 spread = 1.0                               # VALUE that the force per area is proportional to; 1: evenly
 #factors = [0.5, 1.0]                      # load steps, as above
-live = true                                # whether the safety factor multiplies it
 """

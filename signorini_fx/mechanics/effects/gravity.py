@@ -24,10 +24,7 @@ class Gravity(VectorForce):
         y: component of the acceleration along x[1], length / time^2.
         z: component of the acceleration along x[2], length / time^2; only in 3D.
         factors: one number per load step; None: 1 in every step.
-        live: whether the safety factor multiplies it, as it does tractions.
     """
-
-    live: bool = False
 
     def contradictions(self, statement: Any, number: int) -> Contradictions:
         """See ``Effect``."""
@@ -52,5 +49,4 @@ x = 0.0                                    # VALUE, acceleration along x[0], len
 y = 0.0                                    # VALUE, acceleration along x[1], length / time^2, such as -9810.0
 #z = 0.0                                   # VALUE, acceleration along x[2], length / time^2; only in 3D
 #factors = [0.5, 1.0]                      # load steps, as above
-live = false                               # whether the safety factor multiplies it
 """

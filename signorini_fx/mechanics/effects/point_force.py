@@ -22,7 +22,6 @@ class PointForce(VectorForce):
         y: component along x[1], force (likewise).
         z: component along x[2], force; only in 3D.
         factors: one number per load step; None: 1 in every step.
-        live: whether the safety factor multiplies it; a permanent load is not live.
     """
 
     refuses: ClassVar[Mapping[str, Mapping[str, str]]] = {
@@ -79,5 +78,4 @@ x = 0.0                                    # VALUE, force (in 2D per thickness)
 y = 0.0                                    # VALUE, force
 #z = 0.0                                   # VALUE, force; only if the mesh is in 3D
 #factors = [0.5, 1.0]                      # load steps, as above
-live = true                                # whether the safety factor multiplies it
 """

@@ -20,7 +20,6 @@ class Rotation(Force):
         about: a point of the axis, length; None: the origin.
         axis: its direction, any length; None: perpendicular to the plane, in 3D along x[2].
         factors: one number per load step, which multiplies the force; None: 1 in every step.
-        live: whether the safety factor multiplies it, as it does tractions.
     """
 
     vectors: ClassVar[tuple[str, ...]] = ("about", "axis")
@@ -83,5 +82,4 @@ speed = 0.0                                # VALUE, radians / time; needs the de
 #about = [0.0, 0.0]                        # a point on the axis, length; without: the origin
 #axis = [0.0, 1.0]                         # its direction; without: across the plane, in 3D x[2]
 #factors = [0.5, 1.0]                      # load steps, as above; they multiply the force
-live = true                                # whether the safety factor multiplies it
 """

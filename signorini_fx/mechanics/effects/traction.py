@@ -19,7 +19,6 @@ class SurfaceTraction(VectorForce):
         pressure: pressure on the boundary, which acts along the inward normal, stress; at finite strains along that of
             the deformed boundary, and per deformed area.
         factors: one number per load step; None: 1 in every step.
-        live: whether the safety factor multiplies it; a permanent load is not live.
     """
 
     boundary: str

@@ -83,7 +83,6 @@ REFUSED = {
     "guaranteed bound": "a guaranteed bound of axisymmetric bodies is not known yet",
     "moment": "there is none on a body of revolution",
     "motion of a tool": "an axisymmetric tool moves along its axis x[1] alone",
-    "proof by statics": "the body is axisymmetric, which is not derived yet",
 }
 AXISYMMETRIC = BodyOfRevolution(
     "axisymmetric",

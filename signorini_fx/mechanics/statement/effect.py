@@ -258,8 +258,6 @@ class Force(Load):
     # Whether at finite strains its density is that of the place to which a point has moved.
     carried: ClassVar[bool] = False
 
-    live: bool = True
-
     @cached_property
     def jumps(self) -> tuple[Expression, ...]:
         """Its expressions that may jump; none if a value is neither a number nor an expression."""

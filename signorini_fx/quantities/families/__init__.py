@@ -2,6 +2,7 @@
 
 # Files of this folder; each has QUANTITIES.
 FAMILIES = (
-    *("safety", "contact_nodes", "forces", "pressures", "zones", "moments", "displacements", "contact_boundaries"),
-    *("tools", "sections", "resultants", "energies", "stress", "deformation", "law", "certificate", "proofs", "cost"),
+    *("friction_used", "contact_nodes", "forces", "pressures", "zones", "moments", "displacements"),
+    *("contact_boundaries", "tools", "sections", "resultants", "energies", "stress", "deformation", "law"),
+    *("certificate", "proofs", "cost"),
 )

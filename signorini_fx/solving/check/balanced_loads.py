@@ -6,8 +6,6 @@ supports leave free.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 import numpy.typing as npt
 
@@ -15,10 +13,9 @@ from signorini_fx.algebra.contact.motions import total_work
 from signorini_fx.algebra.contact.reactions import Reactions, nearest, reactions
 from signorini_fx.algebra.contact.statics import escape, null_space, squeezed
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.body.statics_of_surface import LimitSurface, Unproved, balanced, excluded, surface_of
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.rigid.motion_names import names_of
-from signorini_fx.records import PROVED_FOR_BODY, Finding, Status
+from signorini_fx.records import Finding, Status
 
 _Rows = npt.NDArray[np.float64]
 
@@ -32,14 +29,9 @@ def equilibrium(body: Model) -> list[Finding]:
     if motions.free.shape[1] == 0:
         return []
     all_reactions: tuple[Reactions, _Rows] | None = None
-    surfaces: dict[int, LimitSurface] | str = ""
     if boundary is not None and data is not None:
         gap = parallel.gather_rows(boundary.comm, data.gap[:, None])[:, 0]
         all_reactions = reactions(motions.at(boundary), body.law, data.bilateral), gap
-        try:
-            surfaces = surface_of(body)
-        except Unproved as unproved:
-            surfaces = str(unproved)
     loads = [load_on(body, step) for step in range(body.statement.steps)]
     findings = []
     for number in map(int, np.unique(motions.assembly)):
@@ -49,10 +41,7 @@ def equilibrium(body: Model) -> list[Finding]:
             contact = all_reactions[0].of(number, columns)
             without_load = squeezed(contact, all_reactions[1][all_reactions[0].assembly == number])
         assembly_loads = [load[columns] for load in loads]
-        surface = surfaces if isinstance(surfaces, str) else surfaces[number]
-        findings.append(
-            _equilibrium_of(body, number, columns, contact, surface, assembly_loads, without_load=without_load)
-        )
+        findings.append(_equilibrium_of(body, number, columns, contact, assembly_loads, without_load=without_load))
     return findings
 
 
@@ -61,7 +50,6 @@ def _equilibrium_of(
     number: int,
     columns: npt.NDArray[np.bool_],
     contact: Reactions | None,
-    surface: LimitSurface | str,
     loads: list[_Rows],
     *,
     without_load: bool,
@@ -73,7 +61,6 @@ def _equilibrium_of(
         number: of the assembly.
         columns: its free motions, k of them.
         contact: reactions of its contact nodes; None for a scene without contact.
-        surface: of its contact; or why it is not known.
         loads: for each load step its work on these motions, shape (k,).
         without_load: whether its foundation holds it without a load.
     """
@@ -94,10 +81,7 @@ def _equilibrium_of(
         who, advice = "the supports do not resist", "prescribe a displacement"
         if contact is not None:
             who, advice = "neither the supports nor the contact resists", f"{advice}, or add friction"
-        proved = PROVED_FOR_BODY
-        if contact is not None:
-            proved = _proved(surface, lambda known_surface: known_surface.flat)
-        return Finding("warning", "displacement", f"nothing holds {subject}: {who} {names}; {advice}; this is {proved}")
+        return Finding("warning", "displacement", f"nothing holds {subject}: {who} {names}; {advice}")
     assert contact is not None
     away = [escape(contact, load) if load.any() else None for load in loads]
     of_it = f" of {subject}" if several else ""
@@ -110,15 +94,11 @@ def _equilibrium_of(
         status, motion = next(way for way in away if way is not None)
         drives, cannot, cure = _WAYS[status]
         names = names_of(free @ motion[:, None], motions, members, one_way=True)
-        driven = [loads[step - 1] for step in steps]
-        proved = _proved(
-            surface, lambda known_surface: all(excluded(known_surface, nearest(contact, w).motion, w) for w in driven)
-        )
         return Finding(
             "warning",
             statement.forces_at,
             f"{when}there is no static equilibrium{of_it}: the loads {drives} {names}, {cannot}: "
-            f"{cure}, or prescribe a displacement; this is {proved}{_provided(body)}",
+            f"{cure}, or prescribe a displacement{_provided(body)}",
         )
     bonds = contact.bilateral & np.isinf(contact.given)
     bonded = np.concatenate((contact.normal[bonds], contact.tangential[bonds].reshape(-1, free.shape[1])))
@@ -142,18 +122,7 @@ def _equilibrium_of(
     text = f"{text}, and {pressed}"
     if not all(nearest(contact, load).balanced for load in loads if load.any()):
         text = f"{text}; friction is so close to its limit that only the iteration can say whether it holds"
-    elif any(load.any() for load in loads):
-        acting = [load for load in loads if load.any()]
-        proved = _proved(surface, lambda known_surface: all(balanced(contact, known_surface, load) for load in acting))
-        text = f"{text}; that tractions balance them is {proved}"
     return Finding("note", "displacement", text)
-
-
-def _proved(surface: LimitSurface | str, statement: Callable[[LimitSurface], bool]) -> str:
-    """Of what a statement is proved: of the body, or only of its mesh."""
-    if isinstance(surface, str):
-        return f"proved for its mesh ({surface})"
-    return PROVED_FOR_BODY if statement(surface) else "proved for its mesh"
 
 
 def _provided(body: Model) -> str:

@@ -42,7 +42,7 @@ def laws_in_results(
             largest = parallel.largest(comm, np.where(wrong, contact.pressure, 0.0))
             message = (
                 f"the bound of the friction law {entry.law.law} is larger than it says at pressures of this "
-                f"solution, up to {largest:g}: no safety factor, and check the law"
+                f"solution, up to {largest:g}: check the law"
             )
             findings.append(Finding("warning", path, message))
         elif faults:

@@ -1,0 +1,93 @@
+"""The share of its friction that a body uses, against statics, a ramp and a linear programme."""
+
+import numpy as np
+import pytest
+from boxes import Box, boxes_mesh
+from mpi4py import MPI
+from scenes import alone
+from scipy.optimize import linprog
+from test_pieces import scene_on
+
+from signorini_fx.addons.report.page import write_report
+from signorini_fx.results.files import write_results
+from signorini_fx.scenes.reading import parse_scene
+from signorini_fx.scenes.solver import solve
+
+
+def hub(torque, **load_steps):
+    """A ring pressed onto a shaft that turns it."""
+    return parse_scene(
+        {
+            "mesh": {"generator": "ring", "parameters": {"nr": 2, "nt": 4, "nz": 1}},
+            "material": {"young": 1e5, "poisson": 0.3},
+            "displacement": {"boundary": "bottom", "z": 0.0},
+            "traction": {
+                "boundary": "outer",
+                "x": f"{-torque} * x[1]",
+                "y": f"{torque} * x[0]",
+                **({"factors": [0.0, 1.0]} if load_steps else {}),
+            },
+            "contact": {"boundary": "inner", "gap": -1e-3, "friction": {"law": "coulomb", "coefficient": 0.3}},
+            **({"load_steps": load_steps} if load_steps else {}),
+        }
+    )
+
+
+def test_a_hub_at_its_slip_torque():
+    """The torque itself takes a per cent of the pressure away; a ramp ends where all of the friction is used."""
+    shares = np.array([alone(hub(torque)).friction_used / torque for torque in (0.5, 1.5, 1.95)])
+    np.testing.assert_allclose(shares, 1 / 2.02, rtol=0.01)
+    assert (np.diff(shares) > 0).all()
+    ramp = solve(hub(3.0, steps=4, times=[0.0, 1.0]), MPI.COMM_SELF, check=False)
+    assert not ramp.converged
+    assert 3.0 * ramp.last_step.time == pytest.approx(1 / shares[-1], rel=0.02)
+    assert ramp.friction_used == pytest.approx(1.0, rel=0.02)
+
+
+@pytest.mark.parametrize("beyond", [False, True])
+def test_a_page_says_the_friction_or_the_limit(tmp_path, beyond):
+    """Of a press fit that holds the share of its friction, of a ramp beyond its limit that limit, never both."""
+    scene = hub(3.0, steps=4, times=[0.0, 1.0]) if beyond else hub(1.5)
+    write_results(solve(scene, MPI.COMM_SELF, check=False), tmp_path / "hub", fields=False, pictures=False)
+    page = write_report(tmp_path / "hub", None).read_text(encoding="utf-8")
+    left = page.partition("How much is left?")[2].partition("Where is the largest stress?")[0]
+    assert ("friction used: 74 %" in left) is not beyond
+    assert ("no solution was found beyond" in left) is beyond
+    assert "no multiple" not in left
+
+
+@pytest.mark.parametrize("pushes", [(0.1, 0.2), (0.2, 0.1)])
+def test_of_several_pieces_the_weakest_counts(pushes):
+    boxes = [Box("one", 0.0, 0.0, 1.0, 1.0, 2, 2), Box("other", 2.0, 0.0, 1.0, 1.0, 2, 2)]
+    tractions = [{"boundary": f"left {box.name}", "x": push} for box, push in zip(boxes, pushes, strict=True)]
+    friction = {"law": "coulomb", "coefficient": 0.8}
+    contact = [{"boundary": f"bottom {box.name}", "friction": friction} for box in boxes]
+    scene = scene_on(boxes_mesh(MPI.COMM_SELF, boxes), body_force={"y": -1.0}, traction=tractions, contact=contact)
+    assert alone(scene).friction_used == pytest.approx(0.2 / 0.8, rel=1e-6)
+
+
+def test_of_a_wheel_the_nodes_in_contact_count():
+    """A braked wheel that is pushed: it would rest at steeper nodes if it slid, which this solution does not use."""
+    push, weight, radius = 0.6, 2.0, 4.0
+    wheel = {"shape": "circle", "centre": [5.0, 3.0 + radius], "radius": radius, "pivot": [5.0, 3.0 + radius]}
+    wheel |= {"force": [push, -weight], "prescribed": {"rotation": 0.0}}
+    scene = parse_scene(
+        {
+            "mesh": {"generator": "rectangle", "parameters": {"length": 10.0, "height": 3.0, "nx": 40, "ny": 12}},
+            "material": {"young": 20.0, "poisson": 0.3},
+            "displacement": {"boundary": "bottom", "x": 0.0, "y": 0.0},
+            "contact": {"boundary": "top", "foundation": wheel, "friction": {"law": "coulomb", "coefficient": 0.5}},
+        }
+    )
+    solution = alone(scene)
+    table = solution.table.columns
+    touching = table["state"] != "open"
+    normal = np.column_stack((table["n_x"], table["n_y"]))[touching]
+    along = np.column_stack((-normal[:, 1], normal[:, 0]))
+    bound = (table["bound"] * table["weight"])[touching]
+    # Forces of the wheel on the body: pressures along -n, shears within their bounds; the multiple is the last unknown.
+    rows = np.column_stack((-normal.T, along.T, [-push, weight]))
+    limits = [(0, None)] * len(bound) + [(-b, b) for b in bound] + [(0, None)]
+    best = linprog([0.0] * (2 * len(bound)) + [-1.0], A_eq=rows, b_eq=[0.0, 0.0], bounds=limits)
+    assert 1.0 < -best.fun < 10.0
+    assert solution.friction_used == pytest.approx(-1 / best.fun, rel=1e-6)
