@@ -412,7 +412,7 @@ def test_answers_come_first(folders):
         return [(answer.text, " ".join(answer.details)) for answer in answers(summary | changes)]
 
     (holds, balance), (left, _), (place, stress), (sure, checked) = texts()
-    assert (holds, left) == ("yes", "not known")
+    assert (holds, left) == ("yes", "the loads need no friction")
     assert "all 3 load steps" in balance
     assert "yield_stress in [[material]]" in balance
     assert place == "not computed"

@@ -129,7 +129,11 @@ def _provided(body: Model) -> str:
     """What a proof that friction cannot hold a body rests on where a law of a user's own has said it."""
     if body.law is None or not body.law.laws:
         return ""
-    return ", provided that this bound is nowhere larger than the law says, which was tried at samples of the pressure"
+    known = f"; {body.law.unknown}" if body.law.unknown else ""
+    return (
+        f"{known}, provided that this bound is nowhere larger than the law says, which was tried at samples of the "
+        "pressure"
+    )
 
 
 # What loads do, what does not stop it, and what may.
