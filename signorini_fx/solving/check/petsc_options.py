@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import os
 import re
-import subprocess
-import sys
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
@@ -17,8 +15,6 @@ from signorini_fx.algebra.linalg.factorisation import has_package
 from signorini_fx.algebra.linalg.petsc_options import PREFIX, watches
 from signorini_fx.errors import OptionsError
 from signorini_fx.machine import parallel
-from signorini_fx.machine.launcher import environment_of_no_rank
-from signorini_fx.tuned import OPTIONS_PATIENCE
 
 # Options that put another method in the place of ours, or another matrix or test into it, and the values that do not.
 _OFF = ("false", "no", "off", "0")
@@ -46,8 +42,6 @@ def refuse_mistyped(comm: MPI.Comm) -> None:
         return
     refuse_exchanged({name.removeprefix(PREFIX): value for name, value in user_options.items()})
     quiet = {name: value for name, value in user_options.items() if not watches(name)}
-    if any("mg_" in name for name in quiet):
-        parallel.on_root(comm, lambda: _check_crash(quiet))
     for name in user_options:
         options.delValue(name)
     try:
@@ -120,27 +114,6 @@ def _check_files(watching: Mapping[str, str]) -> None:
             fits = False
         if not fits or Path(file).is_dir():
             raise OptionsError(f"PETSc option -{name} {value}: {file!r} cannot be written")
-
-
-def _check_crash(trial: Mapping[str, str]) -> None:
-    """Refuse options of multigrid with which PETSc crashes, which is tried in a process of its own.
-
-    The message names one of them if it crashes alone.
-    """
-    if _crashes(trial):
-        culprit = next(({name: value} for name, value in trial.items() if _crashes({name: value})), trial)
-        raise OptionsError(f"PETSc option {_spelt(culprit)}: PETSc crashes with it")
-
-
-def _crashes(trial: Mapping[str, str]) -> bool:
-    program = [sys.executable, str(Path(__file__).with_name("options_trial.py"))]
-    words = [word for name, value in trial.items() for word in (f"-{name}", value) if word]
-    with suppress(OSError, subprocess.TimeoutExpired):  # then nothing is known
-        ended = subprocess.run(
-            [*program, *words], env=environment_of_no_rank(), capture_output=True, timeout=OPTIONS_PATIENCE, check=False
-        )
-        return ended.returncode < 0
-    return False
 
 
 def _complaint(comm: MPI.Comm, trial: Mapping[str, str], *, solve: bool = True) -> str | None:
