@@ -572,31 +572,12 @@ NO_CURVED_SIDE = 0.6
 # Cells of degree 1 that make a nonlinear body stiffer than it is by more than this share are warned of.  Choice: those
 # of the demos do by 5 % at most.
 TOO_STIFF = 0.1
-# A gap is far if it is this many times larger than the estimated displacements.  Choice: the estimates are rough.
+# A gap is far if it is this many times larger than prescribed displacements.  Choice.
 FAR_GAP = 10.0
-# A gap is a height if it decreases by one along a direction, up to this; normals vary if by more than these degrees.
-# Choice.
-SLOPE_OF_HEIGHT, TURNED_NORMALS = 1e-5, 5.0
-# Step of the differences of gaps, relative to the size of the body.  Choice.
-GAP_DIFFERENCE = 1e-4
-# A body that moves by a smaller share of its size than this carries next to nothing: steel, less than 2 kPa.  Choice.
+# Normals of a boundary turn if they are off their mean by more than these degrees.  Choice.
+TURNED_NORMALS = 5.0
+# A body that is strained by less than this carries next to nothing: steel, less than 2 kPa.  Choice.
 HARDLY_MOVED = 1e-8
-# Shear of tilted frames over F P, as a multiple of the tilt at the end of contact over F: .46 to .73, see
-# tests/support/curved_pairs.py.  It is said where it is more than a share, and where bodies first touch along one
-# direction, up to the cosine of 26 degrees.  Choice of the last two.
-SHEAR_OF_TILT, NOTABLE_SHEAR, ONE_DIRECTION = 0.55, 0.05, 0.9
-
-# Facets of Hertz's half width that check asks for, and how many times longer they may be before it does.  Choice.
-CONTACT_FACETS, COARSE_IN_CONTACT = 8, 1.5
-# By dimension the facets from whose normals the curvature of a side is taken, and the points from whose gaps.  Choice:
-# few in 2D, where they may be a quarter of an arc; in 3D normals of triangles scatter.
-FITTED_FACETS, FITTED_NODES = {2: 4, 3: 40}, {2: 5, 3: 20}
-# Shares of the size of a boundary: gaps that differ by less are alike, and sides that part by less over it are flat.
-# Choice.
-FLAT_CONTACT = 1e-4
-# A curvature below this share of that across it makes a line contact.  Choice.
-LINE_CONTACT = 0.02
-
 # --- derivatives and friction laws of users --------------------------------------------------------------------------
 
 # The iteration for chi ends at this change, relative to chi, or after so many solves.  Choice.
@@ -643,9 +624,9 @@ LOOSE_SECTION, SHORTENED_IF_LOOSE, SHORTENED_AT_MOST = 1e-6, 4.0, 30.0
 
 # --- limits of time and memory ---------------------------------------------------------------------------------------
 
-# Seconds that may pass: until another program has read options of PETSc; until the first rank has ended one with the
-# same error; until a rank that may have an error later has it.  Choice.
-OPTIONS_PATIENCE, END_PATIENCE, ERROR_PATIENCE = 60.0, 1.0, 30.0
+# Seconds that may pass until the first rank has ended one with the same error, and until a rank that may have an error
+# later has it.  Choice.
+END_PATIENCE, ERROR_PATIENCE = 1.0, 30.0
 # Seconds between two attempts to get a lock of a compilation, and of waiting for it without a word.  Choice.
 LOCK_PAUSE, LOCK_SILENCE = 0.05, 10.0
 # Seconds between two changes of the line of progress.  Choice.

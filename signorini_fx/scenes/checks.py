@@ -26,7 +26,6 @@ from signorini_fx.scenes.hierarchy import coarser_scenes, scene_on
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.plan import planned
 from signorini_fx.scenes.scene import Scene
-from signorini_fx.solving.check.contact_length import contact_lengths
 from signorini_fx.solving.check.cost import (
     Cost,
     contact_nodes,
@@ -121,7 +120,6 @@ def check_scene(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD, *, uniqueness: bo
     model = _validated(scene, comm)
     cost = estimated_cost(model)
     findings = [*pushed_before(model), *memory_finding(cost, comm), *scene_findings(model)]
-    findings += contact_lengths(model) if scene.accuracy is None else []
     findings += uniqueness_findings(model) if uniqueness else []
     return Check(
         scene.title,

@@ -31,10 +31,10 @@ from signorini_fx.results.certificate.law_of_method import overclosures_of
 from signorini_fx.results.functionals import functionals
 from signorini_fx.results.mechanics import SolidBody, StatedBody
 from signorini_fx.results.solution import Solution, StepResult
+from signorini_fx.solving.check.bodies import facets_in_result
 from signorini_fx.solving.check.cost import estimated_cost
 from signorini_fx.solving.check.findings import result_findings, scene_findings
 from signorini_fx.solving.check.laws_in_results import laws_in_results
-from signorini_fx.solving.check.one_step import tilted_frames
 from signorini_fx.solving.check.pushed_nodes import held_in_result, pushed_nodes
 from signorini_fx.solving.check.refusals import refuse_beforehand
 from signorini_fx.solving.check.shapes_in_results import shapes_in_results
@@ -183,17 +183,14 @@ def _found(model: Model, steps: tuple[StepResult, ...]) -> Callable[[], tuple[Fi
 
 def _findings(model: Model, steps: Sequence[StepResult]) -> list[Finding]:
     """The findings of ``check`` about the scene, and those about its result; collective."""
-    solved = _solved(steps)
-    findings = scene_findings(model, estimates=not solved)
-    findings += _doubtful_laws(model, steps[-1])
-    if solved and (last := steps[-1]).contact is not None:
-        findings += tilted_frames(placed(model, last.place), 0.0, last.contact)
-        if last.contact.boundary.paired:
-            from signorini_fx.solving.check.bodies import facets_in_result
-
-            findings += facets_in_result(model, last.contact)
+    last = steps[-1]
+    findings = [*scene_findings(model), *_doubtful_laws(model, last)]
+    if _solved(steps) and last.contact is not None and last.contact.boundary.paired:
+        findings += facets_in_result(model, last.contact)
     contact = enumerate(model.statement.placed(_shown(steps).place).contact)
-    foundations = [(f"contact[{k}].foundation", effect.surface, effect.gap) for k, effect in contact]
+    # Soft contact lets a body into its foundation.
+    hard = [(k, effect) for k, effect in contact if getattr(effect, "overclosure", None) is None]
+    foundations = [(f"contact[{k}].foundation", effect.surface, effect.gap) for k, effect in hard]
     return findings_of_steps(model, steps, findings, foundations)
 
 

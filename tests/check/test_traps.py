@@ -134,8 +134,6 @@ SAID = {
     "locking": block(material={"young": 5000.0, "poisson": 0.499}, mesh=TRIANGLES),
     "locking of quadrilaterals": block(material=LOCKING),
 }
-# What is only estimated before: the result knows, and says it at the same key.
-ESTIMATED = ("contact is unlikely to close", "(an estimate)")
 
 
 @pytest.mark.one_quick
@@ -146,10 +144,7 @@ def test_solve_says_what_check_warns_of(name, tmp_path, capsys):
     assert expected
     solution = alone(SAID[name], check=False)
     found = warned(solution.findings)
-    assert set(expected) <= set(found)
-    for path, message in expected.items():
-        if not any(words in message for words in ESTIMATED):
-            assert found[path] == message
+    assert expected.items() <= found.items()
 
 
 @pytest.mark.mpi
@@ -167,34 +162,50 @@ def test_nothing_is_said_where_nothing_hurts():
         assert warned(alone(scene).findings) == {}
 
 
-# --- gaps that look like heights -------------------------------------------------------------------------------------
+PAD = {
+    "mesh": {"generator": "rectangle", "parameters": {"length": 10.0, "height": 1.0, "nx": 20, "ny": 2}},
+    "material": {"young": 100.0, "poisson": 0.3},
+    "displacement": {"boundary": "bottom", "x": 0.0, "y": 0.0},
+}
+CIRCLE = {"shape": "circle", "centre": [5.0, 3.0], "radius": 2.0}
+# A wide pad under 1 % of its modulus; a foundation that arrives later; soft contact, whose foundation enters the body.
+SOUND = {
+    "wide": {"traction": {"boundary": "top", "pressure": 1.0}},
+    "arrives": {
+        "contact": {"boundary": "top", "foundation": {**CIRCLE, "shift": [0.0, "-0.02*t"]}},
+        "load_steps": {"times": [0.0, 1.0]},
+    },
+    "soft": {
+        "displacement": {"boundary": "bottom", "x": 0.0, "y": 0.4},
+        "contact": {"boundary": "top", "foundation": CIRCLE, "overclosure": {"stiffness": 1.0}},
+    },
+}
 
 
-def disk(gap, **options):
-    """The lower half of a disk of radius 8 that stands on the origin."""
-    return parse_scene(
-        {
-            "mesh": {"generator": "half_disk", "parameters": {"contact_size": 0.2, "size": 2.0}},
-            "material": {"young": 1000.0, "poisson": 0.3},
-            "displacement": {"boundary": "top", "x": 0.0},
-            "traction": {"boundary": "top", "y": -1.0},
-            "contact": {"boundary": "arc", "gap": gap, **options},
-        }
-    )
+@pytest.mark.parametrize("name", SOUND)
+def test_no_false_alarm(name):
+    """Nothing is said before, nor with the result."""
+    scene = parse_scene(PAD | SOUND[name])
+    assert warned(check(scene).findings) == {}
+    assert warned(alone(scene).findings) == {}
 
 
-def height_warning(scene):
-    return warned(check(scene).findings).get("contact[0].gap")
+# --- directions -----------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("gap", ["x[1]", "x[1] + 0.01", "x[1] - 0.01*x[0]**2", "x[1] - 0.1*sin(x[0]) + 0.2"])
-def test_a_height_along_normals_that_turn(gap):
-    """Said by check and by solve, with what to write instead; with the direction it is right."""
-    message = height_warning(disk(gap))
-    assert "direction = [0, -1]" in message
-    assert height_warning(disk(gap, direction=[0.0, -1.0])) is None
-    assert warned(alone(disk(gap), check=False).findings)["contact[0].gap"] == message
+@pytest.mark.parametrize(("options", "noted"), [({}, True), ({"direction": [0.0, -1.0]}, False)])
+def test_a_gap_along_normals_that_turn(options, noted):
+    """The lower half of a disk that stands on the origin: where a height is meant, a direction is missing."""
+    disk = {
+        "mesh": {"generator": "half_disk", "parameters": {"contact_size": 0.2, "size": 2.0}},
+        "material": {"young": 1000.0, "poisson": 0.3},
+        "displacement": {"boundary": "top", "x": 0.0},
+        "traction": {"boundary": "top", "y": -1.0},
+        "contact": {"boundary": "arc", "gap": "x[1]", **options},
+    }
+    notes = [found.message for found in check(parse_scene(disk)).findings if found.path == "contact[0].gap"]
+    assert any("it is measured along the normals" in note for note in notes) == noted
+    assert not any("normals" in found.message for found in check(block(**contact(gap="x[1]"))).findings)
 
 
 @pytest.mark.parametrize(

@@ -532,7 +532,6 @@ def test_a_foundation_moves_in_a_scene(more):
         for name in ("pressure", "shear"):
             sums = [COMM.allreduce(float((getattr(s.contact, name) ** 2).sum())) for s in (one, other)]
             assert sums[0] == pytest.approx(sums[1], rel=1e-6)
-    assert any("moves with the time" in finding.message for finding in first.findings)
     assert not any("penetrates" in finding.message for finding in first.findings)
     assert len(first.levels) == len(second.levels)
     assert bool(len(first.levels) > 1) == ("accuracy" in more or "levels" in more.get("solver", {}))

@@ -22,52 +22,27 @@ from signorini_fx.tuned import FACETS_OFF, NO_CURVED_SIDE
 _Floats = npt.NDArray[np.float64]
 
 
-def paired_findings(body: Model, moved: float) -> list[Finding]:
-    """About each contact of two bodies; collective.
-
-    Args:
-        body: the model.
-        moved: how far the bodies move, an estimate, length; 0: not known.
-    """
+def side_findings(body: Model) -> list[Finding]:
+    """Which side of each contact of two bodies has the contact points, where that matters; collective."""
     findings = []
     for index, effect in enumerate(body.statement.contact):
         if effect.against is None:
             continue
-        fit = abs(effect.gap) if isinstance(effect.gap, int | float) else 0.0
-        about = fit or moved
-        near = _near(body, index, about)
         names = effect.boundary, effect.against
         side, opposite = (SideFigures.of(name, body.tagged, body.elastic.lame[1]) for name in names)
-        path = f"contact[{index}]"
+        path = f"contact[{index}].points"
         if (reason := opposite.better(side)) is not None:
-            findings.append(
-                Finding(
-                    "note",
-                    f"{path}.points",
-                    f"the contact points are on {side.name!r}, while {opposite.name!r} is {reason}: results have less "
-                    "error, and fewer linear solves are needed, with the points there",
-                )
+            message = (
+                f"the contact points are on {side.name!r}, while {opposite.name!r} is {reason}: results have less "
+                "error, and fewer linear solves are needed, with the points there"
             )
+            findings.append(Finding("note", path, message))
         elif effect.points == "auto" and (reason := side.better(opposite)) is not None:
-            findings.append(
-                Finding(
-                    "note",
-                    f"{path}.points",
-                    f"the contact points are on {side.name!r}, which is {reason} than {opposite.name!r}: results name "
-                    "it as the boundary",
-                )
+            message = (
+                f"the contact points are on {side.name!r}, which is {reason} than {opposite.name!r}: results name it "
+                "as the boundary"
             )
-        off, yardstick = sum(_off(body, name, near) for name in names), "the gap" if fit else "displacements"
-        if effect.distance == "geometry" and effect.kind != "bonded" and 0 < FACETS_OFF * about < off:
-            findings.append(
-                Finding(
-                    "note",
-                    f"{path}.distance",
-                    f"straight facets of {side.name!r} and {opposite.name!r} are up to {off:.2g} off the curved sides "
-                    f"that they are chords of, which is much beside {yardstick} of about {about:.2g}: take "
-                    'smaller facets, curved cells, or distance = "nominal"',
-                )
-            )
+            findings.append(Finding("note", path, message))
     return findings
 
 
@@ -103,17 +78,6 @@ def facets_in_result(body: Model, contact: ContactState) -> list[Finding]:
             )
             findings.append(Finding("warning", f"contact[{index}].distance", text))
     return findings
-
-
-def _near(body: Model, index: int, about: float) -> _Floats:
-    """The points of a contact on this rank whose gap is the smallest, or larger by as much, length, shape (n, d)."""
-    boundary, data = body.boundary, body.data
-    assert boundary is not None
-    assert data is not None
-    on_part = boundary.part == index
-    gap = data.gap[on_part]
-    least = -parallel.largest(body.comm, -gap, -np.inf)
-    return np.asarray(boundary.x[on_part][gap <= least + about])
 
 
 def _off(body: Model, name: str, near: _Floats) -> float:

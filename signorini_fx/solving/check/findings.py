@@ -1,19 +1,17 @@
 """Findings about a scene and its result: what may go wrong, and what to do about it.
 
 ``checks`` reports them before a scene is solved, ``solver`` with the solution; both call the functions of this module
-with data that they have anyway.  Findings about gaps and uniqueness are rules of thumb, and their messages say so.
+with data that they have anyway.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 from dolfinx import mesh as dmesh
-from mpi4py import MPI
 
 from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.contact.friction import PointFriction
@@ -24,39 +22,31 @@ from signorini_fx.mechanics.body.nonlinear_law import volume_degree
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.materials.protocol import Material
 from signorini_fx.mechanics.model import Model
-from signorini_fx.mechanics.rigid.motion_names import MOST_LISTED, rounded
+from signorini_fx.mechanics.rigid.motion_names import MOST_LISTED
 from signorini_fx.mechanics.statement.effect import Force, Resistance, is_zero
-from signorini_fx.mechanics.statement.expressions import Expression, in_space, sample
+from signorini_fx.mechanics.statement.expressions import Expression, sample
 from signorini_fx.mechanics.statement.point_values import PointValues
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.records import Finding
 from signorini_fx.solving.check.balanced_loads import equilibrium
-from signorini_fx.solving.check.one_step import one_step, tilted_frames
+from signorini_fx.solving.check.bodies import side_findings
 from signorini_fx.tuned import (
     FAR_GAP,
-    GAP_DIFFERENCE,
     HARDLY_MOVED,
     LARGEST_GAMMA,
     NO_FORCE,
     SAME_DIRECTION,
-    SLOPE_OF_HEIGHT,
     SMALL_DEFORMATION,
     START_GAMMA,
     TURNED_NORMALS,
 )
 
-_Rows = npt.NDArray[np.float64]
 
-
-def scene_findings(body: Model, *, estimates: bool = True) -> list[Finding]:
-    """Findings about the scene and its mesh; collective, the same on every rank.
-
-    Args:
-        body: the model.
-        estimates: whether to include findings based on estimated displacements, which a solution replaces.
-    """
+def scene_findings(body: Model) -> list[Finding]:
+    """Findings about the scene and its mesh; collective, the same on every rank."""
     statement, data = body.statement, body.data
     paired = any(effect.against is not None for effect in statement.contact)
+    prescribed, force = _largest_loads(body)
     findings = [Finding("warning", "incomplete", f"not in the scene: {lost}") for lost in statement.incomplete]
     findings += [
         *_pieces(body),
@@ -64,31 +54,19 @@ def scene_findings(body: Model, *, estimates: bool = True) -> list[Finding]:
         *_idle(body),
         *(_across_bodies(statement) if paired else ()),
         *equilibrium(body),
+        *_units(body, prescribed, force),
     ]
-    # Without an estimate it only matters whether anything acts at all; it is that of a beam in 2D or in 3D.
-    unsolved = estimates
-    estimates = estimates and not statement.of(Resistance) and "bending" not in statement.kinematics.refuses
-    moduli = [material.natural_modulus for material in statement.material]
-    moved = _displacement_scale(body, min(moduli)) if estimates else float(_acts(body))
-    if estimates:
-        # A layer of the softest material is not what bends: only what the stiffest one would do is certainly too much.
-        findings += _odd_displacements(body, _displacement_scale(body, max(moduli)), moved)
     if body.boundary is not None and data is not None:
         findings += [
-            *_gaps(body, data, moved, estimates=estimates),
+            *_gaps(body, data, FAR_GAP * prescribed + (body.tagged.size if force > 0 else 0.0)),
             *_inwards(body),
-            *_heights(body),
-            *_moving(statement),
-            *one_step(body),
-            *(tilted_frames(body, moved if estimates else math.inf) if unsolved else ()),
+            *_along_normals(body),
             *_uniqueness(statement, body.boundary, body.law),
             *_regularisation(statement, data, body.scales.gamma),
             *_monolithic(statement),
         ]
         if paired:
-            from signorini_fx.solving.check.bodies import paired_findings
-
-            findings += paired_findings(body, moved if estimates else 0.0)
+            findings += side_findings(body)
     return findings
 
 
@@ -234,14 +212,22 @@ def _pieces(body: Model) -> list[Finding]:
 # --- gaps and displacements ------------------------------------------------------------------------------------------
 
 
-def _gaps(body: Model, data: RegularisedData, moved: float, *, estimates: bool) -> list[Finding]:
+def _gaps(body: Model, data: RegularisedData, reach: float) -> list[Finding]:
+    """Gaps that are negative, or wider than contact can close.
+
+    Args:
+        body: the model.
+        data: its gaps.
+        reach: how far prescribed displacements and loads may move it, length.
+    """
     boundary = body.boundary
     assert boundary is not None
     comm, size = boundary.comm, body.tagged.size
     unilateral = ~data.bilateral
     smallest = -parallel.largest(comm, -data.gap, -np.inf)
     findings = []
-    if smallest < -NO_FORCE * size and not any(effect.moves for effect in body.statement.contact):
+    moves = any(effect.moves or effect.gap_timed for effect in body.statement.contact)
+    if smallest < -NO_FORCE * size and not moves:
         level: Literal["warning", "note"] = "warning" if -smallest > 0.01 * size else "note"
         overlap = "the body penetrates its foundation"
         if any(effect.against is not None for effect in body.statement.contact):
@@ -249,20 +235,17 @@ def _gaps(body: Model, data: RegularisedData, moved: float, *, estimates: bool) 
         message = f"the gap is negative, down to {smallest:g}: {overlap} before it is loaded"
         findings.append(Finding(level, "contact.gap", message))
     two_sided = parallel.any_rank(comm, not unilateral.all())
-    if body.motions.free.shape[1] > 0 or two_sided:
+    if body.motions.free.shape[1] > 0 or two_sided or moves:
         return findings
-    if smallest >= -NO_FORCE * size and moved == 0.0:
+    if smallest >= -NO_FORCE * size and not _acts(body):
         message = "there is no load, and every prescribed displacement is 0: the solution is 0"
         findings.append(Finding("warning", "traction, body_force, displacement", message))
-    elif estimates and smallest > FAR_GAP * moved:
-        findings.append(
-            Finding(
-                "warning",
-                "contact.gap",
-                f"the smallest gap is {smallest:g}, while prescribed displacements and loads move the body by about "
-                f"{moved:.1g} (an estimate): contact is unlikely to close; check the gap and the units",
-            )
+    elif smallest > reach > 0:
+        message = (
+            f"the smallest gap is {smallest:g}, farther than prescribed displacements and loads can move the body: "
+            "contact is unlikely to close; check the gap and the units"
         )
+        findings.append(Finding("warning", "contact.gap", message))
     return findings
 
 
@@ -304,104 +287,55 @@ def _inwards(body: Model) -> list[Finding]:
     return findings
 
 
-def _moving(statement: Statement) -> list[Finding]:
-    """Foundations that move with the time, and friction that depends on it."""
-    findings = list[Finding]()
-    for index, effect in enumerate(statement.contact):
-        if effect.moves:
-            message = (
-                "it moves with the time t: gap and normals are those of each load step, and slip is relative to it"
-            )
-            findings.append(Finding("note", f"contact[{index}].foundation", message))
-        if effect.gap_timed:
-            message = "it depends on the time t: distances are those of each load step"
-            findings.append(Finding("note", f"contact[{index}].gap", message))
-        if effect.friction.timed:
-            message = "it depends on the time t: the bound of the shear is that of each load step"
-            findings.append(Finding("note", f"contact[{index}].friction", message))
-    return findings
-
-
-def _heights(body: Model) -> list[Finding]:
-    """Gaps that look like the height above the foundation although they are measured along varying normals."""
+def _along_normals(body: Model) -> list[Finding]:
+    """Gaps that are expressions along normals that turn, where a height may be meant."""
     boundary = body.boundary
     assert boundary is not None
     findings = []
     for index, effect in enumerate(body.statement.contact):
-        if effect.direction is not None or effect.foundation is not None or isinstance(effect.gap, float):
+        if effect.direction is not None or effect.foundation is not None or not isinstance(effect.gap, Expression):
             continue
-        on_part = boundary.part == index
-        step = GAP_DIFFERENCE * body.tagged.size
-        slope = _slope(effect.gap, boundary.x[on_part], step)
-        for direction in _fall_lines(slope, boundary.comm):
-            # A height decreases by one per unit of length along its direction, wherever the foundation is.
-            heights = np.abs(slope @ direction + 1.0) <= SLOPE_OF_HEIGHT
-            along = boundary.normal[on_part] @ direction
-            count, number, total = parallel.global_sum(
-                boundary.comm, np.array([np.count_nonzero(heights), heights.size, along[heights].sum()], dtype=float)
+        normals = boundary.normal[boundary.part == index]
+        mean = parallel.global_sum(boundary.comm, normals.sum(axis=0))
+        cosine = -parallel.largest(boundary.comm, -normals @ mean / max(float(np.linalg.norm(mean)), NO_FORCE), -1.0)
+        turned = math.degrees(math.acos(min(1.0, max(-1.0, cosine))))
+        if turned > TURNED_NORMALS:
+            message = (
+                f"it is measured along the normals, which turn by up to {turned:.0f} degrees from their mean: a height "
+                "above a foundation needs a direction, the one from the body to the foundation"
             )
-            least = -parallel.largest(boundary.comm, -along[heights], -1.0)
-            turned = math.degrees(math.acos(min(1.0, max(-1.0, least))))
-            if 2 * count > number and 2 * total > count and turned > TURNED_NORMALS:
-                direction_text = ", ".join(rounded(c) for c in direction)
-                message = (
-                    f"it looks like the distance to the foundation along ({direction_text}), but it is measured along "
-                    f"the normals, which deviate from it by up to {turned:.0f} degrees: write direction = "
-                    f"[{direction_text}], or give the distance along the normals"
-                )
-                findings.append(Finding("warning", f"contact[{index}].gap", message))
-                break
+            findings.append(Finding("note", f"contact[{index}].gap", message))
     return findings
 
 
-def _slope(gap: Any, x: _Rows, step: float) -> _Rows:
-    """Gradient of a gap by differences, shape (n, d); infinite where it is not defined."""
-    slope = np.full(x.shape, np.inf)
-    for axis in range(x.shape[1]):
-        values = []
-        for sign in (1.0, -1.0):
-            points = in_space(x)
-            points[axis] += sign * step
-            values.append(sample(gap, points))
-        with np.errstate(invalid="ignore"):
-            slope[:, axis] = (values[0] - values[1]) / (2 * step)
-    return np.where(np.isfinite(slope).all(axis=1)[:, None], slope, np.inf)
-
-
-def _fall_lines(slope: _Rows, comm: MPI.Comm) -> list[_Rows]:
-    """Directions along which a gap of this gradient may be a height: the axes, and the line of steepest descent."""
-    dim = slope.shape[1]
-    lines = [sign * axis for axis in np.eye(dim)[::-1] for sign in (-1.0, 1.0)]
-    finite = slope[np.isfinite(slope).all(axis=1)]
-    *total, count = parallel.global_sum(comm, np.append(finite.sum(axis=0), float(len(finite))))
-    mean = np.array(total) / max(count, 1.0)
-    if abs(float(np.hypot.reduce(mean)) - 1.0) <= SLOPE_OF_HEIGHT:
-        lines.append(-mean)
-    return lines
-
-
-def _odd_displacements(body: Model, moved: float, moved_most: float) -> list[Finding]:
+def _units(body: Model, prescribed: float, force: float) -> list[Finding]:
     """Loads that are too large for linear elasticity, or hardly felt; usually two units are inconsistent.
 
     Args:
         body: the model.
-        moved: how far a body of the stiffest of its materials would move, an estimate, length.
-        moved_most: the same of the softest one.
+        prescribed: the largest displacement that is prescribed, length.
+        force: the largest sum of the nodal loads.
     """
-    size = body.tagged.size
-    if 0 < moved_most < HARDLY_MOVED * size:
-        message = (
-            f"loads and prescribed displacements move the body by about {moved_most:.1g} (an estimate) only, its size "
-            f"is {size:.3g}: are E and the loads in the same units, such as MPa?"
-        )
-        return [Finding("note", f"material, {body.statement.forces_at}, displacement", message)]
-    if moved < size:
-        return []
-    message = (
-        f"loads and prescribed displacements move the body by about {moved:.1g} (an estimate), its size is {size:.3g}: "
-        "the deformation is not small; check the units of E and of the loads"
+    path = f"material, {body.statement.forces_at}, displacement"
+    low, high = parallel.global_bounds(body.comm, body.tagged.mesh.geometry.x.astype(np.float64))
+    section = body.scales.depth * float(np.prod(np.sort(high - low)[::-1][: body.tagged.mesh.topology.dim - 1]))
+    moduli = [material.natural_modulus for material in body.statement.material]
+    least, most = (
+        max(prescribed / body.tagged.size, force / modulus / section) for modulus in (max(moduli), min(moduli))
     )
-    return [Finding("warning", f"material, {body.statement.forces_at}, displacement", message)]
+    if least >= 1:
+        message = (
+            f"loads and prescribed displacements strain the body by about {least:.1g}: the deformation is not small; "
+            "check the units of E and of the loads"
+        )
+        return [Finding("warning", path, message)]
+    if 0 < most < HARDLY_MOVED:
+        message = (
+            f"loads and prescribed displacements strain the body by about {most:.1g} only: are E and the loads in the "
+            "same units, such as MPa?"
+        )
+        return [Finding("note", path, message)]
+    return []
 
 
 def _acts(body: Model) -> bool:
@@ -411,32 +345,17 @@ def _acts(body: Model) -> bool:
     return parallel.any_rank(body.comm, any(load.forces.any() or load.start.any() or load.drives for load in acting))
 
 
-def _displacement_scale(body: Model, young: float) -> float:
-    """Largest prescribed displacement, the deflection of a beam of the body's outline with this Young's modulus under
-    the loads, and the expansion of the body, lengths; the largest sum of a load step.
-    """
-    return max(_displacement_at(body, step, young) for step in range(body.statement.steps))
-
-
-def _displacement_at(body: Model, step: int, young: float) -> float:
-    """The same of one load step."""
-    applied = body.applied_at(step)
-    owned = sum((factor * load.start for factor, load in applied), np.zeros(body.fixed.size))
-    prescribed = parallel.largest(body.comm, np.abs(owned))
-
-    def total(balanced: bool) -> float:
-        forces = (factor * load.forces for factor, load in applied if load.balanced is balanced)
-        loads = np.reshape(sum(forces, np.zeros(body.fixed.size)), (-1, body.tagged.dimension))
-        return float(parallel.global_sum(body.comm, np.linalg.norm(loads, axis=1).sum()))
-
-    force, pressure_load = total(balanced=False), total(balanced=True)
-    x = body.tagged.mesh.geometry.x[:, : body.tagged.dimension].astype(np.float64)
-    low, high = parallel.global_bounds(body.comm, x)
-    height, *width = sorted(high - low)[:-1]  # in 2D forces are per width
-    bent = 4 * force / young / float(np.prod(width)) * float(body.tagged.size / height) ** 3
-    # Prevented expansion is a pressure on the whole surface, of at least the area of the outline along its edges.
-    size = float(body.tagged.size)
-    return prescribed + bent + pressure_load / young / body.scales.depth / size ** (body.tagged.dimension - 2)
+def _largest_loads(body: Model) -> tuple[float, float]:
+    """The largest displacement that a load step prescribes, length, and the largest sum of its nodal loads."""
+    prescribed = force = 0.0
+    for step in range(body.statement.steps):
+        applied = body.applied_at(step)
+        start = sum((factor * load.start for factor, load in applied), np.zeros(body.fixed.size))
+        prescribed = max(prescribed, parallel.largest(body.comm, np.abs(start)))
+        forces = sum((factor * load.forces for factor, load in applied if not load.balanced), np.zeros(body.fixed.size))
+        sizes = np.linalg.norm(np.reshape(forces, (-1, body.space.dofmap.bs)), axis=1)
+        force = max(force, float(parallel.global_sum(body.comm, sizes.sum())))
+    return prescribed, force
 
 
 # --- uniqueness, gamma, methods --------------------------------------------------------------------------------------
