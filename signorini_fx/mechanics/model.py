@@ -40,7 +40,6 @@ class Model(ElasticBody):
         supports: the prescribed displacements, one component each; ``bcs`` with their effects.
         applied: the loads, by their load factors.
         data: the regularised problem at the contact points, without shifts; None without contact.
-        resisting: name of the form ``resists``; empty without.
         coefficients: of the forms of loads and resistances; None: forms of a user's own keep theirs.
     """
 
@@ -52,7 +51,6 @@ class Model(ElasticBody):
     supports: Conditions = field(default_factory=list)
     applied: tuple[AppliedLoad, ...] = ()
     data: RegularisedData | None = None
-    resisting: str = ""
     coefficients: FormCoefficients | None = None
 
     @property

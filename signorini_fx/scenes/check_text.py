@@ -56,15 +56,9 @@ def _verdict(check: Check) -> str:
 
 def render(check: Check) -> str:
     """The whole result of a check as text."""
-    rows = [("effect", "", "why", "form", "unknowns", "linear solves")]
-    for effect in check.effects:
-        unknowns = f"{effect.unknowns:+d}" if effect.unknowns else ""
-        low, high = effect.solves
-        solves = "" if effect.solves == (0, 0) else f"{low:+d}" if low == high else f"{low:+d} to {high:+d}"
-        rows.append((effect.name, "on" if effect.on else "-", effect.why, ", ".join(effect.forms), unknowns, solves))
-    widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
-    lines = ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
-    lines = [_verdict(check), *(f"  {line}" for line in lines), *_wrapped(_estimate(check.cost))]
+    width = max(len(effect.name) for effect in check.effects)
+    rows = (f"{effect.name:{width}}  {'on' if effect.on else '-':2}  {effect.why}" for effect in check.effects)
+    lines = [_verdict(check), *(f"  {row}" for row in rows), *_wrapped(_estimate(check.cost))]
     for purpose, attempts, limit in check.plan:
         lines += _wrapped(f"tried for {purpose}, until one has a solution: {'; '.join(attempts)} ({limit})")
     for finding in check.findings:

@@ -11,7 +11,7 @@ from signorini_fx.mechanics.body.nonlinear_law import volume_degree
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.records import History
-from signorini_fx.scenes.nonlinear import RESIDUAL_FORMS, ProblemOfScene, compiled_forms
+from signorini_fx.scenes.nonlinear import ProblemOfScene
 from signorini_fx.solving.check.cost import Cost
 from signorini_fx.tuned import NEWTON_SOLVES
 
@@ -19,11 +19,8 @@ from signorini_fx.tuned import NEWTON_SOLVES
 Effect = TypeVar("Effect", bound=Any)
 
 
-def newton_effects(
-    statement: Statement, body: Model, listed: Sequence[Effect]
-) -> tuple[tuple[Effect, ...], tuple[str, ...]]:
-    """The effects of a scene with its body as it is solved, and the forms that are compiled, after all its checks;
-    collective.
+def newton_effects(statement: Statement, body: Model, listed: Sequence[Effect]) -> tuple[Effect, ...]:
+    """The effects of a scene with its body as it is solved, after all its checks; collective.
 
     Args:
         statement: of the scene.
@@ -38,14 +35,11 @@ def newton_effects(
     kind = f"{statement.kinematics_in(body.tagged.dimension).words}, {'finite' if large else 'small'} strains"
     inner = " with the contact problem of its tangent in each iteration" if statement.contact else ""
     why = f"always; {kind}, Newton's method{inner}"
-    later_steps = statement.expected_steps - 1
     changed: dict[str, dict[str, Any]] = {
-        "elasticity": {"name": "nonlinear body", "why": why, "forms": RESIDUAL_FORMS, "solves": NEWTON_SOLVES},
-        "reduced integration": {"on": volume_degree(statement, body.tagged) is not None, "forms": ()},
-        "load steps": {"solves": (NEWTON_SOLVES[0] * later_steps, NEWTON_SOLVES[1] * later_steps)},
+        "elasticity": {"name": "nonlinear body", "why": why},
+        "reduced integration": {"on": volume_degree(statement, body.tagged) is not None},
     }
-    effects = (replace(effect, **{"solves": (0, 0)} | changed.get(effect.name, {})) for effect in listed)
-    return tuple(effects), compiled_forms(body)
+    return tuple(replace(effect, **changed.get(effect.name, {})) for effect in listed)
 
 
 def newton_cost(linear: Cost, steps: int) -> Cost:

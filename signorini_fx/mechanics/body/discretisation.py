@@ -145,7 +145,7 @@ def _prepared(statement: Statement, tagged: TaggedMesh, timings: Timings) -> Mod
         supports = Supports.of(statement, space, facets, tagged)
         fixed, turned = supports.fixed, supports.turned
         on_mesh = FormCoefficients(statement, tagged, space, inventory)
-        resisting, resistance = compile_resistance(on_mesh, z)
+        resistance = compile_resistance(on_mesh, z)
         applied = [
             applied_load(group, loads, on_mesh, z, supports.at) for group, loads in load_groups(statement).items()
         ]
@@ -201,7 +201,6 @@ def _prepared(statement: Statement, tagged: TaggedMesh, timings: Timings) -> Mod
         applied=tuple(applied),
         data=data,
         law=law,
-        resisting=resisting,
         coefficients=on_mesh,
         pairs=foundations.pairs,
         rigid=rigid,

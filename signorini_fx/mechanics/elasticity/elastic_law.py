@@ -174,10 +174,6 @@ class ElasticLaw:
         """
         return False
 
-    def listed(self) -> tuple[str, tuple[str, ...], int] | None:
-        """The other unknowns as ``check`` lists them: what they are, the forms, and their global number."""
-        return None
-
 
 class VolumeForces:
     """The independent check on what a law has beside the displacement, here nothing, by NumPy alone.

@@ -402,10 +402,6 @@ class MixedLaw(SceneLaw):
         square = np.vstack((triangles, np.zeros((len(forces), len(forces)))))
         return bool(np.linalg.svd(square, compute_uv=False)[-1] <= SAME_ENTRY)
 
-    def listed(self) -> tuple[str, tuple[str, ...], int]:
-        """See ``ElasticLaw``."""
-        return "pressure of the mixed element", self.names[1:], int(self.own.dofmap.index_map.size_global)
-
 
 class PressureForces(VolumeForces):
     """The independent check on a pressure."""

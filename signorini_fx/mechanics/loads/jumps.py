@@ -104,7 +104,7 @@ def jump_loads(
         owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
         forces, pressure_load = elastic.work(forms, owned)
         ones, zero_displacement = (1.0,) * statement.steps, fem.Function(space)
-        load = AppliedLoad(ones, names, forms, -forces, zero_displacement, balanced=True, pressure_load=pressure_load)
+        load = AppliedLoad(ones, forms, -forces, zero_displacement, balanced=True, pressure_load=pressure_load)
         loads.append(replace(load, entry=jump.entry, amount=jump.amount))
     return loads
 

@@ -45,7 +45,6 @@ class AppliedLoad:
 
     Attributes:
         factors: one number per load step.
-        names: of the forms.
         forms: the compiled terms of L; none if there are prescribed displacements only.
         forces: L at the owned dofs, shape (owned dofs,).
         prescribed: zero, with its prescribed displacements put in.
@@ -60,7 +59,6 @@ class AppliedLoad:
     """
 
     factors: tuple[float, ...]
-    names: tuple[str, ...]
     forms: tuple[fem.Form, ...]
     forces: npt.NDArray[np.float64]
     prescribed: fem.Function
@@ -314,7 +312,7 @@ def _assembled(
     space = on.space
     on.move_to(step)
     at_step = {id(load): on.statement.now(load, step)[1] for load in loads if isinstance(load, Force)}
-    names, forms = compiled = compile_loads(loads, on, z) if compiled is None else compiled
+    _, forms = compiled = compile_loads(loads, on, z) if compiled is None else compiled
     prescribed = fem.Function(space)
     axes, turned = supports(step)
     for effect, support in axes:  # the later one applies where two meet
@@ -337,7 +335,7 @@ def _assembled(
     # No function that refers to itself: such a cycle keeps the mesh until the garbage collector comes.
     reassemble = partial(_assembled, group, loads, on, z, supports, compiled) if timed else None
     return AppliedLoad(
-        factors, names, forms, forces, prescribed, grows, reassemble, balanced=balanced, pressure_load=pressure_load
+        factors, forms, forces, prescribed, grows, reassemble, balanced=balanced, pressure_load=pressure_load
     )
 
 
@@ -348,7 +346,6 @@ def driving_load(
     timed = rigid.bodies[number].motion.driven_in_time
     return AppliedLoad(
         (1.0,) * statement.steps,
-        (),
         (),
         np.zeros(space.dofmap.index_map.size_local * space.dofmap.index_map_bs),
         fem.Function(space),
@@ -381,11 +378,11 @@ def _compiled_strains(
     )
 
 
-def compile_resistance(on: FormCoefficients, z: Any) -> tuple[str, fem.Form | None]:
-    """The terms of a(., .) that resist the displacement on the boundary, compiled together, and their name."""
+def compile_resistance(on: FormCoefficients, z: Any) -> fem.Form | None:
+    """The terms of a(., .) that resist the displacement on the boundary, compiled together."""
     y = ufl.TrialFunction(on.space)
     acting = [effect for effect in on.statement.of(Resistance) if effect.acts]
-    return _compiled(acting, lambda effect: ufl.inner(effect.reaction(y, on), z), on)
+    return _compiled(acting, lambda effect: ufl.inner(effect.reaction(y, on), z), on)[1]
 
 
 def _compiled(
