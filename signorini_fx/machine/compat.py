@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 import basix
@@ -126,49 +125,16 @@ def has_vtx() -> bool:
     return bool(common.has_adios2)
 
 
-def has_vtkhdf() -> bool:
-    """Whether fields can be written in VTK's HDF5 format, as since 0.10."""
-    return VERSION >= (0, 10)
-
-
-def write_vtkhdf_mesh(path: Path, domain: mesh.Mesh) -> None:
-    """Begin a file in VTK's HDF5 format; collective."""
-    from dolfinx.io import vtkhdf  # type: ignore[attr-defined,unused-ignore]
-
-    vtkhdf.write_mesh(str(path), domain)
-
-
-def write_vtkhdf_data(
-    path: Path, domain: mesh.Mesh, values: npt.NDArray[np.float64], time: float, *, cells: bool
-) -> None:
-    """Add values at a time to a file with a mesh: those of the points, or of the cells, that this rank owns, one row
-    each; collective.
-    """
-    from dolfinx.io import vtkhdf  # type: ignore[attr-defined,unused-ignore]
-
-    write = vtkhdf.write_cell_data if cells else vtkhdf.write_point_data
-    write(str(path), domain, values.ravel(), time)
-
-
-def checkpoint_library() -> str:
-    """The package that writes checkpoints for others: adios4dolfinx until 0.9, its successor since."""
-    return "io4dolfinx" if VERSION >= (0, 10) else "adios4dolfinx"
-
-
 __all__ = [
     "VERSION",
-    "checkpoint_library",
     "facet_mesh",
     "form_data",
     "geometry_cells",
     "geometry_degree",
     "geometry_element",
     "geometry_in_space",
-    "has_vtkhdf",
     "has_vtx",
     "interpolation_points",
     "shared_facet_partitioner",
     "topology",
-    "write_vtkhdf_data",
-    "write_vtkhdf_mesh",
 ]

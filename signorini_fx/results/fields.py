@@ -15,11 +15,10 @@ from dolfinx.plot import vtk_mesh
 from signorini_fx.machine import compat, parallel
 from signorini_fx.machine.fenicsx import needs_fenicsx
 from signorini_fx.results.solution import Solution
-from signorini_fx.results.vtkhdf import write_vtkhdf
 from signorini_fx.results.vtu import bytes_of, write_vtu
 
 Array = npt.NDArray[Any]
-FORMATS = ("vtu", "vtx", "vtkhdf")
+FORMATS = ("vtu", "vtx")
 # All fields, of which a result has some.
 FIELDS = (
     *("displacement", "stress", "von_mises", "principal_stresses", "density", "plastic_strain"),
@@ -46,11 +45,9 @@ def chosen_format(fields: bool | str) -> str | None:
     if isinstance(fields, bool):
         return "vtu" if fields else None
     if fields not in FORMATS:
-        raise ValueError(f"fields: True, False, 'vtu', 'vtx' or 'vtkhdf' is expected, got {fields!r}")
+        raise ValueError(f"fields: True, False, 'vtu' or 'vtx' is expected, got {fields!r}")
     if fields == "vtx" and not compat.has_vtx():
         raise needs_fenicsx("this dolfinx has no ADIOS2, which fields in the format vtx need; take vtu")
-    if fields == "vtkhdf" and not compat.has_vtkhdf():
-        raise needs_fenicsx("dolfinx 0.10 or later writes fields in the format vtkhdf; take vtu")
     return fields
 
 
@@ -79,7 +76,7 @@ def write_fields(solution: Solution, folder: Path, kind: str) -> list[str]:
         solution: what to write.
         folder: where.
         kind: ``vtu``: all of them in one file, with points of its own in each cell, as raw stresses jump; ``vtx``: a
-            folder of ADIOS2 for each field; ``vtkhdf``: a file of HDF5 for each field.
+            folder of ADIOS2 for each field.
 
     Returns:
         Names of the files.
@@ -88,8 +85,6 @@ def write_fields(solution: Solution, folder: Path, kind: str) -> list[str]:
     if kind == "vtu":
         return _write_vtu(solution, moments, folder)
     times = [step.time for step in solution.shown_steps] if solution.statement.several_steps else [0.0]
-    if kind == "vtkhdf":
-        return write_vtkhdf(folder, [_fields(moment) for moment in moments], times)
     written = _fields(moments[0])
     files = [f"{name}.bp" for name in written]
     with ExitStack() as stack:

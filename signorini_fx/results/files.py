@@ -51,7 +51,7 @@ FILES = (
         "contact_other_side.csv",
         "convergence_table.csv",
     ),
-    *(f"{name}.{kind}" for name in FIELDS for kind in ("bp", "vtkhdf")),
+    *(f"{name}.bp" for name in FIELDS),
     *(*FIELD_FILES, "contact.vtu"),
     *(
         f"{name}.{kind}"

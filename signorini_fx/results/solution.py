@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dolfinx import fem
@@ -35,7 +34,6 @@ from signorini_fx.results.certificate.contact_nodes import ContactSide
 from signorini_fx.results.closed_boundaries import Turning, turning_of
 from signorini_fx.results.contact_boundaries import ContactFigures, contact_figures
 from signorini_fx.results.contact_fields import BoundaryFields, boundary_fields
-from signorini_fx.results.exported_checkpoint import export_checkpoint
 from signorini_fx.results.friction_used import friction_used
 from signorini_fx.results.functionals import Functionals
 from signorini_fx.results.mechanics import NO_ESTIMATE, SolidBody
@@ -306,25 +304,6 @@ class Solution:
             raise ValueError("the scene has no contact, hence no fields on its boundary")
         facets = [self.model.tagged.facets(entry.boundary) for entry in self.statement.contact]
         return boundary_fields(self.model.space, self.contact, facets, number)
-
-    def write_checkpoint(self, file: str | Path) -> None:
-        """Write what programs without this package read, by io4dolfinx or adios4dolfinx, on any ranks; collective.
-
-        That is the mesh, its facets with the tags ``boundaries``, and the tag of each name in the attributes
-        ``tag_of``; at the time of each load step with a solution, 0 without steps, the ``displacement`` and, with
-        contact, ``pressure``, ``shear``, ``gap`` and ``slip`` on the whole mesh, zero away from contact points.
-
-        Args:
-            file: a folder of ADIOS2, such as ``solution.bp``; an earlier checkpoint is overwritten.
-
-        Raises:
-            InstallationError: neither library is installed.
-            OutputError: the file cannot be written, or something else is there.
-        """
-        times = [step.time if self.statement.several_steps else 0.0 for step in self.shown_steps]
-        steps = zip(times, self.shown_steps, strict=True)
-        moments = [(time, step.displacement, step.contact) for time, step in steps]
-        export_checkpoint(file, self.model.tagged, moments)
 
     @cached_property
     def sides(self) -> list[ContactSide]:

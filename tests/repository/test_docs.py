@@ -183,7 +183,6 @@ def test_blocks():
         "needs Docker",
         "needs Docker, Apptainer and a cluster",
         "needs two machines",
-        "needs io4dolfinx",
         "opens a window",
         "these are the commands that run the tests",
     }

@@ -5,14 +5,12 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from dolfinx import fem
 from mpi4py import MPI
 from spaces import box
 
 from signorini_fx.errors import InstallationError
 from signorini_fx.machine import compat
 from signorini_fx.results.files import write_results
-from signorini_fx.results.vtkhdf import write_vtkhdf
 from signorini_fx.scenes import cli
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve
@@ -130,64 +128,6 @@ def test_load_steps(tmp_path):
     assert largest == pytest.approx([0.5, 1.0])
 
 
-def read_vtkhdf(file, step):
-    """What VTK finds: the number of steps, points, middles of the cells, time, and the values with their place."""
-    vtk = pytest.importorskip("vtkmodules.vtkIOHDF", reason="VTK is not installed")
-    pyvista = pytest.importorskip("pyvista", reason="PyVista is not installed")
-    reader = vtk.vtkHDFReader()
-    reader.SetFileName(str(file))
-    reader.UpdateInformation()
-    reader.SetStep(step)
-    reader.Update()
-    grid = pyvista.wrap(reader.GetOutput())
-    ((values, where),) = [
-        (np.asarray(data["u"]), name)
-        for name, data in (("points", grid.point_data), ("cells", grid.cell_data))
-        if "u" in data
-    ]
-    middles = np.array([grid.get_cell(number).points.mean(axis=0) for number in range(grid.n_cells)])
-    return reader.GetNumberOfSteps(), np.array(grid.points), middles, reader.GetTimeValue(), values, where
-
-
-@pytest.mark.skipif(not compat.has_vtkhdf(), reason="dolfinx writes VTKHDF since 0.10")
-@pytest.mark.mpi
-@pytest.mark.parametrize(("cells", "degree"), CELLS)
-def test_vtkhdf(folder, cells, degree):
-    """Values at each time are at their points and cells, whatever their degree, on any number of ranks."""
-    stated = stretched(cells, degree)
-    domain = solve(stated, COMM).model.tagged.mesh
-    dim = domain.geometry.dim
-    shapes = {"vector": (dim,), "tensor": (dim, dim), "scalar": (), "in_cells": (), "vector_in_cells": (dim,)}
-
-    def value(x, shape, time):
-        """Affine in the position, another one in each component and at each time."""
-        count = int(np.prod(shape))
-        factors = (1 + time) * (1 + np.arange(count * 3).reshape(count, 3))
-        return factors @ x + time
-
-    moments = []
-    for time in (0.5, 2.0):
-        fields = {}
-        for name, shape in shapes.items():
-            family = "DG" if "cells" in name else "Lagrange"
-            element = (family, degree, shape) if shape else (family, degree)
-            fields[name] = fem.Function(fem.functionspace(domain, element))
-            fields[name].interpolate(lambda x, shape=shape, time=time: value(x, shape, time))
-        moments.append(fields)
-    assert write_vtkhdf(folder, moments, [0.5, 2.0]) == [f"{name}.vtkhdf" for name in shapes]
-    for name, shape in shapes.items():
-        for step, time in enumerate((0.5, 2.0)):
-            steps, points, middles, read_time, values, where = read_vtkhdf(folder / f"{name}.vtkhdf", step)
-            assert (steps, read_time, where) == (2, time, "cells" if "cells" in name else "points")
-            assert len(middles) == CELLS[cells, degree][1]
-            at = middles if where == "cells" else points
-            expected = value(at.T, shape, time).T
-            if shape == (2,):
-                expected = np.pad(expected, ((0, 0), (0, 1)))
-            assert values.reshape(expected.shape) == pytest.approx(expected, abs=1e-12)
-    COMM.barrier()
-
-
 def test_formats(tmp_path, monkeypatch):
     """VTU unless VTX is asked for; files of another format go; what cannot be written is refused before."""
     solution = solve(stretched("triangle", 1), MPI.COMM_SELF)
@@ -200,14 +140,11 @@ def test_formats(tmp_path, monkeypatch):
     assert (out / "fields.vtu").exists()
     write_results(solution, out, fields=False, pictures=False)
     assert not (out / "fields.vtu").exists()
-    with pytest.raises(ValueError, match="'vtu', 'vtx' or 'vtkhdf' is expected, got 'xdmf'"):
+    with pytest.raises(ValueError, match="'vtu' or 'vtx' is expected, got 'xdmf'"):
         write_results(solution, out, fields="xdmf")
     monkeypatch.setattr(compat, "has_vtx", lambda: False)
     with pytest.raises(InstallationError, match="no ADIOS2"):
         write_results(solution, out, fields="vtx")
-    monkeypatch.setattr(compat, "has_vtkhdf", lambda: False)
-    with pytest.raises(InstallationError, match="later writes fields in the format vtkhdf; take vtu"):
-        write_results(solution, out, fields="vtkhdf")
 
 
 def test_command(tmp_path, capsys):

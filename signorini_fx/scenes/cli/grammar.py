@@ -190,8 +190,8 @@ def _add_options_of_solve(solve: argparse.ArgumentParser) -> None:
     fields = solve.add_mutually_exclusive_group()
     fields.add_argument(
         "--fields",
-        choices=("vtu", "vtx", "vtkhdf"),
-        help="format of the fields for ParaView: vtu (default), vtx (ADIOS2), or vtkhdf (HDF5, dolfinx >= 0.10)",
+        choices=("vtu", "vtx"),
+        help="format of the fields for ParaView: vtu (default) or vtx (ADIOS2)",
     )
     fields.add_argument("--no-fields", action="store_true", help="write no fields for ParaView")
     pictures = solve.add_mutually_exclusive_group()
