@@ -1,10 +1,8 @@
 """Which files in a folder are results: those that the folder's manifest lists; nothing else is replaced or removed.
 
 The manifest is a text file in the folder, one path a line.  A path that ends with a slash is a folder that the same run
-has made, with a manifest of its own whose line ``../`` says so.  Both must say it: a folder that another run has filled
-is a result of its own, wherever it is.  Runs write no symbolic links, so that no link is a result.  What is not
-complete yet stands in a hidden folder, and a new manifest in a hidden file, which begin with a mark: without it they
-are somebody else's, whatever they are called.
+fills, with a manifest of its own.  Runs write no symbolic links, so that no link is a result.  What is not complete yet
+stands in a hidden folder.
 """
 
 from __future__ import annotations
@@ -17,29 +15,23 @@ from pathlib import Path
 
 MANIFEST, PART = ".signorini_fx", ".signorini_fx.part"
 _NEW = f"{MANIFEST}.new"
-_OF_THE_FOLDER_ABOVE = "../"
-# The first line of a manifest, and what the file of the same name in a folder of what is not complete holds.
-_MARK = "./"
 
 
-def add(folder: Path, names: Iterable[str], *, alone: bool = False, inner: bool = False) -> None:
+def add(folder: Path, names: Iterable[str], *, alone: bool = False) -> None:
     """List files.
 
     Args:
         folder: an existing folder.
         names: paths in it.
         alone: whether nothing else is listed any more.
-        inner: whether the folder belongs to the run of the folder above it, see ``begin_inner``.
 
     Raises:
-        OSError: the manifest cannot be written, or a file that is none is in the way.
+        OSError: the manifest cannot be written.
     """
-    listed = {*names, *(() if alone else _lines(folder)), *([_OF_THE_FOLDER_ABOVE] if inner else [])} - {_MARK}
+    listed = {*names, *(() if alone else _lines(folder))}
     new = folder / _NEW
-    if _marked(new):
-        new.unlink()
-    with new.open("x", encoding="utf-8") as file:
-        file.write("".join(f"{name}\n" for name in [_MARK, *sorted(listed)]))
+    new.unlink(missing_ok=True)
+    new.write_text("".join(f"{name}\n" for name in sorted(listed)), encoding="utf-8")
     new.replace(folder / MANIFEST)
 
 
@@ -47,52 +39,20 @@ def begin_part(folder: Path) -> None:
     """Make the hidden folder of what is not complete anew.
 
     Raises:
-        OSError: it cannot be made, or a folder that no run has made is in its place.
+        OSError: it cannot be made.
     """
     remove_part(folder)
-    part = folder / PART
-    part.mkdir()
-    (part / MANIFEST).write_text(f"{_MARK}\n", encoding="utf-8")
+    (folder / PART).mkdir()
 
 
 def remove_part(folder: Path) -> None:
-    """Remove the hidden folder of what is not complete, if a run has made it."""
-    if _is_part(folder / PART):
-        shutil.rmtree(folder / PART, ignore_errors=True)
-
-
-def complete_part(folder: Path, target: Path) -> None:
-    """Give the hidden folder of what was not complete another name, without its mark.
-
-    Raises:
-        OSError: it cannot be done.
-    """
-    (folder / PART / MANIFEST).unlink()
-    (folder / PART).rename(target)
+    """Remove the hidden folder of what is not complete."""
+    shutil.rmtree(folder / PART, ignore_errors=True)
 
 
 def files_of_part(folder: Path) -> list[str]:
-    """All files in the hidden folder but its mark, as paths in it."""
-    return [name for name in files(folder / PART) if name != MANIFEST]
-
-
-def _marked(file: Path) -> bool:
-    """Whether a file begins with the mark of runs; a link does not, and one that was not even begun is empty."""
-    try:
-        with file.open("rb") as stream:
-            return not file.is_symlink() and stream.read(len(_MARK) + 1) in (b"", f"{_MARK}\n".encode())
-    except OSError:
-        return False
-
-
-def _is_part(part: Path) -> bool:
-    """Whether a run has made a hidden folder; one that is empty was not even begun."""
-    if part.is_symlink() or not part.is_dir():
-        return False
-    try:
-        return _marked(part / MANIFEST) or not any(part.iterdir())
-    except OSError:  # another rank may remove it meanwhile
-        return False
+    """All files in the hidden folder, as paths in it."""
+    return files(folder / PART)
 
 
 def begin_inner(folder: Path, name: str) -> None:
@@ -103,16 +63,15 @@ def begin_inner(folder: Path, name: str) -> None:
         name: of the folder in it; what is there already is not ``foreign``.
 
     Raises:
-        OSError: a manifest cannot be written.
+        OSError: the manifest cannot be written.
     """
     add(folder, [f"{name}/"])
     (folder / name).mkdir(exist_ok=True)
-    add(folder / name, [], inner=True)
 
 
 def is_inner(folder: Path) -> bool:
-    """Whether a folder says that it belongs to the run that fills the folder above it."""
-    return _OF_THE_FOLDER_ABOVE in _lines(folder)
+    """Whether a folder belongs to the run that fills the folder above it."""
+    return f"{folder.name}/" in _lines(folder.absolute().parent)
 
 
 def ours(folder: Path) -> set[str]:
@@ -122,9 +81,8 @@ def ours(folder: Path) -> set[str]:
     # What a manifest says of places outside, also by way of links, does not count.
     listed = {name for name in _lines(folder) if _within(folder, name)}
     folders = {name.rstrip("/") for name in listed if name.endswith("/")}
-    inner = {name for name in folders if not (folder / name).is_symlink() and is_inner(folder / name)}
-    of_the_manifest = {MANIFEST} if (folder / MANIFEST).is_file() else set()
-    of_the_manifest |= {_NEW} if _marked(folder / _NEW) else set()
+    inner = {name for name in folders if not (folder / name).is_symlink()}
+    of_the_manifest = {name for name in (MANIFEST, _NEW) if (folder / name).is_file()}
     return {name for name in listed if not name.endswith("/")}.union(
         of_the_manifest, *({f"{name}/{file}" for file in ours(folder / name)} for name in inner)
     )
@@ -132,10 +90,7 @@ def ours(folder: Path) -> set[str]:
 
 def foreign(folder: Path, names: Iterable[str]) -> list[str]:
     """What is at the place of these files and folders, or in these folders, and is not listed."""
-    listed = ours(folder)
-    unlisted = [MANIFEST] if (folder / MANIFEST).is_symlink() else []
-    unlisted += [_NEW] if os.path.lexists(folder / _NEW) and not _marked(folder / _NEW) else []
-    unlisted += [PART] if os.path.lexists(folder / PART) and not _is_part(folder / PART) else []
+    listed, unlisted = ours(folder), list[str]()
     for name in names:
         path = folder / name
         if path.is_dir() and not path.is_symlink():

@@ -92,7 +92,7 @@ class ResultFolder:
             manifest.add(self.path, new)
             (self.path / SUMMARY).unlink(missing_ok=True)
             manifest.remove(self.path)
-            manifest.add(self.path, new, alone=True, inner=self._inner)
+            manifest.add(self.path, new, alone=True)
 
         with signals.deferred():  # the older result goes and the new one comes as a whole
             parallel.on_root(self._comm, lambda: self._move(replace))

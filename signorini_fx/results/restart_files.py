@@ -184,7 +184,7 @@ class Checkpoint:
                 target = self._folder(level, step)
                 shutil.rmtree(target, ignore_errors=True)
                 manifest.add(self.path, [f"{target.name}/{name}" for name in manifest.files_of_part(self.path)])
-                manifest.complete_part(self.path, target)
+                part.rename(target)
             except OSError as reason:
                 raise cannot_be_written(self.path, reason) from None
 
@@ -211,7 +211,7 @@ class Checkpoint:
                         manifest.remove(self.path)
                     self.path.parent.mkdir(parents=True, exist_ok=True)
                     manifest.begin_inner(self.path.parent, self.path.name)
-                    manifest.add(self.path, [_SCENE], alone=True, inner=True)
+                    manifest.add(self.path, [_SCENE], alone=True)
                     description = {"format": _FORMAT, "scene": _described(self._scene)}
                     description["digest"] = _digest_of(description)
                     (self.path / _SCENE).write_text(json.dumps(description), encoding="utf-8")
@@ -292,10 +292,10 @@ def _digests(folder: Path, figures: Figures) -> dict[str, str]:
 
 
 def _of_files(folder: Path) -> dict[str, str]:
-    """SHA-256 of every file in a folder but the figures and the mark of what is not complete, by its name."""
+    """SHA-256 of every file in a folder but the figures, by its name."""
     digests = {}
     for path in sorted(folder.rglob("*")):
-        if path.is_file() and path.name not in (_FIGURES, manifest.MANIFEST):
+        if path.is_file() and path.name != _FIGURES:
             with path.open("rb") as file:
                 digests[str(path.relative_to(folder))] = hashlib.file_digest(file, "sha256").hexdigest()
     return digests

@@ -106,7 +106,6 @@ def test_what_a_killed_run_leaves(tmp_path, monkeypatch):
     manifest.begin_part(out / "checkpoint")
     (out / "checkpoint" / manifest.PART / "half").write_text("half")
     manifest.begin_part(out)
-    (out / manifest.PART / manifest.MANIFEST).write_text("")  # killed before there was a mark
     assert Checkpoint(SELF, out, scene, restart=True).found == 2
     monkeypatch.setattr(manifest, "remove", lambda _: 1 / 0)  # killed while the folder is put in order
     with pytest.raises(ZeroDivisionError):

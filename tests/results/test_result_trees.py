@@ -44,7 +44,6 @@ STRANGERS = (
         "last_level/summary.json",
         "last_level/mine",
     ),
-    *(".signorini_fx.new", ".signorini_fx.part/mine", "checkpoint/.signorini_fx.part/mine"),
 )
 
 
@@ -84,7 +83,7 @@ class Tree:
         after = every(self.root)
         lost = {path for path in before if after.get(path) != before[path]}
         # The report of an intermediate result goes with it.
-        owner = folder.parent if "../" in lines(folder / manifest.MANIFEST) else folder
+        owner = folder.parent if f"{folder.name}/" in lines(folder.parent / manifest.MANIFEST) else folder
         assert {path for path in lost if self.writer.get(path) != owner} == set()
         if refused:
             assert {path for path in lost if path.name != manifest.MANIFEST} == set()
@@ -116,14 +115,12 @@ class Tree:
             self.writer.update(dict.fromkeys(every(folder / manifest.PART), folder))
         elif what == "file":
             path = folder / self.chance.choice(STRANGERS)
-            # All that is in the hidden folder that a run which was killed has filled half is that run's.
-            half = path.parent.name == manifest.PART and (path.parent / manifest.MANIFEST).exists()
-            if not half and not os.path.lexists(path) and not any(map(Path.is_symlink, path.parents)):
+            if not os.path.lexists(path) and not any(map(Path.is_symlink, path.parents)):
                 path.parent.mkdir(parents=True, exist_ok=True)
                 path.write_text(f"mine {path}")
                 self.writer[path] = None
         elif what == "link":
-            path = folder / self.chance.choice((*NAMES, *STRANGERS[:8], manifest.MANIFEST))
+            path = folder / self.chance.choice((*NAMES, *STRANGERS[:8]))
             if not os.path.lexists(path):
                 path.symlink_to(self.chance.choice([self.root / "outside", self.root / "outside" / "mine.txt"]))
                 self.writer[path] = None
