@@ -9,7 +9,7 @@ from mpi4py import MPI
 from scenes import PATCH, alone, energy, example1
 
 from signorini_fx.algebra import attempts
-from signorini_fx.algebra.algorithms import augmented_fall_back, fall_backs, ssn, strategy
+from signorini_fx.algebra.algorithms import fall_backs, ssn, strategy
 from signorini_fx.records import Status
 from signorini_fx.results.summary import render, summarise
 from signorini_fx.scenes import solver
@@ -117,13 +117,6 @@ def test_interior_point(monkeypatch):
     same(ours, proposed)
 
 
-def test_held_by_friction_that_slips_everywhere():
-    """No node sticks and yet the forces balance: sets that do not hold the body, and a solution."""
-    ours = alone(flat())
-    contact, friction = ours.contact.forces
-    np.testing.assert_allclose(contact + friction, [0.0, 20.0], atol=1e-6)
-
-
 def test_monolithic_where_the_fixed_point_does_not_contract():
     """And without fall-backs the outcome has its name."""
     ours = alone(pulled(5.0))
@@ -131,17 +124,6 @@ def test_monolithic_where_the_fixed_point_does_not_contract():
     assert ours.algorithm == "coulomb-newton"
     same(ours, alone(pulled(5.0, algorithm="alm", coulomb="newton")), rtol=1e-3)
     assert alone(pulled(5.0, fallbacks=False), check=False).status is Status.OUTER_MAX_ITERATIONS
-
-
-@pytest.mark.slow
-def test_damping(monkeypatch):
-    """Where Newton's method is not to be had, a damped fixed point goes where the plain one does not."""
-    monkeypatch.setattr(strategy, "coulomb_newton", lambda *_: Status.CYCLING)
-    monkeypatch.setattr(augmented_fall_back, "augmented_lagrangian", lambda *_, **__: Status.CYCLING)
-    ours = alone(pulled(5.0))
-    assert fall_backs_of(ours)[-1] == "fixed point damped by 0.5 from the same start"
-    monkeypatch.undo()
-    same(ours, alone(pulled(5.0, coulomb="newton")), rtol=1e-5)
 
 
 @pytest.fixture

@@ -82,32 +82,6 @@ def said(data, level="warning"):
 LISTED = sorted(set(keys()) - {"material", "displacement", "contact"})
 
 
-def test_effects_of_example_1():
-    """On or off, and why."""
-    report = check(example1(coefficient=0.3, nx=12, ny=4))
-    table = {effect.name: effect.on for effect in report.effects}
-    assert table == {
-        "elasticity": True,
-        "several materials": False,
-        "reduced integration": False,
-        "displacement left": True,
-        "displacement right": True,
-        **{key.replace("_", " "): False for key in LISTED if key != "traction"},
-        "traction top": True,
-        "contact bottom": True,
-        "friction bottom": True,
-        "load steps": False,
-        "error estimate": False,
-        "nested iteration": False,
-    }
-    assert report.cost.unknowns == 120
-    assert report.cost.contact_nodes == 13
-    reasons = {effect.name: effect.why for effect in report.effects}
-    assert reasons["friction bottom"] == "coulomb, coefficient = 0.3"
-    assert reasons["body force"] == "no [body_force]"
-    assert reasons["displacement left"] == "x = 0"
-
-
 ALL = {
     "element": {"degree": 2, "volumetric": "auto"},
     "material": {"young": 5000.0, "poisson": 0.49},
@@ -149,23 +123,6 @@ def test_the_demos_are_fine(demo):
     """Nothing hurts there, but what the paper itself chose."""
     of_the_paper = {"example2_tresca": ["material[0].poisson"]}  # nu = 0.45 with linear elements
     assert [warning.path for warning in check(read_scene(demo)).warnings] == of_the_paper.get(demo.stem, [])
-
-
-def test_nothing_is_solved(monkeypatch):
-    """No matrix, no linear solver, and the elastic form is not even compiled."""
-    compiled = []
-    compile_form = dolfinx.jit.ffcx_jit
-    monkeypatch.setattr(dolfinx.jit, "ffcx_jit", lambda *a, **k: compiled.append(a) or compile_form(*a, **k))
-
-    def refuse(*arguments, **options):
-        raise AssertionError("check must not assemble or solve")
-
-    monkeypatch.setattr(dolfinx.fem, "assemble_matrix", refuse)
-    monkeypatch.setattr(dolfinx.fem.petsc, "assemble_matrix", refuse)
-    monkeypatch.setattr(PETSc, "SNES", refuse)
-    monkeypatch.setattr(PETSc, "KSP", refuse)
-    check(example1(coefficient=0.3, nx=12, ny=4))
-    assert len(compiled) == 2  # of the load and of the contact
 
 
 ESTIMATED = {
@@ -434,28 +391,6 @@ def test_bad_scenes(capsys, tmp_path, change, path):
     code, out, _ = run(capsys, "check", file, "--json")
     assert code == 2
     assert path in [problem["path"] for problem in json.loads(out)["problems"]]
-
-
-@pytest.mark.parametrize(
-    ("line", "cure"),
-    [
-        (
-            "gap = -1 if x[0] > 40 else 0  # far",
-            ': an expression stands in quotes, as in gap = "-1 if x[0] > 40 else 0"',
-        ),
-        ("gap = 3*5", ': an expression stands in quotes, as in gap = "3*5"'),
-        ("gap = 3.5.1", ""),
-        ("gap 3", ""),
-        ('gap = "x[0]" 3', ""),
-    ],
-)
-def test_an_expression_without_quotes(line, cure):
-    """The syntax error says how it is written, and nothing where that is not what is wrong."""
-    with pytest.raises(SceneError) as caught:
-        parse_scene_text(f"title = 'a'\n{line}\n", Path("scene.toml"))
-    ((_, message),) = caught.value.problems
-    assert "at line 2" in message
-    assert message.endswith(cure or ")")
 
 
 # --- new -------------------------------------------------------------------------------------------------------------

@@ -258,31 +258,6 @@ def test_file_of_options(tmp_path_factory, monkeypatch, content, message, place)
         petsc_start.start_petsc(COMM, given_options)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("ranks", [1, 3])
-def test_mistyped_option_on_the_command_line(tmp_path, ranks):
-    """Once, whatever the number of ranks, and nothing else but what mpirun adds."""
-    (tmp_path / "scene.toml").write_text(SCENE)
-    launcher = ["mpirun", "-n", str(ranks)] if ranks > 1 else []
-    command = [*launcher, sys.executable, "-m", "signorini_fx", "solve", "scene.toml", "--out", "out"]
-    environment = {name: value for name, value in os.environ.items() if not name.startswith(("OMPI_COMM", "PMIX"))}
-    ended = subprocess.run(
-        [*command, "--", "-sfx_ksp_type", "nonsense"],
-        cwd=tmp_path,
-        env=environment,
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-    )
-    assert ended.returncode == 2
-    said = [line for line in ended.stderr.splitlines() if "PETSc" in line or "Traceback" in line or "unused" in line]
-    assert said == [
-        "signorini-fx: error: PETSc option -sfx_ksp_type nonsense: Unable to find requested KSP type nonsense"
-    ]
-    assert not (tmp_path / "out").exists()
-
-
 # --- mesh files ------------------------------------------------------------------------------------------------------
 
 INP = "*NODE\n1, 0, 0\n2, 1, 0\n3, 1, 1\n4, 0, 1\n*ELEMENT, TYPE=CPE3, ELSET=body\n1, 1, 2, 3\n2, 1, 3, 4\n"

@@ -8,7 +8,6 @@ from types import SimpleNamespace
 
 import pytest
 
-from signorini_fx.machine.launcher import environment_of_no_rank
 from signorini_fx.scenes import cli
 
 SCENE = """
@@ -146,26 +145,6 @@ def test_no_solution(tmp_path, here):
     assert "what to do" in process.stdout
     assert "certificate" not in process.stdout  # nothing was solved: there are no figures to look at
     assert read_summary(tmp_path)["converged"] is False
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("stated", "number"), [({}, "1"), ({"OMP_NUM_THREADS": "3"}, "3"), ({"OPENBLAS_NUM_THREADS": "2"}, None)]
-)
-def test_one_thread(stated, number):
-    """BLAS, which reads it as it is loaded with NumPy, gets one thread unless the user has stated another number."""
-    code = """
-import os, sys
-from signorini_fx.scenes import cli
-assert "numpy" not in sys.modules
-cli.main(["schema"])
-print(os.environ.get("OMP_NUM_THREADS"))
-"""
-    others = {name: value for name, value in environment_of_no_rank().items() if not name.endswith("_NUM_THREADS")}
-    process = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, timeout=60, env=others | stated, check=True
-    )
-    assert process.stdout.splitlines()[-1] == str(number)
 
 
 def test_old_results_survive_a_bad_scene(tmp_path, here):

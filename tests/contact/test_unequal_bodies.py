@@ -1,14 +1,11 @@
 """Bodies of very unequal loads and stiffness in one scene: none stops the iteration of another one too early."""
 
-from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
 from scenes import alone
 
-from signorini_fx.results.certificate.certificate import certify
-from signorini_fx.results.certificate.law_of_method import Tractions
 from signorini_fx.scenes.reading import parse_scene
 
 # Of the largest pressure of each body: what a tolerance of 1e-7 leaves of a fixed point.
@@ -74,65 +71,3 @@ def test_a_small_body_is_solved_as_if_it_were_alone(algorithm, coulomb, small, s
     for part, body in enumerate(bodies):
         expected = unpaired(*body, **options)
         assert tractions(solution, part) == pytest.approx(expected, abs=NEAR * np.abs(expected).max())
-
-
-@cache
-def resting(size):
-    """A small block that lies on a loaded one with friction, pushed aside so that a part of it slips."""
-    mesh = {"generator": "rectangle", "parameters": {"length": 2.0, "height": 1.0, "nx": 8, "ny": 4}}
-    upper = {"generator": "rectangle", "parameters": {"length": 1.0, "height": 0.5, "nx": 5, "ny": 3}}
-    friction = {"law": "coulomb", "coefficient": 0.3}
-    data = {
-        "body": [{"name": "large", "mesh": mesh}, {"name": "small", "mesh": upper, "shift": [0.5, 1.0]}],
-        "material": {"young": 1e3, "poisson": 0.3},
-        "displacement": {"boundary": "large.left", "x": 0.0, "y": 0.0},
-        "traction": [
-            {"boundary": "large.right", "y": -1.0},
-            {"boundary": "small.top", "y": -size},
-            {"boundary": "small.left", "x": 0.4 * size},
-        ],
-        "contact": [
-            {"boundary": "large.bottom", "gap": 0.0, "friction": friction},
-            {"boundary": "small.bottom", "against": "large.top", "friction": friction},
-        ],
-        "solver": {"gamma_n": 1e6, "gamma_t": 1e6},
-    }
-    solution = alone(parse_scene(data))
-    assert solution.certificate.holds
-    return solution
-
-
-def certified(solution, scene, moved=None, **changed):
-    """The certificate with another scene, displacement or tractions on the small body."""
-    tractions = Tractions.of(solution.contact)
-    here = tractions.part == 1
-    for name, change in changed.items():
-        values = getattr(tractions, name).copy()
-        values[here] = change(values[here])
-        tractions = replace(tractions, **{name: values})
-    y = solution.displacement
-    if moved is not None:
-        y = y.copy()
-        nodes = y.function_space.tabulate_dof_coordinates()[:, 1] > 1.0
-        array = y.x.array.reshape(-1, 2)
-        array[nodes] = moved(array[nodes])
-    d = solution.model
-    return certify(scene, d.tagged, y, tractions, law=solution.certificate.law, pairs=d.pairs)
-
-
-def test_a_small_body_on_a_large_one_is_judged_by_its_own_forces():
-    """Noise, a load that is wrong, and a law that its tractions do not keep to are refused."""
-    solution, rng = resting(1e-5), np.random.default_rng(0)
-    scene, none = solution.statement, np.zeros_like
-    assert certified(solution, scene).worst == pytest.approx(solution.certificate.worst, rel=1e-6)
-    assert certified(solution, scene, none, pressure=none, shear=none).equilibrium > 0.5
-    for name in ("moved", "pressure", "shear"):
-
-        def wrong(values):
-            return values + 1e-4 * np.abs(values).max() * rng.standard_normal(values.shape)
-
-        assert not certified(solution, scene, **{name: wrong}).holds, name
-    contact = scene.contact[1]
-    other = contact.friction.model_copy(update={"coefficient": 0.3 * (1 - 1e-4)})
-    smoother = scene.changed(contact=(scene.contact[0], contact.model_copy(update={"friction": other})))
-    assert certified(solution, smoother).friction_cone > 1e-6

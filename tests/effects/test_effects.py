@@ -22,8 +22,6 @@ STAGE = PETSc.Log.Stage("effects")
 LEFT = {"boundary": "left", "x": 0.0, "y": 0.0}
 TRACTION = {"boundary": "top", "y": -4.0}
 CONTACT = {"boundary": "bottom", "gap": 1e-3}
-TRESCA = {"law": "tresca", "bound": 0.5}
-COULOMB = {"law": "coulomb", "coefficient": 0.3}
 ELASTIC = {"material": {"young": 5000.0, "poisson": 0.3}, "displacement": [LEFT], "traction": [TRACTION]}
 TOUCHING = {**ELASTIC, "contact": [CONTACT]}
 
@@ -165,13 +163,6 @@ def test_a_load_adds_a_term_to_the_load_form(count, effect):
     assert removed == before
 
 
-def test_load_steps_add_solves_only(count):
-    """Five steps: five solves with one matrix, one solver and no further form."""
-    _, one = count(ELASTIC)
-    _, five = count({**ELASTIC, "traction": [{**TRACTION, "factors": [0.2, 0.4, 0.6, 0.8, 1.0]}]})
-    assert five == replace(one, recorded_solves=5, linear_solves=5)
-
-
 def test_contact_adds_its_form_and_an_iteration(count):
     """One form, which is assembled once into a vector; the matrix stays the elastic one, and no unknown is added."""
     _, before = count(ELASTIC)
@@ -181,18 +172,6 @@ def test_contact_adds_its_form_and_an_iteration(count):
     assert after.compiled == before.compiled + 1
     assert after.newton_iterations == 1
     assert after.linear_solves == after.recorded_solves > 1
-
-
-@pytest.mark.parametrize("friction", [TRESCA, COULOMB], ids=["tresca", "coulomb"])
-def test_friction_adds_iterations_only(count, friction):
-    """No form, no matrix, no unknown, no solver: the nodal weights of contact are those of friction."""
-    solution, after = count({**ELASTIC, "contact": [{**CONTACT, "friction": friction}]})
-    without, before = count(TOUCHING)
-    assert changed(before, after) <= ITERATION
-    assert after.linear_solves == after.recorded_solves
-    shear = np.abs(solution.contact.shear).max()
-    assert shear > 0.1
-    assert np.abs(without.contact.shear).max() == 0.0
 
 
 NO_FRICTION = {

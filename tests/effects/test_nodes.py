@@ -5,7 +5,6 @@ import pytest
 from mpi4py import MPI
 
 from signorini_fx import SceneError
-from signorini_fx.results.certificate.certificate import certify
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve
 
@@ -35,20 +34,6 @@ def test_what_carries_forces_at_nodes(degree):
     left = solution.resultants.of("left")
     np.testing.assert_allclose(left.force[:2], (-1.5, -1.0), rtol=1e-9)
     assert solution.certificate.worst < 1e-7
-
-
-def test_load_steps_multiply_them():
-    twice = solve(pulled([force | {"factors": [2.0]} for force in FORCES]), MPI.COMM_SELF)
-    once = solve(pulled(FORCES), MPI.COMM_SELF)
-    np.testing.assert_allclose(twice.displacement.x.array, 2 * once.displacement.x.array, atol=1e-12)
-
-
-def test_the_certificate_notices_a_force_that_is_left_out():
-    solution = solve(pulled(FORCES), MPI.COMM_SELF)
-    model = solution.model
-    assert certify(model.statement, model.tagged, solution.displacement, None).holds
-    without = model.statement.changed(point_force=())
-    assert not certify(without, model.tagged, solution.displacement, None).holds
 
 
 @pytest.mark.parametrize(

@@ -128,30 +128,6 @@ def test_axisymmetric_hertz():
     assert total == pytest.approx(force, rel=1e-3)
 
 
-@pytest.mark.mpi(slow=True)
-def test_own_space_is_a_scene():
-    """P2, a DirichletBC with a Function on a component, friction and gap as UFL."""
-    found = run("own_space")
-    mesh = found["mesh"]
-    tagged = tag_boundaries(mesh, {"bottom": lambda x: np.isclose(x[1], 0.0), "top": lambda x: np.isclose(x[1], 1.0)})
-    scene = parse_scene(
-        {
-            "mesh": tagged,
-            "element": {"degree": 2},
-            "material": {"young": 5000.0, "poisson": 0.3},
-            "displacement": {"boundary": "top", "x": 0.001, "y": "-0.004 - 0.002*sin(x[0])"},
-            "contact": {
-                "boundary": "bottom",
-                "gap": "0.001*(x[0] - 1.5)**2",
-                "friction": {"law": "coulomb", "coefficient": "0.2 + 0.1*x[0]"},
-            },
-            "solver": {"gamma_n": 1e8, "gamma_t": 1e8},
-        }
-    )
-    same = solve(scene, COMM).displacement.x.array
-    assert np.abs(found["y"].x.array - same).max(initial=0) <= 1e-10 * 0.006
-
-
 # --- time loops and changes ------------------------------------------------------------------------------------------
 
 
@@ -343,47 +319,6 @@ def test_fields_on_all_elements(kind, degree):
     serial.aside.value = 0.004
     serial.problem.solve()
     assert contact == pytest.approx(serial.problem.state.forces[0], rel=1e-8)
-
-
-def test_stress_is_that_of_the_form():
-    """A uniform state, after each solve; without ``stress=`` there is none."""
-    block = Block()
-    u, v = ufl.TrialFunction(block.V), ufl.TestFunction(block.V)
-
-    def stress(y):
-        return 1000.0 * ufl.sym(ufl.grad(y))
-
-    symmetric = block.held(0, forms.side(block.mesh, 0, 0.0), fem.Constant(block.mesh, 0.0))
-    a = ufl.inner(stress(u), ufl.grad(v)) * ufl.dx
-    problem = ContactProblem(
-        a, block.L, [block.bcs[0], symmetric], Foundation(block.bottom), algorithm="alm", stress=stress
-    )
-    for block.down.value in (-0.01, -0.02):
-        problem.solve()
-        expected = np.diag([0.0, 1000.0 * float(block.down.value), 0.0])
-        for one in (problem.stress, problem.stress.recovered):
-            assert np.abs(one.tensor.x.array.reshape(-1, 3, 3) - expected).max() < 1e-4  # it is projected to 1e-6
-        assert problem.stress.error < 1e-6
-        assert problem.stress.smallest("yy").value == pytest.approx(expected[1, 1])
-        density = (2 / 3) * expected[1, 1] ** 2 / (4 * 500.0)  # |dev sigma|^2 / (4 mu)
-        assert problem.stress.shear_energy_density.x.array == pytest.approx(density)
-    with pytest.raises(RuntimeError, match="give stress="):
-        block.problem.stress  # noqa: B018
-    along = ContactProblem(
-        a,
-        block.L,
-        block.bcs,
-        Foundation(block.bottom),
-        stress=lambda y: ufl.dot(stress(y), ufl.diag(ufl.as_vector((1, 2)))),
-    )
-    along.solve()
-    with pytest.raises(ValueError, match="shear modulus"):
-        along.stress.shear_energy_density  # noqa: B018
-    for wrong, words in ((ufl.div, "shape"), (lambda y: ufl.grad(y)[0, 0] * ufl.Identity(2), "zero for some strain")):
-        problem = ContactProblem(a, block.L, block.bcs, Foundation(block.bottom), stress=wrong)
-        problem.solve()
-        with pytest.raises(FormError, match=words):
-            problem.stress  # noqa: B018
 
 
 @pytest.mark.one_quick
@@ -611,17 +546,6 @@ def test_bad_arguments_are_named(changes, message):
 def test_random_forms(seed):
     """Tensors, springs, supports, moduli and contacts at random, judged from a dense matrix."""
     assert forms.verdict(seed) == {}
-
-
-def test_the_judge_notices():
-    """Neither another displacement nor another load has these tractions."""
-    drawn = forms.draw(0)
-    drawn.problem.solve()
-    assert forms.judge(drawn) == {}
-    drawn.L = 1.01 * drawn.L
-    assert set(forms.judge(drawn)) == {"equilibrium"}
-    drawn.problem.u.x.array[:] *= 1.001
-    assert {"equilibrium", "gap 0"} <= set(forms.judge(drawn))
 
 
 @pytest.mark.parametrize("by_run", [False, True])

@@ -7,7 +7,6 @@ import pytest
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
-from scipy.spatial.transform import Rotation
 from support.nonlinear_bodies import PLATE, held, rectangle, residual
 
 from signorini_fx import Coulomb, Foundation, NonlinearContactProblem
@@ -121,62 +120,3 @@ def test_stuck_contact_that_turns(algorithm, dimension):
         assert sum(problem.state.forces) == pytest.approx(turn @ force, abs=1e-9 * np.linalg.norm(force))
         now = problem.shear.x.array.reshape(-1, dimension)
         assert now == pytest.approx(shear @ turn.T, abs=1e-9 * np.abs(shear).max())
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("case", "algorithm"), [("plane", "alm"), ("plane", "ssn"), ("space", "ssn"), ("driven", "ssn")]
-)
-def test_pressing_while_all_turns(case, algorithm):
-    """A ball presses a block, and both turn together: forces and displacements are those without the turn, turned, also
-    where points close in a step that turns.
-    """
-    dimension = 3 if case == "space" else 2
-    if dimension == 3:
-        mesh = dmesh.create_box(MPI.COMM_SELF, [[0.0, 0.0, 0.0], [2.0, 1.0, 1.0]], [6, 3, 2], dmesh.CellType.hexahedron)
-        space = fem.functionspace(mesh, ("Lagrange", 1, (3,)))
-        facets = [dmesh.locate_entities_boundary(mesh, 2, lambda x, at=at: np.isclose(x[2], at)) for at in (1.0, 0.0)]
-    else:
-        space, side = rectangle([2.0, 1.0], [8, 4], MPI.COMM_SELF)
-        facets = [side(1, 1.0), side(1, 0.0)]
-    top, bottom = facets
-    up, origin = dimension - 1, (0.0,) * dimension
-    centre = np.full(dimension, 0.5)
-    centre[[0, up]] = 0.8, 1.5
-    ball = {"shape": "sphere" if dimension == 3 else "circle", "centre": tuple(centre), "radius": 0.5, "pivot": origin}
-    axis = np.array([0.3, -0.2, 1.0]) if dimension == 3 else np.array([0.0, 0.0, 1.0])
-    places = [(0.0, -0.05), (0.1, -0.12), (0.2, -0.2)]
-    loads = [(0.0, -3.0), (1.0, -8.0), (2.0, -14.0)]
-
-    def pressed(angles):
-        """The force and the displacements of each step, turned back."""
-        u, ground, x = fem.Function(space), fem.Function(space), space.tabulate_dof_coordinates()[:, :dimension]
-        held_below = fem.dirichletbc(ground, fem.locate_dofs_topological(space, up, bottom))
-        driven = {"force": origin, "prescribed": {"rotation": 0.0}} if case == "driven" else {}
-        contact = Foundation(top, shape=ball | driven, friction=Coulomb(0.3))
-        gamma = {"gamma_n": 1e5, "gamma_t": 1e5} if algorithm == "ssn" else {}
-        problem = NonlinearContactProblem(
-            residual(u), u, bcs=[held_below], contact=contact, algorithm=algorithm, **gamma
-        )
-        last, forces, displacements = np.eye(dimension), [], []
-        for angle, place, load in zip(angles, places, loads, strict=True):
-            turn = Rotation.from_rotvec(np.radians(angle) * axis).as_matrix()[:dimension, :dimension]
-            ground.x.array[:] = (x @ turn.T - x).ravel()
-            u.x.array[:] = ((x + u.x.array.reshape(-1, dimension)) @ (turn @ last.T).T - x).ravel()
-            if case == "driven":
-                pushes = tuple(map(float, turn @ load))
-                problem.place(0, force=pushes, prescribed={"rotation": float(np.radians(angle))})
-            else:
-                shift = np.zeros(dimension)
-                shift[[0, up]] = place
-                vector = tuple(map(float, angle * axis))
-                problem.place(0, shift=tuple(turn @ shift), rotation=vector if dimension == 3 else vector[2])
-            problem.solve()
-            problem.advance()
-            last = turn
-            forces.append(turn.T @ sum(problem.state.forces))
-            displacements.append((x + u.x.array.reshape(-1, dimension)) @ turn - x)
-        return np.array(forces), np.array(displacements)
-
-    for still, turned_back in zip(pressed([0.0, 0.0, 0.0]), pressed([-20.0, -30.0, -10.0]), strict=True):
-        assert turned_back == pytest.approx(still, abs=1e-8 * np.abs(still).max())

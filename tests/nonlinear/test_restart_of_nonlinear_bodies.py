@@ -12,10 +12,8 @@ from dolfinx import fem
 from mpi4py import MPI
 from support.nonlinear_bodies import Killed, rectangle, residual
 from support.nonlinear_scenes import indented, material
-from support.sliding_bodies import pillow, roller
 
 from signorini_fx import (
-    Coulomb,
     FormError,
     Foundation,
     NonlinearContactProblem,
@@ -103,42 +101,6 @@ def test_with_as_many_ranks(tmp_path, law, method, at):
     assert max(np.abs(step.contact.shear).max(initial=0.0) for step in solution.steps) > 0
     if method != "augmented":
         assert solution.history.linear_solves == reference.history.linear_solves
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("dimension", [2, 3])
-def test_two_bodies(tmp_path, dimension):
-    """They go on to slide over the facets where they were."""
-
-    def made():
-        if dimension == 2:
-            bodies = roller(ratio=10.0, cells=(16, 4), around=10, friction=Coulomb(0.3))
-        else:
-            bodies = pillow("tetrahedron", lower=(8, 6, 1), upper=(4, 4, 1), ratio=10.0, friction=Coulomb(0.3))
-
-        def at(time):
-            bodies.drive.value[0], bodies.drive.value[-1] = 0.2 * max(time - 1, 0), -0.1 * min(time, 1)
-
-        return bodies.problem, at
-
-    def kill(step):
-        if step.step == 4:
-            raise Killed
-
-    def end(problem):
-        return np.concatenate((problem.u.x.array, problem.state.pressure, problem.state.shear.ravel()))
-
-    times = (0.5, 1.0, 1.5, 2.0, 2.5)
-    whole, at = made()
-    whole.run(times, at)
-    first, at = made()
-    with pytest.raises(Killed):
-        first.run(times, at, folder=tmp_path, on_step=kill)
-    again, at = made()
-    again.run(times, at, folder=tmp_path, restart=True)
-    assert again.history.events[0].startswith("restart: 3 complete load steps")
-    assert not any("solved again" in event for event in again.history.events)
-    assert end(again) == pytest.approx(end(whole), abs=1e-10 * np.abs(end(whole)).max())
 
 
 def test_another_scene_is_refused(tmp_path):

@@ -1,10 +1,7 @@
 """Two nonlinear bodies in 3D that slide on each other: closed forms, invariances, limits, and the certificate."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
-from dolfinx import fem
 from mpi4py import MPI
 from support.nonlinear_bodies import stress_of_block
 from support.sliding_bodies import (
@@ -20,10 +17,6 @@ from support.sliding_bodies import (
 from two_bodies import grid
 
 from signorini_fx import ConvergenceError, Coulomb, Foundation, NonlinearContactProblem, Status
-from signorini_fx.forms.nonlinear.displaced_certificate import certified, mechanics_at
-from signorini_fx.mechanics.pairs import sliding
-from signorini_fx.mechanics.pairs.pair_side import PairSurface
-from signorini_fx.results.certificate.law_of_method import Law, Tractions
 
 COARSE = {"kind": "tetrahedron", "lower": (8, 6, 1), "upper": (4, 4, 1), "ratio": 10.0}
 PRESSED = ((0, 0, -0.05), (0, 0, -0.1))
@@ -194,110 +187,6 @@ def test_on_ranks():
     ]
     assert np.abs(forces[0][-1]).min() > 0.01 * np.abs(forces[0][-1]).max()
     assert forces[0] == pytest.approx(forces[1], abs=1e-7 * np.abs(forces[1]).max())
-
-
-@pytest.mark.slow
-def test_the_certificate_sees_what_is_wrong():
-    """Pressures, shears, displacements and the beginning of the step that are not those of the solution."""
-    scene = pillow(friction=Coulomb(0.3), **COARSE)
-    slid(scene, PRESSED)
-    scene.drive.value[:] = (0.03, 0.02, -0.1)
-    scene.problem.solve()
-    problem, u = scene.problem, scene.u
-    form = fem.form(scene.form)
-
-    def judged(changed=lambda tractions: tractions, before=lambda step: step, law=lambda law: law):
-        linear = problem.linear
-        mechanics = mechanics_at(u, fem.assemble_vector(form).array, linear)
-        promised = law(Law(*linear.task.promised(linear.outcome)))
-        tractions = changed(Tractions.of(problem.state))
-        return certified(u, mechanics, {}, tractions, promised, before(linear.previous_step))
-
-    assert judged().holds
-
-    def larger(tractions):
-        pressure = tractions.pressure.copy()
-        pressure[pressure.argmax()] *= 1.0001
-        return replace(tractions, pressure=pressure)
-
-    assert judged(larger).equilibrium > 1e-5
-    assert not judged(lambda tractions: replace(tractions, shear=-tractions.shear)).holds
-    assert not judged(lambda tractions: replace(tractions, shear=0.0 * tractions.shear)).holds
-    values = u.x.array.copy()
-    nodes = fem.locate_dofs_topological(u.function_space, 2, scene.sides[1])
-    u.x.array.reshape(-1, 3)[nodes] += [0.0, 0.0, -1e-4]
-    assert judged().entered > 1e-5
-    u.x.array.reshape(-1, 3)[nodes] += [0.0, 0.0, 2e-4]
-    assert judged().pressure_at_distance > 1e-5
-    u.x.array[:] = values
-    assert judged().holds
-
-    def elsewhere(step):
-        displacement = step.displacement.copy()
-        displacement.x.array.reshape(-1, 3)[nodes] += [0.1, 0.0, 0.0]
-        return replace(step, displacement=displacement)
-
-    assert not judged(before=elsewhere).holds
-
-
-def normals_of_one_side(monkeypatch):
-    """Tangents are those of the slave alone."""
-    monkeypatch.setattr(sliding, "_directed", lambda slave, master, sharing, opposite: sharing @ slave.directions)
-
-
-def directions_of_one_side(monkeypatch):
-    """Points see the other side along the normals of their own."""
-    normals = "signorini_fx.mechanics.pairs.mortar_coupling._mean_normals"
-    monkeypatch.setattr(normals, lambda slave, *others, **more: slave.nodal_normals)
-
-
-def hats(monkeypatch):
-    """Pressures have the functions of the displacement, not their duals."""
-    duals = "signorini_fx.mechanics.pairs.mortar_coupling.dual_coefficients"
-    monkeypatch.setattr(duals, lambda side, overlap: np.tile(np.eye(3), (len(side.nodes), 1, 1)))
-
-
-def deformed_areas(monkeypatch):
-    """Tractions are per area of the deformed side."""
-    monkeypatch.setattr(PairSurface, "sizes", lambda self, *at: np.linalg.norm(self.normals(*at), axis=2))
-
-
-def directions_that_do_not_turn(monkeypatch):
-    """Moments of both bodies do not balance where both are apart."""
-    turned = sliding.SpacePieces.of.__func__
-
-    def of(cls, *arguments):
-        pieces = turned(cls, *arguments)
-        share = pieces.share.copy()
-        share[..., -1] = 0.0
-        return replace(pieces, share=share)
-
-    monkeypatch.setattr(sliding.SpacePieces, "of", classmethod(of))
-
-
-def slips_from_elsewhere(monkeypatch):
-    """A thousandth is added to all slips."""
-    slip = sliding.SlidingCoupling.slip
-    monkeypatch.setattr(sliding.SlidingCoupling, "slip", lambda self, begun: slip(self, begun) + 1e-3)
-
-
-@pytest.mark.parametrize(
-    "spoil",
-    [
-        directions_of_one_side,
-        *(
-            pytest.param(way, marks=pytest.mark.slow)
-            for way in (hats, normals_of_one_side, deformed_areas, directions_that_do_not_turn, slips_from_elsewhere)
-        ),
-    ],
-)
-def test_the_certificate_sees_a_wrong_map(monkeypatch, spoil):
-    """Normals, functions, areas, moments and slips of the solver that are not those of the sides."""
-    spoil(monkeypatch)
-    scene = pillow(friction=Coulomb(0.3), **COARSE)
-    with pytest.raises(ConvergenceError) as raised:
-        slid(scene, ((0.02, 0.0, -0.1), (0.1, 0.05, -0.1)))
-    assert scene.problem.status is Status.NOT_CERTIFIED, str(raised.value)
 
 
 @pytest.mark.slow

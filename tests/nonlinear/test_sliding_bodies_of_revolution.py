@@ -2,8 +2,6 @@
 certificate refuses.
 """
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from dolfinx import fem
@@ -11,10 +9,7 @@ from mpi4py import MPI
 from support.nonlinear_bodies import stress_of_block
 from support.sliding_bodies import as_linear_bodies, cylinders, dome, ring_on_cone
 
-from signorini_fx import ConvergenceError, Coulomb, Foundation, NonlinearContactProblem, Status
-from signorini_fx.mechanics.obstacles.sliding_sides import SlidingSides
-from signorini_fx.mechanics.pairs import sliding_plane
-from signorini_fx.mechanics.pairs.pair_side import PairSurface
+from signorini_fx import Coulomb, Foundation, NonlinearContactProblem
 
 FRICTION = pytest.mark.parametrize("friction", [None, Coulomb(0.3)], ids=["smooth", "rough"])
 SLOW = pytest.mark.slow
@@ -159,52 +154,3 @@ def test_on_ranks():
         forces.append(force)
     assert np.abs(forces[0]).min() > 0.01
     assert forces[0] == pytest.approx(forces[1], rel=1e-8)
-
-
-def forgotten(monkeypatch):
-    """Points have lengths, not areas of rings."""
-    monkeypatch.setattr(PairSurface, "measured", lambda self, facets, at, weight: weight)
-
-
-def displaced_radius(monkeypatch):
-    """Rings are as large as they have become."""
-    displaced = PairSurface.displaced
-
-    def moved(self, displacement):
-        side = displaced(self, displacement)
-        if self.measure is None:
-            return side
-        return replace(side, measure=self.measure * side.x[:, 0] / side.undeformed[:, 0])
-
-    monkeypatch.setattr(PairSurface, "displaced", moved)
-
-
-def other_side(monkeypatch):
-    """Rings of one radius for all points, that of the middle of the side."""
-    of = SlidingSides.of.__func__
-
-    def even(cls, *args, **settings):
-        sides = of(cls, *args, **settings)
-        surface = sides.slave.surface
-        level = replace(surface, measure=np.full_like(surface.measure, surface.measure.mean()))
-        return replace(sides, slave=replace(sides.slave, surface=level))
-
-    monkeypatch.setattr(SlidingSides, "of", classmethod(even))
-
-
-def turned_back(monkeypatch):
-    """Normals turn the wrong way round."""
-    turned = sliding_plane._turned_by_facets
-    monkeypatch.setattr(sliding_plane, "_turned_by_facets", lambda side: -turned(side))
-
-
-@pytest.mark.parametrize(
-    "spoil", [forgotten, *(pytest.param(way, marks=SLOW) for way in (displaced_radius, other_side, turned_back))]
-)
-def test_the_certificate_sees_what_is_wrong(monkeypatch, spoil):
-    """Weights and turning normals of the solver that are not those of rings."""
-    spoil(monkeypatch)
-    scene = ring_on_cone(ratio=0.02, slave=1, cells=(24, 3), around=8, friction=Coulomb(0.3))
-    with pytest.raises(ConvergenceError, match="certificate does not hold") as refused:
-        scene.move(0.0, -0.1)
-    assert refused.value.solution.status is Status.NOT_CERTIFIED

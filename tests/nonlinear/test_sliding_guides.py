@@ -1,10 +1,7 @@
 """Two bodies that slide on each other and cannot part, as a slider in its guide: pressures may pull."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
-from dolfinx import fem
 from support.nonlinear_bodies import stress_of_block
 from support.sliding_bodies import (
     as_linear_bodies,
@@ -17,8 +14,6 @@ from support.sliding_bodies import (
 )
 
 from signorini_fx import ConvergenceError, Coulomb, FormError, Foundation, NonlinearContactProblem, Status
-from signorini_fx.forms.nonlinear.displaced_certificate import certified, mechanics_at
-from signorini_fx.results.certificate.law_of_method import Law, Tractions
 
 CLOSED = {"pair": {"bilateral": True}, "algorithm": "alm"}
 PULLED = ((0.0, 0.05), (0.1, 0.1), (0.4, 0.1), (0.4, -0.1), (0.2, -0.1))
@@ -117,30 +112,3 @@ def test_the_end_of_a_guide():
     apart = roller(gap=0.3, reach=0.2, **CLOSED)
     with pytest.raises(FormError, match=r"contact\[0\]\.bilateral: no point of its side sees the other one"):
         apart.move(0.0, 0.0)
-
-
-def test_the_certificate_sees_what_is_wrong():
-    """A point that pulls less, one that has opened, and a shear that is too large for what pulls."""
-    scene = blocks(slave=1, width=3.0, friction=Coulomb(0.3), **CLOSED)
-    scene.move(0.0, 0.05)
-    scene.drive.value[:] = 0.1, 0.1
-    problem, u = scene.problem, scene.u
-    problem.solve()
-    form = fem.form(scene.form)
-
-    def judged(changed=lambda tractions: tractions):
-        linear = problem.linear
-        mechanics = mechanics_at(u, fem.assemble_vector(form).array, linear)
-        law = Law(*linear.task.promised(linear.outcome))
-        return certified(u, mechanics, {}, changed(Tractions.of(problem.state)), law, linear.previous_step)
-
-    def less(tractions):
-        pressure = tractions.pressure.copy()
-        pressure[1] *= 0.999
-        return replace(tractions, pressure=pressure)
-
-    assert judged().holds
-    assert judged(less).equilibrium > 1e-5
-    assert judged(lambda tractions: replace(tractions, shear=1.01 * tractions.shear)).friction_cone > 1e-5
-    u.x.array.reshape(-1, 2)[fem.locate_dofs_topological(u.function_space, 1, scene.sides[1])] += [0.0, 1e-4]
-    assert judged().entered > 1e-5

@@ -1,24 +1,18 @@
 """Two bodies that slide with friction that needs no pressure: Tresca's, cohesion, and laws of one's own."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
-from dolfinx import fem
 from support.sliding_bodies import (
     as_linear_bodies,
     blocks,
     bulge,
     bump,
     out_of_balance,
-    pillow,
     roller,
 )
 
 from signorini_fx import Coulomb, Foundation, NonlinearContactProblem, Tresca
-from signorini_fx.forms.nonlinear.displaced_certificate import certified, mechanics_at
 from signorini_fx.mechanics.laws.protocol import Envelope, FrictionLaw, Parameter
-from signorini_fx.results.certificate.law_of_method import Law, Tractions
 
 BOUND = 0.4
 THERE_AND_BACK = ((0, -0.02), (0, -0.1), (0.05, -0.1), (0.3, -0.1), (0.27, -0.1), (0.05, -0.1))
@@ -129,41 +123,3 @@ def test_friction_across_gaps_is_told(law, across):
         assert (finding.level, finding.path) == ("warning", "contact[0].friction")
         assert f"up to {gap:.3g}, at {np.count_nonzero(open_points)} points" in finding.message
         assert "Coulomb(0.0, cohesion=...)" in finding.message
-
-
-@pytest.mark.parametrize("dim", [2, pytest.param(3, marks=pytest.mark.slow)])
-def test_the_certificate_sees_what_is_wrong(dim):
-    """Shears beyond the bound, against the way, at points that see nothing, or none where all slides."""
-    if dim == 2:
-        scene = roller(ratio=10.0, friction=Tresca(BOUND), reach=0.2, algorithm="alm")
-    else:
-        coarse = {"lower": (8, 6, 1), "upper": (4, 4, 1)}
-        scene = pillow(ratio=10.0, friction=Tresca(BOUND), reach=0.05, algorithm="alm", **coarse)
-    across = [0.0] * (dim - 2)
-    scene.move(0.0, *across, -0.1)
-    scene.drive.value[0] = 0.15
-    problem = scene.problem
-    problem.solve()
-    (pair,) = problem.linear.pairs.values()
-    sees = pair.coupling.frames.partnered
-    assert sees.any()
-    assert not sees.all()
-    form = fem.form(scene.form)
-
-    def judged(changed):
-        linear, tractions = problem.linear, Tractions.of(problem.state)
-        mechanics = mechanics_at(scene.u, fem.assemble_vector(form).array, linear)
-        law = Law(*linear.task.promised(linear.outcome))
-        claimed = replace(tractions, shear=changed(tractions.shear.copy()))
-        return certified(scene.u, mechanics, {}, claimed, law, linear.previous_step)
-
-    def beside(shear):
-        tangent = problem.state.boundary.tangents[~sees, :, 0]
-        shear[~sees] = 0.5 * BOUND * tangent
-        return shear
-
-    assert judged(lambda shear: shear).holds
-    assert judged(lambda shear: 1.001 * shear).friction_cone > 1e-5
-    assert not judged(lambda shear: -shear).holds
-    assert not judged(lambda shear: 0.0 * shear).holds
-    assert judged(beside).friction_cone > 1e-3

@@ -3,7 +3,6 @@
 import json
 import runpy
 from pathlib import Path
-from typing import Any
 
 import jsonschema
 import numpy as np
@@ -136,84 +135,6 @@ def test_failures_are_warnings(register, tmp_path):
     assert summary["converged"]
     write_results(solution, tmp_path, pictures=False, fields=False)
     assert read_results(tmp_path).summary.converged
-
-
-class Overwrites(Fails):
-    """Says that it converged, in the summary and in each load step."""
-
-    key, kind, steps = "overwrites", dict, "number"
-
-    def entries(self, solution):
-        return {"status": "converged!", "overwrites": {}}
-
-    def columns(self, solution):
-        return {"status": 1.0, "overwrites": 1.0}
-
-
-class Objects(Fails):
-    """What JSON does not have, under a type that allows for anything."""
-
-    key, kind, steps, stage = "objects", Any, "", "results"
-
-    def value(self, solution):
-        return object()
-
-
-class Late(Objects):
-    """Fails beside the fields."""
-
-    key, stage = "late", "fields"
-
-    def value(self, solution):
-        raise RuntimeError("not today")
-
-
-class Asked(Objects):
-    """Does not know whether it is asked for."""
-
-    key, stage = "asked", "results"
-
-    def asked(self, solution):
-        raise KeyError("what")
-
-
-class Shown(Objects):
-    """Cannot be shown."""
-
-    key, kind, stage = "shown", float, "afterwards"
-    terminal, report = "shown", "shown"
-
-    def value(self, solution):
-        return 1.0
-
-    def lines(self, summary):
-        return [1 / 0]
-
-    def cards(self, summary):
-        return ["a card"]
-
-
-@pytest.mark.slow
-def test_each_costs_only_itself(register, tmp_path):
-    """Whatever a quantity of others does, all else is there, and a message has its name."""
-    plain = write_results(alone(scene()), tmp_path / "plain", pictures=False)
-    for quantity in (Overwrites, Objects, Late, Asked, Shown):
-        register(quantity)
-    summary = write_results(alone(scene()), tmp_path / "more", pictures=False)
-    told = {row["path"]: row["message"] for row in summary["findings"]}
-    assert "has 'status', though only 'overwrites' is its own" in told["overwrites"]
-    assert "PydanticSerializationError" in told["objects"]
-    assert "RuntimeError in value: not today" in told["late"]
-    assert "KeyError in asked: 'what'" in told["asked"]
-    assert summary["status"] == plain["status"] == "converged"
-    assert [row["status"] for row in summary["steps"]] == ["converged", "converged"]
-    assert {*summary} == {*plain, "shown"}
-    assert {*summary["steps"][0]} == {*plain["steps"][0]}
-    written = json.loads((tmp_path / "more" / "summary.json").read_text(encoding="utf-8"))
-    assert {*written} == {*summary}
-    assert "is not shown, as lines fails: ZeroDivisionError: division by zero" in render(summary)
-    assert short_answer(summary, tmp_path)
-    assert "is not shown, as cards has a str, not a Card" in page(tmp_path / "more")
 
 
 @pytest.mark.parametrize("kind", [type("Opaque", (), {}), "Nowhere"], ids=["class", "name"])

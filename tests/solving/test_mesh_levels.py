@@ -5,10 +5,8 @@ import pytest
 from mpi4py import MPI
 from petsc4py import PETSc
 from scenes import example1
-from spaces import block, box, friction_of
+from spaces import block, friction_of
 from test_krylov import LAWS, agree, set_ups, steps  # noqa: F401
-from test_ranks import same_on_all_ranks
-from test_space_patch import rotation
 
 from signorini_fx.mechanics.body.discretisation import discretise
 from signorini_fx.records import History, Timings
@@ -128,32 +126,6 @@ def test_curved_bodies(name):
     agree(ours, theirs)
 
 
-def between_walls(n, **solver):
-    """A brick turned in 3D between two walls that are across no axis, pushed along both of them."""
-    turn = rotation(0.9, (0.3, -0.8, 0.5))
-    tagged = box("hexahedra", (n, n, n), size=(1.5, 1.2, 1.0))
-    tagged.mesh.geometry.x[:] = tagged.mesh.geometry.x @ turn.T
-    return parse_scene(
-        {
-            "mesh": tagged,
-            "material": {"young": 1000.0, "poisson": 0.3},
-            "displacement": [{"boundary": "left", "normal": 0.0}, {"boundary": "front", "normal": 0.0}],
-            "traction": {"boundary": "top", "pressure": 1.0},
-            "contact": {"boundary": "bottom", "friction": friction_of(bound=0.3)},
-            "solver": solver,
-        }
-    )
-
-
-@pytest.mark.slow
-def test_skew_supports(steps):  # noqa: F811
-    """Unknowns in frames of their own on either mesh; the interpolation turns them, with as few steps."""
-    ours, theirs = (nested([between_walls(n, linear_algebra=kind) for n in (4, 8)]) for kind in ("krylov", "full"))
-    assert ours.model.rotation is not None
-    agree(ours, theirs)
-    assert max(count for *_, count in steps) <= 12
-
-
 @pytest.mark.slow
 def test_steps_do_not_grow_with_the_mesh(steps):  # noqa: F811
     """In 2D from 60 x 20 to 240 x 80 cells: 2.5 times those of one linear solve at most."""
@@ -165,31 +137,3 @@ def test_steps_do_not_grow_with_the_mesh(steps):  # noqa: F811
         finest = max(size for size, *_ in steps)
         spent.append(sum(count for size, *_, count in steps if size == finest))
     assert spent[1] <= 1.3 * spent[0]
-
-
-@pytest.mark.slow
-@pytest.mark.mpi
-@pytest.mark.parametrize("name", ["tresca", "coulomb", "three meshes", "not nested"])
-def test_one_rank_or_many(name, steps):  # noqa: F811
-    """As many steps but for one in each solve, as many solves but for one, and the same answer to 1e-8."""
-
-    def scenes(comm):
-        if name == "three meshes":
-            return [example1(bound=1.5, nx=n, ny=n // 3, linear_algebra="krylov") for n in (15, 30, 60)]
-        sizes, law = ((6, 15), "tresca") if name == "not nested" else ((6, 12), name)
-        return [block(n, gamma=1e8, linear_algebra="krylov", comm=comm, **LAWS[law]) for n in sizes]
-
-    together = nested(scenes(WORLD), WORLD)
-    ours = same_on_all_ranks([count for *_, count in steps])
-    steps.clear()
-    single = nested(scenes(SELF))
-    theirs = [count for *_, count in steps]
-    assert abs(len(ours) - len(theirs)) <= 1
-    if len(ours) == len(theirs):
-        assert max(abs(np.subtract(ours, theirs))) <= 1, (ours, theirs)
-    assert abs(sum(ours) - sum(theirs)) <= len(theirs)
-    table, wanted = together.table.columns, single.table.columns
-    for group in (("u_n",), ("pressure", "shear")):
-        size = max(np.abs(wanted[one]).max() for one in group)
-        for one in group:
-            np.testing.assert_allclose(table[one], wanted[one], rtol=0, atol=1e-8 * size, err_msg=one)

@@ -1,7 +1,5 @@
 """Line contact against Hertz's formulae, C.6: half a disk on a plane, and a block on a rigid cylinder."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from mpi4py import MPI
@@ -9,13 +7,12 @@ from scenes import alone
 
 from signorini_fx.mechanics.contact_points.contact_table import contact_table
 from signorini_fx.mechanics.mesh.tagged import generate_mesh
-from signorini_fx.scenes.reading import parse_scene, read_scene
+from signorini_fx.scenes.reading import parse_scene
 
 YOUNG, POISSON, RADIUS = 200.0, 0.3, 8.0
 MODULUS = YOUNG / (1 - POISSON**2)
 ELEMENTS = [("triangle", 1), ("quadrilateral", 1), ("triangle", 2), ("quadrilateral", 2)]
 each_element = pytest.mark.parametrize(("cell", "degree"), ELEMENTS)
-SCENES = Path(__file__).parents[2] / "demos" / "scenes"
 
 
 def load(half_width):
@@ -85,13 +82,6 @@ def test_half_disk(cell, degree, algorithm):
     assert np.abs(x[pressure > 0]).max() == pytest.approx(0.4, abs=0.02)
 
 
-def test_chords_as_the_gap():
-    """The height of the polygon itself as the gap is the same for linear elements: their nodes are on the circle."""
-    circle = alone(half_disk())
-    polygon = alone(half_disk(contact={"gap": "x[1]"}))
-    np.testing.assert_allclose(polygon.contact.pressure, circle.contact.pressure, rtol=0, atol=1e-6 * peak(0.4))
-
-
 @pytest.mark.one_quick
 @pytest.mark.parametrize("half_width", [0.2, 0.4, 0.8])
 def test_loads(half_width):
@@ -99,15 +89,6 @@ def test_loads(half_width):
     x, pressure, weight, _ = profile(alone(half_disk(half_width, size=half_width / 20)))
     assert width_from_moment(x, pressure, weight) == pytest.approx(half_width, rel=5e-3)
     assert ellipse(x, pressure, half_width) == pytest.approx((half_width, peak(half_width)), rel=5e-3)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("friction", [0.0, 0.3])
-def test_nested(friction):
-    """Coarser meshes of the same disk as a start lead to the same solution."""
-    plain = alone(half_disk(friction=friction))
-    nested = alone(half_disk(friction=friction, solver={"levels": 3}))
-    np.testing.assert_allclose(nested.contact.pressure, plain.contact.pressure, rtol=0, atol=1e-6 * peak(0.4))
 
 
 def test_along_the_normal():
@@ -193,32 +174,6 @@ def test_block_on_cylinder(cell, degree):
     assert solution.contact.pressure.max() == pytest.approx(7.989, rel=2e-3)
     assert height == pytest.approx(1.0, abs=6e-3)
     assert width == pytest.approx(1.0, abs=8e-3)
-
-
-@pytest.mark.slow
-def test_block_of_twice_the_size():
-    """The deviation from the formula falls with (a / H)^2, from 0.5 % to 0.1 %, and not with the mesh."""
-    _, small, _ = against_formula(alone(block()))
-    _, large, width = against_formula(alone(block(scale=2.0)))
-    assert small - 1 == pytest.approx(0.0052, abs=0.001)
-    assert large - 1 == pytest.approx(0.0013, abs=0.001)
-    assert width == pytest.approx(1.0, abs=3e-3)
-
-
-def test_block_on_a_circle():
-    """The exact circle instead of its parabola changes little where (a/R)^2 is half a percent."""
-    _, height, width = against_formula(alone(block(circle=True)))
-    assert (height, width) == pytest.approx((1.0, 1.0), abs=8e-3)
-
-
-@pytest.mark.slow
-def test_scene_files():
-    """The scenes that are shown are those that are tested here."""
-    x, pressure, _, _ = profile(alone(read_scene(SCENES / "hertz.toml")))
-    assert ellipse(x, pressure, 0.4) == pytest.approx((0.4, peak(0.4)), rel=5e-3)
-    friction = alone(read_scene(SCENES / "hertz_friction.toml"))
-    _, height, _ = against_formula(friction)
-    assert height > 1.05
 
 
 @pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
