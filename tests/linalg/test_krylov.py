@@ -154,10 +154,6 @@ def test_the_monolithic_method(steps):
     assert max(monolithic) <= 15
 
 
-def dense(matrix):
-    return matrix.convert("dense").getDenseArray().copy()
-
-
 @pytest.mark.parametrize(
     ("options", "method", "kind"),
     [

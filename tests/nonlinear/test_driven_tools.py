@@ -53,6 +53,7 @@ def polyline(values):
     return " + ".join(f"({float(step)!r}) * min(max(t - {k}, 0), 1)" for k, step in enumerate(steps))
 
 
+@pytest.mark.slow
 @pytest.mark.mpi(slow=True)
 @pytest.mark.parametrize("law", ["rubber", pytest.param("metal", marks=pytest.mark.slow)])
 def test_the_forces_of_a_way_give_the_way(law, tmp_path):
@@ -113,6 +114,7 @@ def test_linear_limit(law):
         assert differences[0] == pytest.approx(4 * differences[1], rel=0.05)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", [pytest.param("plane strain", marks=pytest.mark.slow), "axisymmetric"])
 def test_a_block_under_a_plate(kind):
     """A block between plates, one pressed by a force: its height is that of the stretches; a spring takes its part."""
@@ -171,6 +173,7 @@ def test_what_pulls_away():
     assert "body not held" in ends[2].findings[0].message
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("unit", [1.0, pytest.param(1e3, marks=pytest.mark.slow)])
 def test_ramps(unit):
     """Up, and down to where the tool lifts off: what has no solution leaves problem and tool at the last step; then a
@@ -201,6 +204,7 @@ def test_ramps(unit):
     assert sum(placed.state.forces)[1] == pytest.approx(-10.0 * unit, rel=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.mpi
 @pytest.mark.parametrize("alone", [False, pytest.param(True, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("law", ["metal", pytest.param("rubber", marks=pytest.mark.slow)])

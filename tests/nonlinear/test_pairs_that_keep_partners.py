@@ -200,6 +200,7 @@ def test_what_a_pair_may_be():
         stacked("hexahedron", lower=(1, 1, 1), upper=(1, 1, 1), degree=2)
 
 
+@pytest.mark.slow
 @pytest.mark.mpi
 def test_ranks():
     """Forces with friction do not depend on the ranks."""

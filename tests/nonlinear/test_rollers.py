@@ -52,7 +52,7 @@ def wrench(contact, u, pivot):
     return boundary.comm.allreduce(np.append(forces.sum(axis=0), moment.sum()))
 
 
-@pytest.mark.one_quick
+@pytest.mark.slow
 @pytest.mark.mpi
 @pytest.mark.parametrize("law", ["rubber", pytest.param("metal", marks=pytest.mark.slow)])
 def test_the_forces_of_a_way_give_the_way(law, tmp_path):
@@ -111,6 +111,7 @@ def turned_roller(angle, unit=1.0):
     return {"shape": "circle", "centre": centre, "radius": RADIUS * unit, "pivot": centre}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("unit", [1.0, pytest.param(1e3, marks=pytest.mark.slow)])
 def test_objectivity(unit):
     """The whole scene is turned: so is all that a force askew and a moment do to a tool that springs hold."""

@@ -91,7 +91,7 @@ def test_frames_do_not_matter():
         assert moment < 1e-12
 
 
-@pytest.mark.one_quick
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "friction", [None, pytest.param(Coulomb(0.3), marks=pytest.mark.slow)], ids=["smooth", "rough"]
 )
@@ -277,6 +277,7 @@ def test_bounded_shear(degree):
     assert np.abs(state.shear[closed, 0]) == pytest.approx(bound, rel=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("slave", [0, 1])
 @pytest.mark.parametrize(
     "settings",

@@ -101,6 +101,7 @@ def test_on_a_rigid_plane(kind):
     assert forces[0][2:] == pytest.approx(forces[1][2:], abs=0.005 * largest)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["tetrahedron", pytest.param("hexahedron", marks=pytest.mark.slow)])
 def test_a_block_over_a_larger_one(kind):
     """A soft block by three facets of a stiff one in two steps, of at most eight iterations each: the force is F N
@@ -209,7 +210,7 @@ def at_the_rim(**settings):
     return pillow(**law, **settings), (0.1388, 0.2671, -0.08315)
 
 
-@pytest.mark.one_quick
+@pytest.mark.slow
 @pytest.mark.parametrize("slave", [0, pytest.param(1, marks=pytest.mark.slow)])
 def test_points_that_come_and_go(slave):
     """Functions at the rim turn evenly into those beside them: there is equilibrium, with hardly another force where

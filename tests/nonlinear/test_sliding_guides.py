@@ -63,6 +63,7 @@ def test_linear_limit(scene_of, lower, slave, friction):
     assert scene.u.x.array == pytest.approx(linear.u.x.array, abs=1e-3 * np.abs(linear.u.x.array).max())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "degree"), [("quadrilateral", 1), pytest.param("triangle", 2, marks=pytest.mark.slow)]
 )

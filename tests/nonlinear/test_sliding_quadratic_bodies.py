@@ -67,7 +67,7 @@ def test_over_facets():
     assert abs(ends[0][0]) < 3e-3 * largest
 
 
-@pytest.mark.one_quick
+@pytest.mark.slow
 @pytest.mark.mpi
 @pytest.mark.parametrize("revolved", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_on_ranks(revolved):

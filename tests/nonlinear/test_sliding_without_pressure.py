@@ -61,6 +61,7 @@ def test_linear_limit(law, scene_of, slave):
     assert scene.u.x.array == pytest.approx(linear.u.x.array, abs=2e-4 * np.abs(linear.u.x.array).max())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("degree", [1, pytest.param(2, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("kind", ["quadrilateral", pytest.param("triangle", marks=pytest.mark.slow)])
 @pytest.mark.parametrize("law", [Tresca, lambda bound: Coulomb(0.0, cohesion=bound)], ids=NAMES)
@@ -81,6 +82,7 @@ def test_on_a_rigid_plane(law, kind, degree):
     assert forces[0][[3, 5], 0] == pytest.approx([-BOUND, BOUND], rel=1e-5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("friction", [Tresca(BOUND), Coulomb(0.1, cohesion=BOUND), Sticky(BOUND, 0.3)], ids=type)
 @pytest.mark.parametrize("algorithm", [pytest.param("ssn", marks=pytest.mark.slow), "alm"])
 def test_nothing_acts_where_there_is_no_other_side(friction, algorithm):

@@ -48,6 +48,7 @@ def pressed(scene, depth=DEPTH):
     return np.abs([force, linear])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("dim", "kind", "upto"),
     [
@@ -94,6 +95,8 @@ def punch(dim, cells, **settings):
     return SlidingBodies(KINDS[dim], bodies, touching, held, reach=0.5, **settings)
 
 
+@pytest.mark.one_quick
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("dim", "cells"),
     [(2, 7), (2, 14), *(pytest.param(3, cells, marks=pytest.mark.slow) for cells in (7, 10))],

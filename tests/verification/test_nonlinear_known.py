@@ -57,6 +57,7 @@ def ring_between_plates(thickness, cells):
     return solve(parse_scene(scene), COMM)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("thickness", "cells", "within"), [(0.02, 48, 9e-4), pytest.param(0.005, 96, 3e-4, marks=pytest.mark.slow)]
 )
