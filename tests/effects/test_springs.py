@@ -2,14 +2,12 @@
 
 import numpy as np
 import pytest
-import ufl
-from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from scenes import alone
 from spaces import box
 
-from signorini_fx import ContactProblem, Coulomb, Foundation, SceneError
+from signorini_fx import SceneError
 from signorini_fx.mechanics.body.discretisation import discretise
 from signorini_fx.mechanics.mesh.tagged import tag_boundaries
 from signorini_fx.records import Timings
@@ -151,57 +149,6 @@ def test_beam_on_an_elastic_foundation():
 
 
 # --- the same by a form of the user's own ----------------------------------------------------------------------------
-
-
-@pytest.mark.one_quick
-@pytest.mark.mpi
-@pytest.mark.parametrize("linear_algebra", ["full", "condensed", "krylov"])
-@pytest.mark.parametrize(("cells", "degree"), ELEMENTS[:-1])
-def test_against_a_spring_form(cells, degree, linear_algebra):
-    """A block on springs, rubbed by friction: the scene, and a ``ContactProblem`` with the springs in its form."""
-    if linear_algebra == "condensed" and COMM.size > 1:
-        pytest.skip("condensation is for one rank")
-    tagged, normal, tangential, coefficient = body(cells), 900.0, 300.0, 0.3
-    load = {"x": 4.0, ("y" if cells in PLANE else "z"): -10.0}
-    friction = {"law": "coulomb", "coefficient": coefficient}
-    settings = {"linear_algebra": linear_algebra, "tolerance": 1e-13, "gamma_n": 1e6, "gamma_t": 1e6}
-    settings["algorithm"] = "alm"
-    given = scene(
-        tagged,
-        degree,
-        springs=[{"boundary": "left", "normal": normal, "tangential": tangential}],
-        traction={"boundary": "top", **load},
-        contact={"boundary": "bottom", "gap": "1e-4 * x[0]", "friction": friction},
-        solver=settings,
-    )
-    ours = solve(given, COMM, check=False)
-    assert ours.converged
-    assert ours.certificate.holds
-
-    mesh, dim = tagged.mesh, tagged.dimension
-    space = fem.functionspace(mesh, ("Lagrange", degree, (dim,)))
-    u, v, n = ufl.TrialFunction(space), ufl.TestFunction(space), ufl.FacetNormal(mesh)
-    facets = {1: tagged.facets("left"), 2: tagged.facets("top")}
-    numbers = np.repeat([1, 2], [facets[1].size, facets[2].size]).astype(np.int32)
-    listed = np.concatenate([facets[1], facets[2]])
-    tags = dmesh.meshtags(mesh, dim - 1, np.sort(listed), numbers[np.argsort(listed)])
-    ds = ufl.Measure("ds", domain=mesh, subdomain_data=tags)
-    strain = ufl.sym(ufl.grad(u))
-    stress = YOUNG / (1 + POISSON) * (strain + POISSON / (1 - 2 * POISSON) * ufl.tr(strain) * ufl.Identity(dim))
-    across = ufl.inner(u, n)
-    a = ufl.inner(stress, ufl.grad(v)) * ufl.dx + tangential * ufl.inner(u, v) * ds(1)
-    a += (normal - tangential) * across * ufl.inner(v, n) * ds(1)
-    force = fem.Constant(mesh, [load.get(axis, 0.0) for axis in "xyz"[:dim]])
-    theirs = ContactProblem(
-        a,
-        ufl.inner(force, v) * ds(2),
-        [],
-        Foundation(tagged.facets("bottom"), gap=lambda x: 1e-4 * x[0], friction=Coulomb(coefficient)),
-        **settings,
-    )
-    y = theirs.solve().x.array
-    largest = COMM.allreduce(np.abs(y).max(initial=0.0), op=MPI.MAX)
-    assert COMM.allreduce(np.abs(ours.displacement.x.array - y).max(initial=0.0), op=MPI.MAX) <= 1e-11 * largest
 
 
 # --- the independent check, load steps, units -------------------------------------------------------------------------

@@ -1,7 +1,5 @@
 """Thermal strain: free and prevented expansion, exact states, a bimetal, a ring that is heated until it is loose."""
 
-from dataclasses import replace
-
 import basix.ufl
 import numpy as np
 import pytest
@@ -253,52 +251,6 @@ def quarter_ring(inside, outside, n):
     element = basix.ufl.element("Lagrange", "quadrilateral", 2, shape=(2,))
     mesh = dmesh.create_mesh(MPI.COMM_SELF, space.dofmap.list.astype(np.int64), x=points, e=ufl.Mesh(element))
     return tag_boundaries(mesh, {"right": lambda x: np.abs(x[1]) < 1e-9, "left": lambda x: np.abs(x[0]) < 1e-9})
-
-
-def layers(length, height, counts):
-    """A strip of two layers, whose left end is a plane of symmetry, on this rank."""
-    mesh = dmesh.create_rectangle(MPI.COMM_SELF, [(0.0, 0.0), (length, height)], counts, PLANE["quadrilateral"])
-    cells = np.arange(mesh.topology.index_map(2).size_local, dtype=np.int32)
-    upper = dmesh.compute_midpoints(mesh, 2, cells)[:, 1] > height / 2
-    tags = dmesh.meshtags(mesh, 2, cells, np.where(upper, 2, 1).astype(np.int32))
-    named = tag_boundaries(mesh, {"left": lambda x: np.abs(x[0]) < 1e-9, "bottom": lambda x: np.abs(x[1]) < 1e-9})
-    return replace(named, cell_tags=tags, regions={"lower": 1, "upper": 2})
-
-
-def test_bimetal(tmp_path):
-    """The curvature of a strip of two layers: S. Timoshenko, J. Opt. Soc. Am. 11 (1925) 233-255, equation (4)."""
-    length, height, heat, ratio = 12.0, 1.0, 30.0, 3.0
-    kinds = {"lower": (ratio * YOUNG, 2 * ALPHA), "upper": (YOUNG, ALPHA)}
-    material = [
-        {"young": young, "poisson": POISSON, "expansion": alpha, "region": name, "hypothesis": "plane stress"}
-        for name, (young, alpha) in kinds.items()
-    ]
-    given = {
-        "mesh": layers(length, height, (48, 4)),
-        "element": {"degree": 2},
-        "material": material,
-        "displacement": [{"boundary": "left", "x": 0.0}, {"at": [0.0, 0.0], "y": 0.0}],
-        "temperature": [{"change": heat, "region": name} for name in kinds],
-    }
-    solution = alone(parse_scene(given), check=False)
-    assert solution.certificate.holds
-    curvature = 24 * ALPHA * heat / (height * (12 + (1 + ratio) * (1 + 1 / ratio)))
-    x, y = nodes(solution)
-    below = (x[:, 1] == 0) & (x[:, 0] <= length / 2)  # the free end is far away
-    assert y[below, 1] == pytest.approx(curvature * x[below, 0] ** 2 / 2, abs=1e-5 * curvature * length**2)
-    # Heated in one layer alone it bends as if this one had the difference of the strains, and in an expression too.
-    # A table with a region need not cover more than that.
-    corners = [(a, b) for a in (0.0, length) for b in (0.0, height / 2)]
-    table = "x,y,change\n" + "\n".join(f"{a},{b},{heat / 2}" for a, b in corners)
-    (tmp_path / "lower.csv").write_text(table, encoding="utf-8")
-    other = {"change": "15 if x[1] < 0.5 else 0"}
-    for temperature in (
-        {"change": heat / 2, "region": "lower"},
-        {"file": tmp_path / "lower.csv", "region": "lower"},
-        other,
-    ):
-        again = alone(parse_scene({**given, "temperature": temperature}), check=False)
-        assert nodes(again)[1][below, 1] == pytest.approx(y[below, 1], abs=1e-5 * curvature * length**2)
 
 
 # --- values and what is said ------------------------------------------------------------------------------------------

@@ -10,7 +10,6 @@ from mpi4py import MPI
 from signorini_fx.errors import MeshError
 from signorini_fx.mechanics.mesh.files.formats import read_file, write_file
 from signorini_fx.mechanics.mesh.tagged import read_mesh
-from signorini_fx.scenes import cli
 
 GEO = """Point(1) = {0, 0, 0, .5}; Point(2) = {2, 0, 0, .5}; Point(3) = {2, 1, 0, .5}; Point(4) = {0, 1, 0, .5};
 Line(1) = {1, 2}; Line(2) = {2, 3}; Line(3) = {3, 4}; Line(4) = {4, 1};
@@ -174,28 +173,3 @@ def test_scripts_that_do_more_than_draw(tmp_path, text, word, capfd):
     file.write_text(f"{GEO}// SystemCall in a comment\n{text}\n")
     assert f": {word} is not allowed in a script" in refused(file, capfd)
     assert not (tmp_path / "left").exists()
-
-
-def test_files_in_the_folder_of_a_script(sound, tmp_path):
-    """A script may draw with what is beside it; words in comments and names are no commands."""
-    (tmp_path / "sizes.geo").write_text("h = 0.25; // Exit\n")
-    file = tmp_path / "body.geo"
-    text = GEO.replace(".5}", "h}").replace('"body"', '"System"')
-    file.write_text(f'Include "sizes.geo"; /* SystemCall */\n{text}Printf("%g", h);\n')
-    found = read_file(file)
-    assert len(found.cells) > 2 * len(read_file(sound / "body.geo").cells)
-    assert list(found.regions) == ["System"]
-
-
-@pytest.mark.parametrize("name", ["nope.msh", "odd.vtu", "odd.msh"])
-def test_the_key_of_the_scene(tmp_path, name, capsys):
-    """The error of a command names the key, and nothing of a binary file reaches the terminal."""
-    if name != "nope.msh":
-        (tmp_path / name).write_bytes(b"$MeshFormat\n4.1 0 8\n$EndMeshFormat\n$Nodes\n\x1b]0;title\x07\x9b31m\n")
-    scene = tmp_path / "scene.toml"
-    scene.write_text(f'mesh.file = "{name}"\nmaterial = {{ young = 1.0, poisson = 0.3 }}\ncontact.boundary = "foot"\n')
-    assert cli.main(["check", str(scene)]) == 2
-    said = capsys.readouterr().err
-    assert "mesh.file" in said
-    assert name in said
-    assert not re.search(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]", said)

@@ -126,16 +126,6 @@ def test_sizes_grow_by_a_quarter_per_length(drawings):
     assert quality(tagged.mesh.geometry.x[:, :2], compat.geometry_cells(tagged.mesh)).min() > 0.4
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("degree", [1, 2])
-def test_facets_much_shorter_than_the_chords_are_off_the_curve(drawings, degree):
-    """The first chords are off the circle by a tenth of their length, and by ten of the facets that are asked for."""
-    tagged = load_mesh(scene(drawings / "plane.geo", own=0.01, degree=degree), MPI.COMM_SELF)
-    lengths = edges(tagged, "hole")
-    assert np.median(lengths) == pytest.approx(0.01, rel=0.2)
-    assert lengths.max() < 0.02
-
-
 @pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("generator", "boundary", "size", "parameters"),

@@ -10,10 +10,10 @@ import ufl
 from dolfinx import default_scalar_type, fem
 from mpi4py import MPI
 
-from signorini_fx.errors import MeshError, SceneError
+from signorini_fx.errors import MeshError
 from signorini_fx.mechanics.mesh.files.cells import CELLS, completed
 from signorini_fx.mechanics.mesh.files.formats import read_file, write_file
-from signorini_fx.mechanics.mesh.files.shape import measures, quality
+from signorini_fx.mechanics.mesh.files.shape import measures
 from signorini_fx.mechanics.mesh.halving import halved
 from signorini_fx.mechanics.mesh.tagged import read_mesh
 
@@ -161,29 +161,6 @@ def low(x):
     return x[2] < 1e-9
 
 
-def test_hexahedra_of_20_nodes(tmp_path):
-    """They get the nodes that they lack, in the middle of their faces, and are the same cells as before."""
-    whole = read_file(quarter(tmp_path, "hexahedron27"))
-    file = tmp_path / "twenty.vtu"
-    meshio.write(file, meshio.Mesh(whole.points, [("hexahedron20", whole.cells[:, :20])]))
-    found = read_file(file, {"foot": low})
-    assert found.kind == "hexahedron27"
-    assert len(found.points) == len(whole.points)
-    size = measures(found.points, found.cells, found.cell).sum()
-    assert size == pytest.approx(VOLUME, rel=3e-4)
-    assert integrals(read_mesh(file, MPI.COMM_SELF, {"foot": low})) == pytest.approx([size, MOMENT], rel=3e-4)
-    # gmsh numbers the edges in another way.
-    gmsh.initialize()
-    gmsh.option.setNumber("General.Terminal", 0)
-    gmsh.option.setNumber("Mesh.SecondOrderIncomplete", 1)
-    gmsh.merge(str(tmp_path / "hexahedron27.geo"))
-    gmsh.model.mesh.generate(3)
-    gmsh.write(str(tmp_path / "twenty.msh"))
-    gmsh.finalize()
-    assert len(meshio.read(tmp_path / "twenty.msh").cells_dict["hexahedron20"]) == 16
-    check_quarter(read_file(tmp_path / "twenty.msh"), 3e-4)
-
-
 @pytest.mark.parametrize("kind", ["quad8", "hexahedron20"])
 def test_shape_of_completed_elements(kind):
     """The nodes that are added are where the element has them: exact for all polynomials of its space."""
@@ -299,34 +276,6 @@ def test_faces_of_step(drawings, name):
     assert measures(found.points, found.cells, found.cell).sum() == pytest.approx(unit**3 * PLATE, rel=1e-4)
     assert set(found.boundaries) == {*SIDES, *(f"boundary_{n}" for n in range(1, 8))}
     assert list(found.regions) == ["region_1"]  # and not the name that OpenCASCADE gives to a part without one
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["plain.step", "plain.brep"])
-def test_drawings_without_names(drawings, name):
-    """Surfaces by their numbers, which the scene may name, or by rules; cells have the size that is asked for."""
-    rules = {"lower": low, "round": lambda x: 5.1 - np.hypot(x[0] - 20, x[1] - 10)}
-    found = read_file(drawings / name, {"sole": 5, **rules})
-    sizes = areas(found)
-    assert sizes["sole"] == sizes["lower"] == pytest.approx(SHEET, rel=5e-3)
-    assert sizes["round"] == pytest.approx(RIM, rel=5e-3)
-    counts = [len(read_file(drawings / name, size=size).cells) for size in (3.0, 1.5)]
-    assert counts[1] > 4 * counts[0]
-    assert 1000 < len(found.cells) < 30_000
-    assert quality(found.points, found.corners).min() > 0.2
-    with pytest.raises(SceneError, match=r"mesh\.boundaries\.sole: .*the numbers there are: 1, 2, 3, 4, 5, 6, 7"):
-        read_file(drawings / name, {"sole": 9})
-
-
-@pytest.mark.slow
-def test_finer_cells_of_a_drawing(drawings):
-    """Halved cells have their new nodes on the true shape."""
-    straight, finer = (read_file(drawings / "plain.step", size=10.0, halvings=n) for n in (0, 1))
-    assert len(finer.cells) == 8 * len(straight.cells)
-    errors = [abs(measures(one.points, one.cells, one.cell).sum() - PLATE) for one in (straight, finer)]
-    assert errors[1] < 0.3 * errors[0]
-    curved = read_file(drawings / "plain.step", size=10.0, halvings=1, degree=2)
-    assert abs(measures(curved.points, curved.cells, curved.cell).sum() - PLATE) < 0.1 * errors[1]
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,6 @@ from scenes import alone, table_of
 from signorini_fx.errors import SceneError
 from signorini_fx.machine.compat import geometry_cells, geometry_degree
 from signorini_fx.mechanics.mesh.files.shape import quality
-from signorini_fx.mechanics.mesh.refinement import refine
 from signorini_fx.mechanics.mesh.tagged import generate_mesh, simplex_parameters
 from signorini_fx.scenes.checks import check_scene
 from signorini_fx.scenes.reading import parse_scene
@@ -141,27 +140,6 @@ def test_names_area_and_quality(name, cell):
     low, mean = (0.15, 0.4) if name in ("block", "wedge", "sawtooth") else (0.35, 0.8)
     assert shape.min() > low
     assert shape.mean() > mean
-
-
-@each_cell
-@pytest.mark.parametrize("name", HALVES)
-def test_symmetric_halves(name, cell):
-    """The right, or upper, half with the name symmetry where it was cut."""
-    tagged = make(name, cell=cell, symmetric=True)
-    check(tagged, *HALVES[name], 4e-3)
-    assert quality(*corners(tagged)).min() > 0.3
-
-
-@each
-def test_triangles_to_divide(name):
-    """Bodies with straight sides give triangles for adaptive refinement; those with arcs would lose them."""
-    parameters = simplex_parameters(name, SMALL[name][0])
-    assert (parameters is None) == (name in CURVED)
-    if parameters is not None:
-        coarse = generate_mesh(name, parameters, MPI.COMM_SELF)
-        fine = refine(coarse)
-        assert area(fine) == pytest.approx(area(coarse), rel=1e-12)
-        assert all(fine.facets(boundary).size == 2 * coarse.facets(boundary).size for boundary in coarse.boundaries)
 
 
 @pytest.mark.one_quick

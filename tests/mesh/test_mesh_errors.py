@@ -91,20 +91,6 @@ def test_contact_and_normal_support_on_the_same_facets():
     assert "6 facets" in found["displacement[0]"]
 
 
-def test_contact_and_tangential_support_on_the_same_facets():
-    """A support along the foundation leaves contact its part: the body is held sideways at its foot."""
-    scene = small(displacement=(PrescribedDisplacement(boundary="bottom", x=0.0),))
-    solution = alone(scene)
-    assert np.abs(solution.contact.u_t).max() == 0.0
-    assert solution.contact.pressure.max() > 0.0
-
-
-def test_unknown_generator():
-    """The generators that there are, are listed."""
-    with pytest.raises(SceneError, match=r"mesh\.generator: no generator 'torus'; there are: block, .*rectangle"):
-        generate_mesh("torus", {}, MPI.COMM_SELF)
-
-
 @pytest.mark.parametrize("generator", ["rectangle", "block"])
 @pytest.mark.parametrize(
     ("parameters", "path"),

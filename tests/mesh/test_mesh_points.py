@@ -106,18 +106,3 @@ def test_quadratic_functions_on_meshes_that_are_not_nested(cell):
     function = quadratic if simplex else lambda x: 1 + x[0] - 2 * x[1] + x[2]
     found = values_at(distorted(cell, 4, COMM), x, 2 if simplex else 1, function)
     np.testing.assert_allclose(found[:, 0], function(x.T), rtol=0, atol=1e-11)
-
-
-@pytest.mark.slow
-@pytest.mark.mpi(slow=True)
-@pytest.mark.parametrize("degrees", [(2, 2), (2, 1), (1, 2)])
-def test_nodes_of_a_finer_mesh_beside_the_coarser_one(drawing, degrees):
-    """Each node has a place, whichever mesh is curved, which the cells continue outside themselves; in any unit."""
-    coarse, fine = (plate(drawing, size, degree) for size, degree in zip((8.0, 2.5), degrees, strict=True))
-    x = nodes(fine)
-    for unit in (1e-12, 1e12):
-        coarse.geometry.x[:] *= unit
-        # The places themselves are functions of the degree of the cells.
-        found = values_at(coarse, x * unit, degrees[0], lambda x, unit=unit: x / unit)
-        coarse.geometry.x[:] /= unit
-        assert COMM.allreduce(np.abs(found - x).max(initial=0.0), op=MPI.MAX) < 1e-8

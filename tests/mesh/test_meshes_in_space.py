@@ -9,7 +9,7 @@ from dolfinx import default_scalar_type, fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
-from signorini_fx.errors import MeshError, SceneError
+from signorini_fx.errors import SceneError
 from signorini_fx.machine.compat import geometry_cells, geometry_degree, geometry_element
 from signorini_fx.mechanics.mesh.files.cells import CELLS
 from signorini_fx.mechanics.mesh.files.shape import check_shape, quality
@@ -143,21 +143,6 @@ def test_geometry_of_degree_two(name, cell):
 
 
 @pytest.mark.one_quick
-@pytest.mark.parametrize("part", ["half", "quarter"])
-@pytest.mark.parametrize("name", PARTS)
-def test_parts(name, part):
-    """Half of it, or a quarter, with names where it was cut."""
-    _, volume, areas = SMALL[name]
-    share = {"half": 1 / 2, "quarter": 1 / 4}[part]
-    section = {"half_sphere": 32 * pi, "cylindrical_punch": 12 - 2 * FILLET / 144}[name]
-    cut = {"symmetry_y": section} if part == "half" else {"symmetry_x": section / 2, "symmetry_y": section / 2}
-    tagged = make(name, part=part, order=2)
-    check(tagged, share * volume, {boundary: share * area for boundary, area in areas.items()} | cut, 5e-4)
-    for axis, boundary in ((1, "symmetry_y"), (0, "symmetry_x")):
-        assert tagged.mesh.geometry.x[:, axis].min() > -1e-9 or boundary not in cut
-
-
-@pytest.mark.one_quick
 @pytest.mark.mpi
 @pytest.mark.parametrize("everything", [True, False], ids=["all", "marked"])
 @pytest.mark.parametrize("name", ["box", "wedge_block"])
@@ -174,14 +159,6 @@ def test_refined(name, everything):
     if name == "wedge_block":
         index_map = fine.mesh.topology.index_map(3)
         assert len(fine.cells("body")) == index_map.size_local + index_map.num_ghosts
-
-
-def test_what_is_not_refined():
-    """Hexahedra, and cells that would lose their curves."""
-    with pytest.raises(MeshError, match="only tetrahedra can be refined"):
-        refine(make("box"))
-    with pytest.raises(MeshError, match="straight sides"):
-        refine(make("half_sphere", order=2))
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,5 @@
 """Meshes of one's own: their boundaries, a session of gmsh that is open already, drawings, what is no mesh."""
 
-import gmsh
 import numpy as np
 import pytest
 import ufl
@@ -8,10 +7,8 @@ from dolfinx import fem, mesh
 from mpi4py import MPI
 from scenes import alone
 
-from signorini_fx.errors import MeshError
 from signorini_fx.machine.compat import geometry_degree
-from signorini_fx.mechanics.mesh.files.formats import read_file, write_file
-from signorini_fx.mechanics.mesh.tagged import generate_mesh, tag_boundaries
+from signorini_fx.mechanics.mesh.tagged import tag_boundaries
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import parse_scene
 
@@ -54,52 +51,6 @@ NUMBERS = {"Mesh.MeshSizeMax": 1 / 3, "Mesh.ElementOrder": 2, "Mesh.Algorithm": 
 NUMBERS |= {"Print.Format": 27, "General.Terminal": 0}
 
 
-def generated(folder):
-    """What the generators and the writer of gmsh files make."""
-    plane = generate_mesh("punch", {"order": 2}, SELF).mesh.geometry.x
-    solid = generate_mesh("half_sphere", {"part": "quarter", "size": 4.0, "contact_size": 2.0}, SELF).mesh.geometry.x
-    generate_mesh("block", {"nx": 4, "ny": 2}, SELF)
-    (folder / "body.inp").write_text(
-        "*Node\n1, 0., 0.\n2, 1., 0.\n3, 0., 1.\n*Element, type=CPE3\n1, 1, 2, 3\n*Nset, nset=low\n1, 2\n"
-    )
-    target = folder / "body.msh"
-    target.unlink(missing_ok=True)
-    write_file(read_file(folder / "body.inp"), target)
-    return plane, solid, target.read_text()
-
-
-@pytest.mark.slow
-def test_session_of_the_caller(tmp_path):
-    """Models, the current one, options and the size function of an open session stay; our meshes do not see them."""
-    alone_in_gmsh = generated(tmp_path)
-    gmsh.initialize(readConfigFiles=False, interruptible=False)
-    try:
-        gmsh.model.add("mine")
-        gmsh.model.occ.addRectangle(0, 0, 0, 1, 1)
-        gmsh.model.occ.synchronize()
-        gmsh.model.mesh.setSizeCallback(lambda *_: 0.2)
-        gmsh.model.add("other")
-        gmsh.model.setCurrent("mine")
-        for name, value in NUMBERS.items():
-            gmsh.option.setNumber(name, value)
-        gmsh.option.setString("Solver.Name0", 'a "quoted" name')
-        gmsh.option.setColor("Mesh.Color.Lines", 1, 2, 3, 4)
-        beside_it = generated(tmp_path)
-        assert gmsh.isInitialized()
-        assert (gmsh.model.list(), gmsh.model.getCurrent()) == (["", "mine", "other"], "mine")
-        assert {name: gmsh.option.getNumber(name) for name in NUMBERS} == NUMBERS
-        assert gmsh.option.getString("Solver.Name0") == 'a "quoted" name'
-        assert gmsh.option.getColor("Mesh.Color.Lines") == (1, 2, 3, 4)
-        assert [dim for dim, _ in gmsh.model.getEntities()] == [0, 0, 0, 0, 1, 1, 1, 1, 2]
-        gmsh.model.mesh.generate(2)  # by the size function
-        assert 50 < len(gmsh.model.mesh.getElementsByType(9)[0]) < 90
-    finally:
-        gmsh.finalize()
-    for one, other in zip(alone_in_gmsh[:2], beside_it[:2], strict=True):
-        np.testing.assert_array_equal(one, other)
-    assert alone_in_gmsh[2] == beside_it[2]
-
-
 # --- drawings --------------------------------------------------------------------------------------------------------
 
 DISK = """
@@ -125,13 +76,3 @@ def test_curved_scripts(tmp_path, more):
     if "2" not in more.partition(";")[0]:
         straight = load_mesh(parse_scene(data), SELF)
         assert geometry_degree(straight.mesh) == 1
-
-
-@pytest.mark.parametrize("value", [np.nan, np.inf])
-def test_positions_that_are_not_finite(value):
-    """A mesh of one's own is checked before anything is computed."""
-    own = mesh.create_unit_square(SELF, 3, 3)
-    own.geometry.x[5, 0] = value
-    data = {"mesh": tag_boundaries(own, {"low": "x[1] < 1e-9"}), "material": {"young": 1.0, "poisson": 0.3}}
-    with pytest.raises(MeshError, match="coordinates that are not finite"):
-        load_mesh(parse_scene(data | {"contact": {"boundary": "low"}}), SELF)

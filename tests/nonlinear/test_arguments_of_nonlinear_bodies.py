@@ -93,37 +93,3 @@ def test_update_that_raises_on_one_rank():
     raising = False
     problem.solve()
     assert problem.certificate.holds
-
-
-def test_a_residual_that_is_compiled_wrongly_is_refused():
-    """A rule of one point beside another one, where the form compiler makes another vector of both than of each; two
-    rules that it compiles rightly are solved.
-    """
-    space, side = rectangle([1.0, 1.0], [2, 2], MPI.COMM_SELF)
-    u, v = fem.Function(space), ufl.TestFunction(space)
-    deformation = ufl.Identity(2) + ufl.grad(u)
-    change = ufl.det(deformation)
-
-    def terms(degrees, logarithm):
-        shape, volume = (ufl.dx(metadata={"quadrature_degree": degree}) for degree in degrees)
-        energy = 50.0 * (ufl.inner(deformation, deformation) - 2 - (2 * ufl.ln(change) if logarithm else 0)) * shape
-        return ufl.derivative(energy, u, v), ufl.derivative(100.0 * (change - 1) ** 2 * volume, u, v)
-
-    def problem(degrees, logarithm):
-        contact = Foundation(side(1, 1.0), shape=PLATE | {"shift": (0.0, -0.05)})
-        return NonlinearContactProblem(
-            sum(terms(degrees, logarithm)), u, bcs=[held(space, side(1, 0.0))], contact=contact
-        )
-
-    u.x.array[:] = 0.05 * np.random.default_rng(0).random(u.x.array.size)
-    parts = [fem.assemble_vector(fem.form(term)).array for term in terms((4, 1), logarithm=False)]
-    whole = fem.assemble_vector(fem.form(sum(terms((4, 1), logarithm=False)))).array
-    u.x.array[:] = 0.0
-    if np.abs(whole - sum(parts)).max() > 1e-9 * np.abs(whole).max():
-        with pytest.raises(FormError, match="F: is compiled wrongly: FFCx takes a quadrature rule of one point"):
-            problem((4, 1), logarithm=False)
-        assert not u.x.array.any()
-    else:
-        problem((4, 1), logarithm=False)
-    problem((4, 2), logarithm=True).solve()
-    assert np.abs(u.x.array).max() > 0.04

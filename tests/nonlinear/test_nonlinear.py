@@ -197,34 +197,6 @@ def test_ranks():
     assert circle_on_block() == pytest.approx(circle_on_block(MPI.COMM_SELF), rel=1e-7, abs=1e-8)
 
 
-@pytest.mark.long
-def test_sliding_circle():
-    """Forces of a circle that slides over a block (felupe 11.3, extrapolated over its penalty), in fifteen steps."""
-    space, side = rectangle([4.0, 1.0], [64, 16])
-    poisson = 0.4
-    mu, lame = YOUNG / 2 / (1 + poisson), YOUNG * poisson / (1 + poisson) / (1 - 2 * poisson)
-
-    def energy(u):
-        gradient = ufl.Identity(2) + ufl.grad(u)
-        volume = ufl.det(gradient)
-        return mu / 2 * (ufl.inner(gradient, gradient) - 2) - mu * ufl.ln(volume) + lame / 2 * ufl.ln(volume) ** 2
-
-    u = fem.Function(space)
-    form = ufl.derivative(energy(u) * ufl.dx(metadata={"quadrature_degree": 2}), u, ufl.TestFunction(space))
-    circle = {"shape": "circle", "centre": (1.5, 1.5), "radius": 0.5}
-    contact = Foundation(side(1, 1.0), shape=circle, friction=Coulomb(0.3))
-    problem = NonlinearContactProblem(form, u, bcs=[held(space, side(1, 0.0))], contact=contact)
-    problem.ramp(lambda load: problem.place(0, shift=(0.0, -0.3 * load)), first=0.2)
-    forces = {}
-    for step in range(1, 11):
-        problem.place(0, shift=(0.1 * step, -0.3))
-        problem.solve()
-        problem.advance()
-        forces[step] = sum(problem.state.forces)
-    assert forces[5] == pytest.approx([17.179, -44.414], rel=3e-4)
-    assert forces[10] == pytest.approx([16.909, -43.723], rel=3e-4)
-
-
 def test_state_of_the_material():
     """A viscoelastic block, whose state is committed after each step, relaxes as the implicit Euler method says."""
     space, side = rectangle([1.0, 1.0], [2, 2])
@@ -313,29 +285,6 @@ def test_certificate_notices_what_is_wrong():
     top = int(np.argmax(u.x.array))
     u.x.array[top] += 1e-4
     assert not judged().holds
-
-
-def test_wrong_arguments():
-    """Each is named."""
-    space, side = rectangle([1.0, 1.0], [2, 2], MPI.COMM_SELF)
-    u = fem.Function(space)
-    top = side(1, 1.0)
-    for form, contact, wrong in (
-        (ufl.TrialFunction(space)[0] * ufl.TestFunction(space)[0] * ufl.dx, Foundation(top), "one test function"),
-        (
-            residual(u),
-            Foundation(top, shape=PLATE | {"force": (0.0, -1.0)}),
-            "give the point where the force acts",
-        ),
-        (residual(u), Foundation(top, shape=PLATE | {"shape": "cube"}), "shape"),
-    ):
-        with pytest.raises(FormError, match=wrong):
-            NonlinearContactProblem(form, u, contact=contact)
-    problem = NonlinearContactProblem(residual(u), u, contact=Foundation(top))
-    with pytest.raises(FormError, match="no shape"):
-        problem.place(0, shift=(0.0, 1.0))
-    with pytest.raises(RuntimeError, match="no solution"):
-        problem.advance()
 
 
 def test_a_shape_of_a_users_own():

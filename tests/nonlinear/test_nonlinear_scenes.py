@@ -1,7 +1,5 @@
 """Scenes with nonlinear materials: closed forms, others' figures, and the same problem as a residual in Python."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 import ufl
@@ -17,12 +15,10 @@ from signorini_fx import (
     Coulomb,
     Foundation,
     NonlinearContactProblem,
-    SceneError,
     Status,
     solve,
     write_results,
 )
-from signorini_fx.mechanics.mesh.tagged import generate_mesh
 from signorini_fx.mechanics.statement.load_path import LoadPath
 from signorini_fx.scenes.reading import parse_scene
 
@@ -249,51 +245,6 @@ def test_ranks(name):
     several, alone = solve(scene, comm), solve(scene, MPI.COMM_SELF)
     for mine, theirs in zip(several.steps, alone.steps, strict=True):
         assert force(mine) == pytest.approx(force(theirs), rel=1e-7)
-
-
-@pytest.mark.slow
-def test_regions():
-    """A block of two halves between plates: each is pressed as it would be alone, elastic or yielding, and of two equal
-    materials it is a block of one.
-    """
-    tagged = generate_mesh("rectangle", {"length": 1.0, "height": 1.0, "nx": 4, "ny": 4}, MPI.COMM_SELF)
-    cells = np.arange(16, dtype=np.int32)
-    left = dmesh.compute_midpoints(tagged.mesh, 2, cells)[:, 0] < 0.5
-    tags = dmesh.meshtags(tagged.mesh, 2, cells, np.where(left, 1, 2).astype(np.int32))
-    tagged = replace(tagged, cell_tags=tags, regions={"left half": 1, "right half": 2})
-    walls = [{"boundary": side, "x": 0.0} for side in ("left", "right")] + [{"boundary": "bottom", "y": 0.0}]
-
-    def pressed(*laws):
-        named = zip(laws, ("left half", "right half"), strict=False)
-        parts = [law | ({"region": region} if len(laws) > 1 else {}) for law, region in named]
-        mesh = {"mesh": tagged} if len(laws) > 1 else {}
-        scene = block(parts, "0.02*t", load_steps={"times": [1.0, 2.0]}, displacement=walls, **mesh)
-        return [force(step)[1] for step in solve(scene, MPI.COMM_SELF).steps]
-
-    metal, elastic = material("j2", yield_stress=0.5), {"young": 100.0, "poisson": 0.0}
-    smooth = metal | {"poisson": 0.0}
-    assert pressed(metal, metal) == pytest.approx(pressed(metal), rel=1e-9)
-    assert pressed(*[material("ogden")] * 2) == pytest.approx(pressed(material("ogden")), rel=1e-9)
-    both = np.array([pressed(smooth), pressed(smooth | {"yield_stress": 1e3})])
-    assert both[0, 1] > 1.02 * both[1, 1]
-    wrong = r"material\[1\]: is one of small strains, beside one of finite strains: "
-    for beside, cure in ((elastic, "give law = 'saint"), (metal, "if it stays elastic give law = 'saint")):
-        with pytest.raises(SceneError, match=wrong + cure):
-            pressed(material("ogden"), beside)
-    assert pressed(smooth | {"yield_stress": 1e3}, elastic) == pytest.approx(both[1], rel=1e-9)
-
-
-@pytest.mark.long
-def test_nearly_incompressible():
-    """Kappa is 1e4 mu: reduced integration agrees with elements of degree 2, and full integration locks."""
-    law = {"law": "mooney-rivlin", "c10": 0.4, "c01": 0.1, "bulk": 1e4}
-    forces = {}
-    for degree, volumetric, cells in ((1, "full", (20, 10)), (1, "auto", (20, 10)), (2, "auto", (10, 5))):
-        element = {"degree": degree, "volumetric": volumetric}
-        scene = indented(law, depth=0.1, cells=cells, element=element, load_steps={"times": [1.0]})
-        forces[degree, volumetric] = force(solve(scene, MPI.COMM_SELF).steps[-1])[1]
-    assert forces[1, "auto"] == pytest.approx(forces[2, "auto"], rel=0.02)
-    assert abs(forces[1, "full"]) > 5 * abs(forces[2, "auto"])
 
 
 def test_a_confined_block_yields_and_unloads():

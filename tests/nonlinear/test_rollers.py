@@ -187,37 +187,6 @@ def on_a_box(drive, law="rubber", **further):
     )
 
 
-@pytest.mark.slow
-def test_a_roller_in_space():
-    """About its axle, which is held in its directions: the weight and moment of a way give the way."""
-    way, turn = "0.08 * max(t - 1, 0)", "0.17 * max(t - 1, 0)"
-    placed = {"shift": [way, "0", "-0.1 * min(t, 1)"], "rotation": ["0", f"{float(np.degrees(1.0))!r} * ({turn})", "0"]}
-    by_way = solve(on_a_box(placed), MPI.COMM_SELF)
-    wrenches = []
-    for step in by_way.steps:
-        boundary, t = step.contact.boundary, step.time
-        forces = boundary.nodal_forces(step.contact.pressure, step.contact.shear)
-        pivot = np.array([0.4 + 0.08 * max(t - 1, 0), 0.5, 1.5 - 0.1 * min(t, 1)])
-        arms = boundary.x + step.displacement.x.array.reshape(-1, 3)[boundary.nodes] - pivot
-        wrenches.append([*forces.sum(axis=0), *np.cross(arms, forces).sum(axis=0)])
-    wrenches = np.array(wrenches)
-    drive = {
-        "force": ["0", "0", polyline(-wrenches[:, 2])],
-        "moment": ["0", polyline(-wrenches[:, 4]), "0"],
-        "prescribed": {"x": way, "y": 0.0, "rotation_x": 0.0, "rotation_z": 0.0},
-    }
-    by_force = solve(on_a_box(drive), MPI.COMM_SELF)
-    for step in by_force.steps:
-        t = step.time
-        assert step.tools[0].translation == pytest.approx([0.08 * max(t - 1, 0), 0, -0.1 * min(t, 1)], abs=1e-8)
-        assert step.tools[0].rotation == pytest.approx([0.0, 0.17 * max(t - 1, 0), 0.0], abs=1e-8)
-    u, v = (solution.displacement.x.array for solution in (by_force, by_way))
-    assert np.abs(u - v).max() < 1e-9
-    all_prescribed = drive | {"moment": None, "prescribed": drive["prescribed"] | {"rotation_y": turn}}
-    again = solve(on_a_box({key: value for key, value in all_prescribed.items() if value is not None}), MPI.COMM_SELF)
-    assert np.abs(again.displacement.x.array - v).max() < 1e-9
-
-
 def test_what_is_refused():
     """By one sentence that names the place."""
     drive = {"force": [0.0, 0.0, -1.0], "prescribed": {"rotation_x": 0.0}}

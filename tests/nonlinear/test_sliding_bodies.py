@@ -9,7 +9,7 @@ from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from support.nonlinear_bodies import stress_of_block
-from support.sliding_bodies import SlidingBodies, as_linear_bodies, blocks, bump, grid, out_of_balance, roller, wheel
+from support.sliding_bodies import as_linear_bodies, blocks, bump, out_of_balance, roller
 
 from signorini_fx import (
     ConvergenceError,
@@ -275,52 +275,3 @@ def test_bounded_shear(degree):
     bound = np.minimum(0.8 * state.pressure[closed], 2.0)
     assert np.count_nonzero(bound == 2.0) > 0
     assert np.abs(state.shear[closed, 0]) == pytest.approx(bound, rel=1e-6)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("slave", [0, 1])
-@pytest.mark.parametrize(
-    "settings",
-    [
-        {},
-        pytest.param({"friction": Coulomb(0.3)}, marks=pytest.mark.slow),
-        pytest.param({"degree": 2}, marks=pytest.mark.slow),
-    ],
-    ids=["smooth", "rough", "quadratic"],
-)
-def test_half_a_model(settings, slave):
-    """Of bodies with a plane of symmetry, whichever of them is curved, the half has half of the force of the whole."""
-    whole, half = (wheel(slave=slave, half=half, reach=0.3, algorithm="alm", **settings) for half in (False, True))
-    for depth in (0.02, 0.08):
-        assert 2 * half.move(0.0, -depth)[1] == pytest.approx(whole.move(0.0, -depth)[1], rel=1e-9)
-    assert half.problem.certificate.holds
-    state = half.problem.state
-    on_plane = np.isclose(state.boundary.x[:, 0], 0.0)
-    assert state.pressure[on_plane] > 0.5 * state.pressure.max()
-    assert state.boundary.normal[on_plane, 0] == pytest.approx(0.0, abs=1e-15)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("slave", [0, 1])
-def test_overlap_beyond_the_reach(slave):
-    """Supports hold a plate and a block below it at one end, and move them into each other there, farther than points
-    look for partners: that hardly any force is found then is no solution, though facets are far longer.
-    """
-
-    def plate(reach):
-        bodies = [
-            grid("quadrilateral", (8, 2), [0.0, -1.0], [1.0, 0.0]),
-            grid("quadrilateral", (8, 1), [0.0, 1e-6], [1.0, 0.3]),
-        ]
-        touching = [lambda x, y=y: np.isclose(x[1], y, atol=1e-9) for y in (0.0, 1e-6)]
-        held = [
-            lambda x: (x[1] < 1e-7) & (np.isclose(x[0], 0.0) | np.isclose(x[1], -1.0)),
-            lambda x: (x[1] > 1e-7) & np.isclose(x[0], 0.0),
-        ]
-        return SlidingBodies("quadrilateral", bodies, touching, held, slave=slave, reach=reach)
-
-    assert np.abs(plate(0.1).move(0.0, -0.02)).max() > 1.0
-    scene = plate(0.002)
-    with pytest.raises(ConvergenceError, match=r"bodies inside each other \(contact\[0\]: 0.02 at "):
-        scene.move(0.0, -0.02)
-    assert scene.problem.status is Status.PASSED

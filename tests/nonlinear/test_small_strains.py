@@ -134,33 +134,6 @@ def own_block(change, scale, comm=MPI.COMM_SELF):
     return nonlinear, load, NonlinearContactProblem(work, u, bcs=bcs)
 
 
-def own_residual(change, scale):
-    """Its solution, its load, and how far it is from the linear one; for the arguments see ``own_block``."""
-    nonlinear, load, linear = own_block(change, scale)
-    u = nonlinear.solve()
-    values = u.x.array.copy()
-    u.x.array[:] = 0.0
-    linear.solve()
-    assert not linear.findings
-    error = np.abs(values - u.x.array).max() / np.abs(u.x.array).max()
-    return nonlinear, load, error
-
-
-@pytest.mark.slow
-def test_a_residual_of_ones_own_that_loses_digits():
-    """The difference of F^T F and I has the round-off of one: the error that it may cause is told, and is not smaller
-    than the one that there is; a strain from grad u has none.
-    """
-    for scale in SCALES:
-        lost, _, error = own_residual(lossy, scale)
-        assert error <= BESIDE * scale + lost.certificate.lost + ROUND_OFF
-        assert bool(lost.findings) == (lost.certificate.lost > 1e-6)
-        assert lost.findings or scale > 1e-8
-        careful, _, error = own_residual(lambda h, one: (one + h, (h + h.T + h.T * h) / 2), scale)
-        assert error <= BESIDE * scale + ROUND_OFF
-        assert not careful.findings
-
-
 def along(problem, load, factors):
     """Load steps with these factors of the load."""
     full = load.value.copy()

@@ -4,12 +4,11 @@ import numpy as np
 import pytest
 import ufl
 from dolfinx import fem
-from dolfinx import mesh as dmesh
 from dolfinx.fem import petsc as fem_petsc
 from mpi4py import MPI
 from petsc4py import PETSc
 from scipy.optimize import brentq
-from support.nonlinear_scenes import block, indented, material
+from support.nonlinear_scenes import block, material
 
 from signorini_fx import solve
 from signorini_fx.scenes.reading import parse_scene
@@ -212,41 +211,3 @@ def projected(solution):
     for kept in (ksp, matrix, load):
         kept.destroy()
     return values.x.array
-
-
-@pytest.mark.mpi
-@pytest.mark.parametrize(
-    ("name", "element"),
-    [
-        pytest.param("neo-hooke", {}, marks=pytest.mark.slow),
-        pytest.param("neo-hooke, isochoric", {"volumetric": "reduced"}, marks=pytest.mark.slow),
-        pytest.param("ogden", {"degree": 2}, marks=pytest.mark.slow),
-        pytest.param("j2", {}, marks=pytest.mark.slow),
-        pytest.param("j2", {"degree": 2, "volumetric": "reduced"}, marks=pytest.mark.slow),
-    ],
-)
-def test_a_section_carries_the_force_of_contact(name, element):
-    """The tractions of the stress over the section in the middle, on its deformed area, are what the circle exerts
-    within discretisation error.
-    """
-    comm, finite = MPI.COMM_WORLD, name != "j2"
-    law = material(name, **({} if finite else {"yield_stress": 5.0, "hardening": 20.0}))
-    cells = (20, 10) if element.get("degree", 1) == 1 else (10, 6)
-    scene = indented(law, cells=cells, element=element, depth=0.15)
-    solution = solve(scene, comm)
-    assert finite or solution.stress.plastic_extreme()["value"] > 0.05
-    mesh, y = solution.model.tagged.mesh, solution.displacement
-    facets = dmesh.locate_entities(mesh, 1, lambda x: np.isclose(x[1], 0.5))
-    tags = dmesh.meshtags(mesh, 1, facets, np.ones(facets.size, dtype=np.int32))
-    dS = ufl.Measure("dS", domain=mesh, subdomain_data=tags)
-    stress = solution.stress.tensor
-    plane = ufl.as_matrix([[stress[i, j] for j in range(2)] for i in range(2)])
-    area = ufl.as_vector((0.0, 1.0))
-    if finite:
-        gradient = ufl.Identity(2) + ufl.grad(y)
-        area = ufl.dot(ufl.cofac(gradient), area)
-    traction = ufl.avg(ufl.dot(plane, area))
-    carried = [comm.allreduce(fem.assemble_scalar(fem.form(traction[i] * dS(1))), op=MPI.SUM) for i in range(2)]
-    pressed = solution.resultants.of("top").force
-    assert abs(pressed[1]) > 1.0
-    np.testing.assert_allclose(carried, pressed, atol=0.02 * abs(pressed[1]))

@@ -145,50 +145,6 @@ def test_shrink_fit(monkeypatch, tmp_path):
     assert lower["moment of friction"][1] / figures["friction_moment"] == pytest.approx(1e-4)
 
 
-@pytest.mark.slow
-def test_a_ring_on_a_rigid_shaft(monkeypatch):
-    """In 3D: friction carries the torque about the axis; pushed too, the ring has a resultant, which is drawn."""
-
-    def ring(push):
-        return solve(
-            parse_scene(
-                {
-                    "mesh": {
-                        "generator": "ring",
-                        "parameters": {"nr": 2, "nt": 4, "nz": 2},
-                    },
-                    "material": {"young": 1000.0, "poisson": 0.3},
-                    "traction": [
-                        {"boundary": "outer", "x": "-0.1 * x[1]", "y": "0.1 * x[0]", "factors": [0.0, 1.0]},
-                        {"boundary": "outer", "x": push, "factors": [0.0, 1.0]},
-                    ],
-                    "contact": {
-                        "boundary": "inner",
-                        "foundation": {"shape": "cylinder", "centre": [0, 0, 0], "axis": [0, 0, 1], "radius": 1.0},
-                        "gap": -0.01,
-                        "friction": {"law": "coulomb", "coefficient": 0.3},
-                    },
-                }
-            )
-        )
-
-    solution = ring(0.0)
-    outer = next(one for one in solution.resultants.every() if one.boundary == "outer")
-    summary = summarise(solution)
-    (figures,) = summary["contact_boundaries"]
-    assert figures["friction_moment"] == pytest.approx([0.0, 0.0, -outer.moment[2]], abs=1e-7 * abs(outer.moment[2]))
-    assert abs(outer.moment[2]) < figures["moment_limit"] < 1.05 * 0.3 * figures["pressure_integral"]
-    steps = {name: np.array([row[name] for row in summary["steps"]]) for name in summary["steps"][0]}
-    _, (lower, name) = drawn_steps(steps, monkeypatch)
-    assert name.startswith("moment of friction")
-    assert lower["moment of friction z"][1] < 0
-    summary = summarise(ring(0.05))
-    steps = {name: np.array([row[name] for row in summary["steps"]]) for name in summary["steps"][0]}
-    (upper, _), (_, name) = drawn_steps(steps, monkeypatch)
-    assert "contact force x" in upper
-    assert name.startswith("friction force")
-
-
 @pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("changes", "side"),
@@ -206,17 +162,3 @@ def test_where_points_are(changes, side):
     found = prepare(scene.statement, load_mesh(scene, MPI.COMM_SELF), Timings()).statement.contact[0]
     assert found.boundary == side
     assert found.against == {"upper": "lower", "lower": "upper"}[side]
-
-
-@pytest.mark.slow
-def test_bolted_joint():
-    """Head, joint and nut carry the same when it is tightened; then the joint carries less by the load."""
-    solution = solve(read_scene(DEMO.parent / "bolted_joint.toml"))
-    assert solution.converged
-    tightened = solution.at(solution.steps[0])
-    before = [one.force[1] for one in tightened.resultants.every() if one.boundary in ("head", "joint above", "under")]
-    assert before == pytest.approx([before[0]] * 3, rel=1e-6)
-    assert before[0] > 100
-    every = in_balance(solution)
-    assert every["head"].force[1] - every["joint above"].force[1] == pytest.approx(5.0, rel=1e-6)
-    assert every["head"].force[1] < 1.1 * before[0]

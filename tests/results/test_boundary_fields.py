@@ -1,6 +1,5 @@
 """Contact fields on the mesh of the contact boundary: of scenes and forms, all elements, on any number of ranks."""
 
-import forms as supported
 import numpy as np
 import pytest
 import ufl
@@ -8,7 +7,7 @@ from dolfinx import fem
 from mpi4py import MPI
 from scenes import alone, example1
 
-from signorini_fx import ContactProblem, Coulomb, Foundation, solve
+from signorini_fx import solve
 from signorini_fx.scenes.reading import parse_scene
 
 COMM = MPI.COMM_WORLD
@@ -122,33 +121,6 @@ def test_axisymmetric(degree):
     force = whole(2 * np.pi * radius * fields.pressure * ufl.dx)
     assert force == pytest.approx(np.pi * PRESSURE, rel=1e-9)
     assert force == pytest.approx(solution.contact.forces[0][1], rel=1e-9)
-
-
-@pytest.mark.one_quick
-@pytest.mark.parametrize("degree", [1, 2])
-@pytest.mark.mpi
-def test_of_forms(degree):
-    """A ``ContactProblem`` has the same as its solution, and nothing before it has solved."""
-    mesh = supported.box((3.0, 1.0, 1.0), [4, 2, 2], None, COMM)
-    V = fem.functionspace(mesh, ("Lagrange", degree, (3,)))
-    u, v = ufl.TrialFunction(V), ufl.TestFunction(V)
-    bottom, top = (supported.side(mesh, 2, at) for at in (0.0, 1.0))
-    moved = fem.dirichletbc(np.array([0.004, 0.0, -0.01]), fem.locate_dofs_topological(V, 2, top), V)
-    floor = Foundation(bottom, gap=lambda x: 0.002 * x[0], friction=Coulomb(0.3))
-    load = ufl.inner(fem.Constant(mesh, np.zeros(3)), v) * ufl.dx
-    problem = ContactProblem(1000.0 * supported.hooke(u, v, 1.0), load, [moved], floor)
-    with pytest.raises(RuntimeError, match="there is no solution so far"):
-        problem.boundary_fields()
-    problem.solve()
-    fields, same = problem.boundary_fields(), problem.solution.boundary_fields(0)
-    for name in ("pressure", "shear", "gap", "slip"):
-        assert np.array_equal(getattr(fields, name).x.array, getattr(same, name).x.array)
-    contact, friction = problem.state.forces
-    assert [whole(fields.pressure * ufl.dx), -whole(fields.shear[0] * ufl.dx)] == pytest.approx(
-        [contact[2], friction[0]], rel=1e-12
-    )
-    largest = COMM.allreduce(problem.pressure.x.array.max(initial=0), MPI.MAX)
-    assert COMM.allreduce(fields.pressure.x.array.max(initial=0), MPI.MAX) == largest > 0
 
 
 def test_without_contact():

@@ -42,29 +42,6 @@ def near(expected, scale):
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize(("cell", "degree"), PLANE)
-def test_clamped_beam(cell, degree):
-    """The clamp takes the load and its moment; a point of the line of action is on it."""
-    beam = plane(
-        cell, degree, displacement={"boundary": "left", "x": 0.0, "y": 0.0}, traction={"boundary": "right", "y": "x[1]"}
-    )
-    found = solve(beam, COMM).resultants
-    load, support = found.of("right"), found.of("left")
-    # The integral of x[1] over the end, and of its moment about the origin.
-    assert load.force == near([0.0, HEIGHT**2 / 2], 1.0)
-    assert load.moment == near(LENGTH * HEIGHT**2 / 2, 1.0)
-    assert support.force == near(-load.force, 10.0)
-    assert support.moment == near(-load.moment, 10.0)
-    assert found.of("left", about=[LENGTH, 7.0]).moment == near(0.0, 10.0)
-    assert support.moment_about([LENGTH, 7.0]) == near(0.0, 10.0)
-    assert support.acts_at[0] == near(LENGTH, 1.0)  # the line of action is x[0] = LENGTH: it does not meet the clamp
-    assert load.acts == ("traction",)
-    assert support.acts == ("support",)
-    assert found.of("top").acts == ()
-    assert found.of("top").force == near([0.0, 0.0], 1e-9)
-
-
-@pytest.mark.mpi
 @pytest.mark.parametrize(("cells", "degree"), SPACE)
 def test_clamped_beam_in_space(cells, degree):
     """Force and all three moments, of a load that bends and twists."""
@@ -136,18 +113,6 @@ def test_block_that_may_tip(cell, degree, push):
 
 
 @pytest.mark.mpi
-def test_block_that_a_couple_turns():
-    """Its friction is used before two corners that carry all of the weight would give way."""
-    weight, push = 6.0, 0.5
-    pushes = [{"boundary": side, "y": way * push / (DEPTH * HEIGHT)} for side, way in (("left", -1.0), ("right", 1.0))]
-    contact = {"boundary": "bottom", "friction": COULOMB}
-    scene = space(body_force={"z": -weight / (LENGTH * DEPTH * HEIGHT)}, traction=pushes, contact=contact)
-    used = solve(scene, COMM).friction_used
-    turns = 0.6 * weight * np.hypot(LENGTH, DEPTH) / 2 / (push * LENGTH)
-    assert 1 / turns < used < 1
-
-
-@pytest.mark.mpi
 def test_two_feet():
     """The base of a body on two feet reaches from one to the other; each foot has its own figures."""
     mesh = dmesh.create_rectangle(COMM, [(0.0, 0.0), (4.0, 1.0)], (16, 4))
@@ -208,39 +173,6 @@ def test_summary():
     assert "friction used 42 %" in lines
     assert "forces top: (0, -6) by traction, acts at (1, 3)" in lines
     assert "left: (1.5, 0) by traction, acts at (0, 1.5)" in lines
-
-
-def test_where_nothing_can_be_said():
-    """No friction is used where there is none, and without contact."""
-    still = plane(
-        body_force={"y": -1.0},
-        displacement={"boundary": "left", "x": 0.0},
-        contact={"boundary": "bottom"},
-    )
-    solution = alone(still)
-    assert solution.friction_used is None
-    upright = alone(plane(body_force={"y": -1.0}, contact={"boundary": "bottom", "friction": COULOMB}))
-    assert upright.friction_used == 0.0
-    assert upright.contact_figures[0].tangential_force == 0.0
-    parameters = {"radius": 1.0, "size": 0.4, "contact_size": 0.1}
-    disk = parse_scene(
-        {
-            "mesh": {"generator": "half_disk", "parameters": parameters},
-            "material": STEEL,
-            "traction": {"boundary": "top", "y": -1.0},
-            "contact": {
-                "boundary": "arc",
-                "gap": "x[1]",
-                "direction": [0.0, -1.0],
-                "friction": {"law": "tresca", "bound": 0.1},
-            },
-        }
-    )
-    on_a_disk = alone(disk)
-    assert on_a_disk.contact_figures[0].friction_limit == pytest.approx(0.1 * on_a_disk.contact_figures[0].area)
-    linear = alone(plane(displacement={"boundary": "left", "x": 0.0, "y": 0.0}, traction={"boundary": "top", "y": 1.0}))
-    assert linear.contact_figures == []
-    assert linear.friction_used is None
 
 
 def test_mistakes():

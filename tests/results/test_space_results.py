@@ -6,15 +6,10 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from mpi4py import MPI
 from scenes import alone
 from spaces import block, box, friction_of
 
-from signorini_fx.mechanics.body.discretisation import discretise
-from signorini_fx.records import Timings
-from signorini_fx.results.certificate.surface_quadrature import SurfaceQuadrature
 from signorini_fx.results.files import write_results
-from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import parse_scene
 
 CELLS = {
@@ -100,34 +95,3 @@ def test_moment_of_a_push(kind):
     loads = np.array([0.5, -1.0, 0.0]) * -press * area + np.array([0.0, height, 0.0]) * push * area
     loads[2] = -0.5 * push * area
     np.testing.assert_allclose(moment, -loads, atol=1e-8)
-
-
-def test_where_forces_act_on_curved_facets():
-    """On curved quadratic tetrahedra beside the vertices: their moments are those of the forces at the nodes."""
-    parameters = {"radius": 8.0, "size": 4.0, "contact_size": 1.0, "part": "quarter", "order": 2}
-    scene = parse_scene(
-        {
-            "mesh": {"generator": "half_sphere", "parameters": parameters},
-            "element": {"degree": 2},
-            "material": {"young": 1000.0, "poisson": 0.3},
-            "contact": {"boundary": "sphere"},
-        }
-    )
-    body = discretise(scene.statement, load_mesh(scene, MPI.COMM_SELF), Timings())
-    boundary = body.boundary
-    rng = np.random.default_rng(3)
-    pressure, shear = rng.uniform(size=boundary.size), rng.normal(size=(boundary.size, 2))
-    at_nodes = body.vector(np.zeros(body.fixed.size))
-    body.contact.add_forces(pressure, shear, at_nodes)
-    forces = at_nodes.getArray().reshape(-1, 3)
-    x = body.space.tabulate_dof_coordinates()
-    expected = np.cross(x, forces).sum(axis=0)
-    acting = boundary.nodal_forces(pressure, shear)
-    found = np.cross(boundary.centre, acting).sum(axis=0)
-    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-11 * np.abs(expected).max())
-    beside = np.cross(boundary.x, acting).sum(axis=0)
-    assert np.abs(beside - expected).max() > 1e-6 * np.abs(expected).max()
-    # The certificate finds the same shares by a quadrature of its own.
-    products = SurfaceQuadrature(body.space).products(body.tagged.facets("sphere"))
-    shares = products.tocsr()[boundary.nodes][:, boundary.averages.nodes].toarray() / boundary.weight[:, None]
-    np.testing.assert_allclose(shares, boundary.averages.shares.toarray(), rtol=0, atol=1e-12)

@@ -178,24 +178,6 @@ def test_interrupted(tmp_path, number):
 
 
 @pytest.mark.slow
-def test_killed_between_meshes(tmp_path):
-    """Who cannot be asked to end leaves the last complete mesh too; the next run takes it away when it is done."""
-    with start(tmp_path) as process:
-        for line in process.stdout:
-            if "level 2" in line:
-                process.kill()
-                break
-        process.communicate(timeout=120)
-    assert whole(tmp_path / "out") is None
-    assert whole(tmp_path / "out" / files.LAST_LEVEL) in (51, 101)
-    with start(tmp_path, cells=16) as process:
-        process.communicate(timeout=120)
-    assert process.returncode == 0
-    assert whole(tmp_path / "out") == 17
-    assert not (tmp_path / "out" / files.LAST_LEVEL).exists()
-
-
-@pytest.mark.slow
 def test_output_that_goes_nowhere(tmp_path):
     """A full disk behind standard output is said and ends with an exit code; the results are written all the same."""
     with open("/dev/full", "w") as nowhere, start(tmp_path, cells=16, stdout=nowhere) as process:

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
-from scenes import alone, example1
+from scenes import alone
 
 from signorini_fx.mechanics.contact_points.contact_table import contact_table
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, generate_mesh, tag_boundaries
@@ -445,20 +445,6 @@ def test_plane_stress():
     assert_contact(solution, PRESSURE, state="none")
 
 
-def test_symmetry_on_a_single_facet():
-    """A boundary of one facet along an axis has an axis, too."""
-    state = State(**CONFINED, corner=(0.0, -GAP))
-    solution = run(
-        patch_mesh("quadrilateral", 0.0),
-        1,
-        traction={"boundary": "top", "pressure": PRESSURE},
-        displacement=[{"boundary": name, "normal": 0.0} for name in SIDES],
-        contact=bottom(),
-    )
-    assert_displacement(solution, state.displacement(0.0))
-    assert_contact(solution, PRESSURE, state="none")
-
-
 @each_element
 def test_gravity(cell, degree):
     """A body force presses the block down by its weight; the displacement is quadratic, exact for degree 2."""
@@ -478,28 +464,3 @@ def test_gravity(cell, degree):
             solution, lambda x: np.array([0 * x[0], -GAP - weight * (HEIGHT * x[1] - x[1] ** 2 / 2) / stiffness])
         )
         assert_contact(solution, weight * HEIGHT, state="none")
-
-
-@pytest.mark.parametrize("settings", [{}, {"algorithm": "alm"}])
-@pytest.mark.parametrize("law", [{}, {"bound": 1.5}, {"coefficient": 0.3}], ids=["none", "tresca", "coulomb"])
-def test_half_of_example_1(law, settings):
-    """With a plane of symmetry in the middle, half of Example 1 is the whole of it, node by node."""
-    whole = example1(nx=36, ny=12, **law, **settings)
-    parameters = whole.mesh.parameters
-    half = whole.model_copy(
-        update={
-            "mesh": whole.mesh.model_copy(update={"parameters": parameters | {"length": 1.5, "nx": 18}}),
-            "displacement": tuple(
-                effect.model_copy(update={"x": None, "normal": 0.0}) for effect in whole.displacement
-            ),
-        }
-    )
-    columns = [contact_table(alone(scene).contact, ["bottom"]).columns for scene in (whole, half)]
-    left = columns[0]["x"] < 1.5 + 1e-9
-    for name, size in (("u_n", 5e-3), ("u_t", 5e-3), ("pressure", 20.0)):
-        np.testing.assert_allclose(columns[0][name][left], columns[1][name], rtol=0, atol=1e-8 * size)
-    # At the node on the plane the half body's friction has nothing to do.
-    inner = columns[1]["x"] < 1.5 - 1e-9
-    np.testing.assert_allclose(columns[0]["shear"][left][:-1], columns[1]["shear"][inner], rtol=0, atol=1e-8 * 20.0)
-    states = [column["state"] for column in columns]
-    np.testing.assert_array_equal(states[0][left][:-1], states[1][inner])

@@ -1,14 +1,10 @@
 """Bodies in 3D that only contact and friction hold: what slides, opens or stays, and six rigid motions."""
 
-import basix.ufl
 import numpy as np
 import pytest
-from dolfinx import mesh as dmesh
-from mpi4py import MPI
 from scenes import alone
 from spaces import box, disc, friction_of
 
-from signorini_fx.mechanics.mesh.tagged import tag_boundaries
 from signorini_fx.records import Status
 from signorini_fx.scenes.reading import parse_scene
 
@@ -150,32 +146,3 @@ def test_reference_motion():
     np.testing.assert_allclose(sum(dropped.contact.forces)[2], PRESS * AREA, rtol=1e-9)
     u_n = dropped.table.columns["u_n"] - dropped.table.columns["gap"]
     assert np.abs(u_n).max() < 1e-5
-
-
-def test_two_pieces_and_a_hinge():
-    """Two boxes that share an edge only are joined along it: one rotation is left of six motions."""
-    points = np.array([(x, y, z) for z in (0.0, 1.0) for y in (0.0, 1.0, 2.0) for x in (0.0, 1.0, 2.0)])
-    number = {tuple(p): k for k, p in enumerate(points)}
-
-    def cell(x, y):
-        return [number[x + i, y + j, float(k)] for k in (0, 1) for j in (0.0, 1.0) for i in (0.0, 1.0)]
-
-    cells = np.array([cell(0.0, 0.0), cell(1.0, 1.0)])
-    used, cells = np.unique(cells, return_inverse=True)
-    element = basix.ufl.element("Lagrange", "hexahedron", 1, shape=(3,))
-    mesh = dmesh.create_mesh(MPI.COMM_SELF, cells.reshape(2, 8), x=points[used], e=element)
-    tagged = tag_boundaries(
-        mesh,
-        {
-            "left": lambda x: np.abs(x[0]) < 1e-9,
-            "bottom": lambda x: np.abs(x[2]) < 1e-9,
-            "top": lambda x: np.abs(x[2] - 1.0) < 1e-9,
-        },
-    )
-    scene = brick({}, mesh=tagged, displacement={"boundary": "left", "x": 0.0, "y": 0.0, "z": 0.0})
-    solution = alone(scene, check=False)
-    motions = solution.model.motions
-    assert motions.pieces.count == 2
-    assert motions.free.shape[1] == 1
-    assert solution.status is Status.NOT_HELD
-    assert any("the rotation about the axis through (1, 1, " in found.message for found in solution.findings)
