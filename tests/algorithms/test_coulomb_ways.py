@@ -8,7 +8,6 @@ import pytest
 from mpi4py import MPI
 from scenes import alone, example1
 
-from signorini_fx import solve
 from signorini_fx.algebra import attempts
 from signorini_fx.algebra.algorithms import augmented_fall_back, strategy
 from signorini_fx.mechanics.body.discretisation import discretise
@@ -221,30 +220,6 @@ def test_the_limit_is_an_end(monkeypatch):
     assert solution.history.linear_solves <= 200
     assert any("as many linear solves as they may" in event for event in solution.history.events)
     assert time.process_time() - begin < 20
-
-
-@pytest.mark.slow
-def test_cohesion_that_opens_its_own_contact():
-    """A corner opens with its cohesion and closes without it: no state has either, which is said, in few solves."""
-
-    def pulled(**friction):
-        block = {"generator": "rectangle", "parameters": {"length": 1.0, "height": 0.5, "nx": 4, "ny": 2}}
-        given = {
-            "mesh": block,
-            "material": {"young": 1000.0, "poisson": 0.3},
-            "displacement": {"boundary": "top", "x": 0.02, "y": -0.002},
-            "contact": {"boundary": "bottom", "friction": friction},
-        }
-        return solve(parse_scene(given), MPI.COMM_SELF, check=False)
-
-    everywhere, elsewhere = (
-        pulled(law="tresca", bound=bound).contact.pressure for bound in (3.0, "3.0 if x[0] > 0.1 else 0.0")
-    )
-    assert (everywhere == 0).tolist() == [True, False, False, False, False]
-    assert (elsewhere > 0).all()
-    solution = pulled(law="coulomb", coefficient=0.0, cohesion=3.0)
-    assert solution.status is Status.OUTER_MAX_ITERATIONS
-    assert "contact points open with their cohesion, and are closed without it" in solution.history.events
 
 
 def pulled_and_pushed(**solver):
