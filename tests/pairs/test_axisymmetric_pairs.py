@@ -1,4 +1,4 @@
-"""Bodies of revolution in contact: fits, patches, spheres, and an independent program on random bodies."""
+"""Bodies of revolution in contact: fits, patches and spheres."""
 
 from pathlib import Path
 
@@ -7,7 +7,7 @@ import pytest
 import ufl
 from dolfinx import fem
 from mpi4py import MPI
-from revolved import Bodies, Box, Touching, difference
+from revolved import Bodies, Box, Touching
 from two_bodies import facets, held
 
 from signorini_fx import Status, read_scene, solve
@@ -118,9 +118,6 @@ def test_ring_that_the_friction_of_a_fit_holds(radii, height, along, stiff, fit,
     assert found.status is Status.CONVERGED
     axial = force * np.pi * (radii[1] ** 2 - radii[0] ** 2)
     assert abs(found.contact_figures[0].friction_force[1]) == pytest.approx(abs(axial), rel=1e-9)
-    apart, pressure = difference(bodies, found)
-    assert apart < 1e-4
-    assert pressure < 1e-3
 
 
 def cylinders(**more):
