@@ -9,11 +9,9 @@ import tomllib
 from importlib import import_module
 from pathlib import Path
 
-import dolfinx
 import numpy as np
 import pytest
 from mpi4py import MPI
-from petsc4py import PETSc
 from scenes import alone, example1
 
 from signorini_fx.errors import SceneError
@@ -31,7 +29,7 @@ from signorini_fx.records import Status
 from signorini_fx.results.summary import render, summarise
 from signorini_fx.scenes import cli, scene, template
 from signorini_fx.scenes.checks import check_scene
-from signorini_fx.scenes.reading import parse_scene, parse_scene_text, read_scene
+from signorini_fx.scenes.reading import parse_scene, read_scene
 from signorini_fx.solving.check.findings import friction_indication
 
 DEMOS = sorted((Path(__file__).parents[2] / "demos" / "scenes").glob("*.toml"))
