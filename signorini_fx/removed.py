@@ -25,6 +25,7 @@ INSTEAD: dict[str, str] = {
     "point_force.file": "write one [[point_force]] with 'at' for each node",
     "contact.overclosure.law = exponential": "use the stiffness at the pressure that is expected: { stiffness = ... }",
     "contact.overclosure.law = tabular": "use the stiffness at the pressure that is expected: { stiffness = ... }",
+    "signorini-fx compare": "compare the numbers of the two summary.json and contact.csv",
     "signorini-fx gauntlet": "compare a result of another program by signorini-fx judge",
     "signorini-fx judge --alone": "leave it out: the distance from our solution is the verdict",
     "signorini-fx work-precision": "set accuracy.target in the scene, by which meshes and their number are chosen",

@@ -786,16 +786,15 @@ PROVED_SHARE = 1 - 1e-6
 # Width over height from which on a picture of a report is not made smaller than it can be read, and from which on the
 # two panels of a contact surface stand one above the other.
 BROAD_PICTURE, STACKED_PANELS = 1.6, 1.5
-# Width and height at most, inches: of a set-up, of a body in 3D, of each panel of bodies drawn apart; and the
-# narrowest picture, for its lettering.  Pixels per inch of what is drawn in 3D.
-SETUP_INCHES, SOLID_INCHES, APART_INCHES, NARROWEST = 6.0, 4.8, 4.0, 3.4
+# Width and height at most, inches: of a set-up, of a body in 3D; and the narrowest picture, for its lettering.  Pixels
+# per inch of what is drawn in 3D.
+SETUP_INCHES, SOLID_INCHES, NARROWEST = 6.0, 4.8, 3.4
 PIXELS_PER_INCH = 240.0
 # How far a foundation is drawn beside the body, over its longest side, and on a grid of how many lines along that, in
 # the plane and in 3D; a round one whose diameter is at most about this share of that side is drawn whole.
 FOUNDATION_BESIDE, FOUNDATION_GRID, FOUNDATION_GRID_IN_SPACE, WHOLE_FOUNDATION = 0.25, 300, 40, 0.7
-# Margins over the longer side: of a plane around the contact boundary, around a boundary, where arrows need room, and
-# around a moving body.
-PLANE_MARGIN, SURFACE_MARGIN, MOTION_MARGIN = 0.12, 0.08, 0.04
+# Margins over the longer side: of a plane around the contact boundary, and around a boundary, where arrows need room.
+PLANE_MARGIN, SURFACE_MARGIN = 0.12, 0.08
 # If the surroundings of the contact are less than this share of a boundary, only they are drawn; contact on less than
 # this share of the diagonal of the body is enlarged.
 SMALL_PART, SMALL_ZONE = 0.5, 0.2
@@ -807,11 +806,6 @@ VISIBLE_CELL, VISIBLE_COLOURED_CELL, VISIBLE_FACET = 2.5, 5.0, 9.0
 # A foundation whose direction the magnified gap turns by more than these degrees is another one; a gap that is
 # magnified to more than this share of the diagonal of the body leaves the picture.
 BENT_FOUNDATION, GAP_IN_PICTURE = 30.0, 0.5
-# Bodies are moved apart by this share of the size of an open contact boundary; a body is drawn out of the other one by
-# this many lengths of a closed one; the second view is from this elevation, degrees.  A distance is multiplied by the
-# first of some factors at which the body covers fewest others in the pictures.
-BODIES_APART, BODY_OUT, VIEW_FROM_BELOW = 0.7, 1.15, -30.0
-APART_TIMES = (1.0, 1.25, 1.5, 2.0, 2.5, 3.0)
 # Length of the longest arrow, over the longer side: of a contact surface, of a set-up.  A load of less than the last
 # share of the largest one has no arrow.
 LONGEST_ARROW, LONGEST_ARROW_OF_SETUP, SMALLEST_ARROW = 0.06, 0.13, 0.02

@@ -39,7 +39,7 @@ LAST_LEVEL = "last_level"
 # Fields drawn on demand: the von Mises stress always is, and the displacement around the axis where there is one.
 ON_DEMAND = ("pressure", "principal", "displacement", "density")
 # Pictures that only some results have.
-_SELDOM = ("section", "exploded", "setup")
+_SELDOM = ("section", "setup")
 # All files of a result, although some are written by some runs only, and its report.
 FILES = (
     *(
@@ -58,8 +58,6 @@ FILES = (
         for name in ("deformed", "profiles", "history", "convergence_table", "contact_surface", "load_steps", *_SELDOM)
         for kind in ("png", "pdf")
     ),
-    "deformed.gif",
-    "body.json",
     *(f"field_{name}.{kind}" for name in (*ON_DEMAND, "around") for kind in ("png", "pdf")),
     "report.html",
 )

@@ -1,4 +1,4 @@
-"""One number of a problem with several values: a solve for each of them, a table and a picture.
+"""One number of a problem with several values: a solve for each of them, and a table.
 
 The problem is an entry of a scene, or forms, or a residual with another value of a Constant: each is a function that
 solves it.
@@ -15,10 +15,8 @@ from typing import Any
 import numpy as np
 
 from signorini_fx.errors import SceneError
-from signorini_fx.extensions import add_on
 from signorini_fx.machine.csv_text import write_csv
 from signorini_fx.mechanics.statement.changes import Changes, parsed_change
-from signorini_fx.mechanics.statement.units import labelled
 from signorini_fx.records import Status
 from signorini_fx.results.solution import Solution
 from signorini_fx.tuned import ZERO_IN_SOLUTION
@@ -33,8 +31,8 @@ FIGURES = (
     "stick_area",
     "strain_energy",
 )
-# Everything that a study may write.
-FILES = ("sweep.csv", "sweep.png", "sweep.pdf")
+# Everything that a study writes.
+FILES = ("sweep.csv",)
 _COMMA = re.compile(r",(?![^()]*\))")  # between values, and not between the arguments of a function
 _RANGE = re.compile(r"\s*([-+.\deE]+)\s*:\s*([-+.\deE]+)\s*:\s*(\d{1,5})\s*")
 
@@ -45,8 +43,6 @@ class ParameterStudy:
 
     Attributes:
         entry: the path of the entry of the scene that has several values, or its name.
-        title: of the problem.
-        units: for labels, see ``signorini_fx.mechanics.statement.units``.
         rows: of each value in order: ``value``, ``status``, ``linear_solves``, ``certificate_holds`` and ``FIGURES``:
             sizes of the contact and friction force (per thickness in 2D), between bodies the sum of those of all
             boundaries, areas in contact and of what sticks (in 2D lengths); not a number where there is no
@@ -55,8 +51,6 @@ class ParameterStudy:
     """
 
     entry: str
-    title: str
-    units: dict[str, str]
     rows: tuple[dict[str, Any], ...]
 
     @property
@@ -104,18 +98,16 @@ def run(
     """
     names = "  ".join(f"{name:>14s}" for name in FIGURES).replace("_", " ")
     report(f"{entry}\n{'value':>12s}  {names}  outcome")
-    rows, title, units = [], "", {}
+    rows = []
     for value, solved in problems:
         solution = solved()
         rows.append({"value": value, **figures_of(solution)})
-        statement = solution.statement
-        title, units = statement.title, statement.unit_names(solution.model.tagged.dimension)
         row = rows[-1]
         # Without contact there are no figures of it.
         figures = "  ".join(f"{row[name]:14.6g}" if name in row else f"{'-':>14s}" for name in FIGURES)
         limit = f" after time {row['solved_until']:g}" if "solved_until" in row and not solution.converged else ""
         report(f"{value!s:>12s}  {figures}  {solution.status.value}{limit}")
-    return ParameterStudy(entry, title, units, tuple(rows))
+    return ParameterStudy(entry, tuple(rows))
 
 
 def figures_of(solution: Solution) -> dict[str, Any]:
@@ -150,9 +142,5 @@ def figures_of(solution: Solution) -> dict[str, Any]:
 
 
 def write(study: ParameterStudy, folder: Path) -> None:
-    """Write sweep.csv, and the picture if the values are numbers and there is contact."""
+    """Write sweep.csv."""
     write_csv(folder / "sweep.csv", study.rows)
-    if all(isinstance(row["value"], int | float) and "contact_force" in row for row in study.rows):
-        draw = add_on("draw_sweep")
-        with labelled(study.units):
-            draw(folder / "sweep", study.entry, study.rows, study.title)

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
-from PIL import Image
 
-from signorini_fx.addons.pictures import deformed_body, moving_body
-from signorini_fx.addons.pictures.body import DrawnBody, Moment
+from signorini_fx.addons.pictures import deformed_body
+from signorini_fx.addons.pictures.body import DrawnBody
 from signorini_fx.addons.pictures.deformed_body import DrawnFoundation, deformed_mesh, magnification
 from signorini_fx.addons.pictures.fields import FIELDS
 from signorini_fx.addons.pictures.marks import Largest
@@ -104,32 +103,14 @@ def test_an_asked_factor_makes_one_panel(monkeypatch):
     assert cells.get_cmap().name == "gray_r"
 
 
-def test_a_frame_has_no_foundation_that_would_be_bent(monkeypatch):
-    """One panel, with the contact zone marked, where an animation magnifies a plane below a round body."""
+def test_a_panel_has_no_foundation_that_would_be_bent(monkeypatch):
+    """One panel, with the contact zone marked, where the factor magnifies a plane below a round body."""
     gap = 0.3 * (X - 1.5) ** 2 + 0.001
     (axes,), title = drawn(monkeypatch, gap, sinking(0.0012), factor=50.0)
     assert "gap" not in title
     assert "contact zone thick" in title
     assert not axes.lines
     np.testing.assert_allclose(body_of(axes), (POINTS + 50.0 * sinking(0.0012))[CELLS])
-
-
-def test_frames_of_a_round_body(monkeypatch, tmp_path):
-    """Each frame marks what touches in its load step, and the frame does not reach out for a foundation."""
-    kept = []
-    monkeypatch.setattr(moving_body, "deformed_mesh", lambda *what, **how: kept.append(how) or picture(what[0]))
-    foundation = DrawnFoundation(BOTTOM, (0.3 * (X - 1.5) ** 2)[:, None] * DOWN, None)
-    moments = [
-        Moment(str(depth), sinking(depth), np.ones(12), depth >= 0.3 * (X - 1.5) ** 2) for depth in (0.0, 0.01, 0.03)
-    ]
-    moving_body.moving_body(tmp_path / "body.gif", BODY, moments, foundation=foundation, title="A round body")
-    assert [np.count_nonzero(how["foundation"].touching) for how in kept] == [1, 1, 3]
-    assert {how["factor"] for how in kept} == {10.0}
-    np.testing.assert_allclose(kept[0]["frame"], [[-0.12, -0.42], [3.12, 1.12]])
-
-
-def picture(stem):
-    Image.new("RGB", (8, 8)).save(stem.with_suffix(".png"))
 
 
 def test_lengths_are_those_of_the_body(monkeypatch):
@@ -202,27 +183,6 @@ def test_a_title_stays_within_its_picture(tmp_path):
     assert text.get_text().replace("\n", " ").startswith("A brake shoe pressed and dragged A brake shoe")
 
 
-@pytest.mark.slow
-def test_all_frames_of_an_animation_are_alike(monkeypatch, tmp_path):
-    """The magnification and the frame are the same in all of them; the foundation is in the frame."""
-    seen = []
-
-    def draw(*arguments, **options):
-        seen.append((options["foundation"].nodes is BOTTOM, options["factor"], options["frame"]))
-        deformed_mesh(*arguments, **options)
-
-    monkeypatch.setattr(moving_body, "deformed_mesh", draw)
-    gap = 0.001 + 0.0005 * (X - 1.5) ** 2
-    foundation = DrawnFoundation(BOTTOM, gap[:, None] * DOWN)
-    moments = [Moment(f"{k}", sinking(depth), np.ones(12)) for k, depth in enumerate((0.0005, 0.001))]
-    moving_body.moving_body(tmp_path / "a.gif", BODY, moments, foundation=foundation)
-    assert [one[:2] for one in seen] == [(True, 200.0)] * 2
-    low, high = seen[0][2]
-    assert (low < POINTS.min(axis=0) - 200 * 0.001 * np.array([0, 1])).all()
-    assert (high > POINTS.max(axis=0)).all()
-    assert seen[1][2] is seen[0][2]
-
-
 def test_axisymmetric_bodies_are_mirrored():
     """Points, displacements, shear and foundation are reflected at the axis, which is no edge of the body."""
     stress = np.arange(9.0).reshape(1, 3, 3).repeat(12, axis=0)
@@ -240,8 +200,7 @@ def test_axisymmetric_bodies_are_mirrored():
     foundation = DrawnFoundation(BOTTOM, offset, touching).with_mirror_image()
     assert np.array_equal(foundation.nodes[:, 0], [*-X[::-1], *X])
     assert np.array_equal(foundation.offset[:, 0], [*-0.1 * X[::-1], *0.1 * X])
-    moment = Moment("1", displacement, np.ones(12), touching).with_mirror_image()
-    assert np.array_equal(moment.touching, foundation.touching)
+    assert np.array_equal(foundation.touching, [*touching[::-1], *touching])
 
 
 def test_whole_foundations_are_drawn_where_nothing_is_magnified(monkeypatch):

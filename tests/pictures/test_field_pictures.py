@@ -207,7 +207,7 @@ def test_fields_that_are_none(tmp_path, capsys):
 
 
 def test_scale_that_is_given():
-    """An animation has the same colours in every frame: the scale ends where it is told to, with an arrow above."""
+    """The scale ends where it is told to, with an arrow above."""
     tones = Tones(FIELDS["von_mises"], np.array([1.0, 2.0, 4.0]), np.ones(3), top=3.0)
     figure = Figure()
     assert (tones.low, tones.high) == (0.0, 3.0)

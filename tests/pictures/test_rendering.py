@@ -7,11 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.optimize import linprog
 
 from signorini_fx.addons.pictures import offscreen, view
 from signorini_fx.addons.pictures.body import DrawnBody, Volume
-from signorini_fx.addons.pictures.exploded import exploded, moved_apart
 from signorini_fx.addons.pictures.foundation import FoundationSurface, normals_of
 from signorini_fx.addons.pictures.solid import Cut, Lines, Solid
 from signorini_fx.addons.pictures.solid_body import Skin, section, solid_figure, telling_view
@@ -289,56 +287,3 @@ def test_a_body_without_facets():
     body = DrawnBody(CUBE, SIDES[:0], tiling(4, 1), np.zeros((8, 3)), {"von_mises": np.ones(0)}, False)
     with pytest.raises(ValueError, match="no facets"):
         Skin.of(body, "von_mises")
-
-
-def stack(count):
-    """Cubes on each other, whose corners coincide, and the contact table of each on the one below."""
-    cubes = [cube([0.2] * 6) for _ in range(count)]
-    shift = [14 * k for k in range(count)]
-    skin = Skin(
-        np.concatenate([one.points + np.array([0, 0, k]) for k, one in enumerate(cubes)]),
-        np.zeros((14 * count, 3)),
-        np.concatenate([one.triangles + more for one, more in zip(cubes, shift, strict=True)]),
-        np.concatenate([one.values for one in cubes]),
-        np.concatenate([one.perimeters + more for one, more in zip(cubes, shift, strict=True)]),
-        at_points=False,
-        pieces=np.repeat(np.arange(count), 14),
-    )
-    x = np.concatenate([CUBE[:4] + np.array([0, 0, k]) for k in range(1, count)])
-    names = np.repeat([f"bottom {k}" for k in range(1, count)], 4)
-    normal = {"n_x": np.zeros(len(x)), "n_y": np.zeros(len(x)), "n_z": -np.ones(len(x))}
-    contact = {"boundary": names, "against": np.full(len(x), "top"), "weight": np.ones(len(x)), **normal}
-    return skin, contact | dict(zip("xyz", x.T, strict=True))
-
-
-def separable(first, second):
-    """Whether a straight line a . x = b lies between points of shape (n, 2), by a linear programme."""
-    rows = np.concatenate(
-        (np.column_stack((first, -np.ones(len(first)))), -np.column_stack((second, -np.ones(len(second)))))
-    )
-    return linprog(np.zeros(3), A_ub=rows, b_ub=-np.ones(len(rows)), bounds=(None, None)).success
-
-
-def test_bodies_are_moved_apart(tmp_path):
-    """Along the normal, by 0.7 of the diagonal of the contact, or so far that none hides another one; out of a hole
-    along it; on a foundation not at all.
-    """
-    skin, contact = stack(3)
-    moved = moved_apart(skin, contact).reshape(3, 14, 3)
-    assert np.ptp(moved, axis=1).max() == 0  # each body as a whole
-    np.testing.assert_allclose(np.diff(moved[:, 0], axis=0), [[0, 0, 0.7 * np.sqrt(2)]] * 2, atol=1e-12)
-    two, of_two = stack(2)
-    around = dict(zip(("n_x", "n_y", "n_z"), [[1, -1, 0, 0], [0, 0, 1, -1], [0] * 4], strict=True))
-    apart = moved_apart(two, of_two | {name: np.array(one, dtype=float) for name, one in around.items()})
-    np.testing.assert_allclose(np.abs(apart.reshape(2, 14, 3)[:, 0]).sum(axis=0), [0, 0, 1.15 * 2], atol=1e-12)
-    assert moved_apart(two, of_two | {"against": np.full(4, "")}) is None
-    assert moved_apart(replace(two, pieces=None), of_two) is None
-    views = (view.oblique(), view.oblique(-58.0, -30.0))
-    two.points[:14, :2] = (
-        4.0 * two.points[:14, :2] - 1.5
-    )  # a plate, which from below hides the cube on it unless that is far away
-    for projected_onto, clear in ((views, [True, True]), ((), [False, False])):
-        points = two.points + moved_apart(two, of_two, projected_onto)
-        assert [separable(*np.split(sight.flat(points), 2)) for sight in views] == clear
-    exploded(tmp_path / "exploded", two, of_two, title="Two cubes")
-    assert (tmp_path / "exploded.png").exists()

@@ -14,7 +14,6 @@ import xml.etree.ElementTree as ElementTree
 from dataclasses import replace
 from datetime import UTC, date, datetime, timedelta
 from html.parser import HTMLParser
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -23,9 +22,8 @@ from mpi4py import MPI
 from PIL import Image
 from scenes import alone, example1, on_mesh, rectangle
 
-from signorini_fx.addons.pictures import step_animation
 from signorini_fx.addons.pictures.fields import FIELDS
-from signorini_fx.addons.report import advice, evidence, interactive, markup, sections
+from signorini_fx.addons.report import advice, evidence, markup, sections
 from signorini_fx.addons.report import page as report
 from signorini_fx.errors import OutputError, ResultError
 from signorini_fx.machine import parallel
@@ -191,15 +189,11 @@ def test_page_is_whole(folder):
 
 
 def test_page_needs_nothing_else(folder):
-    """No address, no file: pictures are in the page, each with words for those who do not see it; so is the library."""
+    """No address, no file, no script: pictures are in the page, each with words for those who do not see it."""
     page = Page(folder)
-    assert not set(page.tags) & {"link", "iframe", "object", "embed", "base", "form"}
-    scripts = re.findall(r"<script[^>]*>(.*?)</script>", page.source, flags=re.DOTALL)
-    own = [text for text in scripts if not text.startswith("/* dygraphs")]
-    assert len(scripts) - len(own) == ("plots" in page.classes)
-    rest = re.sub(r'"data:[^"]*"|<script[^>]*>/\* dygraphs.*?</script>', "", page.source, flags=re.DOTALL)
+    assert not set(page.tags) & {"link", "iframe", "object", "embed", "base", "form", "script"}
+    rest = re.sub(r'"data:[^"]*"', "", page.source)
     assert re.findall(r"https?:|url\(|@import|[^:]//\w|sourceMappingURL", rest) == []
-    assert all("sourceMappingURL" not in text for text in scripts)
     for tag, name, value in page.attributes:
         assert not name.startswith("on")
         if name in ("src", "href", "srcset"):
@@ -264,7 +258,7 @@ def test_sections(folders):
     assert kinds["not held"] == ["png"]  # what the scene prescribes
     assert not {"Certificate", "Contact boundary", "Forces and zones"} & headings["not held"]
     assert kinds["levels"] == ["svg+xml"] * 4
-    assert sorted(kinds["steps"]) == ["gif", "gif", "png", *["svg+xml"] * 4]
+    assert sorted(kinds["steps"]) == ["png", *["svg+xml"] * 4]
 
 
 def test_escapes(folders):
@@ -307,34 +301,6 @@ def test_load_steps_without_names(folders):
     drawn = [data for kind, data in pictures(Page(folders["steps"])) if kind == "svg+xml"]
     assert any(b"<!-- time -->" in data for data in drawn)
     assert not any(b"<!-- nan -->" in data for data in drawn)
-
-
-def test_animation(folders):
-    """One frame per load step, each different: the deformed body, and the contact boundary."""
-    moving = [data for kind, data in pictures(Page(folders["steps"])) if kind == "gif"]
-    assert len(moving) == 2
-    for data in moving:
-        frames = []
-        with Image.open(io.BytesIO(data)) as image:
-            assert image.n_frames == 3
-            for frame in range(3):
-                image.seek(frame)
-                frames.append(np.asarray(image.convert("L")).astype(int))
-        assert all(np.abs(a - b).max() > 100 for a, b in pairwise(frames))
-
-
-@pytest.mark.slow
-def test_many_load_steps(tmp_path, monkeypatch):
-    """Of too many steps some are left out, never the last."""
-    monkeypatch.setattr(step_animation, "_MOST_FRAMES", 4)
-    rows = {"step": np.repeat(np.arange(10.0), 2), "boundary": np.repeat("b", 20)}
-    rows |= {name: np.tile([0.0, 1.0], 10) for name in ("x", "s")}
-    rows |= {name: np.zeros(20) for name in ("y", "shear", "bound")}
-    rows |= {"state": np.repeat("stick", 20), "friction": np.repeat("none", 20)}
-    rows["pressure"] = 1 + rows["step"]  # or frames that are equal would be made one
-    step_animation.step_animation(tmp_path / "a.gif", rows)
-    with Image.open(tmp_path / "a.gif") as image:
-        assert image.n_frames == 4  # steps 0, 3, 6 and 9
 
 
 def test_next_steps(folders):
@@ -681,74 +647,6 @@ def test_errors_of_figures():
     assert between(stress) == pytest.approx(0.05)
     assert between(stress | {"recovered": {"von_mises": {"value": 25.0}}}) == pytest.approx(0.2)
     assert between(stress | {"recovered": None}) is None
-
-
-# --- curves to zoom into ---------------------------------------------------------------------------------------------
-
-
-def curves(page):
-    """The data of the plots of each boundary."""
-    found = re.findall(r'<script type="application/json">(.*?)</script>', page.source, flags=re.DOTALL)
-    return [json.loads(text) for text in found]
-
-
-@pytest.mark.slow
-def test_curves_are_those_of_the_table(folders, monkeypatch, tmp_path):
-    """Every node with its coordinate and values, at axes of their own for stresses and lengths."""
-    library(monkeypatch, tmp_path)
-    folder = broken(folders["steps"], tmp_path)
-    report.write_report(folder)
-    (data,) = curves(Page(folder))
-    contact = read_csv(folder / "contact.csv")
-    assert [panel["unit"] for panel in data["panels"]] == ["stress", "length", "stress", "length"]
-    drawn = {
-        name: np.array([row[1 + k] for row in panel["rows"]], dtype=float)
-        for panel in data["panels"]
-        for k, name in enumerate(panel["names"])
-    }
-    names = {"contact pressure": "pressure", "shear stress": "shear", "rigid foundation": "gap"}
-    names |= {"normal displacement": "u_n", "tangential displacement": "u_t", "friction bound": "bound"}
-    for name, column in names.items():
-        np.testing.assert_allclose(drawn[name], contact[column], rtol=1e-5)
-    np.testing.assert_allclose([row[0] for row in data["panels"][0]["rows"]], contact["x"], rtol=1e-5, atol=1e-12)
-    # The colours cover the boundary without gaps.
-    assert data["states"][0][0] == pytest.approx(0.0, abs=1e-12)
-    assert data["states"][-1][1] == pytest.approx(3.0)
-    assert all(one[1] == other[0] for one, other in pairwise(data["states"]))
-
-
-def library(monkeypatch, folder):
-    """Something that goes for dygraphs."""
-    place = folder / "dygraphs"
-    place.mkdir()
-    (place / "dygraph.min.js").write_text("var Dygraph = 1;\n//# sourceMappingURL=x.js.map\n", encoding="utf-8")
-    (place / "dygraph.min.css").write_text(".a{}\n/*# sourceMappingURL=x.css.map */", encoding="utf-8")
-    monkeypatch.setattr(interactive, "_PLACES", (place,))
-
-
-def test_library_is_in_the_page_with_its_licence(folders, monkeypatch, tmp_path):
-    """Only where there are curves; without the library there is no script, and the pictures are there in any case."""
-    copy = broken(folders["levels"], tmp_path)
-    monkeypatch.setattr(interactive, "_PLACES", ())
-    report.write_report(copy)
-    without = Page(copy)
-    assert "script" not in without.tags
-    assert "plots" not in without.classes
-    library(monkeypatch, tmp_path)
-    report.write_report(copy)
-    page = Page(copy)
-    assert "var Dygraph = 1;" in page.source
-    assert "Permission is hereby granted, free of charge" in page.source
-    assert pictures(page) == pictures(without)
-    linear = tmp_path / "linear.html"
-    report.write_report(folders["linear"], linear)
-    assert "script" not in linear.read_text(encoding="utf-8")
-
-
-def test_code_cannot_end_its_element():
-    """A library that contains the end tag would be taken for a part of the page."""
-    with pytest.raises(ValueError, match="ends its own element"):
-        markup.script("'</Script>'")
 
 
 # --- provenance ------------------------------------------------------------------------------------------------------

@@ -136,7 +136,6 @@ def test_a_block_that_is_pushed(scene, tmp_path, capsys):
         assert float(row["contact_force"]) == pytest.approx(60.0, rel=1e-9)
         assert float(row["friction_force"]) == pytest.approx(3 * float(row["value"]), rel=1e-9)
     assert math.isnan(float(rows[3]["contact_force"] or "nan"))
-    assert (out / "sweep.png").stat().st_size > 10_000
 
 
 def test_bodies_without_contact(tmp_path, capsys):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from signorini_fx.addons.picture_data.rigid_shapes import drawn_shapes
-from signorini_fx.addons.pictures.body import DrawnBody, Moment, Volume
+from signorini_fx.addons.pictures.body import DrawnBody, Volume
 from signorini_fx.addons.pictures.fields import FIELDS
 from signorini_fx.addons.pictures.result_pictures import MOST_FACETS, ResultPictures
 from signorini_fx.machine import parallel
@@ -39,7 +39,6 @@ def gather_pictures(solution: Solution, asked: Sequence[str] = (), *, pdf: bool 
         dimension,
         fields,
         None if gather is None else gather(solution, fields, recovered=True),
-        () if gather is None else _moments(solution, gather),
         as_rows(solution.history.iterations),
         as_rows(solution.convergence_table),
         _volume(solution) if dimension == 3 and gather is not None and stress is not None else None,
@@ -59,7 +58,7 @@ def _of_setup(solution: Solution, *, pdf: bool) -> ResultPictures:
     setup = gather_setup(tagged, statement, statement.title)
     suffixes = (".png", ".pdf") if pdf else (".png",)
     return ResultPictures(
-        statement.title, tagged.dimension, (), None, (), (), (), units=setup.units, suffixes=suffixes, setup=setup
+        statement.title, tagged.dimension, (), None, (), (), units=setup.units, suffixes=suffixes, setup=setup
     )
 
 
@@ -87,19 +86,3 @@ def _gatherer(solution: Solution) -> Callable[..., DrawnBody] | None:
         f"the deformed body is not drawn: its surface has {count} facets, more than {MOST_FACETS}: see it in ParaView",
     )
     return None
-
-
-def _moments(solution: Solution, gather: Callable[..., DrawnBody]) -> list[Moment]:
-    """The body at the load steps that an animation of the stress shows, none if there is only one; collective."""
-    steps = solution.shown_steps
-    if len(steps) < 2 or solution.known_stress is None:
-        return []
-    from signorini_fx.addons.pictures.moving_body import shown
-
-    moments = []
-    for step in (steps[k] for k in shown(len(steps))):
-        step_solution = solution.at(step)
-        body = gather(step_solution, ("von_mises",), recovered=True)
-        touching = None if step_solution.contact is None else step_solution.table.columns["state"] != "open"
-        moments.append(Moment(str(step), body.displacement, body.values["von_mises"], touching))
-    return moments

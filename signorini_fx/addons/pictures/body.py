@@ -109,29 +109,3 @@ class Volume:
     displacement: Floats
     values: Floats
     cells: Rows
-
-
-@dataclass(frozen=True)
-class Moment:
-    """The body at a load step.
-
-    Attributes:
-        name: of the load step.
-        displacement: at the points, length, shape (n, d).
-        values: von Mises stress of each cell, in 3D of each facet, shape (m,); or at its points, shape (m, p).
-        touching: the contact nodes that touch, shape (k,); None: without contact.
-    """
-
-    name: str
-    displacement: Floats
-    values: Floats
-    touching: npt.NDArray[np.bool_] | None = None
-
-    def with_mirror_image(self) -> Moment:
-        """See ``DrawnBody``."""
-        return replace(
-            self,
-            displacement=with_mirrored(self.displacement),
-            values=np.concatenate((self.values, self.values)),
-            touching=None if self.touching is None else np.append(self.touching[::-1], self.touching),
-        )

@@ -138,10 +138,6 @@ class DrawnFoundation:
         lines = [*self.lines, *(line[::-1] * (-1.0, 1.0) for line in self.lines)]
         return DrawnFoundation(nodes, offset, touching, other, shaped, lines)
 
-    def keeps_its_shape(self, factor: float, points: Floats) -> bool:
-        """Whether all connected parts look like themselves below a body with these points, see ``deformed_mesh``."""
-        return all(piece.looks_like_itself(factor, _diagonal(points)) for piece in self.pieces())
-
     def looks_like_itself(self, factor: float, size: float) -> bool:
         """Whether a connected part keeps its shape where its gap is magnified.
 
@@ -166,8 +162,6 @@ def deformed_mesh(
     stress: Floats | None = None,
     foundation: DrawnFoundation | None = None,
     factor: float | None = None,
-    top: float | None = None,
-    frame: tuple[Floats, Floats] | None = None,
     largest: Largest | None = None,
     title: str = "",
     suffixes: Sequence[str] = SCREEN,
@@ -201,8 +195,6 @@ def deformed_mesh(
         foundation: None: none is drawn.
         factor: of the displacement, and of the gap where that is a true picture, in one panel; None:
             ``magnification(points, displacement)``, in two panels where one would not be true.
-        top: the value where the colours end; None: see above.
-        frame: lowest and highest coordinates that are seen, in one panel; None: as far as body and foundation reach.
         largest: what the circle marks; None: no circle.
         title: what to say above the picture.
         suffixes: of the files to write.
@@ -223,12 +215,13 @@ def deformed_mesh(
         nodal[cells] = values
         share = _areas(panels[0].moved[triangles]).repeat(3) / 3
         areas = np.asarray(np.bincount(triangles.ravel(), share, len(points)), dtype=np.float64)
-    if zone is not None and top is None:  # the scale is that of what is enlarged
+    top = None
+    if zone is not None:  # the scale is that of what is enlarged
         places = panels[-1].moved if tiles is not None else panels[-1].corners.mean(axis=1)
         seen = np.all((places >= zone[0]) & (places <= zone[1]), axis=1)
         top = upper_tone(nodal[seen], areas[seen])
     tones = Tones(field.told(at_points=tiles is not None), nodal, areas, top)
-    frames = [panel.frame() if frame is None else frame for panel in panels]
+    frames = [panel.frame() for panel in panels]
     if zone is not None:
         frames[-1] = zone
     aspects = [float((high[1] - low[1]) / (high[0] - low[0])) for low, high in frames]
@@ -275,7 +268,7 @@ def _panels(
     parted = 0.0 if foundation is None else foundation.parted
     chosen = magnification(points, displacement, parted) if factor is None else factor
     pieces = [] if foundation is None else foundation.pieces()
-    true = foundation is None or foundation.keeps_its_shape(chosen, points)
+    true = all(piece.looks_like_itself(chosen, _diagonal(points)) for piece in pieces)
     scales = (chosen,) if true or factor is not None else (1.0, chosen)
     shapes = [] if foundation is None else foundation.lines
     panels = [_Panel.of(points, cells, displacement, outline, scale, pieces, shapes) for scale in scales]

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from signorini_fx.addons.pictures import view
 from signorini_fx.addons.pictures.deformed_body import keeps_shape
 from signorini_fx.addons.pictures.style import Floats
-from signorini_fx.tuned import PLANE_MARGIN, SAME_LENGTH
+from signorini_fx.tuned import PLANE_MARGIN
 
 Rows = npt.NDArray[np.int64]
 
@@ -57,15 +57,6 @@ class FoundationSurface:
         inwards = -self.normals.mean(axis=0)
         order = np.arange(4)[:: 1 if normals_of(rectangle, np.arange(4)[None])[0] @ inwards > 0 else -1]
         return rectangle, order[None].astype(np.int64)
-
-    def moving(self) -> tuple[Floats, Floats, Rows]:
-        """Points and polygons for any factor: where they are with a gap of nought, and how they move with the gap."""
-        motion = self.gap[:, None] * self.normals
-        alike = np.ptp(motion, axis=0).max() <= SAME_LENGTH * np.abs(motion).max()
-        if alike and plane_of(self.nodes) is not None:
-            points, polygons = self.shape(0.0)
-            return points, np.broadcast_to(motion.mean(axis=0), points.shape), polygons
-        return self.nodes, motion, self._towards_body(self.drawn(1.0))
 
     def _towards_body(self, points: Floats) -> Rows:
         """The facets in the order in which they face the body."""

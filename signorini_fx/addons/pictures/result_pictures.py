@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from signorini_fx.addons.pictures.body import DrawnBody, Moment, Volume
+from signorini_fx.addons.pictures.body import DrawnBody, Volume
 from signorini_fx.addons.pictures.fields import FIELDS, values_of
 from signorini_fx.addons.pictures.marks import Largest
 from signorini_fx.addons.pictures.setup import Setup
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from signorini_fx.addons.pictures.foundation import FoundationSurface
 
 Array = npt.NDArray[np.float64]
-TURNING = "body.json"  # the body in 3D for the page on which it can be turned
 MOST_FACETS = 40_000  # of a body in 3D: a picture takes seconds, and a page megabytes
 
 
@@ -34,7 +33,6 @@ class ResultPictures:
         dimension: 2 or 3.
         fields: names of the fields that are drawn on the body, the von Mises stress first, where it is known.
         body: None if it has too many facets.
-        moments: the body at each of several load steps, for an animation.
         history: one mapping per linear solve, the columns of history.csv.
         prices: one mapping per mesh, the columns of convergence_table.csv.
         volume: the cells of a body in 3D, if it has no more than can be drawn, for a section.
@@ -42,7 +40,7 @@ class ResultPictures:
         tools: of each boundary that a rigid tool may touch, how the tool has moved at points of shape (n, d).
         shapes: of each boundary whose foundation is a shape its lines, or points and triangles, where it is, to be
             drawn where nothing is magnified; see ``picture_data.rigid_shapes``.
-        suffixes: of the files to write, except the animation.
+        suffixes: of the files to write.
         mirrored: whether the body is a section that is drawn on both sides of its axis.
         setup: what the scene prescribes, where nothing was solved and there is no body to be drawn; None: it was.
     """
@@ -51,7 +49,6 @@ class ResultPictures:
     dimension: int
     fields: tuple[str, ...]
     body: DrawnBody | None
-    moments: Sequence[Moment]
     history: Sequence[Mapping[str, Any]]
     prices: Sequence[Mapping[str, Any]]
     volume: Volume | None = None
@@ -126,12 +123,6 @@ class ResultPictures:
             )
             drawn = self.body if contact is None else replace(self.body, parted=_parted(contact))
             self._draw_in_space(drawn, foundations, folder, title, largest)
-            if contact is not None and not _grounded(contact).all() and "von_mises" in self.fields:
-                from signorini_fx.addons.pictures.exploded import exploded
-                from signorini_fx.addons.pictures.solid_body import Skin
-
-                skin = Skin.of(drawn, "von_mises")
-                exploded(folder / "exploded", skin, contact, title=title, suffixes=self.suffixes)
             if contact is not None and self.volume is not None:
                 self._draw_section(drawn, self.volume, contact, foundations, folder, title)
 
@@ -139,11 +130,10 @@ class ResultPictures:
         self, body: DrawnBody, contact: Table | None, folder: Path, title: str, largest: Largest | None
     ) -> None:
         from signorini_fx.addons.pictures.deformed_body import DrawnFoundation, deformed_mesh
-        from signorini_fx.addons.pictures.moving_body import moving_body
 
-        moments, foundation = self.moments, None
+        foundation = None
         if self.mirrored:
-            body, moments = body.with_mirror_image(), [moment.with_mirror_image() for moment in moments]
+            body = body.with_mirror_image()
         assert body.outline is not None
         if contact is not None:
             nodes = np.column_stack((contact["x"], contact["y"]))
@@ -171,8 +161,6 @@ class ResultPictures:
                 title=title,
                 suffixes=self.suffixes,
             )
-        if moments:
-            moving_body(folder / "deformed.gif", body, moments, foundation=foundation, title=title)
 
     def _draw_in_space(
         self,
@@ -182,14 +170,9 @@ class ResultPictures:
         title: str,
         largest: Largest | None,
     ) -> None:
-        from signorini_fx.addons.pictures.moving_body import moving_solid
         from signorini_fx.addons.pictures.solid_body import Skin, deformed_solid, telling_view
-        from signorini_fx.addons.pictures.turning import write_turning
 
-        skin = Skin.of(body, self.fields[0])
-        seen = telling_view(skin)
-        first = self.fields[0]
-        write_turning(folder / TURNING, skin, foundations, seen, FIELDS[first], _marked(first, body, largest))
+        seen = telling_view(Skin.of(body, self.fields[0]))
         for name in self.fields:
             deformed_solid(
                 folder / self._stem(name),
@@ -202,8 +185,6 @@ class ResultPictures:
                 title=title,
                 suffixes=self.suffixes,
             )
-        if self.moments:
-            moving_solid(folder / "deformed.gif", body, self.moments, foundations=foundations, title=title)
 
     def _stem(self, field: str) -> str:
         return "deformed" if field == self.fields[0] else f"field_{field}"

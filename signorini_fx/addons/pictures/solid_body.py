@@ -133,8 +133,6 @@ def solid_figure(
     stress: Floats | None = None,
     foundations: Sequence[FoundationSurface] = (),
     factor: float | None = None,
-    top: float | None = None,
-    reach: Floats | None = None,
     seen: view.View | None = None,
     largest: Largest | None = None,
 ) -> tuple[Figure, str]:
@@ -159,8 +157,6 @@ def solid_figure(
         foundations: of each contact boundary.
         factor: of displacement and gap, in one panel; None: one that makes the displacement visible, in two panels
             where one would not be true.
-        top: the value where the colours end; None: see above.
-        reach: points that the picture shows too, shape (k, 3).
         seen: the view; None: ``telling_view(skin)``.
         largest: what the circle marks; None: no circle.
 
@@ -178,13 +174,12 @@ def solid_figure(
     else:
         remark = f"left: as it is; right: {scaling}"
     seen = telling_view(skin) if seen is None else seen
-    tones = tones_of(skin, seen, field, top)
+    tones = tones_of(skin, seen, field)
     factors = [chosen] if true else [1.0, chosen]
     shown = [solid_of(skin, tones, at, foundations if true or at == 1 else ()) for at in factors]
     # Whole foundations end near the body.
-    ends = [] if reach is None else [reach]
-    ends += [entry.surface[0] for entry in foundations if entry.surface is not None and not entry.is_plane]
-    reaches = [np.concatenate(ends) if ends and at == 1 else reach for at in factors]
+    ends = [entry.surface[0] for entry in foundations if entry.surface is not None and not entry.is_plane]
+    reaches = [np.concatenate(ends) if ends and at == 1 else None for at in factors]
     cameras = [view.Camera.on(seen, _extent(entry, far)) for entry, far in zip(shown, reaches, strict=True)]
     inch = (SOLID_INCHES if true else 0.75 * SOLID_INCHES) / max(2 * float(camera.half.max()) for camera in cameras)
     widths, heights = (2 * inch * np.array([camera.half[k] for camera in cameras]) for k in (0, 1))
@@ -284,12 +279,12 @@ def solid_of(skin: Skin, tones: Tones, factor: float, foundations: Sequence[Foun
     )
 
 
-def tones_of(skin: Skin, seen: view.View, field: Field, top: float | None = None) -> Tones:
+def tones_of(skin: Skin, seen: view.View, field: Field) -> Tones:
     """The scale of the field, by what faces the viewer."""
     area = normals_of(skin.points, skin.triangles) @ seen.toward
     facing = area > 0
     labelled = field.told(at_points=skin.at_points)
-    return Tones(labelled, skin.values[facing].ravel(), area[facing].repeat(3) / 3, top)
+    return Tones(labelled, skin.values[facing].ravel(), area[facing].repeat(3) / 3)
 
 
 def telling_view(skin: Skin) -> view.View:

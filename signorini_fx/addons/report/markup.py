@@ -33,17 +33,6 @@ def tag(name: str, *children: str, **attributes: str) -> Markup:
     return Markup(f"<{name}{text}>{joined(children)}</{name}>")
 
 
-def script(text: str, **attributes: str) -> Markup:
-    """Code, or data for it.
-
-    Raises:
-        ValueError: a browser would take a part of it only.
-    """
-    if "</script" in text.lower() or "<!--" in text:
-        raise ValueError("code that ends its own element")
-    return tag("script", Markup(text), **attributes)
-
-
 def joined(parts: Iterable[str]) -> Markup:
     """One after the other, escaped unless they are markup."""
     return Markup(
@@ -143,19 +132,9 @@ def picture(data: bytes, kind: str, alternative: str, caption: str, class_: str 
     return part("picture", source, alternative, caption, class_)
 
 
-def drawn_by(
-    draw: Callable[..., None],
-    *arguments: Any,
-    caption: str,
-    suffix: str = ".svg",
-    class_: str = "still",
-    **options: Any,
-) -> Markup:
+def drawn_by(draw: Callable[..., None], *arguments: Any, caption: str, class_: str = "still", **options: Any) -> Markup:
     """A figure with what a drawing function writes: ``draw(path, *arguments, **options)``."""
     with tempfile.TemporaryDirectory() as folder:
-        if suffix == ".svg":
-            draw(Path(folder) / "picture", *arguments, suffixes=[suffix], **options)
-        else:
-            draw(Path(folder) / f"picture{suffix}", *arguments, **options)
-        data = (Path(folder) / f"picture{suffix}").read_bytes()
-    return picture(data, "svg+xml" if suffix == ".svg" else suffix[1:], caption, caption, class_)
+        draw(Path(folder) / "picture", *arguments, suffixes=[".svg"], **options)
+        data = (Path(folder) / "picture.svg").read_bytes()
+    return picture(data, "svg+xml", caption, caption, class_)

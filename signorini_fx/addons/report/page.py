@@ -15,7 +15,6 @@ from typing import Any
 from signorini_fx import __version__
 from signorini_fx.addons.report import evidence, sections
 from signorini_fx.addons.report.advice import next_steps
-from signorini_fx.addons.report.interactive import head
 from signorini_fx.addons.report.markup import joined, tag
 from signorini_fx.addons.report.templating import Markup, rendered
 from signorini_fx.errors import OutputError, ResultError, cannot_be_written
@@ -63,7 +62,7 @@ def _page(summary: dict[str, Any], folder: ResultFiles, name: str) -> str:
     chapters = {
         "Outcome": sections.outcome(summary, overview, evidence.cost(summary)),
         "Figures": sections.figures(summary) if validity_of(summary).solved else "",
-        "Further pictures": sections.further_pictures(folder, solid=solid),
+        "Further pictures": sections.further_pictures(folder),
     }
     if contact and solid:
         from signorini_fx.addons.report import sections_in_space
@@ -80,9 +79,8 @@ def _page(summary: dict[str, Any], folder: ResultFiles, name: str) -> str:
     elif solved and summary.get("resultants"):
         chapters["Forces"] = sections.forces(summary)
     if solved and "steps" in summary:
-        chapters["Load steps"] = sections.steps(
-            folder, folder.columns("steps.csv", len(summary["steps"])), contact, around=sections.is_around(summary)
-        )
+        table = folder.columns("steps.csv", len(summary["steps"]))
+        chapters["Load steps"] = sections.steps(table, contact, around=sections.is_around(summary))
     lines = [tag("li", line) for line in next_steps(summary, contact)]
     if lines:
         chapters["What to do next"] = tag("ul", *lines)
@@ -107,7 +105,6 @@ def _page(summary: dict[str, Any], folder: ResultFiles, name: str) -> str:
         name=name,
         day=f"{sections.done(summary)} on {summary['finished'].partition('T')[0]}" if "finished" in summary else "",
         block={key: entry for key, entry in block.items() if entry},
-        head=joined(head() if 'class="plots' in chapters.get("Contact boundary", "") else []),
         style=Markup(files.joinpath("report.css").read_text(encoding="utf-8")),
         chapters={heading: text for heading, text in chapters.items() if text},
     )

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from signorini_fx.addons.pictures.fields import FIELDS
-from signorini_fx.addons.report.interactive import plots, turning
 from signorini_fx.addons.report.markup import drawn_by, in_text, joined, long_table, picture, table, tag
 from signorini_fx.addons.report.templating import Markup, rendered
 from signorini_fx.errors import PYVISTA
@@ -131,10 +130,6 @@ _SOLID_BODY = (
     "magnified."
 )
 
-_APART = (
-    "The bodies moved apart along the mean normal of their contact, or out of a fit, so that both faces can be seen."
-)
-
 
 def overview(folder: ResultFiles, *, solid: bool = False, stressed: bool = True, no_result: str = "") -> Markup:
     """The picture of the deformed body, or why there is none.
@@ -159,23 +154,21 @@ def overview(folder: ResultFiles, *, solid: bool = False, stressed: bool = True,
     return picture(data, "png", "deformed body on its foundation", caption, "still overview")
 
 
-def further_pictures(folder: ResultFiles, *, solid: bool = False) -> Markup:
-    """The body to be turned, a section, bodies apart, and the pictures of other fields that were asked for."""
-    cut, apart = folder.picture("section.png"), folder.picture("exploded.png")
+def further_pictures(folder: ResultFiles) -> Markup:
+    """A section, and the pictures of other fields that were asked for."""
+    cut = folder.picture("section.png")
     inside = [] if cut is None else [picture(cut, "png", "section through the body", _SECTION)]
-    inside += [] if apart is None else [picture(apart, "png", "bodies moved apart", _APART)]
     further = inside + [
         picture(data, "png", field.in_words, f"{field.in_words[0].upper()}{field.in_words[1:]}{field.remark}.")
         for name, field in FIELDS.items()
         if (data := folder.picture(f"field_{name}.png")) is not None
     ]
-    turned = turning(folder) if solid else []
-    return joined([*turned, *([tag("div", *further, class_="pictures")] if further else [])])
+    return tag("div", *further, class_="pictures") if further else Markup("")
 
 
 def profiles(contact: dict[str, Any]) -> Markup:
-    """Curves along the contact boundary, to be zoomed where the page can; contact and friction beside each other."""
-    from signorini_fx.addons.pictures.boundary_profiles import boundaries_of, boundary_profiles
+    """Curves along the contact boundary; contact and friction beside each other."""
+    from signorini_fx.addons.pictures.boundary_profiles import boundary_profiles
 
     frictional = bool(np.any(contact["bound"] != 0) or np.any(contact["friction"] != "none"))
     opposite, _ = _sides(contact.get("against", ()))
@@ -193,9 +186,7 @@ def profiles(contact: dict[str, Any]) -> Markup:
     apart = contact["state"] == "open"
     if np.any(np.abs(contact["shear"][apart]) > 1e-9 * np.abs(contact["shear"]).max(initial=0.0)):
         signs += " Tresca friction acts where nothing is in contact too, as its bound does not depend on the pressure."
-    return joined(
-        [tag("div", *drawn, class_="pictures"), *plots(boundaries_of(contact)), tag("p", signs, class_="note")]
-    )
+    return joined([tag("div", *drawn, class_="pictures"), tag("p", signs, class_="note")])
 
 
 def forces(summary: dict[str, Any]) -> Markup:
@@ -290,34 +281,23 @@ def _zones(summary: dict[str, Any]) -> Markup | None:
     return joined([table(["zone", *names, f"chord{bracketed('length')}"], rows), tag("p", note, class_="note")])
 
 
-def steps(folder: ResultFiles, steps: dict[str, Any], contact: dict[str, Any], *, around: bool = False) -> Markup:
-    """Forces step by step, the animation, and the table of the steps.
+def steps(steps: dict[str, Any], contact: dict[str, Any], *, around: bool = False) -> Markup:
+    """Forces step by step, and the table of the steps.
 
     Args:
-        folder: of the result.
         steps: columns of ``steps.csv``.
         contact: columns of ``contact.csv``.
         around: whether the body is one of revolution.
     """
     from signorini_fx.addons.pictures.load_steps import load_steps
-    from signorini_fx.addons.pictures.step_animation import step_animation
 
     parts = []
-    body = folder.picture("deformed.gif")
-    if body is not None:
-        caption = "The deformed body, load step by load step; magnification and colours stay the same."
-        parts.append(picture(body, "gif", caption, caption, "moving"))
     if any(name.startswith("contact_force_x") for name in steps):
         resisting = "torque of friction" if "torque" in steps else "friction force"
         who, whom = _sides(contact.get("against", ()))
         caption = f"Above: forces of {who} on {whom}. Below: {resisting} over displacement."
         if any(name.startswith("friction_moment") for name in steps):
             caption = f"Forces of {who} on {whom}, and of friction; where they balance each other, pressure and moment."
-        pictures = [drawn_by(load_steps, steps, caption=caption, around=around)]
-        solid = any(name.startswith("contact_force_z") for name in steps)
-        if (not solid or "torque" in steps) and (folder.path / "contact_steps.csv").is_file():
-            caption = "Pressure, shear and states along the contact boundary, step by step."
-            contact = folder.columns("contact_steps.csv")
-            pictures.append(drawn_by(step_animation, contact, caption=caption, suffix=".gif", class_="moving"))
-        parts.append(tag("div", *pictures, class_="pictures"))
+        drawn = drawn_by(load_steps, steps, caption=caption, around=around)
+        parts.append(tag("div", drawn, class_="pictures"))
     return joined([*parts, long_table("Every load step", steps, "steps.csv")])

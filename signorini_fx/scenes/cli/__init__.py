@@ -22,7 +22,6 @@ _ON_ONE_PROCESS: dict[str, Callable[[argparse.Namespace], str | tuple[str, int]]
     "schema": commands.schema,
     "report": commands.report,
     "open": commands.show,
-    "compare": commands.compare,
     "convert": commands.mesh_file,
     "mesh-info": commands.mesh_file,
     "completion": commands.completion,

@@ -335,11 +335,6 @@ def judge(options: argparse.Namespace) -> int:
     return int(judgement.exit_code)
 
 
-def compare(options: argparse.Namespace) -> str:
-    """Put two result folders side by side."""
-    return str(add_on("compare")(options.one, options.other))
-
-
 def mesh_file(options: argparse.Namespace) -> str | tuple[str, int]:
     """Rewrite or describe a mesh file."""
     from signorini_fx.mechanics.mesh.files.formats import read_file, write_file

@@ -87,9 +87,6 @@ def parser() -> argparse.ArgumentParser:
     report.add_argument("--out", type=named_path, metavar="FILE", help="the page (default: report.html in the folder)")
     show = commands.add_parser("open", help="show the page of a result folder in the browser")
     show.add_argument("folder", type=named_path, metavar="FOLDER", help="result folder that solve wrote")
-    compare = commands.add_parser("compare", help="put two result folders side by side")
-    compare.add_argument("one", type=named_path, metavar="FOLDER", help="result folder")
-    compare.add_argument("other", type=named_path, metavar="OTHER", help="result folder to compare it with")
     judge = commands.add_parser(
         "judge",
         help="check another program's result",
