@@ -55,8 +55,8 @@ def certificate(summary: dict[str, Any]) -> Markup:
         missed = limit is not None and not (is_number(value) and value <= limit)
         verdict = "reported" if limit is None else "violated" if missed else "holds"
         judged = "" if limit is None else f"<= {limit:g}"
-        told = _two_digits(value) if math.isfinite(value) else "not finite"
-        rows.append((_named(name.replace("_", " "), meaning), told, verdict, judged))
+        digits = _two_digits(value) if math.isfinite(value) else "not finite"
+        rows.append((_named(name.replace("_", " "), meaning), digits, verdict, judged))
         classes.append("missed" if missed else "")
     law = f" The law is {summary['certificate']['law']}." if "law" in summary["certificate"] else ""
     figures = {name: value for name, value in summary["certificate"].items() if is_number(value) and value is not None}

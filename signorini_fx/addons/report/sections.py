@@ -66,8 +66,8 @@ def done(summary: dict[str, Any]) -> str:
 
 def no_result(summary: dict[str, Any]) -> str:
     """Of what figures and pictures are that are none of a solution."""
-    found = summary["certificate"]["holds"]
-    return "Of the state that was found, which is no result." if found else "Of the last iterate, which is no solution."
+    holds = summary["certificate"]["holds"]
+    return "Of the state that was found, which is no result." if holds else "Of the last iterate, which is no solution."
 
 
 def figures(summary: dict[str, Any]) -> Markup:
@@ -115,8 +115,8 @@ def _estimate(card: Card) -> str:
 def _warnings(summary: dict[str, Any]) -> list[dict[str, Any]]:
     """About the scene and the result."""
     warned = [finding for finding in summary.get("findings", []) if finding["level"] == "warning"]
-    others = [finding for finding in warned if finding["message"] != summary["advice"]]
-    return [{**finding, "message": in_text(finding["message"])} for finding in others]
+    warnings = [finding for finding in warned if finding["message"] != summary["advice"]]
+    return [{**finding, "message": in_text(finding["message"])} for finding in warnings]
 
 
 _COLOURS = "Colour: von Mises stress, recovered, which smooths peaks narrower than a cell"
@@ -209,10 +209,10 @@ def _resultants(summary: dict[str, Any]) -> Markup | None:
     names += [f"moment{f' {chr(120 + k)}' * (len(moments[0]) > 1)}{bracketed('moment')}" for k in turns]
     names += [f"acts at {axis}{bracketed('length')}" for axis in "xyz"[: len(axes)]] if any(places) else []
     rows = []
-    for entry, moment, place in zip(entries, moments, places, strict=True):
+    for entry, moment, point in zip(entries, moments, places, strict=True):
         row = [entry.get("boundary") or "whole body", " and ".join(entry.get("acts", []))]
         row += [*components([entry["force"][k] for k in axes]), *components([moment[k] for k in turns])]
-        row += (components(place) if place else [""] * len(axes)) if any(places) else []
+        row += (components(point) if point else [""] * len(axes)) if any(places) else []
         rows.append(tuple(row))
     note = "Forces on the body."
     if turns:

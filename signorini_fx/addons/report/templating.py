@@ -25,11 +25,11 @@ def _safe(value: Any) -> Any:
 @cache
 def templates() -> Environment:
     """Those of this package."""
-    found = Environment(
+    environment = Environment(
         loader=FileSystemLoader(str(FOLDER)), autoescape=True, undefined=StrictUndefined, finalize=_safe
     )
-    found.filters["anchor"] = lambda heading: heading.lower().replace(" ", "-")
-    return found
+    environment.filters["anchor"] = lambda heading: heading.lower().replace(" ", "-")
+    return environment
 
 
 def rendered(name: str, /, **values: Any) -> Markup:
