@@ -95,7 +95,7 @@ class OutputError(SignoriniError):
 
 
 # What draws bodies in 3D, for messages.
-PYVISTA = "PyVista (pip install pyvista; on Debian: python3-pyvista and xvfb)"
+PYVISTA = "PyVista with VTK 9.4 or later (pip install pyvista)"
 
 
 class PictureError(SignoriniError):

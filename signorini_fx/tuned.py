@@ -636,8 +636,6 @@ PROGRESS_PAUSE = 0.2
 ADDRESS_SPACE, DATA_SEGMENT = 1.0e9, 0.5e9
 # Bytes that a cell takes at least until its body is solved: the mesh, the stiffness and the Jacobian.  No record.
 BYTES_PER_CELL = 1000.0
-# Seconds for one picture in 3D, and for a display to start.  Choice.
-PICTURE_PATIENCE, DISPLAY_PATIENCE = 300.0, 30.0
 # Seconds for a program that says its version.  Choice.
 VERSION_PATIENCE = 20.0
 

@@ -1,14 +1,15 @@
-"""Bodies in 3D as pictures: views, perspective, foundations, colours, and the process that draws them."""
+"""Bodies in 3D as pictures: views, perspective, foundations and colours."""
 
-import pickle
-import subprocess
 import sys
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from drawing import needs_pictures_in_3d
 
-from signorini_fx.addons.pictures import offscreen, view
+from signorini_fx.addons.pictures import solid as drawing
+from signorini_fx.addons.pictures import view
 from signorini_fx.addons.pictures.body import DrawnBody, Volume
 from signorini_fx.addons.pictures.foundation import FoundationSurface, normals_of
 from signorini_fx.addons.pictures.solid import Cut, Lines, Solid
@@ -27,7 +28,7 @@ WIDTH = 120
 @pytest.fixture(autouse=True)
 def needed():
     """PyVista is not everywhere."""
-    pytest.importorskip("pyvista")
+    needs_pictures_in_3d()
 
 
 def cube(values, displacement=(0.0, 0.0, 0.0)):
@@ -67,7 +68,7 @@ def test_points_are_where_the_camera_says():
     points = (CUBE[:, None] + tiny).reshape(-1, 3)
     triangles = (4 * np.arange(8)[:, None, None] + [[0, 1, 2], [0, 2, 3]]).reshape(-1, 3)
     values = np.linspace(0.0, 1.0, 8).repeat(2)
-    picture = offscreen.drawn(solid(values, points, triangles), camera, WIDTH)
+    picture = drawing.image(solid(values, points, triangles), camera, WIDTH)
     assert picture.shape[1] == WIDTH
     assert picture.shape[0] == pytest.approx(WIDTH * camera.half[1] / camera.half[0], abs=0.5)
     np.testing.assert_allclose(hue(at(picture, camera, CUBE)), hue(VALUES(values[::2])), atol=0.02)
@@ -88,16 +89,16 @@ def test_colours_are_those_of_the_field():
     camera = view.Camera.on(view.oblique(), CUBE)
     sides = np.array([0.0, 0.9, 0.5, 0.0, 0.0, 0.2])
     front = [1, 2, 5]  # top, front, right
-    picture = offscreen.drawn(solid(sides.repeat(2)), camera, WIDTH)
+    picture = drawing.image(solid(sides.repeat(2)), camera, WIDTH)
     middles = CUBE[SIDES].mean(axis=1)[front]
     np.testing.assert_allclose(hue(at(picture, camera, middles)), hue(VALUES(sides[front])), atol=0.02)
     brightness = at(picture, camera, middles).sum(axis=1) / VALUES(sides[front])[:, :3].sum(axis=1)
     assert np.ptp(brightness) > 0.05 * brightness.max()
     assert (at(picture, camera, np.array([camera.centre + 0.98 * camera.half[0] * camera.view.right])) == 255).all()
-    rising = offscreen.drawn(solid(CUBE[TRIANGLES][..., 0]), camera, WIDTH)
+    rising = drawing.image(solid(CUBE[TRIANGLES][..., 0]), camera, WIDTH)
     along = np.array([[x, 0.5, 1.0] for x in (0.1, 0.4, 0.6, 0.9)])
     np.testing.assert_allclose(hue(at(rising, camera, along)), hue(VALUES(along[:, 0])), atol=0.02)
-    np.testing.assert_array_equal(offscreen.drawn(solid(CUBE[TRIANGLES][..., 0]), camera, WIDTH), rising)
+    np.testing.assert_array_equal(drawing.image(solid(CUBE[TRIANGLES][..., 0]), camera, WIDTH), rising)
 
 
 def test_a_jump_of_the_field_is_not_smeared():
@@ -106,7 +107,7 @@ def test_a_jump_of_the_field_is_not_smeared():
     points = np.array([[0.0, 0, 0], [1, 0, 0], [2, 0, 0], [0, 1, 0], [1, 1, 0], [2, 1, 0]])
     triangles = np.array([[0, 1, 4], [0, 4, 3], [1, 2, 5], [1, 5, 4]])
     camera = view.Camera.on(flat, points)
-    picture = offscreen.drawn(solid([0.0, 0.0, 1.0, 1.0], points, triangles), camera, WIDTH)
+    picture = drawing.image(solid([0.0, 0.0, 1.0, 1.0], points, triangles), camera, WIDTH)
     for x, value in ((0.95, 0.0), (1.05, 1.0)):
         np.testing.assert_allclose(hue(at(picture, camera, [[x, 0.5, 0.0]])), [hue(VALUES(value))], atol=0.02)
 
@@ -116,7 +117,7 @@ def test_lines_are_hidden_by_the_body():
     camera = view.Camera.on(view.View(*np.eye(3)), CUBE)
     for height, seen in ((1.0, True), (0.5, False)):
         line = np.array([[[0.2, 0.5, height], [0.8, 0.5, height]]])
-        picture = offscreen.drawn(solid(np.full(12, 0.5), lines=[Lines(line, "red", 6.0)]), camera, WIDTH)
+        picture = drawing.image(solid(np.full(12, 0.5), lines=[Lines(line, "red", 6.0)]), camera, WIDTH)
         (colour,) = at(picture, camera, [[0.5, 0.5, height]])
         assert (colour[0] > 200 and colour[1] < 60) == seen
 
@@ -132,7 +133,7 @@ def test_a_cut_shows_the_field_inside(cells):
     camera = view.Camera.on(seen, CUBE)
     values = 0.5 * CUBE[:, 0] + 0.5 * CUBE[:, 1]
     cut = Cut(CUBE, values, np.array(cells), np.array([0.0, 0.6, 0.0]), np.array([0.0, -1.0, 0.0]))
-    picture = offscreen.drawn(solid(np.zeros(12), cut=cut), camera, WIDTH)
+    picture = drawing.image(solid(np.zeros(12), cut=cut), camera, WIDTH)
     places = np.array([[x, 0.6, 0.5] for x in (0.2, 0.5, 0.8)])
     np.testing.assert_allclose(hue(at(picture, camera, places)), hue(VALUES(0.5 * places[:, 0] + 0.3)), atol=0.02)
 
@@ -161,7 +162,7 @@ def test_foundations_are_seen_from_the_body():
     inside = corner + 0.1 * (ground[0].mean(axis=0) - corner)
     for elevation in (24.0, -24.0):
         camera = view.Camera.on(view.oblique(elevation=elevation), np.concatenate((CUBE, ground[0])))
-        picture = offscreen.drawn(solid(np.ones(12), grounds=[ground]), camera, WIDTH)
+        picture = drawing.image(solid(np.ones(12), grounds=[ground]), camera, WIDTH)
         (colour,) = at(picture, camera, [inside]).astype(int)
         assert np.ptp(colour) < 6
         assert (colour[0] < 250) == (elevation > 0)
@@ -191,7 +192,7 @@ def painted(monkeypatch):
     """What would be drawn, in place of drawing it."""
     kept = []
     blank = np.full((4, 4, 3), 255, dtype=np.uint8)
-    monkeypatch.setattr(offscreen, "drawn", lambda *request: kept.append(request) or blank)
+    monkeypatch.setattr(drawing, "image", lambda *request: kept.append(request) or blank)
     return kept
 
 
@@ -236,50 +237,12 @@ def test_lengths_beside_the_body(painted, size, azimuth):
         assert min(np.linalg.norm(along - edge) for edge in edges) < 1e-9
 
 
-# --- the process that draws ------------------------------------------------------------------------------------------
-
-
-def test_without_pyvista(monkeypatch):
+@pytest.mark.parametrize(("old", "message"), [(False, "is drawn by PyVista"), (True, "needs a display")])
+def test_what_is_missing(monkeypatch, old, message):
     """The error says what to install."""
-    monkeypatch.setattr(offscreen, "find_spec", lambda name: None)
-    with pytest.raises(PictureError, match="pip install pyvista"):
-        offscreen.drawn(solid(np.ones(12)), view.Camera.on(view.oblique(), CUBE), WIDTH)
-
-
-def test_a_process_that_dies_takes_nobody_along(monkeypatch):
-    """An error that says what is needed; the next picture is drawn by another process."""
-    camera = view.Camera.on(view.oblique(), CUBE)
-    monkeypatch.setattr(offscreen, "_painter", None)
-    broken = solid(np.ones(12), lines=[Lines(np.zeros((1, 2, 3)), "no such colour", 1.0)])
-    with pytest.raises(PictureError, match=r"ended .* needs PyVista"):
-        offscreen.drawn(broken, camera, WIDTH)
-    assert offscreen.drawn(solid(np.ones(12)), camera, WIDTH).shape[1] == WIDTH
-    first = offscreen._painter
-    assert offscreen.drawn(solid(np.ones(12)), camera, WIDTH).shape[1] == WIDTH
-    assert offscreen._painter is first
-    first.close()
-
-
-@pytest.mark.slow
-def test_it_knows_nothing_of_mpi(monkeypatch):
-    """Neither the ranks of its parent nor a library of MPI: it would take itself for one of them, or wait for them."""
-    monkeypatch.setenv("OMPI_COMM_WORLD_SIZE", "2")
-    monkeypatch.setenv("PMIX_RANK", "0")
-    seen = {}
-
-    class Process:
-        def __init__(self, command, **options):
-            seen.update(options["env"])
-
-    with monkeypatch.context() as patch:
-        patch.setattr(offscreen.subprocess, "Popen", Process)
-        offscreen._Painter()._output.close()
-    assert not {"OMPI_COMM_WORLD_SIZE", "PMIX_RANK"} & set(seen)
-    heavy = "[name for name in ('mpi4py', 'dolfinx') if name in sys.modules]"
-    code = f"import sys, signorini_fx.addons.pictures.offscreen; print({heavy})"
-    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert ended.stdout.strip() == "[]"
-    pickle.dumps(solid(np.ones(12)))
+    monkeypatch.setitem(sys.modules, "pyvista", SimpleNamespace(vtk_version_info=(9, 3, 0)) if old else None)
+    with pytest.raises(PictureError, match=rf"{message}.*pip install pyvista"):
+        drawing.image(solid(np.ones(12)), view.Camera.on(view.oblique(), CUBE), WIDTH)
 
 
 def test_a_body_without_facets():

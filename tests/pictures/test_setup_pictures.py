@@ -4,6 +4,7 @@ import itertools
 
 import numpy as np
 import pytest
+from drawing import needs_pictures_in_3d
 from matplotlib.text import Text
 from mpi4py import MPI
 from scenes import example1
@@ -167,6 +168,7 @@ def test_commands(tmp_path, capsys, suffix):
 
 def test_a_body_in_space_is_drawn(tmp_path):
     """With hidden boundaries, names and arrows."""
+    needs_pictures_in_3d()
     from matplotlib.image import imread
 
     setup = gather_setup(load_mesh(parse_scene(BOX), MPI.COMM_SELF), parse_scene(BOX).statement)

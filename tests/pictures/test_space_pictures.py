@@ -10,6 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from drawing import needs_pictures_in_3d
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import to_rgba
@@ -24,7 +25,8 @@ from spaces import block, box, friction_of
 from test_report import Page, pictures, rows_of, summary_of
 
 from signorini_fx.addons.picture_data import of_solution, outer_surface
-from signorini_fx.addons.pictures import contact_surface, load_steps, offscreen, view
+from signorini_fx.addons.pictures import contact_surface, load_steps, view
+from signorini_fx.addons.pictures import solid as drawing
 from signorini_fx.addons.pictures.boundary_profiles import STATES
 from signorini_fx.addons.pictures.deformed_body import magnification
 from signorini_fx.addons.pictures.foundation import normals_of, plane_of
@@ -106,6 +108,7 @@ def panels(figure):
 @pytest.mark.one_quick
 def test_files(folder):
     """All are there, of a size to look at, none is blank, and none of those of a plane scene."""
+    needs_pictures_in_3d()
     assert not (folder / "profiles.png").exists()
     for name in ("deformed", "section", "contact_surface", "history"):
         if folder.name == "coulomb":
@@ -346,7 +349,7 @@ def test_the_body_is_drawn_with_its_stress(monkeypatch):
     """Each facet with its value, where the displacement has moved it; the label says that there is one per cell."""
     kept = []
     blank = np.full((4, 4, 3), 255, dtype=np.uint8)
-    monkeypatch.setattr(offscreen, "drawn", lambda *request: kept.append(request) or blank)
+    monkeypatch.setattr(drawing, "image", lambda *request: kept.append(request) or blank)
     surface = outer_surface.gather_outer_surface(alone(block(3)))
     figure, remark = solid_figure(Skin.of(surface, "von_mises"))
     assert figure.axes[1].get_xlabel() == "von Mises stress, one value per cell"
@@ -385,6 +388,7 @@ def test_flat_foundations_only():
 @pytest.mark.mpi
 def test_pictures_on_ranks(tmp_path):
     """The same picture of the contact surface on one rank and on all."""
+    needs_pictures_in_3d()
     comm = MPI.COMM_WORLD
     folder = comm.bcast(str(tmp_path))
     write_results(solve(block(6, coefficient=0.3, comm=comm)), f"{folder}/all", fields=False)
@@ -421,6 +425,7 @@ def test_too_many_facets(tmp_path, monkeypatch, capsys):
 
 def test_page(folder):
     """Well-formed, whole in itself, with the sections of space and none of the plane, and the numbers of the files."""
+    needs_pictures_in_3d()
     found, summary = Page(folder), summary_of(folder)
     headings = found.of("h2")
     assert headings[:3] == ["Outcome", "Figures", "Further pictures"]
@@ -513,6 +518,7 @@ def test_curves_of_the_load_steps(folders, monkeypatch):
 @pytest.mark.slow
 def test_what_is_not_there(tmp_path, folders):
     """Without pictures the contact surface is drawn from the files; a body that slides has a page as well."""
+    needs_pictures_in_3d()
     folder = tmp_path / "plain"
     write_results(alone(between_walls()), folder, fields=False, pictures=False)
     assert not list(folder.glob("*.p[nd][gf]"))
@@ -541,6 +547,7 @@ def linear():
 
 def test_pictures_of_what_failed(folders):
     """Numbers that are none do not keep the rest from being drawn."""
+    needs_pictures_in_3d()
     table, facets = read_csv(folders["coulomb"] / "contact.csv"), read_facets(folders["coulomb"] / "contact.vtu")
     for name in ("pressure", "shear", "shear_x", "slip_x"):
         table[name] = table[name].copy()
@@ -613,7 +620,6 @@ print([name for name in sys.modules if name.startswith("signorini_fx.")])
     for name in (
         "pictures.contact",
         "pictures.solid",
-        "offscreen",
         "in_space",
         "pictures.view",
         "outer_surface",
@@ -638,6 +644,7 @@ print([name for name in sys.modules if name in ("dolfinx", "mpi4py", "petsc4py",
 
 def test_lengths_are_within_the_picture(tmp_path):
     """Arrows and labels of a flat round body, which is far from the corners of its box, are not cut off."""
+    needs_pictures_in_3d()
     angle = np.linspace(0.0, 2 * np.pi, 24, endpoint=False)
     rim = np.column_stack((2 * np.cos(angle), 2 * np.sin(angle), np.zeros(24)))
     points = np.concatenate((rim, rim + np.array([0.0, 0.0, 0.5]), [[0.0, 0.0, 0.5]]))

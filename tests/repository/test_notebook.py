@@ -9,6 +9,7 @@ import runpy
 from pathlib import Path
 
 import pytest
+from drawing import needs_pictures_in_3d
 
 ROOT = Path(__file__).parents[2]
 SOURCE = ROOT / "demos" / "tutorial.py"
@@ -88,7 +89,7 @@ solution = solve(scene)
 def test_pictures_of_a_body_in_space(run):
     """``solution.plot()`` displays pictures, those of a body in 3D by PyVista."""
     image = pytest.importorskip("PIL.Image")
-    pytest.importorskip("pyvista")
+    needs_pictures_in_3d()
     from nbformat.v4 import new_code_cell, new_notebook
 
     notebook = new_notebook(cells=[new_code_cell(text) for text in (SPACE, "solution.plot()")])

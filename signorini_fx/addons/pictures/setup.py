@@ -167,8 +167,8 @@ class Setup:
 
     def _space(self) -> tuple[Figure, Axes, Callable[[Any], Any], Floats]:
         """In perspective; the colours of the boundaries are those of their facets."""
-        from signorini_fx.addons.pictures import offscreen, view
-        from signorini_fx.addons.pictures.solid import Solid
+        from signorini_fx.addons.pictures import view
+        from signorini_fx.addons.pictures.solid import Solid, image
 
         colours = list(dict.fromkeys((_BODY, *(entry.colour for entry in self.boundaries if entry.kinds))))
         size = float(np.linalg.norm(np.ptp(self.polygons.reshape(-1, 3), axis=0)))
@@ -201,7 +201,7 @@ class Setup:
         inch = SETUP_INCHES / (2 * float(camera.half.max()))
         figure = Figure(figsize=(2 * inch * camera.half[0], 2 * inch * camera.half[1] + 0.8), layout="constrained")
         axes = figure.subplots()
-        picture = offscreen.drawn(body, camera, round(2 * inch * float(camera.half[0]) * PIXELS_PER_INCH))
+        picture = image(body, camera, round(2 * inch * float(camera.half[0]) * PIXELS_PER_INCH))
         right, top = camera.half
         axes.imshow(picture, extent=(-right, right, -top, top), aspect="equal")
         axes.set_axis_off()

@@ -1,4 +1,4 @@
-"""Surfaces in 3D, drawn by PyVista; every process that draws them imports this module, the others only its data."""
+"""Surfaces in 3D, drawn by PyVista without a window."""
 
 from __future__ import annotations
 
@@ -11,11 +11,14 @@ import numpy as np
 import numpy.typing as npt
 
 from signorini_fx.addons.pictures.view import Camera
+from signorini_fx.errors import PYVISTA, PictureError
 from signorini_fx.tuned import AMBIENT_LIGHT, LAMPS, SHARP_EDGE
 
 Floats = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.int64]
 
+# The first VTK that draws without a display.  An older one ends the process.
+_WITHOUT_DISPLAY = (9, 4)
 GROUND, INK, MUTED = "#dcdcdc", "#1a1a1a", "#6b6b6b"
 
 
@@ -129,9 +132,20 @@ def draw(plotter: Any, solid: Solid, camera: Camera) -> None:
 
 
 def image(solid: Solid, camera: Camera, width: int) -> npt.NDArray[np.uint8]:
-    """A picture with this many pixels across on a white ground, shape (h, w, 3)."""
-    import pyvista
+    """A picture with this many pixels across on a white ground, shape (h, w, 3).
 
+    Raises:
+        PictureError: PyVista is missing, or its VTK needs a display.
+    """
+    try:
+        import pyvista
+    except ImportError:
+        raise PictureError(f"a body in 3D is drawn by {PYVISTA}") from None
+    if pyvista.vtk_version_info < _WITHOUT_DISPLAY:
+        raise PictureError(f"VTK {pyvista.vtk_version_info} needs a display: install {PYVISTA}")
+    from vtkmodules.vtkCommonCore import vtkLogger
+
+    vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_OFF)  # of the displays that it tries
     size = (width, round(width * float(camera.half[1] / camera.half[0])))
     plotter = pyvista.Plotter(off_screen=True, window_size=size)
     try:
@@ -150,7 +164,7 @@ def _behind(solid: Solid, cut: Cut) -> Solid:
     kind = {4: pyvista.CellType.TETRA, 8: pyvista.CellType.HEXAHEDRON}[cut.cells.shape[1]]
     grid = pyvista.UnstructuredGrid({kind: cut.cells}, cut.points)
     grid.point_data["field"] = cut.values
-    remaining = grid.clip(normal=cut.normal, origin=cut.origin, invert=True).extract_surface().triangulate()
+    remaining = grid.clip(normal=cut.normal, origin=cut.origin, invert=True).extract_geometry().triangulate()
     triangles = remaining.faces.reshape(-1, 4)[:, 1:]
     return replace(solid, points=remaining.points, triangles=triangles, values=remaining.point_data["field"][triangles])
 

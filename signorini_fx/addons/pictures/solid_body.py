@@ -14,7 +14,8 @@ import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from signorini_fx.addons.pictures import offscreen, view
+from signorini_fx.addons.pictures import solid as drawing
+from signorini_fx.addons.pictures import view
 from signorini_fx.addons.pictures.body import DrawnBody, Volume
 from signorini_fx.addons.pictures.deformed_body import magnification
 from signorini_fx.addons.pictures.fields import FIELDS, Field, values_of
@@ -259,7 +260,7 @@ def section(
 
 def show(axes: Axes, solid: Solid, camera: view.Camera, inch: float) -> None:
     """The picture of a body in axes without ticks."""
-    picture = offscreen.drawn(solid, camera, round(2 * inch * float(camera.half[0]) * PIXELS_PER_INCH))
+    picture = drawing.image(solid, camera, round(2 * inch * float(camera.half[0]) * PIXELS_PER_INCH))
     right, top = camera.half
     axes.imshow(picture, extent=(-right, right, -top, top), aspect="equal")
     axes.set_axis_off()
