@@ -810,13 +810,11 @@ LONGEST_ARROW, LONGEST_ARROW_OF_SETUP, SMALLEST_ARROW = 0.06, 0.13, 0.02
 # How far arrows are beside the body: along its boundary, over the size of the body, and around the picture of a body,
 # over its longer side.
 ARROWS_ALONG, ARROWS_AROUND = 0.02, 0.05
-# At most so many arrows, supports and strokes along the larger side of a picture.
-MOST_ARROWS, MOST_SUPPORTS, MOST_STROKES = 22.0, 34.0, 50.0
+# At most so many arrows or supports, and strokes, along the larger side of a picture.
+MOST_ARROWS, MOST_STROKES = 22.0, 50.0
 # Colours are so far in front of the body, over its size, and strokes above them; facets that are seen under a smaller
 # cosine have no strokes.
 COLOURS_ABOVE, STROKES_ABOVE, SEEN_FROM_THE_SIDE = 5e-4, 1e-3, 0.2
-# Share of white in the colours of facets, on which arrows are to be seen.
-LIGHTER_COLOURS = 0.55
 # Curves whose distance is less than this share of the largest value are one; room between names over the length of the
 # one before; height of a row of names, points.
 ALIKE_CURVES, BETWEEN_NAMES, ROW_OF_NAMES = 0.01, 0.15, 12.0

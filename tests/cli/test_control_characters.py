@@ -3,7 +3,7 @@
 import pytest
 
 from signorini_fx.addons.pictures.style import plain
-from signorini_fx.addons.report.markup import tag
+from signorini_fx.addons.report.templating import part
 from signorini_fx.machine import terminal
 from signorini_fx.machine.csv_text import as_text
 from signorini_fx.machine.display import html_table
@@ -20,7 +20,7 @@ CLEAN = "A31mbeam"
         lambda: printable(EVIL),
         lambda: TerminalLine(f"{EVIL}: ", EVIL).broken(80, colours=False).replace(": ", "").replace(CLEAN * 2, CLEAN),
         lambda: as_text(EVIL),
-        lambda: str(tag("h1", EVIL)).removeprefix("<h1>").removesuffix("</h1>"),
+        lambda: str(part("paragraph", EVIL)).removeprefix("<p>").removesuffix("</p>"),
         lambda: plain(EVIL),
         lambda: _for_json({EVIL: [EVIL]})[CLEAN][0],
         lambda: html_table((), (), EVIL).partition("<caption>")[2].partition("</caption>")[0],

@@ -1,11 +1,9 @@
 """Pictures of a scene before it is solved: what acts where, on any number of ranks."""
 
-import itertools
-
 import numpy as np
 import pytest
 from drawing import needs_pictures_in_3d
-from matplotlib.text import Text
+from matplotlib.quiver import Quiver
 from mpi4py import MPI
 from scenes import example1
 
@@ -15,6 +13,7 @@ from signorini_fx.mechanics.mesh.tagged import generate_mesh, tag_boundaries
 from signorini_fx.scenes import cli
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import parse_scene
+from signorini_fx.tuned import LONGEST_ARROW_OF_SETUP
 
 COMM = MPI.COMM_WORLD
 BOX = {
@@ -178,60 +177,38 @@ def test_a_body_in_space_is_drawn(tmp_path):
     def share(colour):
         return (np.abs(seen - np.array(colour)).max(axis=1) < 0.08).mean()
 
-    assert share((0.0, 0.447, 0.698)) > 1e-3  # arrows
-    assert share((0.0, 0.62, 0.45)) > 2e-4  # supports
+    assert share((0.1, 0.1, 0.1)) > 5e-4  # arrows
+    assert share((0.0, 0.62, 0.45)) > 2e-4  # the front, in the legend
     assert share((1.0, 1.0, 1.0)) < 0.9
 
 
-def test_names_do_not_cover_each_other(monkeypatch):
-    """Those of the two sides of a narrow strip would: the text of one is longer than the strip is wide."""
+def test_the_legend_says_what_acts(monkeypatch):
+    """Each boundary has its name, its colour and what acts on it; a support with all components has a square."""
     drawn = []
     monkeypatch.setattr(setup_pictures, "finish", lambda figure, *_: drawn.append(figure))
-    corners = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 20.0], [0.0, 20.0]])
-    none = np.zeros((1, 2))
-    sides = [
-        setup_pictures.NamedBoundary(name, (), corners[None, list(ends)], np.array([normal]), none, none)
-        for name, ends, normal in (("on the left", (3, 0), (-1.0, 0.0)), ("on the right", (1, 2), (1.0, 0.0)))
+    scene = parse_scene(
+        BOX
+        | {
+            "mesh": {"generator": "rectangle"},
+            "displacement": [{"boundary": "left", "x": 0.0, "y": 0.0}, {"boundary": "right", "normal": 0.0}],
+            "springs": [],
+            "traction": [{"boundary": "top", "pressure": 2.0}],
+        }
+    )
+    gather_setup(load_mesh(scene, MPI.COMM_SELF), scene.statement).draw("nowhere")
+    (legend,) = drawn[0].legends
+    texts = [text.get_text() for text in legend.get_texts()]
+    assert texts == [
+        "left: displacement (x, y)",
+        "right: displacement (normal)",
+        "bottom: contact",
+        "top: traction",
+        "longest arrow of a load: $2$",
     ]
-    setup_pictures.Setup("strip", corners[None], sides).draw("nowhere")
-    (figure,) = drawn
-    figure.draw_without_rendering()
-    one, other = figure.axes[0].texts
-    assert one.get_text() == "on the left"
-    boxes = [Text.get_window_extent(text) for text in (one, other)]
-    assert not boxes[0].overlaps(boxes[1])
-    # Each is beside its own side: within the strip both lay across both sides, and one was taken for the other.
-    left, right = figure.axes[0].transData.transform([[0.0, 10.0], [1.0, 10.0]])[:, 0]
-    assert boxes[0].x1 < left
-    assert boxes[1].x0 > right
-    assert max(abs(one.xyann[1]), abs(other.xyann[1])) < 20
-
-
-def test_names_that_stay_within(monkeypatch):
-    """Where a load has arrows the name is within the body; moved out of the way of others, it has a line."""
-    drawn = []
-    monkeypatch.setattr(setup_pictures, "finish", lambda figure, *_: drawn.append(figure))
-    corners = np.array([[0.0, 0.0], [20.0, 0.0], [20.0, 1.0], [0.0, 1.0]])
-    none, load = np.zeros((1, 2)), np.array([[0.0, -1.0]])
-    sides = [
-        setup_pictures.NamedBoundary(name, ("traction",), corners[None, list(ends)], np.array([[0.0, y]]), load, none)
-        for name, ends, y in (
-            ("above", (2, 3), 1.0),
-            ("below", (0, 1), -1.0),
-            ("again below", (0, 1), -1.0),
-            ("once more below", (0, 1), -1.0),
-            ("below too", (0, 1), -1.0),
-        )
-    ]
-    setup_pictures.Setup("plate", corners[None], sides).draw("nowhere")
-    (figure,) = drawn
-    figure.draw_without_rendering()
-    texts = {text.get_text(): text for text in figure.axes[0].texts if text.get_text()}
-    boxes = [Text.get_window_extent(text) for text in texts.values()]
-    assert len(boxes) == 5
-    assert not any(one.overlaps(other) for one, other in itertools.combinations(boxes, 2))
-    for text in texts.values():
-        place = 8.0 if text.get_text() != "above" else -8.0
-        away = abs(text.xyann[1] - place) > 1.5 * boxes[0].height * 72 / figure.dpi
-        assert text.arrow_patch.get_visible() == away
-    assert any(text.arrow_patch.get_visible() for text in texts.values())
+    lines = dict(zip(texts, legend.legend_handles, strict=True))
+    assert len({line.get_color() for line in lines.values() if line.get_linestyle() != "None"}) == 4
+    assert lines[texts[0]].get_marker() == "s"
+    assert lines[texts[1]].get_marker() == "o"
+    (arrows,) = (one for one in drawn[0].axes[0].collections if isinstance(one, Quiver) and one.N)
+    np.testing.assert_allclose(arrows.V, -LONGEST_ARROW_OF_SETUP * 3.0)
+    np.testing.assert_allclose(np.asarray(arrows.get_offsets())[:, 1] + arrows.V, 1.0)  # they end at the body

@@ -25,6 +25,7 @@ from scenes import alone, example1, on_mesh, rectangle
 from signorini_fx.addons.pictures.fields import FIELDS
 from signorini_fx.addons.report import advice, evidence, markup, sections
 from signorini_fx.addons.report import page as report
+from signorini_fx.addons.report.templating import Markup, part
 from signorini_fx.errors import OutputError, ResultError
 from signorini_fx.machine import parallel
 from signorini_fx.machine.result_files import ResultFiles, read_csv, read_summary, seconds_of
@@ -271,14 +272,13 @@ def test_escapes(folders):
     assert "<a&b>" in other.texts
     assert "$c$" in other.texts
     assert "<a&b>" not in other.source
-    given = markup.tag("p", "<&>\"'", markup.tag("b", "x"), class_="\"'<")
-    assert given == '<p class="&quot;&#x27;&lt;">&lt;&amp;&gt;"\'<b>x</b></p>'
+    assert part("note", "<&>\"'") == '<p class="note">&lt;&amp;&gt;&#34;&#39;</p>'
 
 
 def test_long_cells():
     """A long name may be broken behind an underscore; markup, numbers and vectors stay as they are."""
     name, vector = "<left_foot>_of__the_frame", "(-1.852e+06, 5.693e+06, 0)"
-    row = [name, "short_name", vector, markup.tag("b", "made_of_markup_already"), 1.0]
+    row = [name, "short_name", vector, Markup("<b>made_of_markup_already</b>"), 1.0]
     made = markup.table(["a", "b", "c", "d", "e"], [row])
     assert re.findall("<td.*?</td>", made) == [
         '<td class="words">&lt;left_<wbr>foot&gt;_<wbr>of__<wbr>the_<wbr>frame</td>',

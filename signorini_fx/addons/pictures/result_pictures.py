@@ -102,7 +102,8 @@ class ResultPictures:
             return
         if self.history:
             dimension = 3 if contact is not None and "shear_z" in contact else 2  # slip has a sign, or a direction
-            iteration_history(folder / "history", self.history, dimension=dimension, suffixes=self.suffixes)
+            columns = {name: np.array([row[name] for row in self.history]) for name in self.history[0]}
+            iteration_history(folder / "history", columns, dimension=dimension, suffixes=self.suffixes)
         if self.prices:
             errors_and_costs(folder / "convergence_table", self.prices, title=title, suffixes=self.suffixes)
         if contact is not None and steps is not None:

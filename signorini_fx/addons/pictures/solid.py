@@ -160,11 +160,15 @@ def image(solid: Solid, camera: Camera, width: int) -> npt.NDArray[np.uint8]:
 def _behind(solid: Solid, cut: Cut) -> Solid:
     """The surface of what is left of a body."""
     import pyvista
+    from vtkmodules.vtkFiltersGeometry import vtkGeometryFilter
 
     kind = {4: pyvista.CellType.TETRA, 8: pyvista.CellType.HEXAHEDRON}[cut.cells.shape[1]]
     grid = pyvista.UnstructuredGrid({kind: cut.cells}, cut.points)
     grid.point_data["field"] = cut.values
-    remaining = grid.clip(normal=cut.normal, origin=cut.origin, invert=True).extract_geometry().triangulate()
+    surface = vtkGeometryFilter()  # PyVista calls it by other names in each of its versions
+    surface.SetInputData(grid.clip(normal=cut.normal, origin=cut.origin, invert=True))
+    surface.Update()
+    remaining = pyvista.wrap(surface.GetOutput()).triangulate()
     triangles = remaining.faces.reshape(-1, 4)[:, 1:]
     return replace(solid, points=remaining.points, triangles=triangles, values=remaining.point_data["field"][triangles])
 

@@ -16,9 +16,8 @@ from signorini_fx.addons.report.markup import (
     long_table,
     shown,
     table,
-    tag,
 )
-from signorini_fx.addons.report.templating import Markup
+from signorini_fx.addons.report.templating import Markup, part
 from signorini_fx.machine.result_files import ResultFiles
 from signorini_fx.mechanics.statement.units import unit
 from signorini_fx.quantities.validity import was_solved
@@ -71,19 +70,21 @@ def certificate(summary: dict[str, Any]) -> Markup:
         largest = f"{figures[worst]:.1e} ({worst.replace('_', ' ')})"
         verdict = f"The certificate holds: no figure is above {largest}, the limit is {CERTIFICATE_TOLERANCE:g}."
     full_table = table(["figure", "value", "", "limit"], rows, classes)
-    parts = [tag("p", in_text(verdict)), tag("p", in_text(note), class_="note")]
+    parts = [part("paragraph", in_text(verdict)), part("note", in_text(note))]
     parts.append(full_table if missed else folded("Every figure of the certificate", full_table))
     if "functionals" in summary:
         gap = summary["functionals"]["relative_duality_gap"]
         difference = f"{gap:.1e}" if gap else "zero"
-        parts.append(tag("p", in_text(f"The relative difference of primal and dual functional is {difference}.")))
+        parts.append(
+            part("paragraph", in_text(f"The relative difference of primal and dual functional is {difference}."))
+        )
     error = summary.get("error_bound") or {}
     bound = "Guaranteed error" if error.get("guaranteed") else "Bound of the error"
     if error:
         statement = f"{bound}: {error['statement']}."
         if "energy between" in statement and unit("energy"):
             statement += f" Energies are in {unit('energy')}."
-        parts.append(tag("p", in_text(statement)))
+        parts.append(part("paragraph", in_text(statement)))
     return joined(parts)
 
 
@@ -138,11 +139,11 @@ def scene(summary: dict[str, Any]) -> Markup:
     if steps:
         rows.append(("load steps", shown(steps)))
     method = {"algorithm": summary["algorithm"], **summary["parameters"], "linear algebra": summary["linear_algebra"]}
-    full_scene = tag("pre", json.dumps(scene, indent=1))
+    full_scene = part("source", json.dumps(scene, indent=1))
     return joined(
         [
             table(["effect", "data"], rows),
-            tag("p", in_text(f"Method: {shown(method)}.")),
+            part("paragraph", in_text(f"Method: {shown(method)}.")),
             folded("The whole scene with all defaults", full_scene),
         ]
     )
@@ -158,7 +159,7 @@ def _mesh(mesh: Any) -> tuple[str, str]:
 
 def _named(name: str, remark: str) -> Markup:
     """A name with a remark below it."""
-    return joined([name, tag("small", remark)] if remark else [name])
+    return part("named", name, remark)
 
 
 def _data(entry: Mapping[str, Any], *leave_out: str, nothing: float | None = None) -> str:
@@ -182,9 +183,8 @@ def convergence_table(rows: list[dict[str, Any]]) -> Markup:
         "or the meshes are no finer where it is; the parts of the energy error due to regularisation and "
         "iteration. Memory in MB."
     )
-    note = tag("p", note, class_="note")
     classes = ["predicted" if row["predicted"] else "" for row in rows]
-    return joined([table([*(name.replace("_", " ") for name in names), ""], shorter, classes), note])
+    return joined([table([*(name.replace("_", " ") for name in names), ""], shorter, classes), part("note", note)])
 
 
 def cost(summary: dict[str, Any]) -> Markup:
@@ -210,7 +210,7 @@ def history(summary: dict[str, Any], folder: ResultFiles, history: dict[str, Any
     text = f"{summary['algorithm']}: {solves} linear solve{'s' * (solves != 1)}"
     if factorised is not None:
         text += f" with {factorised} factorisation{'s' * (factorised != 1)}"
-    parts = [tag("p", f"{text}.")]
+    parts = [part("paragraph", f"{text}.")]
     if history:
         caption = "Sizes of the active sets and nodes that change, and residual, against the linear solves."
         drawn = drawn_by(iteration_history, history, caption=caption, dimension=dimension)
@@ -219,7 +219,7 @@ def history(summary: dict[str, Any], folder: ResultFiles, history: dict[str, Any
         parts += [folded("Convergence history", drawn), long_table("Every linear solve", history, "history.csv")]
     events = list(dict.fromkeys(summary.get("events", ())))
     if events:
-        parts.append(folded("What happened", tag("ul", *(tag("li", in_text(event)) for event in events))))
+        parts.append(folded("What happened", part("items", list(map(in_text, events)))))
     outer = folder.columns("outer.csv")
     if outer:
         parts.append(long_table("Every regularised problem", outer, "outer.csv"))
@@ -238,7 +238,7 @@ def made_with(summary: dict[str, Any], size: str) -> Markup:
     ranks = f"{summary['ranks']} rank{'s' * (summary['ranks'] > 1)}"
     programs = " and ".join(f"{name} {versions[name]}" for name in ("signorini_fx", "dolfinx") if versions.get(name))
     timings = table(["phase", "seconds"], [(name, _two_digits(value)) for name, value in summary["timings"].items()])
-    tables = tag("div", timings, table(["program", "version"], list(versions.items())), class_="pictures")
-    compiled = tag("p", f"Compiled: {', '.join(summary['compiled'])}.")
+    tables = part("beside", [timings, table(["program", "version"], list(versions.items()))])
+    compiled = part("paragraph", f"Compiled: {', '.join(summary['compiled'])}.")
     took = f"{when} by {programs} on {ranks}: {size}."
-    return joined([tag("p", took), folded("Times and versions", compiled, tables)])
+    return joined([part("paragraph", took), folded("Times and versions", compiled, tables)])

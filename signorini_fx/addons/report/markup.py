@@ -1,9 +1,8 @@
-"""Parts of the page: every text passes through ``tag`` or a template, which escape what is not markup."""
+"""Parts of the page: every text passes through a template, which escapes what is not markup."""
 
 from __future__ import annotations
 
 import base64
-import html
 import math
 import re
 import struct
@@ -15,29 +14,16 @@ from typing import Any
 import numpy as np
 
 from signorini_fx.addons.report.templating import Markup, part
-from signorini_fx.machine.terminal import printable
 from signorini_fx.tuned import BROAD_PICTURE
 
 _WIDE_TABLE = 8  # columns from which on the print uses small letters
 _WIDE_CELL = 16  # letters from which on a cell is broken into lines
 _MOST_ROWS = 400  # of a table; the CSV file has all rows
-_VOID = frozenset({"br", "img", "meta", "wbr"})
 
 
-def tag(name: str, *children: str, **attributes: str) -> Markup:
-    """An element; children and values of attributes are escaped unless they are markup (``class_`` means class)."""
-    present = {key.rstrip("_"): value for key, value in attributes.items() if value or key != "class_"}
-    text = "".join(f' {key}="{html.escape(printable(value))}"' for key, value in present.items())
-    if name in _VOID:
-        return Markup(f"<{name}{text}>")
-    return Markup(f"<{name}{text}>{joined(children)}</{name}>")
-
-
-def joined(parts: Iterable[str]) -> Markup:
-    """One after the other, escaped unless they are markup."""
-    return Markup(
-        "".join(item if isinstance(item, Markup) else html.escape(printable(item), quote=False) for item in parts)
-    )
+def joined(parts: Iterable[Markup]) -> Markup:
+    """One after the other."""
+    return Markup("").join(parts)
 
 
 def shown(value: Any) -> str:
@@ -99,7 +85,7 @@ def _breakable(text: str) -> Markup:
     """Words of which a long one may be broken behind its underscores, as names of boundaries may be of any length."""
     if isinstance(text, Markup):
         return text
-    return Markup("<wbr>").join(re.split(r"(?<=_)(?=[^_])", printable(text)))
+    return part("breakable", re.split(r"(?<=_)(?=[^_])", text))
 
 
 def long_table(title: str, columns: Mapping[str, Any], file: str) -> Markup:
@@ -109,7 +95,7 @@ def long_table(title: str, columns: Mapping[str, Any], file: str) -> Markup:
     if len(rows) > _MOST_ROWS:
         half = _MOST_ROWS // 2
         text = f"The first and the last {half} of {len(rows)} rows; {file} has all of them."
-        remark, rows = [tag("p", text, class_="note")], [*rows[:half], *rows[-half:]]
+        remark, rows = [part("note", text)], [*rows[:half], *rows[-half:]]
     # Behind a blank there is the name of a boundary, which stays as it is.
     names = [
         " ".join([first.replace("_", " "), *boundary_name])

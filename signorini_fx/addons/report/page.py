@@ -15,8 +15,8 @@ from typing import Any
 from signorini_fx import __version__
 from signorini_fx.addons.report import evidence, sections
 from signorini_fx.addons.report.advice import next_steps
-from signorini_fx.addons.report.markup import joined, tag
-from signorini_fx.addons.report.templating import Markup, rendered
+from signorini_fx.addons.report.markup import joined
+from signorini_fx.addons.report.templating import Markup, part, rendered
 from signorini_fx.errors import OutputError, ResultError, cannot_be_written
 from signorini_fx.machine import manifest
 from signorini_fx.machine.display import status_in_words
@@ -59,9 +59,9 @@ def _page(summary: dict[str, Any], folder: ResultFiles, name: str) -> str:
     no_result = "" if validity_of(summary).solved else sections.no_result(summary)
     overview = sections.overview(folder, solid=solid, stressed=stressed, no_result=no_result)
     # First what is asked first, then what was found, then why it may be trusted, last how it was computed.
-    chapters = {
+    chapters: dict[str, Markup] = {
         "Outcome": sections.outcome(summary, overview, evidence.cost(summary)),
-        "Figures": sections.figures(summary) if validity_of(summary).solved else "",
+        "Figures": sections.figures(summary) if validity_of(summary).solved else Markup(""),
         "Further pictures": sections.further_pictures(folder),
     }
     if contact and solid:
@@ -81,19 +81,18 @@ def _page(summary: dict[str, Any], folder: ResultFiles, name: str) -> str:
     if solved and "steps" in summary:
         table = folder.columns("steps.csv", len(summary["steps"]))
         chapters["Load steps"] = sections.steps(table, contact, around=sections.is_around(summary))
-    lines = [tag("li", line) for line in next_steps(summary, contact)]
-    if lines:
-        chapters["What to do next"] = tag("ul", *lines)
+    if lines := next_steps(summary, contact):
+        chapters["What to do next"] = part("items", lines)
     if "convergence_table" in summary:
         chapters["Convergence table"] = evidence.convergence_table(summary["convergence_table"])
-    chapters["Certificate"] = evidence.certificate(summary) if solved else ""
+    chapters["Certificate"] = evidence.certificate(summary) if solved else Markup("")
     chapters["Scene and effects"] = evidence.scene(summary)
     if contact:
         columns = folder.columns("history.csv", summary["linear_solves"])
         chapters["Iteration"] = evidence.history(summary, folder, columns, dimension=3 if "shear_z" in contact else 2)
     if no_result:
         for heading in chapters.keys() & _OF_FIGURES:
-            chapters[heading] = joined([tag("p", no_result, class_="note"), chapters[heading]])
+            chapters[heading] = joined([part("note", no_result), chapters[heading]])
     chapters["Made with"] = evidence.made_with(summary, sections.size(summary))
     files = resources.files("signorini_fx.addons.report")
     block = summary["scene"].get("title_block", {})

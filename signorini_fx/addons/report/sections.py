@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from signorini_fx.addons.pictures.fields import FIELDS
-from signorini_fx.addons.report.markup import drawn_by, in_text, joined, long_table, picture, table, tag
-from signorini_fx.addons.report.templating import Markup, rendered
+from signorini_fx.addons.report.markup import drawn_by, in_text, joined, long_table, picture, table
+from signorini_fx.addons.report.templating import Markup, part, rendered
 from signorini_fx.errors import PYVISTA
 from signorini_fx.machine.display import clean, results_of, status_in_words
 from signorini_fx.machine.result_files import ResultFiles, in_space, seconds_of
@@ -75,7 +75,7 @@ def figures(summary: dict[str, Any]) -> Markup:
     cards = [card for quantity in quantities() for card in shown_cards(quantity, summary)]
     rows = [(card.label, card.text, card.remark or _estimate(card)) for card in cards]
     who, body = _sides(entry.get("against") for entry in summary["scene"].get("contact", []))
-    return joined([table(["figure", "value", ""], rows), tag("p", _note(summary, who, body), class_="note")])
+    return joined([table(["figure", "value", ""], rows), part("note", _note(summary, who, body))])
 
 
 def size(summary: dict[str, Any]) -> str:
@@ -123,7 +123,7 @@ _COLOURS = "Colour: von Mises stress, recovered, which smooths peaks narrower th
 _CIRCLE = "; circle: the largest one, recovered or raw. "
 _DISPLACEMENT = "Colour: size of the displacement; the stress is not known. "
 _PLANE_BODY = "Hatched: the foundation. The title says what is magnified."
-_SETUP = "What the scene prescribes, before it is solved. Orange: contact; blue: loads; green: supports."
+_SETUP = "What the scene prescribes, before it is solved. Squares and circles: supports; arrows: loads and motions."
 _SECTION = "Von Mises stress within the body, which is cut through the centre of the contact pressure."
 _SOLID_BODY = (
     "Gray lines: undeformed body; gray surface: the foundation; arrows: how long the body is. The title says what is "
@@ -148,7 +148,7 @@ def overview(folder: ResultFiles, *, solid: bool = False, stressed: bool = True,
         reason = "this was solved with --no-pictures"
         if solid:
             reason += f", or has too many facets to be drawn, or without {PYVISTA}"
-        return tag("p", f"No picture: {reason}.", class_="note")
+        return part("note", f"No picture: {reason}.")
     colours = f"{_COLOURS}{'. ' if no_result else _CIRCLE}" if stressed else _DISPLACEMENT
     caption = f"{no_result}{' ' * bool(no_result)}{colours}{_SOLID_BODY if solid else _PLANE_BODY}"
     return picture(data, "png", "deformed body on its foundation", caption, "still overview")
@@ -163,7 +163,7 @@ def further_pictures(folder: ResultFiles) -> Markup:
         for name, field in FIELDS.items()
         if (data := folder.picture(f"field_{name}.png")) is not None
     ]
-    return tag("div", *further, class_="pictures") if further else Markup("")
+    return part("beside", further) if further else Markup("")
 
 
 def profiles(contact: dict[str, Any]) -> Markup:
@@ -186,13 +186,13 @@ def profiles(contact: dict[str, Any]) -> Markup:
     apart = contact["state"] == "open"
     if np.any(np.abs(contact["shear"][apart]) > 1e-9 * np.abs(contact["shear"]).max(initial=0.0)):
         signs += " Tresca friction acts where nothing is in contact too, as its bound does not depend on the pressure."
-    return joined([tag("div", *drawn, class_="pictures"), tag("p", signs, class_="note")])
+    return joined([part("beside", drawn), part("note", signs)])
 
 
 def forces(summary: dict[str, Any]) -> Markup:
     """Resultants of all boundaries, figures of each contact boundary and zones, as far as the summary has them."""
     parts = [_resultants(summary), _contact_boundaries(summary), _zones(summary)]
-    return joined([part for part in parts if part is not None])
+    return joined([section for section in parts if section is not None])
 
 
 def _resultants(summary: dict[str, Any]) -> Markup | None:
@@ -221,7 +221,7 @@ def _resultants(summary: dict[str, Any]) -> Markup | None:
         note += " The point is one of the line on which the force acts."
     if any(places) and not all(places):
         note += " Where no point is named the force acts far outside the body or nowhere: the moment counts."
-    return joined([table(["boundary", "by", *names], rows), tag("p", note, class_="note")])
+    return joined([table(["boundary", "by", *names], rows), part("note", note)])
 
 
 def _place_of_action(summary: dict[str, Any], point: list[float] | None) -> list[float] | None:
@@ -273,12 +273,12 @@ def _zones(summary: dict[str, Any]) -> Markup | None:
             ends = (c for end in (first, last) for c in components(clean(end, size)))
             rows.append((name, *ends, figure(math.dist(first, last))))
     if not rows:
-        return tag("p", "Nothing is in contact.")
+        return part("paragraph", "Nothing is in contact.")
     note = "From node to node: the true ends lie up to one element further out. Stick and slip within the contact."
     names = [
         f"{side} {axis}{bracketed('length')}" for side in ("from", "to") for axis in "xyz"[: (len(rows[0]) - 2) // 2]
     ]
-    return joined([table(["zone", *names, f"chord{bracketed('length')}"], rows), tag("p", note, class_="note")])
+    return joined([table(["zone", *names, f"chord{bracketed('length')}"], rows), part("note", note)])
 
 
 def steps(steps: dict[str, Any], contact: dict[str, Any], *, around: bool = False) -> Markup:
@@ -299,5 +299,5 @@ def steps(steps: dict[str, Any], contact: dict[str, Any], *, around: bool = Fals
         if any(name.startswith("friction_moment") for name in steps):
             caption = f"Forces of {who} on {whom}, and of friction; where they balance each other, pressure and moment."
         drawn = drawn_by(load_steps, steps, caption=caption, around=around)
-        parts.append(tag("div", drawn, class_="pictures"))
+        parts.append(part("beside", [drawn]))
     return joined([*parts, long_table("Every load step", steps, "steps.csv")])

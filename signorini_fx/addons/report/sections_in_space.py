@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from signorini_fx.addons.report.markup import drawn_by, joined, long_table, table, tag
-from signorini_fx.addons.report.templating import Markup
+from signorini_fx.addons.report.markup import drawn_by, joined, long_table, table
+from signorini_fx.addons.report.templating import Markup, part
 from signorini_fx.machine.display import clean, on_several_bodies, touch_each_other
 from signorini_fx.mechanics.statement.units import bracketed
 from signorini_fx.quantities.digits import components, figure
@@ -80,10 +80,10 @@ def resultants(summary: dict[str, Any], contact: dict[str, Any]) -> Markup:
     if len(areas) > 1:
         areas.append(("all", *(sum(column) for column in list(zip(*areas, strict=True))[1:])))
     shown = [(name, *map(figure, sizes)) for name, *sizes in areas]
-    measured = [f"{part}{bracketed('area')}" for part in ("whole", "in contact", "sticks", "slips")]
+    measured = [f"{share}{bracketed('area')}" for share in ("whole", "in contact", "sticks", "slips")]
     parts.append(table(["area of", *measured], shown))
     note = "Moments are about the origin. Areas are sums of weights of nodes, stick and slip where friction can act."
-    return joined([*parts, tag("p", note, class_="note")])
+    return joined([*parts, part("note", note)])
 
 
 def surface(contact: dict[str, Any], facets: npt.NDArray[np.int64]) -> Markup:
@@ -98,14 +98,12 @@ def surface(contact: dict[str, Any], facets: npt.NDArray[np.int64]) -> Markup:
         for boundary in boundaries_shown(contact, facets)
         for panel, caption in captions.items()
     ]
-    drawn = tag("div", *pictures, class_="pictures")
+    drawn = part("beside", pictures)
     note = (
         "Seen along the outward normal, through the body. Arrows of shear point where the body slips or would slip; "
         "the traction on the body is opposite."
     )
-    return joined(
-        [drawn, tag("p", note, class_="note"), long_table("Every contact node", nodes(contact), "contact.csv")]
-    )
+    return joined([drawn, part("note", note), long_table("Every contact node", nodes(contact), "contact.csv")])
 
 
 def nodes(contact: dict[str, Any]) -> dict[str, Any]:
