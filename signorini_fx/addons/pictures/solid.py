@@ -135,13 +135,13 @@ def image(solid: Solid, camera: Camera, width: int) -> npt.NDArray[np.uint8]:
     """A picture with this many pixels across on a white ground, shape (h, w, 3).
 
     Raises:
-        PictureError: PyVista is missing, or its VTK needs a display.
+        PictureError: PyVista is missing, or its VTK needs a display and there is none.
     """
     try:
         import pyvista
     except ImportError:
         raise PictureError(f"a body in 3D is drawn by {PYVISTA}") from None
-    if pyvista.vtk_version_info < _WITHOUT_DISPLAY:
+    if pyvista.vtk_version_info < _WITHOUT_DISPLAY and not pyvista.system_supports_plotting():
         raise PictureError(f"VTK {pyvista.vtk_version_info} needs a display: install {PYVISTA}")
     from vtkmodules.vtkCommonCore import vtkLogger
 
