@@ -224,8 +224,6 @@ BEYOND_SURFACE = 0.1
 
 # --- convergence table: errors and costs from mesh to mesh ------------------------------------------------------------
 
-# Seconds beyond which the rate of a slow forecast says no more than that the error hardly decreases: a day.  Choice.
-SLOW_FORECAST = 86_400.0
 # How errors decrease with h.  The square-root ends of the contact zone limit all but the peak.  Rates observed on two
 # or three meshes scatter too much: where an end is at a node, one change is small and the next one large.
 # Tuned on Example 1, against a reference solution of much higher accuracy.
@@ -270,20 +268,23 @@ LEAST_GROWING_TIME = 0.25
 # thousand times the unknowns, half.  Choice.
 NEXT_ERROR = {2: 0.1, 3: 0.5}
 # Cells with more than this many times the mean of the squared error crowd at singular points; the error in them
-# decreases like h to these powers: the slowest, the usual and the fastest.  Tuned on the first meshes of
-# demos/studies/forecasts.py, where errors decrease like h^0.52 to h^1.05: with 3 to 12 times and powers of 0.6 to 0.8
-# forecasts of h are off by h^0.09 to h^0.18 in the mean, with these by h^0.10; 37 of 41 are between the extremes.
-CROWDED, CORNER_EXPONENTS = 3.0, (0.5, 0.7, 1.0)
-# The slowest rate that a forecast assumes of an error in a convergence table, and how many times finer a mesh is at
-# most that one is for.  Choice.
-SLOWEST_FORECAST, MOST_FINER = 0.25, 1e4
-# Seconds of a solve per unknown to the power of TIME_POWER that grow from mesh to mesh, by dimension; what small meshes
-# take besides stays.  Tuned on the same, seconds of one core: 7e-7 to 1.1e-6 in 2D, 2.8e-6 with meshes of gmsh,
-# and 1.2e-7 to 2e-7 in 3D.
-SECONDS_OF_UNKNOWNS = {2: 1e-6, 3: 2e-7}
-# Seconds foretold are known within this factor at least.  Tuned on the same: 0.88 to 1.02 for four of six lists; on
-# single meshes in 3D, where the range of unknowns is narrow, two of six were beyond it by 1.06 and 1.24.
-SPREAD_OF_SECONDS = 1.5
+# decreases like h to this power.  Tuned on the first meshes of docs/evidence/forecasts.csv.
+CROWDED, CORNER_EXPONENT = 3.0, 0.7
+# How many times finer a mesh is at most that a forecast is for.  Choice.
+MOST_FINER = 1e4
+# A solve takes as long as if it had so many unknowns more, each of the same time.  Tuned like the next three on 46 runs
+# of 36 problems of docs/evidence/forecasts.csv in 2D, without arcs.
+FIXED_UNKNOWNS = 2300.0
+# Meshes that are divided where the error is: unknowns of the first one, growth from each to the next, and those of the
+# mesh with the error of a uniform one, over the square root of the unknowns of that.
+FIRST_UNKNOWNS, LOCAL_GROWTH, LAST_UNKNOWNS = 300.0, 1.7, 14.0
+# All meshes on the way take this many times as long as their solves.
+LOCAL_TIMES = 1.33
+# Seconds foretold are known within these factors.  The first holds for 89 % of these 46 runs, and for 93 % of 29 others
+# that were made afterwards; the second for 85 % of the uniform meshes of docs/evidence/forecasts.csv.
+LOCAL_SPREAD, UNIFORM_SPREAD = 2.0, 3.5
+# Unknowns that no uniform mesh is foretold for: 60 times those of the largest mesh of the same runs.
+MOST_UNIFORM_UNKNOWNS = 2.5e6
 # The change from one uniform mesh to the next of a pressure that the mesh resolves is caused elsewhere in the body,
 # and decreases with this rate.  Source: the square of the first-order error in the energy norm.
 SMOOTH_RATE = 2.0

@@ -4,6 +4,7 @@ behind ``--verbose``.
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from textwrap import shorten
 from typing import Any
@@ -100,9 +101,8 @@ def _cost(summary: dict[str, Any]) -> list[TerminalLine]:
     """What the error took, and what a smaller one would take; or why that is not known."""
     if not (statement := cost_in_words(summary)):
         return []
-    short = statement.replace(" would take ", ": ")
-    texts = [statement, short, short.replace(" of the ", " of "), short.rpartition(",")[0]]
-    return _line("cost", next((text for text in texts if 0 < len(text) <= COLUMNS - _LABEL), texts[0]))
+    texts = [statement, re.sub(r" error of the [a-z ]+ took ", " error took ", statement)]
+    return _line("cost", next((text for text in texts if len(text) <= COLUMNS - _LABEL), texts[-1]))
 
 
 def _begin(label: str) -> str:

@@ -7,11 +7,11 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from dolfinx import fem
 from mpi4py import MPI
 
 import signorini_fx
-from signorini_fx.algebra.linalg.choice import krylov_from
 from signorini_fx.errors import SignoriniError
 from signorini_fx.extensions import LINEAR_SOLVERS, add_on, is_of_package, names_of
 from signorini_fx.machine import parallel
@@ -27,7 +27,7 @@ from signorini_fx.quantities.registry import requested
 from signorini_fx.records import SHORT_OF_ACCURACY, Finding, History, Status, StepRecord, Timings
 from signorini_fx.results.accuracy.convergence_table import Price
 from signorini_fx.results.accuracy.mesh_level import LevelResult
-from signorini_fx.results.accuracy.next_accuracy import CostOfAccuracy, crowded_share, from_one_mesh, from_prices
+from signorini_fx.results.accuracy.next_accuracy import NAMES, CostOfAccuracy, next_cost
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery
 from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.results.certificate.contact_nodes import ContactSide
@@ -391,29 +391,23 @@ class Solution:
         """What the accuracy took and what a better one would take, or why there is no forecast; collective."""
         if self.last_step.status is not Status.CONVERGED:
             return "no solution"
-        model, dimension = self.model, self.model.tagged.dimension
-        degree = int(self.displacement.function_space.element.basix_element.degree)
-        iterative_from = krylov_from(model.system_size, self.statement.solver.linear_algebra)
-        if self.convergence_table:
-            asked = None if self.statement.accuracy is None else self.statement.accuracy.of
-            return from_prices(self.convergence_table, dimension, degree, iterative_from, asked)
-        if self.last_step.strain_energy is None:
-            return NO_ESTIMATE
-        if (stress := self.known_stress) is None:
-            return "forms alone have no error estimate: give stress="
-        if not (error := stress.error):
-            return "there is no stress, or no error of it"
+        asked = "energy" if self.statement.accuracy is None else self.statement.accuracy.of
+        prices = [price for price in self.convergence_table if not price.predicted]
+        error = getattr(prices[-1], asked) if prices else None
+        if not error:
+            if prices and asked != "energy":
+                return f"no error of {NAMES[asked]} is known"
+            if self.last_step.strain_energy is None:
+                return NO_ESTIMATE
+            if self.known_stress is None:
+                return "forms alone have no error estimate: give stress="
+            if not (error := self.known_stress.error):
+                return "there is no stress, or no error of it"
         seconds = parallel.largest_timings(self.comm, self.timings.total)
-        return from_one_mesh(
-            error,
-            crowded_share(self.comm, stress.squares),
-            degree=degree,
-            dofs=model.dofs,
-            dimension=dimension,
-            seconds=sum(seconds.values()),
-            constant=seconds.get("compile", 0.0),
-            krylov_from=iterative_from,
-        )
+        starting = seconds.get("compile", 0.0) + seconds.get("mesh", 0.0)
+        solved = [(price.dofs, price.seconds) for price in prices] or [(self.model.dofs, sum(seconds.values()))]
+        squares = np.zeros(0) if self.known_stress is None else self.known_stress.squares
+        return next_cost(self.statement, self.model.tagged, asked, error, squares, solved, starting)
 
     def force_bounds(self, boundary: str, direction: tuple[float, ...]) -> Interval | str:
         """Guaranteed bounds of the force on a body at a boundary in contact, in 2D per thickness; or why there

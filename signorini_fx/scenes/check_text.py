@@ -6,7 +6,7 @@ import textwrap
 
 from signorini_fx.machine.display import duration, storage
 from signorini_fx.machine.terminal import COLUMNS, clauses
-from signorini_fx.results.accuracy.next_accuracy import between, count
+from signorini_fx.results.accuracy.next_accuracy import between
 from signorini_fx.scenes.checks import Check
 from signorini_fx.solving.check.cost import Cost
 
@@ -87,5 +87,5 @@ def _estimate(cost: Cost) -> str:
 def next_accuracy(cost: Cost) -> str:
     """What the next accuracy would take, before anything is known of the solution."""
     share = {0.1: "a tenth of", 0.5: "half"}.get(cost.next_error, f"{cost.next_error:.2g} of")
-    unknowns = " to ".join(dict.fromkeys(map(count, cost.next_unknowns)))
-    return f"{share} the error: {between(cost.next_seconds)}, {unknowns} unknowns"
+    how = "with --accuracy" if cost.next_local else "with all cells smaller"
+    return f"{share} the error: {between(cost.next_seconds)} {how}"

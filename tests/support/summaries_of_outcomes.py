@@ -47,7 +47,7 @@ BASE: dict[str, Any] = {
     "stress": {"von_mises": _STRESS, "recovered": {"von_mises": {**_STRESS, "value": 93.0}}, "error": 0.08},
     "utilisation": {"value": 0.41, "place": [1.25, 0.0], "region": None, "no_limit": None},
     "friction_used": 0.37,
-    "cost": CostOfAccuracy("energy", 0.08, 0.8, 9922, 0.008, (3.0, 40.0), 900_000.0).as_dict(),
+    "cost": CostOfAccuracy("energy", 0.08, 0.8, 9922, 0.008, (3.0, 12.0), 14_000.0, "--accuracy 0.011", True).as_dict(),
 }
 
 

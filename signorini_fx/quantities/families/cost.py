@@ -24,6 +24,10 @@ class CostFigures(Row):
     next_error: Number = described("A smaller error: a tenth in 2D, half in 3D, relative.", default=None)
     next_seconds: list[Number] = described("What that would take on this machine, from and to.", default_factory=list)
     next_dofs: Number = described("About how many unknowns it would take.", default=None)
+    command: str | None = described(
+        "What asks for it, to be pasted behind the command or in `solve_to_accuracy`.", default=None
+    )
+    local: bool | None = described("Whether cells become smaller only where the error is.", default=None)
     statement: str = described("All of it in a sentence, or why there is no forecast.")
 
 

@@ -1,17 +1,16 @@
 """What the next accuracy would cost: error and seconds of what was solved, and a forecast for an error so much smaller.
 
-From several meshes it follows from the convergence table.  From a single one the error of the stress is split in two:
-that of the few cells with much more of it than the others decreases like the error at a corner of the body, the rest
-with the degree of the elements.  The forecast is for cells that are smaller everywhere by the same factor; of meshes
-that are divided where the error is, for more of them.
+The forecast is of the way that a requested accuracy takes.  Where it divides cells where the error is, errors decrease
+like one over the unknowns whatever singularities there are, so that the unknowns of its meshes are known beforehand.
+Where all cells become smaller the error of the stress is split in two: that of the few cells with much more of it than
+the others decreases like the error at a corner of the body, the rest with the degree of the elements.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from itertools import pairwise
-from math import ceil, inf, log, log2
+from dataclasses import asdict, dataclass
+from math import ceil, log
 from typing import Any
 
 import numpy as np
@@ -20,22 +19,28 @@ from mpi4py import MPI
 
 from signorini_fx.machine import parallel
 from signorini_fx.machine.display import duration
-from signorini_fx.results.accuracy.convergence_table import Price, fineness_of
-from signorini_fx.results.accuracy.forecast import grown, powers
+from signorini_fx.mechanics.mesh.tagged import TaggedMesh, curvature
+from signorini_fx.mechanics.statement.features import refusals
+from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.tuned import (
-    CORNER_EXPONENTS,
+    CORNER_EXPONENT,
     CROWDED,
-    LEAST_GROWING_TIME,
+    FIRST_UNKNOWNS,
+    FIXED_UNKNOWNS,
+    LAST_UNKNOWNS,
+    LOCAL_GROWTH,
+    LOCAL_SPREAD,
+    LOCAL_TIMES,
+    MARGIN,
+    MARGIN_OF_OTHERS,
     MOST_FINER,
+    MOST_UNIFORM_UNKNOWNS,
     NEXT_ERROR,
-    SECONDS_OF_UNKNOWNS,
-    SLOW_FORECAST,
-    SLOWEST_FORECAST,
-    SPREAD_OF_SECONDS,
-    TIME_POWER,
+    SAME_LENGTH,
+    UNIFORM_SPREAD,
 )
 
-# The errors that a forecast is made of, in this order, and what they are of.
+# The errors that a forecast may be about, and what they are of.
 NAMES = {
     "pressure": "the pressure",
     "force": "the force",
@@ -58,6 +63,8 @@ class CostOfAccuracy:
         next_error: the smaller one.
         next_seconds: that it would take, from and to.
         next_dofs: unknowns that it would take, the most likely number.
+        command: what asks for it.
+        local: whether cells are divided where the error is; otherwise all become smaller.
     """
 
     of: str
@@ -67,9 +74,11 @@ class CostOfAccuracy:
     next_error: float
     next_seconds: tuple[float, float]
     next_dofs: float
+    command: str
+    local: bool
 
     def __str__(self) -> str:
-        """Such as: 3 % error of the stress took 0.4 s; 0.3 % would take 10 to 40 s, 2M unknowns."""
+        """Such as: 3 % error of the stress took 0.4 s; 0.3 %: 0.5 to 2 s with --accuracy 0.0043."""
         return f"{self.known}; {self.forecast}"
 
     @property
@@ -82,27 +91,18 @@ class CostOfAccuracy:
         """What would be solved."""
         figures = 1 if self.next_error * 5 < self.error else 2  # a digit less
         share = f"{100 * self.next_error:.{figures}g} %"
-        return f"{share} would take {between(self.next_seconds)}, {count(self.next_dofs)} unknowns"
+        if not self.local and self.next_dofs > MOST_UNIFORM_UNKNOWNS:
+            return f"{share}: uniform refinement does not get there"
+        return f"{share}: {between(self.next_seconds)} with {self.command}{'' if self.local else ', all cells smaller'}"
 
     def as_dict(self) -> dict[str, Any]:
         """JSON-safe."""
-        return {
-            "of": self.of,
-            "error": self.error,
-            "seconds": self.seconds,
-            "dofs": self.dofs,
-            "next_error": self.next_error,
-            "next_seconds": list(self.next_seconds),
-            "next_dofs": self.next_dofs,
-            "statement": str(self),
-        }
+        return {**asdict(self), "next_seconds": list(self.next_seconds), "statement": str(self)}
 
 
 def between(seconds: tuple[float, float]) -> str:
     """A time that is known from and to, such as 3 to 6 s."""
     low, high = (duration(float(f"{value:.2g}")) for value in seconds)
-    if min(seconds) < SLOW_FORECAST < max(seconds):
-        return f"{low} to more than a day"
     if low == high:
         return low if low.startswith("below") else f"about {low}"
     if low.startswith("below"):
@@ -111,12 +111,17 @@ def between(seconds: tuple[float, float]) -> str:
     return f"{number} to {high}" if unit == high.rpartition(" ")[2] else f"{low} to {high}"
 
 
-def count(number: float) -> str:
-    """A number that is only known roughly, such as 90k or 2M."""
-    for size, letter in ((1e9, "G"), (1e6, "M"), (1e3, "k")):
-        if number >= 0.995 * size:
-            return f"{float(f'{number / size:.2g}'):g}{letter}"
-    return f"{float(f'{number:.2g}'):g}"
+def divides_cells(statement: Statement, tagged: TaggedMesh) -> bool:
+    """Whether a requested accuracy divides cells where the error is; of forms, whether it can; collective.
+
+    Drawings may have arcs that the mesh does not show.
+    """
+    if tagged.dimension == 3 or any("local refinement" in refused for refused in refusals(statement)):
+        return False
+    if statement.generated:
+        return not statement.arcs
+    straight = tagged.mesh.topology.cell_name() == "triangle" and curvature(tagged) <= SAME_LENGTH * tagged.size
+    return straight and not statement.remade and (statement.units is not None or statement.element.degree == 2)
 
 
 def crowded_share(comm: MPI.Comm, squares: npt.NDArray[np.float64]) -> float:
@@ -133,18 +138,17 @@ def crowded_share(comm: MPI.Comm, squares: npt.NDArray[np.float64]) -> float:
     return float(parallel.global_sum(comm, np.array(crowded))) / total
 
 
-def finer_for(times: float, share: float, degree: int, exponent: float) -> float:
+def finer_for(times: float, share: float, degree: int) -> float:
     """How many times finer a mesh is on which the error is ``times`` as large, below 1.
 
     Args:
         times: next error over this one.
-        share: of the squared error, which decreases with this exponent.
+        share: of the squared error, which decreases as at a corner.
         degree: of the elements, with which the rest decreases.
-        exponent: of h, as at a corner.
     """
 
     def left(finer: float) -> float:
-        return float((1 - share) * finer ** (-2 * degree) + share * finer ** (-2 * exponent))
+        return float((1 - share) * finer ** (-2 * degree) + share * finer ** (-2 * CORNER_EXPONENT))
 
     low, high = 1.0, MOST_FINER
     while high / low > 1 + 1e-6:
@@ -153,130 +157,85 @@ def finer_for(times: float, share: float, degree: int, exponent: float) -> float
     return high
 
 
-def seconds_on_finer(
-    seconds: float, dofs: float, growth: float, dimension: int, krylov_from: float, *, constant: float = 0.0
-) -> float:
-    """The time of a mesh with ``growth`` times the unknowns, from that of a single one.
-
-    Args:
-        seconds: of the mesh.
-        dofs: its unknowns.
-        growth: quotient of the unknowns.
-        dimension: of the body.
-        krylov_from: as in ``LevelResult``.
-        constant: the least part of the seconds that does not grow, such as that of compilation.
-    """
-    power = TIME_POWER[dimension]
-    last_factorised = min(max(krylov_from, dofs), dofs * growth)
-    times = (last_factorised / dofs) ** power * (dofs * growth / last_factorised)
-    growing = float(np.clip(SECONDS_OF_UNKNOWNS[dimension] * dofs**power, 0.0, max(seconds - constant, 0.0)))
-    return seconds + growing * (times - 1)
-
-
-def from_one_mesh(
+def next_cost(
+    statement: Statement,
+    tagged: TaggedMesh,
+    of: str,
     error: float,
-    share: float,
-    *,
-    degree: int,
-    dofs: int,
-    dimension: int,
-    seconds: float,
-    constant: float,
-    krylov_from: float,
+    squares: npt.NDArray[np.float64],
+    solved: Sequence[tuple[int, float]],
+    starting: float,
 ) -> CostOfAccuracy:
-    """From the error of the stress on a single mesh.
+    """The forecast; collective.
 
     Args:
-        error: relative, in the energy norm.
-        share: see ``crowded_share``.
-        degree: of the elements.
-        dofs: unknowns.
-        dimension: of the body.
-        seconds: of the solve.
-        constant: as for ``seconds_on_finer``.
-        krylov_from: as in ``LevelResult``.
+        statement: of the problem.
+        tagged: its last mesh.
+        of: see ``CostOfAccuracy``.
+        error: likewise.
+        squares: of the error of the stress in each owned cell, shape (cells,).
+        solved: unknowns and seconds of each mesh.
+        starting: the part of the last seconds that a finer mesh takes no more of, such as that of compilation.
     """
-    times = NEXT_ERROR[dimension]
+    (dofs, last), dimension = solved[-1], tagged.dimension
+    following, degree = NEXT_ERROR[dimension] * error, statement.element.degree
+    local = divides_cells(statement, tagged)
+    if local:
+        divided = statement.accuracy is not None
+        meshes = local_meshes(dofs, degree, generated=statement.generated, divided=divided)
+        unknowns, times, spread, degree = meshes[0], times_of_local(dofs, meshes), LOCAL_SPREAD, 2
+    else:
+        unknowns = (
+            dofs * finer_for(NEXT_ERROR[dimension], crowded_share(tagged.mesh.comm, squares), degree) ** dimension
+        )
+        times, spread = times_of_uniform(dofs, unknowns), UNIFORM_SPREAD
+    target = f"{min(following * MARGIN.get((of, degree), MARGIN_OF_OTHERS), 0.99):.2g}"
+    command = f"--accuracy {target}" + (f" --of {of}" if of != "energy" else "")
+    if statement.units is None:
+        command = f"Accuracy({target})" if of == "energy" else f"Accuracy({target}, {of!r})"
+    middle = (last - starting) * times
+    seconds = sum(seconds for _, seconds in solved)
+    both = (starting + middle / spread, starting + middle * spread)
+    return CostOfAccuracy(of, error, seconds, dofs, following, both, unknowns, command, local)
 
-    def growth(exponent: float) -> float:
-        return finer_for(times, share, degree, exponent) ** dimension
 
-    def on_finer(exponent: float) -> float:
-        return seconds_on_finer(seconds, dofs, growth(exponent), dimension, krylov_from, constant=constant)
-
-    slow, usual, fast = CORNER_EXPONENTS
-    between_both = on_finer(fast) / SPREAD_OF_SECONDS, on_finer(slow) * SPREAD_OF_SECONDS
-    return CostOfAccuracy("energy", error, seconds, dofs, times * error, between_both, dofs * growth(usual))
-
-
-def growth_before(degree: int, dimension: int) -> tuple[float, float]:
-    """How many times the unknowns the next accuracy takes, from and to, where nothing is known of the solution."""
-    finer = (finer_for(NEXT_ERROR[dimension], share, degree, CORNER_EXPONENTS[1]) for share in (0.0, 1.0))
-    low, high = (factor**dimension for factor in finer)
-    return low, high
-
-
-def from_prices(
-    prices: Sequence[Price], dimension: int, degree: int, krylov_from: float, asked: str | None = None
-) -> CostOfAccuracy | str:
-    """From the convergence table; or why it says nothing.
+def local_meshes(dofs: float, degree: int, *, generated: bool, divided: bool = False) -> list[float]:
+    """Unknowns of the meshes on the way to the next error with triangles of degree 2, the finest first.
 
     Args:
-        prices: at least two solved meshes, and the next one.
-        dimension: of the body.
-        degree: of the elements, the best rate of the energy norm whatever was seen on the first meshes.
-        krylov_from: as in ``LevelResult``.
-        asked: the error that it is to be about; None: the first one that is known.
+        dofs: of the mesh that was solved.
+        degree: of its elements.
+        generated: whether the first mesh is a coarse one, rather than this mesh with elements of degree 2.
+        divided: whether the cells of this mesh were divided where the error is.
     """
-    *solved, following = prices
-    last, previous = solved[-1], solved[-2]
-    of = next((name for name in ((asked,) if asked else NAMES) if getattr(last, name)), None)
-    if of is None:
-        return f"no error of {NAMES[asked]} is known" if asked else "no error is known"
-    error, times = float(getattr(last, of)), NEXT_ERROR[dimension]
-    finer = fineness_of(following.dofs / last.dofs, dimension)
-    expected = log(error / getattr(following, of)) / log(finer)
-    seen = _seen_rate(solved, of, dimension)
-    best = float(degree) if of == "energy" else inf
-    rates = sorted(
-        float(np.clip(rate, SLOWEST_FORECAST, best)) for rate in (expected, expected if seen is None else seen)
-    )
-    took = sum(price.seconds for price in solved)
-
-    def growth(rate: float) -> float:
-        return float(min(times ** (-1 / rate), MOST_FINER) ** dimension)
-
-    def still(rate: float) -> float:
-        """Seconds of the meshes to come, each about twice as fine as the one before."""
-        whole = growth(rate)
-        meshes = max(ceil(log2(whole) / dimension), 1)
-        seen_growth = max(last.dofs / previous.dofs, 1.0 + 1e-6)
-        total = 0.0
-        for number in range(1, meshes + 1):
-            part = whole ** (number / meshes)
-            power, _ = powers(last.dofs * part, dimension, krylov_from)
-            total += grown(last.seconds, previous.seconds, seen_growth, part, power, least=LEAST_GROWING_TIME)
-        return total
-
-    slow, fast = rates
-    middle = (slow * fast) ** 0.5
-    return CostOfAccuracy(
-        of,
-        error,
-        took,
-        last.dofs,
-        times * error,
-        ((took + still(fast)) / SPREAD_OF_SECONDS, (took + still(slow)) * SPREAD_OF_SECONDS),
-        last.dofs * growth(middle),
-    )
+    times = NEXT_ERROR[2]
+    last = (dofs if divided else LAST_UNKNOWNS * dofs**0.5) / times
+    if generated:
+        first, fall = FIRST_UNKNOWNS, last / FIRST_UNKNOWNS
+    else:  # with degree 2 a mesh has four times the unknowns, and half of the error
+        first, fall = (dofs, 1 / times) if degree == 2 else (4 * dofs, 1 / times / 2)
+    count = max(ceil(log(fall) / log(LOCAL_GROWTH)), 0) + 1
+    return [max(first, last / LOCAL_GROWTH**number) for number in range(count)]
 
 
-def _seen_rate(solved: Sequence[Price], of: str, dimension: int) -> float | None:
-    """With which an error decreased from the first mesh with an estimate to the last; None: it is known of one only."""
-    known = [(price.dofs, float(getattr(price, of))) for price in solved if getattr(price, of)]
-    steps = [
-        log(coarse / fine) / log(fineness_of(more / few, dimension))
-        for (few, coarse), (more, fine) in pairwise([known[0], known[-1]])
-        if more > few
-    ]
-    return steps[0] if steps else None
+def times_of_local(dofs: float, meshes: Sequence[float]) -> float:
+    """How many times as long as the mesh that was solved these meshes take together."""
+    return LOCAL_TIMES * sum(FIXED_UNKNOWNS + unknowns for unknowns in meshes) / (FIXED_UNKNOWNS + dofs)
+
+
+def times_of_uniform(dofs: float, unknowns: float) -> float:
+    """How many times as long as the mesh that was solved one with so many unknowns takes."""
+    return (FIXED_UNKNOWNS + unknowns) / (FIXED_UNKNOWNS + dofs)
+
+
+def before_solving(statement: Statement, tagged: TaggedMesh, dofs: float) -> tuple[list[float], list[float], bool]:
+    """Unknowns for the next accuracy and times as many seconds, from and to; and whether cells are divided where the
+    error is; collective.
+    """
+    dimension, degree = tagged.dimension, statement.element.degree
+    if divides_cells(statement, tagged):
+        meshes = local_meshes(dofs, degree, generated=statement.generated)
+        times = times_of_local(dofs, meshes)
+        return [meshes[0]] * 2, [times / LOCAL_SPREAD, times * LOCAL_SPREAD], True
+    unknowns = [dofs * finer_for(NEXT_ERROR[dimension], share, degree) ** dimension for share in (0.0, 1.0)]
+    return unknowns, [times_of_uniform(dofs, number) for number in unknowns], False

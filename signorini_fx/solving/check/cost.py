@@ -16,7 +16,7 @@ from signorini_fx.mechanics.effects.contact import Contact
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.records import Finding
-from signorini_fx.results.accuracy.next_accuracy import growth_before, seconds_on_finer
+from signorini_fx.results.accuracy.next_accuracy import before_solving
 from signorini_fx.tuned import (
     BACK_SUBSTITUTION,
     BASE_BYTES,
@@ -54,6 +54,7 @@ class Cost:
         next_error: the share of the error that the next two are about.
         next_unknowns: that it would take, from and to: with a smooth solution, and with one that is singular.
         next_seconds: likewise.
+        next_local: whether cells are divided where the error is; otherwise all become smaller.
     """
 
     unknowns: int
@@ -67,6 +68,7 @@ class Cost:
     next_error: float
     next_unknowns: tuple[float, float]
     next_seconds: tuple[float, float]
+    next_local: bool
 
 
 def contact_nodes(model: Model) -> int:
@@ -131,8 +133,7 @@ def estimated_cost(model: Model) -> Cost:
     if model.boundary is not None and model.boundary.moving is not None:
         free += int(np.count_nonzero(~model.boundary.moving.fixed))
     seconds = once + solves[0] * per_solve, once + solves[1] * per_solve
-    growth = growth_before(model.statement.element.degree, dim)
-    krylov_from = choice.krylov_from(model.system_size, model.statement.solver.linear_algebra)
+    unknowns, times, local = before_solving(model.statement, model.tagged, free)
     paired = PAIRED_BYTES[dim] * nodes if any(contact.against for contact in model.statement.contact) else 0.0
     return Cost(
         unknowns=free,
@@ -144,11 +145,9 @@ def estimated_cost(model: Model) -> Cost:
         seconds=seconds,
         memory_bytes=BASE_BYTES * comm.size + BYTES_PER_DOF * n + 2 * matrix + held + 24.0 * dense**2 + paired,
         next_error=NEXT_ERROR[dim],
-        next_unknowns=(free * growth[0], free * growth[1]),
-        next_seconds=(
-            seconds_on_finer(seconds[0], n, growth[0], dim, krylov_from),
-            seconds_on_finer(seconds[1], n, growth[1], dim, krylov_from),
-        ),
+        next_unknowns=(unknowns[0], unknowns[1]),
+        next_seconds=(seconds[0] * times[0], seconds[1] * times[1]),
+        next_local=local,
     )
 
 
