@@ -1,7 +1,4 @@
-"""Problems that forecasts of cost are tried on, each on meshes as fine as is wanted.
-
-There are those that the ranges were chosen on, and others that were drawn up afterwards and had no part in it.
-"""
+"""Problems that forecasts of cost are tried on: those that their ranges were chosen on, and others."""
 
 from __future__ import annotations
 
@@ -12,31 +9,30 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Problem:
-    """One that can be solved on a mesh as fine as is wanted.
+    """One that is solved on a mesh, and then to an accuracy.
 
     Attributes:
         kind: of the body.
         name: of the problem.
-        solved: gives the solution on cells so many times as small as those of the first mesh.
+        chosen_on: whether it had a part in the choice of the ranges.
+        scene: on its first mesh.
     """
 
     kind: str
     name: str
-    solved: Callable[[float], Any]
+    chosen_on: bool
+    scene: Any
 
 
-# Names of problems, and the solution of each on cells so many times as small as those of its first mesh.
-Problems = list[tuple[str, Callable[[float], Any]]]
+# Names of problems, and the scene of each on its first mesh.
+Problems = list[tuple[str, Any]]
 
 
-def _scene(scene: Any, first: float = 1.0) -> Callable[[float], Any]:
-    """Of a scene from generators, the cells of whose first mesh are ``first`` times as large as its own."""
-    from mpi4py import MPI
-
-    from signorini_fx import solve
+def _scene(scene: Any, first: float = 1.0) -> Any:
+    """A scene from generators on cells ``first`` times as large as its own."""
     from signorini_fx.scenes.hierarchy import scene_on
 
-    return lambda finer: solve(scene_on(scene, first / finer), MPI.COMM_SELF)
+    return scene_on(scene, first)
 
 
 def parsed(
@@ -74,30 +70,25 @@ def _plane() -> Problems:
         ("Example 1, frictionless", _scene(smooth, 4)),
         ("Example 1, Coulomb, degree 2", _scene(quadratic, 8)),
         ("Example 2, Tresca", _scene(scene_of("example2_tresca"), 4)),
+        ("Example 1, Coulomb, as it is", _scene(example)),
         ("Hertz", _scene(scene_of("hertz"), 2)),
         ("Hertz, friction", _scene(scene_of("hertz_friction"), 4)),
         ("rubber mount, four load steps", _scene(scene_of("rubber_mount"))),
         *((name, _scene(scene)) for name, scene in standing.items()),
     ]
-    return problems + _drawn(7, 5, 4)
+    return problems + _drawn(7, 3, 3)
 
 
 def _drawn(seed: int, linear: int, quadratic: int) -> Problems:
     """Random scenes: so many with elements of degree 1, then so many with degree 2."""
     import random_scenes
-    from mpi4py import MPI
 
-    from signorini_fx import solve
-
-    problems = []
-    for number, drawn in enumerate(random_scenes.scenes(seed, linear + quadratic)):
-        degree = 1 if number < linear else 2
-
-        def solved(finer: float, drawn: Any = drawn, degree: int = degree) -> Any:
-            return solve(random_scenes.on(drawn, 0.5 * degree / finer, degree), MPI.COMM_SELF)
-
-        problems.append((f"random {drawn.name}, degree {degree}", solved))
-    return problems
+    drawn = enumerate(random_scenes.scenes(seed, linear + quadratic))
+    scenes = [(scene, 1 if number < linear else 2) for number, scene in drawn]
+    return [
+        (f"random {scene.name} of {seed}, degree {degree}", random_scenes.on(scene, 0.5 * degree, degree))
+        for scene, degree in scenes
+    ]
 
 
 def _no_friction() -> Any:
@@ -143,15 +134,8 @@ def _space() -> Problems:
 def _of_space(names: Sequence[str]) -> Problems:
     """Scenes of ``accuracy_in_space`` by their names."""
     import accuracy_in_space
-    from mpi4py import MPI
 
-    from signorini_fx import solve
-
-    def of(name: str, first: float) -> Callable[[float], Any]:
-        scene = accuracy_in_space.SCENES[name]()
-        return lambda finer: solve(accuracy_in_space.on_mesh(scene, first / finer), MPI.COMM_SELF)
-
-    return [(name, of(name, 2.0)) for name in names]
+    return [(name, accuracy_in_space.on_mesh(accuracy_in_space.SCENES[name](), 2.0)) for name in names]
 
 
 def _pair(
@@ -212,95 +196,11 @@ def _bodies() -> Problems:
     ]
 
 
-def _forms() -> Problems:
-    """A block over a bowl and a box over another one, as forms in UFL."""
-    return [
-        ("block, frictionless", _form((3.0, 1.0), (30, 10), None)),
-        ("block, Tresca, Q1", _form((3.0, 1.0), (30, 10), "tresca", quadrilaterals=True)),
-        ("block, Coulomb", _form((3.0, 1.0), (30, 10), "coulomb")),
-        ("block, Coulomb, degree 2", _form((3.0, 1.0), (15, 5), "coulomb", degree=2)),
-    ]
-
-
-def _form(
-    sizes: tuple[float, ...], counts: tuple[int, ...], law: str | None, *, degree: int = 1, quadrilaterals: bool = False
-) -> Callable[[float], Any]:
-    def solved(finer: float) -> Any:
-        import numpy as np
-        import ufl
-        from mpi4py import MPI
-        from dolfinx import mesh as dmesh
-        from dolfinx.fem import dirichletbc, functionspace, locate_dofs_topological
-
-        from signorini_fx import ContactProblem, Coulomb, Foundation, Tresca
-
-        kind = dmesh.CellType.quadrilateral if quadrilaterals else dmesh.CellType.triangle
-        cells = [round(count * finer) for count in counts]
-        mesh = dmesh.create_rectangle(MPI.COMM_SELF, [[0.0, 0.0], list(sizes)], cells, kind)
-        V = functionspace(mesh, ("Lagrange", degree, (2,)))
-        u, v, x = ufl.TrialFunction(V), ufl.TestFunction(V), ufl.SpatialCoordinate(mesh)
-
-        def stress(y: Any) -> Any:
-            e = ufl.sym(ufl.grad(y))
-            return 5000.0 / 1.4 * (e + 0.4 / 0.2 * ufl.tr(e) * ufl.Identity(2))
-
-        def side(axis: int, at: float) -> Any:
-            return dmesh.locate_entities_boundary(mesh, 1, lambda x: np.isclose(x[axis], at))
-
-        held = [dirichletbc(np.zeros(2), locate_dofs_topological(V, 1, side(0, at)), V) for at in (0.0, sizes[0])]
-        top = dmesh.meshtags(mesh, 1, side(1, sizes[1]), np.full(side(1, sizes[1]).size, 1, np.int32))
-        load = ufl.conditional(abs(x[0] - 1.5) <= 0.5, -20.0, 0.0) * v[1] * ufl.ds(subdomain_data=top)(1)
-        friction = {"tresca": Tresca(1.5), "coulomb": Coulomb(0.3)}.get(law or "")
-        gap = lambda x: 0.003 * (x[0] - 1.5) ** 2 + 0.001  # noqa: E731
-        contact = Foundation(side(1, 0.0), gap=gap, **({"friction": friction} if friction else {}))
-        problem = ContactProblem(ufl.inner(stress(u), ufl.grad(v)) * ufl.dx, load, held, contact, stress=stress)
-        problem.solve()
-        return problem.solution
-
-    return solved
-
-
-def _listed() -> Problems:
-    """Scenes with a requested accuracy, and with one so many times better."""
-    from mpi4py import MPI
-    from cases import scene_of
-
-    from signorini_fx import Accuracy, solve
-
-    def of(scene: Any, error: str, target: float) -> Callable[[float], Any]:
-        def solved(better: float) -> Any:
-            goal = Accuracy(target=target / better, of=error)
-            return solve(scene.model_copy(update={"accuracy": goal}), MPI.COMM_SELF)
-
-        return solved
-
-    wanted = [
-        ("example1_tresca", "energy", 0.1),
-        ("example1_tresca", "pressure", 0.05),
-        ("example1_coulomb", "pressure", 0.05),
-        ("example2_tresca", "energy", 0.1),
-        ("hertz", "energy", 0.1),
-        ("hertz", "peak", 0.1),
-    ]
-    return [(f"{name}, {error}", of(scene_of(name), error, target)) for name, error, target in wanted]
-
-
-# What the ranges were chosen on.
-CHOSEN_ON = {
-    "plane": _plane,
-    "rings": _rings,
-    "space": _space,
-    "two bodies": _bodies,
-    "forms": _forms,
-    "by list": _listed,
-}
-
-
 def _other_plane() -> Problems:
     """Other shapes, materials and elements, and random scenes of another seed."""
     from cases import scene_of
 
-    wheel, slide = scene_of("braked_wheel"), scene_of("press_and_slide")
+    wheel = scene_of("braked_wheel")
     base = {"displacement": {"boundary": "top", "x": -0.01, "y": -0.01}}
     bowl = {"boundary": "bottom", "gap": "0.01 * (x[0] - 1)**2"}
     guides = {"displacement": [{"boundary": "left", "x": 0.0}, {"boundary": "right", "x": 0.0}]}
@@ -316,8 +216,7 @@ def _other_plane() -> Problems:
             _scene(parsed(*coarse, contact=_on(0.0, COULOMB), **base, **rubber, **quadratic)),
         ),
         ("braked wheel, three load steps", _scene(wheel, 4)),
-        ("pressed and pushed, 37 load steps", _scene(slide, 2)),
-        *_drawn(19, 5, 4),
+        *_drawn(19, 4, 4),
     ]
 
 
@@ -360,24 +259,25 @@ def _other_bodies() -> Problems:
     ]
 
 
-def _other_forms() -> Problems:
-    """The block of forms on other elements."""
-    return [
-        ("block, Tresca, degree 2", _form((3.0, 1.0), (15, 5), "tresca", degree=2)),
-        ("block, Coulomb, Q2", _form((3.0, 1.0), (15, 5), "coulomb", degree=2, quadrilaterals=True)),
-    ]
-
-
-# What was drawn up after the ranges had been chosen.
-HELD_OUT = {
+CHOSEN_ON: Mapping[str, Callable[[], Problems]] = {
+    "plane": _plane,
+    "rings": _rings,
+    "space": _space,
+    "two bodies": _bodies,
+}
+OTHERS: Mapping[str, Callable[[], Problems]] = {
     "plane": _other_plane,
     "rings": _other_rings,
     "space": _other_space,
     "two bodies": _other_bodies,
-    "forms": _other_forms,
 }
 
 
-def problems(kinds: Mapping[str, Callable[[], Problems]], kind: str) -> list[Problem]:
-    """Those of a kind."""
-    return [Problem(kind, name, solved) for name, solved in kinds[kind]()]
+def problems() -> list[Problem]:
+    """All of them."""
+    return [
+        Problem(kind, name, kinds is CHOSEN_ON, scene)
+        for kinds in (CHOSEN_ON, OTHERS)
+        for kind, listed in kinds.items()
+        for name, scene in listed()
+    ]

@@ -1,157 +1,138 @@
-"""How good the forecasts of the line ``cost`` are: what the next error was said to take, over what it then took.
+"""How good the forecasts of the line ``cost`` are: the printed command over what it then took.
 
-    ./env python3 demos/studies/forecasts.py --out docs/evidence/forecasts.csv
-    ./env python3 demos/studies/forecasts.py --held-out --out docs/evidence/forecasts_held_out.csv
+    ./env python3 demos/studies/forecasts.py --out docs/evidence/forecasts.csv --picture forecasts.png
 
-Each problem is solved on a coarse mesh, which foretells unknowns and seconds for a smaller error.  The mesh with so
-many unknowns is then made and solved.  From its error, and the rate between both meshes, follow the unknowns and the
-seconds that the smaller error needs.  Problems *by list* request an accuracy, and then one ten times better: needed is
-what that run had taken when its error was as small as foretold.  All errors are estimates;
-docs/evidence/effectivity.csv says how good these are.  Each problem runs in a process of its own with its forms
-compiled; seconds are those that the processor spent, of several rounds the fewest.  The last rows have the median and
-the range of each kind.  With ``--needed`` only the forecasts are made anew, as after a change of their rule.  With
-``--held-out`` the problems are those that had no part in the choice of the ranges.
+Each problem is solved on one mesh, and then with the command that its line has.  Seconds are those of the processor,
+without compilation, of two rounds the fewest; errors are estimates, and docs/evidence/effectivity.csv says how good
+these are.  The interval score is that of T. Gneiting and A. Raftery, J. Amer. Statist. Assoc. 102 (2007) 359-378, of
+logarithms: log(high / low), and 2 / alpha times the logarithm by which the seconds are beyond an end.  The last rows
+have the share of problems within the range, its width and score, for those that the ranges were chosen on and others.
 """
 
 from __future__ import annotations
 
 import argparse
-import csv
-import json
 import math
 import statistics
-import subprocess
-import sys
 import time
-from collections.abc import Callable
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-from forecast_problems import CHOSEN_ON, HELD_OUT, Problem, problems
+from forecast_problems import Problem, problems
 
-# Rounds of which the fastest counts: on the coarse mesh, and on the fine one.
-COARSE_ROUNDS, FINE_ROUNDS = 5, 2
+# Share of problems that may be outside of the range, and the seconds after which a run is given up.
+ALPHA, LIMIT = 0.15, 20.0
 
 
 def _seconds(solution: Any) -> float:
-    if solution.convergence_table:
-        return float(sum(price.seconds for price in solution.convergence_table if not price.predicted))
-    return float(sum(solution.timings.total.values()))
+    return float(sum(price.seconds for price in solution.convergence_table if not price.predicted))
 
 
-def _fastest(solved: Callable[[float], Any], finer: float, rounds: int) -> Any:
-    return min((solved(finer) for _ in range(rounds)), key=_seconds)
+def row_of(problem: Problem) -> dict[str, Any]:
+    """What was foretold, and what the command took."""
+    from mpi4py import MPI
 
+    from signorini_fx import Accuracy, solve
 
-def row_of(problem: Problem, known: tuple[float, float] | None = None) -> dict[str, Any]:
-    """What was foretold, and what was needed; ``known``: unknowns and seconds that were needed in an earlier run."""
-    time.perf_counter = time.process_time  # other programs take no part of it
-    problem.solved(1.0)  # compiles forms and loads libraries
-    coarse = _fastest(problem.solved, 1.0, COARSE_ROUNDS)
-    cost, dimension = coarse.cost, coarse.model.tagged.dimension
-    if known is None:
-        known = _by_list(problem, cost) if coarse.convergence_table else _on_mesh(problem, cost, dimension)
-    unknowns, seconds = known
-    low, high = cost.next_seconds
-    foretold = math.sqrt(low * high)
-    return {
+    def solved(**changes: Any) -> Any:
+        return min((solve(problem.scene.model_copy(update=changes), MPI.COMM_SELF) for _ in range(2)), key=_seconds)
+
+    solve(problem.scene, MPI.COMM_SELF)  # compiles forms
+    cost = solved().cost
+    row: dict[str, Any] = {
         "kind": problem.kind,
         "problem": problem.name,
+        "chosen on": "yes" if problem.chosen_on else "no",
         "unknowns": cost.dofs,
-        "of": cost.of,
         "error": f"{cost.error:.2e}",
-        "next error": f"{cost.next_error:.2e}",
+        "seconds": f"{cost.seconds:.2g}",
+        "command": cost.command,
+        "cells": "where the error is" if cost.local else "all smaller",
+        "foretold, from": f"{cost.next_seconds[0]:.2g}",
+        "foretold, to": f"{cost.next_seconds[1]:.2g}",
         "unknowns foretold": f"{cost.next_dofs:.2g}",
-        "needed": f"{unknowns:.2g}",
-        "unknowns, ratio": f"{cost.next_dofs / unknowns:.2f}",
-        "seconds foretold": f"{low:.2g} to {high:.2g}",
-        "seconds needed": f"{seconds:.2g}",
-        "seconds, ratio": f"{foretold / seconds:.2f}",
-        "within": "yes" if low <= seconds <= high else "no",
+    }
+    if "does not get there" in str(cost):
+        return row | dict.fromkeys(("needed", "unknowns needed", "error reached", "width", "within", "score"), "")
+    goal = Accuracy(target=float(cost.command.split()[1]), seconds=LIMIT)
+    fine = solved(accuracy=goal)
+    low, high = cost.next_seconds
+    needed = _seconds(fine) if fine.convergence_table else math.nan
+    if fine.status.value != "converged":
+        needed = max(LIMIT, needed)
+    miss = max(math.log(low / needed), math.log(needed / high), 0.0)
+    return row | {
+        "needed": f"{needed:.2g}" if fine.converged else f"above {needed:.2g}",
+        "unknowns needed": fine.model.dofs,
+        "error reached": f"{fine.convergence_table[-2].energy:.2e}" if fine.convergence_table else "",
+        "width": f"{high / low:.2g}",
+        "within": "no" if miss else "yes",
+        "score": f"{math.log(high / low) + 2 / ALPHA * miss:.2f}",
     }
 
 
-def _needed(table: Path, problem: Problem) -> tuple[float, float]:
-    """Unknowns and seconds that a problem needed, by a table of an earlier run."""
-    with table.open(encoding="utf-8") as file:
-        rows = {(row["kind"], row["problem"]): row for row in csv.DictReader(file)}
-    row = rows[problem.kind, problem.name]
-    return float(row["needed"]), float(row["seconds needed"])
+def summaries(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Coverage, width and score of those that the ranges were chosen on and of others, by how cells become smaller."""
+    result = []
+    for cells in ("where the error is", "all smaller"):
+        for chosen in ("yes", "no"):
+            group = [r for r in rows if (r["cells"], r["chosen on"]) == (cells, chosen) and r["within"]]
+            if group:
+                result.append(
+                    dict.fromkeys(rows[0], "")
+                    | {
+                        "kind": "all",
+                        "problem": f"{len(group)} problems",
+                        "chosen on": chosen,
+                        "cells": cells,
+                        "width": f"{statistics.median(float(r['width']) for r in group):.2g}",
+                        "within": f"{sum(r['within'] == 'yes' for r in group)} of {len(group)}",
+                        "score": f"{statistics.mean(float(r['score']) for r in group):.2f}",
+                    }
+                )
+    return result
 
 
-def _on_mesh(problem: Problem, cost: Any, dimension: int) -> tuple[float, float]:
-    """Unknowns and seconds that the next error needs, from the mesh with as many unknowns as were foretold."""
-    finer = (cost.next_dofs / cost.dofs) ** (1 / dimension)
-    finer = round(finer) if dimension == 2 else finer  # whole multiples keep the nodes where loads jump
-    fine = _fastest(problem.solved, finer, FINE_ROUNDS)
-    dofs, error = fine.model.dofs, fine.stress.error
-    rate = math.log(cost.error / error) / math.log(dofs / cost.dofs)
-    needed = dofs * (error / cost.next_error) ** (1 / rate)
-    power = max(math.log(_seconds(fine) / cost.seconds) / math.log(dofs / cost.dofs), 0.0)
-    return needed, _seconds(fine) * (needed / dofs) ** power
+def draw(rows: list[dict[str, Any]], path: Path) -> None:
+    """The range of each problem and what it needed, seconds."""
+    import matplotlib.pyplot as plt
 
-
-def _by_list(problem: Problem, cost: Any) -> tuple[float, float]:
-    """The same from the convergence table of a run to a better accuracy."""
-    fine = _fastest(problem.solved, cost.error / cost.next_error, FINE_ROUNDS)
-    rows = [price for price in fine.convergence_table if not price.predicted and getattr(price, cost.of)]
-    spent = {price.level: sum(row.seconds for row in fine.convergence_table[: price.level + 1]) for price in rows}
-    for before, after in pairwise(rows):
-        errors = getattr(before, cost.of), getattr(after, cost.of)
-        if errors[1] <= cost.next_error:
-            share = math.log(max(errors[0] / cost.next_error, 1.0)) / math.log(errors[0] / errors[1])
-            share = min(max(share, 0.0), 1.0)
-            dofs = before.dofs * (after.dofs / before.dofs) ** share
-            return dofs, spent[before.level] + share * (spent[after.level] - spent[before.level])
-    return float(rows[-1].dofs), spent[rows[-1].level]
-
-
-def spread(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """A row for each kind, and one for all on one mesh: median, smallest and largest ratio."""
-    groups = {kind: [row for row in rows if row["kind"] == kind] for kind in CHOSEN_ON}
-    groups["on one mesh"] = [row for row in rows if row["kind"] != "by list"]
-    summary = []
-    for kind, group in groups.items():
-        if not group:
-            continue
-        entry = dict.fromkeys(rows[0], "")
-        entry |= {"kind": "all", "problem": f"{kind}, {len(group)}: median, from to"}
-        for column in ("unknowns, ratio", "seconds, ratio"):
-            ratios = [float(row[column]) for row in group]
-            entry[column] = f"{statistics.median(ratios):.2f}, {min(ratios):.2f} to {max(ratios):.2f}"
-        entry["within"] = f"{sum(row['within'] == 'yes' for row in group)} of {len(group)}"
-        summary.append(entry)
-    return summary
+    known = sorted((r for r in rows if r["within"]), key=lambda r: float(r["foretold, from"]))
+    figure, axes = plt.subplots(figsize=(6.4, 0.17 * len(known) + 1))
+    for k, row in enumerate(known):
+        local = row["cells"] == "where the error is"
+        ends = [float(row["foretold, from"]), float(row["foretold, to"])]
+        axes.plot(ends, [k, k], color="C0" if local else "C1", linewidth=4, alpha=0.4)
+        needed = float(row["needed"].removeprefix("above "))
+        axes.plot(needed, k, "k>" if row["needed"].startswith("above") else "k.", markersize=4)
+    axes.set_yticks(range(len(known)), [f"{r['problem']} ({r['unknowns']})" for r in known], fontsize=5)
+    axes.set(xscale="log", xlabel="seconds of the printed command; blue: cells divided where the error is")
+    figure.savefig(path, dpi=150, bbox_inches="tight")
 
 
 def main() -> None:
     """Measure, print and write."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--out", type=Path, default=Path("results/forecasts.csv"), help="file (default: %(default)s)")
-    parser.add_argument("--kind", choices=CHOSEN_ON, action="append", help="only these")
-    parser.add_argument("--held-out", action="store_true", help="problems that had no part in the choice of the ranges")
-    parser.add_argument("--needed", type=Path, help="an earlier table: what was needed is taken from there")
-    parser.add_argument("--one", nargs=2, metavar=("KIND", "NUMBER"), help=argparse.SUPPRESS)
+    parser.add_argument("--kind", action="append", help="only these")
+    parser.add_argument("--picture", type=Path, help="file")
     options = parser.parse_args()
-    kinds = HELD_OUT if options.held_out else CHOSEN_ON
-    if options.one:
-        kind, number = options.one
-        problem = problems(kinds, kind)[int(number)]
-        print(json.dumps(row_of(problem, None if options.needed is None else _needed(options.needed, problem))))
-        return
     from signorini_fx.machine.csv_text import write_csv
 
+    time.perf_counter = time.process_time  # other programs take no part of it
     rows = []
-    for kind in options.kind or kinds:
-        for number in range(len(kinds[kind]())):
-            command = [sys.executable, __file__, "--one", kind, str(number)]
-            command += ["--held-out"] if options.held_out else []
-            command += ["--needed", str(options.needed)] if options.needed else []
-            ended = subprocess.run(command, capture_output=True, text=True, check=True)
-            rows.append(json.loads(ended.stdout.splitlines()[-1]))
-            print(*rows[-1].values(), sep="  ", flush=True)
-    write_csv(options.out, rows + spread(rows))
+    for problem in problems():
+        if options.kind and problem.kind not in options.kind:
+            continue
+        try:
+            rows.append(row_of(problem))
+        except Exception as error:  # the others are of use
+            print(problem.name, repr(error), flush=True)
+            continue
+        print(*rows[-1].values(), sep="  ", flush=True)
+        write_csv(options.out, rows + summaries(rows))
+    if options.picture:
+        draw(rows, options.picture)
 
 
 if __name__ == "__main__":

@@ -197,8 +197,9 @@ def solve_to_accuracy(
         wrong.append(("accuracy.certified", "is for scenes: ask the result for error_bound"))
     if adaptive and made:
         wrong.append(("accuracy.refinement", "'adaptive' divides cells: give the coarsest mesh, not a function"))
-    if adaptive and first.paired:
-        wrong.append(("accuracy.refinement", "two bodies show their error on one side only: use 'uniform'"))
+    if adaptive and first.paired and accuracy.of != "energy":
+        message = "two bodies show the error of contact on one side only: use 'uniform', or of='energy'"
+        wrong.append(("accuracy.refinement", message))
     if wrong:
         raise FormError(wrong, "solve_to_accuracy")
     budget = to_accuracy.Budget.begins(accuracy, comm, first.history)

@@ -31,7 +31,7 @@ from signorini_fx.results.restart_files import Checkpoint
 from signorini_fx.results.solution import Solution
 from signorini_fx.scenes.hierarchy import scene_on, with_halved_bodies
 from signorini_fx.scenes.mesh import load_mesh, with_cells_alike
-from signorini_fx.scenes.plan import Plan, planned
+from signorini_fx.scenes.plan import Plan, planned, scene_with
 from signorini_fx.scenes.scene import Scene
 from signorini_fx.solving.checkpointed_steps import MeshCheckpoint
 from signorini_fx.solving.finer_meshes import Meshes
@@ -88,7 +88,7 @@ def meshed_scene(
         soft=bool(overclosures_of(scene.statement)),
         stated=lambda source: source.solver,
         solve=partial(_solved, shown=shown),
-        on_cells=_on,
+        on_cells=scene_with,
         keep=_with_points_kept,
         stored=stored,
     )
@@ -129,14 +129,6 @@ def plane_modulus(material: Material) -> float:
     return 4 * second * ((first + second) / (first + 2 * second) if isfinite(first) else 1.0)
 
 
-def _on(scene: Scene, tagged: TaggedMesh) -> Scene:
-    """The scene on other cells, of several bodies on those of all of them."""
-    if not scene.body:
-        return scene.model_copy(update={"mesh": tagged})
-    contacts = tuple(contact.model_copy(update={"contact_size": None}) for contact in scene.contact)
-    return scene.model_copy(update={"mesh": tagged, "body": (), "contact": contacts})
-
-
 def _with_points_kept(scene: Scene, solved: SolvedMesh) -> Scene:
     """Leave the contact points of pairs on the sides that were chosen on the first mesh: forces have their sign."""
     if solved.solution.statement.sides[1] is None:
@@ -153,7 +145,7 @@ def _divided(plan: Plan, comm: MPI.Comm, last: Scene, coarsest: float, times: in
     scene, halvings = plan.scene, round(log2(times))
     if isinstance(scene.mesh, MeshFile):
         names = (scene.statement.sections, scene.statement.touching)
-        return _on(last, load_file(scene.mesh, comm, halvings, plan.geometry, *names, contact_sizes(scene)))
+        return scene_with(last, load_file(scene.mesh, comm, halvings, plan.geometry, *names, contact_sizes(scene)))
     if scene.statement.generated:
         scene = scene_on(scene, coarsest / times)
     elif scene.body:
@@ -193,7 +185,7 @@ def _remade(
     if not first.body:
         (field,) = size_fields(last, lengths, [np.arange(len(lengths), dtype=np.int32)], finer)
         tagged = with_lengths(first.mesh, field, first.statement.sections)
-        return _on(scene, tagged), tagged.mesh.topology.index_map(dim).size_global
+        return scene_with(scene, tagged), tagged.mesh.topology.index_map(dim).size_global
     bodies, count = [], 0
     fields = size_fields(last, lengths, [last.cells(body.name) for body in first.body], finer)
     for body, of_body in zip(first.body, fields, strict=True):

@@ -5,7 +5,7 @@ In 2D cells and elements that were found to be cheaper may take the place of the
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from mpi4py import MPI
@@ -23,7 +23,7 @@ from signorini_fx.mechanics.mesh.tagged import (
     simplex_parameters,
 )
 from signorini_fx.mechanics.statement.contact_sizes import contact_sizes
-from signorini_fx.mechanics.statement.features import refusals
+from signorini_fx.mechanics.statement.features import divisible
 from signorini_fx.mechanics.statement.mesh_sources import DRAWN, MeshFile, MeshGenerator
 from signorini_fx.mechanics.statement.settings import Accuracy
 from signorini_fx.results.accuracy.local_estimates import LOCAL
@@ -69,9 +69,11 @@ def planned(scene: Scene, goal: Accuracy, comm: MPI.Comm) -> Plan:
     requested = goal
     if goal.refinement == "adaptive" and (plan := _remade(scene, comm)) is not None:
         return plan
-    if any("local refinement" in refused for refused in refusals(scene.statement)):
+    if not divisible(scene.statement, goal.of):
         goal = goal.model_copy(update={"refinement": "uniform"})
     if scene.body:
+        if goal.refinement == "auto" and goal.of == "energy" and (one := _as_one_mesh(scene, comm)) is not None:
+            return replace(planned(one, goal, comm), replaced=True)
         return _planned_bodies(scene, requested, comm)
     if isinstance(scene.mesh, MeshGenerator):
         return _planned_generator(scene, goal)
@@ -110,6 +112,34 @@ def _remade(scene: Scene, comm: MPI.Comm) -> Plan | None:
         if not curvature(tagged) > SAME_LENGTH * tagged.size:
             return None
     return Plan(scene, adaptive=True, replaced=False, geometry=scene.element.degree, remade=True)
+
+
+def _as_one_mesh(scene: Scene, comm: MPI.Comm) -> Scene | None:
+    """Several bodies as one mesh of straight triangles that can be divided; None: some have arcs or other cells."""
+    bodies = []
+    for body in scene.body:
+        mesh: Any = body.mesh
+        if isinstance(mesh, MeshGenerator):
+            if (triangles := simplex_parameters(mesh.generator, mesh.parameters)) is None:
+                return None
+            mesh = mesh.model_copy(update={"parameters": triangles})
+        elif isinstance(mesh, MeshFile) and mesh.file.suffix.lower() in DRAWN:
+            return None
+        bodies.append(body.model_copy(update={"mesh": mesh}))
+    try:
+        tagged = load_mesh(scene.model_copy(update={"body": tuple(bodies)}), comm)
+    except MeshError:  # some have other cells
+        return None
+    straight = not curvature(tagged) > SAME_LENGTH * tagged.size
+    return scene_with(scene, tagged) if straight and tagged.mesh.topology.cell_name() == "triangle" else None
+
+
+def scene_with(scene: Scene, tagged: TaggedMesh) -> Scene:
+    """The scene on other cells, of several bodies on those of all of them."""
+    if not scene.body:
+        return scene.model_copy(update={"mesh": tagged})
+    contacts = tuple(contact.model_copy(update={"contact_size": None}) for contact in scene.contact)
+    return scene.model_copy(update={"mesh": tagged, "body": (), "contact": contacts})
 
 
 def _planned_bodies(scene: Scene, goal: Accuracy, comm: MPI.Comm) -> Plan:

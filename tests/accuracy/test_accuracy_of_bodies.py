@@ -119,13 +119,15 @@ def stacked(meshes, **more):
 @pytest.mark.mpi
 @pytest.mark.parametrize("kind", ["unilateral", "bonded"])
 def test_patch(kind):
-    """A uniform pressure has no error on any mesh."""
+    """A uniform pressure has no error on any mesh, whichever cells are divided."""
     more = {"displacement": [{"boundary": "lower.bottom", "y": 0.0}]}
     more["displacement"] += [{"boundary": name, "x": 0.0} for name in ("lower.left", "upper.left")]
     more["contact"] = {"boundary": "lower.top", "against": "upper.bottom", "kind": kind}
     more["solver"] = {"gamma_n": 1e9}
     found = solve(stacked((block(8), block(12)), accuracy={"target": 0.01}, **more), WORLD)
-    assert [level.dofs for level in found.levels] == [2 * (9 + 16), 2 * (25 + 49)]
+    first, last = (level.dofs for level in found.levels)
+    assert first == 2 * (17**2 + 25**2)
+    assert first < last < 4 * first
     np.testing.assert_allclose(found.contact.pressure, 0.3, rtol=1e-6)
     assert found.convergence_table[-2].energy < 1e-6
     assert found.convergence_table[-2].pressure < 1e-6
@@ -142,7 +144,7 @@ def test_bodies_of_different_origin(tmp_path):
     more = {
         "displacement": [{"boundary": "lower.bottom", "x": 0.0, "y": 0.0}],
         "contact": {"boundary": "lower.top", "against": "upper.bottom", "kind": "bonded"},
-        "accuracy": {"target": 0.2},
+        "accuracy": {"target": 0.2, "refinement": "uniform"},
     }
     file = {"file": str(tmp_path / "block.msh")}
     for meshes in ((written, block(3, **cells)), (block(2, **cells), file)):
@@ -268,6 +270,17 @@ def test_a_force_where_contact_ends_at_edges(dimension, target, force):
         true = abs(level.force[dimension - 1] / force - 1)
         assert true < 2 * row.force < 10 * true
     assert true < target
+
+
+@pytest.mark.parametrize("target", [0.05, 0.03])
+def test_energy_of_two_bodies_by_local_refinement(target):
+    """Cells of both are divided at the edges; without friction the error of the force is that of the energy."""
+    found = solve(pressed_blocks(2, {"target": target}), MPI.COMM_SELF)
+    assert found.status is Status.CONVERGED
+    assert found.levels[-1].dofs < 4_000
+    true = np.sqrt(abs(found.levels[-1].force[1] / 1.7686 - 1))
+    assert true < target
+    assert 0.5 < found.convergence_table[-2].energy / true < 2
 
 
 # Of three grids of cubes with 4, 8 and 12 cells along the upper block, node on node, by nonlinear Gauss-Seidel on their

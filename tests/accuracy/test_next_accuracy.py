@@ -85,9 +85,10 @@ def test_without_contact_of_one_body_all_cells_become_smaller():
     """Drawings may have arcs, and the forecast says that it is of another way."""
     scene = example1(coefficient=0.3, gamma="auto", nx=30, ny=10)
     statement, mesh = scene.statement, alone(scene).model.tagged
-    assert next_accuracy.divides_cells(statement, mesh)
-    assert not next_accuracy.divides_cells(replace(statement, arcs=True), mesh)
-    assert not next_accuracy.divides_cells(replace(statement, generated=False), mesh)  # quadrilaterals
+    assert next_accuracy.divides_cells(statement, mesh, "energy")
+    assert not next_accuracy.divides_cells(replace(statement, arcs=True), mesh, "energy")
+    assert not next_accuracy.divides_cells(replace(statement, generated=False), mesh, "energy")  # quadrilaterals
+    assert not next_accuracy.divides_cells(statement, mesh, "peak")
     local = next_accuracy.CostOfAccuracy("energy", 0.03, 0.6, 10, 0.003, (0.5, 1.8), 20.0, "--accuracy 0.0042", True)
     assert str(local) == "3 % error of the stress took 0.6 s; 0.3 %: 0.5 to 2 s with --accuracy 0.0042"
     assert str(replace(local, local=False)).endswith("with --accuracy 0.0042, all cells smaller")

@@ -40,6 +40,8 @@ WITH = {
     "accuracy of the energy": {"accuracy": {"target": 0.3, "of": "energy"}},
     "accuracy of the pressure": {"accuracy": {"target": 0.3, "of": "pressure"}},
     "local refinement": TRIANGLES | {"accuracy": {"target": 0.3, "refinement": "adaptive"}},
+    "local refinement for contact": TRIANGLES
+    | {"accuracy": {"target": 0.3, "refinement": "adaptive", "of": "pressure"}},
     "several bodies": {"body": ["upper"]},
     "two bodies": {"body": ["upper", "lower"]},
     "contact of two bodies": {"body": ["upper", "lower"], "contact": {"against": "lower.top"}},

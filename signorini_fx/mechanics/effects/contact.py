@@ -57,8 +57,8 @@ class Contact(Effect):
     bonded: ClassVar[bool] = False
     refuses: ClassVar[Mapping[str, Mapping[str, str]]] = {
         "contact of two bodies": {
-            "local refinement": "contact of two bodies shows its error on the side with the points alone, so that "
-            "cells of the other one would not be divided: use 'uniform'",
+            "local refinement for contact": "contact of two bodies shows its error on the side with the points alone, "
+            "so that cells of the other one would not be divided: use 'uniform', or of = 'energy'",
         },
     }
 

@@ -8,6 +8,7 @@ reason is one of mathematics, or it says that something is not possible *yet*.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from typing import Any
 
 from signorini_fx.errors import SceneError
@@ -38,6 +39,11 @@ def features(statement: Any) -> Iterator[tuple[str, Keys]]:
         ("accuracy of the energy", ("accuracy", "of"), accuracy is not None and accuracy.of == "energy"),
         ("accuracy of the pressure", ("accuracy", "of"), accuracy is not None and accuracy.of == "pressure"),
         ("local refinement", ("accuracy", "refinement"), _divides_cells(statement)),
+        (
+            "local refinement for contact",
+            ("accuracy", "refinement"),
+            _divides_cells(statement) and accuracy.of != "energy",
+        ),
         ("statement of an error bound", ("solver", "error_bound"), solver.error_bound),
         ("several bodies", ("body",), bool(statement.bodies)),
         ("two bodies", ("body",), len(statement.bodies) > 1),
@@ -85,6 +91,12 @@ def refusals(statement: Any) -> list[Mapping[str, str]]:
         declared |= entry.refuses
     used = {name for name, _ in features(statement)}
     return [refused for name, refused in declared.items() if name in used]
+
+
+def divisible(statement: Any, of: str) -> bool:
+    """Whether nothing refuses to divide cells where the error of a quantity is, once several bodies are one mesh."""
+    names = {"local refinement"} if of == "energy" else {"local refinement", "local refinement for contact"}
+    return not any(names & {*refused} for refused in refusals(replace(statement, bodies=())))
 
 
 def refused_features(statement: Any) -> Contradictions:

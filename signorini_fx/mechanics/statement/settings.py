@@ -194,8 +194,9 @@ class Accuracy(Table):
             force, the ends of the contact zones, or the largest pressure.
         refinement: ``uniform``: the mesh is made finer everywhere; ``adaptive``: triangles are divided where the
             estimated error is large; ``auto``: for displacement, pressure and force, bodies with straight sides get
-            adaptively refined triangles of degree 2; bodies with arcs from a generator, drawings (.geo) and mesh
-            files with curved cells get elements and cells of degree 2, refined uniformly; otherwise uniform.
+            adaptively refined triangles of degree 2, in contact with each other for the displacement alone; bodies with
+            arcs from a generator, drawings (.geo) and mesh files with curved cells get elements and cells of degree 2,
+            refined uniformly; otherwise uniform.
         seconds: wall time allowed; None: no limit.
         memory: peak memory of all ranks allowed, GB; None: 80 % of what the machine has.
         certified: whether the guaranteed bound of the error takes the place of its estimate; only of the energy.

@@ -20,8 +20,9 @@ from mpi4py import MPI
 from signorini_fx.machine import parallel
 from signorini_fx.machine.display import duration
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, curvature
-from signorini_fx.mechanics.statement.features import refusals
+from signorini_fx.mechanics.statement.features import divisible
 from signorini_fx.mechanics.statement.statement import Statement
+from signorini_fx.results.accuracy.local_estimates import LOCAL
 from signorini_fx.tuned import (
     CORNER_EXPONENT,
     CROWDED,
@@ -111,12 +112,12 @@ def between(seconds: tuple[float, float]) -> str:
     return f"{number} to {high}" if unit == high.rpartition(" ")[2] else f"{low} to {high}"
 
 
-def divides_cells(statement: Statement, tagged: TaggedMesh) -> bool:
+def divides_cells(statement: Statement, tagged: TaggedMesh, of: str) -> bool:
     """Whether a requested accuracy divides cells where the error is; of forms, whether it can; collective.
 
     Drawings may have arcs that the mesh does not show.
     """
-    if tagged.dimension == 3 or any("local refinement" in refused for refused in refusals(statement)):
+    if tagged.dimension == 3 or of not in LOCAL or not divisible(statement, of):
         return False
     if statement.generated:
         return not statement.arcs
@@ -179,10 +180,10 @@ def next_cost(
     """
     (dofs, last), dimension = solved[-1], tagged.dimension
     following, degree = NEXT_ERROR[dimension] * error, statement.element.degree
-    local = divides_cells(statement, tagged)
+    local = divides_cells(statement, tagged, of)
     if local:
         divided = statement.accuracy is not None
-        meshes = local_meshes(dofs, degree, generated=statement.generated, divided=divided)
+        meshes = local_meshes(dofs, degree, generated=statement.generated and not statement.bodies, divided=divided)
         unknowns, times, spread, degree = meshes[0], times_of_local(dofs, meshes), LOCAL_SPREAD, 2
     else:
         unknowns = (
@@ -233,8 +234,9 @@ def before_solving(statement: Statement, tagged: TaggedMesh, dofs: float) -> tup
     error is; collective.
     """
     dimension, degree = tagged.dimension, statement.element.degree
-    if divides_cells(statement, tagged):
-        meshes = local_meshes(dofs, degree, generated=statement.generated)
+    of = "energy" if statement.accuracy is None else statement.accuracy.of
+    if divides_cells(statement, tagged, of):
+        meshes = local_meshes(dofs, degree, generated=statement.generated and not statement.bodies)
         times = times_of_local(dofs, meshes)
         return [meshes[0]] * 2, [times / LOCAL_SPREAD, times * LOCAL_SPREAD], True
     unknowns = [dofs * finer_for(NEXT_ERROR[dimension], share, degree) ** dimension for share in (0.0, 1.0)]
