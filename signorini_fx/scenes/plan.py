@@ -1,6 +1,6 @@
 """How the mesh of a scene is refined for a requested accuracy: where, with which cells and which elements.
 
-In 2D cells and elements that were found to be cheaper may take the place of the scene's; in 3D they stay.
+Cells and elements that were found to be cheaper may take the place of the scene's; in 3D cells stay.
 """
 
 from __future__ import annotations
@@ -82,9 +82,9 @@ def planned(scene: Scene, goal: Accuracy, comm: MPI.Comm) -> Plan:
     tagged = load_mesh(scene, comm)
     check_divisible(tagged)  # before hours are spent on the first mesh
     scene = scene.model_copy(update={"mesh": tagged})
-    if tagged.dimension == 3 or goal.refinement != "auto" or goal.of not in LOCAL:
-        return Plan(scene, _divides(goal, tagged.dimension == 3), replaced=False, polygonal=True)
-    return Plan(_of_degree_2(scene), adaptive=True, replaced=scene.element.degree != 2, polygonal=True)
+    better = _of_degree_2(scene) if _takes_degree_2(goal, tagged.dimension) else scene
+    divides = _divides(goal, tagged.dimension == 3 or better is not scene)
+    return Plan(better, divides, better.element != scene.element, polygonal=True)
 
 
 def _remade(scene: Scene, comm: MPI.Comm) -> Plan | None:
@@ -184,6 +184,14 @@ def _divides(goal: Accuracy, able: bool) -> bool:
     return goal.refinement == "adaptive" or (able and goal.refinement == "auto" and goal.of in LOCAL)
 
 
+def _takes_degree_2(goal: Accuracy, dimension: int) -> bool:
+    """Whether straight triangles or tetrahedra that are divided get elements of degree 2, which are cheaper.
+
+    In 3D the error of a force on them is not known.
+    """
+    return goal.refinement == "auto" and goal.of in (LOCAL if dimension == 2 else ("energy",))
+
+
 def _of_degree_2(scene: Scene) -> Scene:
     return scene.model_copy(update={"element": scene.element.model_copy(update={"degree": 2})})
 
@@ -203,7 +211,9 @@ def _planned_generator(scene: Scene, goal: Accuracy) -> Plan:
         message = f"the arcs of {name} would stay the polygon that they are on the first mesh: use 'uniform'"
         raise SceneError([("accuracy.refinement", message)])
     if cell in ("tetrahedron", "hexahedron"):
-        return Plan(scene, _divides(goal, cell == "tetrahedron" and triangles is not None), replaced=False)
+        divides = _divides(goal, cell == "tetrahedron" and triangles is not None)
+        better = _of_degree_2(scene) if divides and _takes_degree_2(goal, 3) else scene
+        return Plan(better, divides, better.element != scene.element)
     # Arcs: cells of degree 2 on them, and all of them smaller.
     parameters = curved_parameters(name, original) if triangles is None else triangles
     if goal.refinement != "auto" or goal.of not in LOCAL or parameters is None:
@@ -231,7 +241,8 @@ def _planned_file(scene: Scene, file: MeshFile, goal: Accuracy, comm: MPI.Comm) 
             raise SceneError([("accuracy.refinement", message)])
         straight = load_file(file, comm, degree=1, sections=sections, sizes=sizes)
         check_divisible(straight)
-        divided = (_of_degree_2(scene) if better else scene).model_copy(update={"mesh": straight})
+        divided = _of_degree_2(scene) if _takes_degree_2(goal, tagged.dimension) else scene
+        divided = divided.model_copy(update={"mesh": straight})
         return Plan(divided, True, divided.element != scene.element, polygonal=not drawn and degree == 1)
     planned_scene = _of_degree_2(scene) if better else scene
     geometry = (2 if curved and planned_scene.element.degree == 2 else 1) if drawn or not curved else None

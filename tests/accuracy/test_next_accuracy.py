@@ -11,7 +11,7 @@ from scenes import alone, example1
 from signorini_fx.mechanics.statement.settings import Accuracy
 from signorini_fx.results.accuracy import next_accuracy
 from signorini_fx.scenes.checks import check_scene
-from signorini_fx.tuned import CORNER_EXPONENT, NEXT_ERROR
+from signorini_fx.tuned import CORNER_EXPONENT, MESHES_TIMES, NEXT_ERROR
 
 
 @pytest.mark.parametrize("degree", [1, 2])
@@ -45,10 +45,10 @@ def test_meshes_on_the_way(dofs):
     assert next_accuracy.local_meshes(dofs, 2, generated=True, divided=True)[0] == 10 * dofs
 
 
-def test_uniform_meshes_take_as_long_as_they_have_unknowns():
+def test_meshes_take_as_long_as_they_have_unknowns():
     """But for what every solve takes."""
-    assert next_accuracy.times_of_uniform(1e7, 4e7) == pytest.approx(4.0, rel=1e-3)
-    assert next_accuracy.times_of_uniform(10, 1000) < 1.5
+    assert next_accuracy.times_of([1e7, 3e7], 1e7, 2) == pytest.approx(4 * MESHES_TIMES, rel=1e-3)
+    assert next_accuracy.times_of([100], 10, 3) < 1.3 * MESHES_TIMES
 
 
 @pytest.mark.parametrize(

@@ -31,13 +31,15 @@ from signorini_fx.tuned import (
     LAST_UNKNOWNS,
     LOCAL_GROWTH,
     LOCAL_SPREAD,
-    LOCAL_TIMES,
     MARGIN,
     MARGIN_OF_OTHERS,
+    MESHES_TIMES,
     MOST_FINER,
     MOST_UNIFORM_UNKNOWNS,
     NEXT_ERROR,
     SAME_LENGTH,
+    SPACE_FIXED,
+    SPACE_GROWTH,
     UNIFORM_SPREAD,
 )
 
@@ -117,11 +119,15 @@ def divides_cells(statement: Statement, tagged: TaggedMesh, of: str) -> bool:
 
     Drawings may have arcs that the mesh does not show.
     """
-    if tagged.dimension == 3 or of not in LOCAL or not divisible(statement, of):
+    quantities = {2: LOCAL, 3: ("energy",)}
+    if of not in quantities[tagged.dimension] or not divisible(statement, of):
+        return False
+    simplices = tagged.mesh.topology.cell_name() in ("triangle", "tetrahedron")
+    if tagged.dimension == 3 and not (simplices and statement.element.degree == 1 and statement.units is not None):
         return False
     if statement.generated:
         return not statement.arcs
-    straight = tagged.mesh.topology.cell_name() == "triangle" and curvature(tagged) <= SAME_LENGTH * tagged.size
+    straight = simplices and curvature(tagged) <= SAME_LENGTH * tagged.size
     return straight and not statement.remade and (statement.units is not None or statement.element.degree == 2)
 
 
@@ -182,14 +188,13 @@ def next_cost(
     following, degree = NEXT_ERROR[dimension] * error, statement.element.degree
     local = divides_cells(statement, tagged, of)
     if local:
-        divided = statement.accuracy is not None
-        meshes = local_meshes(dofs, degree, generated=statement.generated and not statement.bodies, divided=divided)
-        unknowns, times, spread, degree = meshes[0], times_of_local(dofs, meshes), LOCAL_SPREAD, 2
+        unknowns, times = _divided(statement, dimension, dofs)
+        spread, degree = LOCAL_SPREAD, 2
     else:
         unknowns = (
             dofs * finer_for(NEXT_ERROR[dimension], crowded_share(tagged.mesh.comm, squares), degree) ** dimension
         )
-        times, spread = times_of_uniform(dofs, unknowns), UNIFORM_SPREAD
+        times, spread = times_of([unknowns], dofs, dimension), UNIFORM_SPREAD
     target = f"{min(following * MARGIN.get((of, degree), MARGIN_OF_OTHERS), 0.99):.2g}"
     command = f"--accuracy {target}" + (f" --of {of}" if of != "energy" else "")
     if statement.units is None:
@@ -219,14 +224,26 @@ def local_meshes(dofs: float, degree: int, *, generated: bool, divided: bool = F
     return [max(first, last / LOCAL_GROWTH**number) for number in range(count)]
 
 
-def times_of_local(dofs: float, meshes: Sequence[float]) -> float:
-    """How many times as long as the mesh that was solved these meshes take together."""
-    return LOCAL_TIMES * sum(FIXED_UNKNOWNS + unknowns for unknowns in meshes) / (FIXED_UNKNOWNS + dofs)
+def _divided(statement: Statement, dimension: int, dofs: float) -> tuple[float, float]:
+    """Unknowns of the last mesh, and how many times as long as the mesh that was solved all of them take."""
+    if dimension == 3:
+        alike = SPACE_FIXED + SPACE_GROWTH * dofs
+        return SPACE_GROWTH * dofs, alike / (FIXED_UNKNOWNS[dimension] + dofs)
+    generated, divided = statement.generated and not statement.bodies, statement.accuracy is not None
+    meshes = local_meshes(dofs, statement.element.degree, generated=generated, divided=divided)
+    return meshes[0], times_of(meshes, dofs, dimension)
 
 
-def times_of_uniform(dofs: float, unknowns: float) -> float:
-    """How many times as long as the mesh that was solved one with so many unknowns takes."""
-    return (FIXED_UNKNOWNS + unknowns) / (FIXED_UNKNOWNS + dofs)
+def times_of(meshes: Sequence[float], dofs: float, dimension: int) -> float:
+    """How many times as long as the mesh that was solved others take together.
+
+    Args:
+        meshes: unknowns of each.
+        dofs: of the mesh that was solved.
+        dimension: of the body.
+    """
+    fixed = FIXED_UNKNOWNS[dimension]
+    return MESHES_TIMES * sum(fixed + unknowns for unknowns in meshes) / (fixed + dofs)
 
 
 def before_solving(statement: Statement, tagged: TaggedMesh, dofs: float) -> tuple[list[float], list[float], bool]:
@@ -236,8 +253,7 @@ def before_solving(statement: Statement, tagged: TaggedMesh, dofs: float) -> tup
     dimension, degree = tagged.dimension, statement.element.degree
     of = "energy" if statement.accuracy is None else statement.accuracy.of
     if divides_cells(statement, tagged, of):
-        meshes = local_meshes(dofs, degree, generated=statement.generated and not statement.bodies)
-        times = times_of_local(dofs, meshes)
-        return [meshes[0]] * 2, [times / LOCAL_SPREAD, times * LOCAL_SPREAD], True
+        number, times = _divided(statement, dimension, dofs)
+        return [number] * 2, [times / LOCAL_SPREAD, times * LOCAL_SPREAD], True
     unknowns = [dofs * finer_for(NEXT_ERROR[dimension], share, degree) ** dimension for share in (0.0, 1.0)]
-    return unknowns, [times_of_uniform(dofs, number) for number in unknowns], False
+    return unknowns, [times_of([number], dofs, dimension) for number in unknowns], False
