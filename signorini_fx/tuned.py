@@ -62,8 +62,6 @@ ALM_PROBLEMS, AUGMENTED_SOLVES = 2, 30
 # With friction bounds that follow the pressure it begins with a gamma this much smaller again.  Tuned on the cube of
 # tests/solving/test_limit_loads.py with 3 to 6 cells a side: without it one of eight cycles at 0.98 of the limit.
 AUGMENTED_NEWTON_SHARE = 0.1
-# Number of coarser meshes of the nested iteration that is tried if nothing else has helped.  Choice.
-HELPING_MESHES = 2
 
 # --- augmented Lagrangian method -------------------------------------------------------------------------------------
 

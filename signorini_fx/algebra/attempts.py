@@ -1,8 +1,8 @@
 """The plan of attempts: what a solve tries, in which order, and how many linear solves that may take.
 
 An attempt begins at a state and ends with an outcome; ``tried`` runs one after the other until one of them settles the
-matter.  Attempts nest: those at a mesh consist of load steps, those at a load step of problems with friction, and these
-of regularised problems with a given friction bound.  This module alone says which there are: the log and ``check`` call
+matter.  Attempts nest: those at a load step consist of problems with friction, and these of regularised problems with a
+given friction bound.  This module alone says which there are: the log and ``check`` call
 them by these names, and the page made of docs/theory.md lists them.
 """
 
@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import TypeVar
 
 from signorini_fx.records import History
-from signorini_fx.tuned import DAMPING, HELPING_MESHES, PROBLEMS_PER_STEP
+from signorini_fx.tuned import DAMPING, PROBLEMS_PER_STEP
 
 T = TypeVar("T")
 
@@ -87,10 +87,6 @@ HALF = Attempt(
     "half the increment",
     "in a ramp, in place of the fall-backs: the same for half the increment of the load; the last attempt has them all",
 )
-COARSER = Attempt(
-    f"nested iteration on {HELPING_MESHES} coarser meshes",
-    "if the first load step has no solution, and a generator can make them; not in a ramp",
-)
 
 # What each attempt is an attempt at, from the inside out; the first of each is what is done if nothing goes wrong.
 PLAN: dict[str, tuple[Attempt, ...]] = {
@@ -104,7 +100,6 @@ PLAN: dict[str, tuple[Attempt, ...]] = {
     ),
     "Coulomb friction": (FIXED_POINT, MONOLITHIC, AUGMENTED, AUGMENTED_NEWTON, *DAMPED.values(), RAISED),
     "load step": (METHOD, AUGMENTED, REGULARISED, RAMP_BY_AUGMENTATION, RAMP_WITHOUT_AUGMENTATION, HALF),
-    "mesh": (COARSER,),
 }
 
 
@@ -177,14 +172,3 @@ def for_coulomb(
     if monolithic:
         ways.insert(0 if first else 1, MONOLITHIC)
     return tuple(ways if fallbacks else ways[: 2 if monolithic and first else 1])
-
-
-def for_mesh(*, generated: bool, ramp: bool, fallbacks: bool) -> tuple[Attempt, ...]:
-    """What is tried if the first load step has no solution.
-
-    Args:
-        generated: whether the mesh comes from a generator.
-        ramp: whether the scene finds its increments itself.
-        fallbacks: whether others than the method of the scene are to be tried.
-    """
-    return PLAN["mesh"] if generated and fallbacks and not ramp else ()

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from mpi4py import MPI
 
-from signorini_fx.algebra.algorithms.task import Task
-from signorini_fx.algebra.attempts import METHOD, for_mesh, step_limit, tried
-from signorini_fx.errors import MeshError, SceneError
+from signorini_fx.errors import SceneError
 from signorini_fx.machine import signals
 from signorini_fx.mechanics.statement.values import kind_of
 from signorini_fx.mechanics.statement.volumetric import treatment_of
@@ -26,7 +24,6 @@ from signorini_fx.scenes.scene import Scene
 from signorini_fx.solving.check.petsc_options import refuse_mistyped
 from signorini_fx.solving.checkpointed_steps import MeshCheckpoint, open_checkpoint
 from signorini_fx.solving.solve_on_mesh import solve_mesh
-from signorini_fx.tuned import HELPING_MESHES
 
 
 def solve(
@@ -105,7 +102,8 @@ def _solved(
     if scene.statement.nonlinear:
         return _solved_by_newton(scene, comm, history, stored)
     if scene.accuracy is None and not (coarse := coarser_scenes(scene, scene.solver.levels)):
-        return _solve_alone(scene, comm, history, None if stored is None else MeshCheckpoint(stored, 0))
+        kept = None if stored is None else MeshCheckpoint(stored, 0)
+        return solve_mesh(scene.statement, partial(load_mesh, scene, comm), history, None, kept=kept)[0]
     from signorini_fx.scenes.mesh_sequence import solve_scene_to_accuracy, solve_scenes
 
     if scene.accuracy is not None:
@@ -152,47 +150,3 @@ def refuse_other_than_comm(comm: object) -> None:
     if not isinstance(comm, MPI.Comm) or comm == MPI.COMM_NULL:
         name = "MPI.COMM_NULL" if isinstance(comm, MPI.Comm) else kind_of(comm)
         raise TypeError(f"a communicator of mpi4py is expected, such as MPI.COMM_WORLD, not {name}")
-
-
-def _solve_alone(scene: Scene, comm: MPI.Comm, history: History, level_checkpoint: MeshCheckpoint | None) -> Solution:
-    """Solve on the mesh of the scene; if that fails, the generator may make coarser meshes for a better start."""
-    task: Task | None = None
-    fall_backs = for_mesh(
-        generated=scene.statement.generated,
-        ramp=scene.statement.automatic_steps is not None,
-        fallbacks=scene.solver.fallbacks,
-    )
-
-    def mesh() -> Solution | None:
-        nonlocal task
-        solution, task, _ = solve_mesh(
-            scene.statement, partial(load_mesh, scene, comm), history, None, kept=level_checkpoint
-        )
-        return solution
-
-    def coarser() -> Solution | None:
-        from signorini_fx.scenes.mesh_sequence import solve_scenes
-
-        with history.at_most(step_limit(scene.solver.max_iterations)):
-            try:
-                return solve_scenes([*coarser_scenes(scene, 1 + HELPING_MESHES), scene], comm, history)
-            except (SceneError, MeshError) as error:  # they lack something that the scene names
-                history.add(f"no coarser meshes: {str(error).splitlines()[0]}")
-                return None
-
-    def attempts() -> Iterator[tuple[object, Callable[[], Solution | None]]]:
-        yield METHOD, mesh
-        yield from ((name, coarser) for name in fall_backs)
-
-    solutions = tried(
-        attempts(),
-        history=history,
-        # Coarser meshes give a start to the first load step, and to no other.
-        settled=lambda candidate: (
-            candidate is None or task is None or len(candidate.steps) > 1 or not task.gave_up(candidate.status)
-        ),
-        told=lambda candidate: "" if candidate is None else candidate.status.value,
-    )
-    first, last = solutions[0], solutions[-1]
-    assert first is not None
-    return last if last is not None and last.converged else first

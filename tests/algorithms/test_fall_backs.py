@@ -142,21 +142,9 @@ def test_augmentation():
 
 
 @pytest.mark.usefixtures("no_fall_backs")
-def test_nested_iteration(monkeypatch):
-    """When nothing else has helped, coarser meshes make the start."""
-    monkeypatch.setattr(strategy, "by_augmentation", lambda task, start, failed, data: failed)
-    ours = alone(jumping())
-    assert fall_backs_of(ours)[1:] == ["nested iteration on 2 coarser meshes"]
-    assert len(ours.levels) == 3
-    monkeypatch.undo()
-    same(ours, alone(jumping()))
-
-
-@pytest.mark.usefixtures("no_fall_backs")
 def test_giving_up(monkeypatch):
     """At last the outcome is the one that the plain iteration had."""
     monkeypatch.setattr(strategy, "by_augmentation", lambda task, start, failed, data: failed)
-    monkeypatch.setattr(solver, "for_mesh", lambda **_: ())
     ours = alone(jumping(), check=False)
     assert ours.status is Status.CYCLING
 

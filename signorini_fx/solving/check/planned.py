@@ -13,7 +13,6 @@ from signorini_fx.algebra.attempts import (
     REGULARISED,
     Attempt,
     for_coulomb,
-    for_mesh,
     for_problem,
     step_limit,
 )
@@ -55,7 +54,4 @@ def attempts_for(statement: Statement) -> tuple[tuple[str, tuple[str, ...], str]
             (RAMP_BY_AUGMENTATION, RAMP_WITHOUT_AUGMENTATION) if statement.has_coulomb and AUGMENTED in step else ()
         )
         rows.append(("a load step of the ramp", (METHOD, *retries[:1], HALF, *step[1:], *retries[1:]), solves_limit))
-    mesh_attempts = for_mesh(generated=statement.generated, ramp=ramp, fallbacks=s.fallbacks)
-    if mesh_attempts and s.levels == 1 and statement.accuracy is None:
-        rows.append(("the first load step", mesh_attempts, f"at most {limit} linear solves more"))
     return tuple((purpose, tuple(map(str, names)), solves_limit) for purpose, names, solves_limit in rows)
