@@ -38,9 +38,6 @@ PATH_ERROR_SHARE = {1: 1.0, 2: 1 / 3}
 
 # --- fall-backs ------------------------------------------------------------------------------------------------------
 
-# The path through smaller gammas begins at this share of gamma, and gamma grows by this factor.  Source: Table 4 of the
-# paper for the share; factor: choice.
-FALL_BACK_FIRST_SHARE, FALL_BACK_GROWTH = 1e-4, 10.0
 # Fixed-point iterations for Coulomb friction that do not contract are damped increasingly.  Choice; the scenes of
 # tests/algorithms/test_coulomb_ways.py need them.
 DAMPING = (0.5, 0.2)

@@ -40,12 +40,6 @@ EXACT_SOLVES = Attempt(
     "the same iteration again, where linear solves with an old factor or a loose tolerance failed; with a "
     "factorisation, where a Krylov method failed and the memory is large enough",
 )
-THROUGH_STICK = Attempt("through stick", "if `sigma` is finite: the same iteration with an infinite one")
-AT_REST = Attempt(
-    "contact where the body rests",
-    "for a body that only contact holds: the same iteration, started from the nodes that touch at its reference motion",
-)
-SMALLER_GAMMA = Attempt("smaller gamma", "continuation from 1e-4 gamma to gamma by powers of ten")
 CONVEX = Attempt("interior point", "the problem as a convex programme, which has no sets that could cycle")
 FIXED_POINT = Attempt("fixed point", "Coulomb friction as a sequence of problems with given friction bounds")
 MONOLITHIC = Attempt(
@@ -90,14 +84,7 @@ HALF = Attempt(
 
 # What each attempt is an attempt at, from the inside out; the first of each is what is done if nothing goes wrong.
 PLAN: dict[str, tuple[Attempt, ...]] = {
-    "problem with given friction": (
-        FULL_STEPS,
-        EXACT_SOLVES,
-        THROUGH_STICK,
-        AT_REST,
-        SMALLER_GAMMA,
-        CONVEX,
-    ),
+    "problem with given friction": (FULL_STEPS, EXACT_SOLVES, CONVEX),
     "Coulomb friction": (FIXED_POINT, MONOLITHIC, AUGMENTED, AUGMENTED_NEWTON, *DAMPED.values(), RAISED),
     "load step": (METHOD, AUGMENTED, REGULARISED, RAMP_BY_AUGMENTATION, RAMP_WITHOUT_AUGMENTATION, HALF),
 }
@@ -143,16 +130,6 @@ def step_limit(max_iterations: int) -> int:
         max_iterations: those for one problem.
     """
     return PROBLEMS_PER_STEP * max_iterations
-
-
-def for_problem(*, finite_sigma: bool) -> tuple[Attempt, ...]:
-    """What is tried for one problem with a given friction bound.
-
-    Args:
-        finite_sigma: whether sigma is finite.
-    """
-    plan = PLAN["problem with given friction"]
-    return tuple(attempt for attempt in plan if finite_sigma or attempt is not THROUGH_STICK)
 
 
 def for_coulomb(

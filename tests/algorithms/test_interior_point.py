@@ -18,25 +18,6 @@ from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.solving.solve_on_mesh import contact_task
 
 
-@pytest.fixture
-def nothing_else(monkeypatch):
-    """Full steps, then the interior-point method at once."""
-    only = (attempts.FULL_STEPS, attempts.CONVEX)
-    monkeypatch.setattr(fall_backs, "for_problem", lambda **_: only)
-
-
-@pytest.mark.usefixtures("nothing_else")
-def test_as_the_other_fall_backs(monkeypatch):
-    """The same solution where full steps cycle, within 40 linear solves."""
-    ours = alone(jumping())
-    assert fall_backs_of(ours) == ["interior point"]
-    assert [record.status for record in ours.history.outer] == ["active sets cycle", "converged"]
-    assert ours.history.outer[-1].linear_solves <= 40
-    monkeypatch.undo()
-    same(ours, alone(jumping()))
-
-
-@pytest.mark.usefixtures("nothing_else")
 def test_a_body_that_friction_alone_holds():
     """No set of the solution holds it, each step does."""
     contact, friction = alone(flat()).contact.forces

@@ -7,14 +7,15 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from signorini_fx.algebra.algorithms.fall_backs import touching_nodes
 from signorini_fx.algebra.algorithms.task import Task
 from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.contact.friction import PointFriction, as_given, stuck
 from signorini_fx.algebra.contact.reactions import reactions
 from signorini_fx.algebra.contact.statics import largest_multiple, no_balance
 from signorini_fx.algebra.problem.regularised import RegularisedProblem
+from signorini_fx.machine import parallel
 from signorini_fx.records import Status
+from signorini_fx.tuned import CLOSED_GAP
 
 
 def coulomb_start(task: Task, data: RegularisedData) -> RegularisedData:
@@ -35,9 +36,19 @@ def coulomb_start(task: Task, data: RegularisedData) -> RegularisedData:
         return replace(data, bound=None)
     stick = everywhere
     if motions.held_by(~everywhere, everywhere):
-        touching = touching_nodes(motions.points.comm, data, task.coordinate_error)
+        touching = _touching_nodes(task, data)
         stick = touching if possible(touching) else everywhere
     return replace(data, bound=np.where(stick, np.inf, 0.0))
+
+
+def _touching_nodes(task: Task, data: RegularisedData) -> npt.NDArray[np.bool_]:
+    """The nodes without a gap where displacements are counted from, shape (n,); collective.
+
+    On a straight side that lies on a straight foundation all gaps are round-off, which chooses no nodes.
+    """
+    gap = np.abs(data.gap)
+    largest = parallel.largest(task.motions.points.comm, gap)
+    return np.asarray(gap <= max(task.coordinate_error, CLOSED_GAP * largest))
 
 
 def proved(task: Task, problem: RegularisedProblem, law: PointFriction, status: Status) -> Status:

@@ -37,11 +37,8 @@ _RENEW, _KEEP = -2, -1
 # While the sets repeat and directions of slip change, the residual of the law must be halved in this many steps.
 _TURNS = 6
 _SNES = PETSc.SNES.ConvergedReason
-# (newton, data, first sets, how it failed, measure) -> how it ended then.
-FallBacks = Callable[
-    ["SemismoothNewton", RegularisedData, ActiveSets | None, Status, Callable[[], float | None]],
-    Status,
-]
+# (newton, data, how it failed, measure) -> how it ended then.
+FallBack = Callable[["SemismoothNewton", RegularisedData, Status, Callable[[], float | None]], Status]
 # (newton, data) -> sets for the next full step; None if a linear solve fails.
 ProposedSets = Callable[["SemismoothNewton", RegularisedData], ActiveSets | None]
 # (x, sets, data) of an iterate; None before the first problem.
@@ -71,7 +68,7 @@ class SemismoothNewton:
         max_iterations: linear solves allowed for one problem.
         history: where the records go.
         symmetric: whether the Jacobian is; it is not if the friction bound depends on the pressure.
-        try_fall_backs: called if this iteration does not solve a problem, see ``fall_backs``; None: nothing.
+        fall_back: called if this iteration does not solve a problem, see ``fall_backs``; None: nothing.
         propose_sets: called, once in a problem with a given friction bound, if full steps change few sets at a time;
             None: nothing.
         limited: whether the user has set the limit on linear solves, so that reaching it is not a failure.
@@ -90,7 +87,7 @@ class SemismoothNewton:
         history: History,
         *,
         symmetric: bool = True,
-        try_fall_backs: FallBacks | None = None,
+        fall_back: FallBack | None = None,
         propose_sets: ProposedSets | None = None,
         limited: bool = False,
     ) -> None:
@@ -100,7 +97,7 @@ class SemismoothNewton:
         self._residual = x.duplicate()
         self.start_time = time.perf_counter()
         self.max_iterations = max_iterations
-        self._fall_backs = try_fall_backs
+        self._fall_back = fall_back
         self._propose_sets = propose_sets
         self._limited = limited
         self._symmetric = symmetric
@@ -171,32 +168,17 @@ class SemismoothNewton:
             max_iterations: linear solves allowed for this problem, if fewer than usual.
             measure: gives the figure of the stopping criterion of the outer algorithm, once this problem is solved.
         """
-        status = self.solve_once(
-            data, first_sets, measure, first_iteration=first_iteration, max_iterations=max_iterations
-        )
-        # With a friction bound that depends on the pressure there is no energy, and there are other fall-backs.
-        may_fall_back = max_iterations is None and data.follows is None
-        # A limit that the user has set is no failure.
-        ran_on = status is Status.MAX_ITERATIONS and not self._limited
-        if self._fall_backs is not None and may_fall_back and (status is Status.CYCLING or ran_on):
-            status = self._fall_backs(self, data, first_sets, status, measure)
-        failed = status in (Status.CYCLING, Status.MAX_ITERATIONS) and max_iterations is None
-        return Status.ROUND_OFF if failed and self.problem.lost_to_round_off(self.x, RESIDUAL_TOLERANCE) else status
-
-    def solve_once(
-        self,
-        data: RegularisedData,
-        first_sets: ActiveSets | None,
-        measure: Callable[[], float | None],
-        *,
-        first_iteration: int = 1,
-        max_iterations: int | None = None,
-    ) -> Status:
-        """``solve`` without fall-backs."""
         solves_before = self.history.linear_solves
         status = self.attempt(data, first_sets, first_iteration=first_iteration, max_iterations=max_iterations)
         self.close(data, status, solves_before, measure)
-        return status
+        # With a friction bound that depends on the pressure there is no energy, and no convex programme.
+        may_fall_back = max_iterations is None and data.follows is None
+        # A limit that the user has set is no failure.
+        ran_on = status is Status.MAX_ITERATIONS and not self._limited
+        if self._fall_back is not None and may_fall_back and (status is Status.CYCLING or ran_on):
+            status = self._fall_back(self, data, status, measure)
+        failed = status in (Status.CYCLING, Status.MAX_ITERATIONS) and max_iterations is None
+        return Status.ROUND_OFF if failed and self.problem.lost_to_round_off(self.x, RESIDUAL_TOLERANCE) else status
 
     def close(
         self,

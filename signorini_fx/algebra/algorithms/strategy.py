@@ -418,7 +418,7 @@ def _either_way(
         monolithic: the monolithic Newton method.
         monolithic_first: whether Newton's method comes first.
     """
-    s, newton, fall_backs = task.settings, begun.newton, task.iterate.fall_backs
+    s, newton, fall_back = task.settings, begun.newton, task.iterate.fall_back
     checkpoint = newton.checkpoint()
 
     def raised() -> Status:
@@ -457,11 +457,11 @@ def _either_way(
             released = _released(task, begun, law, moved)
             return released is not None
 
-        fall_backs.needless = needless  # one linear solve, where fall-backs take hundreds
+        fall_back.needless = needless  # one linear solve, where fall-backs take hundreds
         try:
             status = ways[name]()
         finally:
-            fall_backs.needless = lambda: False
+            fall_back.needless = lambda: False
         if released is not None:
             return released
         status = proved(task, newton.problem, law, status)

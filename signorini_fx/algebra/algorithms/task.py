@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 from petsc4py import PETSc
 
-from signorini_fx.algebra.algorithms.fall_backs import FallBacks
+from signorini_fx.algebra.algorithms.fall_backs import FallBack
 from signorini_fx.algebra.algorithms.interior_point import proposed_sets
 from signorini_fx.algebra.algorithms.ssn import SemismoothNewton
 from signorini_fx.algebra.contact.active_sets import ActiveSets, slip_multiplier
@@ -205,7 +205,7 @@ class Task:
     @cached_property
     def iterate(self) -> Iterate:
         """The iterates, which the algorithms share."""
-        return Iterate(self.settings, self.system, self.motions, self.history, self.coordinate_error)
+        return Iterate(self.settings, self.system, self.motions, self.history)
 
     def contact(self, outcome: Outcome, start: Start) -> PointState:
         """The contact points of this rank in a result, with displacements from the initial position.
@@ -268,7 +268,7 @@ class Iterate:
 
     Attributes:
         x: the iterate of the regularised problem.
-        fall_backs: what is tried if a problem with a given friction bound is not solved by full steps.
+        fall_back: what is tried if a problem with a given friction bound is not solved by full steps.
     """
 
     def __init__(
@@ -277,13 +277,12 @@ class Iterate:
         system: ElasticSystem,
         motions: FreeMotions,
         history: History,
-        coordinate_error: float = 0.0,
     ) -> None:
         # Not the task, which holds this: PETSc objects in a cycle of references are freed late, or never.
         self._settings, self._history = settings, history
         self._system, self._motions = system, motions
         self.x: PETSc.Vec = system.start.copy()
-        self.fall_backs = FallBacks(coordinate_error)
+        self.fall_back = FallBack()
 
     def _newton(self, problem: RegularisedProblem, x: PETSc.Vec, *, symmetric: bool = True) -> SemismoothNewton:
         settings = self._settings
@@ -293,7 +292,7 @@ class Iterate:
             settings.max_iterations,
             self._history,
             symmetric=symmetric,
-            try_fall_backs=self.fall_backs if settings.fallbacks else None,
+            fall_back=self.fall_back if settings.fallbacks else None,
             propose_sets=proposed_sets,
             limited=settings.limited("max_iterations"),
         )
@@ -320,7 +319,7 @@ class Iterate:
 
     def begin_step(self, start: Start) -> None:
         """Apply the loads and prescribed displacements of a load step to the current iterate."""
-        self.fall_backs.exhausted = start.without_fall_backs
+        self.fall_back.exhausted = start.without_fall_backs
         self.newton.problem.law_tolerance = start.law_tolerance
         if start.factors is not None:
             self._system.set_load(start.factors)

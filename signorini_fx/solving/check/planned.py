@@ -8,12 +8,12 @@ from signorini_fx.algebra.attempts import (
     FULL_STEPS,
     HALF,
     METHOD,
+    PLAN,
     RAMP_BY_AUGMENTATION,
     RAMP_WITHOUT_AUGMENTATION,
     REGULARISED,
     Attempt,
     for_coulomb,
-    for_problem,
     step_limit,
 )
 from signorini_fx.mechanics.statement.statement import Statement
@@ -21,16 +21,12 @@ from signorini_fx.tuned import FAILED_RAMP, FAILED_STEP
 
 
 def attempts_for(statement: Statement) -> tuple[tuple[str, tuple[str, ...], str], ...]:
-    """Rows of what is tried for, the attempts in order, and their limit; none without contact.
-
-    Whether contact at the reference motion is tried is decided in the solve: it is for bodies that only contact holds.
-    """
+    """Rows of what is tried for, the attempts in order, and their limit; none without contact."""
     s, ramp = statement.solver, statement.automatic_steps is not None
     if not statement.contact:
         return ()
     limit = step_limit(s.max_iterations)
-    problem = for_problem(finite_sigma=s.sigma != "auto")
-    problem = problem if s.fallbacks else (FULL_STEPS, EXACT_SOLVES)
+    problem = PLAN["problem with given friction"] if s.fallbacks else (FULL_STEPS, EXACT_SOLVES)
     rows = [("a problem with given friction", problem, f"at most {s.max_iterations} linear solves each")]
     if statement.has_coulomb:
         bilateral = any(contact.kind == "bilateral" for contact in statement.contact)
