@@ -38,27 +38,18 @@ PATH_ERROR_SHARE = {1: 1.0, 2: 1 / 3}
 
 # --- fall-backs ------------------------------------------------------------------------------------------------------
 
-# Fixed-point iterations for Coulomb friction that do not contract are damped increasingly.  Choice; the scenes of
-# tests/algorithms/test_coulomb_ways.py need them.
-DAMPING = (0.5, 0.2)
 # A load step ends without a solution when all its problems and fall-backs together have taken as many linear solves as
-# this many problems that run to their last iteration.  A fixed-point iteration up to its limit takes a tenth of them.
-# Tuned on random scenes (docs/evidence/stability.csv): one is solved after 2,688 solves, for which 20 are too few.
+# this many problems that run to their last iteration.  Choice: a fixed-point iteration up to its limit takes a tenth of
+# them.
 PROBLEMS_PER_STEP = 40
 # A load step of a ramp takes at most this many times the linear solves of the last one with a solution before a smaller
 # increment is tried, and all load steps without a solution together this many times those with one: where a limit load
 # cannot be proved, the way up to it sets the price of enclosing it.  Choice; see tests/solving/test_ramp.py.
 FAILED_STEP, FAILED_RAMP = 3, 4
-# As a fall-back the augmented Lagrangian method begins with a gamma this much smaller, though not below START_GAMMA.
-# Choice: the limit is the same for every gamma, and the problems are easiest with a small one.
-AUGMENTED_SHARE = 1e-3
-# With alm the first attempt takes at most as many linear solves as this many problems that run to their last iteration;
-# augmentation that begins at the solution of ssn takes at most this many linear solves.  Of 150 random scenes in 3D
-# (seeds 500000 to 500149) alm takes 438 to 2,263 solves on the six where it does not contract, ssn 15 to 938.
-ALM_PROBLEMS, AUGMENTED_SOLVES = 2, 30
-# With friction bounds that follow the pressure it begins with a gamma this much smaller again.  Tuned on the cube of
-# tests/solving/test_limit_loads.py with 3 to 6 cells a side: without it one of eight cycles at 0.98 of the limit.
-AUGMENTED_NEWTON_SHARE = 0.1
+# As a fall-back the augmented Lagrangian method begins with a gamma this much smaller: the limit is the same for every
+# gamma, and the problems are easiest with a small one.  Tuned on the cube of tests/solving/test_limit_loads.py with 3
+# to 6 cells a side: with ten times as much the sets of one of eight cycle at 0.98 of the limit.
+AUGMENTED_SHARE = 1e-4
 
 # --- augmented Lagrangian method -------------------------------------------------------------------------------------
 
@@ -357,9 +348,6 @@ MEMORY_SHARE = 0.8
 # easy ones double the increment, up to this many times the one that was asked for, so that the curve keeps its points.
 EASY_STEP = 12
 LARGEST_INCREMENT = 2.0
-# One with Coulomb friction that takes more is hard: augmentation takes 30 to 50, wherever the load is.  Tuned on
-# tests/solving/test_limit_loads.py.
-HARD_STEP = 4 * EASY_STEP
 # Where a ramp ends without a solution, its last increment is no larger than this share of the load since the last
 # factor (a limit load is wanted to 1 %), or, if nothing was reached, this share of the increment that was asked for.
 ENCLOSED = 0.005
@@ -473,8 +461,6 @@ SMALL_FORCES_OF_BODY = 1e-3
 # A friction bound that differs from the last but one by less than this share of its change has come back: an error that
 # alternates and decreases so slowly takes thousands of steps.  Choice.
 BOUND_CAME_BACK = 1e-3
-# Raised friction bounds carry this multiple of the loads: with that of a limit load the shears have no choice.  Choice.
-RAISED_SHARE = 1.01
 # Interior points: each step goes at most this share of the way to the nearest bound.  Source: usual value.
 SHARE_OF_WAY = 0.99
 # Stiffness of the foundation with which they begin, in units of the natural stiffness, and the least share of this if

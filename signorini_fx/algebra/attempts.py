@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import TypeVar
 
 from signorini_fx.records import History
-from signorini_fx.tuned import DAMPING, PROBLEMS_PER_STEP
+from signorini_fx.tuned import PROBLEMS_PER_STEP
 
 T = TypeVar("T")
 
@@ -45,37 +45,11 @@ FIXED_POINT = Attempt("fixed point", "Coulomb friction as a sequence of problems
 MONOLITHIC = Attempt(
     "monolithic Newton", "Coulomb friction in one iteration, unless there is a cap or bilateral contact"
 )
-DAMPED = {
-    damping: Attempt(
-        f"fixed point damped by {damping:g}", f"the fixed point with {damping:g} of each change of the bound"
-    )
-    for damping in DAMPING
-}
-RAISED = Attempt(
-    "fixed point with raised bounds",
-    "if the body slides at the contact pressures found: bounds are raised until friction carries the loads, as long as "
-    "those of the law do not; it takes no more linear solves than one problem may",
-)
-METHOD = Attempt("the method of the scene", "`algorithm` and `coulomb` of the scene")
-AUGMENTED = Attempt("augmented Lagrangian", "with a small gamma; its limit is the solution without regularisation")
-AUGMENTED_NEWTON = Attempt(
-    "augmented Lagrangian with monolithic Newton",
-    "the same with friction bounds that follow the pressure, where there is a monolithic form: it finds what no fixed "
-    "point does near a limit load",
-)
-REGULARISED = Attempt(
-    "ssn in place of alm",
-    "all that is tried with `ssn`, then augmentation from its solution, or else that solution, with its regularisation",
-)
-RAMP_BY_AUGMENTATION = Attempt(
-    "from the first load step by augmentation",
-    "in a ramp with Coulomb friction, once, at its first load step that fails or is hard: all load steps begin with "
-    "the augmented Lagrangian method",
-)
-RAMP_WITHOUT_AUGMENTATION = Attempt(
-    "from the first load step without augmentation",
-    "if that comes less far: the same load steps as before, with monolithic Newton first, from the sets of the load "
-    "step before, and smaller increments after them",
+METHOD = Attempt("the method of the scene", "`algorithm` and `coulomb` of the scene, with what is tried for them")
+AUGMENTED = Attempt(
+    "augmented Lagrangian",
+    "with a small gamma and, where there is a monolithic form, friction bounds that follow the pressure; its limit is "
+    "the solution without regularisation",
 )
 HALF = Attempt(
     "half the increment",
@@ -85,8 +59,8 @@ HALF = Attempt(
 # What each attempt is an attempt at, from the inside out; the first of each is what is done if nothing goes wrong.
 PLAN: dict[str, tuple[Attempt, ...]] = {
     "problem with given friction": (FULL_STEPS, EXACT_SOLVES, CONVEX),
-    "Coulomb friction": (FIXED_POINT, MONOLITHIC, AUGMENTED, AUGMENTED_NEWTON, *DAMPED.values(), RAISED),
-    "load step": (METHOD, AUGMENTED, REGULARISED, RAMP_BY_AUGMENTATION, RAMP_WITHOUT_AUGMENTATION, HALF),
+    "Coulomb friction": (FIXED_POINT, MONOLITHIC, AUGMENTED),
+    "load step": (METHOD, HALF),
 }
 
 
@@ -132,20 +106,16 @@ def step_limit(max_iterations: int) -> int:
     return PROBLEMS_PER_STEP * max_iterations
 
 
-def for_coulomb(
-    *, monolithic: bool, first: bool, fallbacks: bool, augmented: bool = True, damped: bool = True
-) -> tuple[Attempt, ...]:
+def for_coulomb(*, monolithic: bool, first: bool, fallbacks: bool, augmented: bool = True) -> tuple[Attempt, ...]:
     """What is tried for one problem with Coulomb friction.
 
     Args:
         monolithic: whether its monolithic form is to be had.
         first: whether that is tried first; the fixed point is then its documented fall-back.
         fallbacks: whether others are to be tried.
-        augmented: whether the augmented Lagrangian method is among them: it takes far fewer linear solves than damping.
-        damped: whether damped fixed points are, and that with raised bounds.
+        augmented: whether the augmented Lagrangian method is among them.
     """
-    by_augmentation = (AUGMENTED, AUGMENTED_NEWTON)[: 1 + monolithic] if augmented else ()
-    ways = [FIXED_POINT, *by_augmentation, *((*DAMPED.values(), RAISED) if damped else ())]
+    ways = [FIXED_POINT, *((AUGMENTED,) if augmented else ())]
     if monolithic:
         ways.insert(0 if first else 1, MONOLITHIC)
     return tuple(ways if fallbacks else ways[: 2 if monolithic and first else 1])

@@ -1,5 +1,5 @@
-"""The loop over load steps of every kind of body; of a linear one the attempts at each of them, what the checkpoint has
-of it, and when a ramp begins again.
+"""The loop over load steps of every kind of body; of a linear one the attempts at each of them, and what the
+checkpoint has of it.
 
 It knows neither scenes nor forms: a ``SteppedBody`` asks either for the model of a place.
 """
@@ -12,7 +12,7 @@ from math import floor
 from typing import Generic, TypeVar
 
 from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
-from signorini_fx.algebra.attempts import HALF, RAMP_BY_AUGMENTATION, RAMP_WITHOUT_AUGMENTATION, Attempt
+from signorini_fx.algebra.attempts import HALF
 from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.algebra.contact.statics import no_balance
@@ -88,7 +88,6 @@ class StepProgress:
         results: of all of them.
         ended: how the last one with a solution ended, or the first one, and its data; None: there is none.
         failed: whether the last one has none.
-        unstored: where the records begin that no stored load step has; None: at the next one.
     """
 
     body: SteppedBody
@@ -98,7 +97,6 @@ class StepProgress:
     results: list[StepResult] = field(default_factory=list)
     ended: tuple[Outcome, RegularisedData] | None = None
     failed: bool = False
-    unstored: Marks | None = None
 
     def take(self, step: LoadStep) -> None:
         """Add the result of a load step."""
@@ -146,25 +144,16 @@ def all_load_steps(
         level_checkpoint: the checkpoint, which load steps are taken from and stored in; None: there is none.
     """
     history, progress = task.history, StepProgress(body, task, start)
-    first, none_solved = task.iterate.newton.checkpoint(), _marks(history)
 
     def solved() -> LoadStep | None:
-        nonlocal progress
         newton = progress.task.iterate.newton
         beginning = newton.checkpoint()
         step = _attempt(progress, path)
         result = step.result
-        if _shortened(path, result) and not history.exhausted:
+        failed = result.status is not Status.CONVERGED
+        if failed and path.shorten(result.status, result.linear_solves) and not history.exhausted:
             history.add(f"{step}: {HALF}")
             newton.restore(beginning)
-            return None
-        if not history.exhausted and (anew := _to_begin_again(path, result)) is not None:
-            history.add(f"{step}: {anew}")
-            path.begin_again(result.status, history.linear_solves - none_solved[0])
-            task.iterate.newton.restore(first)
-            progress = StepProgress(body, task, start, unstored=none_solved)
-            if level_checkpoint is not None:
-                level_checkpoint.forget(0)
             return None
         progress.take(step)
         if progress.failed:
@@ -175,9 +164,7 @@ def all_load_steps(
         return step
 
     def store(checkpoint: MeshCheckpoint, step: LoadStep, marks: Marks) -> None:
-        begins = progress.unstored or marks
-        checkpoint.store(step.body, step.task, step.start, step.outcome, step.result, path, begins)
-        progress.unstored = None
+        checkpoint.store(step.body, step.task, step.start, step.outcome, step.result, path, marks)
 
     stepping = Stepping[LoadStep](
         history,
@@ -186,7 +173,7 @@ def all_load_steps(
         recalled=lambda checkpoint: _recalled_step(progress, checkpoint, path),
         solved=solved,
         store=store,
-        go_on=lambda step: progress.go_on(step),
+        go_on=progress.go_on,
     )
     stepping.all(on_step, level_checkpoint)
     return progress
@@ -195,13 +182,6 @@ def all_load_steps(
 def _marks(history: History) -> Marks:
     """See ``Marks``."""
     return history.linear_solves, len(history.outer), len(history.events)
-
-
-def _to_begin_again(path: Increments, result: StepResult) -> Attempt | None:
-    """Why a ramp begins again after a load step; None: it does not."""
-    if path.should_begin_again(result.status, result.linear_solves):
-        return RAMP_BY_AUGMENTATION
-    return RAMP_WITHOUT_AUGMENTATION if result.status is not Status.CONVERGED and path.falls_short else None
 
 
 def _attempt(progress: StepProgress, path: Increments) -> LoadStep:
@@ -215,8 +195,6 @@ def _attempt(progress: StepProgress, path: Increments) -> LoadStep:
         place=path_step,
         factors=_load_at(begun, path_step, path),
         without_fall_backs=path.without_fall_backs,
-        augmented=path.at.augmented,
-        monolithic=path.at.monolithic,
         several=steps.several,
     )
     if steps.several:
@@ -251,15 +229,6 @@ def _load_at(begun: BegunStep, path_step: float, path: Increments) -> Nodal:
     time = body.path.time_at(path_step)
     task.history.add(f"statics: the load at time {time:.6g} is the largest that can be held")
     return body.load(task.system, beyond)
-
-
-def _shortened(path: Increments, result: StepResult) -> bool:
-    """Whether a load step has no solution, and the increment has been halved for another attempt."""
-    status, solves = result.status, result.linear_solves
-    # ``shorten`` comes last: it changes the increment.
-    return (
-        status is not Status.CONVERGED and not path.should_begin_again(status, solves) and path.shorten(status, solves)
-    )
 
 
 def _recalled_step(progress: StepProgress, level_checkpoint: MeshCheckpoint, path: Increments) -> LoadStep | None:

@@ -1,9 +1,8 @@
 """The way through the load steps, up to the limit load where there is one: the next place, smaller increments where
 there is no solution, larger ones after.
 
-``Increments`` also decides about methods (fall-backs, augmentation), which a linear body has;
-``forms.nonlinear.step_sizes`` is the simpler one of nonlinear bodies.  That no load beyond a limit can be held is
-proved by statics, see ``algebra.contact.statics``.
+``Increments`` also decides about fall-backs, which a linear body has; ``forms.nonlinear.step_sizes`` is the simpler one
+of nonlinear bodies.  That no load beyond a limit can be held is proved by statics, see ``algebra.contact.statics``.
 """
 
 from __future__ import annotations
@@ -21,7 +20,6 @@ from signorini_fx.tuned import (
     ENCLOSED,
     FAILED_RAMP,
     FAILED_STEP,
-    HARD_STEP,
     LARGEST_INCREMENT,
     SAME_LENGTH,
     SMALLEST_INCREMENT,
@@ -51,9 +49,6 @@ class Position:
         done: those of all load steps with a solution.
         wasted: those of all attempts without one; not those before a hard first load step.
         hard: whether a load step was solved by fall-backs where no increment was small enough without them.
-        begun: how many times the ramp has begun again: with augmentation, then without.
-        known: the place that it had reached when it began again; -1: it has not.
-        spent: linear solves of all that was tried until it began again for the last time.
     """
 
     reached: float = -1.0
@@ -65,19 +60,6 @@ class Position:
     done: int = 0
     wasted: int = 0
     hard: bool = False
-    begun: int = 0
-    known: float = -1.0
-    spent: int = 0
-
-    @property
-    def augmented(self) -> bool:
-        """Whether the load steps begin with augmentation."""
-        return self.begun == 1
-
-    @property
-    def monolithic(self) -> bool:
-        """Whether they begin with the monolithic Newton method."""
-        return self.begun > 1
 
 
 class Increments:
@@ -90,14 +72,12 @@ class Increments:
     Args:
         path: the load steps.
         settings: of the solver.
-        may_augment: whether augmentation may help: a friction bound depends on the contact pressure, and no contact
-            is soft, which it would make hard.
 
     Attributes:
         at: where it is.
     """
 
-    def __init__(self, path: LoadPath, settings: SolverSettings, *, may_augment: bool) -> None:
+    def __init__(self, path: LoadPath, settings: SolverSettings) -> None:
         self._last, self._time = len(path.times) - 1, path.time_at
         self._iterations = settings.max_iterations
         self._step_limit = step_limit(self._iterations)
@@ -105,7 +85,6 @@ class Increments:
         # A list of several factors begins with one step to the first of them, in which slip is counted from rest.
         self._from_nothing = path.from_nothing
         self._nominal = 1.0 if self._divided is None else 1.0 / self._divided
-        self._may_augment = may_augment and settings.fallbacks and settings.algorithm != "alm"
         self._begin = Position(increment=self._nominal if self._from_nothing else 1.0)
         self.at = self._begin
 
@@ -179,19 +158,9 @@ class Increments:
     @property
     def _ramp(self) -> int:
         """Linear solves that the attempts without a solution may take together."""
-        at, least = self.at, EASY_STEP * max(self._divided or 1, _FEW_STEPS)
-        if not (at.done or self.falls_short):
+        if not self.at.done:
             return self._step_limit
-        # What was tried before a ramp has begun again counts as one of them, and is the measure where it has led to a
-        # solution that augmentation does not find.
-        solve_budget = (FAILED_RAMP - 1 if at.augmented else FAILED_RAMP) * max(at.done or at.spent, least)
-        # Without augmentation it takes the same load steps again, and goes on from there only with what is left; but
-        # where a hard load step made it begin again, the next one has not been tried.
-        return (
-            max(self._step, solve_budget - at.spent)
-            if at.begun > 1 and at.reached >= at.known - SAME_LENGTH
-            else solve_budget
-        )
+        return FAILED_RAMP * max(self.at.done, EASY_STEP * max(self._divided or 1, _FEW_STEPS))
 
     @property
     def bracket(self) -> str | None:
@@ -203,39 +172,6 @@ class Increments:
         text = f"there is a solution {held}, and none at time {self._time(at.failed):.6g}"
         closed = at.failed - at.reached <= self._enclosed
         return text if closed else f"{text}; smaller increments would take more linear solves than they may"
-
-    def should_begin_again(self, status: Status, linear_solves: int) -> bool:
-        """Whether the ramp is to begin again with augmentation: it does, once, at its first hard load step.
-
-        The fixed-point iteration has then failed or contracts slowly, as it does near a limit load and where several
-        contacts wedge a body.  Augmentation has to begin with the first load step: with what regularisation leaves in
-        them, elastic slip and penetration, two contacts of one node may contradict each other.
-
-        Args:
-            status: how the next load step ended.
-            linear_solves: that it took.
-        """
-        if not (self._may_augment and self._divisible) or self.at.begun:
-            return False
-        if status is Status.CONVERGED:
-            return linear_solves > HARD_STEP
-        return status not in (*_PROVED, *_HOPELESS_AT_FIRST)
-
-    @property
-    def falls_short(self) -> bool:
-        """Whether augmentation has come less far than the ramp had without it, which is then to begin again so."""
-        return self.at.augmented and self.at.reached < self.at.known - SAME_LENGTH
-
-    def begin_again(self, status: Status, linear_solves: int) -> None:
-        """Go back to the first load step: first with augmentation, then without.
-
-        Args:
-            status: how the next load step ended.
-            linear_solves: of all load steps so far.
-        """
-        at = self.at
-        reached = self.next if status is Status.CONVERGED else at.reached
-        self.at = replace(self._begin, begun=at.begun + 1, known=max(at.known, reached), spent=linear_solves)
 
     def advance(self, linear_solves: int) -> None:
         """The next load step has a solution, which took this many linear solves."""

@@ -27,7 +27,6 @@ from signorini_fx.mechanics.rigid.mesh_levels import MeshLevel
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.records import Finding, History, Status, Timings
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery
-from signorini_fx.results.certificate.law_of_method import overclosures_of
 from signorini_fx.results.functionals import functionals
 from signorini_fx.results.mechanics import SolidBody, StatedBody
 from signorini_fx.results.solution import Solution, StepResult
@@ -118,8 +117,7 @@ def solve_contact(
             return contact_task(model, history)
 
     body = stated_body(model, timings, renew)
-    may_augment = statement.has_coulomb and not overclosures_of(statement)
-    increments = Increments(statement.path, statement.solver, may_augment=may_augment)
+    increments = Increments(statement.path, statement.solver)
     progress = all_load_steps(body, task, start, increments, on_step, level_checkpoint)
     model, task = progress.body.model, progress.task
     assert progress.ended is not None

@@ -109,18 +109,8 @@ def no_fall_backs(monkeypatch):
 
 
 @pytest.mark.usefixtures("no_fall_backs")
-def test_augmentation():
-    """A much smaller gamma, and multipliers: the limit without regularisation."""
-    ours = alone(jumping(tolerance=1e-10))
-    assert [fall_back.split(" with")[0] for fall_back in fall_backs_of(ours)] == ["augmented Lagrangian"]
-    limit = alone(jumping(algorithm="alm", gamma_n=1e5, gamma_t=1e5, tolerance=1e-12))
-    same(ours, limit, rtol=1e-6)
-
-
-@pytest.mark.usefixtures("no_fall_backs")
-def test_giving_up(monkeypatch):
+def test_giving_up():
     """At last the outcome is the one that the plain iteration had."""
-    monkeypatch.setattr(strategy, "by_augmentation", lambda task, start, failed, data: failed)
     ours = alone(jumping(), check=False)
     assert ours.status is Status.CYCLING
 

@@ -30,7 +30,7 @@ def ramp(push, steps=10, *, factors=(0.0, 1.0), nx=30, friction=None, load_steps
 
 
 def increments(scene):
-    return Increments(scene.statement.path, scene.solver, may_augment=scene.statement.has_coulomb)
+    return Increments(scene.statement.path, scene.solver)
 
 
 @pytest.mark.parametrize(
@@ -76,7 +76,6 @@ def test_limit_load(push, method):
     ("method", "push"),
     [
         *(({}, 1.2), ({"coulomb": "newton"}, 1.2), ({"algorithm": "alm"}, 1.2)),
-        # With fall-backs such a ramp would begin again with augmentation.
         *(({"max_iterations": 2, "fallbacks": False}, 0.9), ({"max_iterations": 6, "algorithm": "alm"}, 0.99)),
     ],
 )

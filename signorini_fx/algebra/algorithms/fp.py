@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 
@@ -17,7 +16,7 @@ from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.algebra.contact.points import shares
 from signorini_fx.machine import parallel
 from signorini_fx.records import Status
-from signorini_fx.tuned import BOUND_CAME_BACK, CERTIFICATE_TOLERANCE, RAISED_SHARE
+from signorini_fx.tuned import BOUND_CAME_BACK, CERTIFICATE_TOLERANCE
 
 
 def fixed_point(
@@ -30,8 +29,6 @@ def fixed_point(
     tolerance: float,
     max_outer: int,
     augmentation: Augmentation | None = None,
-    damping: float = 1.0,
-    carried: Callable[[RegularisedData], float] | None = None,
 ) -> Status:
     """Iterate g <- lambda until g changes by no more than ``tolerance``; with augmentation, until mu has settled too.
 
@@ -49,22 +46,13 @@ def fixed_point(
         max_outer: Tresca problems allowed.
         augmentation: also lambda_hat <- lambda and mu_hat <- mu, which is Algorithm (ALM-FP): its limit is the
             unregularised solution.
-        damping: fraction of the step to the new bound that is taken, for iterations that oscillate or diverge.
-        carried: gives the share of the loads up to which friction with the bound of a problem carries them; bounds at
-            which it is below 1 are raised in proportion.  None: they stay, and the body slides.
     """
     g, norms = start[0], newton.problem.groups.norms
     previous: Nodal | None = None
     if augmentation is not None:
         data = replace(data, lambda_hat=start[0], mu_hat=start[1])
     for _ in range(max_outer):
-        bound = law.bound(g)
-        data = replace(data, bound=bound)
-        share = 1.0 if carried is None else carried(data)
-        if share == 0.0:
-            return Status.SLIDES_AT_PRESSURES
-        if share < 1.0:
-            data = replace(data, bound=RAISED_SHARE / share * bound)
+        data = replace(data, bound=law.bound(g))
         status = newton.solve(data, first_sets, measure=partial(_change, newton, data, g, augmentation))
         if status is not Status.CONVERGED:
             return status
@@ -72,27 +60,21 @@ def fixed_point(
         change = newton.history.outer[-1].change
         pressure, _ = newton.multipliers()
         if change is not None and change <= tolerance and (augmentation is None or augmentation.settled):
-            if share < 1.0:  # at pressures that do not change any more
-                newton.history.add(
-                    f"friction carries at most {share:.5g} of the loads at the pressures of raised bounds"
-                )
-                return Status.SLIDES_AT_PRESSURES
             if _missed(newton, data, law) <= max(tolerance, CERTIFICATE_TOLERANCE):
                 return Status.CONVERGED
             torn = law.ends_open is not None and bool(np.any(law.ends_open & (g != 0) & (pressure == 0)))
-            if parallel.any_rank(newton.problem.points.comm, torn):  # damping keeps their bound for ever
+            if parallel.any_rank(newton.problem.points.comm, torn):
                 newton.history.add("contact points open with their cohesion, and are closed without it")
                 return Status.OUTER_MAX_ITERATIONS
-        following = g + damping * (pressure - g)
         # The Tresca problem with a given bound has one pressure: what comes back after two steps comes back for ever.
         if augmentation is None and previous is not None:
-            back = norms(following - previous) <= BOUND_CAME_BACK * norms(following - g)
+            back = norms(pressure - previous) <= BOUND_CAME_BACK * norms(pressure - g)
             measured = change is not None and newton.problem.groups.count == 1
             left = (np.array([change]) if measured else _changes(newton, g)) > tolerance
             if np.any(back & left) if left.any() else back.all():
                 newton.history.add("the fixed point alternates between two friction bounds")
                 return Status.OUTER_MAX_ITERATIONS
-        previous, g = g, following
+        previous, g = g, pressure
         if augmentation is not None:
             data = augmentation.next(data)
     return Status.OUTER_MAX_ITERATIONS

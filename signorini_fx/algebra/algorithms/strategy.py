@@ -21,26 +21,20 @@ from signorini_fx.algebra.algorithms.augmented_fall_back import (
     augmentation_on,
     automatic_gamma,
     by_augmentation,
-    softened,
 )
 from signorini_fx.algebra.algorithms.continuation import continuation
 from signorini_fx.algebra.algorithms.coulomb_newton import coulomb_newton
-from signorini_fx.algebra.algorithms.coulomb_statics import coulomb_start, proved, share_of_loads
+from signorini_fx.algebra.algorithms.coulomb_statics import coulomb_start, proved
 from signorini_fx.algebra.algorithms.fp import fixed_point
 from signorini_fx.algebra.algorithms.linear import solve_linear
 from signorini_fx.algebra.algorithms.loose import UNEXPLAINED, idle, near_the_last_place
-from signorini_fx.algebra.algorithms.path_following import path_following, path_model
+from signorini_fx.algebra.algorithms.path_following import path_following
 from signorini_fx.algebra.algorithms.ssn import Checkpoint
 from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
 from signorini_fx.algebra.attempts import (
     AUGMENTED,
-    AUGMENTED_NEWTON,
-    DAMPED,
     FIXED_POINT,
-    METHOD,
     MONOLITHIC,
-    RAISED,
-    REGULARISED,
     Attempt,
     for_coulomb,
     step_limit,
@@ -54,17 +48,12 @@ from signorini_fx.algebra.contact.statics import no_balance
 from signorini_fx.machine import parallel
 from signorini_fx.records import OuterRecord, Status
 from signorini_fx.tuned import (
-    ALM_PROBLEMS,
-    AUGMENTED_SOLVES,
     CONTINUATION_SHARE,
     LARGEST_GAMMA,
     LARGEST_GAMMA_RATIO,
     NO_FORCE,
     START_GAMMA,
 )
-
-# How much of the loads friction carries with the bound of a problem.
-Carried = Callable[[RegularisedData], float]
 
 
 def solve_task(task: Task, start: Start, solve_budget: int | None = None) -> Outcome:
@@ -131,83 +120,10 @@ def _left_loose(task: Task, start: Start, begin: Checkpoint, failed: Outcome, *,
 
 
 def _solve(task: Task, start: Start) -> Outcome:
-    """The method of the scene, and if it fails augmentation, or ``ssn`` if that is augmentation."""
-    if task.settings.algorithm == "alm" and task.settings.fallbacks and not start.without_fall_backs:
-        return _augmented_or_regularised(task, start)
-    first = _by_method(task, start)
-    failed = task.gave_up(first.status) and not task.has_coulomb and _may_augment(task, start)
-    if not failed or task.history.exhausted:
-        return first
-    data = softened(task, start, first)
-    task.history.add(f"{first.status.value}: {AUGMENTED} with gamma_n = {data.gamma_n:.3g}")
-    last = by_augmentation(task, start, first, data)
-    return last if last.status is Status.CONVERGED else replace(last, status=first.status)
-
-
-def _augmented_or_regularised(task: Task, start: Start) -> Outcome:
-    """``alm``; if that fails ``ssn``, and augmentation that begins at its solution."""
-    history, newton = task.history, task.iterate.newton
-    begin = newton.checkpoint()
-    with history.at_most(ALM_PROBLEMS * task.settings.max_iterations):
-        first = _by_method(task, start)
-    if not task.gave_up(first.status) or history.exhausted:
-        return first
-    history.add(f"{first.status.value}: {REGULARISED}")
-    newton.restore(begin)
-    second = _solve(task.with_algorithm("ssn"), start)
-    if second.status is not Status.CONVERGED:
-        return first
-    if second.augmented:
-        return second
-    if second.newton is newton:  # its last linear system is that of the solution
-        second = replace(second, regularisation_error=path_model(newton, second.data).distance)
-    solved, begun = second.newton.checkpoint(), start.begin_from(second.problem.sets, second.newton.multipliers())
-    monolithic = start.law is not None and start.law.has_derivative
-    data = replace(second.data, slip_origin=second.data.slip_origin - start.elastic_slip)
-    with history.at_most(AUGMENTED_SOLVES):
-        last = by_augmentation(task, begun, second, data, monolithic=monolithic)
-    if last.status is Status.CONVERGED:
-        return last
-    history.add(f"{last.status.value}: the solution with gamma_n = {second.data.gamma_n:.3g} stays")
-    newton.restore(solved)
-    return replace(second, regularised=True)
-
-
-def _may_augment(task: Task, start: Start) -> bool:
-    """Whether augmentation is a fall-back of the scene here: not of soft contact, which it would make hard."""
-    asked = task.settings.fallbacks and task.settings.algorithm != "alm" and not start.without_fall_backs
-    return asked and start.data.yielding is None
-
-
-def _by_method(task: Task, start: Start) -> Outcome:
-    """The method of the scene."""
+    """The method of the scene, with its fall-backs."""
     if start.law is None or not task.has_coulomb:
         return _given_friction(task, start, start.data)
-    if start.augmented:
-        return _augmented_first(task, start, start.law)
     return _coulomb(task, start, start.law)
-
-
-def _augmented_first(task: Task, start: Start, law: PointFriction) -> Outcome:
-    """Coulomb friction by augmentation; by the method of the scene if that fails and no smaller increment may do."""
-    newton = task.iterate.newton
-    begin = newton.checkpoint()
-    begun = Outcome(Status.CONVERGED, newton, start.data, regularisation_error=start.regularisation_error)
-    data = softened(task, start, begun)
-    ways: list[tuple[object, Callable[[], Outcome]]] = [
-        (name, partial(by_augmentation, task, start, begun, data, monolithic=name is AUGMENTED_NEWTON))
-        for name in for_coulomb(monolithic=law.has_derivative, first=False, fallbacks=True, damped=False)
-        if name in (AUGMENTED, AUGMENTED_NEWTON)
-    ]
-    if not start.without_fall_backs:
-        ways.append((METHOD, partial(_coulomb, task, start, law)))
-    return tried(
-        ways,
-        history=task.history,
-        settled=lambda outcome: not task.gave_up(outcome.status),
-        restore=lambda: newton.restore(begin),
-        told=lambda outcome: outcome.status.value,
-    )[-1]
 
 
 def _nothing_acts(task: Task, start: Start) -> bool:
@@ -370,7 +286,7 @@ def _coulomb(task: Task, start: Start, law: PointFriction) -> Outcome:
             first_sets = ActiveSets.of(newton.problem.next.sets.contact, np.zeros_like(data.mu_hat))
     data = replace(first_outcome.data, bound=law.given)
 
-    def fixed(damping: float, carried: Carried | None = None) -> Status:
+    def fixed() -> Status:
         return fixed_point(
             newton,
             data,
@@ -380,8 +296,6 @@ def _coulomb(task: Task, start: Start, law: PointFriction) -> Outcome:
             tolerance=max(s.tolerance, start.law_tolerance),
             max_outer=s.max_outer_iterations,
             augmentation=augmentation_on(task, newton) if s.algorithm == "alm" else None,
-            damping=damping,
-            carried=carried,
         )
 
     def monolithic() -> Status:
@@ -392,7 +306,7 @@ def _coulomb(task: Task, start: Start, law: PointFriction) -> Outcome:
         return augmented_lagrangian(augmentation, coupled, first_sets, max_outer=s.max_outer_iterations)
 
     near = start.multipliers is not None  # of a coarser mesh, of an earlier load step, or of another load
-    first = s.coulomb == "newton" or start.monolithic or (s.coulomb == "auto" and near and s.algorithm != "alm")
+    first = s.coulomb == "newton" or (s.coulomb == "auto" and near and s.algorithm != "alm")
     return _either_way(task, start, law, first_outcome, fixed, monolithic, monolithic_first=first)
 
 
@@ -401,53 +315,38 @@ def _either_way(
     start: Start,
     law: PointFriction,
     begun: Outcome,
-    fixed: Callable[..., Status],
+    fixed: Callable[[], Status],
     monolithic: Callable[[], Status],
     *,
     monolithic_first: bool,
 ) -> Outcome:
-    """The fixed-point iteration or the monolithic Newton method; if it fails the other one, then augmentation, then
-    damped ones, and where the body slides that with raised bounds.
+    """The fixed-point iteration or the monolithic Newton method; if it fails the other one, then augmentation.
 
     Args:
         task: the contact problem.
         start: where the load step starts.
         law: its friction law.
         begun: the outcome so far; its inner method holds the start of all of them.
-        fixed: the fixed-point iteration with a given damping, and with what tells which bounds to raise.
+        fixed: the fixed-point iteration.
         monolithic: the monolithic Newton method.
         monolithic_first: whether Newton's method comes first.
     """
     s, newton, fall_back = task.settings, begun.newton, task.iterate.fall_back
     checkpoint = newton.checkpoint()
 
-    def raised() -> Status:
-        with task.history.at_most(s.max_iterations):  # where the body slides, problems with raised bounds may be hard
-            status = fixed(1.0, partial(share_of_loads, task))
-        # It is tried where the body slides at the pressures without raised bounds, which stays true.
-        return status if status is Status.CONVERGED else Status.SLIDES_AT_PRESSURES
-
-    ways: dict[Attempt, Callable[[], Status]] = {
-        FIXED_POINT: partial(fixed, 1.0),
-        MONOLITHIC: monolithic,
-        **{attempt: partial(fixed, damping) for damping, attempt in DAMPED.items()},
-        RAISED: raised,
-    }
+    ways: dict[Attempt, Callable[[], Status]] = {FIXED_POINT: fixed, MONOLITHIC: monolithic}
     names = for_coulomb(
         monolithic=law.has_derivative,
         first=monolithic_first,
         fallbacks=s.fallbacks,
-        augmented=_may_augment(task, start) and not start.augmented,
-        damped=not start.without_fall_backs and s.algorithm != "alm",
+        # Not of soft contact, which it would make hard.
+        augmented=not start.without_fall_backs and start.data.yielding is None,
     )
-
-    augmented = (AUGMENTED, AUGMENTED_NEWTON)
     slid = False  # whether the last fixed point did, with its last pressures
 
     def ended(name: Attempt) -> Outcome:
-        if name in augmented:
-            data, coupled = softened(task, start, begun), name is AUGMENTED_NEWTON
-            return by_augmentation(task, start, begun, data, monolithic=coupled)
+        if name is AUGMENTED:
+            return by_augmentation(task, start, law, begun)
         nonlocal slid
         moved = checkpoint[0].norm(PETSc.NormType.NORM_INFINITY)
         released: Outcome | None = None
@@ -477,11 +376,7 @@ def _either_way(
         return not task.gave_up(outcome.status)
 
     last = tried(
-        (
-            (name if name in augmented else f"{name} from the same start", partial(ended, name))
-            for name in names
-            if slid or name is not RAISED
-        ),
+        ((name if name is AUGMENTED else f"{name} from the same start", partial(ended, name)) for name in names),
         history=task.history,
         settled=settled,
         restore=lambda: newton.restore(checkpoint),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -44,8 +44,6 @@ class Start:
         factors: of the load cases; None: the load stays as it is set.
         regularisation_error: that of path-following in an earlier load step, in the energy norm.
         without_fall_backs: whether only the methods themselves are tried, because a smaller increment may do.
-        augmented: whether Coulomb friction begins with augmentation, because a fixed point was too slow.
-        monolithic: whether it begins with the monolithic Newton method, because augmentation has failed as well.
         several: whether it is one of several: a body that nothing loads in it then waits where it is for its load.
         law_tolerance: how far friction may be from its law, as a share of the largest shear, where another solve
             follows; 0: none does.
@@ -62,8 +60,6 @@ class Start:
     factors: Nodal | None = None
     regularisation_error: float | None = None
     without_fall_backs: bool = False
-    augmented: bool = False
-    monolithic: bool = False
     several: bool = False
     law_tolerance: float = 0.0
 
@@ -82,7 +78,7 @@ class Outcome:
         data: the problem of the load step with the final gamma.
         monolithic: whether Coulomb friction was solved monolithically.
         augmented: whether augmentation was used as a fall-back, so that there is no regularisation error.
-        regularised: whether ``ssn`` was used as a fall-back of ``alm``, so that there is one.
+        regularised: whether ``ssn`` was used in place of ``alm`` where bodies lie loose, so that there is one.
         regularisation_error: the estimate of path-following, in the energy norm; None where it did not run.
         unrecorded: linear solves that the history has no records of: those without contact points.
     """
@@ -247,12 +243,6 @@ class Task:
         if outcome.augmented or (self.settings.algorithm == "alm" and not outcome.regularised):
             gammas = np.inf, np.inf
         return *gammas, penalty
-
-    def with_algorithm(self, algorithm: Literal["ssn", "alm"]) -> Task:
-        """The same problem with the same iterates by another algorithm."""
-        task = replace(self, settings=replace(self.settings, algorithm=algorithm))
-        vars(task)["iterate"] = self.iterate
-        return task
 
     def gave_up(self, status: Status) -> bool:
         """Whether a method has failed for another reason than a limit that the user has set."""

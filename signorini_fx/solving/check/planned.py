@@ -3,16 +3,11 @@
 from __future__ import annotations
 
 from signorini_fx.algebra.attempts import (
-    AUGMENTED,
     EXACT_SOLVES,
     FULL_STEPS,
     HALF,
     METHOD,
     PLAN,
-    RAMP_BY_AUGMENTATION,
-    RAMP_WITHOUT_AUGMENTATION,
-    REGULARISED,
-    Attempt,
     for_coulomb,
     step_limit,
 )
@@ -34,20 +29,14 @@ def attempts_for(statement: Statement) -> tuple[tuple[str, tuple[str, ...], str]
             monolithic=not bilateral and all(contact.friction.has_derivative for contact in statement.contact),
             first=s.coulomb == "newton",
             fallbacks=s.fallbacks,
-            augmented=s.algorithm != "alm",
-            damped=s.algorithm != "alm",
+            augmented=all(contact.overclosure is None for contact in statement.contact),
         )
         rows.append(("Coulomb friction", ways, f"at most {s.max_outer_iterations} problems each"))
-    alternative = REGULARISED if s.algorithm == "alm" else AUGMENTED
-    step: tuple[Attempt, ...] = (METHOD, alternative) if s.fallbacks else (METHOD,)
-    rows.append(("a load step", step, f"at most {limit} linear solves together"))
+    rows.append(("a load step", (METHOD,), f"at most {limit} linear solves together"))
     if ramp:
         solves_limit = (
             f"an increment that fails takes at most {FAILED_STEP} times the linear solves of the load step before it, "
             f"all that fail together {FAILED_RAMP} times those that do not"
         )
-        retries = (
-            (RAMP_BY_AUGMENTATION, RAMP_WITHOUT_AUGMENTATION) if statement.has_coulomb and AUGMENTED in step else ()
-        )
-        rows.append(("a load step of the ramp", (METHOD, *retries[:1], HALF, *step[1:], *retries[1:]), solves_limit))
+        rows.append(("a load step of the ramp", (METHOD, HALF), solves_limit))
     return tuple((purpose, tuple(map(str, names)), solves_limit) for purpose, names, solves_limit in rows)
