@@ -59,20 +59,20 @@ def fixed_point(
         first_sets = None
         change = newton.history.outer[-1].change
         pressure, _ = newton.multipliers()
-        if change is not None and change <= tolerance and (augmentation is None or augmentation.settled):
-            if _missed(newton, data, law) <= max(tolerance, CERTIFICATE_TOLERANCE):
-                return Status.CONVERGED
-            torn = law.ends_open is not None and bool(np.any(law.ends_open & (g != 0) & (pressure == 0)))
-            if parallel.any_rank(newton.problem.points.comm, torn):
-                newton.history.add("contact points open with their cohesion, and are closed without it")
-                return Status.OUTER_MAX_ITERATIONS
+        settled = change is not None and change <= tolerance and (augmentation is None or augmentation.settled)
+        if settled and _missed(newton, data, law) <= max(tolerance, CERTIFICATE_TOLERANCE):
+            return Status.CONVERGED
         # The Tresca problem with a given bound has one pressure: what comes back after two steps comes back for ever.
         if augmentation is None and previous is not None:
             back = norms(pressure - previous) <= BOUND_CAME_BACK * norms(pressure - g)
             measured = change is not None and newton.problem.groups.count == 1
             left = (np.array([change]) if measured else _changes(newton, g)) > tolerance
             if np.any(back & left) if left.any() else back.all():
-                newton.history.add("the fixed point alternates between two friction bounds")
+                torn = law.ends_open is not None and bool(np.any(law.ends_open & ((g != 0) != (pressure != 0))))
+                if parallel.any_rank(newton.problem.points.comm, torn):
+                    newton.history.add("contact points open with their cohesion, and are closed without it")
+                else:
+                    newton.history.add("the fixed point alternates between two friction bounds")
                 return Status.OUTER_MAX_ITERATIONS
         previous, g = g, pressure
         if augmentation is not None:
