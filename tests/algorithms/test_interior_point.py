@@ -4,12 +4,10 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 from scenes import alone, example1
-from test_fall_backs import fall_backs_of, flat, jumping, same
+from test_fall_backs import flat
 
 from benchmarks.stability.oracle.judge import RIGHT
 from benchmarks.stability.oracle.worker import TRIAL, examined, same_units
-from signorini_fx.algebra import attempts
-from signorini_fx.algebra.algorithms import fall_backs
 from signorini_fx.algebra.algorithms.interior_point import interior_point
 from signorini_fx.algebra.algorithms.ssn import SemismoothNewton
 from signorini_fx.mechanics.body.discretisation import discretise
