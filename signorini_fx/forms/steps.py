@@ -121,7 +121,7 @@ def solve_path(
     """
     begin, comm, solver.timings = time.perf_counter(), solver.space.mesh.comm, Timings()
     solver.solves_before = len(solver.history.iterations)
-    increments = Increments(path, solver.settings, may_augment=solver.forms.has_coulomb)
+    increments = Increments(path, solver.settings)
     with options.applied(*solver.options):
         clock.turn(path.time_at(increments.next))
         with solver.timings.phase("assemble"):

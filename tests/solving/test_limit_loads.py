@@ -45,9 +45,11 @@ def pulled(size, young, coefficient, dead, live):
         {
             "mesh": {"generator": "box", "parameters": size},
             "material": {"young": young, "poisson": 0.3},
-            "traction": [*({**load, "live": False} for load in dead), {**live, "factors": [0.0, 1.0]}],
+            "traction": [*dead, {**live, "factors": [0.0, 1.0]}],
             "contact": [{"boundary": name, "friction": friction} for name in contacts],
             "load_steps": {"steps": 10, "times": [0.0, 1.0]},
+            # What regularisation leaves of slip in each step would wedge the body: the ramp would end up to 7 % early.
+            "solver": {"algorithm": "alm"},
         }
     )
 
