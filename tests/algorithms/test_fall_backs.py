@@ -8,8 +8,7 @@ import pytest
 from mpi4py import MPI
 from scenes import PATCH, alone, energy, example1
 
-from signorini_fx.algebra import attempts
-from signorini_fx.algebra.algorithms import fall_backs, ssn, strategy
+from signorini_fx.algebra.algorithms import fall_backs, ssn
 from signorini_fx.records import Status
 from signorini_fx.results.summary import render, summarise
 from signorini_fx.scenes import solver
