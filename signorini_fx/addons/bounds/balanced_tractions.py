@@ -2,7 +2,7 @@
 
 With the work R of unit tractions at the vertices of facets on the free motions and their weights W, those sought are
 
-    z(y) = P(z_0 - W^-1 R y),   R^T z(y) + L = 0,                                       (B4) of docs/theory.md,
+    z(y) = P(z_0 - W^-1 R y),   R^T z(y) + L = 0,
 
 P the closest point of the admissible set.  Their Lagrange multipliers y, one per free motion, maximise a concave
 function, whose gradient is what is not balanced: Newton's method on it.  Pieces of the body that contacts join have
