@@ -13,7 +13,7 @@ from typing import Any
 from mpi4py import MPI
 
 from .figures import FIGURES
-from .report import Picture, Table, progress, write_page
+from .report import Picture, Table, progress
 from .studies import STUDIES
 from .tables import TABLES
 
@@ -37,12 +37,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     seconds = time.perf_counter() - start
     numbers = _merged([*tables, *(table for figure in figures for table in figure.tables), *studies])
     if everything:
-        write_page(folder, tables, figures, studies, seconds)
         _write_json(folder / "numbers.json", numbers)
     if options.json:
         _write_json(options.json, numbers)
     progress("")
-    print(f"{folder / 'index.html' if everything else folder}: {seconds:.0f} s")
+    print(f"{folder}: {seconds:.0f} s")
     return 0
 
 
@@ -94,6 +93,7 @@ def _figures(wanted: list[int] | None, everything: bool, folder: Path) -> list[P
         if everything or number in (wanted or []):
             progress(f"figure {number}")
             picture = function(folder)
+            picture.write(folder)
             for table in picture.tables:
                 _show(table, folder)
             found.append(picture)

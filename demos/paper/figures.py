@@ -1,5 +1,6 @@
-"""Figures 1 to 9 of the paper, one function each.  The pictures say what the captions of the paper say: multipliers are
-solid, foundation and bounds dotted, displacements dashed, all in the paper's scales.
+"""Figures 2 to 9 of the paper, one function each; figure 1 shows no result.
+
+Multipliers are solid, foundation and bounds dotted, displacements dashed, all in the paper's scales.
 """
 
 from __future__ import annotations
@@ -57,53 +58,6 @@ DASHED: dict[str, Any] = {"color": _BLUE, "linewidth": 1.4, "linestyle": (0, (4.
 SCALE1, SCALE2 = 1e4, 5e3
 
 
-def figure1(folder: Path) -> Picture:
-    """The smoothed absolute value h(., alpha) and its derivative."""
-    bound, gamma, alpha = 1.0, 1.0, 0.6
-    x = np.linspace(-3.4, 2.4, 1201)
-    trial = gamma * x + alpha
-    h = np.where(np.abs(trial) >= bound, np.abs(trial) - bound / 2, trial**2 / (2 * bound))
-    slope = gamma * np.clip(trial / bound, -1.0, 1.0)
-    kinks = [(-bound - alpha) / gamma, -alpha / gamma, (bound - alpha) / gamma]
-    labels = [
-        r"$\frac{-\mathfrak{F}g-\alpha}{\gamma_2}$",
-        r"$\frac{-\alpha}{\gamma_2}$",
-        r"$\frac{\mathfrak{F}g-\alpha}{\gamma_2}$",
-    ]
-    with mpl.rc_context(_STYLE):
-        figure = Figure(figsize=(7.2, 2.7), layout="constrained")
-        left, right = figure.subplots(1, 2)
-        left.plot(x, np.abs(trial) - bound / 2, **DOTTED, label=r"$|\gamma_2 x+\alpha|-\frac{1}{2}\mathfrak{F}g$")
-        left.plot(x, h, **SOLID, label=r"$h$ and $h'$")
-        left.set(ylim=(-0.6, 2.5), title=r"$h(\cdot\,,\alpha)$")
-        left.set_yticks([bound / 2], [r"$\frac{1}{2}\mathfrak{F}g$"])
-        right.plot(x, slope, **SOLID)
-        right.set(ylim=(-1.35, 1.35), title=r"$h'(\cdot\,,\alpha)$")
-        right.set_yticks([-gamma, gamma], [r"$-\gamma_2$", r"$\gamma_2$"])
-        for axes in (left, right):
-            axes.set_xticks(kinks, labels, fontsize=10)
-            axes.axhline(0, color=_MUTED, linewidth=0.6)
-            axes.axvline(0, color=_MUTED, linewidth=0.6)
-            for kink in kinks:
-                axes.axvline(kink, color="#c8c8c8", linewidth=0.6, zorder=0)
-            axes.annotate(
-                "$x$",
-                (1, 0),
-                xycoords=("axes fraction", "data"),
-                xytext=(2, 0),
-                textcoords="offset points",
-                va="center",
-            )
-        _legend_below(figure, left)
-        _save(figure, folder / "figure1")
-    return Picture(
-        "figure1",
-        "Figure 1: the smoothed absolute value",
-        "Left: h(., alpha) of (3.2), quadratic where |gamma_2 x + alpha| < Fg and the shifted absolute value (dotted) "
-        "outside.  Right: its derivative with respect to x.",
-    )
-
-
 def figure2(folder: Path) -> Picture:
     """Example 1, Tresca friction: deformed mesh."""
     _deformed(folder / "figure2", lab.solved(example1(tresca(1.5))))
@@ -145,12 +99,11 @@ def figure4(folder: Path) -> Picture:
     slow = lab.solves_per_problem(lab.solved(example1(coulomb(0.3), gamma=1e5, algorithm="alm")))
     table = lab.table_of(lab.solved(example1(coulomb(0.3), algorithm="alm")))
     with mpl.rc_context(_STYLE):
-        figure = Figure(figsize=(9.6, 3.0), layout="constrained")
-        left, middle, right = figure.subplots(1, 3, width_ratios=(1, 1, 0.72))
+        figure = Figure(figsize=(7.2, 3.0), layout="constrained")
+        left, right = figure.subplots(1, 2)
         _normal(left, table, SCALE1)
-        _tangential(middle, table, SCALE1, coefficient=0.3)
-        _count_table(right, counts)
-        _legends_above(left, middle)
+        _tangential(right, table, SCALE1, coefficient=0.3)
+        _legends_above(left, right)
         _save(figure, folder / "figure4")
     longest = max(map(len, counts.values()))
     rows = [
@@ -159,7 +112,7 @@ def figure4(folder: Path) -> Picture:
     ]
     inner = Table(
         "figure4_iterations",
-        "Figure 4, right: inner iterations of (ALM-FP)",
+        "Figure 4: inner iterations of (ALM-FP)",
         ["m \\ gamma", *map(power, gammas)],
         rows,
         "Linear solves in outer iteration m, F = 0.3; 'start' is the pure contact problem.",
@@ -173,10 +126,9 @@ def figure4(folder: Path) -> Picture:
     return Picture(
         "figure4",
         "Figure 4: example 1, Coulomb friction with F = 0.3",
-        "Left: contact pressure lambda, rigid foundation and normal displacement.  Middle: shear stress mu with its "
+        "Left: contact pressure lambda, rigid foundation and normal displacement.  Right: shear stress mu with its "
         "bounds +-0.3 lambda and the tangential displacement.  Displacements and foundation are multiplied by 1e4.  "
-        "Right: inner iterations of (ALM-FP) for four gamma_1 = gamma_2.  nu = 0.4; the curves do not depend on "
-        "gamma.",
+        "nu = 0.4; the curves do not depend on gamma.",
         tables=[inner],
     )
 
@@ -306,7 +258,6 @@ def figure9(folder: Path) -> Picture:
 
 
 FIGURES: dict[int, Callable[[Path], Picture]] = {
-    1: figure1,
     2: figure2,
     3: figure3,
     4: figure4,
@@ -378,24 +329,6 @@ def _legend_below(figure: Figure, *panels: Axes) -> None:
     handles = [handle for column in zip(*(handles for handles, _ in found), strict=True) for handle in column]
     labels = [label for column in zip(*(labels for _, labels in found), strict=True) for label in column]
     figure.legend(handles, labels, loc="outside lower center", ncols=len(labels) // len(panels), columnspacing=3)
-
-
-def _count_table(axes: Axes, counts: dict[float, list[int]]) -> None:
-    """Linear solves for each outer iteration (rows) and gamma (columns)."""
-    axes.set_axis_off()
-    longest = max(map(len, counts.values()))
-    axes.set(xlim=(-0.6, len(counts) + 0.6), ylim=(longest + 0.7, -1.9))
-    axes.text((len(counts) + 0.9) / 2, -1.4, r"$\#\mathit{iter}$ for $\gamma_1=\gamma_2=$", ha="center")
-    axes.text(0, -0.5, "$m$", ha="center")
-    for row in range(longest):
-        axes.text(0, row + 0.6, str(row) if row else "start", ha="center")
-    for column, (gamma, found) in enumerate(counts.items(), start=1):
-        axes.text(column, -0.5, f"$10^{round(np.log10(gamma))}$", ha="center")
-        for row, count in enumerate(found):
-            axes.text(column, row + 0.6, str(count), ha="center")
-    for height, width in ((-2.0, 0.8), (-0.2, 0.6), (longest, 0.8)):
-        axes.plot([-0.5, len(counts) + 0.5], [height, height], color=_INK, linewidth=width, clip_on=False)
-    axes.plot([0.5, 0.5], [-1.0, longest], color=_INK, linewidth=0.6)
 
 
 def _deformed(stem: Path, solution: Solution) -> None:

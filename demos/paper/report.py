@@ -1,10 +1,8 @@
-"""How results are shown: tables as text, CSV and HTML with the printed numbers beside them, and the page with all."""
+"""How results are shown: tables as text and CSV with the printed numbers beside them, figures with their captions."""
 
 from __future__ import annotations
 
-import base64
 import csv
-import html
 import math
 import sys
 import textwrap
@@ -153,21 +151,6 @@ class Table:
                     line += [entry.computed, entry.printed] if also else [entry.computed]
                 writer.writerow(line)
 
-    def html(self) -> str:
-        """The table for the page."""
-        found = [[_cell(entry.text, "differs" if entry.differs else "") for entry in row] for row in self.entries]
-        tables = _html_table(self.columns, self.labels, found, "computed" if self.comparable else "")
-        if self.comparable:
-            columns, printed = self._printed()
-            theirs = [[_cell(text) for text in row] for row in printed]
-            tables += _html_table([self.columns[0], *columns], self.labels, theirs, "printed in the paper")
-        verdict = f'<p class="verdict">{self.verdict}</p>' if self.comparable else ""
-        notes = "".join(f"<li>{html.escape(note)}</li>" for note in self.notes)
-        return (
-            f'<section id="{self.name}"><h3>{html.escape(self.title)}</h3><p>{html.escape(self.caption)}</p>'
-            f'<div class="pair">{tables}</div>{verdict}{f"<ul>{notes}</ul>" if notes else ""}</section>'
-        )
-
 
 def _block(columns: Sequence[str], labels: list[str], cells: list[list[str]], heading: str) -> list[str]:
     """A heading and right-aligned columns; the labels are left-aligned."""
@@ -181,19 +164,6 @@ def _block(columns: Sequence[str], labels: list[str], cells: list[list[str]], he
     ]
     width = max(map(len, lines))
     return [*([heading.center(width)] if heading else []), *(line.ljust(width) for line in lines)]
-
-
-def _cell(text: str, kind: str = "") -> str:
-    mark = " &ne;" if kind == "differs" else ""
-    return f"<td{f' class={kind}' if kind else ''}>{html.escape(text)}{mark}</td>"
-
-
-def _html_table(columns: Sequence[str], labels: list[str], cells: list[list[str]], heading: str) -> str:
-    head = "".join(f"<th>{html.escape(name)}</th>" for name in columns)
-    body = "".join(
-        f"<tr><th>{html.escape(label)}</th>{''.join(row)}</tr>" for label, row in zip(labels, cells, strict=True)
-    )
-    return f"<table><caption>{heading}</caption><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
 
 
 @dataclass(frozen=True)
@@ -214,67 +184,9 @@ class Picture:
     notes: Sequence[str] = ()
     tables: Sequence[Table] = ()
 
-    def html(self, folder: Path) -> str:
-        """The figure for the page, the picture inside it."""
-        data = base64.b64encode((folder / f"{self.name}.png").read_bytes()).decode()
-        notes = "".join(f"<li>{html.escape(note)}</li>" for note in self.notes)
-        return (
-            f'<section id="{self.name}"><h3>{html.escape(self.title)}</h3>'
-            f'<figure><img alt="{html.escape(self.title)}" src="data:image/png;base64,{data}">'
-            f"<figcaption>{html.escape(self.caption)}</figcaption></figure>"
-            f"{f'<ul>{notes}</ul>' if notes else ''}{''.join(table.html() for table in self.tables)}</section>"
-        )
-
-
-_STYLE = """
-:root { color-scheme: light; }
-body { font: 15px/1.5 system-ui, sans-serif; color: #1a1a1a; max-width: 74rem; margin: 2rem auto; padding: 0 1rem; }
-h1 { font-size: 1.5rem; } h2 { margin-top: 3rem; border-bottom: 1px solid #c8c8c8; } h3 { margin-top: 2.2rem; }
-nav a { margin-right: .8rem; white-space: nowrap; }
-.pair { display: flex; flex-wrap: wrap; gap: 1rem 2.5rem; overflow-x: auto; }
-table { border-collapse: collapse; font-variant-numeric: tabular-nums; }
-caption { text-align: left; color: #6b6b6b; padding-bottom: .2rem; }
-th, td { padding: .12rem .55rem; text-align: right; }
-thead th { border-bottom: 1px solid #1a1a1a; font-weight: 600; vertical-align: bottom; }
-tbody th { font-weight: 400; text-align: left; }
-td.differs { background: #fbe3c0; font-weight: 700; }
-.verdict { color: #6b6b6b; margin: .4rem 0; }
-figure { margin: 0; } img { max-width: 100%; height: auto; } figcaption, section > p { max-width: 54rem; }
-li { max-width: 54rem; }
-"""
-
-_INTRODUCTION = """
-Every number and curve below was computed by <code>./env python3 demos/paper.py</code> (<code>make paper</code>) with
-signorini_fx; nothing is copied from the paper but the numbers under &ldquo;printed&rdquo;.  Where the two are not the
-same, the computed number is marked, and a note says what the likely reason is.  Unless a caption says otherwise:
-uniform mesh of 120 x 40 bilinear quadrilaterals, plane strain, nodal rule on the contact boundary, sigma = 1.
-"""
-
-
-def write_page(
-    folder: Path, tables: Sequence[Table], figures: Sequence[Picture], studies: Sequence[Table], seconds: float
-) -> None:
-    """One page with everything, its pictures inside it."""
-    overview = "".join(
-        f'<tr><th><a href="#{table.name}">{html.escape(table.title)}</a></th><td>{table.verdict}</td></tr>'
-        for table in [*tables, *studies]
-        if table.comparable
-    )
-    links = [
-        " ".join(f'<a href="#{item.name}">{html.escape(item.title.partition(":")[0])}</a>' for item in items)
-        for items in (tables, figures, studies)
-    ]
-    page = (
-        '<!DOCTYPE html><html lang="en"><head><meta charset="utf-8">'
-        '<meta name="viewport" content="width=device-width"><title>Kunisch &amp; Stadler 2005, recomputed</title>'
-        f"<style>{_STYLE}</style></head><body>"
-        "<h1>K. Kunisch, G. Stadler: Generalized Newton methods for the 2D-Signorini contact problem with friction "
-        "in function space (2005), section 7, recomputed</h1>"
-        f"<p>{_INTRODUCTION}</p><nav>{''.join(f'<p>{line}</p>' for line in links)}</nav>"
-        f"<table><tbody>{overview}</tbody></table>"
-        f"<h2>Tables</h2>{''.join(table.html() for table in tables)}"
-        f"<h2>Figures</h2>{''.join(figure.html(folder) for figure in figures)}"
-        f"<h2>Further studies</h2>{''.join(study.html() for study in studies)}"
-        f'<p class="verdict">Computed in {seconds:.0f} s.</p></body></html>\n'
-    )
-    (folder / "index.html").write_text(page, encoding="utf-8")
+    def write(self, folder: Path) -> None:
+        """The caption and the notes."""
+        lines = [self.title, *textwrap.wrap(self.caption, _WIDTH)]
+        for note in self.notes:
+            lines += textwrap.wrap(note, _WIDTH, initial_indent="- ", subsequent_indent="  ")
+        (folder / f"{self.name}.txt").write_text("\n".join(lines) + "\n", encoding="utf-8")

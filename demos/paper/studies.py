@@ -171,54 +171,6 @@ def path_following() -> list[Table]:
     ]
 
 
-def convergence() -> list[Table]:
-    """Superlinear convergence, and counts that do not depend on the mesh."""
-    errors: dict[str, list[float]] = {}
-    for gamma in (1e4, 1e6, 1e8):
-        progress(f"convergence: gamma = {gamma:g}")
-        iterates = lab.iterates(example1(tresca(1.5), gamma=gamma))
-        errors[power(gamma)] = [lab.energy_norm(y, iterates[-1]) for y in iterates]
-    longest = max(map(len, errors.values()))
-    rows = []
-    for k in range(longest):
-        row: list[Any] = [str(k + 1)]
-        for values in errors.values():
-            here, following = (values[i] if i < len(values) else None for i in (k, k + 1))
-            row.append("" if here is None else Entry(here, None, ".1e"))
-            row.append("" if following is None or not here else Entry(following / here, None, ".3f"))
-        rows.append(row)
-    first = Table(
-        "convergence",
-        "Superlinear convergence of (SSN)",
-        ["k", *(text for gamma in errors for text in (f"{gamma}: error", "quotient"))],
-        rows,
-        "Example 1, nu = 0.4, g = 1.5: distance of iterate k to the solution in the energy norm, and by how much the "
-        "next one is smaller, for three gamma_1 = gamma_2.",
-        [
-            "The last quotient is 0: as soon as the sets are right, the solution is there.  For large gamma the "
-            "quotients fall late: what the iteration then does is to find the sets node by node."
-        ],
-        {"convergence": {"energy_errors": errors}},
-    )
-    gammas = (1e4, 1e5, 1e6, 1e7, 1e8)
-    grids = [(30, 10), (60, 20), (120, 40), (240, 80)]
-    counts: dict[str, list[int]] = {}
-    for nx, ny in grids:
-        progress(f"convergence: grid {nx}x{ny}")
-        counts[f"{nx}x{ny}"] = [
-            lab.linear_solves(example1(tresca(1.5), grid=(nx, ny), gamma=gamma)) for gamma in gammas
-        ]
-    second = Table(
-        "mesh_independence",
-        "Iterations of (SSN) on finer and finer grids",
-        ["grid \\ gamma", *map(power, gammas)],
-        [[grid, *map(Entry, found)] for grid, found in counts.items()],
-        "The same problem: for small gamma the count hardly depends on the grid.",
-        numbers={"mesh_independence": counts},
-    )
-    return [first, second]
-
-
 def sigma() -> list[Table]:
     """The role of sigma."""
     values: dict[str, Callable[[float], Any]] = {
@@ -322,39 +274,6 @@ def _intervals(intervals: list[tuple[float, float]]) -> str:
     return " ".join(f"[{low:g}, {high:g}]" for low, high in intervals) or "nowhere"
 
 
-def duality_gap() -> list[Table]:
-    """Primal and dual functional of the problems with given friction."""
-    cases: dict[str, tuple[Scene, dict[str, Any]]] = {
-        f"example 1, gamma = {power(gamma)}": (example1(tresca(1.5), gamma=gamma), {}) for gamma in DIAGONAL
-    }
-    for bound in (0.0, 1.0, 5.0):
-        cases[f"example 2, g = {bound:g}, gamma = 1e8"] = example2(tresca(bound)), {}
-    rows, numbers = [], {}
-    for name, (scene, settings) in cases.items():
-        progress(f"duality gap: {name}")
-        values = lab.solved(scene, **settings).functionals
-        rows.append(
-            [
-                name,
-                Entry(values.primal, None, ".12g"),
-                Entry(values.dual, None, ".12g"),
-                Entry(values.relative_gap, None, ".1e"),
-            ]
-        )
-        numbers[name] = {"primal": values.primal, "dual": values.dual, "relative_gap": values.relative_gap}
-    return [
-        Table(
-            "duality_gap",
-            "Duality gap of the problems with given friction",
-            ["problem", "primal J", "dual -J*", "relative gap"],
-            rows,
-            "Example 1: nu = 0.4, g = 1.5.  The primal functional is never below the dual one; they meet at the "
-            "solution only, so that a gap of the size of round-off certifies it.",
-            numbers={"duality_gap": numbers},
-        )
-    ]
-
-
 def starts() -> list[Table]:
     """How the start changes the counts."""
     patches: dict[str, Any] = {
@@ -417,10 +336,8 @@ def example2_counts() -> list[Table]:
 STUDIES: dict[str, Callable[[], list[Table]]] = {
     "coulomb": coulomb_methods,
     "path": path_following,
-    "convergence": convergence,
     "sigma": sigma,
     "zones": statements,
-    "gap": duality_gap,
     "starts": starts,
     "example2": example2_counts,
 }
