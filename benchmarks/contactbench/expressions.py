@@ -1,31 +1,18 @@
 """Formulas of the problem files: numbers, names, arithmetic, comparisons and a few functions, nothing else.
 
-A formula is evaluated in NumPy or, with other functions, in the symbols of another program (UFL).
+A formula is evaluated in NumPy, after its syntax tree has shown that it has nothing else.
 """
 
 from __future__ import annotations
 
 import ast
 import math
-import operator
 from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
 
-_BINARY: dict[type, Callable[[Any, Any], Any]] = {
-    ast.Add: operator.add,
-    ast.Sub: operator.sub,
-    ast.Mult: operator.mul,
-    ast.Div: operator.truediv,
-    ast.Pow: operator.pow,
-}
-_COMPARED: dict[type, Callable[[Any, Any], Any]] = {
-    ast.Lt: operator.lt,
-    ast.LtE: operator.le,
-    ast.Gt: operator.gt,
-    ast.GtE: operator.ge,
-}
+_OPERATORS = (ast.Add, ast.Sub, ast.Mult, ast.Div, ast.Pow, ast.USub, ast.UAdd, ast.Lt, ast.LtE, ast.Gt, ast.GtE)
 NUMPY: dict[str, Callable[..., Any]] = {
     "abs": np.abs,
     "acosh": np.arccosh,
@@ -60,29 +47,28 @@ def names(text: str | float) -> set[str]:
     return found
 
 
-def evaluate(
-    text: str | float, values: Mapping[str, Any], functions: Mapping[str, Callable[..., Any]] | None = None
-) -> Any:
+def evaluate(text: str | float, values: Mapping[str, Any]) -> Any:
     """The value of a formula.
 
     Args:
         text: the formula, or a number.
-        values: what its names stand for: numbers, arrays, symbols, or formulas, which are evaluated where they are
-            named.
-        functions: what its functions are; None: those of NumPy.
+        values: what its names stand for: numbers, arrays, or formulas, which are evaluated where they are named.
 
     Raises:
         ExpressionError: it is none, or a name is not known.
     """
-    names(text)
-    return _value(_parsed(text), dict(values), functions or NUMPY, str(text))
+    return _value(text, dict(values))
 
 
 def _parsed(text: str | float) -> ast.expr:
     try:
-        return ast.parse(str(text).strip(), mode="eval").body
+        tree = ast.parse(str(text).strip(), mode="eval").body
     except SyntaxError as error:
         raise ExpressionError(f"{text!r} is not a formula: {error.msg}") from None
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Constant) and type(node.value) is int:
+            node.value = float(node.value)  # powers of integers have no end
+    return tree
 
 
 def _walk(node: ast.expr, found: set[str]) -> None:
@@ -94,12 +80,12 @@ def _walk(node: ast.expr, found: set[str]) -> None:
         case ast.Name(id=name):
             if name != "pi":
                 found.add(name)
-        case ast.BinOp(left=left, op=op, right=right) if type(op) in _BINARY:
+        case ast.BinOp(left=left, op=op, right=right) if isinstance(op, _OPERATORS):
             _walk(left, found)
             _walk(right, found)
-        case ast.UnaryOp(op=ast.USub() | ast.UAdd(), operand=operand):
+        case ast.UnaryOp(op=op, operand=operand) if isinstance(op, _OPERATORS):
             _walk(operand, found)
-        case ast.Compare(left=left, ops=[op], comparators=[right]) if type(op) in _COMPARED:
+        case ast.Compare(left=left, ops=[op], comparators=[right]) if isinstance(op, _OPERATORS):
             _walk(left, found)
             _walk(right, found)
         case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]) if name in NUMPY:
@@ -109,30 +95,14 @@ def _walk(node: ast.expr, found: set[str]) -> None:
             raise ExpressionError(f"{ast.unparse(node)!r} is not part of a formula")
 
 
-def _value(node: ast.expr, values: dict[str, Any], functions: Mapping[str, Callable[..., Any]], text: str) -> Any:
-    match node:
-        case ast.Constant(value=number):
-            return float(number)
-        case ast.Name(id="pi"):
-            return math.pi
-        case ast.Name(id=name):
-            if name not in values:
-                raise ExpressionError(f"{name!r} in {text!r} is not known: known are {', '.join(sorted(values))}")
-            if isinstance(values[name], str):
-                # Evaluated once; a formula that names itself finds no name.
-                formula = values.pop(name)
-                values[name] = _value(_parsed(formula), values, functions, formula)
-            return values[name]
-        case ast.BinOp(left=left, op=op, right=right) if type(op) in _BINARY:
-            first, second = (_value(part, values, functions, text) for part in (left, right))
-            return _BINARY[type(op)](first, second)
-        case ast.UnaryOp(op=ast.USub(), operand=operand):
-            return -_value(operand, values, functions, text)
-        case ast.UnaryOp(op=ast.UAdd(), operand=operand):
-            return _value(operand, values, functions, text)
-        case ast.Compare(left=left, ops=[op], comparators=[right]) if type(op) in _COMPARED:
-            first, second = (_value(part, values, functions, text) for part in (left, right))
-            return _COMPARED[type(op)](first, second)
-        case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]) if name in functions:
-            return functions[name](*(_value(argument, values, functions, text) for argument in arguments))
-    raise ExpressionError(f"{ast.unparse(node)!r} in {text!r} is not part of a formula")
+def _value(text: str | float, values: dict[str, Any]) -> Any:
+    for name in names(text):
+        if name not in values:
+            raise ExpressionError(f"{name!r} in {str(text)!r} is not known: known are {', '.join(sorted(values))}")
+        if isinstance(values[name], str):
+            # Evaluated once; a formula that names itself finds no name.
+            formula = values.pop(name)
+            values[name] = _value(formula, values)
+    # ``names`` has refused all but arithmetic with these names and functions.
+    code = compile(ast.Expression(_parsed(text)), str(text), "eval")
+    return eval(code, {"__builtins__": {}}, {"pi": math.pi, **NUMPY, **values})

@@ -198,15 +198,14 @@ class Problem:
         """The value of a formula of constants."""
         return float(evaluate(formula, self.numbers))
 
-    def at(self, formula: Formula, coordinates: Mapping[str, Any], functions: Mapping[str, Any] | None = None) -> Any:
+    def at(self, formula: Formula, coordinates: Mapping[str, Any]) -> Any:
         """The value of a formula of positions.
 
         Args:
             formula: any formula of the file.
             coordinates: what x, y and z stand for.
-            functions: see ``expressions.evaluate``.
         """
-        return evaluate(formula, {**self.fields, **self.numbers, **coordinates}, functions)
+        return evaluate(formula, {**self.fields, **self.numbers, **coordinates})
 
     def quantity(self, name: str) -> Quantity:
         """A quantity by its name."""

@@ -6,20 +6,16 @@ The fronts share the core, and nothing else that is compared here is shared: a s
 its loads and supports by effects and has its contact as entries; forms have UFL, DirichletBCs and Foundations; of a
 residual with a linear F there are a Newton iteration and a certificate of its own.  Status, load steps, sets, forces,
 displacements, pressures, states, the contact table, quantities, the estimated error, and the guaranteed bound have to
-agree; and so have runs that are stopped in their last load step and go on from their folders.
+agree.
 """
 
 from __future__ import annotations
 
-import shutil
 import sys
-import tempfile
 from collections import Counter
 from collections.abc import Callable, Collection
-from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
@@ -48,10 +44,9 @@ from signorini_fx.mechanics.contact_points.contact_table import ContactTable
 from signorini_fx.mechanics.kinematics.axisymmetric import AXISYMMETRIC
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.quantities.registry import quantities
-from signorini_fx.records import Status, StepRecord
+from signorini_fx.records import Status
 from signorini_fx.results.solution import StepResult
 from signorini_fx.scenes.reading import parse_scene
-from signorini_fx.scenes.scene import Scene
 
 Array = npt.NDArray[np.float64]
 # The coefficient of the law of the study's own.
@@ -124,7 +119,6 @@ class RandomProblem:
         ramp: increments of a ramp between two load steps; None: there is none.
         settings: of the solver.
         heat: the free thermal strain at the origin at the load factor 1, and its slope along x[0]; None: there is none.
-        stopped: whether a run of several load steps is stopped in the last one, and goes on from its folder.
         tells_stress: whether forms are given the stress beside the energy, where it is linear in the strain.
     """
 
@@ -150,7 +144,6 @@ class RandomProblem:
     ramp: int | None
     settings: dict[str, Any]
     heat: tuple[float, float] | None
-    stopped: bool
     tells_stress: bool
 
     @classmethod
@@ -196,7 +189,7 @@ class RandomProblem:
             name, size = "own", strain * young * 0.3
         # Draws of their own, so that the problems of a seed are what they were before there were these.
         further = np.random.default_rng([57, seed, 1])
-        hot, warm, onto, by_force, stopped = further.random(5)
+        hot, warm, onto, by_force, _ = further.random(5)
         heat = (float(strain * warm), float(strain * further.uniform(-0.3, 0.3))) if hot < 0.3 else None
         if dim == 3 and not circle and onto < 0.4:
             below = tuple(further.integers([4, 3, 2], [9, 7, 4]).tolist())
@@ -226,7 +219,6 @@ class RandomProblem:
             ramp=ramp,
             settings=settings,
             heat=heat,
-            stopped=bool(stopped < 0.5) and steps > 1 and ramp is None,
             tells_stress=tells_stress,
         )
 
@@ -425,36 +417,8 @@ class Forms:
     space: fem.FunctionSpace
 
 
-class _Stopped(Exception):
-    """The end of a run that is to go on from its folder."""
-
-
-def again_as_scene(scene: Scene, comm: MPI.Comm, folder: Path, last: int) -> Solution:
-    """Solve a scene up to where its last load step begins, and then from what its folder has; collective."""
-
-    def stop(record: Any) -> None:
-        if isinstance(record, StepRecord) and record.step == last:
-            raise _Stopped
-
-    with suppress(_Stopped):
-        solve(scene, comm, check=False, checkpoint=folder, observers=[stop])
-    return solve(scene, comm, check=False, checkpoint=folder, restart=True)
-
-
-def again_as_forms(drawn: RandomProblem, tagged: TaggedMesh, folder: Path, last: int) -> Solution:
-    """The same of forms, which are made a second time."""
-
-    def stop(step: StepResult) -> None:
-        if step.step == last:
-            raise _Stopped
-
-    with suppress(_Stopped):
-        by_forms(drawn, drawn.forms(tagged), folder=folder, on_step=stop)
-    return by_forms(drawn, drawn.forms(tagged), folder=folder, restart=True)
-
-
-def by_forms(drawn: RandomProblem, forms: Forms, **stored: Any) -> Solution:
-    """Solve the forms at the load steps; ``stored``: where, see ``ContactProblem.run``."""
+def by_forms(drawn: RandomProblem, forms: Forms) -> Solution:
+    """Solve the forms at the load steps."""
     a = forms.inner(ufl.TrialFunction(forms.space))
     problem = ContactProblem(a, forms.L, forms.bcs, forms.contact, stress=forms.stress, **drawn.settings)
 
@@ -464,7 +428,7 @@ def by_forms(drawn: RandomProblem, forms: Forms, **stored: Any) -> Solution:
             problem.place(0, **placement)
 
     try:
-        return problem.run(LoadPath(drawn.times, steps=drawn.ramp), at, **stored)
+        return problem.run(LoadPath(drawn.times, steps=drawn.ramp), at)
     except ConvergenceError as error:
         return error.solution
 
@@ -567,33 +531,6 @@ class Differences:
             scale = max(sizes.pressure if stress else sizes.displacement, np.abs(column).max(initial=0.0))
             self.look(f"{name}: {key}", column, theirs.columns[key], scale)
 
-    def look_at_restarts(self, drawn: RandomProblem, whole: tuple[Solution, Solution], sizes: Sizes) -> None:
-        """At a scene and forms that are stopped and go on, beside those that are not; collective."""
-        name = tempfile.mkdtemp() if self.comm.rank == 0 else ""
-        place, last = Path(self.comm.bcast(name)), len(drawn.times)
-        tagged = whole[0].model.tagged
-        try:
-            again = {
-                "scene": again_as_scene(parse_scene(drawn.stated()), self.comm, place / "scene", last),
-                "forms": again_as_forms(drawn, tagged, place / "forms", last),
-            }
-        finally:
-            self.comm.barrier()
-            if self.comm.rank == 0:
-                shutil.rmtree(place)
-        for (front, solution), first in zip(again.items(), whole, strict=True):
-            if f"restart: {last - 1} complete load step" not in solution.history.events[0]:
-                self.found.append(f"restart of {front}: {solution.history.events[0]}")
-            ends = [f"{one.status.value}, {len(one.steps)} load steps" for one in (first, solution)]
-            if ends[0] != ends[1]:
-                self.found.append(f"restart of {front}: {ends[1]}; without: {ends[0]}")
-                continue
-            both = list(zip(solution.steps, first.steps, strict=True))
-            differences = Differences(self.comm, [])
-            differences.look_at_steps(both, sizes)
-            differences.look_at_tables("table", solution.table, first.table, sizes)
-            self.found += [f"restart of {front}: {text}" for text in differences.found]
-
     def look_at_quantities(self, scene: Solution, forms: Solution, keys: Collection[str], sizes: Sizes) -> None:
         """At quantities, relative to the largest number of each, of forces and moments no less than that of all
         contacts; collective.
@@ -669,8 +606,6 @@ def compared(drawn: RandomProblem, comm: MPI.Comm = MPI.COMM_SELF) -> tuple[Stat
     if scene.converged:
         keys = [*QUANTITIES, *(ENERGIES if drawn.heat is None else ()), *(() if forms.stress is None else STRESS)]
         differences.look_at_quantities(scene, other, keys, sizes)
-    if scene.converged and drawn.stopped:
-        differences.look_at_restarts(drawn, (scene, other), sizes)
     if scene.converged and forms.stress is not None:
         differences.look_at_estimate(scene, other)
         if drawn.radius is None:  # of forms a bound is not for foundations with shapes

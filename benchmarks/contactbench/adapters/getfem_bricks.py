@@ -1,7 +1,6 @@
 """Runs GetFEM: its basic contact brick, an augmented Lagrangian of Alart and Curnier with forces at nodes, and Newton.
 
-Between two bodies the rows of the brick are those of nodes against facets.  Incompressible bodies have quadratic
-displacements and linear pressures.
+Between two bodies the rows of the brick are those of nodes against facets.
 """
 
 from __future__ import annotations
@@ -14,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from benchmarks.contactbench.answers import Answer, CannotRun, ContactForces
-from benchmarks.contactbench.elasticity import values_at
+from benchmarks.contactbench.elasticity import nodal_weights, prescribed, values_at
 from benchmarks.contactbench.grids import Grid
 from benchmarks.contactbench.problem import Contact, Problem
 
@@ -40,13 +39,15 @@ def solve(problem: Problem, grid: Grid) -> Answer:
     """Solve a problem on a mesh.
 
     Raises:
-        CannotRun: Tresca friction, or plane stress.
+        CannotRun: Tresca friction, plane stress, or an incompressible body.
         RuntimeError: Newton's method does not converge.
     """
     if any(contact.law == "tresca" for contact in problem.contacts):
         raise CannotRun("the basic contact brick has no Tresca friction")
     if problem.hypothesis == "plane stress" or len(problem.contacts) > 1:
         raise CannotRun("this adapter has one contact, and no plane stress")
+    if any(body.poisson == 0.5 for body in problem.bodies):
+        raise CannotRun("linear elements lock where the body is incompressible")
     import getfem as gf
 
     gf.util_trace_level(0)
@@ -58,8 +59,7 @@ def solve(problem: Problem, grid: Grid) -> Answer:
     u = np.empty_like(grid.points)
     values = body.model.variable("u").reshape(-1, problem.dimension)
     u[:] = values[body.node_of]
-    energy = None if body.degree == 1 else np.nan
-    return Answer(u, {contact.name: contact.result()}, values.size, seconds, energy, note=note)
+    return Answer(u, {contact.name: contact.result()}, values.size, seconds, note=note)
 
 
 class _Bodies:
@@ -73,12 +73,11 @@ class _Bodies:
         self.shift = np.zeros_like(grid.points)
         self.shift[:, -1] = -far * owner
         x = grid.points + self.shift
-        self.degree = 2 if any(body.poisson == 0.5 for body in problem.bodies) else 1
         mesh = self.mesh = gf.Mesh("empty", d)
         at = x[grid.cells[:, _ORDER[corners]]].transpose(2, 1, 0)
         mesh.add_convex(gf.GeoTrans(_TRANSFORM[corners]), np.ascontiguousarray(at))
         self.space = gf.MeshFem(mesh, d)
-        self.space.set_classical_fem(self.degree)
+        self.space.set_classical_fem(1)
         rule = gf.MeshIm(mesh, gf.Integ(_RULE[corners]))
         model = self.model = gf.Model("real")
         model.add_fem_variable("u", self.space)
@@ -89,7 +88,7 @@ class _Bodies:
             ordered = np.empty(len(grid.cells))
             ordered[of] = np.array(values)[grid.body]
             model.add_initialized_fem_data(name, constant, ordered)
-        model.add_linear_term(rule, self._work(gf, model))
+        model.add_linear_term(rule, self._work())
         self.places = self.space.basic_dof_nodes().T[::d]  # of each vector of the displacement
         self.node_of = self._nearest(x)
         self.load = 0.0
@@ -98,17 +97,10 @@ class _Bodies:
 
     def _moduli(self) -> dict[str, list[float]]:
         bodies = self.problem.bodies
-        found = {"mu": [body.mu for body in bodies]}
-        if self.degree == 1:
-            found["lame"] = [b.young * b.poisson / ((1 + b.poisson) * (1 - 2 * b.poisson)) for b in bodies]
-        return found
+        lame = [b.young * b.poisson / ((1 + b.poisson) * (1 - 2 * b.poisson)) for b in bodies]
+        return {"mu": [body.mu for body in bodies], "lame": lame}
 
-    def _work(self, gf: Any, model: Any) -> str:
-        if self.degree == 2:
-            pressure = gf.MeshFem(self.mesh, 1)
-            pressure.set_classical_fem(1)
-            model.add_fem_variable("p", pressure)
-            return "2*mu*Sym(Grad_u):Grad_Test_u - p*Trace(Grad_Test_u) - Test_p*Trace(Grad_u)"
+    def _work(self) -> str:
         if self.problem.hypothesis != "axisymmetric":
             return "lame*Trace(Grad_u)*Trace(Grad_Test_u) + 2*mu*Sym(Grad_u):Grad_Test_u"
         trace, other = "(Trace(Grad_u)+u(1)/X(1))", "(Trace(Grad_Test_u)+Test_u(1)/X(1))"
@@ -151,19 +143,14 @@ class _Bodies:
         return -far * np.round((self.grid.points[:, -1].mean() - x[:, -1]) / far).clip(min=0)
 
     def _supports(self, gf: Any) -> None:
-        from benchmarks.contactbench.elasticity import prescribed
-
         d = self.problem.dimension
         fixed = prescribed(self.problem, self.grid)
-        if self.degree == 2 and fixed:
-            raise CannotRun("this adapter has no supports of incompressible bodies")
         if fixed:
             rows = np.array([self.node_of[node] * d + k for node, k in fixed])
             matrix = selection(gf, rows, self.space.nbdof())
             self.model.add_variable("reaction", len(rows))
             self.model.add_constraint_with_multipliers("u", "reaction", matrix, np.array(list(fixed.values())))
             self.load = max(self.load, np.abs(list(fixed.values())).max())
-        self.fixed = {int(self.node_of[node] * d + k) for node, k in fixed}
 
 
 def selection(gf: Any, columns: Any, size: int, factor: float = 1.0) -> Any:
@@ -179,15 +166,10 @@ class _Rows:
 
     def __init__(self, gf: Any, body: _Bodies, contact: Contact) -> None:
         self.body, self.contact, self.name, self.model = body, contact, contact.boundary, body.model
-        problem, grid, d = body.problem, body.grid, body.problem.dimension
-        if body.degree == 1:
-            self.nodes = grid.nodes(contact.boundary)
-            self.x, self.dofs = grid.points[self.nodes], body.node_of[self.nodes]
-        else:
-            body.mesh.set_region(999, body.region(contact.boundary))
-            self.dofs = np.unique(body.space.basic_dof_on_region(999) // d)
-            self.x = body.places[self.dofs]
-        self.weight = self._weights()
+        problem, grid = body.problem, body.grid
+        self.nodes = grid.nodes(contact.boundary)
+        self.x, self.dofs = grid.points[self.nodes], body.node_of[self.nodes]
+        self.weight = nodal_weights(problem, grid, contact.boundary)[self.nodes]
         normal = self._normals()
         rows = [self._row(k, normal[k]) for k in range(len(self.x))]
         tangents = self._tangents(normal)
@@ -248,20 +230,6 @@ class _Rows:
         self.model.set_variable("u", start.ravel())
         for name in ("lambda_n", "lambda_t") if self.law != "none" else ("lambda_n",):
             self.model.set_variable(name, np.zeros(len(self.model.variable(name))))
-
-    def _weights(self) -> Floats:
-        from benchmarks.contactbench.elasticity import nodal_weights
-
-        grid, boundary = self.body.grid, self.contact.boundary
-        if self.body.degree == 1:
-            return nodal_weights(self.body.problem, grid, boundary)[self.nodes]
-        # Simpson's rule on quadratic facets.
-        found = np.zeros(len(self.x))
-        ends = grid.points[grid.facets[boundary]]
-        for a, b in ends:
-            for at, share in ((a, 1 / 6), (b, 1 / 6), ((a + b) / 2, 2 / 3)):
-                found[np.linalg.norm(self.x - at, axis=1).argmin()] += share * np.linalg.norm(b - a)
-        return found
 
     def _normals(self) -> Floats:
         problem = self.body.problem
