@@ -41,7 +41,7 @@ def _parser() -> argparse.ArgumentParser:
     mesh.add_argument("--levels", type=int, default=1, help="meshes, each twice as fine")
     mesh.add_argument("--triangles", action="store_true", help="quadrilaterals are divided into triangles")
     mesh.add_argument("--out", type=Path, default=Path("contactbench-meshes"))
-    mark = parts.add_parser("judge", help="judge a CSV of quantity,value[,unknowns,seconds]")
+    mark = parts.add_parser("judge", help="judge a CSV with the columns quantity,value")
     mark.add_argument("problem")
     mark.add_argument("file", type=Path)
     run = parts.add_parser("run", help="run programs, and judge them")
@@ -154,7 +154,7 @@ def _solved(
             print(f"{where}: took {answer.seconds:.3g} s: no finer mesh is run", flush=True)
             levels = level + 1
         values = measured(problem, grid, answer)
-        results = [Result(key, value, answer.unknowns, answer.seconds) for key, value in values.items()]
+        results = [Result(key, value) for key, value in values.items()]
         for verdict in judge(problem, results):
             print(f"{where}: {verdict.quantity.name}: {verdict.text}", flush=True)
             yield row | {

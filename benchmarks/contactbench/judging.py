@@ -1,4 +1,4 @@
-"""Judges results of any program: a CSV of quantity, value, and if you like unknowns and seconds."""
+"""Judges results of any program: a CSV with the columns quantity and value."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 
 from benchmarks.contactbench.problem import Problem, Quantity
 
-REQUIRED, OPTIONAL = ("quantity", "value"), ("unknowns", "seconds")
+COLUMNS = ("quantity", "value")
 
 
 class ResultError(ValueError):
@@ -23,14 +23,10 @@ class Result:
     Attributes:
         quantity: its name in the problem.
         value: in the units of the problem.
-        unknowns: of the solve; None: not said.
-        seconds: CPU time; None: not said.
     """
 
     quantity: str
     value: float
-    unknowns: int | None = None
-    seconds: float | None = None
 
 
 @dataclass(frozen=True)
@@ -71,9 +67,8 @@ def read_results(path: Path, problem: Problem) -> list[Result]:
 
 def _rows(name: str, rows: csv._reader, problem: Problem) -> list[Result]:  # type: ignore[name-defined]
     head = [cell.strip().lower() for cell in next(rows, [])]
-    if not set(REQUIRED) <= set(head) <= {*REQUIRED, *OPTIONAL} or len(set(head)) < len(head):
-        asked = f"{','.join(REQUIRED)}[,{','.join(OPTIONAL)}]"
-        raise ResultError(f"{name}, line 1: the columns must be {asked}, not {','.join(head) or 'nothing'}")
+    if any(head.count(column) != 1 for column in COLUMNS):
+        raise ResultError(f"{name}, line 1: the columns must be {','.join(COLUMNS)}, not {','.join(head) or 'nothing'}")
     known, found = {quantity.name for quantity in problem.quantities}, list[Result]()
     for row in rows:
         where = f"{name}, line {rows.line_num}"
@@ -81,35 +76,20 @@ def _rows(name: str, rows: csv._reader, problem: Problem) -> list[Result]:  # ty
             continue
         if len(row) != len(head):
             raise ResultError(f"{where}: {len(row)} cells instead of {len(head)}")
-        cells = dict(zip(head, (cell.strip() for cell in row), strict=True))
-        if cells["quantity"] not in known:
+        quantity, value = (row[head.index(column)].strip() for column in COLUMNS)
+        if quantity not in known:
             names = ", ".join(sorted(known))
-            raise ResultError(f"{where}: {problem.name} has no quantity {cells['quantity']!r}: it has {names}")
-        unknowns = _number(where, "unknowns", cells.get("unknowns", ""), least=1)
-        if unknowns is not None and unknowns != int(unknowns):
-            raise ResultError(f"{where}: unknowns are a whole number, not {cells['unknowns']!r}")
-        seconds = _number(where, "seconds", cells.get("seconds", ""), least=0)
-        value = _number(where, "value", cells["value"])
-        if value is None:
-            raise ResultError(f"{where}: {cells['quantity']!r} has no value")
-        found.append(Result(cells["quantity"], value, None if unknowns is None else int(unknowns), seconds))
+            raise ResultError(f"{where}: {problem.name} has no quantity {quantity!r}: it has {names}")
+        try:
+            number = float(value)
+        except ValueError:
+            raise ResultError(f"{where}: value {value!r} is not a number") from None
+        if not math.isfinite(number):
+            raise ResultError(f"{where}: value {value!r} is not finite")
+        found.append(Result(quantity, number))
     if not found:
         raise ResultError(f"{name}: there is no row with a value")
     return found
-
-
-def _number(where: str, key: str, cell: str, least: float = -math.inf) -> float | None:
-    if not cell:
-        return None
-    try:
-        number = float(cell)
-    except ValueError:
-        raise ResultError(f"{where}: {key} {cell!r} is not a number") from None
-    if not math.isfinite(number):
-        raise ResultError(f"{where}: {key} {cell!r} is not finite")
-    if number < least:
-        raise ResultError(f"{where}: {key} {cell!r} is less than {least:g}")
-    return number
 
 
 def distance(quantity: Quantity, value: float) -> float:
