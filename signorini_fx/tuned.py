@@ -526,14 +526,6 @@ LARGEST_BALANCING_FORCE = 1e4
 # Work of a unit traction on a motion, relative to the load, below which the traction does not bring the point nearer.
 # Choice: a few units of round-off.
 STATIONARY_WORK = 1e-15
-# Linear programmes for a multiple; how near its bounds are to each other in the end; programmes in a row that may gain
-# less.  Choice.
-LIMIT_PROGRAMMES, SAME_MULTIPLE, STALLED_PROGRAMMES = 300, 1e-12, 5
-# Price of an unbalanced unit of the load, relative to its multiple: motions are smaller.  Choice.
-UNBALANCED_PRICE = 1e4
-# By how much a solution of a linear programme may miss its constraints, primal and dual.  Source: the least that HiGHS
-# accepts.
-PROGRAMME_TOLERANCE = 1e-10
 
 # --- bounds of the error ---------------------------------------------------------------------------------------------
 

@@ -39,7 +39,7 @@ def friction_used(model: Model, contact: ContactState, step: float) -> float | N
     shares = []
     for number, columns in motions.assemblies:
         if load[columns].any():
-            limit = largest_multiple(present.of(number, columns), 0 * load[columns], load[columns])
-            if limit is not None and limit.found > 0:
-                shares.append(1 / limit.found)
+            multiple = largest_multiple(present.of(number, columns), load[columns])
+            if multiple > 0:
+                shares.append(1 / multiple)
     return max(shares, default=None)

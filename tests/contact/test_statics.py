@@ -96,24 +96,20 @@ def test_balance_against_linear_programmes(kind, dim):
 
 
 @pytest.mark.one_quick
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", ["tresca", "mixed", "capped"])
 @pytest.mark.parametrize("dim", [2, 3])
 def test_largest_multiple_against_linear_programmes(kind, dim):
-    """It is between those of the two polygons, and known to one part in a million."""
-    rng = np.random.default_rng(10 + dim)
-    for _ in range(5):
+    """It is between those of the two polygons."""
+    rng, finite = np.random.default_rng(10 + dim), 0
+    for _ in range(8):
         here = anything(rng, kind, int(rng.choice([4, 20])), dim, flat=True)
-        live, dead = 0.1 * rng.normal(size=here.normal.shape[1]), np.zeros(here.normal.shape[1])
-        dead[dim - 1] = -1.0
-        low, high = (largest_by_programme(here, dead, live, outer=outer) for outer in (False, True))
-        limit = largest_multiple(here, dead, live)
-        if limit is None:
-            assert low is None
-            continue
-        assert limit.found == pytest.approx(limit.factor, rel=1e-6)
-        assert np.isinf(limit.found) or nearest(here, dead + (1 - 1e-4) * limit.found * live).balanced
-        assert limit.found <= high * (1 + 1e-7)
-        assert limit.factor >= low * (1 - 1e-7)
+        load = 0.02 * rng.normal(size=here.normal.shape[1])
+        load[dim - 1] = -0.1
+        low, high = (largest_by_programme(here, 0 * load, load, outer=outer) for outer in (False, True))
+        multiple = largest_multiple(here, load)
+        assert low * (1 - 1e-6) - 1e-6 <= multiple <= high * (1 + 1e-6) + 1e-6
+        finite += 0 < multiple < np.inf
+    assert finite
 
 
 FOOT = np.array([(x, -0.5) for x in np.linspace(-1.0, 1.0, 9)])
@@ -126,9 +122,6 @@ def test_a_block_slides_or_tips(units, friction, factor, status):
     """A weight and a horizontal force of the same size at height 1 above a foot of length 2."""
     here = reactions(FOOT, DOWN, coefficient=friction)
     dead, live = units * np.array([0.0, -1.0, 0.0]), units * np.array([1.0, 0.0, -0.5])
-    limit = largest_multiple(here, dead, live)
-    assert limit.factor == pytest.approx(factor, rel=1e-8)
-    assert limit.found == pytest.approx(factor, rel=1e-8)
     assert escape(here, dead + 0.9999 * factor * live) is None
     how, motion = escape(here, dead + 1.0001 * factor * live)
     assert how is status
@@ -136,6 +129,14 @@ def test_a_block_slides_or_tips(units, friction, factor, status):
     np.testing.assert_allclose(
         motion / np.linalg.norm(motion), np.array(expected) / np.linalg.norm(expected), atol=1e-7
     )
+
+
+def test_no_friction_no_push():
+    """Without friction no multiple of a push is balanced, and a given friction balances so many times the push."""
+    assert largest_multiple(reactions(FOOT, DOWN), np.array([1.0, -1.0, -0.5])) == 0.0
+    here = reactions(FOOT, DOWN, given=0.2)
+    assert largest_multiple(here, np.array([1.0, -2.0, -0.5])) == pytest.approx(9 * 0.2, rel=1e-6)
+    assert largest_multiple(here, np.array([0.0, -1.0, 0.0])) == np.inf
 
 
 @pytest.mark.parametrize(("slope", "balanced"), [(1e-3, True), (1e-5, False)])

@@ -80,9 +80,5 @@ def share_of_loads(task: Task, data: RegularisedData) -> float:
     """A multiple of the loads above which no pressures, and no shears up to the given bound, carry them; collective."""
     motions, load = task.motions, task.system.resultant
     allowed = reactions(motions, as_given(data.bound), data.bilateral)
-    shares = [np.inf]
-    for number, columns in motions.assemblies:
-        if load[columns].any():
-            limit = largest_multiple(allowed.of(number, columns), 0 * load[columns], load[columns])
-            shares.append(0.0 if limit is None else limit.factor)
-    return min(shares)
+    loaded = [(number, columns) for number, columns in motions.assemblies if load[columns].any()]
+    return min((largest_multiple(allowed.of(number, at), load[at]) for number, at in loaded), default=np.inf)

@@ -18,24 +18,10 @@ import numpy.typing as npt
 from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.algebra.contact.motions import FreeMotions
 from signorini_fx.algebra.contact.nodal_vectors import Nodal
-from signorini_fx.algebra.contact.reactions import Reactions, combination, most_work, nearest, reactions
+from signorini_fx.algebra.contact.reactions import Reactions, combination, nearest, reactions
 from signorini_fx.machine import parallel
 from signorini_fx.records import Status
-from signorini_fx.tuned import (
-    AT_REST,
-    LIMIT_PROGRAMMES,
-    NO_FORCE,
-    PROGRAMME_TOLERANCE,
-    SAME_MULTIPLE,
-    STALLED_PROGRAMMES,
-    UNBALANCED_PRICE,
-)
-
-_EXACT = {
-    "primal_feasibility_tolerance": PROGRAMME_TOLERANCE,
-    "dual_feasibility_tolerance": PROGRAMME_TOLERANCE,
-    "presolve": False,
-}
+from signorini_fx.tuned import AT_REST, LARGEST_BALANCING_FORCE, NO_FORCE
 
 
 @dataclass(frozen=True)
@@ -191,82 +177,23 @@ def null_space(rows: Nodal, share: float = NO_FORCE) -> Nodal:
     return null
 
 
-@dataclass(frozen=True)
-class Limit:
-    """The largest multiple of a load that admissible tractions balance.
+def largest_multiple(contact: Reactions, load: Nodal) -> float:
+    """The largest multiple of a load that admissible tractions balance; infinite beyond ``LARGEST_BALANCING_FORCE``.
 
-    Attributes:
-        factor: no larger multiple can be balanced; infinite: every multiple can.
-        found: the largest multiple for which tractions were found; equal to ``factor`` but for round-off.
-        motion: the motion that the load drives beyond, shape (k,); None: there is none.
-        pressed: the nodes that are pressed in this motion, shape (m,).
-    """
-
-    factor: float
-    found: float
-    motion: Nodal | None
-    pressed: npt.NDArray[np.int64]
-
-
-def largest_multiple(contact: Reactions, dead: Nodal, live: Nodal) -> Limit | None:
-    """The largest multiple of the live load that admissible tractions balance together with the dead load.
-
-    A linear programme finds the largest multiple that some tractions balance, columns as in ``nearest``, and the motion
-    on which they all do no work beyond.  Those that do most work on this motion join them (Kelley's cutting planes for
-    the dual problem), until the work of all tractions on the motion proves that there is no larger multiple.
+    The motion that a larger multiple drives shows how much the tractions can do against it at most: Newton's method for
+    the largest one.
 
     Args:
         contact: the reactions of one assembly.
-        dead: the work of the other loads on its motions, shape (k,).
-        live: that of the load, shape (k,), not zero.
-
-    Returns:
-        The multiple; None if no multiple of the load is balanced.
+        load: its work on the motions, shape (k,), not zero.
     """
-    if nearest(contact, live, unlimited=True).balanced:
-        total_load = dead + live
-        balanced = not total_load.any() or nearest(contact, total_load).balanced
-        return Limit(np.inf, np.inf, None, np.zeros(0, dtype=np.int64)) if balanced else None
-    from scipy.optimize import linprog  # imported by what needs it alone: it takes 0.07 s
-
-    k, size = live.size, float(np.linalg.norm(live))
-    target, along = np.append(dead / size, 1.0), np.append(live / size, 0.0)
-    columns, pressing = np.eye(k + 1)[-1:], np.array([-1])
-    # What is not balanced costs more than any motion gains.
-    slack = np.eye(k + 1)[:k]
-    limit, balanced_factor, stalled = np.inf, -np.inf, 0
-    best, pressed = np.zeros(k), pressing
-    for _ in range(LIMIT_PROGRAMMES):
-        rows = np.vstack((columns, slack, -slack, -along))
-        cost = np.concatenate((np.zeros(len(columns)), np.full(2 * k, UNBALANCED_PRICE), [-1.0]))
-        solved = linprog(cost, A_eq=rows.T, b_eq=target, method="highs-ds", options=_EXACT)
-        if solved.status != 0:
-            break
-        # To the last digit.
-        used = solved.x > 0
-        dual = solved.eqlin.marginals
-        dual = dual + np.linalg.lstsq(rows[used], cost[used] - rows[used] @ dual, rcond=None)[0]
-        forces = solved.x
-        forces[used] += np.linalg.lstsq(rows[used].T, target - forces @ rows, rcond=None)[0]
-        motion = dual[:-1]
-        if np.abs(forces[len(columns) : -1]).sum() <= NO_FORCE:
-            stalled = stalled + 1 if forces[-1] <= balanced_factor * (1 + SAME_MULTIPLE) else 0
-            balanced_factor = max(balanced_factor, float(forces[-1]))
-        scale = float(np.linalg.norm(dead)) + max(balanced_factor, 1.0) * size
-        bound = most_work(contact, motion, size, scale) - float(motion @ dead) / size
-        if bound < limit:
-            limit, best = bound, motion
-            pressed = np.unique(pressing[forces[: len(columns)] > 0])
-        if limit <= balanced_factor * (1 + SAME_MULTIPLE) or stalled > STALLED_PROGRAMMES:
-            break
-        edges, lengths, node, bounded = contact.against(motion, size)
-        new = np.column_stack((edges / lengths[:, None], np.zeros(lengths.size)))
-        work = new @ dual
-        steepest = np.argsort(-work, kind="stable")[: 4 * (k + 1)]
-        steepest = steepest[work[steepest] > 0]
-        limited = np.append(bounded, 1.0)
-        columns = np.vstack((columns, new[steepest], limited / np.linalg.norm(limited)))
-        pressing = np.concatenate((pressing, node[steepest], [-1]))
-    if balanced_factor < 0:
-        return None
-    return Limit(max(limit, balanced_factor), balanced_factor, best, pressed[pressed >= 0])
+    multiple, size = LARGEST_BALANCING_FORCE, float(np.linalg.norm(load))
+    while True:
+        near = nearest(contact, multiple * load)
+        if not near.unbalanced:
+            return np.inf if multiple == LARGEST_BALANCING_FORCE else multiple
+        *_, limited = contact.against(near.motion, size)
+        least = max(0.0, float(limited @ near.motion)) * size / float(load @ near.motion)
+        if least == 0.0 or least >= multiple * (1 - NO_FORCE):
+            return least
+        multiple = least
