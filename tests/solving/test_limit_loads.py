@@ -49,7 +49,7 @@ def pulled(size, young, coefficient, dead, live):
             "contact": [{"boundary": name, "friction": friction} for name in contacts],
             "load_steps": {"steps": 10, "times": [0.0, 1.0]},
             # What regularisation leaves of slip in each step would wedge the body: the ramp would end up to 7 % early.
-            "solver": {"algorithm": "alm"},
+            "solver": {"algorithm": "alm", "coulomb": "newton"},
         }
     )
 
