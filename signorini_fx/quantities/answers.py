@@ -210,7 +210,8 @@ def _what_is_left(summary: dict[str, Any]) -> Answer:
         friction = "no multiple of the loads is known at which it moves away"
     if strength.exceeded:
         return Answer("", f"nothing: {strength.share}", (friction,), "bad")
-    texts, details = [strength.share] if strength.is_known and not strength.singular else [], []
+    texts = [strength.share] if strength.is_known and not strength.singular else []
+    details = list[str]()
     (details if used is None else texts).append(friction)
     if strength.singular:
         details.append(_NOT_SHOWN)

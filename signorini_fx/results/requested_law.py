@@ -1,9 +1,9 @@
 """Whether the contact law of a result is the one that its settings ask for.
 
 Where the method of a scene fails, another one is tried, and its solution may keep to another law: augmentation leaves
-no regularisation where a gamma was given, and where augmentation fails the regularised law stays.  The path in gamma
-may end at the largest gamma before it reaches the error that was asked for.  All of these are solutions of the law that
-the certificate names, and none of them is what was asked for.
+no regularisation where a gamma was given, and bodies that lie loose are solved with the regularised law.  The path in
+gamma may end at the largest gamma before it reaches the error that was asked for.  All of these are solutions of the
+law that the certificate names, and none of them is what was asked for.
 """
 
 from __future__ import annotations
