@@ -740,8 +740,6 @@ SAME_ANGLE, JUMP_OF_LOAD = 1.0, 1e-3
 # Share of what has been added since the last factor by which a limit is passed to be proved: well above the round-off
 # of statics.  Choice.
 BEYOND_LIMIT = 1e-6
-# Of complex steps, whose derivatives have no differences in them: its square is nothing beside any number.  Choice.
-COMPLEX_STEP = 1e-30
 # Two values of a stress that are closer to each other than this share do not say how many digits it has.  Choice.
 CLOSE_STRESSES = 1e-3
 # Times the yield stress above which a share is no longer told in per cent.  Choice.

@@ -331,15 +331,6 @@ class PairedSides:
         """Projectors onto the directions across planes of symmetry at the points, shape (n, d, d)."""
         return np.asarray(self.slave.surface.across[self.coupling.nodes])
 
-    @property
-    def planes(self) -> dict[int, Array]:
-        """The same by the global numbers of all nodes of both sides on such planes."""
-        planes = dict[int, Array]()
-        for side in (self.slave, self.master):
-            across = side.surface.across
-            planes |= {int(side.nodes[k]): across[k] for k in np.flatnonzero(across.any(axis=(1, 2)))}
-        return planes
-
     @cached_property
     def reached(self) -> npt.NDArray[np.int64]:
         """Global numbers of the nodes that the points of this rank are made of, ascending, shape (m,)."""

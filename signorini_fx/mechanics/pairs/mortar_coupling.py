@@ -87,11 +87,6 @@ class Coupling:
         centre: where forces act: at the same place on both sides, length, shape (n, d).
         overlap: where both sides meet and one can move, as far as this rank has found it.
         covered: area (in 2D: length) of the slave there, times the measure, of all ranks.
-        alone: points that have taken over no function of another node, shape (n,).
-        hats: whether the functions are hats, not dual ones.
-        reach: distance beyond which facets were no partners, length.
-        directions: of projection at the nodes of the slave with test functions, of length one, shape (N, d); None: the
-            normals of the slave, as sides are nominally in contact.
         still: where both sides meet and nothing can move, see ``HeldSides``, which is no part of ``overlap``.
         helpless: nodes of the slave that carry no point because both sides are held there, shape (N,).
         fixed: where supports fix the distance of both sides; None: nowhere that points see.
@@ -110,10 +105,6 @@ class Coupling:
     centre: Array
     overlap: Overlap
     covered: float
-    alone: npt.NDArray[np.bool_]
-    hats: bool
-    reach: float
-    directions: Array | None
     still: Overlap
     constrained_slaves: npt.NDArray[np.bool_]
     fixed: FixedDistances | None = None
@@ -332,10 +323,6 @@ def couple(
         centre=slave_shares @ slave.x + half * distance,
         overlap=overlap,
         covered=float(tested.area.sum()),
-        alone=np.diff(shares.indptr) == 1,
-        hats=tested.hats,
-        reach=reach,
-        directions=directions,
         still=still,
         constrained_slaves=constrained_slaves,
         fixed=fixed,
