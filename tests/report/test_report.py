@@ -358,7 +358,7 @@ def test_verdict(folders):
     assert "does NOT hold. All figures are of the last iterate: do not use them." in sections.outcome(failed)
     assert ">violated<" in evidence.certificate(failed)
     files = ResultFiles(folders["steps"])
-    assert "; circle: the largest one" in sections.overview(files)
+    assert "; circle: the largest one" in sections.overview(files, marked=True)
     iterate = sections.overview(files, no_result=sections.no_result(failed))
     assert "Of the last iterate, which is no solution." in iterate
     assert "circle" not in iterate

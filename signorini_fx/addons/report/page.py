@@ -22,6 +22,7 @@ from signorini_fx.machine import manifest
 from signorini_fx.machine.display import status_in_words
 from signorini_fx.machine.result_files import ResultFiles, in_space, read_summary
 from signorini_fx.mechanics.statement.units import labelled, names_of
+from signorini_fx.quantities.families.stress import marked_stress
 from signorini_fx.quantities.validity import validity_of, was_solved
 
 PAGE = "report.html"
@@ -57,7 +58,8 @@ def _page(summary: dict[str, Any], folder: ResultFiles, name: str) -> str:
     contact = folder.columns("contact.csv", summary["contact_nodes"]) if solved and "contact_nodes" in summary else {}
     stressed = "stress" in summary["scene"].get("forms", ["stress"])
     no_result = "" if validity_of(summary).solved else sections.no_result(summary)
-    overview = sections.overview(folder, solid=solid, stressed=stressed, no_result=no_result)
+    marked = marked_stress(summary) is not None
+    overview = sections.overview(folder, solid=solid, stressed=stressed, marked=marked, no_result=no_result)
     # First what is asked first, then what was found, then why it may be trusted, last how it was computed.
     chapters: dict[str, Markup] = {
         "Outcome": sections.outcome(summary, overview, evidence.cost(summary)),

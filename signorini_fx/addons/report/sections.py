@@ -131,14 +131,17 @@ _SOLID_BODY = (
 )
 
 
-def overview(folder: ResultFiles, *, solid: bool = False, stressed: bool = True, no_result: str = "") -> Markup:
+def overview(
+    folder: ResultFiles, *, solid: bool = False, stressed: bool = True, marked: bool = False, no_result: str = ""
+) -> Markup:
     """The picture of the deformed body, or why there is none.
 
     Args:
         folder: of the result.
         solid: whether the body is in 3D.
         stressed: whether its stress is known.
-        no_result: of what it is where there is no solution; "": it is one, of which the largest stress is marked.
+        marked: whether a circle is at the largest stress.
+        no_result: of what it is where there is no solution; "": it is one.
     """
     data = folder.picture("setup.png")
     if data is not None:
@@ -149,7 +152,7 @@ def overview(folder: ResultFiles, *, solid: bool = False, stressed: bool = True,
         if solid:
             reason += f", or has too many facets to be drawn, or without {PYVISTA}"
         return part("note", f"No picture: {reason}.")
-    colours = f"{_COLOURS}{'. ' if no_result else _CIRCLE}" if stressed else _DISPLACEMENT
+    colours = f"{_COLOURS}{_CIRCLE if marked else '. '}" if stressed else _DISPLACEMENT
     caption = f"{no_result}{' ' * bool(no_result)}{colours}{_SOLID_BODY if solid else _PLANE_BODY}"
     return picture(data, "png", "deformed body on its foundation", caption, "still overview")
 
