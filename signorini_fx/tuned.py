@@ -790,9 +790,6 @@ MOST_ARROWS, MOST_STROKES = 22.0, 50.0
 # Colours are so far in front of the body, over its size, and strokes above them; facets that are seen under a smaller
 # cosine have no strokes.
 COLOURS_ABOVE, STROKES_ABOVE, SEEN_FROM_THE_SIDE = 5e-4, 1e-3, 0.2
-# Curves whose distance is less than this share of the largest value are one; room between names over the length of the
-# one before; height of a row of names, points.
-ALIKE_CURVES, BETWEEN_NAMES, ROW_OF_NAMES = 0.01, 0.15, 12.0
 # Share of the light that comes from everywhere.  Directions to the lamps, right, up and towards the viewer, and how
 # bright they are: all see the same white.
 AMBIENT_LIGHT = 0.5

@@ -61,21 +61,3 @@ def test_colour_bar():
     bar = Tones(FIELDS["von_mises"], values, np.ones(2), top=2e8).bar(figure, figure.add_subplot())
     assert bar.vmax == pytest.approx(2.0)
     assert bar.vmax * unit_in(bar.ax.get_xlabel()) == pytest.approx(2e8)
-
-
-def test_names_of_steps_stay_apart(monkeypatch):
-    """In as many rows as they need, the legend above them."""
-    names = ["press", "press down", "push to the right", "push to the right", "back", "forth", "a longer name", "end"]
-    count = len(names)
-    steps = {"time": np.arange(1.0, count + 1), "name": np.array(names), "status": np.full(count, "converged")}
-    forces = ("contact_force_x", "contact_force_y", "friction_force_x", "friction_force_y")
-    steps |= dict.fromkeys((*forces, "mean_tangential_displacement"), np.arange(count) + 1.0)
-    kept = []
-    monkeypatch.setattr(load_steps, "finish", lambda figure, *_: kept.append(figure))
-    load_steps.load_steps("unused", steps)
-    kept[0].draw_without_rendering()
-    upper = kept[0].axes[0]
-    boxes = [text.get_window_extent() for text in upper.texts]
-    assert len(boxes) == count - 1
-    boxes.append(upper.get_legend().get_window_extent())
-    assert not [1 for k, one in enumerate(boxes) for other in boxes[:k] if one.overlaps(other)]

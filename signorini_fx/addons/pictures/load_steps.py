@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -26,18 +26,18 @@ from signorini_fx.addons.pictures.style import (
     decimal_power,
     finish,
     largest_of,
-    lay_out,
     plain,
     unit_of,
 )
 from signorini_fx.machine.csv_text import Table
 from signorini_fx.records import Status
-from signorini_fx.tuned import ALIKE_CURVES, BETWEEN_NAMES, RESULTANT_OF_MESH, ROW_OF_NAMES
+from signorini_fx.tuned import RESULTANT_OF_MESH
 
 Floats = npt.NDArray[np.float64]
 
 _DOTS: dict[str, Any] = {"marker": "o", "markersize": 2.5}
 _COLOURS = (INK, BLUE, ORANGE, "#009e73", "#cc79a7", MUTED)  # of boundaries
+_THIN, _WIDER = 1.3, 1.2  # points: the last line of several, and by how much each one before is wider
 
 
 def load_steps(path_stem: str | Path, steps: Table, *, around: bool = False, suffixes: Sequence[str] = SCREEN) -> None:
@@ -56,7 +56,7 @@ def load_steps(path_stem: str | Path, steps: Table, *, around: bool = False, suf
         steps = {name: np.asarray(column)[solved] for name, column in steps.items()}
     with mpl.rc_context(STYLE):
         names = _boundaries(steps)
-        figure = Figure(figsize=(4.4, 4.6 + 0.3 * len(names)), layout="constrained")  # with room for the legend
+        figure = Figure(figsize=(4.4, 4.8 + 0.3 * len(names)), layout="constrained")  # with room for the legend
         upper, lower = figure.subplots(2, 1)
         if names:
             _draw_of_each(upper, lower, steps, names, around=around)
@@ -64,10 +64,8 @@ def load_steps(path_stem: str | Path, steps: Table, *, around: bool = False, suf
             _draw(upper, lower, steps, around=around)
         upper.set_xlabel("time")
         lower.locator_params(axis="x", nbins=6)
-        lay_out(figure)  # for the width of the names
-        rows = _mark_names(upper, steps)
-        room = mpl.rcParams["legend.borderaxespad"] + rows * ROW_OF_NAMES / mpl.rcParams["legend.fontsize"]
-        upper.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=room)
+        _mark_names(upper, steps)
+        figure.legend(*upper.get_legend_handles_labels(), loc="outside lower center", ncols=2)
         for axes in (upper, lower):
             axes.axhline(0.0, color=RULE, linewidth=0.6, zorder=0)
         finish(figure, path_stem, "", suffixes)
@@ -156,22 +154,19 @@ def _draw_of_each(upper: Axes, lower: Axes, steps: Table, boundaries: Sequence[s
         for name, (axis, _) in zip(boundaries, rubbing, strict=True)
     ]
     scale = largest_of(*(force for _, force in (*pressing, *rubbing)))
-    farthest = largest_of(*motion)
-    power, out = decimal_power(scale), decimal_power(farthest)
+    power, out = decimal_power(scale), decimal_power(largest_of(*motion))
     resisting = decimal_power(largest_of(*(force for _, force in rubbing)))
     for k, name in enumerate(boundaries):
         colour = {"color": _COLOURS[k % len(_COLOURS)]}
+        # Forces in a chain of bodies are alike: what is drawn first is wider, and is seen below the others.
+        wide = {"linewidth": _THIN + _WIDER * (len(boundaries) - 1 - k)}
         for kind, curves, style in (("contact", pressing, MULTIPLIER), ("friction", rubbing, MOTION)):
             axis, force = curves[k]
             if largest_of(force) > 1e-6 * scale:
-                later = sum(_alike(force, [curve for _, curve in curves[k + 1 :]], scale))
                 label = f"{plain(name)}: {kind} force {axis}"
-                upper.plot(times, force * 10.0**power, label=label, **(_DOTS | style | colour | _wider(style, later)))
+                upper.plot(times, force * 10.0**power, label=label, **(_DOTS | style | colour | wide))
         if largest_of(rubbing[k][1]) > 1e-6 * scale:
-            moves = _alike(motion[k], motion[k + 1 :], farthest)
-            later = sum(map(min, moves, _alike(rubbing[k][1], [curve for _, curve in rubbing[k + 1 :]], scale)))
-            style = _DOTS | MULTIPLIER | colour | _wider(MULTIPLIER, later)
-            lower.plot(motion[k] * 10.0**out, rubbing[k][1] * 10.0**resisting, **style)
+            lower.plot(motion[k] * 10.0**out, rubbing[k][1] * 10.0**resisting, **(_DOTS | MULTIPLIER | colour | wide))
     upper.set_ylabel(_above("force", unit_of(power, "force")))
     along = {axis for axis, force in rubbing if largest_of(force) > 1e-6 * scale}
     direction = f" {along.pop()}" if len(along) == 1 else ""
@@ -225,43 +220,16 @@ def _above(name: str, unit: str) -> str:
     return f"{name}\n{unit.lstrip()}" if unit else name
 
 
-def _alike(curve: Floats, later_curves: Sequence[Floats], size: float) -> list[bool]:
-    """Which curves would hide this one, if they are drawn later; those of forces in a chain of bodies do."""
-    return [largest_of(later - curve) < ALIKE_CURVES * size for later in later_curves]
-
-
-def _wider(style: Mapping[str, Any], times: int) -> dict[str, Any]:
-    """The width of a line with so many on it, and its marks and dashes, which are as long as before."""
-    factor = 1 + times
-    widened = {"linewidth": factor * style["linewidth"], "markersize": factor * _DOTS["markersize"]}
-    if "linestyle" in style:
-        start, dashes = style["linestyle"]
-        widened["linestyle"] = start, tuple(dash / factor for dash in dashes)
-    return widened
-
-
-def _mark_names(axes: Axes, steps: Table) -> int:
-    """A line where a load step with another name begins, and the names above the axes, in as many rows as they need.
-
-    Returns:
-        The number of rows.
-    """
+def _mark_names(axes: Axes, steps: Table) -> None:
+    """A line where a load step with another name begins, and the names above the axes."""
     times, names = np.asarray(steps["time"], dtype=np.float64), np.asarray(steps["name"])
     if not any(names):
-        return 0
-    inverse = axes.get_xaxis_transform().inverted()
-    ends: list[float] = []  # of each row
-    firsts = [0, *(np.flatnonzero(names[1:] != names[:-1]) + 1)]
-    for first, following in zip(firsts, [*firsts[1:], len(names)], strict=True):
-        begin = times[first - 1] if first else times[0]
-        if first:
-            axes.axvline(begin, color=RULE, linewidth=0.6, zorder=0)
-        middle = 0.5 * (begin + times[following - 1])
-        name = plain(str(names[first]))
-        above: Any = {"xycoords": axes.get_xaxis_transform(), "textcoords": "offset points"}
-        text = axes.annotate(name, (middle, 1.0), (0.0, 1.0), **above, ha="center", va="bottom")
-        text_left, text_right = inverse.transform(text.get_window_extent())[:, 0]
-        row = next((k for k, end in enumerate(ends) if end < text_left), len(ends))
-        ends[row : row + 1] = [text_right + BETWEEN_NAMES * (text_right - text_left)]
-        text.set_position((0.0, 1.0 + ROW_OF_NAMES * row))
-    return len(ends)
+        return
+    begins = [0, *(np.flatnonzero(names[1:] != names[:-1]) + 1)]
+    starts = [times[max(first - 1, 0)] for first in begins]
+    for start in starts[1:]:
+        axes.axvline(start, color=RULE, linewidth=0.6, zorder=0)
+    top = axes.secondary_xaxis("top")
+    top.set_ticks(starts, [plain(str(names[first])) for first in begins], rotation=30, ha="left")
+    top.tick_params(length=0, pad=1)
+    top.spines["top"].set_visible(False)

@@ -142,7 +142,8 @@ def image(solid: Solid, camera: Camera, width: int) -> npt.NDArray[np.uint8]:
     except ImportError:
         raise PictureError(f"a body in 3D is drawn by {PYVISTA}") from None
     if pyvista.vtk_version_info < _WITHOUT_DISPLAY and not pyvista.system_supports_plotting():
-        raise PictureError(f"VTK {pyvista.vtk_version_info} needs a display: install {PYVISTA}")
+        version = ".".join(map(str, pyvista.vtk_version_info))
+        raise PictureError(f"VTK {version} needs a display: install {PYVISTA}")
     from vtkmodules.vtkCommonCore import vtkLogger
 
     vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_OFF)  # of the displays that it tries

@@ -59,7 +59,10 @@ def _page(summary: dict[str, Any], folder: ResultFiles, name: str) -> str:
     stressed = "stress" in summary["scene"].get("forms", ["stress"])
     no_result = "" if validity_of(summary).solved else sections.no_result(summary)
     marked = marked_stress(summary) is not None
-    overview = sections.overview(folder, solid=solid, stressed=stressed, marked=marked, no_result=no_result)
+    grounded = any(not entry.get("against") for entry in summary["scene"].get("contact", ()))
+    overview = sections.overview(
+        folder, solid=solid, stressed=stressed, marked=marked, grounded=grounded, no_result=no_result
+    )
     # First what is asked first, then what was found, then why it may be trusted, last how it was computed.
     chapters: dict[str, Markup] = {
         "Outcome": sections.outcome(summary, overview, evidence.cost(summary)),

@@ -122,17 +122,21 @@ def _warnings(summary: dict[str, Any]) -> list[dict[str, Any]]:
 _COLOURS = "Colour: von Mises stress, recovered, which smooths peaks narrower than a cell"
 _CIRCLE = "; circle: the largest one, recovered or raw. "
 _DISPLACEMENT = "Colour: size of the displacement; the stress is not known. "
-_PLANE_BODY = "Hatched: the foundation. The title says what is magnified."
+_MAGNIFIED = "The title says what is magnified."
 _SETUP = "What the scene prescribes, before it is solved. Squares and circles: supports; arrows: loads and motions."
 _SECTION = "Von Mises stress within the body, which is cut through the centre of the contact pressure."
-_SOLID_BODY = (
-    "Gray lines: undeformed body; gray surface: the foundation; arrows: how long the body is. The title says what is "
-    "magnified."
-)
+_SOLID_BODY = "Gray lines: undeformed body; arrows: how long the body is. "
+_FOUNDATION = {False: "Hatched: the foundation. ", True: "Gray surface: the foundation. "}  # in 3D?
 
 
 def overview(
-    folder: ResultFiles, *, solid: bool = False, stressed: bool = True, marked: bool = False, no_result: str = ""
+    folder: ResultFiles,
+    *,
+    solid: bool = False,
+    stressed: bool = True,
+    marked: bool = False,
+    grounded: bool = True,
+    no_result: str = "",
 ) -> Markup:
     """The picture of the deformed body, or why there is none.
 
@@ -141,6 +145,7 @@ def overview(
         solid: whether the body is in 3D.
         stressed: whether its stress is known.
         marked: whether a circle is at the largest stress.
+        grounded: whether there is a rigid foundation.
         no_result: of what it is where there is no solution; "": it is one.
     """
     data = folder.picture("setup.png")
@@ -153,7 +158,9 @@ def overview(
             reason += f", or has too many facets to be drawn, or without {PYVISTA}"
         return part("note", f"No picture: {reason}.")
     colours = f"{_COLOURS}{_CIRCLE if marked else '. '}" if stressed else _DISPLACEMENT
-    caption = f"{no_result}{' ' * bool(no_result)}{colours}{_SOLID_BODY if solid else _PLANE_BODY}"
+    caption = (
+        f"{no_result}{' ' * bool(no_result)}{colours}{_SOLID_BODY * solid}{_FOUNDATION[solid] * grounded}{_MAGNIFIED}"
+    )
     return picture(data, "png", "deformed body on its foundation", caption, "still overview")
 
 
