@@ -225,11 +225,12 @@ def _mark_names(axes: Axes, steps: Table) -> None:
     times, names = np.asarray(steps["time"], dtype=np.float64), np.asarray(steps["name"])
     if not any(names):
         return
-    begins = [0, *(np.flatnonzero(names[1:] != names[:-1]) + 1)]
-    starts = [times[max(first - 1, 0)] for first in begins]
-    for start in starts[1:]:
-        axes.axvline(start, color=RULE, linewidth=0.6, zorder=0)
+    firsts = np.array([0, *(np.flatnonzero(names[1:] != names[:-1]) + 1)])
+    begins, ends = times[np.maximum(firsts - 1, 0)], times[[*(firsts[1:] - 1), len(times) - 1]]
+    for begin in begins[1:]:
+        axes.axvline(begin, color=RULE, linewidth=0.6, zorder=0)
     top = axes.secondary_xaxis("top")
-    top.set_ticks(starts, [plain(str(names[first])) for first in begins], rotation=30, ha="left")
+    middles = 0.5 * (begins + ends)
+    top.set_ticks(middles, [plain(str(names[first])) for first in firsts], rotation=30, ha="left")
     top.tick_params(length=0, pad=1)
     top.spines["top"].set_visible(False)
