@@ -183,7 +183,7 @@ def check_dimension(tagged: TaggedMesh, *, section: bool = False) -> None:
         raise MeshError("the mesh is planar, but its points have three coordinates: give them two (gdim = 2)")
     if flat.size:
         axes = " and ".join(f"x[{axis}]" for axis in range(3) if axis != flat[0])
-        raise MeshError(f"the mesh is planar, but in 2D of {axes}: turn it into that of x[0] and x[1]")
+        raise MeshError(f"the mesh is planar, but in the plane of {axes}: turn it into that of x[0] and x[1]")
     raise MeshError("the mesh is a shell, a surface in 3D: a body in 3D has tetrahedra or hexahedra")
 
 
