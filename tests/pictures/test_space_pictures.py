@@ -135,7 +135,7 @@ def test_nothing_is_cut_off(folder):
 
 @pytest.mark.one_quick
 def test_pressure_is_that_of_the_table(folder):
-    """Colours are the pressures of contact.csv at its nodes, in 2D of the picture; the scale reaches the top."""
+    """Colours are the pressures of contact.csv at its nodes, in the plane of the picture; the scale reaches the top."""
     sides, figure = drawn(folder)
     pressed = [axes for axes in panels(figure) if "seen along" in axes.get_title(loc="left")]
     assert len(pressed) == len(sides)

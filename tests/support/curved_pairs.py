@@ -1,6 +1,6 @@
 """Two curved bodies pressed together: what is known of them without a solver, and what the solver says.
 
-Mirror-equal bodies meet in 2D of symmetry between them: the force is that of one of them on a rigid plane, and
+Mirror-equal bodies meet in the plane of symmetry between them: the force is that of one of them on a rigid plane, and
 as nothing moves along that plane relative to the other side, friction has nothing to take.  So the shear, as a share of
 F P, and the difference of the forces are errors, of the frames and of the discretisation.
 

@@ -114,7 +114,7 @@ class Contact(Effect):
         return self.foundation
 
     def gap_in(self, dimension: int) -> Any:
-        """The gap in 3D of a dimension: a number, an expression or a callable of the position, length."""
+        """The gap in a space of a given dimension: a number, an expression or a callable of the position, length."""
         return self.gap if self.surface is None else Distance(self.surface, self.gap, dimension)
 
     @property

@@ -50,7 +50,7 @@ class PointForce(VectorForce):
         return super().features if self.acts else ()
 
     def table(self, dimension: int) -> NodalTable:
-        """The node and the force at it, in 3D of a dimension."""
+        """The node and the force at it, in a space of a given dimension."""
         from signorini_fx.mechanics.statement.expressions import in_space, sample
 
         point = np.array([self.at], dtype=np.float64)

@@ -49,7 +49,7 @@ class Drawing:
     Attributes:
         gmsh: the initialised module.
         unit: length of the model's unit.
-        upright: points are drawn in 2D of x[0] and x[2], as for the section of a body in 3D.
+        upright: points are drawn in the plane of x[0] and x[2], as for the section of a body in 3D.
     """
 
     gmsh: Any

@@ -95,7 +95,7 @@ class ContactSurface:
 
     @cached_property
     def outward(self) -> Floats:
-        """Unit vectors in 2D of each piece, across each side and out of the piece, shape (pieces, k, 3)."""
+        """Unit vectors in the plane of each piece, across each side and out of the piece, shape (pieces, k, 3)."""
         across = np.cross(self._edges, self.normal[:, None, :])
         return np.asarray(across / np.linalg.norm(across, axis=2, keepdims=True))
 
