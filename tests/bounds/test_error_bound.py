@@ -109,18 +109,6 @@ def test_the_stress_is_in_equilibrium(kind, seed):
     assert inside == pytest.approx(acting, abs=1e-9 * sizes)
 
 
-@pytest.mark.slow
-def test_what_is_admissible():
-    """V keeps to supports and contact, pressures are not negative, shears are within their bound."""
-    for kind, seed in SEEDS:
-        case = problem(alone(drawn(kind, seed)))
-        for surface in case.contacts:
-            assert surface.pressure.min() >= 0
-            assert (np.linalg.norm(surface.shear, axis=2) <= surface.bound).all()
-        assert case.admissible.contact.min() >= 0
-        assert case.admissible.moved.min() >= 0
-
-
 def test_what_has_no_bound():
     """One sentence names all that the scene has of it, and the target that is to be certified is refused before."""
     quadrilaterals = {**SQUARE, "parameters": {**SQUARE["parameters"], "cell": "quadrilateral"}}

@@ -1,7 +1,5 @@
 """The cost that ``check`` foresees, against what the factorisation counts; no clock is read."""
 
-import subprocess
-import sys
 from itertools import pairwise
 
 import pytest
@@ -41,56 +39,3 @@ def test_operations_and_entries_of_a_factorisation(cell, degree):
     assert all(SLOWEST <= speed <= FASTEST for speed in speeds)
     # Operations grow like n^1.5 and what else there is like n: the speed rises, and never by more than that.
     assert all(1.0 <= fine / coarse <= 4.0**0.5 * 1.25 for coarse, fine in pairwise(speeds))
-
-
-PAIR = """
-[[body]]
-name = "a"
-mesh = { generator = "box", parameters = { nx = 40, ny = 40, nz = 1, width = 3.0, height = 0.1 } }
-[[body]]
-name = "b"
-mesh = { generator = "box", parameters = { nx = 41, ny = 41, nz = 1, width = 3.0, height = 0.1 } }
-shift = [0.0, 0.0, 0.1]
-[material]
-young = 1000.0
-poisson = 0.3
-[[displacement]]
-boundary = "a.bottom"
-x = 0.0
-y = 0.0
-z = 0.0
-[[displacement]]
-boundary = "b.top"
-x = 0.0
-y = 0.0
-z = -0.001
-[[contact]]
-boundary = "b.bottom"
-against = "a.top"
-"""
-PEAK = """
-import re, sys
-from pathlib import Path
-from signorini_fx import read_scene, solve
-from signorini_fx.scenes.checks import check_scene
-
-
-def peak():  # of this program alone; getrusage counts that of the process which it was forked from, too
-    return 1024 * int(re.search(r"VmHWM:\\s*(\\d+)", Path("/proc/self/status").read_text())[1])
-
-
-foreseen = check_scene(read_scene(sys.argv[1])).cost.memory_bytes
-checked = peak()
-solve(sys.argv[1])
-print(foreseen, checked, peak())
-"""
-
-
-@pytest.mark.slow
-def test_memory_of_two_bodies(tmp_path):
-    """What a process of its own takes to solve a pair with many nodes is foreseen to a factor of two."""
-    (tmp_path / "scene.toml").write_text(PAIR)
-    told = subprocess.run([sys.executable, "-c", PEAK, str(tmp_path / "scene.toml")], capture_output=True, check=True)
-    foreseen, checked, solved = map(float, told.stdout.split())
-    assert 0.5 < foreseen / solved < 2.0
-    assert checked < foreseen

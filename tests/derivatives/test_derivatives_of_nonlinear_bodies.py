@@ -230,35 +230,6 @@ def test_constants_of_a_residual(friction, dim):
             assert gradient.derivatives[column] == pytest.approx(difference, rel=3e-5, abs=digits)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("ramp", [False, True])
-def test_constants_of_supports_that_reach_contact(ramp):
-    pressed = Pressed("coulomb")
-    pressed.shape = {"shape": "circle", "centre": (1.05, 11.0), "radius": 10.0}
-    datum = pressed.data["pushed"]
-
-    def solved():
-        pressed.u.x.array[:] = 0.0
-        problem = pressed.problem(bcs=[pressed.fixed, pressed.pushed])
-
-        def turn(t):
-            problem.place(0, shift=pressed.at(t), rotation=2.0 * t)
-
-        if ramp:
-            problem.ramp(turn)
-        else:
-            turn(1.0)
-            problem.solve()
-        return problem
-
-    found, ends = [solved().gradient(of, [datum]) for of in pressed.of[1:]], []
-    for sign in (1.0, -1.0):
-        datum.value = 0.02 * (1 + sign * STEP)
-        ends.append([solved().gradient(of, []).value for of in pressed.of[1:]])
-    for gradient, ahead, behind in zip(found, *ends, strict=True):
-        assert gradient.derivatives[0] == pytest.approx((ahead - behind) / (2 * 0.02 * STEP), rel=3e-5)
-
-
 def test_arguments_are_refused_by_name():
     pressed = Pressed(None)
     with pytest.raises(RuntimeError, match="no solution to differentiate"):

@@ -207,21 +207,3 @@ def test_derivatives_of_quantities_of_scenes():
     force, same = (problem.gradient(f"force {name} y", factor) for name in ("bottom", "0"))
     assert force.derivatives == pytest.approx([20.0], rel=1e-6)
     assert force.derivatives == pytest.approx(same.derivatives)
-
-
-@pytest.mark.slow
-def test_forms_alone(tmp_path):
-    """Without stress and names there is a folder with what is known, and no bound, which says what is missing."""
-    solution = solve(example1(coefficient=0.3, nx=12, ny=4, poisson=0.3))
-    problem, _ = as_forms(solution.statement, solution.model.tagged, stress=None, boundaries=None)
-    problem.solve()
-    summary = problem.write(tmp_path, pictures=False, report=True)
-    assert "stress" not in summary
-    assert summary["scene"]["forms"] == ["a", "L"]
-    assert [row["boundary"] for row in summary["resultants"]] == ["contact 0"]
-    jsonschema.Draft202012Validator(summary_schema()).validate(json.loads((tmp_path / "summary.json").read_text()))
-    assert "the stress is not known" not in (tmp_path / "report.html").read_text()  # there is no picture
-    assert summary["contact_force"] == pytest.approx(solution.contact.forces[0], abs=1e-10)
-    assert problem.solution.error_bound == "the forms do not say what the stress is: give stress="
-    np.testing.assert_array_equal(problem.table().columns["state"], solution.table.columns["state"])
-    assert set(problem.plot().png) == {"deformed", "profiles", "history"}

@@ -1,6 +1,5 @@
 """Checkpoints of nonlinear bodies: what goes on from there ends as what was not interrupted."""
 
-import json
 import os
 import subprocess
 import sys
@@ -22,8 +21,6 @@ from signorini_fx import (
 )
 from signorini_fx.mechanics.contact_points.contact_table import contact_table
 from signorini_fx.records import StepRecord
-from signorini_fx.results import restart_files
-from signorini_fx.results.folder import CHECKPOINT
 
 LAWS = {"rubber": material("neo-hooke"), "metal": material("j2", yield_stress=2.0, hardening=[[0.2, 6.0]])}
 METHODS = {"fp": {}, "newton": {"coulomb": "newton"}, "augmented": {"algorithm": "alm"}}
@@ -117,31 +114,6 @@ def test_another_scene_is_refused(tmp_path):
         problem.run((1.0,), lambda time: None, restart=True)
     with pytest.raises(FormError, match="in the run to go on from"):
         problem.run((1.0,), lambda time: None, folder=tmp_path, restart=True)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("wrong", ["solution.bin", "tangent.bin", "certificate"])
-def test_what_is_damaged_is_solved_again(tmp_path, wrong, monkeypatch):
-    """A file that lacks a digit, and a load step that is no solution: it and all later ones."""
-    scene = pressed(steps=None)
-    interrupted(scene, MPI.COMM_SELF, tmp_path, 3)
-    folder = tmp_path / CHECKPOINT / "0-00001"
-    if wrong == "certificate":  # all digests fit, the displacement does not
-        values = np.fromfile(folder / "solution.bin")
-        (1.001 * values).tofile(folder / "solution.bin")
-        figures = json.loads((folder / "figures.json").read_text())
-        figures.pop("files")
-        figures["files"] = restart_files._digests(folder, figures)
-        (folder / "figures.json").write_text(json.dumps(figures))
-    else:
-        content = bytearray((folder / wrong).read_bytes())
-        content[100] ^= 1
-        (folder / wrong).write_bytes(content)
-    solution = solve(scene, MPI.COMM_SELF, checkpoint=tmp_path, restart=True)
-    said = "load step 2: certificate does not hold: it is solved again" if wrong == "certificate" else "damaged"
-    assert any(said in event for event in solution.history.events)
-    reference = solve(scene, MPI.COMM_SELF)
-    assert solution.displacement.x.array == pytest.approx(reference.displacement.x.array, abs=1e-10)
 
 
 def run(ranks, *arguments):

@@ -195,19 +195,6 @@ def test_the_certificate_sees_what_is_wrong():
 
 
 @pytest.mark.slow
-def test_bodies_that_part_and_meet_again():
-    """No side sees the other one, then they touch, part, and touch at another place as if they had not before."""
-    scene = roller(ratio=10.0, gap=0.3, reach=0.2, friction=Coulomb(0.3))
-    assert np.abs(scene.move(0.0, 0.0)).max() == 0.0
-    first = slid(scene, [(0.0, -0.25), (0.0, -0.4)])[-1]
-    assert first[1] < -1
-    assert np.abs(scene.move(0.0, 0.1)).max() == 0.0
-    assert np.abs(scene.move(0.25, 0.1)).max() == 0.0  # by two facets
-    again = slid(scene, [(0.25, -0.25), (0.25, -0.4)])[-1]
-    assert again == pytest.approx(first, abs=0.01 * np.abs(first).max())
-
-
-@pytest.mark.slow
 def test_past_the_end_of_the_other_side():
     """Points that come to lie past the end of the other side share what its corner carries: forces are those with the
     points on the side that ends, and a note says which part of them is there.
@@ -262,16 +249,3 @@ def test_degree_2_in_space():
     sides = [dmesh.locate_entities_boundary(mesh, 2, lambda x, z=z: np.isclose(x[2], z)) for z in (0.0, 1.0)]
     with pytest.raises(FormError, match=r"contact\[0\]: in 3D two bodies slide on each other with degree 1 only"):
         NonlinearContactProblem(form, u, contact=Pair(*sides))
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("degree", [1, 2])
-def test_bounded_shear(degree):
-    """Friction with a cap, which is what there is for a shear that pressure does not bound: min(F lambda, cap)."""
-    scene = roller(ratio=10.0, cells=(12, 3), around=10, friction=Coulomb(0.8, cap=2.0), algorithm="alm", degree=degree)
-    slid(scene, [(0, -0.1), (0.2, -0.1)])
-    state = scene.problem.state
-    closed = state.in_contact
-    bound = np.minimum(0.8 * state.pressure[closed], 2.0)
-    assert np.count_nonzero(bound == 2.0) > 0
-    assert np.abs(state.shear[closed, 0]) == pytest.approx(bound, rel=1e-6)

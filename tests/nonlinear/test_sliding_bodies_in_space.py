@@ -5,7 +5,6 @@ import pytest
 from mpi4py import MPI
 from support.nonlinear_bodies import stress_of_block
 from support.sliding_bodies import (
-    SlidingBodies,
     as_linear_bodies,
     bulge,
     out_of_balance,
@@ -14,9 +13,8 @@ from support.sliding_bodies import (
     rounded,
     stacked,
 )
-from two_bodies import grid
 
-from signorini_fx import ConvergenceError, Coulomb, Foundation, NonlinearContactProblem, Status
+from signorini_fx import Coulomb, Foundation, NonlinearContactProblem
 
 COARSE = {"kind": "tetrahedron", "lower": (8, 6, 1), "upper": (4, 4, 1), "ratio": 10.0}
 PRESSED = ((0, 0, -0.05), (0, 0, -0.1))
@@ -160,24 +158,6 @@ def test_hertz(kind, slave):
     assert state.in_contact[r < 0.75 * a].all()
 
 
-@pytest.mark.long
-@pytest.mark.parametrize("kind", ["hexahedron", "tetrahedron"])
-def test_force_is_even_over_edges_between_facets(kind):
-    """In steps of a quarter of a facet over two facets, without friction, no force jumps by more than 1.5 per cent of
-    the largest one, and what is along the way is that of a smooth block to one per cent: none.
-    """
-    scene = pillow(kind, lower=(16, 11, 3), upper=(10, 10, 2), height=0.3, ratio=10.0)
-    slid(scene, [(0, 0, -0.06), (0, 0, -0.12)])
-    forces = slid(scene, [(k / 32, k / 64, -0.12) for k in range(9)])
-    largest = np.abs(forces).max()
-    assert max(scene.iterations) <= 8
-    assert np.abs(np.diff(forces, axis=0)).max() < 0.015 * largest
-    assert np.abs(forces[:, :2]).max() < 0.01 * largest
-    for component in forces.T:
-        fitted = np.polyval(np.polyfit(np.arange(9), component, 2), np.arange(9))
-        assert np.abs(component - fitted).max() < 0.01 * largest
-
-
 @pytest.mark.slow
 @pytest.mark.mpi
 def test_on_ranks():
@@ -188,20 +168,6 @@ def test_on_ranks():
     ]
     assert np.abs(forces[0][-1]).min() > 0.01 * np.abs(forces[0][-1]).max()
     assert forces[0] == pytest.approx(forces[1], abs=1e-7 * np.abs(forces[1]).max())
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("kind", ["hexahedron", "tetrahedron"])
-def test_bodies_inside_each_other(kind):
-    """A small body that one step drives through a larger one."""
-    plate, bar = ((6, 6, 2), [0.0, 0.0, 0.0], [1.0, 1.0, 0.4]), ((1, 1, 1), [0.4, 0.4, 0.45], [0.6, 0.6, 0.6])
-    small = grid(kind, *plate), grid(kind, *bar)
-    touching = [lambda x: np.isclose(x[2], 0.4), lambda x: np.isclose(x[2], 0.45)]
-    held = [lambda x: np.isclose(x[2], 0.0), lambda x: np.isclose(x[2], 0.6)]
-    scene = SlidingBodies(kind, small, touching, held, ratio=10.0, reach=0.04)
-    with pytest.raises(ConvergenceError, match=r"bodies inside each other \(contact\[0\]: "):
-        scene.move(0.0, 0.0, -0.2)
-    assert scene.problem.status is Status.PASSED
 
 
 def at_the_rim(**settings):

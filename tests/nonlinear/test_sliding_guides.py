@@ -9,11 +9,10 @@ from support.sliding_bodies import (
     bulge,
     bump,
     out_of_balance,
-    roller,
     stacked,
 )
 
-from signorini_fx import ConvergenceError, Coulomb, FormError, Foundation, NonlinearContactProblem, Status
+from signorini_fx import Coulomb, Foundation, NonlinearContactProblem
 
 CLOSED = {"pair": {"bilateral": True}, "algorithm": "alm"}
 PULLED = ((0.0, 0.05), (0.1, 0.1), (0.4, 0.1), (0.4, -0.1), (0.2, -0.1))
@@ -99,17 +98,3 @@ def test_friction_of_what_is_pulled():
     force, moment = out_of_balance(scene)
     assert force < 1e-13
     assert moment < 1e-12
-
-
-@pytest.mark.slow
-def test_the_end_of_a_guide():
-    """A slider that has left its guide ends in an outcome, and sides that do not see each other are an error."""
-    scene = blocks(slave=1, width=1.4, **CLOSED)
-    scene.move(0.0, 0.02)
-    scene.move(0.35, 0.02)
-    with pytest.raises(ConvergenceError, match="contact reaches the end of the other side"):
-        scene.move(1.4, 0.02)
-    assert scene.problem.status is Status.AT_END
-    apart = roller(gap=0.3, reach=0.2, **CLOSED)
-    with pytest.raises(FormError, match=r"contact\[0\]\.bilateral: no point of its side sees the other one"):
-        apart.move(0.0, 0.0)

@@ -35,32 +35,6 @@ friction = { law = "coulomb", coefficient = 0.5 }
 """
 
 
-@pytest.mark.slow
-def test_a_ramp_beyond_its_limit_names_it():
-    """A block of weight 20 that is pushed with 10 t slides at the time 2 F, known to half a per cent."""
-
-    def solved(coefficient):
-        data = {
-            "mesh": {"generator": "rectangle", "parameters": {"nx": 6, "ny": 2}},
-            "material": {"young": 5000.0, "poisson": 0.3},
-            "traction": [
-                {"boundary": "top", "y": -20.0},
-                {"boundary": "top", "x": 10.0, "factors": [0.0, 1.0]},
-            ],
-            "contact": {"boundary": "bottom", "friction": {"law": "coulomb", "coefficient": coefficient}},
-            "load_steps": {"steps": 2, "times": [0.0, 1.0]},
-        }
-        return solve(parse_scene(data), MPI.COMM_SELF, check=False)
-
-    told = []
-    problems = [(value, partial(solved, value)) for value in (0.2, 0.3, 0.8)]
-    study = run("contact.friction.coefficient", problems, told.append)
-    assert [row["solved_until"] for row in study.rows[:2]] == pytest.approx([0.4, 0.6], rel=5e-3)
-    assert study.rows[2]["solved_until"] == 1.0
-    assert f"after time {study.rows[0]['solved_until']:g}" in told[1]
-    assert np.isnan(study.rows[0]["contact_force"])
-
-
 @pytest.mark.parametrize(
     ("text", "path", "value"),
     [

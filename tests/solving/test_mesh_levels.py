@@ -111,21 +111,6 @@ def test_same_answer_as_a_factorisation(name, set_ups):  # noqa: F811
     assert len(set_ups) == len(set(set_ups)) == len(NESTED[name]())
 
 
-CURVED = {
-    "cylinder": ("cylinder", {"nr": 4, "nt": 4, "nz": 6}),
-    "half a sphere": ("half_sphere", {"contact_size": 0.5, "size": 2.0}),
-}
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", CURVED)
-def test_curved_bodies(name):
-    """Nodes beyond the coarser mesh take the shape functions of the nearest cell."""
-    ours, theirs = (solve(generated(*CURVED[name], levels=2, linear_algebra=kind), SELF) for kind in ("krylov", "full"))
-    assert theirs.contact.in_contact.any()
-    agree(ours, theirs)
-
-
 @pytest.mark.slow
 def test_steps_do_not_grow_with_the_mesh(steps):  # noqa: F811
     """In 2D from 60 x 20 to 240 x 80 cells: 2.5 times those of one linear solve at most."""

@@ -71,29 +71,6 @@ def test_limit_load(push, method):
     assert all(step.status is Status.CONVERGED for step in solution.steps[:-1])
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("method", "push"),
-    [
-        *(({}, 1.2), ({"coulomb": "newton"}, 1.2), ({"algorithm": "alm"}, 1.2)),
-        *(({"max_iterations": 2, "fallbacks": False}, 0.9), ({"max_iterations": 6, "algorithm": "alm"}, 0.99)),
-    ],
-)
-def test_failed_steps_leave_no_trace(method, push):
-    """The load steps that a ramp ends up with, asked for one by one: the same solves, the same displacement.  Some fail
-    because statics says so, before anything is iterated, and some by too many iterations.
-    """
-    found = solve(ramp(push, nx=18, **method), check=False)
-    good = [step for step in found.steps if step.status is Status.CONVERGED]
-    assert any(str(event).endswith("half the increment") for event in found.history.events)
-    asked = ramp(push, steps=1, factors=[step.place for step in good], nx=18, **method)
-    wanted = solve(asked, check=False)
-    assert [step.linear_solves for step in good] == [step.linear_solves for step in wanted.steps]
-    # A factor that a failed step has left refines to the last bits only.
-    expected = wanted.displacement.x.array
-    assert found.displacement.x.array == pytest.approx(expected, rel=0, abs=1e-14 * np.abs(expected).max())
-
-
 def test_limit_load_from_nothing():
     """Without factors all loads grow together; Tresca friction of bound g holds at most g times the length."""
     bound = 2.0
