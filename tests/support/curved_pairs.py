@@ -4,18 +4,15 @@ Mirror-equal bodies meet in the plane of symmetry between them: the force is tha
 as nothing moves along that plane relative to the other side, friction has nothing to take.  So the shear, as a share of
 F P, and the difference of the forces are errors, of the frames and of the discretisation.
 
-    ./env python3 tests/support/curved_pairs.py plane | space | mirrored | unmatched | orders | slid | circle | steps
+    ./env python3 tests/support/curved_pairs.py mirrored | unmatched | circle | steps
 
 mirrored: equal bodies at a/R of .036, .075 and .144, points on either side, and spheres at .2, refined.  unmatched:
-spheres whose meshes do not match, refined, and flat sides with the same gap as a formula.  orders: what frames alone
-make of pressing, against flat sides or vertical normals, with its orders in a/R and 1/F.  slid: where contact is after
-the upper body has moved along the plane.  circle: Cattaneo's and Mindlin's problem, a block on a rigid circle, by the
-frame of the body, of the circle, half-way, and of a pair whose round side is held.  steps: what sticks after pressing
-in 1, 5 and 40 steps.
+spheres whose meshes do not match, refined, and flat sides with the same gap as a formula.  circle: Cattaneo's and
+Mindlin's problem, a block on a rigid circle, by the frame of the body, of the circle, half-way, and of a pair whose
+round side is held.  steps: what sticks after pressing in 1, 5 and 40 steps.
 """
 
 import sys
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -330,94 +327,7 @@ def unmatched():
             _row(words, mirrored("hexahedron", cells, 8.0, 0.6, slave=slave, flat=flat))
 
 
-def by_frames(radii, depth, friction):
-    """What frames make of pressing: a/R, and the sum of |shear| beyond that by the vertical normal over F P.
-
-    One radius: a flat block on a circle; two: bodies of the same stiffness, against flat sides with the same gap.
-    """
-    if len(radii) == 1:
-        made = [pressed_block(frame, friction)(0.0, depth).state for frame in ("circle", "body")]
-    else:
-        curvature = sum(1 / radius for radius in radii)
-        gaps = None, lambda x: curvature * x[0] ** 2 / 2
-        cells = ((60, 30),) * 2
-        made = [press("quadrilateral", cells, radii, depth, friction=friction, gap=gap).state for gap in gaps]
-    upright = made[1]
-    order = np.argsort(upright.boundary.x[:, 0])
-    x, weight, p = upright.boundary.x[order, 0], upright.boundary.weight[order], upright.pressure[order]
-    along = []
-    for state in made:
-        points = np.argsort(state.boundary.x[:, 0])
-        shear = (state.shear * state.boundary.tangents[:, 0])[points, 0]
-        along.append(np.interp(x, state.boundary.x[points, 0], shear))
-    half = 2 * np.sqrt((weight * p) @ x**2 / (weight @ p))
-    return half / radii[0], float(weight @ np.abs(along[0] - along[1])) / (friction * (weight @ p))
-
-
-def orders():
-    """Print ``by_frames``, orders fitted to three points each, and the share over the tilt of frames over F."""
-    print(f"{'radii':>24} {'F':>5} {'a/R':>6} {'share':>9} {'share F / tilt':>14}")
-    for radii, tilt in (((8.0,), 1.0), ((8.0, 1e9), 0.5), ((8.0, 16.0), 0.25)):
-        for varied, tried in (
-            ("a/R", [(depth, 0.3) for depth in (0.05, 0.1, 0.2)]),
-            ("1/F", [(0.1, friction) for friction in (0.15, 0.3, 0.6)]),
-        ):
-            rows = []
-            for depth, friction in tried:
-                ratio, share = by_frames(radii, depth, friction)
-                rows.append((ratio if varied == "a/R" else 1 / friction, share))
-                scaled = share * friction / (ratio * tilt)
-                print(f"{f'{radii}':>24} {friction:5.2f} {ratio:6.3f} {100 * share:8.2f}% {scaled:14.3f}")
-            print(f"{'':>24} order in {varied}: {np.polyfit(*np.log(np.transpose(rows)), 1)[0]:.2f}", flush=True)
-
-
-def slid():
-    """Print by how much of a the place of contact misses the true one after a motion along the plane, frictionless."""
-    print(f"{'':>24} {'moved by, over a':>16} {'off, over a':>11} {'force':>8}")
-
-    def row(words, problem, push, true):
-        boundary, p = problem.state.boundary, problem.state.pressure
-        x, w = boundary.x[:, 0], boundary.weight * p
-        middle = w @ x / w.sum()
-        half = 2 * np.sqrt(w @ (x - middle) ** 2 / w.sum())
-        force = abs(problem.state.forces[0][1])
-        print(f"{words:>24} {push / half:16.3f} {(middle - true * push) / half:11.3f} {force:8.4f}", flush=True)
-
-    for push in (0.0, 0.1, 0.2, 0.4):
-        for frame in ("circle", "half-way", "body"):
-            against = partial(Foundation, **foundation_of(frame, 8.0))
-            problem = press("quadrilateral", ((40, 24),), (np.inf,), 0.1, push=push, friction=0.0, contact=against)
-            row(f"block on circle, {frame}", problem, push, -1.0)
-        for radii, true in (((8.0, 8.0), -0.5), ((1e9, 8.0), -1.0), ((8.0, 1e9), 0.0)):
-            row(f"{radii}", press("quadrilateral", ((40, 24),) * 2, radii, 0.1, push=push, friction=0.0), push, true)
-
-
-def main(what):
-    """Print a table."""
-    if what in OTHERS:
-        OTHERS[what]()
-        return
-    kind, sizes, depths = {
-        "plane": ("quadrilateral", ((14, 10), (28, 20), (56, 40)), (0.01, 0.05, 0.18)),
-        "space": ("hexahedron", ((5, 5), (8, 7)), (0.1, 0.3)),
-    }[what]
-    print(f"{'cells':>24} {'a/R':>6} {'force':>10} {'share':>10}")
-    for depth in depths:
-        for n in sizes:
-            for cells in ((n, n), (n, (round(n[0] * 0.75), n[1]))):
-                for slave in (0, 1) if cells[0] != cells[1] else (0,):
-                    force, share, ratio = mirrored(kind, cells, 8.0, depth, slave=slave)
-                    print(f"{f'{cells} {slave}':>24} {ratio:6.3f} {100 * force:9.4f}% {100 * share:9.3f}%", flush=True)
-
-
-OTHERS = {
-    "circle": circle,
-    "steps": steps,
-    "mirrored": mirrored_table,
-    "unmatched": unmatched,
-    "orders": orders,
-    "slid": slid,
-}
+TABLES = {"circle": circle, "steps": steps, "mirrored": mirrored_table, "unmatched": unmatched}
 
 if __name__ == "__main__":
-    main(*sys.argv[1:])
+    TABLES[sys.argv[1]]()
