@@ -229,10 +229,6 @@ POLYGON_PEAK = 0.5
 # error, now 1.1 to 1.96.
 FORCE_OF_ENERGY = {(3, 1): 0.12}
 BALANCED_BY_STATICS = 1e-9
-# Shares of the sum of the contributions of cells, and of that of their sizes, in the error of a force that is asked for
-# on such meshes, see ``recovered_force``.  Tuned on bodies in 3D with random loads, so that estimates are
-# above the error: from the third mesh on these sums are 0.68 to 1.08 and 0.70 to 1.33 times it, now 1.1 to 1.8.
-FORCE_OF_SUM, FORCE_OF_CELLS = 1.1, 0.5
 # The smallest rate that changes of the largest pressure show.  Tuned on an earlier estimate of it, with the problems of
 # docs/evidence/largest_pressure.csv.
 SLOWEST_PEAK = 0.75

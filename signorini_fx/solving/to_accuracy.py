@@ -33,9 +33,7 @@ from signorini_fx.results.accuracy.convergence_table import (
 from signorini_fx.results.accuracy.local_estimates import LOCAL
 from signorini_fx.results.accuracy.mesh_level import LevelResult
 from signorini_fx.results.accuracy.peak_error import diverging_row
-from signorini_fx.results.accuracy.recovered_force import force_by_recovery
 from signorini_fx.results.deferred_quantities import failure_in_words
-from signorini_fx.results.mechanics import StatedBody
 from signorini_fx.results.solution import Solution
 from signorini_fx.solving.coarser_solution import Unsolved
 from signorini_fx.solving.finer_meshes import Meshes
@@ -43,7 +41,6 @@ from signorini_fx.solving.meshed_problem import SolvedMesh
 from signorini_fx.tuned import (
     FEW_NODES,
     FEWEST_MESHES,
-    FORCE_OF_ENERGY,
     INDISTINGUISHABLE,
     LARGEST_GAMMA,
     MARGIN,
@@ -105,8 +102,6 @@ def solve_to_accuracy(
             elif late:
                 notify(f"accuracy: {ended}")
             return replace(solution, levels=tuple(levels))
-        if goal.of == "force" and meshes.adaptive:
-            level = _with_recovered_error(solved, level)
         if not levels:
             meshes.keep(solved)
         polygon = meshes.problem.polygon_error(solved, polygon)
@@ -173,20 +168,6 @@ def solve_to_accuracy(
         elif outcome.data.gamma_n >= LARGEST_GAMMA * task.natural_gamma:
             notify("accuracy: the regularisation leaves more, and gamma is as large as double precision allows")
             return replace(solution, status=Status.OUT_OF_REACH)
-
-
-def _with_recovered_error(solved: SolvedMesh, level: LevelResult) -> LevelResult:
-    """The mesh with the error of contact forces from stress recovery, where this is known of the problem; collective.
-
-    Of meshes that are divided here and there changes of forces tell no error.
-    """
-    solution, outcome = solved.solution, solved.outcome
-    covered = (level.dimension, level.degree) in FORCE_OF_ENERGY and len(solution.steps) == 1
-    contact = solution.steps[-1].contact
-    if not (covered and isinstance(solution.model, StatedBody)) or outcome is None or contact is None:
-        return level
-    error = force_by_recovery(solution.model, solved.task, outcome, contact, solution.steps[-1].place)
-    return replace(level, recovered_force=error)
 
 
 def _smaller_mesh(

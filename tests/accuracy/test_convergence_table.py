@@ -54,9 +54,7 @@ def test_error_of_a_force(paired):
     """That of 1 + h^2 is h^2; between two bodies the pressure is its lower limit, and its rate does not matter."""
 
     def level(h, inside):
-        return SimpleNamespace(
-            force=np.array([0.0, 1 + h**2]), energy=h, h=h, inside=inside, data=0.0, paired=paired, recovered_force=None
-        )
+        return SimpleNamespace(force=np.array([0.0, 1 + h**2]), energy=h, h=h, inside=inside, data=0.0, paired=paired)
 
     for meshes in ([0.4, 0.2], [0.4, 0.2, 0.1]):
         found = force_error([level(h, 1e-3 if paired else h / 3) for h in meshes])
@@ -74,7 +72,7 @@ def test_error_of_a_force_on_meshes_that_are_divided_here_and_there(dimension, d
 
     def level(force, energy):
         about = {"force": np.array([0.0, force]), "energy": energy, "inside": energy, "h": energy, "data": 0.0}
-        return SimpleNamespace(**about, paired=False, dimension=dimension, degree=degree, recovered_force=None)
+        return SimpleNamespace(**about, paired=False, dimension=dimension, degree=degree)
 
     levels = [level(1 - change, 0.2), level(1.0, 0.1)]
     by_changes = force_error(levels)
@@ -93,7 +91,6 @@ def test_error_of_a_force_that_a_coarse_mesh_does_not_have():
             inside=error,
             data=0.0,
             paired=False,
-            recovered_force=None,
         )
 
     assert force_error([level(0.0, 0.0), level(1.0, 0.1)]) > 0.5

@@ -39,8 +39,6 @@ def force_error(levels: Sequence[LevelResult], *, uniform: bool = True) -> float
     size = float(np.linalg.norm(fine.force))
     if size == 0.0:
         return None
-    if fine.recovered_force is not None:
-        return fine.recovered_force + fine.data
     estimates = [fine.inside**2 if fine.paired else 0.0]
     for coarse in levels[-1 - CHANGES_USED : -1]:
         change = float(np.linalg.norm(fine.force - coarse.force)) / size

@@ -53,8 +53,6 @@ class LevelResult(MeshCost):
         krylov_from: unknowns from which on a mesh is solved by a Krylov method; infinite: none is.
         paired: whether contact is between two bodies.
         degree: of the displacement.
-        recovered_force: error of contact and friction force as ``recovered_force`` tells it; None: it was not asked
-            for.
     """
 
     status: str
@@ -71,7 +69,6 @@ class LevelResult(MeshCost):
     krylov_from: float = np.inf
     paired: bool = False
     degree: int = 1
-    recovered_force: float | None = None
 
     @property
     def dimension(self) -> int:
