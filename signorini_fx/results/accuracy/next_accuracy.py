@@ -191,18 +191,27 @@ def next_cost(
         unknowns, times = _divided(statement, dimension, dofs)
         spread, degree = LOCAL_SPREAD, 2
     else:
-        unknowns = (
-            dofs * finer_for(NEXT_ERROR[dimension], crowded_share(tagged.mesh.comm, squares), degree) ** dimension
-        )
+        share = crowded_share(tagged.mesh.comm, squares)
+        unknowns, degree = _uniform(statement, dimension, of, dofs, share)
         times, spread = times_of([unknowns], dofs, dimension), UNIFORM_SPREAD
     target = f"{min(following * MARGIN.get((of, degree), MARGIN_OF_OTHERS), 0.99):.2g}"
     command = f"--accuracy {target}" + (f" --of {of}" if of != "energy" else "")
-    if statement.units is None:
-        command = f"Accuracy({target})" if of == "energy" else f"Accuracy({target}, {of!r})"
+    if statement.units is None:  # of forms
+        more = {"of": of} if of != "energy" else {}
+        more |= {"refinement": "adaptive"} if local else {}
+        command = f"Accuracy(target={target}{''.join(f', {key}={value!r}' for key, value in more.items())})"
     middle = (last - starting) * times
     seconds = sum(seconds for _, seconds in solved)
     both = (starting + middle / spread, starting + middle * spread)
     return CostOfAccuracy(of, error, seconds, dofs, following, both, unknowns, command, local)
+
+
+def _uniform(statement: Statement, dimension: int, of: str, dofs: float, share: float) -> tuple[float, int]:
+    """Unknowns where all cells become smaller, and the degree of the elements that are taken then."""
+    times, degree = NEXT_ERROR[dimension], statement.element.degree
+    if dimension == 2 and degree == 1 and of in LOCAL and statement.units is not None:
+        times, degree, dofs = 2 * times, 2, 4 * dofs  # as in ``local_meshes``
+    return dofs * finer_for(times, share, degree) ** dimension, degree
 
 
 def local_meshes(dofs: float, degree: int, *, generated: bool, divided: bool = False) -> list[float]:
@@ -250,10 +259,10 @@ def before_solving(statement: Statement, tagged: TaggedMesh, dofs: float) -> tup
     """Unknowns for the next accuracy and times as many seconds, from and to; and whether cells are divided where the
     error is; collective.
     """
-    dimension, degree = tagged.dimension, statement.element.degree
+    dimension = tagged.dimension
     of = "energy" if statement.accuracy is None else statement.accuracy.of
     if divides_cells(statement, tagged, of):
         number, times = _divided(statement, dimension, dofs)
         return [number] * 2, [times / LOCAL_SPREAD, times * LOCAL_SPREAD], True
-    unknowns = [dofs * finer_for(NEXT_ERROR[dimension], share, degree) ** dimension for share in (0.0, 1.0)]
+    unknowns = [_uniform(statement, dimension, of, dofs, share)[0] for share in (0.0, 1.0)]
     return unknowns, [times_of([number], dofs, dimension) for number in unknowns], False
