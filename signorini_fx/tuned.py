@@ -250,12 +250,12 @@ LEAST_GROWING_TIME = 0.25
 # thousand times the unknowns, half.  Choice.
 NEXT_ERROR = {2: 0.1, 3: 0.5}
 # Cells with more than this many times the mean of the squared error crowd at singular points; the error in them
-# decreases like h to this power.  Tuned on the first meshes of docs/evidence/forecasts.csv.
+# decreases like h to this power.  Tuned on the problems of demos/studies/forecast_problems.py.
 CROWDED, CORNER_EXPONENT = 3.0, 0.7
 # How many times finer a mesh is at most that a forecast is for.  Choice.
 MOST_FINER = 1e4
 # A solve takes as long as if it had so many unknowns more, each of the same time, by dimension.  Tuned like the next
-# three on 46 runs of 36 problems of docs/evidence/forecasts.csv in 2D, without arcs; in 3D on six of its problems.
+# three on 46 runs of 36 problems of demos/studies/forecast_problems.py in 2D, without arcs; in 3D on six of them.
 FIXED_UNKNOWNS = {2: 2300.0, 3: 400.0}
 # Meshes that are divided where the error is: unknowns of the first one, growth from each to the next, and those of the
 # mesh with the error of a uniform one, over the square root of the unknowns of that.
@@ -265,8 +265,8 @@ MESHES_TIMES = 1.33
 # Half of the error on tetrahedra of degree 2 takes as long as a mesh of degree 1 with so many unknowns, and so many
 # times those of the mesh that was solved.  Tuned on eight solves of 975 to 6,591 unknowns in 3D: 0.5 to 1.3 times it.
 SPACE_FIXED, SPACE_GROWTH = 5700.0, 2.0
-# Seconds foretold are known within these factors.  The first holds for 89 % of these 46 runs, and for 93 % of 29 others
-# that were made afterwards; the second for 85 % of the uniform meshes of docs/evidence/forecasts.csv.
+# Seconds foretold are known within these factors.  The first held for 89 % of these 46 runs, for 93 % of 29 others, and
+# for 41 of 52 small meshes of docs/evidence/forecasts.csv; the second for the unknowns of 85 % of 63 uniform meshes.
 LOCAL_SPREAD, UNIFORM_SPREAD = 2.0, 3.5
 # Unknowns that no uniform mesh is foretold for: 60 times those of the largest mesh of the same runs.
 MOST_UNIFORM_UNKNOWNS = 2.5e6

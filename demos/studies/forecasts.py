@@ -25,7 +25,9 @@ ALPHA, LIMIT = 0.15, 20.0
 
 
 def _seconds(solution: Any) -> float:
-    return float(sum(price.seconds for price in solution.convergence_table if not price.predicted))
+    if solution.convergence_table:
+        return float(sum(price.seconds for price in solution.convergence_table if not price.predicted))
+    return float(sum(solution.timings.total.values()))
 
 
 def row_of(problem: Problem) -> dict[str, Any]:
@@ -57,9 +59,7 @@ def row_of(problem: Problem) -> dict[str, Any]:
     goal = Accuracy(target=float(cost.command.split()[1]), seconds=LIMIT)
     fine = solved(accuracy=goal)
     low, high = cost.next_seconds
-    needed = _seconds(fine) if fine.convergence_table else math.nan
-    if fine.status.value != "converged":
-        needed = max(LIMIT, needed)
+    needed = _seconds(fine) if fine.converged else LIMIT
     miss = max(math.log(low / needed), math.log(needed / high), 0.0)
     return row | {
         "needed": f"{needed:.2g}" if fine.converged else f"above {needed:.2g}",
