@@ -385,7 +385,7 @@ def test_answers_come_first(folders):
     assert "largest contact pressure 8.221" in stress
     assert "of load step 3" in stress
     assert sure == f"error of the stress {100 * summary['cost']['error']:.2g} % in the mean, estimated"
-    assert "--accuracy" not in checked
+    assert "--accuracy 5%" not in checked
     sure, checked = texts(cost=None)[3]
     assert sure == "error of the mesh not estimated"
     assert "--accuracy 5%" in checked
