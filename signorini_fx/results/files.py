@@ -15,11 +15,11 @@ import numpy.typing as npt
 from mpi4py import MPI
 from pydantic import BaseModel
 
-from signorini_fx.errors import InstallationError, MissingPackageError, PictureError, cannot_be_written
+from signorini_fx.errors import InstallationError, MissingPackageError, PictureError, ResultError, cannot_be_written
 from signorini_fx.extensions import add_on
 from signorini_fx.machine import parallel
 from signorini_fx.machine.csv_text import Table, write_columns, write_csv
-from signorini_fx.machine.result_files import read_csv, read_facets
+from signorini_fx.machine.result_files import read_csv, read_facets, read_summary
 from signorini_fx.machine.terminal import printable, say
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable, contact_table
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
@@ -115,6 +115,14 @@ def write_results(
         return _Written(solution, claimed).write(
             kind, gather and partial(gather, asked=() if isinstance(pictures, bool) else pictures, pdf=pdf), missing
         )
+
+
+def title_of_result(folder: Path) -> str | None:
+    """The title of the scene whose result a folder has; None: it has none."""
+    try:
+        return str(read_summary(folder).get("title", ""))
+    except ResultError:
+        return None
 
 
 def _gatherer(pictures: bool | Sequence[str]) -> tuple[Callable[..., Any] | None, str]:

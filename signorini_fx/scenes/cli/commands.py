@@ -111,6 +111,9 @@ def _solved(options: argparse.Namespace) -> tuple[Solution, int]:
     watched = parallel.on_root(comm, lambda: not options.quiet and terminal.is_terminal(sys.stderr))
     try:
         with ResultFolder(comm, path, (*files.FILES, *files.INNER)) as folder:
+            older = parallel.on_root(comm, lambda: files.title_of_result(path))
+            if older not in (None, scene.title) and not options.quiet:
+                parallel.log_on_root(comm, f"{path}: the result of another scene, {older!r}, will be replaced")
             try:
                 solution = solver.solve(
                     scene,
