@@ -6,7 +6,6 @@ import os
 
 _RANK = ("PMIX_RANK", "OMPI_COMM_WORLD_RANK", "PMI_RANK", "SLURM_PROCID")
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS")
-_FAMILIES = ("OMPI_", "PMIX_", "PMI_", "PRTE_")
 
 
 def started_as_root() -> bool:
@@ -30,8 +29,3 @@ def limit_threads() -> None:
     """
     if not any(name in os.environ for name in _THREADS):
         os.environ["OMP_NUM_THREADS"] = "1"
-
-
-def environment_of_no_rank() -> dict[str, str]:
-    """The environment for a separate program, which would otherwise take itself for one of the MPI ranks."""
-    return {name: value for name, value in os.environ.items() if not name.startswith(_FAMILIES)}
