@@ -2,11 +2,8 @@
 
 Each load step on each mesh has a folder of its own, which appears under its name when it is complete: the displacement
 cell by cell in the order of the input of the mesh, which all ranks write together and which does not depend on them;
-what belongs to the contact nodes with their positions; and figures with the digests of these files.  A folder that
-lacks something, or whose digests differ, does not count, and neither does a checkpoint whose scene has another digest.
-
-adios4dolfinx 0.9.3 keeps functions in the same order, but creates its graphs of ranks by MPI_Dist_graph_create, which
-does not always end in Open MPI 5.0.7.
+what belongs to the contact nodes with their positions; and figures with the digest of all of it.  A folder whose digest
+differs does not count, and neither does a checkpoint whose scene has another one.
 """
 
 from __future__ import annotations
@@ -53,7 +50,7 @@ class Checkpoint:
     Attributes:
         path: where the load steps are.
         found: how many complete load steps there are to go on from.
-        damaged: files that are missing, or are not as they were written.
+        damaged: load steps, or the scene, of which a file is missing, or is not as it was written.
 
     Raises:
         SceneError: the checkpoint is that of another scene; all keys that differ are named.
@@ -179,7 +176,7 @@ class Checkpoint:
                 named: dict[str, Any] = dict(zip(columns, pieces, strict=True))
                 with (part / _NODES).open("wb") as file:
                     np.savez(file, **named)
-                all_figures = {**figures, "files": _digests(part, figures)}
+                all_figures = {**figures, "digest": _digest_of(figures, part)}
                 (part / _FIGURES).write_text(json.dumps(all_figures), encoding="utf-8")
                 target = self._folder(level, step)
                 shutil.rmtree(target, ignore_errors=True)
@@ -239,10 +236,10 @@ class Checkpoint:
         self._forget((level, step))
 
     def _open(self) -> tuple[dict[tuple[int, int], Figures], list[Path]]:
-        """The complete load steps on disk, and the damaged files; on one rank."""
+        """The complete load steps on disk, and what is damaged; on one rank."""
         file = self.path / _SCENE
         try:
-            description = _read_json(file)
+            description = json.loads(file.read_text(encoding="utf-8"))
             digest = description.pop("digest")
             if digest != _digest_of(description):
                 return {}, [file]
@@ -266,58 +263,30 @@ class Checkpoint:
         for folder in sorted(self.path.glob("*-*")):
             level, _, step = folder.name.partition("-")
             if level.isdecimal() and step.isdecimal():
-                figures, wrong = _checked(folder)
-                damaged += wrong
-                if not wrong:
+                figures = _checked(folder)
+                if figures is None:
+                    damaged.append(folder)
+                else:
                     complete[int(level), int(step)] = figures
         return complete, damaged
 
 
-def _checked(folder: Path) -> tuple[Figures, list[Path]]:
-    """The figures of a load step, and its files that are missing or changed."""
+def _checked(folder: Path) -> Figures | None:
+    """The figures of a load step; None: a file is missing or changed."""
     try:
-        figures: Figures = _read_json(folder / _FIGURES)
-        told, there = dict(figures.pop("files")), _of_files(folder)
-        if told.pop(_FIGURES) != _digest_of([figures, told]):
-            return {}, [folder / _FIGURES]
+        figures: Figures = json.loads((folder / _FIGURES).read_text(encoding="utf-8"))
+        return figures if figures.pop("digest") == _digest_of(figures, folder) else None
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
-        return {}, [folder / _FIGURES]
-    return figures, [folder / name for name in sorted({*told, *there}) if told.get(name) != there.get(name)]
+        return None
 
 
-def _digests(folder: Path, figures: Figures) -> dict[str, str]:
-    """SHA-256 of every file in a folder by its name; of the figures that of their JSON with those of the others."""
-    others = _of_files(folder)
-    return {**others, _FIGURES: _digest_of([figures, others])}
-
-
-def _of_files(folder: Path) -> dict[str, str]:
-    """SHA-256 of every file in a folder but the figures, by its name."""
-    digests = {}
-    for path in sorted(folder.rglob("*")):
-        if path.is_file() and path.name != _FIGURES:
-            with path.open("rb") as file:
-                digests[str(path.relative_to(folder))] = hashlib.file_digest(file, "sha256").hexdigest()
-    return digests
-
-
-def _read_json(file: Path) -> dict[str, Any]:
-    """What ``json.dumps`` has written there.
-
-    Raises:
-        ValueError: it has not written it so: a byte may differ although its meaning is the same.
-    """
-    text = file.read_text(encoding="utf-8")
-    data: dict[str, Any] = json.loads(text)
-    if json.dumps(data) != text:
-        raise ValueError(f"{file}: has been changed")
-    return data
-
-
-def _digest_of(data: Any) -> str:
-    """The SHA-256 of plain data, as their JSON has them."""
-    told = json.dumps(json.loads(json.dumps(data)), sort_keys=True)
-    return hashlib.sha256(told.encode()).hexdigest()
+def _digest_of(data: Any, folder: Path | None = None) -> str:
+    """The SHA-256 of plain data, as their JSON has them, and of the files in a folder beside the figures."""
+    digest = hashlib.sha256(json.dumps(json.loads(json.dumps(data)), sort_keys=True).encode())
+    files = [] if folder is None else sorted(path for path in folder.iterdir() if path.name != _FIGURES)
+    for path in files:
+        digest.update(path.name.encode() + path.read_bytes())
+    return digest.hexdigest()
 
 
 def _rows_of(space: fem.FunctionSpace, cells: int) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int64], MPI.Datatype]:

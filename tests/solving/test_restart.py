@@ -364,7 +364,7 @@ def broken(folder, what):
         file = step / "displacement.bin"
         file.unlink()
     elif what == "figures":
-        file.write_text('{"files": {')
+        file.write_text('{"place": {')
     elif what == "scene":
         file = folder / CHECKPOINT / "scene.json"
         told = json.loads(file.read_text())
@@ -372,7 +372,7 @@ def broken(folder, what):
         file.write_text(json.dumps(told))
     elif what in ("no number", "other number"):
         figures = json.loads(file.read_text())
-        name, values = next((name, value) for name, value in figures.items() if name != "files" and _number(value))
+        name, values = next((name, value) for name, value in figures.items() if _number(value))
         figures[name] = _changed(values, float("nan") if what == "no number" else 7.7)
         file.write_text(json.dumps(figures))
     else:
@@ -399,21 +399,30 @@ def _changed(value, number):
 @pytest.mark.one_quick
 @pytest.mark.parametrize("what", ["removed", "figures", "no number", "other number", "nodes", "field", "scene"])
 def test_truncated(tmp_path, what):
-    """A load step that is not whole is left out, and solved again; the file that is damaged is named."""
+    """A load step that is not whole is left out, and solved again; what is damaged is named."""
     given = scene(PUSHED)
     interrupted(given, MPI.COMM_SELF, tmp_path, 4)
     file = broken(tmp_path, what)
     solution = solve(given, MPI.COMM_SELF, checkpoint=tmp_path, restart=True)
     first, second = solution.history.events[:2]
     assert first.startswith("restart: nothing" if what == "scene" else "restart: 2 complete load steps")
-    assert second == f"restart: damaged, so that what needs it is solved again: {file}"
+    damaged = file if what == "scene" else file.parent
+    assert second == f"restart: damaged, so that what needs it is solved again: {damaged}"
     assert_same(solution, solve(given, MPI.COMM_SELF))
+
+
+def _meaning(data):
+    """What JSON says; None: nothing."""
+    try:
+        return json.loads(data)
+    except ValueError:
+        return None
 
 
 @pytest.mark.one_quick
 @pytest.mark.parametrize("text", [PUSHED, BODIES, IN_SPACE, TWISTED], ids=["plane", "bodies", "space", "torsion"])
 def test_a_byte_of_any_file(tmp_path, text):
-    """Wherever one differs from what was written, its file is named, and nothing that is in it is believed."""
+    """Wherever one differs from what was written, its load step is named, and nothing that is in it is believed."""
     given, rng = scene(text), np.random.default_rng(0)
     interrupted(given, MPI.COMM_SELF, tmp_path, 3)
     files = [path for path in sorted((tmp_path / CHECKPOINT).rglob("*")) if path.is_file() and path.name != MANIFEST]
@@ -422,13 +431,14 @@ def test_a_byte_of_any_file(tmp_path, text):
         whole = file.read_bytes()
         places = {0, len(whole) - 1, *rng.integers(0, len(whole), 6).tolist()}
         changed = [whole[:at] + bytes([whole[at] ^ 1]) + whole[at + 1 :] for at in places]
-        if file.suffix == ".json":
-            changed.append(whole.replace(b", ", b",\t", 1))  # with the same meaning
+        if file.suffix == ".json":  # the last digits of a number may be written otherwise
+            changed = [data for data in changed if _meaning(data) != _meaning(whole)]
         for data in changed:
             file.write_bytes(data)
             found = Checkpoint(MPI.COMM_SELF, tmp_path, given, restart=True)
-            assert found.damaged == [file]
-            assert found.found == (0 if file.parent.name == CHECKPOINT else 1)
+            of_scene = file.parent.name == CHECKPOINT
+            assert found.damaged == [file if of_scene else file.parent]
+            assert found.found == (0 if of_scene else 1)
         file.write_bytes(whole)
     assert not Checkpoint(MPI.COMM_SELF, tmp_path, given, restart=True).damaged
 
@@ -443,10 +453,10 @@ def test_the_certificate_judges(tmp_path):
     (step / "displacement.bin").write_bytes((other / "displacement.bin").read_bytes())
     with np.load(step / "nodes.npz") as ours, np.load(other / "nodes.npz") as theirs:
         np.savez(step / "nodes.npz", **{**ours, "y": theirs["y"]})
-    from signorini_fx.results.restart_files import _digests
+    from signorini_fx.results.restart_files import _digest_of
 
-    figures.pop("files")
-    (step / "figures.json").write_text(json.dumps({**figures, "files": dict(_digests(step, figures))}))
+    figures.pop("digest")
+    (step / "figures.json").write_text(json.dumps({**figures, "digest": _digest_of(figures, step)}))
     solution = solve(given, MPI.COMM_SELF, checkpoint=tmp_path, restart=True)
     assert solution.history.events[0].startswith("restart: 3 complete load steps")
     assert solution.history.events[1] == (
