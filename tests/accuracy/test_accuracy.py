@@ -44,7 +44,7 @@ def reference(request):
     return request.param, solve(example1(**FRICTION[request.param], nx=480, ny=160, algorithm="alm")).table.columns
 
 
-@pytest.mark.one_quick
+@pytest.mark.slow
 @pytest.mark.parametrize("target", [1e-1, 3e-2, 1e-2])
 def test_pressure(reference, target):
     """The true error of the contact pressure is what was asked for, or less."""
@@ -74,6 +74,7 @@ def with_reference(request):
     return request.param, Reference(divided(varied(scene, MPI.COMM_SELF), 2.0, 60_000)[-1])
 
 
+@pytest.mark.slow
 @pytest.mark.mpi(slow=True)
 def test_every_number_of_ranks_meets_it():
     """The same meshes, and with them the same answer, on any number of ranks."""
@@ -110,6 +111,7 @@ def test_supports_begin_where_the_scene_says():
         assert points[:, :, 1].min() == pytest.approx(0.25)
 
 
+@pytest.mark.slow
 def test_uniform_meshes_jump_to_what_is_needed():
     """The scene's own elements, in whole multiples of the coarsest, with few meshes in between."""
     solution = solve(asked("tresca", target=2e-2, of="energy", refinement="uniform"), MPI.COMM_SELF)
@@ -119,7 +121,7 @@ def test_uniform_meshes_jump_to_what_is_needed():
     assert counts[-1] > 8 > len(counts)
 
 
-@pytest.mark.one_quick
+@pytest.mark.slow
 @pytest.mark.parametrize("of", ["energy", "pressure"])
 def test_own_triangles(with_reference, of):
     """A mesh that no generator makes gets degree 2 as well: the accuracy is met with few unknowns."""
@@ -150,6 +152,7 @@ def test_gamma_is_raised_where_it_is_in_the_way():
     assert solution.levels[-1].pressure_regularisation < 0.5 * 3e-2
 
 
+@pytest.mark.slow
 def test_path_following_leaves_less_where_it_is_in_the_way():
     """What the scene lets it leave is more than the target: it is lowered, and no mesh is solved for ever."""
     meshes = []
@@ -231,7 +234,7 @@ def test_the_memory_of_the_machine_is_a_budget(monkeypatch):
     assert not any(line.startswith("  fall-backs") for line in told)
 
 
-@pytest.mark.one_quick
+@pytest.mark.slow
 @pytest.mark.parametrize("refinement", ["adaptive", "uniform"])
 def test_forecasts_are_of_the_mesh_that_follows(monkeypatch, refinement):
     """How much finer it is was guessed once, as twice the unknowns: in 3D there were six times as many."""
@@ -292,7 +295,7 @@ def block_on_table():
     return random_scenes.reference(one, 25, 20_000)
 
 
-@pytest.mark.one_quick
+@pytest.mark.slow
 @pytest.mark.parametrize("target", [0.1, 0.05, 0.02])
 def test_contact_up_to_a_corner(block_on_table, target):
     """The pressure at the corner is singular: what is asked for is met there too, and the estimate is no fluke."""
@@ -316,6 +319,7 @@ def test_the_largest_pressure_at_a_corner_has_no_value():
     assert "the largest pressure has no finite value" in solution.advice  # and so in the first lines
 
 
+@pytest.mark.slow
 def test_a_pressure_without_a_finite_norm():
     """Much friction against a slipping corner: the pressure grows like r^-0.54, and has no finite norm."""
     mesh = {"generator": "rectangle", "parameters": {"length": 3.0, "nx": 30, "ny": 10}}

@@ -367,7 +367,7 @@ def pressed_sphere(size):
     raise AssertionError("the sets of the reference do not repeat")
 
 
-@pytest.mark.one_quick
+@pytest.mark.slow
 @pytest.mark.parametrize(("target", "size"), [(0.2, 0.04), pytest.param(0.05, 0.02, marks=pytest.mark.long)])
 def test_two_spheres(target, size):
     """Against one on a plane, beyond which its twin is a mirror image; Hertz's half-spaces are 8 % softer."""
@@ -381,6 +381,7 @@ def test_two_spheres(target, size):
     assert 2 * found.convergence_table[-2].force < target
 
 
+@pytest.mark.slow
 def test_curved_facets():
     """The map between facets that arcs of 40 degrees bound."""
     assert solve(spheres(2.4, 2), MPI.COMM_SELF).certificate.coupling < 1e-8

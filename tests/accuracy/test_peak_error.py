@@ -72,6 +72,7 @@ PROBLEMS = {
 }
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("degree", "target"),
     [

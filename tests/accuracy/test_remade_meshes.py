@@ -299,6 +299,7 @@ def test_lengths_on_ranks():
         assert len(together.cells) == 0
 
 
+@pytest.mark.slow
 @pytest.mark.mpi(slow=True)
 def test_two_bodies_on_ranks(tmp_path):
     folder = MPI.COMM_WORLD.bcast(tmp_path)

@@ -196,13 +196,6 @@ def larger(values, found):
     return 1.001 * np.asarray(values)
 
 
-def one_larger(values, found):
-    """That in the middle by a thousandth."""
-    values = np.array(values)
-    values[len(values) // 2] *= 1.001
-    return values
-
-
 def partners_of_others(frames, found):
     """Points whose partners are those of the next one."""
     shares = frames.master.toarray()
@@ -260,6 +253,7 @@ def test_tips_on_an_axis_are_in_the_plane_of_symmetry(slope, slave):
     assert certificate.coupling < 1e-9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("dim", "kind", "upto"),
     [
@@ -286,6 +280,7 @@ def test_a_step_begins_with_what_supports_fix_there(dim, kind, upto):
 ANGLES = (np.pi / 2, 0.4, 1.0, 2.0, 3.0, 4.5, 5.5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("degree", "upto", "friction", "angles"),
     [
@@ -317,6 +312,7 @@ def test_nodes_over_each_other_that_are_held(degree, upto, friction, angles):
     )
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("fault", FAULTS)
 def test_faults_of_the_map_are_refused(fault, monkeypatch):
     """A solve with the fault is not certified."""

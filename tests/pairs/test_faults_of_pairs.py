@@ -117,6 +117,7 @@ def stacked(kind, counts, low, high, degree):
     return scene
 
 
+@pytest.mark.slow
 def test_functions_of_small_parts_of_facets_multiply_round_off():
     """Dual functions on a tenth of the width of 9-node facets are large: distances of sides that touch are round-off
     times these, which is no fault.

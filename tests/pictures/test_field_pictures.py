@@ -176,7 +176,7 @@ def test_fields_are_the_same_on_any_number_of_ranks():
         np.testing.assert_allclose(mises, found.values["von_mises"], rtol=1e-8, atol=1e-10 * mises.max())
 
 
-@pytest.mark.one_quick
+@pytest.mark.slow
 @pytest.mark.parametrize("scene", [lambda: example1(nx=6, ny=2), lambda: block(4)], ids=["plane", "space"])
 def test_only_what_is_asked_for_is_drawn(tmp_path, monkeypatch, scene):
     """As PNG, and as PDF if wanted; a later run takes them away; without a field of the stress the tensor is not

@@ -60,6 +60,7 @@ def at(picture, camera, points):
     return picture[::-1][row, column]
 
 
+@pytest.mark.slow
 def test_points_are_where_the_camera_says():
     """Small spheres, as squares, at the corners of a cube; the nearest ones are drawn over those behind."""
     seen = view.oblique()

@@ -134,7 +134,7 @@ def test_curved_and_in_pieces():
     assert (np.einsum("ij,ij->i", hole.normals, middles) < -0.9 * np.linalg.norm(middles, axis=1)).all()
 
 
-@pytest.mark.one_quick
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", ["png", "pdf", "svg"])
 def test_commands(tmp_path, capsys, suffix):
     """``check`` and ``mesh-info`` draw, and their text is what it is without a picture."""
@@ -165,6 +165,7 @@ def test_commands(tmp_path, capsys, suffix):
     assert "cannot be written" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_a_body_in_space_is_drawn(tmp_path):
     """With hidden boundaries, names and arrows."""
     needs_pictures_in_3d()

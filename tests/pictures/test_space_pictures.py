@@ -105,7 +105,7 @@ def panels(figure):
     return [axes for axes in figure.axes if axes.get_label() != "<colorbar>"]
 
 
-@pytest.mark.one_quick
+@pytest.mark.slow
 def test_files(folder):
     """All are there, of a size to look at, none is blank, and none of those of a plane scene."""
     needs_pictures_in_3d()
@@ -402,6 +402,7 @@ def test_pictures_on_ranks(tmp_path):
             assert np.mean(np.abs(ours - theirs) > 8) < 0.005
 
 
+@pytest.mark.slow
 @pytest.mark.mpi(slow=True)
 def test_too_many_facets(tmp_path, monkeypatch, capsys):
     """The body is left out with a line that says why and where to look, the rest is drawn; on any number of ranks."""
@@ -545,6 +546,7 @@ def linear():
     return data.model_copy(update={"displacement": tuple(held), "contact": ()})
 
 
+@pytest.mark.slow
 def test_pictures_of_what_failed(folders):
     """Numbers that are none do not keep the rest from being drawn."""
     needs_pictures_in_3d()
@@ -598,6 +600,7 @@ def test_broken_folders(folders, tmp_path, capsys, name, text, message):
     assert re.fullmatch(rf"signorini-fx: error: {re.escape(str(copy))}[^\n]*\n", printed.err)
 
 
+@pytest.mark.slow
 def test_plane_scenes_import_nothing_of_it(tmp_path):
     """Neither solve nor report of a plane scene imports what draws in 3D."""
     code = """
@@ -628,6 +631,7 @@ print([name for name in sys.modules if name.startswith("signorini_fx.")])
         assert name not in run.stdout
 
 
+@pytest.mark.slow
 def test_page_needs_no_dolfinx(folders, tmp_path):
     """The report of a body in 3D imports neither dolfinx nor MPI."""
     code = """

@@ -85,6 +85,7 @@ def test_a_converged_answer_is_right(rows):
 PROMISED = "python3-cvxopt" in (ROOT / "Dockerfile").read_text(encoding="utf-8") and "SFX_ENVIRONMENT" in os.environ
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(
     convex.cvxopt is None and not PROMISED, reason="CVXOPT (python3-cvxopt) is missing: no convex programme is solved"
 )

@@ -83,7 +83,7 @@ def test_what_is_wrong_is_noticed(seed, spoil, answers):
     assert found.kind == (RIGHT if spoil is None else WRONG), found.worst
 
 
-@pytest.mark.one_quick
+@pytest.mark.slow
 @pytest.mark.parametrize("known", [True, False])
 def test_planes_of_symmetry(known, monkeypatch):
     """Where supports hold both bodies across a plane, the normal on it is that of both halves; elsewhere it is not."""

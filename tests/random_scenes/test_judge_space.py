@@ -53,6 +53,7 @@ def test_a_converged_answer_is_right(rows):
     assert sum(row.kind == RIGHT for row in rows) > len(rows) / 2
 
 
+@pytest.mark.slow
 @needs_cvxopt
 def test_given_friction_is_a_cone_programme(rows):
     """Right answers have been computed a second time by CVXOPT."""
@@ -252,7 +253,7 @@ def test_what_is_wrong_is_noticed(name, spoil, tmp_path):
     assert verdict(name, spoil(answer(name, tmp_path))).kind == WRONG
 
 
-@pytest.mark.one_quick
+@pytest.mark.slow
 @pytest.mark.parametrize("name", TRIALS)
 def test_another_scene_is_noticed(name, tmp_path):
     """The answer of a scene with other data: loads by 1 %, the bound by 1 %, a Poisson's ratio, a support, a gap."""
@@ -390,6 +391,7 @@ def test_units_are_taken_back():
     assert back["weight"] == pytest.approx([1.0])
 
 
+@pytest.mark.slow
 def test_the_command(tmp_path):
     """Scenes in plane and space in one run."""
     assert command.main(["--first", "3", "--plane", "1", "--space", "1", "--out", str(tmp_path)]) == 0

@@ -78,6 +78,7 @@ def test_an_honest_answer_is_right(answer):
     assert {str(state)[:4] for state in answer.steps[0].table["state"]} == {"open", "stic", "slip"}
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("path", CHANGES)
 def test_another_value_is_noticed(answer, path):
     """The oracle reads the value from the scene, and takes it for what the package does."""

@@ -31,7 +31,7 @@ def agree(seed, folder):
     return product
 
 
-@pytest.mark.one_quick
+@pytest.mark.slow
 @pytest.mark.mpi(slow=True)
 @pytest.mark.parametrize("seed", QUICK, ids=lambda seed: f"{seed} {Product.drawn(seed).name}")
 def test_products(seed, tmp_path):

@@ -151,7 +151,7 @@ def ends_well(data):
         assert not solution.converged
 
 
-@pytest.mark.one_quick
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [150, 60])
 def test_random_scenes(count):
     """Effects of all kinds, thrown together."""
@@ -202,6 +202,7 @@ def spoilt(data, path, value):
     return data
 
 
+@pytest.mark.slow
 @settings(FEW, max_examples=200)
 @given(st.sampled_from(list(places(GOOD))), junk)
 def test_spoilt_scenes(path, value):

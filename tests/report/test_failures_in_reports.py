@@ -55,7 +55,7 @@ def scene_of(status, monkeypatch):
     return example1(bound=1.5, nx=6, ny=2, linear_algebra="full")
 
 
-@pytest.mark.one_quick
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "status",
     [Status.NOT_FINITE, Status.NOT_CERTIFIED, Status.LINEAR_SOLVER, Status.NO_MEMORY, Status.SINGULAR],

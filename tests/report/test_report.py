@@ -166,7 +166,7 @@ def pictures(page):
     return found
 
 
-@pytest.mark.one_quick
+@pytest.mark.slow
 def test_page_is_whole(folder):
     """Well-formed, one of each frame, readable on a phone, results before what stands behind them; links lead on."""
     page = Page(folder)
@@ -456,6 +456,7 @@ def broken(folder, tmp_path, *names, **texts):
     return copy
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("names", "texts", "message"),
     [
@@ -535,6 +536,7 @@ def test_without_pictures(tmp_path):
     assert [kind for kind, _ in pictures(page)] == ["svg+xml"] * 2
 
 
+@pytest.mark.slow
 def test_no_solver_is_imported(folders, tmp_path):
     """The command works where dolfinx is not: only the files are read."""
     code = (

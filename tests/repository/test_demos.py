@@ -72,6 +72,7 @@ def test_examples_of_the_paper(run):
     pictures("example1_tresca/deformed", "example2_tresca/profiles")
 
 
+@pytest.mark.slow
 @pytest.mark.mpi(slow=True)
 def test_hertz(run):
     """Half-width and peak of the formula without friction; friction narrows the contact and raises its peak."""
@@ -119,6 +120,7 @@ def test_accuracy_and_time(run):
     pictures("accuracy_and_time/error_against_time")
 
 
+@pytest.mark.slow
 @pytest.mark.mpi(slow=True)
 def test_own_effect(run):
     """The heated block has the pressure of the formula."""
@@ -201,6 +203,7 @@ def test_bracket(run):
     pictures("bracket/foot")
 
 
+@pytest.mark.slow
 @pytest.mark.mpi(slow=True)
 def test_friction_from_slip(run):
     """The coefficient is found where there is no noise, and else within its interval of confidence."""
@@ -221,6 +224,7 @@ def test_crowned_profile(run):
     pictures("crowned_profile")
 
 
+@pytest.mark.slow
 @pytest.mark.mpi(slow=True)
 def test_joint_diagram(run):
     """The share of the bolt is that of springs while the joint is closed; once it is open, the bolt takes all."""

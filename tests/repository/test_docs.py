@@ -212,6 +212,7 @@ def test_length_of_the_examples():
     assert all(re.search("^```(sh|python)$", one, re.MULTILINE) for one in asked)
 
 
+@pytest.mark.one_quick
 @each_block("toml")
 def test_toml(block, folder):
     """A whole scene passes ``check`` without a warning; tables alone fit the scene of the README."""
@@ -632,6 +633,7 @@ def test_symptoms():
             assert part.strip() in package, text
 
 
+@pytest.mark.slow
 def test_results(tmp_path):
     """Every file, every key of the summary and every column, of scenes that make all of them."""
     named = set(re.findall(r"`([\w.]+)`", (DOCS / "results.md").read_text(encoding="utf-8") + markdown()))
@@ -675,6 +677,7 @@ def test_code_that_is_named():
                 found = getattr(found, name)
 
 
+@pytest.mark.slow
 def test_linear_solves():
     """The counts of theory.md, at gamma = 1e8 on the mesh of the paper."""
     settings = [

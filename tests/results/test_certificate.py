@@ -98,7 +98,7 @@ each = pytest.mark.parametrize(("name", "algorithm"), PAIRS)
 by = pytest.mark.parametrize("algorithm", METHODS)
 
 
-@pytest.mark.one_quick
+@pytest.mark.slow
 @each
 def test_wrong_displacements(name, algorithm):
     """Scaled, turned, moved, one degree of freedom off by a thousandth, one off by a few millionths: none passes."""
@@ -116,7 +116,7 @@ def test_wrong_displacements(name, algorithm):
         refused(judged(solution, at(dof, lambda value: value - 5e-6 * largest)))
 
 
-@pytest.mark.one_quick
+@pytest.mark.slow
 @each
 def test_wrong_tractions(name, algorithm):
     """Pressure or shear off at one node, in whatever direction."""
@@ -162,6 +162,7 @@ KINDS = {
 }
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize(("name", "algorithm"), [pair for pair in PAIRS if pair[0] in ("Coulomb", "Tresca", "wedge")])
 def test_kinds_of_wrong_tractions(kind, name, algorithm):
@@ -530,6 +531,7 @@ def test_a_rigid_motion_is_no_deformation():
     refused(judged(solution, statement=scene), "entered")
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(("size", "stress"), [(1.0, 1.0), (1e-6, 1e9)])
 def test_a_body_that_moves_far_does_not_deform_another_one(size, stress):
     """Two blocks move by half of their size until a third one deforms them by a thousandth of that: a gap that is wrong
@@ -599,7 +601,7 @@ def test_a_rigid_motion_of_flat_cells_has_round_off():
     assert alone(scene).certificate.holds
 
 
-@pytest.mark.one_quick
+@pytest.mark.slow
 @pytest.mark.parametrize("stress", [1e-20, 1.0, 1e25])
 def test_a_load_that_a_support_takes_has_round_off(stress):
     """A support takes the whole load: nothing deforms, and what remains at the free nodes is in its last digits."""

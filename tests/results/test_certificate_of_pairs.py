@@ -120,6 +120,7 @@ def test_facets_that_the_user_named_are_missing(name, monkeypatch):
     assert problem.certificate.coupling == 1.0
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("degree", [1, 2])
 def test_faces_that_are_no_parallelograms(degree):
     """Integrands are no polynomials there; the identities hold."""

@@ -171,6 +171,7 @@ def rectangles(
     )
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("young", "degree", "cell"), [((180.0, 36.0, 1500.0), 2, "quadrilateral"), ((2800.0, 850.0, 260.0), 1, "triangle")]
 )

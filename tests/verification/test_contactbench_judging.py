@@ -197,6 +197,7 @@ def test_finer_meshes_end_where_one_took_long(monkeypatch, capsys, tmp_path):
         assert f"level {levels[-1]}: took" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_the_recorded_table_is_judged_by_the_references():
     """Errors and verdicts of docs/evidence/contactbench.csv follow from its values and the files; ours meets all."""
     with (Path(__file__).parents[2] / "docs" / "evidence" / "contactbench.csv").open(encoding="utf-8") as file:

@@ -37,6 +37,7 @@ def errors(program, name, level=0):
     return {q.name: (distance(q, values[q.name]), q.tolerance) for q in problem.quantities}
 
 
+@pytest.mark.one_quick
 @each_problem
 def test_the_package_meets_every_reference(name):
     """On the coarsest mesh within the tolerance of the file."""
@@ -58,6 +59,7 @@ def test_errors_fall(name):
             assert error <= tolerance / 1.6**levels, key
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["smooth-edge-tresca", *(pytest.param(n, marks=pytest.mark.slow) for n in NAMES)])
 def test_dolfinx(name):
     """A penalty by hand."""

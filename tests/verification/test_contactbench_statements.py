@@ -34,6 +34,7 @@ def test_thirty_problems():
     assert {read_problem(name).hypothesis for name in NAMES} == {"plane strain", "axisymmetric", "space"}
 
 
+@pytest.mark.one_quick
 @each_problem
 def test_complete(name):
     """Every statement has its words, every reference its source, every boundary its facets and points their nodes."""

@@ -142,10 +142,17 @@ class Setup:
         width, height = (high - low) * SETUP_INCHES / float((high - low).max())
         figure = Figure(figsize=(max(width, 3.4), height + 0.6), layout="constrained")
         axes = figure.subplots()
-        edges = {"edgecolor": "white", "linewidth": 0.3} if len(self.polygons) <= _MOST_EDGES else {"edgecolor": _BODY}
+        edges: dict[str, Any] = (
+            {"edgecolor": "white", "linewidth": 0.3} if len(self.polygons) <= _MOST_EDGES else {"edgecolor": _BODY}
+        )
         axes.add_collection(PolyCollection(list(self.polygons), facecolor=_BODY, **edges))
         for number, (boundary, colour) in enumerate(self._coloured):
-            line = {"colors": colour, "linewidths": 2.4, "linestyles": [self._line(number)], "zorder": 4}
+            line: dict[str, Any] = {
+                "colors": colour,
+                "linewidths": 2.4,
+                "linestyles": [self._line(number)],
+                "zorder": 4,
+            }
             axes.add_collection(LineCollection(list(boundary.corners), **line))
             if boundary.grounded:  # strokes on the side where the foundation is
                 rows = _spaced_rows(boundary.middles, self._size / MOST_STROKES)
@@ -211,7 +218,12 @@ class Setup:
                     arrows = getattr(boundary, vectors)[front][rows] / longest
                     self._arrows(axes, flat, at[rows], normals[rows], arrows, drawn, 0.5 if hidden else 1.0)
             if boundary.held and not boundary.moved.any():
-                style = {"linestyle": "none", "markersize": 4.5, "markerfacecolor": "white", "zorder": 5}
+                style: dict[str, Any] = {
+                    "linestyle": "none",
+                    "markersize": 4.5,
+                    "markerfacecolor": "white",
+                    "zorder": 5,
+                }
                 style |= {"markeredgecolor": colour, "alpha": 0.5 if hidden else 1.0}
                 axes.plot(*flat(at[rows]).T, marker=boundary.marker, **style)
 
@@ -247,7 +259,7 @@ class Setup:
         handles = []
         for number, (boundary, colour) in enumerate(self._coloured):
             line = self._line(number) if self.polygons.shape[2] == 2 else "-"
-            style = {"color": colour, "linewidth": 2.4, "linestyle": line, "marker": boundary.marker}
+            style: dict[str, Any] = {"color": colour, "linewidth": 2.4, "linestyle": line, "marker": boundary.marker}
             handles.append(Line2D([], [], **style, markersize=4.5, markerfacecolor="white", label=boundary.label))
         for vectors, kind, quantity in (("load", "load", "stress"), ("moved", "displacement", "length")):
             if largest := self._largest(vectors):

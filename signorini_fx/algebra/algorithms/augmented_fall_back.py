@@ -44,8 +44,7 @@ def by_augmentation(task: Task, start: Start, law: PointFriction, begun: Outcome
             return replace(failed, status=proved(task, newton.problem, law, status))
         multipliers = newton.multipliers()
     if law.has_derivative:
-        shifts = {"lambda_hat": multipliers[0], "mu_hat": multipliers[1]}
-        coupled = replace(data, bound=law.given, follows=law, **shifts)
+        coupled = replace(data, bound=law.given, follows=law, lambda_hat=multipliers[0], mu_hat=multipliers[1])
         augmentation = augmentation_on(task, task.iterate.unsymmetric_newton)
         status = augmented_lagrangian(augmentation, coupled, newton.problem.sets, max_outer=s.max_outer_iterations)
     else:

@@ -230,7 +230,7 @@ class FrozenPoints(PairPoints):
         for number, motion in enumerate(motions):
             left = (self.operator @ motion.ravel()).reshape(self.normal.shape)
             if self.pair.followed and number >= dim:
-                turned = rigid_motions(coupling.distance / size)[number]
+                turned = rigid_motions(np.asarray(coupling.distance / size))[number]
                 left = left + turned - np.einsum("nij,nj->ni", self.across, turned)
             errors.append(_largest(left))
         paired = self.pair.slave.facets, self.pair.master.facets
@@ -269,7 +269,8 @@ class SlidingPoints(PairPoints):
         )
         here, before = ((at, _map_at(sides, at, begun)) for at in (now, begun))
         coupling, mine, frames = here[1], sides.mine, here[1].frames
-        between = sides.boundary(coupling).averages.between
+        averages = sides.boundary(coupling).averages
+        assert averages is not None
         return cls(
             space=sides.space,
             points=sides.local_points().astype(np.int64),
@@ -280,7 +281,7 @@ class SlidingPoints(PairPoints):
             reached=sides.nodes,
             own=beside(frames.slave, 0.0 * frames.master)[mine],
             others=beside(0.0 * frames.slave, frames.master)[mine],
-            operator=between,
+            operator=averages.between,
             sides=sides,
             ends=(here, before),
         )
