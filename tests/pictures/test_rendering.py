@@ -241,8 +241,9 @@ def test_lengths_beside_the_body(painted, size, azimuth):
 @pytest.mark.parametrize(("old", "message"), [(False, "is drawn by PyVista"), (True, "needs a display")])
 def test_what_is_missing(monkeypatch, old, message):
     """The error says what to install."""
-    pyvista = SimpleNamespace(vtk_version_info=(9, 3, 0), system_supports_plotting=lambda: False)
-    monkeypatch.setitem(sys.modules, "pyvista", pyvista if old else None)
+    monkeypatch.setitem(sys.modules, "pyvista", SimpleNamespace(vtk_version_info=(9, 3, 0)) if old else None)
+    monkeypatch.setenv("DISPLAY", "")
+    monkeypatch.setenv("PATH", "")  # no Xvfb
     with pytest.raises(PictureError, match=rf"{message}.*pip install pyvista"):
         drawing.image(solid(np.ones(12)), view.Camera.on(view.oblique(), CUBE), WIDTH)
 

@@ -119,7 +119,7 @@ def test_files(folder):
             assert np.asarray(image.convert("L")).std() > 10
 
 
-@pytest.mark.one_quick
+@pytest.mark.slow
 def test_nothing_is_cut_off(folder):
     """Titles, labels and legends are within the picture, also without a title above it."""
     _, figure = drawn(folder)
@@ -133,7 +133,7 @@ def test_nothing_is_cut_off(folder):
         assert inside.y0 <= box.y0 < box.y1 <= inside.y1
 
 
-@pytest.mark.one_quick
+@pytest.mark.slow
 def test_pressure_is_that_of_the_table(folder):
     """Colours are the pressures of contact.csv at its nodes, in the plane of the picture; the scale reaches the top."""
     sides, figure = drawn(folder)
@@ -157,6 +157,7 @@ def test_pressure_is_that_of_the_table(folder):
         assert set(np.flatnonzero(side.touching)) <= set(used)
 
 
+@pytest.mark.slow
 def test_states_and_slip_are_those_of_the_table(folders):
     """Each node has the colour of its state on its own part of the area; arrows are the slip times what is said."""
     (side,), figure = drawn(folders["coulomb"])
@@ -181,6 +182,7 @@ def test_states_and_slip_are_those_of_the_table(folders):
     assert legend == {"open", "slip", "stick"} & {str(s) for s in side.columns["state"]}
 
 
+@pytest.mark.slow
 def test_shear_arrows(folders):
     """They are along the shear of the table, and the longest one has the size that the title says."""
     (side,), figure = drawn(folders["coulomb"])
@@ -195,6 +197,7 @@ def test_shear_arrows(folders):
     np.testing.assert_allclose(drawn_vectors, scale * shear, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_axes_are_those_of_space(folders):
     """Labels name the coordinates, equal lengths are equal, and numbers are those of the coordinates."""
     sides, figure = drawn(folders["walls"])
@@ -266,6 +269,7 @@ def test_bent_boundaries():
     assert "nothing in contact" in nothing.get_title(loc="left")
 
 
+@pytest.mark.slow
 def test_small_zones_are_enlarged(folders):
     """The window is about what touches where that is little, and the title says so."""
     table, facets = read_csv(folders["coulomb"] / "contact.csv"), read_facets(folders["coulomb"] / "contact.vtu")
@@ -424,6 +428,7 @@ def test_too_many_facets(tmp_path, monkeypatch, capsys):
 # --- the page --------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_page(folder):
     """Well-formed, whole in itself, with the sections of space and none of the plane, and the numbers of the files."""
     needs_pictures_in_3d()
@@ -459,6 +464,7 @@ def test_page(folder):
     assert f"{float(row['pressure']):.6g}" in cells
 
 
+@pytest.mark.slow
 def test_moments_and_line_of_action(folders):
     """The line on the page, with the force, has the moment of the summary; the same with the table of nodes."""
     folder = folders["coulomb"]
@@ -478,6 +484,7 @@ def test_moments_and_line_of_action(folders):
     assert through[0] == pytest.approx(np.average(contact["x"], weights=by_hand), rel=5e-4)
 
 
+@pytest.mark.slow
 def test_long_tables_are_folded(folders):
     """A long contact table is closed at first; of a very long one the page shows two ends."""
     source = Page(folders["coulomb"]).source
@@ -494,6 +501,7 @@ def test_long_tables_are_folded(folders):
     assert np.linalg.norm(table["slip vector"][k]) == pytest.approx(contact["slip"][k])
 
 
+@pytest.mark.slow
 def test_curves_of_the_load_steps(folders, monkeypatch):
     """Three components, those that are nought left out; friction against the motion along it."""
     steps = read_csv(folders["steps"] / "steps.csv")
@@ -584,6 +592,7 @@ def vtu(ends, rows):
         ("contact.csv", "", "contact.csv has 0 rows"),
     ],
 )
+@pytest.mark.slow
 def test_broken_folders(folders, tmp_path, capsys, name, text, message):
     """One sentence that names the place; no page, no traceback."""
     copy = tmp_path / "copy"

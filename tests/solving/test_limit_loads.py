@@ -48,7 +48,7 @@ def pulled(size, young, coefficient, dead, live):
             "traction": [*dead, {**live, "factors": [0.0, 1.0]}],
             "contact": [{"boundary": name, "friction": friction} for name in contacts],
             "load_steps": {"steps": 10, "times": [0.0, 1.0]},
-            # What regularisation leaves of slip in each step would wedge the body: the ramp would end up to 7 % early.
+            # What regularisation leaves of slip in each step would wedge the body: the ramp would end up to 12 % early.
             "solver": {"algorithm": "alm", "coulomb": "newton"},
         }
     )

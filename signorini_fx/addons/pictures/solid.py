@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import atexit
 import math
+import os
+import shutil
+import subprocess
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -141,9 +145,9 @@ def image(solid: Solid, camera: Camera, width: int) -> npt.NDArray[np.uint8]:
         import pyvista
     except ImportError:
         raise PictureError(f"a body in 3D is drawn by {PYVISTA}") from None
-    if pyvista.vtk_version_info < _WITHOUT_DISPLAY and not pyvista.system_supports_plotting():
+    if not can_draw():
         version = ".".join(map(str, pyvista.vtk_version_info))
-        raise PictureError(f"VTK {version} needs a display: install {PYVISTA}")
+        raise PictureError(f"VTK {version} needs a display: install Xvfb, or {PYVISTA}")
     from vtkmodules.vtkCommonCore import vtkLogger
 
     vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_OFF)  # of the displays that it tries
@@ -156,6 +160,33 @@ def image(solid: Solid, camera: Camera, width: int) -> npt.NDArray[np.uint8]:
         return np.array(plotter.screenshot(return_img=True))
     finally:
         plotter.close()
+
+
+def can_draw() -> bool:
+    """Whether VTK needs no display or has one: where there is none Xvfb is started, which ends with this process."""
+    import pyvista
+
+    if pyvista.vtk_version_info >= _WITHOUT_DISPLAY or os.environ.get("DISPLAY"):
+        return True
+    if shutil.which("Xvfb") is None:
+        return False
+    number, answer = os.pipe()
+    with open(number, encoding="ascii") as text:
+        server = subprocess.Popen(
+            ["Xvfb", "-displayfd", str(answer), "-screen", "0", "64x64x24", "-nolisten", "tcp"],
+            pass_fds=[answer],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            start_new_session=True,  # an interrupt from the keyboard is for the solve
+        )
+        atexit.register(server.wait)
+        atexit.register(server.terminate)  # before it is waited for
+        os.close(answer)
+        name = text.readline().strip()  # nothing if the server has ended
+    if name:
+        os.environ["DISPLAY"] = f":{name}"
+    return bool(name)
 
 
 def _behind(solid: Solid, cut: Cut) -> Solid:
