@@ -206,7 +206,6 @@ class ContactProblem(ProblemOfForms):
         return findings_of_last(self.assembled)
 
     def titled(self, title: str) -> Solution:
-        """See ``ProblemOfForms``."""
         path, progress = self._ran or (None, None)
         return solution_of(self.assembled, path, progress, title)
 

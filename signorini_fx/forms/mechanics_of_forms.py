@@ -69,7 +69,6 @@ class FormBody(SolidBody):
         return self.form_scales
 
     def sides(self, y: fem.Function) -> list[ContactSide]:
-        """See ``SolidBody``."""
         forms = self.user_forms
         return sides_of(self.foundation_data, forms.contact, forms.facets, forms.masters, forms.space)
 
@@ -103,7 +102,6 @@ class FormBody(SolidBody):
         return acting_on(balance, forms.boundaries, fixed, loads_of(forms, self.tagged, y))
 
     def stated(self) -> StatedBody:
-        """See ``SolidBody``."""
         if not self.settled:
             raise Refused("the forms are those of a load step that has no solution")
         return stated_body(self.user_forms, *self.prescribed_dofs, self)

@@ -86,7 +86,6 @@ def _solved(
     checkpoint: MeshCheckpoint | None,
     step_errors: list[Errors],
 ) -> SolvedMesh:
-    """See ``MeshedProblem``."""
     forms = problem.source if problem.changed is None else replace(problem.source)  # which may have been solved
     (made, clock), solver, path = forms.made, forms.solver, forms.path
     solver.history = problem.history

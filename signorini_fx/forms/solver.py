@@ -403,11 +403,9 @@ class FormSolver:
         return diameter_of(self.space.mesh)
 
     def _case(self, values: Array) -> LoadCase:
-        """See ``case_of``."""
         return case_of(self.elastic, self._forces(), values, self.rigid.driven_together)
 
     def _body(self, fixed: npt.NDArray[np.bool_], boundary: ContactBoundary) -> ElasticBody:
-        """See ``elastic_body``."""
         points = boundary if self.contact else None
         return elastic_body(self.space, self.forms.compiled[0], self.bcs, fixed, points, self.settings)
 

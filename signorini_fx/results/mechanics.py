@@ -95,17 +95,13 @@ class StatedBody(SolidBody):
         rigid: tuple[RigidBodyMotion, ...],
         scale: float = 1.0,
     ) -> Certificate:
-        """See ``certify``."""
         about: Any = {"pairs": self.pairs, "like": NodalForces.on(self), "rigid": rigid, "scale": scale}
         return certify(self.statement, self.tagged, displacement, tractions, law=law, step=step, before=last, **about)
 
     def sides(self, y: fem.Function) -> list[ContactSide]:
-        """See ``SolidBody``."""
         return sides_of(self.statement, self.tagged, self.space, self.pairs)
 
     def stress(self, y: fem.Function, step: float, shared: dict[str, StressRecovery]) -> Stresses:
-        """See ``SolidBody``."""
-
         def energy() -> float:
             balance = self.balance(y, step)
             nodal_displacements = y.x.array.reshape(-1, balance.surface.dimension)
@@ -114,11 +110,9 @@ class StatedBody(SolidBody):
         return Stresses.of(self, y, step, shared, energy)
 
     def balance(self, y: fem.Function, step: float) -> Balance:
-        """See ``SolidBody``."""
         return evaluated_balance(NodalForces.on(self), y, step)
 
     def acting(self, y: fem.Function, step: float) -> ActingForces:
-        """See ``SolidBody``."""
         supports = [entry.place if entry.holds_at(step) else None for entry in self.statement.displacement]
         names = [effect.where for _, effect in self.statement.listed()]
         return ActingForces(self.balance(y, step), supports, loads_of(NodalForces.on(self), y, step), names)

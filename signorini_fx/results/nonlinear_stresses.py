@@ -116,7 +116,6 @@ class NonlinearStresses(RawStresses):
 
     @property
     def recovers(self) -> bool:
-        """See ``RawStresses``."""
         return False
 
     @cached_property
@@ -160,7 +159,6 @@ class NonlinearStresses(RawStresses):
         return function
 
     def largest_plastic_strain(self) -> Extreme | None:
-        """See ``RawStresses``."""
         return None if self.plastic is None else self._extreme_of_points(self.plastic, 1.0)
 
     def as_dict(self) -> dict[str, Any]:

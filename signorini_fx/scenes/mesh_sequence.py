@@ -103,7 +103,6 @@ def _solved(
     *,
     shown: bool,
 ) -> SolvedMesh:
-    """See ``MeshedProblem``."""
     scene, comm = problem.source.model_copy(update={"solver": problem.settings}), problem.comm
 
     def estimate(step: LoadStep) -> None:
@@ -141,7 +140,6 @@ def _with_points_kept(scene: Scene, solved: SolvedMesh) -> Scene:
 
 
 def _divided(plan: Plan, comm: MPI.Comm, last: Scene, coarsest: float, times: int) -> Scene:
-    """See ``MeshedProblem.divide``."""
     scene, halvings = plan.scene, round(log2(times))
     if isinstance(scene.mesh, MeshFile):
         names = (scene.statement.sections, scene.statement.touching)

@@ -364,7 +364,6 @@ class OpinionOfScene(IndependentCheck):
         return f"it is {size:.3g}, of small strains at most {limit:g}"
 
     def advice_on(self, status: Status) -> str:
-        """See ``IndependentCheck``."""
         return advice_on_nonlinear(status, self.problem.statement)
 
     def forces(self, residual: Array) -> Array:
@@ -396,7 +395,6 @@ class OpinionOfScene(IndependentCheck):
         return sides
 
     def loaded(self, mechanics: ResidualMechanics) -> ResidualMechanics:
-        """See ``IndependentCheck``."""
         anew, problem = self.anew, self.problem
         displacements = problem.u.x.array.reshape(-1, anew.dimension)
         followers = [

@@ -180,7 +180,6 @@ def all_load_steps(
 
 
 def _marks(history: History) -> Marks:
-    """See ``Marks``."""
     return history.linear_solves, len(history.outer), len(history.events)
 
 

@@ -1,6 +1,8 @@
 """The structure of the package, read from its imports."""
 
 import ast
+import importlib
+import inspect
 import subprocess
 import sys
 import tomllib
@@ -302,3 +304,28 @@ def test_the_certificate_stands_alone():
     files = sorted(architecture.folder_of("results.certificate").glob("*.py"))
     assert len(files) > 10
     assert {file.name: uses(file, *solvers) for file in files} == {file.name: set() for file in files}
+
+
+def documentation(member):
+    """The docstring of what a class defines, if it is a function or a property."""
+    function = getattr(member, "fget", None) or getattr(member, "func", None) or getattr(member, "__func__", member)
+    named = inspect.isfunction(function) and function.__name__.isidentifier()  # no lambda
+    return function.__doc__ if named else "no function"
+
+
+def undocumented(module):
+    """The public methods of its classes without a docstring that override none that has one."""
+    for found in vars(module).values():
+        if not inspect.isclass(found) or found.__module__ != module.__name__ or found.__name__.startswith("_"):
+            continue
+        for name, member in vars(found).items():
+            overridden = [vars(base)[name] for base in found.__mro__[1:] if name in vars(base)]
+            if not name.startswith("_") and not any(map(documentation, [member, *overridden])):
+                yield f"{found.__module__}.{found.__qualname__}.{name}"
+
+
+def test_public_methods_are_documented():
+    """A method has a docstring, or overrides one that has."""
+    names = [name for name in architecture.files() if not name.endswith("__main__")]
+    missing = [found for name in names for found in undocumented(importlib.import_module(f"signorini_fx.{name}"))]
+    assert missing == []

@@ -69,7 +69,6 @@ def dissected(rows: sp.csr_array, inner: Numbers, positions: Array) -> Numbers:
 
 
 def _dissected(rows: sp.csr_array, inner: Numbers, positions: Array) -> Numbers:
-    """See ``dissected``."""
     behind, inner = inner[inner >= len(positions)], inner[inner < len(positions)]
     if not inner.size:
         return behind

@@ -84,7 +84,6 @@ class ResidualBody(SolidBody):
     at_steps: Sequence[tuple[fem.Function, ResidualMechanics]] = ()
 
     def sides(self, y: fem.Function) -> list[ContactSide]:
-        """See ``SolidBody``."""
         return list(self._at(y).contact_sides)
 
     def stress(self, y: fem.Function, step: float, shared: dict[str, StressRecovery]) -> RawStresses | str:
@@ -96,7 +95,6 @@ class ResidualBody(SolidBody):
         return self.at_end.stresses(self, [(y, self.at_end.place)] if last is None else path[: last + 1])
 
     def balance(self, y: fem.Function, step: float) -> Balance:
-        """See ``SolidBody``."""
         return self._at(y).forces
 
     def acting(self, y: fem.Function, step: float) -> ActingForces:

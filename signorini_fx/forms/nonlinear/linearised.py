@@ -114,7 +114,6 @@ class MovingFoundations(Foundations):
 
     @property
     def driven(self) -> list[Any]:
-        """See ``Foundations``."""
         shapes = {k: moving.shape for k, moving in self.shapes_of_tools.items() if moving.driven}
         return [shapes.get(k) for k in range(len(self._contact))]
 
@@ -188,7 +187,6 @@ class MovingFoundations(Foundations):
         return alone
 
     def _gap_of(self, number: int) -> tuple[Array, Array | None]:
-        """See ``Foundations``."""
         if (pair := self.sliding.get(number)) is None:
             return super()._gap_of(number)
         allowance = self._values[number](self._contact[number].allowance, f"contact[{number}].allowance")
@@ -494,7 +492,6 @@ class LinearisedProblem(FormSolver):
         return replace(begun, sets=change.sets_after(share, begun, self.boundary, traces, far))
 
     def advance(self) -> None:
-        """See ``FormSolver``."""
         previous = self.previous_step
         super().advance()
         assert self._last is not None
@@ -541,7 +538,6 @@ class LinearisedProblem(FormSolver):
         return self._body(fixed, boundary)
 
     def _forces(self) -> Array:
-        """See ``FormSolver``."""
         forces = self.elastic.forces_where_free(self._at) - self._residual_now
         return forces if self.shear_transfer is None else forces - self.shear_transfer
 
@@ -579,7 +575,6 @@ class LinearisedProblem(FormSolver):
         return case
 
     def _beside(self) -> Sequence[npt.NDArray[Any]]:
-        """See ``FormSolver``."""
         pairs = [values for pair in self.pairs.values() for values in pair.fingerprint]
         joint = [part.matrix.data for part in self.curvature.joint]
         tools = [] if self.relative is None else [self.relative.blocks]
@@ -594,7 +589,6 @@ class LinearisedProblem(FormSolver):
         return self._diameter
 
     def _moved(self, boundary: ContactBoundary) -> Array | None:
-        """See ``FormSolver``."""
         return motion_at(boundary, self.shapes, self._begun_places, self.places)
 
     @property
@@ -605,7 +599,6 @@ class LinearisedProblem(FormSolver):
         return self._last.before.displacement.x.array.reshape(self.places.shape)
 
     def _spin(self, boundary: ContactBoundary) -> Array | None:
-        """See ``FormSolver``."""
         return spins_of(self.pairs, boundary, spin_at(boundary, self.shapes))
 
     def _note_cost(self, begin: float) -> None:
@@ -823,7 +816,6 @@ class LinearisedProblem(FormSolver):
             raise ConvergenceError(self, why)
 
     def attempt(self) -> str:
-        """See ``FormSolver``."""
         with self._retained.chosen():
             return super().attempt()
 

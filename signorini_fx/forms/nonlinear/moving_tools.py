@@ -53,7 +53,6 @@ class DisplacedRigidBodies(RigidBodies):
     at: fem.Function
 
     def places(self, boundary: ContactBoundary) -> Array:
-        """See ``RigidBodies``."""
         return np.asarray(boundary.centre + self.at.x.array.reshape(-1, boundary.x.shape[1])[boundary.nodes])
 
 
@@ -61,7 +60,6 @@ class ToolMotion(RigidBodyMotion):
     """How a tool has moved: by a translation of its pivot and a rotation vector that need not be small."""
 
     def at(self, x: Array) -> Array:
-        """See ``RigidBodyMotion``."""
         return rigid_motion(x, self.translation, self.rotation, self.reference)
 
     def as_dict(self, contact: ContactState, contacts: Sequence[Any], kinematics: Kinematics) -> dict[str, Any]:

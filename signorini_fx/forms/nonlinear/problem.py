@@ -163,7 +163,6 @@ class NonlinearContactProblem(ProblemOfForms):
         return self._solver.iterations
 
     def titled(self, title: str) -> Solution:
-        """See ``ProblemOfForms``."""
         solved, continuation = self._solver.solved, self._continuation
         if solved is None:
             raise RuntimeError("there is no solution so far: call solve()")

@@ -111,7 +111,6 @@ class PathSizes(StepSizes):
 
     @property
     def ended(self) -> bool:
-        """See ``StepSizes``."""
         return self.reached >= len(self._path.times) - 1
 
     @property
@@ -171,12 +170,10 @@ class LoadSizes(StepSizes):
 
     @property
     def ended(self) -> bool:
-        """See ``StepSizes``."""
         return self.reached == self._whole
 
     @property
     def next(self) -> float:
-        """See ``StepSizes``."""
         left = abs(self._whole) - abs(self.reached)
         if left - self._step <= SAME_NUMBER * abs(self._whole):
             return self._whole

@@ -64,7 +64,6 @@ class Contact(Effect):
 
     @property
     def features(self) -> Features:
-        """See ``Effect``."""
         listed = (
             ("contact that cannot open", ("kind",), not self.opens),
             ("contact of two bodies", ("against",), self.against is not None),
@@ -78,7 +77,6 @@ class Contact(Effect):
         return tuple((name, keys) for name, keys, used in listed if used)
 
     def contradictions(self, statement: Any, number: int) -> Contradictions:
-        """See ``Effect``."""
         if any(rival.boundary == self.boundary for rival in statement.contact[:number]):
             cure = "describe it in one [[contact]]"
             if self.against is not None:
@@ -138,7 +136,6 @@ class Contact(Effect):
         return self.moves or self.gap_timed or self.friction.timed
 
     def at_time(self, time: float) -> Self:
-        """See ``Effect``."""
         if not self.timed:
             return self
         foundation = self.foundation.at_time(time) if self.moves else self.foundation
@@ -180,20 +177,16 @@ class UnilateralContact(Contact):
 
     @property
     def interface(self) -> str:
-        """See ``Effect``."""
         return "" if self.overclosure is None else "overclosures"
 
     def depends_on_solution_at(self, statement: Any, step: float) -> str:
-        """See ``Effect``."""
         return "" if self.overclosure is None else "contact gives way under its pressure"
 
     @property
     def features(self) -> Features:
-        """See ``Effect``."""
         return (*super().features, *([] if self.overclosure is None else [("soft contact", ("overclosure",))]))
 
     def contradictions(self, statement: Any, number: int) -> Contradictions:
-        """See ``Effect``."""
         yield from super().contradictions(statement, number)
         if self.overclosure is not None and statement.solver.algorithm not in ("auto", "ssn"):
             reason = f"is for 'ssn': {statement.solver.algorithm!r} makes contact harder and harder"
@@ -224,7 +217,6 @@ class BondedContact(Contact):
     kind: Literal["bonded"]
 
     def contradictions(self, statement: Any, number: int) -> Contradictions:
-        """See ``Effect``."""
         yield from super().contradictions(statement, number)
         if self.against is None and self.tool is None:
             reason = "a bond needs the boundary of another body (against), or a foundation that force or moment moves"

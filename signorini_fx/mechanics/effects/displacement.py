@@ -93,7 +93,6 @@ class PrescribedDisplacement(Load):
 
     @property
     def name(self) -> str:
-        """See ``Effect``."""
         return f"{self.label} {self.place}"
 
     @property
@@ -119,7 +118,6 @@ class PrescribedDisplacement(Load):
 
     @property
     def given(self) -> dict[str, Any]:
-        """See ``Effect``."""
         keys = ("x", "y", "z", "normal", "rotation")
         entries = {key: getattr(self, key) for key in keys}
         return {key: value for key, value in entries.items() if value is not None}
@@ -131,12 +129,10 @@ class PrescribedDisplacement(Load):
 
     @property
     def said(self) -> str:
-        """See ``Effect``."""
         return ", ".join(f"{key} = {text(value)}" for key, value in self.given.items())
 
     @property
     def features(self) -> Features:
-        """See ``Effect``."""
         listed = (
             ("support of a point", "at"),
             ("prescribed rotation", "rotation"),
@@ -145,7 +141,6 @@ class PrescribedDisplacement(Load):
         return tuple((name, (key,)) for name, key in listed if getattr(self, key) is not None)
 
     def contradictions(self, statement: Any, number: int) -> Contradictions:
-        """See ``Effect``."""
         if self.rotation is not None and "prescribed rotation" not in statement.kinematics.refuses:
             reason = statement.kinematics.refused_axis(self.axis, self.about)
             if reason:
@@ -163,7 +158,6 @@ class PrescribedDisplacement(Load):
             yield ("displacement", number), f"{self.boundary!r} is prescribed, and in contact as well: choose one"
 
     def free(self, vector: Any, on: Coefficients) -> Any:
-        """See ``Effect``."""
         import ufl
 
         if self.normal is not None:

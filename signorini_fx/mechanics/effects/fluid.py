@@ -30,11 +30,9 @@ class Fluid(Force):
 
     @property
     def given(self) -> dict[str, Any]:
-        """See ``Effect``."""
         return {"level": self.level, "weight": self.weight}
 
     def contradictions(self, statement: Any, number: int) -> Contradictions:
-        """See ``Effect``."""
         if self.up == "x" and statement.kinematics.refused_axis((1.0, 0.0)):
             yield ("fluid", number, "up"), "must be along the axis of the body: y"
         if statement.kinematics.out_of_section and self.up is None:
@@ -42,12 +40,10 @@ class Fluid(Force):
 
     @property
     def acts(self) -> bool:
-        """See ``Effect``."""
         return self.weight > 0
 
     @cached_property
     def varies(self) -> bool:
-        """See ``Effect``."""
         return True
 
     def profile(self, dimension: int) -> tuple[Any, ...]:
@@ -64,14 +60,12 @@ class Fluid(Force):
         return -1 if self.up is None else "xyz".index(self.up)
 
     def density(self, on: Coefficients) -> Any:
-        """See ``Force``."""
         import ufl
 
         depth = on.value(self.level) - on.position[len(on.position) - 1 if self.up is None else self._axis]
         return -on.value(self.weight) * ufl.max_value(0, depth) * on.normal
 
     def density_at(self, at: Points) -> Array:
-        """See ``Force``."""
         depth = at.value(self.level) - at.position[..., self._axis]
         return np.asarray(-self.weight * np.maximum(depth, 0.0)[..., None] * at.normal)
 

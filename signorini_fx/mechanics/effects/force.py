@@ -31,7 +31,6 @@ class TotalForce(VectorForce):
 
     @property
     def weighting(self) -> Any:
-        """See ``Effect``."""
         return self.spread
 
     def density(self, on: Coefficients) -> Any:
@@ -39,7 +38,6 @@ class TotalForce(VectorForce):
         return super().density(on) * on.value(self.spread) / on.total(self)
 
     def density_at(self, at: Points) -> Array:
-        """See ``Force``."""
         return super().density_at(at) * at.value(self.spread)[..., None] / at.total(self)
 
 

@@ -27,15 +27,12 @@ class Gravity(VectorForce):
     """
 
     def contradictions(self, statement: Any, number: int) -> Contradictions:
-        """See ``Effect``."""
         yield from without_density(statement, "gravity") if self.acts else ()
 
     def density(self, on: Coefficients) -> Any:
-        """See ``Force``."""
         return on.density * super().density(on)
 
     def density_at(self, at: Points) -> Array:
-        """See ``Force``."""
         return np.asarray(at.density[..., None] * super().density_at(at))
 
 

@@ -40,13 +40,11 @@ class PointForce(VectorForce):
 
     @property
     def name(self) -> str:
-        """See ``Effect``."""
         point = f"({', '.join(f'{x:g}' for x in self.at)})"
         return f"{self.label} {point}" if self.region is None else f"{self.label} {point} of {self.region}"
 
     @property
     def features(self) -> Features:
-        """See ``Effect``."""
         return super().features if self.acts else ()
 
     def table(self, dimension: int) -> NodalTable:

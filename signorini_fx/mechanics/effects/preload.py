@@ -66,47 +66,38 @@ class Preload(Load):
 
     @property
     def name(self) -> str:
-        """See ``Effect``."""
         return f"{self.label} {self.place}"
 
     @property
     def given(self) -> dict[str, Any]:
-        """See ``Effect``."""
         key = "shortening" if self.force is None else "force"
         return {key: getattr(self, key)}
 
     @property
     def said(self) -> str:
-        """See ``Effect``."""
         words = ", ".join(f"{key} = {text(value)}" for key, value in self.given.items())
         return words if self.force is None else f"{words}, locked_after = {self.locked_after}"
 
     @property
     def interface(self) -> str:
-        """See ``Effect``."""
         return "bolt_preloads" if self.acts else ""
 
     @property
     def features(self) -> Features:
-        """See ``Effect``."""
         return (*super().features, *((("shortening by force", ("force",)),) if self.force is not None else ()))
 
     @property
     def inner_facets(self) -> tuple[str, ...]:
-        """See ``Effect``."""
         return () if self.section is None else (self.section,)
 
     @property
     def assumed(self) -> str:
-        """See ``Effect``."""
         return "sections are shortened as they are"
 
     def depends_on_solution_at(self, statement: Any, step: float) -> str:
-        """See ``Effect``."""
         return "" if self.force_at(statement, step) is None else "a force determines the shortening of a section"
 
     def contradictions(self, statement: Any, number: int) -> Contradictions:
-        """See ``Effect``."""
         path = ("preload", number)
         if self.axis is not None and (reason := statement.kinematics.refused_axis(self.axis)):
             yield (*path, "axis"), reason

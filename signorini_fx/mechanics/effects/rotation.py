@@ -31,7 +31,6 @@ class Rotation(Force):
 
     @property
     def given(self) -> dict[str, Any]:
-        """See ``Effect``."""
         return {"speed": self.speed}
 
     def profile(self, dimension: int) -> tuple[Any, ...]:
@@ -39,7 +38,6 @@ class Rotation(Force):
         return (product_of(self.speed, self.speed, Expression("x[0]")),)
 
     def contradictions(self, statement: Any, number: int) -> Contradictions:
-        """See ``Effect``."""
         yield from without_density(statement, "rotation") if self.acts else ()
         if reason := statement.kinematics.refused_axis(self.axis, self.about):
             yield ("rotation", number, "axis"), reason
@@ -57,7 +55,6 @@ class Rotation(Force):
         return np.asarray(np.eye(dimension) - np.outer(along, along))
 
     def density(self, on: Coefficients) -> Any:
-        """See ``Force``."""
         import ufl
 
         dim = len(on.position)
@@ -66,7 +63,6 @@ class Rotation(Force):
         return on.density * on.value(self.speed) ** 2 * ufl.as_vector([ufl.inner(row, arm) for row in across])
 
     def density_at(self, at: Points) -> Array:
-        """See ``Force``."""
         dim = at.position.shape[-1]
         arm = (at.position - np.array(self._about(dim))) @ self._across(dim)
         return np.asarray((at.density * at.value(self.speed) ** 2)[..., None] * arm)

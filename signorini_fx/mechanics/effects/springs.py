@@ -39,7 +39,6 @@ class Springs(Resistance):
 
     @property
     def given(self) -> dict[str, Any]:
-        """See ``Effect``."""
         keys = ("normal", "tangential", "x", "y", "z")
         return {key: getattr(self, key) for key in keys if key in self.model_fields_set}
 
@@ -54,7 +53,6 @@ class Springs(Resistance):
         return on.value(self.normal) * across + on.value(self.tangential) * (y - across)
 
     def reaction_at(self, at: Points) -> Array:
-        """See ``Resistance``."""
         along = at.vector((self.x, self.y, self.z)) * at.displacement
         across = np.sum(at.displacement * at.normal, axis=2, keepdims=True) * at.normal
         normal, tangential = at.value(self.normal), at.value(self.tangential)

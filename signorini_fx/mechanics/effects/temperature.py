@@ -40,27 +40,22 @@ class TemperatureChange(InitialStrain):
 
     @property
     def name(self) -> str:
-        """See ``Effect``."""
         return self.label if self.region is None else f"{self.label} {self.region}"
 
     @property
     def given(self) -> dict[str, Any]:
-        """See ``Effect``."""
         return {"change": self._value}
 
     def contradictions(self, statement: Any, number: int) -> Contradictions:
-        """See ``Effect``."""
         for material_number, material in enumerate(statement.material):
             inside = self.region is None or material.region in (None, self.region)
             if self.acts and inside and material.expansion is None:
                 yield ("material", material_number), f"has no expansion, which {statement.heading('temperature')} needs"
 
     def strain(self, on: BodyCoefficients) -> Any:
-        """See ``InitialStrain``."""
         return on.expansion * on.value_in(self.region, self._value)
 
     def strain_at(self, at: BodyPoints) -> Array:
-        """See ``InitialStrain``."""
         return np.asarray(at.expansion * at.value_in(self.region, self._value))
 
 

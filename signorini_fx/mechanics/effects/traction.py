@@ -26,7 +26,6 @@ class SurfaceTraction(VectorForce):
 
     @property
     def given(self) -> dict[str, Any]:
-        """See ``Effect``."""
         return {**super().given, "pressure": self.pressure}
 
     @property
@@ -36,16 +35,13 @@ class SurfaceTraction(VectorForce):
 
     @property
     def features(self) -> Features:
-        """See ``Effect``."""
         return (*super().features, *(() if is_zero(self.pressure) else (("pressure", ("pressure",)),)))
 
     def density(self, on: Coefficients) -> Any:
-        """See ``Force``."""
         traction = super().density(on)
         return traction if is_zero(self.pressure) else traction - on.value(self.pressure) * on.normal
 
     def density_at(self, at: Points) -> Array:
-        """See ``Force``."""
         return super().density_at(at) - at.value(self.pressure)[..., None] * at.normal
 
 

@@ -267,19 +267,15 @@ class IsotropicLaw(SceneLaw):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """See ``ElasticLaw``."""
         return ("elasticity", "reduced volumetric elasticity")[: 1 if self.reduced is None else 2]
 
     def terms(self, y: Any, z: Any) -> tuple[Any, ...]:
-        """See ``ElasticLaw``."""
         return elastic_forms(y, z, *self.lame, self.degree, self.reduced, kinematics=self.kinematics)
 
     def strain_terms(self, z: Any, strain: Any, degree: int) -> tuple[Any, ...]:
-        """See ``ElasticLaw``."""
         return initial_strain_forms(z, strain, *self.lame, degree, self.reduced, kinematics=self.kinematics)
 
     def stress(self, y: fem.Function, moved: Any, initial: Any) -> LawStress:
-        """See ``ElasticLaw``."""
         (lame, mu), kinematics, mesh = self.lame, self.kinematics, self.tagged.mesh
         elastic = kinematics.strain(moved, on_axis=True)
         theta, prevented = ufl.tr(elastic), None
@@ -317,15 +313,12 @@ class CellwiseLaw(SceneLaw):
     stiffness: CellwiseStiffness = field(kw_only=True)
 
     def terms(self, y: Any, z: Any) -> tuple[Any, ...]:
-        """See ``ElasticLaw``."""
         return (cellwise_form(y, z, self.stiffness, self.degree, self.kinematics),)
 
     def strain_terms(self, z: Any, strain: Any, degree: int) -> tuple[Any, ...]:
-        """See ``ElasticLaw``."""
         return (free_strain_form(z, strain, self.stiffness, degree, self.kinematics),)
 
     def stress(self, y: fem.Function, moved: Any, initial: Any) -> LawStress:
-        """See ``ElasticLaw``."""
         kinematics, moduli, dim = self.kinematics, self.stiffness, len(y)
         components = moduli.stress(strain_components(moved, kinematics, on_axis=True), initial)
         at = {pair: k for k, (i, j) in enumerate(kinematics.stressed) for pair in ((i, j), (j, i))}

@@ -160,7 +160,6 @@ class MixedLaw(SceneLaw):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """See ``ElasticLaw``."""
         return "elasticity", "divergence", "compressibility"
 
     @cached_property
@@ -210,7 +209,6 @@ class MixedLaw(SceneLaw):
 
     @property
     def count(self) -> int:
-        """See ``ElasticLaw``."""
         return self.pressures.count
 
     @cached_property
@@ -259,7 +257,6 @@ class MixedLaw(SceneLaw):
         return self._terms(jump, z, fem.Function(self.own))[:2]
 
     def names_of(self, effect: str) -> tuple[str, ...]:
-        """See ``ElasticLaw``."""
         return effect, f"divergence of {effect}"
 
     def work(self, forms: Sequence[fem.Form], owned: int) -> tuple[_Floats, _Floats | None]:
@@ -270,7 +267,6 @@ class MixedLaw(SceneLaw):
         return super().work(of_displacement, owned)[0], np.asarray(assemble(of_pressure) / self.unit)
 
     def stress(self, y: fem.Function, moved: Any, initial: Any) -> LawStress:
-        """See ``ElasticLaw``."""
         (_, mu), kinematics, pressure = self.lame, self.kinematics, hydrostatic_of(y)
         young, poisson, modulus = isotropic(
             self.statement,
@@ -354,7 +350,6 @@ class MixedLaw(SceneLaw):
         return lifted if pressure_load is None else lifted - self.unit * pressure_load
 
     def displacement(self, space: fem.FunctionSpace, values: _Floats, name: str = "displacement") -> fem.Function:
-        """See ``ElasticLaw``."""
         pressure = fem.Function(self.own, name="hydrostatic pressure")
         pressure.x.array[: self.count] = self.unit * values
         pressure.x.scatter_forward()
@@ -365,7 +360,6 @@ class MixedLaw(SceneLaw):
         return MixedDisplacement(space, pressure, name)
 
     def unknowns(self, displacement: fem.Function) -> _Floats:
-        """See ``ElasticLaw``."""
         pressure = hydrostatic_of(displacement)
         values = pressure.x.array[: self.count]
         if self.pressures.materials > 1:
@@ -409,7 +403,6 @@ class PressureForces(VolumeForces):
     pressed: ClassVar[bool] = True
 
     def hooke(self, material: Any, young: _Floats, poisson: _Floats) -> tuple[_Floats, _Floats]:
-        """See ``VolumeForces``."""
         return young / (1 + poisson), np.zeros(1)
 
     def forces(self, nodal: Any, displacement: fem.Function) -> _Floats:
@@ -424,7 +417,6 @@ class PressureForces(VolumeForces):
         return nodal.zero(), energy
 
     def moved(self, displacement: fem.Function) -> fem.Function:
-        """See ``VolumeForces``."""
         return MixedDisplacement(displacement.function_space, hydrostatic_of(displacement))
 
     def dilation(self, nodal: Any, displacement: fem.Function, step: float, scale: float) -> tuple[_Floats, _Floats]:

@@ -34,7 +34,6 @@ class BodyOfRevolution(Kinematics):
     """
 
     def refused_axis(self, axis: tuple[float, ...] | None, about: tuple[float, ...] | None = None) -> str:
-        """See ``Kinematics``."""
         if axis is not None and len(axis) == 2 and axis[0] == 0 and (about or (0.0,))[0] == 0:
             return ""
         return "must be that of the body: axis = [0.0, 1.0]"

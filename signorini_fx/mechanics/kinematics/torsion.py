@@ -41,7 +41,6 @@ class TwistedBody(BodyOfRevolution):
 
     @property
     def third_column(self) -> _Floats | None:
-        """See ``BodyOfRevolution``."""
         return np.array([[0.0, 0.0, -1.0], [0.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
 
 

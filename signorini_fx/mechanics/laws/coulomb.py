@@ -36,36 +36,30 @@ class Coulomb(DirectedLaw):
         return np.asarray(bound if self.cohesion is None else np.where(pressure == 0, 0.0, bound))
 
     def derivative(self, pressure: Array) -> Array:
-        """See ``FrictionLaw``."""
         if self.cap is None:
             return np.asarray(self.coefficient + 0.0 * pressure)
         without = (0.0 if self.cohesion is None else self.cohesion) + self.coefficient * pressure
         return np.where(without < self.cap, self.coefficient, 0.0)
 
     def claimed(self, pressure: Array) -> Array:
-        """See ``FrictionLaw``."""
         bound = self.coefficient * pressure
         if self.cohesion is not None:
             bound = np.where(pressure == 0, 0.0, bound + self.cohesion)
         return np.asarray(bound if self.cap is None else np.minimum(bound, self.cap))
 
     def envelope(self, zero: Array) -> Envelope:
-        """See ``FrictionLaw``."""
         return Envelope(zero if self.cohesion is None else self.cohesion, self.coefficient, self.cap)
 
     @property
     def ends_open(self) -> bool:
-        """See ``FrictionLaw``."""
         return self.cohesion is not None
 
     @property
     def bound_per_pressure(self) -> Any:
-        """See ``FrictionLaw``."""
         return self.coefficient
 
     @property
     def exceptions(self) -> dict[str, str]:
-        """See ``FrictionLaw``."""
         capped = {} if self.cap is None else {"a cap": "a cap limits the friction"}
         return capped | ({} if self.cohesion is None else {"cohesion": "cohesion ends where the contact opens"})
 
@@ -76,10 +70,8 @@ class Coulomb(DirectedLaw):
 
     @property
     def unknown(self) -> str:
-        """See ``FrictionLaw``."""
         return ""
 
     @property
     def acts(self) -> bool:
-        """See ``FrictionLaw``."""
         return acting(self.coefficient, self.cohesion) and (self.cap is None or acting(self.cap))

@@ -123,7 +123,6 @@ class DirectedLaw(FrictionLaw):
 
     @property
     def directed(self) -> bool:
-        """See ``FrictionLaw``."""
         return self.ratio is not None
 
     def vectors(self, x: Array) -> Array:
@@ -132,11 +131,9 @@ class DirectedLaw(FrictionLaw):
         return np.asarray(along(x) if callable(along) else [sample(component, x) for component in along])
 
     def directions(self, x: Array) -> tuple[Array, Array]:
-        """See ``FrictionLaw``."""
         return self.vectors(x).T, sample(1.0 if self.ratio is None else self.ratio, x)
 
     def axes(self, at: Any, path: str, dimension: int, comm: Any) -> FrictionAxes | None:
-        """See ``FrictionLaw``."""
         from signorini_fx.machine import parallel
 
         if self.ratio is None:
@@ -151,7 +148,6 @@ class DirectedLaw(FrictionLaw):
 
     @property
     def said(self) -> str:
-        """See ``FrictionLaw``."""
         if self.ratio is None:
             return super().said
         named = (

@@ -20,31 +20,25 @@ class NoFriction(FrictionLaw):
     law: Literal["none"] = "none"
 
     def limit(self, pressure: Array) -> Array:
-        """See ``FrictionLaw``."""
         return np.zeros_like(pressure)
 
     derivative = claimed = limit
 
     def envelope(self, zero: Array) -> Envelope:
-        """See ``FrictionLaw``."""
         return Envelope(zero, zero)
 
     @property
     def given_bound(self) -> float:
-        """See ``FrictionLaw``."""
         return 0.0
 
     @property
     def unknown(self) -> str:
-        """See ``FrictionLaw``."""
         return ""
 
     @property
     def acts(self) -> bool:
-        """See ``FrictionLaw``."""
         return False
 
     @property
     def said(self) -> str:
-        """See ``FrictionLaw``."""
         return "no friction"

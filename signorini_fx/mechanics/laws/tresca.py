@@ -27,32 +27,25 @@ class Tresca(DirectedLaw):
     along: VectorField | None = None
 
     def limit(self, pressure: Array) -> Array:
-        """See ``FrictionLaw``."""
         return np.asarray(self.bound + 0.0 * pressure)
 
     def derivative(self, pressure: Array) -> Array:
-        """See ``FrictionLaw``."""
         return np.zeros_like(pressure)
 
     def claimed(self, pressure: Array) -> Array:
-        """See ``FrictionLaw``."""
         return np.broadcast_to(self.bound, pressure.shape)
 
     def envelope(self, zero: Array) -> Envelope:
-        """See ``FrictionLaw``."""
         return Envelope(self.bound, zero)
 
     @property
     def given_bound(self) -> Any:
-        """See ``FrictionLaw``."""
         return self.bound
 
     @property
     def unknown(self) -> str:
-        """See ``FrictionLaw``."""
         return ""
 
     @property
     def acts(self) -> bool:
-        """See ``FrictionLaw``."""
         return acting(self.bound)

@@ -42,7 +42,6 @@ def follower_pressure(pressure: Any, u: fem.Function, *, axisymmetric: bool = Fa
 
 
 def _traction(pressure: Any, u: fem.Function, kinematics: Kinematics) -> Any:
-    """See ``follower_pressure``."""
     mesh, dim = u.function_space.mesh, len(u)
     gradient = ufl.Identity(3) + kinematics.gradient(u)
     outward = ufl.FacetNormal(mesh)

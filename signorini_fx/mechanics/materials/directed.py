@@ -67,7 +67,6 @@ class DirectedMaterial(Axes, Material):
 
     @property
     def varies(self) -> bool:
-        """See ``Material``."""
         return self.grading is not None or self.turns
 
 

@@ -36,7 +36,6 @@ class LinearElastic(Material):
     yield_stress: Positive | None = None
 
     def stress(self, strain: Any) -> Any:
-        """See ``Material``."""
         import ufl
 
         lame, mu = self.lame_of(self.young, self.poisson, prevented=True)
@@ -50,29 +49,24 @@ class LinearElastic(Material):
 
     @property
     def moduli(self) -> tuple[float, float]:
-        """See ``Material``."""
         bulk = self.young / (1 - 2 * self.poisson) if self.poisson < 0.5 else math.inf
         return min(bulk, self.young / (1 + self.poisson)), max(bulk, self.young / (1 + self.poisson))
 
     @property
     def features(self) -> Features:
-        """See ``Effect``."""
         graded = self.poisson_grading is not None
         return (*super().features, *((("graded Poisson's ratio", ("poisson_grading",)),) if graded else ()))
 
     @property
     def yields_at(self) -> float:
-        """See ``Material``."""
         return math.inf if self.yield_stress is None else self.yield_stress
 
     @property
     def varies(self) -> bool:
-        """See ``Material``."""
         return self.grading is not None or self.poisson_grading is not None
 
     @property
     def natural_modulus(self) -> float:
-        """See ``Material``."""
         return self.young
 
     @property
@@ -106,7 +100,6 @@ class LinearElastic(Material):
         return a, a * poisson / squeezed
 
     def stiffest(self, *, pressed: bool) -> float:
-        """See ``Material``."""
         return sum(self.hooke[: 1 if pressed else 2])
 
     @property
@@ -115,7 +108,6 @@ class LinearElastic(Material):
         return self.poisson >= LOCKING_POISSON * (1 - SAME_NUMBER) and self.hypothesis != "plane stress"
 
     def contradictions(self, statement: Any, number: int) -> Contradictions:
-        """See ``Effect``."""
         yield from super().contradictions(statement, number)
         apart = not all(material.isotropic for material in statement.material)
         if apart and self.poisson_grading is not None:

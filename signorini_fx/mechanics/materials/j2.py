@@ -76,7 +76,6 @@ class J2(PathDependent):
 
     @property
     def constants_at_rest(self) -> tuple[float, float]:
-        """See ``NonlinearMaterial``."""
         return self.young / (2 * (1 + self.poisson)), self.young / (3 * (1 - 2 * self.poisson))
 
     def respond(self, strain: Array, state: Array) -> tuple[Array, Array, Array]:
@@ -128,7 +127,6 @@ class J2(PathDependent):
 
     @property
     def said(self) -> str:
-        """See ``Material``."""
         hardening = self.hardening
         words = f"by {len(hardening)} rows" if isinstance(hardening, tuple) else f"= {hardening:g}"
         constants = f"E = {self.young:g}, nu = {self.poisson:g}, yield_stress = {self.yield_stress:g}"

@@ -43,7 +43,6 @@ class Maxwell(PathDependent):
 
     @property
     def state_size(self) -> int:  # type: ignore[override]  # that of other materials is one number for all of a class
-        """See ``PathDependent``."""
         return 9 * len(self.branches) + 10
 
     @property
@@ -58,20 +57,17 @@ class Maxwell(PathDependent):
         return self.young / (2 * (1 + self.poisson))
 
     def contradictions(self, statement: Any, number: int) -> Contradictions:
-        """See ``Effect``."""
         yield from super().contradictions(statement, number)
         times = statement.load_steps.times
         if times is not None and times[0] <= 0:
             yield ("load_steps", "times"), "must be positive: a body that relaxes is without strain until time 0"
 
     def at_time(self, time: float) -> Self:
-        """See ``PathDependent``."""
         material = self.model_copy()
         material._time = time
         return material
 
     def respond(self, strain: Array, state: Array) -> tuple[Array, Array, Array]:
-        """See ``PathDependent``."""
         strain_deviator, last, since = deviator(strain), state[:, -10:-1].reshape(-1, 3, 3), self._time - state[:, -1]
         stress, stiffness, parts = (
             2 * self._spring * strain_deviator,
@@ -105,7 +101,6 @@ class Maxwell(PathDependent):
 
     @property
     def said(self) -> str:
-        """See ``Material``."""
         rows = ", ".join(f"{shear:g} for {relaxation:g}" for shear, relaxation in self.branches)
         return f"E = {self.young:g}, nu = {self.poisson:g}, shear moduli that relax: {rows}, small strains"
 

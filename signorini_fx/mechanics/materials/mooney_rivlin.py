@@ -48,7 +48,6 @@ class MooneyRivlin(Hyperelastic):
 
     @property
     def constants_at_rest(self) -> tuple[float, float]:
-        """See ``NonlinearMaterial``."""
         return 2 * (self.c10 + self.c01), self.bulk
 
     def shape_energy_by_change(self, change: Any) -> Any:
@@ -63,7 +62,6 @@ class MooneyRivlin(Hyperelastic):
         return energy + self.c01 * (4 * beyond + 3 * steeper + 4 * further)
 
     def volume_energy_by_change(self, growth: Any) -> Any:
-        """See ``Hyperelastic``."""
         return self.bulk / 2 * growth**2
 
     def shape_stress_by_change(self, change: Array) -> Array:
@@ -75,12 +73,10 @@ class MooneyRivlin(Hyperelastic):
         return np.asarray(kirchhoff @ inverse_transposed(np.eye(3) + change))
 
     def volume_stress_by_change(self, growth: Array) -> Array:
-        """See ``Hyperelastic``."""
         return self.bulk * growth
 
     @property
     def said(self) -> str:
-        """See ``Material``."""
         return f"C10 = {self.c10:g}, C01 = {self.c01:g}, bulk = {self.bulk:g}, finite strains"
 
 

@@ -44,11 +44,9 @@ class NeoHooke(Hyperelastic):
 
     @property
     def constants_at_rest(self) -> tuple[float, float]:
-        """See ``NonlinearMaterial``."""
         return self.young / (2 * (1 + self.poisson)), self.young / (3 * (1 - 2 * self.poisson))
 
     def shape_energy_by_change(self, change: Any) -> Any:
-        """See ``Hyperelastic``."""
         import ufl
 
         (shear, _), grown, beyond = self.constants_at_rest, growth(change), strain_beyond_growth(change)
@@ -59,7 +57,6 @@ class NeoHooke(Hyperelastic):
         return shear * (beyond - logarithm_beyond_line(grown))
 
     def volume_energy_by_change(self, growth: Any) -> Any:
-        """See ``Hyperelastic``."""
         shear, bulk = self.constants_at_rest
         if self.isochoric:
             return bulk / 2 * growth**2
@@ -74,7 +71,6 @@ class NeoHooke(Hyperelastic):
         return np.asarray(kirchhoff @ inverse_transposed(np.eye(3) + change))
 
     def volume_stress_by_change(self, growth: Array) -> Array:
-        """See ``Hyperelastic``."""
         shear, bulk = self.constants_at_rest
         if self.isochoric:
             return bulk * growth
@@ -82,7 +78,6 @@ class NeoHooke(Hyperelastic):
 
     @property
     def said(self) -> str:
-        """See ``Material``."""
         return f"E = {self.young:g}, nu = {self.poisson:g}{', isochoric' * self.isochoric}, finite strains"
 
 

@@ -94,11 +94,9 @@ class NonlinearMaterial(Material):
 
     @property
     def features(self) -> Features:
-        """See ``Effect``."""
         return (("nonlinear material", ()),)
 
     def contradictions(self, statement: Any, number: int) -> Contradictions:
-        """See ``Effect``."""
         yield from super().contradictions(statement, number)
         if self.grading is not None:
             yield ("material", number, "grading"), f"{_NOT_YET}: give regions"
@@ -141,7 +139,6 @@ class NonlinearMaterial(Material):
 
     @property
     def locks(self) -> bool:
-        """See ``Material``."""
         return self.at_rest.locks
 
 
@@ -196,11 +193,9 @@ class Hyperelastic(NonlinearMaterial):
 
     @property
     def features(self) -> Features:
-        """See ``Effect``."""
         return (*super().features, ("finite strain", ()))
 
     def contradictions(self, statement: Any, number: int) -> Contradictions:
-        """See ``Effect``."""
         yield from super().contradictions(statement, number)
         if statement.element.volumetric == "reduced" and not self.splits:
             reason = f"'reduced' needs an energy of the volume alone, which {self.words} does not have"
@@ -234,7 +229,6 @@ class PathDependent(NonlinearMaterial):
 
     @property
     def features(self) -> Features:
-        """See ``Effect``."""
         return (*super().features, ("material with a state", ()))
 
     def at_time(self, time: float) -> PathDependent:

@@ -61,11 +61,9 @@ class Ogden(Hyperelastic):
 
     @property
     def constants_at_rest(self) -> tuple[float, float]:
-        """See ``NonlinearMaterial``."""
         return sum(mu * alpha for mu, alpha in self._terms) / 2, self.bulk
 
     def dimension_problems(self, dimension: int) -> Contradictions:
-        """See ``Material``."""
         if dimension == 3:
             yield ("law",), "'ogden' is not possible in 3D yet: take 'mooney-rivlin'"
 
@@ -85,7 +83,6 @@ class Ogden(Hyperelastic):
         return energy
 
     def volume_energy_by_change(self, growth: Any) -> Any:
-        """See ``Hyperelastic``."""
         return self.bulk / 2 * growth**2
 
     def shape_stress_by_change(self, change: Array) -> Array:
@@ -101,12 +98,10 @@ class Ogden(Hyperelastic):
         return np.asarray((deformed * second[..., None, :]) @ directions.swapaxes(-1, -2))
 
     def volume_stress_by_change(self, growth: Array) -> Array:
-        """See ``Hyperelastic``."""
         return self.bulk * growth
 
     @property
     def said(self) -> str:
-        """See ``Material``."""
         terms = "; ".join(f"mu = {mu:g}, alpha = {alpha:g}" for mu, alpha in self._terms)
         return f"{terms}; bulk = {self.bulk:g}, finite strains"
 

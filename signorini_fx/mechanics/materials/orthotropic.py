@@ -69,16 +69,13 @@ class OrthotropicElastic(Material):
 
     @property
     def compliance(self) -> Array:
-        """See ``Material``."""
         return self.orthotropic.compliance
 
     @property
     def stiffness(self) -> Array:
-        """See ``Material``."""
         return np.asarray(np.linalg.inv(self.compliance))
 
     def stress(self, strain: Any) -> Any:
-        """See ``Material``."""
         import ufl
 
         along = [strain[i, j] * (1 if i == j else 2) for i, j in PAIRS]
@@ -103,22 +100,18 @@ class OrthotropicElastic(Material):
 
     @property
     def moduli(self) -> tuple[float, float]:
-        """See ``Material``."""
         normal, shear = np.linalg.eigvalsh(self.stiffness[:3, :3]), 2 * np.array(self.orthotropic.shear)
         return float(min(normal.min(), shear.min())), float(max(normal.max(), shear.max()))
 
     def axes(self, x: Array) -> Array:
-        """See ``Material``."""
         return self.orthotropic.axes(x)
 
     @property
     def varies(self) -> bool:
-        """See ``Material``."""
         return self.grading is not None or self.orthotropic.turns
 
     @property
     def said(self) -> str:
-        """See ``Material``."""
         constants = zip(
             ("E", "nu", "G"), (self.orthotropic.young, self.orthotropic.poisson, self.orthotropic.shear), strict=True
         )
@@ -126,11 +119,9 @@ class OrthotropicElastic(Material):
 
     @property
     def words(self) -> str:
-        """See ``Material``."""
         return "an orthotropic material"
 
     def dimension_problems(self, dimension: int) -> Contradictions:
-        """See ``Material``."""
         return ((("orthotropic", *path), reason) for path, reason in self.orthotropic.dimension_problems(dimension))
 
 

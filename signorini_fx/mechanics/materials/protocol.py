@@ -145,7 +145,6 @@ class Material(Effect):
 
     @property
     def label(self) -> str:
-        """See ``Effect``."""
         return "material"
 
     @property
@@ -190,7 +189,6 @@ class Material(Effect):
 
     @property
     def features(self) -> Features:
-        """See ``Effect``."""
         return (
             *(() if self.isotropic else (("anisotropic material", ()),)),
             *((("graded material", ()),) if self.varies else ()),
@@ -203,7 +201,6 @@ class Material(Effect):
         return type(self), *(getattr(self, key) for key in type(self).model_fields if key not in apart)
 
     def contradictions(self, statement: Any, number: int) -> Contradictions:
-        """See ``Effect``."""
         if self.hypothesis != statement.material[0].hypothesis:
             yield ("material", number), "all materials must have the same hypothesis"
         if self.torsion and self.hypothesis != "axisymmetric":

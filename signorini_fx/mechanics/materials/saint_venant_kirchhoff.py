@@ -34,11 +34,9 @@ class SaintVenantKirchhoff(Hyperelastic):
 
     @property
     def constants_at_rest(self) -> tuple[float, float]:
-        """See ``NonlinearMaterial``."""
         return self.young / (2 * (1 + self.poisson)), self.young / (3 * (1 - 2 * self.poisson))
 
     def shape_energy_by_change(self, change: Any) -> Any:
-        """See ``Hyperelastic``."""
         import ufl
 
         (shear, bulk), strain = self.constants_at_rest, green_strain(change)
@@ -54,7 +52,6 @@ class SaintVenantKirchhoff(Hyperelastic):
 
     @property
     def said(self) -> str:
-        """See ``Material``."""
         return f"E = {self.young:g}, nu = {self.poisson:g}, finite strains"
 
 

@@ -165,7 +165,6 @@ class SlidingSides:
 
     @cached_property
     def _segments(self) -> npt.NDArray[np.int64]:
-        """See ``ContactBoundary.segments``."""
         return segments_of(self.space, self.facets, self.index, vertices=False)
 
     @cached_property

@@ -361,7 +361,6 @@ class _Beside:
 
     @classmethod
     def _found(cls, side: PairSurface, facets: Indices) -> _Beside:
-        """See ``of``."""
         tests, count = side.points[facets], len(side.area)
         tested_nodes = np.zeros(count, dtype=bool)
         tested_nodes[tests] = True

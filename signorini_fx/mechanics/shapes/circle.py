@@ -24,11 +24,9 @@ class Ball(Shape):
 
     @property
     def inradius(self) -> float:
-        """See ``Shape``."""
         return math.inf if self.hollow else self.radius
 
     def initial(self, x: Array) -> tuple[Array, Array]:
-        """See ``Shape``."""
         size, normal = normalised(x - np.array(self.centre), np.eye(x.shape[1])[0])
         return size - self.radius, normal
 

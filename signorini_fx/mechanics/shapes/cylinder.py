@@ -29,11 +29,9 @@ class Cylinder(Shape):
 
     @property
     def inradius(self) -> float:
-        """See ``Shape``."""
         return math.inf if self.hollow else self.radius
 
     def initial(self, x: Array) -> tuple[Array, Array]:
-        """See ``Shape``."""
         away, axis = x - np.array(self.centre), unit(self.axis)
         size, normal = normalised(away - np.outer(away @ axis, axis), across(axis))
         return size - self.radius, normal

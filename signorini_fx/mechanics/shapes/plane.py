@@ -24,11 +24,9 @@ class Plane(Shape):
 
     @property
     def narrows(self) -> bool:
-        """See ``Shape``."""
         return False
 
     def initial(self, x: Array) -> tuple[Array, Array]:
-        """See ``Shape``."""
         normal = unit(self.normal)
         return (x - np.array(self.point)) @ normal, np.broadcast_to(normal, x.shape)
 

@@ -89,7 +89,6 @@ class Polyline(LineShape):
         return self
 
     def initial(self, x: Array) -> tuple[Array, Array]:
-        """See ``Shape``."""
         walked = self.walked
         count = len(walked) - 1
         pieces = np.column_stack((np.arange(count), np.arange(1, count + 1)))

@@ -44,13 +44,11 @@ class ClosedSurface(Shape):
             yield "file", f"{self.file}: it is {words[file_dimension]}, and the mesh of the body {words[dimension]}"
 
     def initial(self, x: Array) -> tuple[Array, Array]:
-        """See ``Shape``."""
         signed, normal = self._surface(x / self.scale)
         return self.scale * signed, normal
 
     @property
     def inradius(self) -> float:
-        """See ``Shape``."""
         return math.inf if self.hollow else self.scale * self._surface.inradius
 
     @property

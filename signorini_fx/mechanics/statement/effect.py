@@ -283,7 +283,6 @@ class Force(Load):
         raise NotImplementedError
 
     def traction(self, y: Any, factor: Any, on: Coefficients) -> Any:
-        """See ``Effect``."""
         return factor * self.density(on)
 
 
@@ -301,20 +300,16 @@ class VectorForce(Force):
 
     @property
     def given(self) -> dict[str, Any]:
-        """See ``Effect``."""
         return dict(zip("xyz", self.components, strict=True))
 
     def profile(self, dimension: int) -> tuple[Any, ...]:
-        """See ``Force``."""
         values = self.given.values()
         return tuple(values if self.weighting is None else (product_of(value, self.weighting) for value in values))
 
     def density(self, on: Coefficients) -> Any:
-        """See ``Force``."""
         return on.vector(self.components)
 
     def density_at(self, at: Points) -> Array:
-        """See ``Force``."""
         return at.vector(self.components)
 
 
@@ -325,7 +320,6 @@ class InitialStrain(Load):
 
     @property
     def features(self) -> Features:
-        """See ``Effect``."""
         return (*super().features, *((("initial strain", ()),) if self.acts else ()))
 
     def strain(self, on: BodyCoefficients) -> Any:
@@ -356,7 +350,6 @@ class Resistance(Effect):
         raise NotImplementedError
 
     def traction(self, y: Any, factor: Any, on: Coefficients) -> Any:
-        """See ``Effect``."""
         return -self.reaction(y, on)
 
 

@@ -56,7 +56,6 @@ class CertificateOfSolution(Quantity):
     terminal = "certificate"
 
     def value(self, solution: Any) -> Any:
-        """See ``Quantity``."""
         return solution.certificate.as_dict()
 
     def columns(self, solution: Any) -> dict[str, Any]:

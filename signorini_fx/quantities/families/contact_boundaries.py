@@ -41,11 +41,9 @@ class ContactBoundaries(Quantity):
     title = "Each contact boundary; areas are lengths in 2D."
 
     def value(self, solution: Any) -> Any:
-        """See ``Quantity``."""
         return [figures.as_dict() for figures in solution.contact_figures] or None
 
     def lines(self, summary: Summary) -> list[TerminalLine]:
-        """See ``Quantity``."""
         areas, friction = [], []
         for row in summary.get(self.key, ())[:MOST_ROWS]:
             mean = "" if row["mean_pressure"] is None else f", mean pressure there {row['mean_pressure']:.6g}"

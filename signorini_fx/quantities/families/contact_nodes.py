@@ -24,11 +24,9 @@ class CountOfNodes(Quantity):
     terminal = "contact nodes"
 
     def value(self, solution: Any) -> Any:
-        """See ``Quantity``."""
         return None if solution.contact is None else int(solution.table.columns["x"].size)
 
     def lines(self, summary: Summary) -> list[TerminalLine]:
-        """See ``Quantity``."""
         if self.key not in summary:
             return []
         nodes = summary["touching_nodes"]
@@ -45,7 +43,6 @@ class TouchingNodes(Quantity):
     title = "Those in contact."
 
     def value(self, solution: Any) -> Any:
-        """See ``Quantity``."""
         return None if solution.contact is None else solution.table.touching
 
 

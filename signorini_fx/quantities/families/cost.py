@@ -50,12 +50,10 @@ class CostOfSolution(Quantity):
     terminal = "cost"
 
     def value(self, solution: Any) -> Any:
-        """See ``Quantity``."""
         cost = solution.cost
         return {"statement": cost} if isinstance(cost, str) else cost.as_dict()
 
     def lines(self, summary: Summary) -> list[TerminalLine]:
-        """See ``Quantity``."""
         return [row(self.terminal, cost_in_words(summary))] if self.key in summary else []
 
 

@@ -26,11 +26,9 @@ class DeformationOfBody(Quantity):
     terminal = "deformation"
 
     def value(self, solution: Any) -> Any:
-        """See ``Quantity``."""
         return asdict(max((step.deformation for step in solution.shown_steps), key=lambda step: step.largest))
 
     def lines(self, summary: Summary) -> list[TerminalLine]:
-        """See ``Quantity``."""
         figures = summary[self.key]
         text = (
             f"strains and rotations of {figures['gradient']:.1e} on average, displacements of at most "

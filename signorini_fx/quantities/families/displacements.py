@@ -39,7 +39,6 @@ class Mean(Quantity):
     request = "mean BOUNDARY AXIS"
 
     def functional(self, model: Model, *words: str) -> Functional | None:
-        """See ``Quantity``."""
         import ufl
         from dolfinx import fem
 
@@ -71,7 +70,6 @@ class AtPoint(Quantity):
     request = "displacement X,Y[,Z] AXIS"
 
     def functional(self, model: Model, *words: str) -> Functional | None:
-        """See ``Quantity``."""
         from signorini_fx.quantities.differentiable import OfDisplacement
 
         point, axis = words

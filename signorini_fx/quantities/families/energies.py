@@ -18,7 +18,6 @@ class FrictionWork(Quantity):
     title = "Energy dissipated by slip in this step."
 
     def value(self, solution: Any) -> Any:
-        """See ``Quantity``."""
         return None if solution.contact is None else solution.contact.friction_work
 
 
@@ -30,7 +29,6 @@ class StrainEnergy(Quantity):
     terminal, report = "strain energy", "strain energy"
 
     def value(self, solution: Any) -> Any:
-        """See ``Quantity``."""
         return solution.last_step.strain_energy
 
     def error(self, summary: Summary) -> float | None:
@@ -39,7 +37,6 @@ class StrainEnergy(Quantity):
         return None if energy is None else float(energy**2)
 
     def bounds(self, solution: Any, *words: str) -> Interval | str | None:
-        """See ``Quantity``."""
         from signorini_fx.quantities.proved_statements import Interval
 
         if words:

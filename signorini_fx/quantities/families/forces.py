@@ -32,7 +32,6 @@ class _Force(Quantity):
     number: int
 
     def value(self, solution: Any) -> Any:
-        """See ``Quantity``."""
         return None if solution.contact is None else [float(f) + 0.0 for f in solution.contact.forces[self.number]]
 
     def columns(self, solution: Any) -> dict[str, Any]:
@@ -44,7 +43,6 @@ class _Force(Quantity):
         return by_axis(self.key, forces, names)
 
     def lines(self, summary: Summary) -> list[TerminalLine]:
-        """See ``Quantity``."""
         return force_lines(summary, self.key) if self.key in summary else []
 
     def cards(self, summary: Summary) -> list[Card]:

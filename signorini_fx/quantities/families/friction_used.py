@@ -18,19 +18,15 @@ class FrictionUsed(Quantity):
     terminal, report = "friction used", "friction used"
 
     def asked(self, solution: Any) -> bool:
-        """See ``Quantity``."""
         return solution.contact is not None
 
     def value(self, solution: Any) -> Any:
-        """See ``Quantity``."""
         return solution.friction_used
 
     def lines(self, summary: Summary) -> list[TerminalLine]:
-        """See ``Quantity``."""
         return [row(self.terminal, percent(summary[self.key]))] if summary.get(self.key) else []
 
     def cards(self, summary: Summary) -> list[Card]:
-        """See ``Quantity``."""
         return [Card(self.report, percent(summary[self.key]))] if summary.get(self.key) else []
 
 
@@ -41,7 +37,6 @@ class HeldBySupports(Quantity):
     title = "Whether supports leave the body no rigid motion, so that no load can move it away."
 
     def value(self, solution: Any) -> Any:
-        """See ``Quantity``."""
         return solution.model.motions.free.shape[1] == 0
 
 

@@ -26,7 +26,6 @@ class ContactLaw(Quantity):
     terminal = "law"
 
     def value(self, solution: Any) -> Any:
-        """See ``Quantity``."""
         law = solution.law
         return None if law is None else law.as_dict()
 

@@ -31,14 +31,12 @@ class _Moment(Quantity):
     number: int
 
     def value(self, solution: Any) -> Any:
-        """See ``Quantity``."""
         contact = solution.contact
         if contact is None or contact.boundary.x.shape[1] != 3:
             return None
         return [float(m) + 0.0 for m in contact.moments[self.number]]
 
     def lines(self, summary: Summary) -> list[TerminalLine]:
-        """See ``Quantity``."""
         if self.key not in summary or on_several_bodies(summary):
             return []
         return [row(self.terminal, f"{resultant(summary, self.key)}, about the origin")]
@@ -89,7 +87,6 @@ class ForceThrough(Quantity):
     title = "Point of the central axis of the contact force that is nearest to the origin, in 3D."
 
     def value(self, solution: Any) -> Any:
-        """See ``Quantity``."""
         contact = solution.contact
         force = contact.forces[0]
         size = float(force @ force)
@@ -112,7 +109,6 @@ class Torque(Quantity):
     title = "Of friction about the axis x[1], with torsion."
 
     def value(self, solution: Any) -> Any:
-        """See ``Quantity``."""
         contact = solution.contact
         if contact is None or not contact.boundary.kinematics.out_of_section:
             return None

@@ -24,7 +24,6 @@ class PressureIntegral(Quantity):
     title = "Integral of the pressure, a force."
 
     def value(self, solution: Any) -> Any:
-        """See ``Quantity``."""
         if solution.contact is None:
             return None
         columns = solution.table.columns
@@ -48,18 +47,15 @@ class PeakPressure(Quantity):
     request = "pressure BOUNDARY [POWER]"
 
     def value(self, solution: Any) -> Any:
-        """See ``Quantity``."""
         return None if solution.contact is None else float(solution.table.columns["pressure"].max())
 
     def columns(self, solution: Any) -> dict[str, Any]:
-        """See ``Quantity``."""
         from signorini_fx.machine import parallel
 
         contact = solution.contact
         return {} if contact is None else {self.key: parallel.largest(contact.boundary.comm, contact.pressure)}
 
     def error(self, summary: Summary) -> float | None:
-        """See ``Quantity``."""
         return solved_prices(summary).get("peak")
 
     def functional(self, model: Model, *words: str) -> Functional | None:
@@ -78,11 +74,9 @@ class PeakShear(Quantity):
     report = "largest shear"
 
     def value(self, solution: Any) -> Any:
-        """See ``Quantity``."""
         return None if solution.contact is None else float(np.abs(solution.table.columns["shear"]).max())
 
     def error(self, summary: Summary) -> float | None:
-        """See ``Quantity``."""
         return solved_prices(summary).get("pressure")
 
     def cards(self, summary: Summary) -> list[Card]:

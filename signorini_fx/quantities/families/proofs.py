@@ -38,12 +38,10 @@ class ErrorBoundOfSolution(Quantity):
     terminal = "error bound"
 
     def asked(self, solution: Any) -> bool:
-        """See ``Quantity``."""
         goal = solution.statement.accuracy
         return bool(solution.statement.solver.error_bound or (goal is not None and goal.certified))
 
     def value(self, solution: Any) -> Any:
-        """See ``Quantity``."""
         bound = solution.error_bound
         if isinstance(bound, str):
             return {"statement": f"{_NONE}{bound}"}
@@ -55,7 +53,6 @@ class ErrorBoundOfSolution(Quantity):
         return f"there is no guaranteed bound: {value['statement'].removeprefix(_NONE)}" if none else ""
 
     def lines(self, summary: Summary) -> list[TerminalLine]:
-        """See ``Quantity``."""
         return _statement(self, summary)
 
 
@@ -75,14 +72,12 @@ class FunctionalsOfSolution(Quantity):
     terminal = "duality gap"
 
     def value(self, solution: Any) -> Any:
-        """See ``Quantity``."""
         values = solution.functionals
         if values is None:
             return None
         return {"primal": values.primal, "dual": values.dual, "relative_duality_gap": values.relative_gap}
 
     def lines(self, summary: Summary) -> list[TerminalLine]:
-        """See ``Quantity``."""
         figures = summary.get(self.key)
         return [row(self.terminal, f"{figures['relative_duality_gap']:.1e}")] if figures else []
 

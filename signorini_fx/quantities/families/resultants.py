@@ -33,7 +33,6 @@ class AllResultants(Quantity):
     )
 
     def value(self, solution: Any) -> Any:
-        """See ``Quantity``."""
         return solution.resultants.as_rows()
 
     def lines(self, summary: Summary) -> list[TerminalLine]:

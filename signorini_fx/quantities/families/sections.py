@@ -26,11 +26,9 @@ class Preloads(Quantity):
     title = "Sections that are tightened."
 
     def value(self, solution: Any) -> Any:
-        """See ``Quantity``."""
         return [section.as_dict() for section in solution.preloads] or None
 
     def lines(self, summary: Summary) -> list[TerminalLine]:
-        """See ``Quantity``."""
         return labelled(self.terminal, [_in_words(section) for section in summary.get(self.key, ())])
 
 

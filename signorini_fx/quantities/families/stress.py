@@ -57,7 +57,6 @@ class Stress(Quantity):
     terminal, report = "von Mises stress", "largest von Mises stress"
 
     def value(self, solution: Any) -> Any:
-        """See ``Quantity``."""
         stress = solution.known_stress
         return None if stress is None else stress.as_dict()
 
@@ -105,12 +104,10 @@ class PlasticStrain(Quantity):
     terminal, report = "plastic strain", "largest plastic strain"
 
     def value(self, solution: Any) -> Any:
-        """See ``Quantity``."""
         stress = solution.known_stress
         return None if stress is None else stress.plastic_extreme()
 
     def lines(self, summary: Summary) -> list[TerminalLine]:
-        """See ``Quantity``."""
         return [row(self.terminal, f"{card.text} {card.remark}".rstrip()) for card in self.cards(summary)]
 
     def cards(self, summary: Summary) -> list[Card]:
@@ -129,12 +126,10 @@ class Utilisation(Quantity):
     terminal, report = "yield stress used", "yield stress used"
 
     def value(self, solution: Any) -> Any:
-        """See ``Quantity``."""
         stress = solution.known_stress
         return None if stress is None else stress.utilisation()
 
     def lines(self, summary: Summary) -> list[TerminalLine]:
-        """See ``Quantity``."""
         return [row(self.terminal, f"{card.text} {card.remark}") for card in self.cards(summary)]
 
     def cards(self, summary: Summary) -> list[Card]:

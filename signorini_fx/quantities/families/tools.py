@@ -35,7 +35,6 @@ class Tools(Quantity):
     title = "Foundations that forces move: how they have moved, and what the body does to them."
 
     def value(self, solution: Any) -> Any:
-        """See ``Quantity``."""
         contact, effects = solution.contact, solution.statement.contact
         if contact is None:
             return None
@@ -47,7 +46,6 @@ class Tools(Quantity):
         return [card for tool in summary.get(self.key, ()) for card in _of_tool(tool)]
 
     def lines(self, summary: Summary) -> list[TerminalLine]:
-        """See ``Quantity``."""
         told = [tool_in_words(tool) for tool in summary.get(self.key, ())]
         return labelled(self.terminal, [text for texts in zip(*told, strict=True) for text in texts])
 

@@ -37,7 +37,6 @@ class Zones(Quantity):
     title = "Zones on the contact boundary of a body in 2D."
 
     def value(self, solution: Any) -> Any:
-        """See ``Quantity``."""
         if solution.contact is None or "s" not in solution.table.columns:
             return None
         table, columns = solution.table, solution.table.columns
@@ -51,7 +50,6 @@ class Zones(Quantity):
         }
 
     def lines(self, summary: Summary) -> list[TerminalLine]:
-        """See ``Quantity``."""
         zones = summary.get(self.key, {}).items()
         return [
             row(f"{name} {self.terminal}", ", ".join(f"{point_in_words(a)} to {point_in_words(b)}" for a, b in runs))
@@ -77,7 +75,6 @@ class Areas(Quantity):
     request = "area BOUNDARY [POWER]"
 
     def value(self, solution: Any) -> Any:
-        """See ``Quantity``."""
         contact = solution.contact
         return None if contact is None or contact.boundary.x.shape[1] != 3 else contact.areas
 

@@ -202,11 +202,9 @@ class FrozenPoints(PairPoints):
         )
 
     def gap(self, adjust: float | None) -> Array:
-        """See ``PairPoints``."""
         return self.pair.coupling.adjusted(adjust, (self.pair.slave.surface, self.pair.master.surface))
 
     def fixed_gap(self, allowance_at: Callable[[Any], Array]) -> Array:
-        """See ``PairPoints``."""
         return self.pair.fixed_gap(self._at_owned(allowance_at, self.pair.slave.nodes), self.comm)
 
     def relative(self, owned: Array) -> Array:

@@ -121,7 +121,6 @@ class SurfaceQuadrature:
         return self._moments[boundary]
 
     def _integrated(self, boundary: Any, factor: Array | None) -> Array:
-        """See ``moments``."""
         total, degree = self.zero(), self._shapes.degree
         rule = basix.make_quadrature(self._facet, contact_forms.lumped_degree(degree, self._geometry.degree))
         if self.across == 2 and (factor is None or degree > 1):  # the nodal rule, which has the same integrals

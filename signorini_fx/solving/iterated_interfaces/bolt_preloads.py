@@ -56,7 +56,6 @@ class BoltPreloads(Interface):
         return [_jump(path, entry, self.statement, tagged, space) for path, entry in self.entries.items()]
 
     def solve(self, step: LoadStepStart) -> LoadStepEnd:
-        """See ``Interface``."""
         model, task, start, scale = step.model, step.task, step.start, step.scale
         place, newton = start.place, task.iterate.newton
         loads = _tightened(model, place)
@@ -118,7 +117,6 @@ class BoltPreloads(Interface):
     def recalled(
         self, model: SolidBody, task: Task, step: float, nodal: Mapping[str, Nodal], figures: Mapping[str, Any]
     ) -> SolidBody:
-        """See ``Interface``."""
         return _with_shortenings(model, step, figures["shortenings"])
 
 

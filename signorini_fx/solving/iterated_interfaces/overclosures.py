@@ -15,7 +15,6 @@ class Overclosures(Interface):
     """Those of a scene, see ``Interface``."""
 
     def solve(self, step: LoadStepStart) -> LoadStepEnd:
-        """See ``Interface``."""
         model, data = step.model, step.start.data
         assert model.boundary is not None
         share = np.ones(model.boundary.size)
