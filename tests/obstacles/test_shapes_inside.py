@@ -145,3 +145,26 @@ def test_a_linear_result_names_a_circle_between_its_nodes():
 
     assert len(told(4)) == 1
     assert not told(60)
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+@pytest.mark.parametrize("cell", [*PLANE, "hexahedron"])
+def test_elongated_cells(cell, axis):
+    """A ball beside the long side of cells of 1:1e6 is outside; moved into it, it is found."""
+    dim, length, radius = 2 if cell in PLANE else 3, 1e6, 0.5
+    upper = np.ones(dim)
+    upper[axis] = length
+    make = dmesh.create_rectangle if dim == 2 else dmesh.create_box
+    counts = tuple(np.where(np.arange(dim) == axis, 4, 8))
+    mesh = make(MPI.COMM_SELF, [np.zeros(dim), upper], counts, getattr(dmesh.CellType, cell))
+    cells = BodyCells.of(fem.functionspace(mesh, ("Lagrange", 1, (dim,))), dim)
+    for gap in (1e-3, -0.4):
+        centre = 0.37 * upper
+        centre[1 - axis] = 1.0 + radius + gap
+        entry = {"shape": "circle" if dim == 2 else "sphere", "centre": tuple(centre), "radius": radius}
+        shape = read_shape(entry)
+        deep = cells.inside(cells.x, shape)
+        assert (deep is None) == (gap > 0)
+        if deep is not None:
+            assert deep.depth == pytest.approx(-shape.distance(np.array([deep.at]))[0][0])
+            assert deep.depth <= -gap + 1e-9 * length**0.5
