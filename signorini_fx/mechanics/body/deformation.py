@@ -62,25 +62,6 @@ def deformation_of(body: ElasticBody, displacement: fem.Function, size: float) -
     return Deformation(gradient, share)
 
 
-def neglected_strain(body: ElasticBody, displacement: fem.Function) -> tuple[float, float]:
-    """What the strain of linear elasticity leaves out of Green's; collective.
-
-    Both are root mean squares over the piece where they are largest.
-
-    Returns:
-        The rotation, radians, and |grad u^T grad u / 2| over |sym grad u|; 0 for a displacement without strain.
-    """
-    pieces = body.motions.pieces
-    gradient, areas = _gradients(body, displacement)
-    turned = gradient.swapaxes(0, 1)
-    tensors = ((gradient - turned) / 2**1.5, np.einsum("kic,kjc->ijc", gradient, gradient) / 2, (gradient + turned) / 2)
-    squares = [np.einsum("ijc,ijc->c", tensor, tensor) * areas for tensor in tensors]
-    rows = np.column_stack((*squares, areas))
-    total = parallel.sums_by(body.comm, pieces.of_cell[: areas.size], rows, pieces.count)
-    rotation, neglected, strain = np.sqrt(total[:, :3] / total[:, 3:]).max(axis=0)
-    return float(rotation), float(neglected / strain) if strain > 0 else 0.0
-
-
 def added_stiffness(displacement: fem.Function) -> float:
     """By which share cells of degree 1 make a body stiffer than it is, an estimate; 0: of another degree; collective.
 
