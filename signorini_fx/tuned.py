@@ -266,7 +266,7 @@ MESHES_TIMES = 1.33
 # times those of the mesh that was solved.  Tuned on eight solves of 975 to 6,591 unknowns in 3D: 0.5 to 1.3 times it.
 SPACE_FIXED, SPACE_GROWTH = 5700.0, 2.0
 # Seconds foretold are known within these factors.  The first held for 89 % of these 46 runs, for 93 % of 29 others, and
-# for 41 of 52 small meshes of docs/evidence/forecasts.csv; the second for the unknowns of 85 % of 63 uniform meshes.
+# for 48 of 58 small meshes of docs/evidence/forecasts.csv; the second for the unknowns of 85 % of 63 uniform meshes.
 LOCAL_SPREAD, UNIFORM_SPREAD = 2.0, 3.5
 # Unknowns that no uniform mesh is foretold for: 60 times those of the largest mesh of the same runs.
 MOST_UNIFORM_UNKNOWNS = 2.5e6
