@@ -23,5 +23,6 @@ fixed = fem.dirichletbc(np.zeros(2), fem.locate_dofs_topological(V, 1, bottom), 
 circle = Foundation(top, shape={"shape": "circle", "centre": (1.0, 1.5), "radius": 0.5}, friction=Coulomb(0.3))
 problem = NonlinearContactProblem(residual, u, J=tangent, bcs=[fixed], contact=circle)
 problem.ramp(lambda t: problem.place(0, shift=(0.0, -0.2 * t)), first=0.5)
+force, _ = problem.state.forces  # of all ranks
 if MPI.COMM_WORLD.rank == 0:
-    print(f"force {problem.state.forces[0][1]:.2f}, {problem.certificate}")
+    print(f"force {force[1]:.2f}, {problem.certificate}")
