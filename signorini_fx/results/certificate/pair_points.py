@@ -28,6 +28,7 @@ from signorini_fx.mechanics.obstacles.paired_points import PairedSides
 from signorini_fx.mechanics.obstacles.sliding_sides import SlidingSides
 from signorini_fx.mechanics.pairs.sliding import SlidingCoupling
 from signorini_fx.mechanics.pairs.sparse_scaling import beside
+from signorini_fx.mechanics.rigid.rigid_motions import rigid_modes
 from signorini_fx.tuned import SLIVER
 
 Array = npt.NDArray[np.float64]
@@ -143,13 +144,13 @@ class PairPoints:
         moves = moving.astype(bool).astype(np.float64)
         return np.asarray((abs(self.own) + abs(self.others)).maximum(SLIVER * moves).T @ self.weight)
 
-    def _rigid(self, x: Array) -> tuple[list[Array], float]:
-        """Joint rigid motions of the m nodes, at places of shape (m, d), of size one: translations first; and the size
-        of the sides, length.
+    def _rigid(self, x: Array) -> tuple[Array, float]:
+        """Joint rigid motions of the m nodes at places x, shape (k, m, d): translations first, and rotations that move
+        the ends of the sides by about one; and the size of the sides, length.
         """
         low, high = parallel.global_bounds(self.comm, x)
         size = float(np.linalg.norm(high - low))
-        return rigid_motions((x - (low + high) / 2) / size), size
+        return rigid_modes(x, (low + high) / 2, np.array(size)).transpose(2, 0, 1), size
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -228,7 +229,7 @@ class FrozenPoints(PairPoints):
         for number, motion in enumerate(motions):
             left = (self.operator @ motion.ravel()).reshape(self.normal.shape)
             if self.pair.followed and number >= dim:
-                turned = rigid_motions(np.asarray(coupling.distance / size))[number]
+                turned = rigid_modes(coupling.distance, np.zeros(dim), np.array(size))[:, :, number]
                 left = left + turned - np.einsum("nij,nj->ni", self.across, turned)
             errors.append(_largest(left))
         paired = self.pair.slave.facets, self.pair.master.facets
@@ -336,18 +337,6 @@ class SlidingPoints(PairPoints):
 def _map_at(sides: SlidingSides, displacement: Array, settled: Array) -> SlidingCoupling:
     """The map at a displacement in a step that has begun at another one, length, shape (m, d)."""
     return sides.at(displacement, sides.fixed_at(sides.carried_along(displacement, settled)))
-
-
-def rigid_motions(arm: Array) -> list[Array]:
-    """Translations and rotations by one of places at arms, shape (n, d): translations first, shapes (n, d)."""
-    dim = arm.shape[1]
-    motions = [np.tile(row, (len(arm), 1)) for row in np.eye(dim)]
-    for first in range(dim):
-        for second in range(first):
-            turned = np.zeros_like(arm)
-            turned[:, first], turned[:, second] = -arm[:, second], arm[:, first]
-            motions.append(turned)
-    return motions
 
 
 def _largest(values: Array) -> float:
