@@ -23,6 +23,7 @@ from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.contact_points.first_sets import first_sets
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.model import Model
+from signorini_fx.mechanics.obstacles.scene_contact import shape_at_points
 from signorini_fx.mechanics.rigid.mesh_levels import MeshLevel
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.records import Finding, History, Status, Timings
@@ -188,7 +189,10 @@ def _findings(model: Model, steps: Sequence[StepResult]) -> list[Finding]:
     contact = enumerate(model.statement.placed(_shown(steps).place).contact)
     # Soft contact lets a body into its foundation.
     hard = [(k, effect) for k, effect in contact if getattr(effect, "overclosure", None) is None]
-    foundations = [(f"contact[{k}].foundation", effect.surface, effect.gap) for k, effect in hard]
+    foundations = [
+        (f"contact[{k}].foundation", shape_at_points(effect.surface, model.kinematics), effect.gap)
+        for k, effect in hard
+    ]
     return findings_of_steps(model, steps, findings, foundations)
 
 

@@ -70,6 +70,8 @@ def test_lubkin():
     found = runpy.run_path(str(Path(__file__).parents[2] / "demos" / "forms" / "torsion.py"))
     problem, radius, poisson = found["problem"], found["BALL"]["radius"], found["NU"]
     young, friction = found["E"], found["F"]
+    assert problem.solution.converged
+    assert not any("inside" in finding.message for finding in problem.solution.findings)
     force = problem.state.forces[0][1]
     a = (3 * force * radius * (1 - poisson**2) / (4 * young)) ** (1 / 3)
     shear, p0 = young / (2 * (1 + poisson)), 3 * force / (2 * np.pi * a**2)

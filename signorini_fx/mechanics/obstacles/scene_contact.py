@@ -43,13 +43,17 @@ def foundations_of(
                 )
             )
             continue
-        gap, shape = _evaluable(effect.gap), effect.surface
-        out, direction = kinematics.out_of_section, effect.direction
-        if out:
-            direction = None if direction is None else (*direction, *[0.0] * out)
-            shape = None if shape is None else _ShapeOfSection(shape)
+        gap, shape = _evaluable(effect.gap), shape_at_points(effect.surface, kinematics)
+        direction = effect.direction
+        if direction is not None:
+            direction = (*direction, *[0.0] * kinematics.out_of_section)
         foundations.append(Foundation(on, gap, direction, friction, bilateral, around, shape, bonded))
     return foundations
+
+
+def shape_at_points(shape: Any, kinematics: Kinematics) -> Any:
+    """A shape of a scene as it is asked at points of the body; None: there is none."""
+    return shape if shape is None or not kinematics.out_of_section else _ShapeOfSection(shape)
 
 
 @dataclass(frozen=True)

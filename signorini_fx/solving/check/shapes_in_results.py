@@ -23,8 +23,8 @@ def shapes_in_results(foundations: Iterable[tuple[str, Any, Any]], displacement:
     for name, shape, added in foundations:
         if shape is None or getattr(shape, "driven", False) or not isinstance(added, int | float):
             continue
-        space = displacement.function_space  # a section with torsion is one of space, its foundations are plane
-        cells = cells or BodyCells.of(space, space.mesh.topology.dim)
+        space = displacement.function_space
+        cells = cells or BodyCells.of(space, space.mesh.geometry.dim)
         deep = cells.inside(cells.placed(displacement.x.array), shape, float(added))
         if deep is not None:
             message = (
