@@ -199,11 +199,13 @@ class Solution:
         if self.status in _UNDECIDED and ended_between:
             # What regularisation leaves of slip in each load step wedges a body between several walls.
             wedged = self.statement.has_coulomb and len(self.statement.contact) > 1 and settings.algorithm != "alm"
-            early = ", and between several walls a ramp with algorithm = 'ssn' ends early: use 'alm'" if wedged else ""
+            early = (
+                "; between several walls it may be higher: set solver.algorithm = 'alm' and solver.coulomb = 'newton'"
+            )
             return (
                 "lower the load, raise the friction, or prescribe a displacement: there is a solution at time "
                 f"{last.time:.6g}, and none was found at time {failed.time:.6g}; most likely a limit load is between "
-                f"them, though it is not proved{early}"
+                f"them, though it is not proved{early * wedged}"
             )
         if self.history.late and self.status in _UNDECIDED:
             return (

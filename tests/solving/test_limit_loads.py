@@ -11,6 +11,7 @@ from mpi4py import MPI
 from scipy.optimize import linprog
 
 from signorini_fx import solve
+from signorini_fx.mechanics.statement.settings import SolverSettings
 from signorini_fx.records import IterationRecord, Status, StepRecord
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.scene import Scene
@@ -187,6 +188,16 @@ def test_a_cube_in_a_corner_of_three_walls(coefficient):
     """No fixed point finds its last load steps: the friction of the step before would not hold it."""
     _, beyond = enclosed(corner(coefficient, cells=3))
     assert beyond > 0
+
+
+@pytest.mark.slow
+def test_regularised_steps_end_early_and_say_so():
+    """By a few per cent in a corner of three walls; the advice names the method that finds the limit."""
+    case = corner(0.5, cells=3)
+    scene = case.scene.model_copy(update={"solver": SolverSettings()})
+    solution = solve(scene, check=False)
+    assert 0.85 * case.limit < solution.last_step.time < case.limit
+    assert "set solver.algorithm = 'alm' and solver.coulomb = 'newton'" in solution.advice
 
 
 @pytest.mark.slow
