@@ -25,6 +25,14 @@ class ProblemOfForms:
 
     assembled: FormSolver
 
+    def __repr__(self) -> str:
+        dofmap = self.assembled.space.dofmap
+        unknowns = dofmap.index_map.size_global * dofmap.index_map_bs
+        status = self.assembled.status
+        return (
+            f"<{type(self).__name__}: {unknowns} unknowns, {'not solved so far' if status is None else status.value}>"
+        )
+
     @property
     def bcs(self) -> Any:
         """The Dirichlet conditions; the list may change between two solves."""

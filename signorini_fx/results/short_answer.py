@@ -101,8 +101,9 @@ def _cost(summary: dict[str, Any]) -> list[TerminalLine]:
     """What the error took, and what a smaller one would take; or why that is not known."""
     if not (statement := cost_in_words(summary)):
         return []
-    texts = [statement, re.sub(r" error of the [a-z ]+ took ", " error took ", statement)]
-    return _line("cost", next((text for text in texts if len(text) <= COLUMNS - _LABEL), texts[-1]))
+    if len(statement) > COLUMNS - _LABEL:
+        statement = re.sub(r" error of the [a-z ]+ took ", " error took ", statement)
+    return _words("cost", statement, 2)
 
 
 def _begin(label: str) -> str:
@@ -135,7 +136,7 @@ def _warned(summary: dict[str, Any]) -> str:
     texts = [
         f"{finding['path']}: {finding['message']}"
         for finding in summary["findings"]
-        if finding["level"] == "warning" and finding["message"] != summary["advice"]
+        if finding["level"] == "warning" and finding["message"] not in summary["advice"]
     ]
     return "" if not texts else texts[0] if len(texts) == 1 else f"(1 of {len(texts)}) {texts[0]}"
 

@@ -21,6 +21,8 @@ from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable, contact_table
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodyMotion
+from signorini_fx.mechanics.statement.effect import Load
+from signorini_fx.mechanics.statement.load_path import factor_at
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.quantities.proved_statements import Refused
 from signorini_fx.quantities.registry import requested
@@ -191,11 +193,13 @@ class Solution:
             of_step = [failed.reason] if failed.reason is not None and self.statement.steps > 1 else []
             reasons = [*of_step, *self.findings]
             named = (finding.message for finding in reasons if (finding.level, finding.path) == wanted)
-            between = f"there is a solution at time {last.time:.6g}, and none at time {failed.time:.6g}; "
+            between = (
+                f"there is a solution at time {last.time:.6g}{self._factors_held}, and none at time {failed.time:.6g}; "
+            )
             # What the whole load does, a part of it need not do.
             another = _ANOTHER.get(self.status) if ended_between else None
             fits = (message for message in named if another is None or another not in message)
-            return next(fits, f"{between * ended_between}{self.status.advice}")
+            return between * ended_between + next(fits, self.status.advice)
         if self.status in _UNDECIDED and ended_between:
             # What regularisation leaves of slip in each load step wedges a body between several walls.
             wedged = self.statement.has_coulomb and len(self.statement.contact) > 1 and settings.algorithm != "alm"
@@ -204,8 +208,8 @@ class Solution:
             )
             return (
                 "lower the load, raise the friction, or prescribe a displacement: there is a solution at time "
-                f"{last.time:.6g}, and none was found at time {failed.time:.6g}; most likely a limit load is between "
-                f"them, though it is not proved{early * wedged}"
+                f"{last.time:.6g}{self._factors_held}, and none was found at time {failed.time:.6g}; most likely a "
+                f"limit load is between them, though it is not proved{early * wedged}"
             )
         if self.history.late and self.status in _UNDECIDED:
             return (
@@ -224,6 +228,18 @@ class Solution:
         if self.status in _BY_OWN_CODE and (own := self._own_code):
             return f"{advice}; it may also be that {' or '.join(own)} contradicts itself where it was not tried"
         return advice
+
+    @property
+    def _factors_held(self) -> str:
+        """What the last solution bears of the loads that grow behind it, such as: (0.5 times traction[1])."""
+        statement, ends = self.statement, (self.last_step.place, self.steps[-1].place)
+        factors = {
+            path: [factor_at(statement.factors_of(load), place) for place in ends]
+            for path, load in statement.listed()
+            if isinstance(load, Load)
+        }
+        growing = [f"{held:.4g} times {path}" for path, (held, failed) in factors.items() if held != failed]
+        return f" ({', '.join(growing)})" if growing else ""
 
     @property
     def _own_code(self) -> list[str]:
@@ -469,7 +485,9 @@ class ConvergenceError(SignoriniError):
         if message is not None:
             super().__init__(message)
             return
-        found = [found for found in solution.findings if found.level == "warning" and found.message != solution.advice]
+        found = [
+            found for found in solution.findings if found.level == "warning" and found.message not in solution.advice
+        ]
         super().__init__("\n".join([outcome(solution), *(f"{warning.path}: {warning.message}" for warning in found)]))
 
 

@@ -188,7 +188,7 @@ def _warnings(summary: dict[str, Any]) -> list[TerminalLine]:
     pieces = summary["pieces"]
     lines = [row("pieces", f"{len(pieces)}: {_listed(pieces)}")] if len(pieces) > 1 else []
     for finding in summary["findings"]:
-        if finding["level"] == "warning" and finding["message"] != summary["advice"]:
+        if finding["level"] == "warning" and finding["message"] not in summary["advice"]:
             lines.append(row("warning", f"{finding['path']}: {finding['message']}", "warning"))
     return lines
 

@@ -49,6 +49,15 @@ def test_what_is_said(summary):
     assert lines[-1].endswith("results/scene/")
 
 
+def test_a_long_forecast_is_whole(summary):
+    """It goes on on a second line."""
+    statement = "6.2 % error of the stress took 0.6 s; 0.6 %: 4 to 48 s with --accuracy 0.0087, all cells smaller"
+    lines = told(summary | {"cost": summary["cost"] | {"statement": statement}})
+    at = labels(lines).index("cost")
+    assert all(len(line) <= 80 for line in lines)
+    assert " ".join(f"{lines[at]} {lines[at + 1]}".split()).endswith(statement.partition("took")[2])
+
+
 @pytest.mark.parametrize("warnings", [0, 1])
 def test_certificate_that_does_not_hold(summary, warnings):
     """It is said aloud, whatever has to be said beside it."""

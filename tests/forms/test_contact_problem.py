@@ -97,6 +97,7 @@ def test_exact_states(name):
     for pressure, formula in zip(pressures, formulas, strict=True):
         assert pressure == pytest.approx(formula, rel=1e-11)
     assert found["problem"].certificate.holds
+    assert repr(found["problem"]).endswith("unknowns, converged>")
 
 
 @pytest.mark.mpi

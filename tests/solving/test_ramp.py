@@ -157,6 +157,13 @@ def failed(tmp_path_factory):
     return solution, write_results(solution, folder), folder
 
 
+def test_the_load_that_is_held_is_named(failed):
+    """By its factor in the scene, not by the time alone."""
+    solution, _, _ = failed
+    held = solution.steps[-2].place
+    assert f"({held:.4g} times traction[1])" in solution.advice
+
+
 def test_fields_of_every_step(failed):
     """The files are of all steps with a solution, at their times, with their values."""
     solution, summary, folder = failed

@@ -115,7 +115,7 @@ def _estimate(card: Card) -> str:
 def _warnings(summary: dict[str, Any]) -> list[dict[str, Any]]:
     """About the scene and the result."""
     warned = [finding for finding in summary.get("findings", []) if finding["level"] == "warning"]
-    warnings = [finding for finding in warned if finding["message"] != summary["advice"]]
+    warnings = [finding for finding in warned if finding["message"] not in summary["advice"]]
     return [{**finding, "message": in_text(finding["message"])} for finding in warnings]
 
 
