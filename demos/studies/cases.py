@@ -5,14 +5,8 @@ from functools import cache
 from pathlib import Path
 
 from mpi4py import MPI
-from reference import (
-    Reference,
-    divided,
-    reference_errors,
-    reference_solution,
-    studied_settings,
-)
-from varied import varied, varied_scene
+from reference import Reference, divided, reference_errors, reference_solution
+from varied import varied
 
 from signorini_fx.scenes.reading import parse_scene, read_scene
 
@@ -43,11 +37,6 @@ def _hertz_reference():
     # From small cells on: where facets are divided, the body remains the polygon that it is.
     problem = varied(scene_of("hertz_degree2"), MPI.COMM_SELF)
     solutions = divided(problem, 1 / 3, UNKNOWNS)
-    reference, finest = Reference(solutions[-1], adaptive=True), solutions[-1].model.dofs
+    reference, finest = Reference(solutions[-1]), solutions[-1].model.dofs
     coarse = (divided(problem, k / 3, finest / k**2)[-1] for k in (2, 4))
     return reference, reference_errors(*(reference.errors(solution) for solution in coarse))
-
-
-def on_mesh(scene, factor, element, settings):
-    """A scene with elements ``factor`` times as large, of this kind, and with the settings of a method."""
-    return varied_scene(scene, factor, element, studied_settings(scene.statement, settings), None)

@@ -1,4 +1,4 @@
-"""Random scenes for the study of accuracies that are asked for, and references that resolve their corners.
+"""Random scenes for studies of accuracy, and references that resolve their corners.
 
 Most have contact up to the corners of the body; there are slanted sides, reentrant corners, several materials, loads
 and friction that jump between nodes.  Scenes are small, so that hundreds of runs take minutes.
@@ -6,7 +6,6 @@ and friction that jump between nodes.  Scenes are small, so that hundreds of run
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
@@ -14,7 +13,6 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 from dolfinx import mesh as dmesh
-from methods import work_of
 from reference import LIMIT, Reference
 
 from signorini_fx.errors import SignoriniError
@@ -31,8 +29,6 @@ from signorini_fx.scenes.solver import solve
 
 NEAR = 1e-9
 QUANTITIES = ("energy", "pressure", "force")
-# Of the rivals that are divided where the error is: meshes and unknowns, at most.
-MESHES, LARGEST = 24, 8_000
 
 
 @dataclass(frozen=True)
@@ -309,47 +305,3 @@ def reference(one: RandomScene, halvings: int = 30, unknowns: int = 60_000) -> t
     coarse = min(found[:-1], key=lambda solution: abs(np.log(dofs / solution.model.dofs / 2)))
     own = fine.errors(coarse)
     return fine, {name: own[name] for name in QUANTITIES}
-
-
-def rivals(one: RandomScene, fine: Reference) -> list[dict[str, Any]]:
-    """Runs on many meshes, each with its errors and its price: degree 1 and 2, uniform, and divided where the error is.
-
-    A uniform mesh is solved once, from a cold start; what leads to a mesh that is divided belongs to its price.
-    Coarser meshes than that of the scene are there where a generator makes them; a mesh of one's own is the coarsest.
-    """
-    found = []
-    coarser = (4.0, 2.0) if isinstance(one.scene.mesh, MeshGenerator) else ()
-    for degree in (1, 2):
-        for factor in (*coarser, 1.0, 0.5, 0.25):
-            begin = time.process_time()
-            solution = solve(on(one, factor, degree), MPI.COMM_SELF, check=False)
-            seconds = time.process_time() - begin
-            if solution.converged:
-                price = {"work": work_of(solution), "seconds": seconds}
-                found.append({"method": f"P{degree}, {solution.model.dofs}", **price, **fine.errors(solution)})
-    for degree, of in ((1, "energy"), (2, "energy"), (2, "pressure")):
-        found += _divided(one, fine, degree, of)
-    return found
-
-
-def _divided(one: RandomScene, fine: Reference, degree: int, of: str) -> list[dict[str, Any]]:
-    """Meshes divided where the error of this quantity is, each from the contact state of the one before."""
-    scene, tagged, state = on(one, 1.0, degree), one.body.mesh(), None
-    history, work, seconds, found = History(), 0.0, 0.0, []
-    for number in range(MESHES):
-        begin = time.process_time()
-        solved = meshed_scene(scene.model_copy(update={"mesh": tagged}), MPI.COMM_SELF, history).solved(
-            number, state, None
-        )
-        if solved.errors is None:
-            break
-        solution, state = solved.solution, solved.solution.contact
-        dofs = solution.model.dofs
-        work += solved.level.linear_solves * dofs
-        tagged = refine(tagged, mark(MPI.COMM_SELF, solved.errors.squares[of], 0.6))
-        seconds += time.process_time() - begin
-        name = f"P{degree}, divided for the {of}, {dofs}"
-        found.append({"method": name, "work": work, "seconds": seconds, **fine.errors(solution)})
-        if dofs > LARGEST:
-            break
-    return found

@@ -65,8 +65,8 @@ class Reference:
     (a curved boundary), the nearest cell is continued.
     """
 
-    def __init__(self, solution: Solution, *, adaptive: bool = False) -> None:
-        self.solution, self._adaptive = solution, adaptive
+    def __init__(self, solution: Solution) -> None:
+        self.solution = solution
         self._located: dict[Any, tuple[npt.NDArray[np.int32], Floats]] = {}
         stress, mesh = solution.stress.stress, solution.model.tagged.mesh
         points, weights = basix.make_quadrature(getattr(basix.CellType, mesh.topology.cell_name()), 2)
@@ -86,14 +86,6 @@ class Reference:
         twice = ufl.diff(ufl.diff(stress.compliance(tau), tau), tau)
         self._compliance = at_points(twice / 2).reshape(-1, len(tau), len(tau))
         self._size = self._energy_norm(self._stress)
-
-    @property
-    def about(self) -> str:
-        """A description for the text of the study."""
-        mesh, statement = self.solution.model.tagged.mesh, self.solution.statement
-        kind = {"triangle": "P", "quadrilateral": "Q"}[mesh.topology.cell_name()]
-        adaptive = ", adaptive" if self._adaptive else ""
-        return f"{kind}{statement.element.degree}, exact{adaptive}"
 
     def errors(self, solution: Solution, mesh_key: Any = None) -> dict[str, float | None]:
         """Relative errors of a solution; None where there is nothing to compare.
@@ -154,7 +146,7 @@ def reference_solution(problem: VariedProblem, fine: float, unknowns: int) -> tu
     """
     refuse(problem.statement, REFUSES)
     solutions = divided(problem, FIRST_CELLS, unknowns) if problem.divisible else uniform(problem, fine, "Q2")
-    reference = Reference(solutions[-1], adaptive=problem.divisible)
+    reference = Reference(solutions[-1])
     # Meshes with half and a quarter of the cells along a line; of the energy norm both differences see the same error.
     finest = solutions[-1].model.dofs
     near, far = (min(solutions[:-1], key=lambda s: abs(np.log(finest / s.model.dofs / k))) for k in (4, 16))
