@@ -23,10 +23,9 @@ from signorini_fx.scenes.reading import parse_scene
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 from benchmarks.stability.oracle import convex
-from benchmarks.stability.oracle.judge import FAILURES, RIGHT
+from benchmarks.stability.oracle.judge import FAILURES, RIGHT, judge
 from benchmarks.stability.oracle.package import answer_of, solution_of
 from benchmarks.stability.oracle.scenes import Trial
-from benchmarks.stability.oracle.space.judge import judge
 from benchmarks.stability.oracle.units import same
 
 F1, F2 = 0.4, 0.15

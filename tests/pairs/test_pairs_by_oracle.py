@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.stability.oracle.bodies.mortar import Side, points_of_moved
+from benchmarks.stability.oracle.mortar import Side, points_of_moved
 from signorini_fx.mechanics.pairs import mortar_coupling
 from signorini_fx.mechanics.pairs.mortar_coupling import couple
 from signorini_fx.mechanics.pairs.pair_side import Lagrange, PairSurface

@@ -387,7 +387,7 @@ def test_a_load_step_that_forgets_where_slip_counts_from(tmp_path, tmp_path_fact
     told["slip"] = told["u_t"] - given.steps[-2].table["u_t"]
     found = verdict("steps", replace(alone, steps=[*given.steps[:-1], *alone.steps]))
     assert found.kind == WRONG
-    assert max(found.figures[name] for name in ("slip below the bound", "slip against the shear")) > 1
+    assert max(found.figures[name] for name in ("law of friction", "friction cone")) > 1
 
 
 def test_a_wrong_step_in_the_middle(tmp_path_factory):
@@ -462,8 +462,8 @@ def test_a_constant_stress_is_in_balance(cell, degree):
     loads = []
     for name in sides:
         probe = Body({"material": {"young": 1.0, "poisson": 0.0}}, mesh)
-        _, normal = probe.facet_frames(name, np.array([0.5]))
-        unit = normal[0, 0] / np.linalg.norm(normal[0, 0])
+        normal = probe.middle_frames(probe.facets(name))[0]
+        unit = normal / np.linalg.norm(normal)
         loads.append({"boundary": name, "x": float(stress[0] @ unit), "y": float(stress[1] @ unit)})
     patch = Body(
         {"element": {"degree": degree}, "material": {"young": young, "poisson": poisson}, "traction": loads}, mesh
@@ -527,7 +527,7 @@ def test_the_room_that_statics_leaves():
             "contact": [{"boundary": "bottom", "friction": {"law": "coulomb", "coefficient": 0.5}}],
         }
         block = Body(data, mesh)
-        assert statics.held(block, contact_of(block), 0)
+        assert statics.held(block, contact_of(block))
         return statics.slack(block, contact_of(block), 0)[0]
 
     assert room(0.0) > 0.1

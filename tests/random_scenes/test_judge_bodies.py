@@ -11,13 +11,13 @@ import pytest
 ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT))
 
-from benchmarks.stability.oracle.bodies import mortar  # noqa: E402
-from benchmarks.stability.oracle.bodies.judge import body_of, contacts_of, judge  # noqa: E402
-from benchmarks.stability.oracle.bodies.scenes import trial  # noqa: E402
-from benchmarks.stability.oracle.judge import FAILURES, RIGHT, WRONG  # noqa: E402
+from benchmarks.stability.oracle import mortar  # noqa: E402
+from benchmarks.stability.oracle.body import Body  # noqa: E402
+from benchmarks.stability.oracle.conditions import Origin, Tractions, violations  # noqa: E402
+from benchmarks.stability.oracle.judge import FAILURES, RIGHT, WRONG, _rows, _solution_exists, judge  # noqa: E402
+from benchmarks.stability.oracle.mortar import contacts_of  # noqa: E402
 from benchmarks.stability.oracle.package import answer_of, solution_of  # noqa: E402
-from benchmarks.stability.oracle.space.conditions import Origin, Tractions, violations  # noqa: E402
-from benchmarks.stability.oracle.space.judge import _rows, _solution_exists  # noqa: E402
+from benchmarks.stability.oracle.scenes_of_bodies import trial  # noqa: E402
 from benchmarks.stability.oracle.worker import row_of  # noqa: E402
 
 SHORT = {"first": range(2), "others": range(2, 5)}
@@ -99,7 +99,7 @@ def test_planes_of_symmetry(known, monkeypatch):
 def test_joint_rigid_motions_do_not_move_the_points(seed):
     """The oracle's own map: zero on them, and one body alone moves all points by as much."""
     drawn = trial(seed, 2 + seed % 2)
-    body = body_of(drawn.scene, drawn.mesh)
+    body = Body(drawn.scene, drawn.mesh)
     contact = contacts_of(body)
     pair = contact.part == 0
     middle = body.x - body.x.mean(axis=0)
@@ -131,7 +131,7 @@ class Loaded:
 def test_forces_of_the_last_digits_of_displacements(seed):
     """What gamma makes of them is in equilibrium with a law that has this gamma, and not with others."""
     drawn, chance = trial(seed, 2 + seed % 2), np.random.default_rng(seed)
-    body = body_of(drawn.scene, drawn.mesh)
+    body = Body(drawn.scene, drawn.mesh)
     contact = contacts_of(body)
     u = 1e-3 * chance.normal(size=body.x.shape)
     shear, pressure = np.zeros(contact.x.shape), 1e-3 * chance.uniform(size=len(contact.weight))
@@ -151,7 +151,7 @@ def test_forces_of_the_last_digits_of_displacements(seed):
 def test_a_solution_is_looked_for_in_later_steps(seed, answers):
     """From the end of the one before: here the same load once more, whose solution is the same."""
     drawn, given = trial(seed, 2 + seed % 2), answers[seed]
-    body = body_of(drawn.scene, drawn.mesh)
+    body = Body(drawn.scene, drawn.mesh)
     contact, last = contacts_of(body), given.steps[-1]
     order = _rows(body, contact, last.table)
     again = replace(given, steps=[last, last])

@@ -12,8 +12,9 @@ ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT))
 
 from benchmarks.stability.oracle import __main__ as command  # noqa: E402
-from benchmarks.stability.oracle import convex  # noqa: E402
-from benchmarks.stability.oracle.body import Mesh  # noqa: E402
+from benchmarks.stability.oracle import convex, statics  # noqa: E402
+from benchmarks.stability.oracle.body import Body, Mesh  # noqa: E402
+from benchmarks.stability.oracle.conditions import Origin, contact_of  # noqa: E402
 from benchmarks.stability.oracle.judge import (  # noqa: E402
     DENIED,
     FAILURES,
@@ -24,14 +25,11 @@ from benchmarks.stability.oracle.judge import (  # noqa: E402
     UNCERTIFIED,
     WRONG,
     Answer,
+    judge,
 )
 from benchmarks.stability.oracle.package import answer_of, solution_of  # noqa: E402
 from benchmarks.stability.oracle.scenes import Trial  # noqa: E402
-from benchmarks.stability.oracle.space import cones, statics  # noqa: E402
-from benchmarks.stability.oracle.space.body import Body  # noqa: E402
-from benchmarks.stability.oracle.space.conditions import contact_of  # noqa: E402
-from benchmarks.stability.oracle.space.judge import judge  # noqa: E402
-from benchmarks.stability.oracle.space.scenes import grid  # noqa: E402
+from benchmarks.stability.oracle.scenes_in_space import grid  # noqa: E402
 from benchmarks.stability.oracle.units import Units, same  # noqa: E402
 from benchmarks.stability.oracle.worker import row_of  # noqa: E402
 
@@ -90,8 +88,8 @@ def test_a_constant_stress_is_in_balance(cell, degree):
     probe = Body({"material": {"young": 1.0, "poisson": 0.0}}, mesh)
     loads = []
     for name in mesh.boundaries:
-        _, normal = probe.frames(probe.facets(name), np.array([[0.3, 0.3]]))
-        unit = normal[0, 0] / np.linalg.norm(normal[0, 0])
+        normal = probe.middle_frames(probe.facets(name))[0]
+        unit = normal / np.linalg.norm(normal)
         loads.append(dict(zip("xyz", map(float, stress @ unit), strict=True)) | {"boundary": name})
     given = {
         "element": {"degree": degree},
@@ -314,9 +312,9 @@ def test_the_cone_programme_notices_too(name, tmp_path):
     rows = np.argmin(np.linalg.norm(contact.x[:, None] - vectors_of_place(table), axis=2), axis=1)
     bound = contact.bound(table["pressure"][rows])
     law = (0.0, 0.0) if name == "limit" else (1 / given.gamma[0], 1 / given.gamma[1])
-    nothing = cones.Origin.nothing(contact)
+    nothing = Origin.nothing(contact)
     right, wrong = (
-        cones.compare(body_, contact, 0, given.steps[-1].displacement[order], factor * bound, nothing, law)
+        convex.compare(body_, contact, 0, given.steps[-1].displacement[order], factor * bound, nothing, law)
         for factor in (1.0, 1.01)
     )
     assert wrong.displacement > 20 * right.displacement

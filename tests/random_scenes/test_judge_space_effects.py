@@ -9,12 +9,11 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from benchmarks.stability.oracle.body import Mesh
-from benchmarks.stability.oracle.judge import FAILURES, RIGHT, WRONG
+from benchmarks.stability.oracle.judge import FAILURES, RIGHT, WRONG, judge
+from benchmarks.stability.oracle.more_scenes_in_space import more
 from benchmarks.stability.oracle.package import answer_of, solution_of
 from benchmarks.stability.oracle.scenes import Trial
-from benchmarks.stability.oracle.space.judge import judge
-from benchmarks.stability.oracle.space.more_scenes import more
-from benchmarks.stability.oracle.space.scenes import grid
+from benchmarks.stability.oracle.scenes_in_space import grid
 from benchmarks.stability.oracle.worker import row_of
 
 MESH = Mesh(*grid(4, 3, 2, "hexahedron"))

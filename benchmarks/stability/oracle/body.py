@@ -1,4 +1,4 @@
-"""The elastic body of a scene, assembled anew from its mesh as plain arrays."""
+"""The elastic bodies of a scene in 2D or in 3D, assembled anew from their mesh as plain arrays."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
+from scipy.linalg import null_space
 from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial.distance import pdist
@@ -15,15 +17,18 @@ from benchmarks.stability.oracle import effects, elements
 from benchmarks.stability.oracle.effects import listed
 from benchmarks.stability.oracle.elements import Array, Ints, at_points
 
+# Directions at a node that are closer to dependent than this are one direction.
+_INDEPENDENT = 1e-6
+
 
 @dataclass(frozen=True)
 class Mesh:
     """A mesh as plain arrays.
 
     Attributes:
-        points: corners of the cells, and with cells of degree 2 the other nodes; shape (n, 2).
-        cells: node numbers in the order of ``elements``, shape (cells, 3), (cells, 4), (cells, 6) or (cells, 9).
-        boundaries: name -> the two ends of each facet, shape (facets, 2).
+        points: corners of the cells, and with cells of degree 2 the other nodes; shape (n, d).
+        cells: node numbers in the order of ``elements``, shape (cells, nodes).
+        boundaries: name -> the corners of each facet, shape (facets, corners).
         regions: name -> cells.
     """
 
@@ -34,18 +39,18 @@ class Mesh:
 
 
 @dataclass(frozen=True)
-class Side:
-    """The nodes of one contact boundary: number, weight and outward normal (or the scene's direction) of each."""
+class Facets:
+    """Facets of a boundary: the cell behind each, and its nodes in the order of its element.
 
-    part: int
+    Attributes:
+        cells: number of the cell, shape (f,).
+        nodes: nodes of the displacement, shape (f, k).
+        places: nodes of the mesh, shape (f, g).
+    """
+
+    cells: Ints
     nodes: Ints
-    weight: Array
-    normal: Array
-
-    @property
-    def tangent(self) -> Array:
-        """T = (-n_2, n_1)."""
-        return np.stack([-self.normal[:, 1], self.normal[:, 0]], axis=1)
+    places: Ints
 
 
 class Body:
@@ -54,46 +59,36 @@ class Body:
     def __init__(self, scene: dict[str, Any], mesh: Mesh) -> None:
         self.scene = scene
         self.mesh = mesh
-        corners, self.geometry_degree = elements.KINDS[mesh.cells.shape[1]]
+        self.dim = mesh.points.shape[1]
+        corners, self.geometry_degree = elements.KINDS[self.dim, mesh.cells.shape[1]]
+        self.simplices = corners == self.dim + 1
         self.degree = int(scene.get("element", {}).get("degree", 1))
         if self.geometry_degree > self.degree:
             raise ValueError("curved cells need elements of degree 2")
         self.corners: Ints = mesh.cells[:, :corners]
-        self._number_nodes()
+        self.x, self.cells = self._numbered()
+        loads = [e for key in ("displacement", "traction", "body_force", *effects.LOADS) for e in listed(scene, key)]
+        self.steps = max([1, *(len(effect["factors"]) for effect in loads if "factors" in effect)])
         self._forces: dict[tuple[str, int], Array] = {}
-        lists = [e["factors"] for key in ("displacement", "traction") for e in listed(scene, key) if "factors" in e]
-        lists += [e["factors"] for k in ("body_force", *effects.LOADS) for e in listed(scene, k) if "factors" in e]
-        self.steps = len(lists[0]) if lists else 1
 
-    def _number_nodes(self) -> None:
-        """Nodes of the displacement: the mesh's own, or with degree 2 on straight cells also middles of the sides."""
-        mesh, corners = self.mesh, self.corners
-        self.middle: dict[tuple[int, int], int] = {}
-        if self.degree == 1:
-            self.x, self.cells = mesh.points, mesh.cells
-        elif self.geometry_degree == 2:
-            self.x, self.cells = mesh.points, mesh.cells
-            for k, (i, j) in enumerate(elements.SIDES[corners.shape[1]]):
-                for row in mesh.cells:
-                    self.middle[_pair(row[i], row[j])] = int(row[corners.shape[1] + k])
-        else:
-            points, rows = [mesh.points], []
-            count = len(mesh.points)
-            for row in corners:
-                nodes = list(row)
-                for i, j in elements.SIDES[corners.shape[1]]:
-                    pair = _pair(row[i], row[j])
-                    if pair not in self.middle:
-                        self.middle[pair] = count
-                        points.append(mesh.points[list(pair)].mean(axis=0)[None])
-                        count += 1
-                    nodes.append(self.middle[pair])
-                if corners.shape[1] == 4:
-                    points.append(mesh.points[row].mean(axis=0)[None])
-                    nodes.append(count)
-                    count += 1
-                rows.append(nodes)
-            self.x, self.cells = np.concatenate(points), np.array(rows, dtype=np.int64)
+    def _numbered(self) -> tuple[Array, Ints]:
+        """Nodes of the displacement: the mesh's own, or with degree 2 on straight cells middles as well."""
+        mesh = self.mesh
+        if self.degree == self.geometry_degree:
+            return mesh.points, mesh.cells
+        groups = elements.between(self.dim, self.corners.shape[1])
+        numbers: dict[tuple[int, ...], int] = {}
+        points, rows = list(mesh.points), []
+        for row in self.corners:
+            nodes = row.tolist()
+            for group in groups:
+                key = tuple(sorted(row[list(group)].tolist()))
+                if key not in numbers:
+                    numbers[key] = len(points)
+                    points.append(mesh.points[list(key)].mean(axis=0))
+                nodes.append(numbers[key])
+            rows.append(nodes)
+        return np.array(points), np.array(rows, dtype=np.int64)
 
     # ---- elasticity
 
@@ -102,9 +97,8 @@ class Body:
         """Lame parameters of each cell; the first one is reduced for plane stress."""
         first, second = np.full(len(self.cells), np.nan), np.full(len(self.cells), np.nan)
         for material in listed(self.scene, "material"):
-            where = self.mesh.regions[material["region"]] if "region" in material else np.arange(len(self.cells))
-            young, poisson = material["young"] * effects.graded(self, material)[where], float(material["poisson"])
-            shear = young / 2 / (1 + poisson)
+            where, poisson = self.of_region(material), float(material["poisson"])
+            shear = material["young"] * effects.graded(self, material)[where] / 2 / (1 + poisson)
             plane_stress = material.get("hypothesis", "plane strain") == "plane stress"
             first[where] = 2 * shear * poisson / (1 - poisson if plane_stress else 1 - 2 * poisson)
             second[where] = shear
@@ -112,36 +106,26 @@ class Body:
             raise ValueError("a cell has no material")
         return first, second
 
+    def of_region(self, entry: dict[str, Any]) -> Ints:
+        """The cells of the region of an entry, which are all where it has none."""
+        return self.mesh.regions[entry["region"]] if "region" in entry else np.arange(len(self.cells))
+
     @cached_property
     def young(self) -> float:
         """The largest Young's modulus."""
-        return max(float(material["young"]) for material in listed(self.scene, "material"))
+        materials = listed(self.scene, "material")
+        return max(float(material.get("young") or max(material["orthotropic"]["young"])) for material in materials)
 
     @cached_property
     def size(self) -> float:
         """The largest distance of two nodes of the mesh."""
-        ends = np.unique(np.concatenate(self.exterior))
-        return float(pdist(self.mesh.points[ends]).max())
-
-    @cached_property
-    def exterior(self) -> list[Ints]:
-        """All nodes of the mesh on each side that belongs to one cell only."""
-        count: dict[tuple[int, int], int] = {}
-        for row in self.corners:
-            for i, j in elements.SIDES[self.corners.shape[1]]:
-                count[_pair(row[i], row[j])] = count.get(_pair(row[i], row[j]), 0) + 1
-        curved = self.geometry_degree == 2
-        return [
-            np.array([*pair, *([self.middle[pair]] if curved else [])], dtype=np.int64)
-            for pair, cells in count.items()
-            if cells == 1
-        ]
+        return float(pdist(self.mesh.points[np.unique(self.mesh.cells)]).max())
 
     @cached_property
     def reduced(self) -> bool:
         """Whether the volumetric term is integrated with the reduced rule."""
         wanted = self.scene.get("element", {}).get("volumetric", "full")
-        if self.cells.shape[1] == 3 or wanted == "full":
+        if self.cells.shape[1] == self.dim + 1 or wanted == "full" or effects.is_orthotropic(self):
             return False
         nearly = (
             m["poisson"] >= 0.45 and m.get("hypothesis", "plane strain") == "plane strain"
@@ -151,110 +135,141 @@ class Body:
 
     @cached_property
     def stiffness(self) -> csr_array:
-        """a(., .), dofs 2 n and 2 n + 1 at node n, nothing eliminated."""
-        full = elements.stiffness_rule(self.cells.shape[1], curved=self.geometry_degree == 2)
-        first, second = self.lame
-        if self.reduced:
-            total = self._cell_matrices(full, 0 * first, second)
-            total += self._cell_matrices(elements.reduced_rule(self.cells.shape[1]), first, 0 * second)
+        """a(., .), dofs d n, ..., d n + d - 1 at node n, nothing eliminated."""
+        nodes = self.cells.shape[1]
+        rule = elements.cell_rule(self.dim, nodes, self.geometry_degree)
+        if effects.is_orthotropic(self):
+            total = effects.orthotropic_matrices(self, rule)
         else:
-            total = self._cell_matrices(full, first, second)
-        dofs = (2 * self.cells[:, :, None] + np.arange(2)).reshape(len(self.cells), -1)
+            first, second = self.lame
+            total = self._cell_matrices(rule, 0 * first if self.reduced else first, second)
+            if self.reduced:
+                total += self._cell_matrices(elements.reduced_rule(self.dim, nodes), first, 0 * second)
+        return self.assembled(total, self.cells) + self.springs
+
+    def assembled(self, matrices: Array, nodes: Ints) -> csr_array:
+        """The matrix of all dofs from those of cells or facets with these nodes, shape (m, d nodes, d nodes)."""
+        dofs = (self.dim * nodes[:, :, None] + np.arange(self.dim)).reshape(len(nodes), -1)
         rows, columns = np.broadcast_arrays(dofs[:, :, None], dofs[:, None, :])
-        size = 2 * len(self.x)
-        elastic = coo_array((total.ravel(), (rows.ravel(), columns.ravel())), shape=(size, size)).tocsr()
-        return elastic + self.springs if self.scene.get("springs") else elastic
+        size = self.dim * len(self.x)
+        return coo_array((matrices.ravel(), (rows.ravel(), columns.ravel())), shape=(size, size)).tocsr()
 
     @cached_property
     def springs(self) -> csr_array:
-        """The part of a(., .) of springs."""
+        """That part of the stiffness which resists rigid motions too."""
         return effects.springs(self)
 
     def of_materials(self, key: str) -> Array:
-        """A number of the material of each cell."""
+        """A number of the materials in each cell."""
         found = np.zeros(len(self.cells))
         for material in listed(self.scene, "material"):
-            where = self.mesh.regions[material["region"]] if "region" in material else np.arange(len(self.cells))
-            found[where] = material[key]
+            found[self.of_region(material)] = float(material[key])
         return found
 
     def _cell_matrices(self, rule: tuple[Array, Array], first: Array, second: Array) -> Array:
         """The stiffness matrix of every cell by a rule."""
         xi, weights = rule
-        _, slopes = elements.shape(self.cells.shape[1], xi)
-        nodes = self.cells.shape[1]
-        total = np.zeros((len(self.cells), 2 * nodes, 2 * nodes))
+        count, nodes = self.cells.shape
+        _, slopes = elements.shape(self.dim, nodes, xi)
+        jacobians = self.jacobian(xi)
+        total = np.zeros((count, nodes, self.dim, nodes, self.dim))
         for point, weight in enumerate(weights):
-            jacobian = self.jacobian(xi[point : point + 1])[:, 0]
+            jacobian = jacobians[:, point]
             size = np.abs(np.linalg.det(jacobian)) * weight
             g = np.einsum("kj,cji->cki", slopes[point], np.linalg.inv(jacobian))
-            block = np.einsum("c,cai,cbj->caibj", first * size, g, g)
-            block += np.einsum("c,caj,cbi->caibj", second * size, g, g)
+            outer = g[:, :, :, None, None] * g[:, None, None, :, :]  # d_i phi_a d_j phi_b at [c, a, i, b, j]
+            total += (first * size)[:, None, None, None, None] * outer
+            total += (second * size)[:, None, None, None, None] * outer.transpose(0, 1, 4, 3, 2)
             dot = np.einsum("c,cak,cbk->cab", second * size, g, g)
-            for i in range(2):
-                block[:, :, i, :, i] += dot
-            total += block.reshape(len(self.cells), 2 * nodes, 2 * nodes)
-        return total
+            for i in range(self.dim):
+                total[:, :, i, :, i] += dot
+        return total.reshape(count, self.dim * nodes, self.dim * nodes)
 
     def jacobian(self, xi: Array) -> Array:
-        """D x_i / d xi_j in every cell at the points xi, shape (cells, points, 2, 2)."""
-        _, slopes = elements.shape(self.mesh.cells.shape[1], xi)
+        """D x_i / d xi_j in every cell at the points xi, shape (cells, points, d, d)."""
+        _, slopes = elements.shape(self.dim, self.mesh.cells.shape[1], xi)
         return np.einsum("cki,pkj->cpij", self.mesh.points[self.mesh.cells], slopes)
 
     # ---- facets and loads
 
     @cached_property
-    def _inside(self) -> dict[tuple[int, int], Array]:
-        """A point of the cell behind each side."""
+    def _faces(self) -> dict[frozenset[int], tuple[int, int]]:
+        """The cell and the number of the face for the corners of each face; of two cells the later one."""
         found = {}
-        for row in self.corners:
-            centre = self.mesh.points[row].mean(axis=0)
-            for i, j in elements.SIDES[self.corners.shape[1]]:
-                found[_pair(row[i], row[j])] = centre
+        for cell, row in enumerate(self.corners.tolist()):
+            for number, face in enumerate(elements.FACES[self.dim, len(row)]):
+                found[frozenset(row[k] for k in face)] = (cell, number)
         return found
 
-    def facet_nodes(self, name: str) -> Ints:
-        """Nodes of the displacement on each facet: the ends, and the middle with degree 2."""
-        ends = self.mesh.boundaries[name]
-        if self.degree == 1:
-            return ends
-        return np.array([[a, b, self.middle[_pair(a, b)]] for a, b in ends], dtype=np.int64).reshape(-1, 3)
+    def facets(self, name: str) -> Facets:
+        """The facets of a boundary."""
+        pairs = [self._faces[frozenset(corners)] for corners in self.mesh.boundaries[name].tolist()]
+        cells = np.array([cell for cell, _ in pairs], dtype=np.int64)
+        tables = (self.cells, self.mesh.cells)
+        fine, coarse = (np.array(elements.face_nodes(self.dim, table.shape[1])) for table in tables)
+        faces = np.array([face for _, face in pairs], dtype=np.int64)
+        nodes, places = self.cells[cells[:, None], fine[faces]], self.mesh.cells[cells[:, None], coarse[faces]]
+        return Facets(cells, nodes, places)
 
-    def facet_frames(self, name: str, s: Array) -> tuple[Array, Array]:
-        """Positions, and outward normals times the length per s, at points s of each facet: (facets, points, 2)."""
-        ends = self.mesh.boundaries[name]
-        nodes = ends if self.geometry_degree == 1 else self.facet_nodes(name)
-        values, slopes = elements.line(self.geometry_degree, s)
-        x = self.mesh.points[nodes]
-        along = np.einsum("fki,pk->fpi", x, slopes)
-        normal = np.stack([along[:, :, 1], -along[:, :, 0]], axis=2)
-        inside = np.array([self._inside[_pair(a, b)] for a, b in ends])
-        outward = np.einsum("fi,fi->f", normal.sum(axis=1), x[:, :2].mean(axis=1) - inside)
+    def frames(self, facets: Facets, xi: Array) -> tuple[Array, Array]:
+        """Positions, and outward normals times the area per xi, at points xi of each facet: (facets, points, d)."""
+        values, slopes = elements.shape(self.dim - 1, facets.places.shape[1], xi)
+        x = self.mesh.points[facets.places]
+        normal = across(np.einsum("fki,pkj->fpij", x, slopes))
+        inside = self.mesh.points[self.corners[facets.cells]].mean(axis=1)
+        outward = np.einsum("fi,fi->f", normal.mean(axis=1), x.mean(axis=1) - inside)
         return np.einsum("fki,pk->fpi", x, values), normal * np.sign(outward)[:, None, None]
+
+    def middle_frames(self, facets: Facets) -> Array:
+        """Outward normals of any length near the middle of each facet, shape (facets, d)."""
+        return self.frames(facets, np.full((1, self.dim - 1), 0.3))[1][:, 0]
+
+    def rule(self, points: int) -> tuple[Array, Array]:
+        """A rule on a facet: exact on triangles, so many points along each side of lines and quadrilaterals."""
+        make = elements.simplex if self.simplices and self.dim == 3 else elements.cube
+        return make(self.dim - 1, points)
+
+    def on_facets(self, name: str, *, varies: bool) -> tuple[Facets, Array, Array, Array, Array]:
+        """The facets of a boundary with positions and outward normals times the area at points of a rule, the weights
+        of these, and the shape functions there; ``varies``: what is integrated is no polynomial.
+        """
+        facets, (xi, weights) = self.facets(name), self.rule(11 if varies else self.degree + 2)
+        values, _ = elements.shape(self.dim - 1, facets.nodes.shape[1], xi)
+        return facets, *self.frames(facets, xi), weights, values
+
+    def in_cells(self, rule: tuple[Array, Array] | None = None) -> tuple[Array, Array, Array, Array]:
+        """Positions (cells, points, d), weights (cells, points), shape functions (points, nodes) and their gradients
+        (cells, points, nodes, d) at the points of a rule, or of one for loads.
+        """
+        make = elements.simplex if self.simplices else elements.cube
+        xi, weights = rule or make(self.dim, 5 if self.simplices else self.degree + 2)
+        values, slopes = elements.shape(self.dim, self.cells.shape[1], xi)
+        place, _ = elements.shape(self.dim, self.mesh.cells.shape[1], xi)
+        jacobian = self.jacobian(xi)
+        gradients = np.einsum("pkj,cpji->cpki", slopes, np.linalg.inv(jacobian))
+        x = np.einsum("cki,pk->cpi", self.mesh.points[self.mesh.cells], place)
+        return x, np.abs(np.linalg.det(jacobian)) * weights, values, gradients
+
+    def vectors(self, load: dict[str, Any], x: Array) -> Array:
+        """The components of a load at points of shape (..., d), likewise."""
+        flat = x.reshape(-1, self.dim)
+        return np.stack([at_points(load.get(k, 0.0), flat) for k in "xyz"[: self.dim]], axis=1).reshape(x.shape)
 
     def load(self, step: int) -> Array:
         """L of a load step, one force per dof."""
-        total = np.zeros((len(self.x), 2))
+        total = np.zeros(self.x.shape)
         for load in listed(self.scene, "traction"):
-            varies = any(isinstance(load.get(k), str) for k in ("x", "y", "pressure"))
-            s, weights = elements.gauss(11 if varies else self.degree + 2)
-            values, _ = elements.line(self.degree, s)
-            x, normal = self.facet_frames(load["boundary"], s)
-            flat, length = x.reshape(-1, 2), np.linalg.norm(normal, axis=2)
-            force = np.stack([at_points(load.get(k, 0.0), flat).reshape(length.shape) * length for k in "xy"], axis=2)
-            force -= at_points(load.get("pressure", 0.0), flat).reshape(length.shape)[:, :, None] * normal
+            varies = any(isinstance(load.get(k), str) for k in ("x", "y", "z", "pressure"))
+            facets, x, normal, weights, values = self.on_facets(load["boundary"], varies=varies)
+            area = np.linalg.norm(normal, axis=2)
+            pressure = at_points(load.get("pressure", 0.0), x.reshape(-1, self.dim)).reshape(area.shape)
+            force = self.vectors(load, x) * area[:, :, None] - pressure[:, :, None] * normal
             nodal = np.einsum("fpi,p,pk->fki", force, weights, values) * factor_of(load, step)
-            np.add.at(total, self.facet_nodes(load["boundary"]), nodal)
+            np.add.at(total, facets.nodes, nodal)
         for load in listed(self.scene, "body_force"):
-            xi, weights = elements.triangle(6) if self.corners.shape[1] == 3 else elements.square(self.degree + 2)
-            values, _ = elements.shape(self.cells.shape[1], xi)
-            place, _ = elements.shape(self.mesh.cells.shape[1], xi)
-            x = np.einsum("cki,pk->cpi", self.mesh.points[self.mesh.cells], place)
-            size = np.abs(np.linalg.det(self.jacobian(xi))) * weights
-            force = np.stack(
-                [at_points(load.get(k, 0.0), x.reshape(-1, 2)).reshape(size.shape) * size for k in "xy"], axis=2
-            )
-            np.add.at(total, self.cells, np.einsum("cpi,pk->cki", force, values) * factor_of(load, step))
+            x, size, values, _ = self.in_cells()
+            nodal = np.einsum("cpi,cp,pk->cki", self.vectors(load, x), size, values)
+            np.add.at(total, self.cells, nodal * factor_of(load, step))
         for key in effects.LOADS:
             for number, load in enumerate(listed(self.scene, key)):
                 if (key, number) not in self._forces:
@@ -262,51 +277,69 @@ class Body:
                 total += self._forces[key, number] * factor_of(load, step)
         return total.ravel()
 
-    def prescribed(self, step: int) -> Array:
-        """Prescribed displacement of each dof in a load step, NaN where it is free; a later support wins."""
-        values = np.full((len(self.x), 2), np.nan)
-        for support in listed(self.scene, "displacement"):
-            nodes = np.unique(self.facet_nodes(support["boundary"]))
-            for axis, key in enumerate("xy"):
-                if key in support:
-                    values[nodes, axis] = at_points(support[key], self.x[nodes]) * factor_of(support, step)
-            if "normal" in support:
-                _, normal = self.facet_frames(support["boundary"], np.array([0.5]))
-                axis = int(np.argmax(np.abs(normal[0, 0])))
-                sign = np.sign(normal[0, 0, axis])
-                values[nodes, axis] = sign * at_points(support["normal"], self.x[nodes]) * factor_of(support, step)
-        return values.ravel()
-
-    # ---- contact
+    # ---- supports
 
     @cached_property
-    def sides(self) -> list[Side]:
-        """The contact boundaries, by a quadrature rule whose points are the nodes: trapezoidal, or Simpson's."""
-        places, weights = (
-            (np.array([0.0, 1.0]), np.array([0.5, 0.5]))
-            if self.degree == 1
-            else (np.array([0.0, 1.0, 0.5]), np.array([1.0, 1.0, 4.0]) / 6)
-        )
-        found = []
-        for part, effect in enumerate(listed(self.scene, "contact")):
-            _, normal = self.facet_frames(effect["boundary"], places)
-            moments = np.zeros((len(self.x), 2))
-            facets = self.facet_nodes(effect["boundary"])
-            np.add.at(moments, facets, normal * weights[:, None])
-            nodes = np.unique(facets)
-            weight = np.linalg.norm(moments[nodes], axis=1)
-            normals = moments[nodes] / weight[:, None]
-            if "foundation" in effect:
-                _, normals = effects.from_shape(effect["foundation"], self.x[nodes])
-            if "direction" in effect:
-                direction = np.array(effect["direction"], dtype=float)
-                normals = np.tile(direction / np.linalg.norm(direction), (len(nodes), 1))
-            found.append(Side(part, nodes, weight, normals))
+    def _prescriptions(self) -> dict[int, list[tuple[Array, float, dict[str, Any]]]]:
+        """What is prescribed at each node, in the order of the scene: direction, value, effect."""
+        found: dict[int, list[tuple[Array, float, dict[str, Any]]]] = {}
+        for support in listed(self.scene, "displacement"):
+            facets = self.facets(support["boundary"])
+            nodes = np.unique(facets.nodes)
+            axes = "xyz"[: self.dim]
+            directions = [(np.eye(self.dim)[axis], support[key]) for axis, key in enumerate(axes) if key in support]
+            if "normal" in support:
+                mean = self.middle_frames(facets).sum(axis=0)
+                directions.append((mean / np.linalg.norm(mean), support["normal"]))
+            for direction, value in directions:
+                for node, number in zip(nodes.tolist(), at_points(value, self.x[nodes]).tolist(), strict=True):
+                    found.setdefault(node, []).append((direction, number, support))
         return found
 
     @cached_property
+    def held(self) -> Array:
+        """The projection onto the directions that supports hold at each node, shape (nodes, d, d)."""
+        found = np.zeros((*self.x.shape, self.dim))
+        for node, given in self._prescriptions.items():
+            kept = np.zeros((0, self.dim))
+            for direction, _, _ in reversed(given):
+                kept, _ = _one_more(kept, direction)
+            found[node] = kept.T @ kept
+        return found
+
+    def prescribed(self, step: int) -> Array:
+        """A displacement that meets the supports of a load step and is zero elsewhere, shape (nodes, d).
+
+        Of directions at a node that depend on each other the later ones hold.
+        """
+        u = np.zeros(self.x.shape)
+        for node, given in self._prescriptions.items():
+            kept = np.zeros((0, self.dim))
+            for direction, value, effect in reversed(given):
+                kept, rest = _one_more(kept, direction)
+                if rest > 0:
+                    wanted = value * factor_of(effect, step)
+                    u[node] += kept[-1] * (wanted - direction @ u[node]) / rest
+        return u
+
+    @cached_property
+    def free(self) -> csr_array:
+        """Orthonormal free directions of all nodes, a column each, shape (d nodes, free)."""
+        rows, columns, values, count = [], [], [], 0
+        for node, held in enumerate(self.held):
+            basis = null_space(held, rcond=0.5) if held.any() else np.eye(self.dim)
+            for vector in basis.T:
+                rows += [self.dim * node + axis for axis in range(self.dim)]
+                columns += [count] * self.dim
+                values += vector.tolist()
+                count += 1
+        return coo_array((values, (rows, columns)), shape=(self.x.size, count)).tocsr()
+
+    # ---- rigid motions
+
+    @cached_property
     def pieces(self) -> tuple[int, Ints]:
-        """Number of connected pieces of the body, and the piece of each node."""
+        """Number of connected pieces of the bodies, and the piece of each node."""
         size = len(self.x)
         first, rest = np.repeat(self.cells[:, :1], self.cells.shape[1] - 1, axis=1), self.cells[:, 1:]
         graph = coo_array((np.ones(first.size), (first.ravel(), rest.ravel())), shape=(size, size))
@@ -315,20 +348,32 @@ class Body:
 
     @cached_property
     def rigid(self) -> Array:
-        """The rigid motions of every piece (two translations, a rotation about its middle), a column each."""
+        """The rigid motions of every piece (translations, and rotations about its middle), a column each."""
         count, labels = self.pieces
         columns = []
         for piece in range(count):
-            here = labels == piece
-            x = self.x - self.x[here].mean(axis=0)
-            for motion in (np.array([1.0, 0.0]), np.array([0.0, 1.0]), None):
-                values = (
-                    np.stack([-x[:, 1], x[:, 0]], axis=1) / self.size
-                    if motion is None
-                    else np.tile(motion, (len(x), 1))
-                )
-                columns.append((values * here[:, None]).ravel())
+            here: npt.NDArray[np.bool_] = labels == piece
+            x = np.pad((self.x - self.x[here].mean(axis=0)) / self.size, ((0, 0), (0, 3 - self.dim)))
+            turns = [np.cross(axis, x)[:, : self.dim] for axis in np.eye(3)[2 if self.dim == 2 else 0 :]]
+            for motion in (*np.eye(self.dim)[:, None], *turns):
+                columns.append((motion * here[:, None]).ravel())
         return np.stack(columns, axis=1)
+
+
+def across(along: Array) -> Array:
+    """The normal of d - 1 tangents, as long as their area, shape (..., d, d - 1) -> (..., d)."""
+    if along.shape[-1] == 1:
+        return np.stack([along[..., 1, 0], -along[..., 0, 0]], axis=-1)
+    return np.asarray(np.cross(along[..., 0], along[..., 1]))
+
+
+def _one_more(kept: Array, direction: Array) -> tuple[Array, float]:
+    """Orthonormal rows and the part of a direction that is new, and the length of that part, 0 if there is none."""
+    rest = direction - kept.T @ (kept @ direction)
+    length = float(np.linalg.norm(rest))
+    if length < _INDEPENDENT:
+        return kept, 0.0
+    return np.concatenate([kept, rest[None] / length]), length
 
 
 def behind(x: Array, cells: Ints, corners: int) -> Array:
@@ -338,10 +383,6 @@ def behind(x: Array, cells: Ints, corners: int) -> Array:
     np.add.at(found, cells.ravel(), middles)
     np.add.at(count, cells.ravel(), 1.0)
     return np.asarray(found / count[:, None])
-
-
-def _pair(a: int, b: int) -> tuple[int, int]:
-    return (int(a), int(b)) if a < b else (int(b), int(a))
 
 
 def factor_of(effect: dict[str, Any], step: int) -> float:

@@ -1,14 +1,18 @@
-"""The conditions that a solution of a contact problem has to meet, node by node, from plain arrays."""
+"""The conditions that a solution of a contact problem has to meet, point by point, from plain arrays."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy.sparse.linalg import splu
+from scipy.linalg import null_space
+from scipy.sparse import coo_array, csr_array, eye_array, kron, vstack
 
+from benchmarks.stability.oracle import elements
 from benchmarks.stability.oracle.body import Body, listed
 from benchmarks.stability.oracle.effects import from_shape
 from benchmarks.stability.oracle.elements import Array, Ints, at_points
@@ -18,16 +22,26 @@ TOLERANCE = 1e-6
 # Below it everything counts as zero: the square of such a number is none.
 LEAST = 1e-150
 _EPS = float(np.finfo(float).eps)
+# Share of the forces by prescribed displacements at which a Krylov method ends.
+_KRYLOV = 1e-11
+# Units in the last place that the relative displacement of a contact point loses: half of one as it is stored, and as
+# many as the sum of its terms, which have both signs.
+_LOST = 4
+# A support leaves a direction free if more than this of it is.
+_FREE = 1e-8
 
 
 @dataclass(frozen=True)
 class Contact:
-    """All contact nodes of a scene, a row for each node of each contact boundary.
+    """All contact points of a scene, a row for each point of each contact boundary.
 
     Attributes:
         part: which contact boundary.
-        nodes: number of the node.
-        weight: the length that it stands for.
+        x: position.
+        operator: from displacements of nodes to those of the points, which between two bodies are relative: those of
+            its own node; with quadratic tetrahedra averages (psi_i, N_j) / w_i with the function psi_i of the vertex,
+            see ``points_of``; or see ``mortar``.  Shape (points d, nodes d).
+        weight: the area that it stands for.
         normal: outward normal, or the scene's direction.
         gap: distance to the foundation.
         given: bound of given friction.
@@ -35,10 +49,13 @@ class Contact:
         cap: largest bound of Coulomb friction.
         bilateral: whether the contact cannot open.
         cohesive: whether the given bound is that of a cohesion, which open nodes have not.
+        stretch: by what the part of a slip across the direction of friction counts more, see ``rounded``, a vector.
+        between: whether some points are between two bodies.
     """
 
     part: Ints
-    nodes: Ints
+    x: Array
+    operator: csr_array
     weight: Array
     normal: Array
     gap: Array
@@ -47,11 +64,28 @@ class Contact:
     cap: Array
     bilateral: npt.NDArray[np.bool_]
     cohesive: npt.NDArray[np.bool_]
+    stretch: Array
+    between: bool
 
-    @property
-    def tangent(self) -> Array:
-        """T = (-n_2, n_1)."""
-        return np.stack([-self.normal[:, 1], self.normal[:, 0]], axis=1)
+    @cached_property
+    def tangents(self) -> Array:
+        """D - 1 vectors across the normal of each point, shape (points, d - 1, d), orthonormal but for ``rounded``: the
+        work of friction is the bound times the length of the slip along them, and their multiples in a disc are the
+        admissible shears.
+        """
+        _, _, rows = np.linalg.svd(self.normal[:, None, :])
+        return np.stack([self.rounded(rows[:, k], 1) for k in range(1, rows.shape[1])], axis=1)
+
+    def rounded(self, vectors: Array, power: int) -> Array:
+        """Vectors whose parts across the direction of friction are multiplied by the ratio to a power."""
+        ratio = np.linalg.norm(self.stretch, axis=1)
+        across = self.stretch / np.where(ratio > 0, ratio, 1.0)[:, None]
+        part = (vectors * across).sum(axis=1) * (np.where(ratio > 0, ratio, 1.0) ** power - 1)
+        return np.asarray(vectors + part[:, None] * across)
+
+    def across(self, vectors: Array) -> Array:
+        """Vectors at the points without their normal parts."""
+        return vectors - (vectors * self.normal).sum(axis=1)[:, None] * self.normal
 
     def bound(self, pressure: Array) -> Array:
         """The largest shear at a contact pressure."""
@@ -60,43 +94,131 @@ class Contact:
         return np.where(self.cohesive & (pressure == 0), 0.0, bound)
 
     @property
-    def has_friction(self) -> bool:
-        """Whether a law can transmit any shear."""
-        return bool(np.any(((self.given > 0) | (self.coefficient > 0)) & (self.cap > 0)))
+    def rubs(self) -> npt.NDArray[np.bool_]:
+        """Which points can transmit any shear."""
+        return (self.given > 0) | ((self.coefficient > 0) & (self.cap > 0))
 
     @property
     def follows_pressure(self) -> bool:
         """Whether a bound depends on the solution."""
         return bool(np.any(self.coefficient > 0) or np.any(self.cohesive))
 
-    def forces(self, pressure: Array, shear: Array, size: int) -> Array:
-        """What the contact tractions take from the body, a force per dof: w (lambda n + mu t)."""
-        total = np.zeros((size, 2))
-        per_node = (self.weight * pressure)[:, None] * self.normal + (self.weight * shear)[:, None] * self.tangent
-        np.add.at(total, self.nodes, per_node)
-        return total.ravel()
+    def forces(self, pressure: Array, shear: Array) -> Array:
+        """What the contact tractions take from the body, a force per dof."""
+        traction = self.weight[:, None] * (pressure[:, None] * self.normal + shear)
+        return np.asarray(self.operator.T @ traction.ravel())
+
+    @cached_property
+    def meetings(self) -> tuple[Ints, Ints]:
+        """Each point with each node that its displacement depends on."""
+        dimension = self.x.shape[1]
+        rows, columns = abs(self.operator).nonzero()
+        pairs = np.unique(np.stack([rows // dimension, columns // dimension], axis=1), axis=0)
+        return pairs[:, 0], pairs[:, 1]
+
+    def of(self, u: Array) -> Array:
+        """The displacement of each point from that of the nodes, shape (points, d)."""
+        return np.asarray(self.operator @ u.ravel()).reshape(self.x.shape)
+
+    def moves(self, motions: Array) -> Array:
+        """Motions of the nodes, a column each, at the points: shape (points, d, motions)."""
+        return np.asarray(self.operator @ motions).reshape(*self.x.shape, motions.shape[1])
 
 
-def contact_of(body: Body) -> Contact:
-    """The contact nodes of a scene with their data."""
-    columns: dict[str, list[Any]] = {name: [] for name in Contact.__dataclass_fields__}
-    for side, effect in zip(body.sides, listed(body.scene, "contact"), strict=True):
-        x, count = body.x[side.nodes], len(side.nodes)
+def contact_of(body: Body, points: Callable[[Body, int], Points] | None = None) -> Contact:
+    """The contact points of a scene; ``points``: those of a contact by its number, None: on a rigid foundation."""
+    columns: dict[str, list[Any]] = {name: [] for name in Contact.__dataclass_fields__ if name != "between"}
+    for part, effect in enumerate(listed(body.scene, "contact")):
+        here = (points or points_of)(body, part)
+        x, count, normal = here.x, len(here.x), here.normal
+        if "foundation" in effect:
+            _, normal = from_shape(effect["foundation"], x)
+        if "direction" in effect:
+            direction = np.array(effect["direction"], dtype=float)
+            normal = np.tile(direction / np.linalg.norm(direction), (count, 1))
         friction = effect.get("friction", {"law": "none"})
         coulomb, tresca = friction["law"] == "coulomb", friction["law"] == "tresca"
-        columns["part"].append(np.full(count, side.part))
-        columns["nodes"].append(side.nodes)
-        columns["weight"].append(side.weight)
-        columns["normal"].append(side.normal)
-        distance = from_shape(effect["foundation"], x)[0] if "foundation" in effect else 0.0
-        columns["gap"].append(at_points(effect.get("gap", 0.0), x) + distance)
-        columns["given"].append(at_points(friction["bound"] if tresca else friction.get("cohesion", 0.0), x))
+        kind = effect.get("kind", "unilateral")
+        columns["part"].append(np.full(count, part))
+        columns["x"].append(x)
+        columns["operator"].append(here.operator)
+        columns["weight"].append(here.weight)
+        columns["normal"].append(normal)
+        columns["gap"].append(here.gap)
+        given = np.inf if kind == "bonded" else friction["bound"] if tresca else friction.get("cohesion", 0.0)
         columns["cohesive"].append(np.full(count, "cohesion" in friction))
+        columns["given"].append(at_points(given, x))
         columns["coefficient"].append(at_points(friction["coefficient"] if coulomb else 0.0, x))
         capped = coulomb and "cap" in friction
         columns["cap"].append(at_points(friction["cap"], x) if capped else np.full(count, np.inf))
-        columns["bilateral"].append(np.full(count, effect.get("kind", "unilateral") == "bilateral"))
-    return Contact(**{name: np.concatenate(values) for name, values in columns.items()})
+        columns["bilateral"].append(np.full(count, kind != "unilateral"))
+        stretch = np.zeros_like(x)
+        if "ratio" in friction:
+            along = np.stack([at_points(value, x) for value in friction.get("along", [1.0, 0.0, 0.0])], axis=1)
+            stretch = np.cross(normal, along)
+            stretch *= (at_points(friction["ratio"], x) / np.linalg.norm(stretch, axis=1))[:, None]
+        columns["stretch"].append(stretch)
+    operator = csr_array(vstack(columns.pop("operator")))
+    between = any("against" in effect for effect in listed(body.scene, "contact"))
+    return Contact(
+        operator=operator, between=between, **{name: np.concatenate(values) for name, values in columns.items()}
+    )
+
+
+@dataclass(frozen=True)
+class Points:
+    """The points of one contact boundary: see ``Contact``."""
+
+    x: Array
+    operator: csr_array
+    weight: Array
+    normal: Array
+    gap: Array
+
+
+def points_of(body: Body, part: int) -> Points:
+    """The points of a boundary on a rigid foundation.
+
+    The weight times the normal is the integral of the basis function times the normal; on quadratic tetrahedra, whose
+    functions of vertices have the integral zero, that of the hat function, and the weight is that of its area. The
+    shares there are those of the functions that are dual to the hats on each facet.
+    """
+    effect = listed(body.scene, "contact")[part]
+    facets = body.facets(effect["boundary"])
+    averaged = body.cells.shape[1] == 10
+    xi, weights = body.rule(6)
+    values, _ = elements.shape(body.dim - 1, facets.nodes.shape[1], xi)
+    points = facets.nodes[:, :3] if averaged else facets.nodes
+    hats = elements.shape(2, 3, xi)[0] if averaged else values
+    _, normal = body.frames(facets, xi)
+    moments = np.zeros(body.x.shape)
+    np.add.at(moments, points, np.einsum("fpi,p,pk->fki", normal, weights, hats))
+    vertices = np.unique(points)
+    size = np.linalg.norm(moments[vertices], axis=1)
+    normals = moments[vertices] / size[:, None]
+
+    def found(shares: csr_array, weight: Array) -> Points:
+        reached = np.unique(shares.indices)
+        gap = np.zeros(len(body.x))
+        gap[reached] = at_points(effect.get("gap", 0.0), body.x[reached])
+        if "foundation" in effect:
+            gap[reached] += from_shape(effect["foundation"], body.x[reached])[0]
+        return Points(body.x[vertices], csr_array(kron(shares, eye_array(body.dim))), weight, normals, shares @ gap)
+
+    if not averaged:
+        own = coo_array(
+            (np.ones(len(vertices)), (np.arange(len(vertices)), vertices)), shape=(len(vertices), len(body.x))
+        )
+        return found(own.tocsr(), size)
+    area = np.linalg.norm(normal, axis=2)
+    products, hats_only = (np.einsum("fp,p,pa,pb->fab", area, weights, hats, these) for these in (values, hats))
+    # The functions of the points on a facet: the hats' integrals are their own, and they are dual to the hats.
+    products = np.linalg.solve(hats_only, products) * hats_only.sum(axis=2)[:, :, None]
+    rows, columns = np.broadcast_arrays(points[:, :, None], facets.nodes[:, None, :])
+    every = coo_array((products.ravel(), (rows.ravel(), columns.ravel())), shape=(len(body.x), len(body.x))).tocsr()
+    mine = every[vertices]
+    weight = np.asarray(mine.sum(axis=1)).ravel()
+    return found(csr_array(mine.multiply(1 / weight[:, None])), weight)
 
 
 @dataclass(frozen=True)
@@ -104,8 +226,8 @@ class Origin:
     """Where friction counts from: tangential displacement and shear of the load step before, or zero.
 
     Attributes:
-        u_t: tangential displacement.
-        shear: shear.
+        u_t: tangential displacement, a vector.
+        shear: shear, a vector.
         elastic: the part of the tangential displacement that is elastic in the regularised law and no slip.
     """
 
@@ -114,13 +236,14 @@ class Origin:
     elastic: Array
 
     @classmethod
-    def nothing(cls, count: int) -> Origin:
+    def nothing(cls, contact: Contact) -> Origin:
         """The origin of the first load step."""
-        return cls(*np.zeros((3, count)))
+        return cls(*np.zeros((3, *contact.x.shape)))
 
-    def after(self, u_t: Array, shear: Array, compliance: float) -> Origin:
+    def after(self, u_t: Array, shear: Array, compliance: float, contact: Contact) -> Origin:
         """The origin of the next load step, where this one kept to a law with 1 / gamma_2 = ``compliance``."""
-        return Origin(u_t, shear, self.elastic + compliance * (shear - self.shear) if compliance > 0 else 0 * u_t)
+        added = compliance * contact.rounded(shear - self.shear, -2)
+        return Origin(u_t, shear, self.elastic + added if compliance > 0 else 0 * u_t)
 
     def slip_from(self, compliance: float) -> Array:
         """The origin of the slip: without regularisation there is no elastic slip."""
@@ -129,44 +252,31 @@ class Origin:
 
 @dataclass(frozen=True)
 class Tractions:
-    """Contact pressure, shear and state of every contact node in a load step, as the package reports them."""
+    """Contact pressure, shear (vectors) and state of every point in a load step, as the package reports them."""
 
     pressure: Array
     shear: Array
     state: npt.NDArray[np.str_]
 
 
-def free_dofs(body: Body, step: int) -> npt.NDArray[np.bool_]:
-    """The dofs that no support prescribes."""
-    return np.isnan(body.prescribed(step))
-
-
-def interior(body: Body, contact: Contact, step: int, at_contact: Array) -> Array:
-    """The displacement (nodes, 2) with given values at the contact nodes that is in balance everywhere else.
-
-    Args:
-        body: the body.
-        contact: its contact nodes.
-        step: the load step.
-        at_contact: their displacement, shape (contact nodes, 2).
-    """
-    prescribed = body.prescribed(step)
-    u = np.nan_to_num(prescribed).reshape(-1, 2)
-    known = ~np.isnan(prescribed).reshape(-1, 2)
-    u[contact.nodes] = at_contact
-    known[contact.nodes] = True
-    free = np.flatnonzero(~known.ravel())
-    flat = u.ravel()
-    if free.size:
-        rest = (body.load(step) - body.stiffness @ flat)[free]
-        flat[free] = splu(body.stiffness[free][:, free].tocsc()).solve(rest)
-    return flat.reshape(-1, 2)
+def null_motions(body: Body) -> Array:
+    """Rigid motions of the pieces that the supports allow, a column each."""
+    rigid = body.rigid.reshape(*body.x.shape, -1)
+    resisted = np.einsum("nij,njk->nik", body.held, rigid).reshape(-1, rigid.shape[2])
+    if listed(body.scene, "springs"):
+        resisted = np.concatenate((resisted, np.asarray(body.springs @ body.rigid)))
+    return body.rigid @ null_space(resisted, rcond=1e-9) if resisted.any() else body.rigid
 
 
 def deformation(body: Body, u: Array) -> float:
     """The largest displacement that is no rigid motion of a piece, a length."""
     motion, *_ = np.linalg.lstsq(body.rigid, u.ravel(), rcond=None)
     return float(np.abs(u.ravel() - body.rigid @ motion).max())
+
+
+def round_off(body: Body, step: int) -> float:
+    """Displacements that the round-off of the loads may cause, a length: supports may take all that is more."""
+    return 1e3 * _EPS * float(np.abs(body.load(step)).max()) / (body.young * body.size)
 
 
 def violations(
@@ -178,50 +288,56 @@ def violations(
     origin: Origin,
     compliance: tuple[float, float],
 ) -> dict[str, float]:
-    """How far a displacement (nodes, 2) with its tractions is from each condition, as a share of what is tolerated.
+    """How far a displacement (nodes, d) with its tractions is from each condition, as a share of what is tolerated.
 
     Args:
         body: the body.
-        contact: its contact nodes.
+        contact: its contact points.
         step: the load step.
         u: displacement.
         said: contact tractions and states.
         origin: where friction counts from.
         compliance: 1 / gamma_1 and 1 / gamma_2 of the law that was promised; zero for the law itself.
     """
-    prescribed = body.prescribed(step)
-    free = np.isnan(prescribed)
     pressure, shear = said.pressure, said.shear
     moved = float(np.abs(u).max())
     figures = {}
-    wrong = np.abs(u.ravel() - prescribed)[~free]
-    figures["support"] = float(wrong.max(initial=0.0)) / max(1e-9 * moved, LEAST)
-    # Equilibrium at every free dof, contact tractions included.
+    wrong = np.einsum("nij,nj->ni", body.held, u - body.prescribed(step))
+    figures["support"] = float(np.abs(wrong).max()) / max(1e-9 * moved, LEAST)
+    # Equilibrium in every free direction, contact tractions included.
     inner, load = body.stiffness @ u.ravel(), body.load(step)
-    taken = contact.forces(pressure, shear, len(u))
-    noise = 200 * _EPS * float((abs(body.stiffness) @ np.abs(u.ravel())).max())
-    # Contact forces on supported unknowns have no effect, however large they are.
-    force = max(float(np.abs(inner).max()), float(np.abs(load).max()), float(np.abs(taken[free]).max(initial=0.0)))
-    residual = np.abs(inner - load + taken)[free]
-    figures["equilibrium"] = float(residual.max(initial=0.0)) / max(TOLERANCE * force + noise, LEAST)
+    taken = contact.forces(pressure, shear)
+    most = max(float((abs(body.stiffness) @ np.abs(u.ravel())).max()), float(np.abs(load).max()))
+    noise = 200 * _EPS * most
+    # Contact forces in supported directions have no effect, however large they are.
+    felt = body.free.T @ taken
+    force = max(float(np.abs(inner).max()), float(np.abs(load).max()), float(np.abs(felt).max(initial=0.0)))
+    residual = np.abs(body.free.T @ (inner - load + taken))
+    # A Krylov method ends at a share of the forces that prescribed displacements would make, of a rigid motion too.
+    left = _KRYLOV * most if body.scene.get("solver", {}).get("linear_algebra") == "krylov" else noise
+    left += _by_the_law(contact, u, compliance)
+    figures["equilibrium"] = float(residual.max(initial=0.0)) / max(TOLERANCE * force + left, LEAST)
     # Scales of the deformation: of a rigid motion only the round-off is tolerated, however large it is.
     shape = deformation(body, u)
-    # At a node that a support holds in part, pressure and shear may be anything: only what the body feels sets a scale.
-    loose = free.reshape(-1, 2)[contact.nodes]
-    felt = loose * (pressure[:, None] * contact.normal + shear[:, None] * contact.tangent)
-    acting = np.abs(felt).max(initial=0.0)
-    stress = max(float(acting), 1e-3 * body.young * shape / body.size)
+    # Where a support holds a point in part, pressure and shear may be anything: what the body feels sets the scale.
+    loose = np.eye(body.x.shape[1]) - body.held
+    traction = pressure[:, None] * contact.normal + shear
+    acting = max(
+        (float(np.abs(loose[node] @ traction[point]).max()) for point, node in zip(*contact.meetings, strict=True)),
+        default=0.0,
+    )
+    stress = max(acting, 1e-3 * body.young * shape / body.size)
     length = max(shape, 1e-3 * stress / body.young * body.size)
-    near = TOLERANCE * length + 1e3 * _EPS * (moved + float(np.abs(contact.gap).max()))
+    near = TOLERANCE * length + 1e3 * _EPS * (moved + float(np.abs(contact.gap).max())) + round_off(body, step)
     negligible = max(TOLERANCE * stress, noise / float(contact.weight.min()), LEAST)
+    if contact.between:  # distances of both sides have the round-off of places
+        near += 10 * _EPS * body.size
     # What is added to the slip and the shear of the step before has their round-off.
     near = max(near, 1e3 * _EPS * float(np.abs(origin.u_t).max(initial=0.0)), LEAST)
     negligible = max(negligible, 1e3 * _EPS * float(np.abs(origin.shear).max(initial=0.0)))
-    at = u[contact.nodes]
-    u_n, u_t = (at * contact.normal).sum(axis=1), (at * contact.tangent).sum(axis=1)
-    # In a direction that a support holds, the support determines the force.
-    judged_n = (np.abs(contact.normal) * loose).max(axis=1) > 1e-8
-    judged_t = (np.abs(contact.tangent) * loose).max(axis=1) > 1e-8
+    at = contact.of(u)
+    u_n, u_t = (at * contact.normal).sum(axis=1), contact.across(at)
+    judged_n, judged_t = judged(body, contact)
     entered = u_n - contact.gap - compliance[0] * pressure
     one = ~contact.bilateral & judged_n
     two = contact.bilateral & judged_n
@@ -229,27 +345,56 @@ def violations(
     figures["pressure below zero"] = _most(-pressure[one]) / negligible
     figures["pressure at a distance"] = _most(np.minimum(pressure / negligible, -entered / near)[one])
     figures["state of contact"] = _most(pressure[one & (said.state == "open")]) / negligible
-    bound = contact.bound(pressure)
-    if not contact.has_friction:
-        figures["shear without friction"] = _most(np.abs(shear)[judged_t]) / negligible
+    bound, sheared = contact.bound(pressure), contact.rounded(shear, -1)
+    size = np.linalg.norm(sheared, axis=1)
+    figures["shear along the normal"] = _most(np.abs((shear * contact.normal).sum(axis=1))) / negligible
+    figures["friction cone"] = _most((size - bound)[judged_t]) / negligible
+    if not contact.rubs.any():
         return figures
-    xi = u_t - origin.slip_from(compliance[1]) - compliance[1] * (shear - origin.shear)
-    below = bound - np.abs(shear)
-    figures["friction cone"] = _most(-below[judged_t]) / negligible
-    figures["slip below the bound"] = _most(np.minimum(np.abs(xi) / near, below / negligible)[judged_t])
-    figures["slip against the shear"] = _most(
-        np.minimum(np.abs(shear) / negligible, -xi * np.sign(shear) / near)[judged_t]
-    )
-    stick = (said.state == "stick") & judged_t
-    figures["state of stick"] = _most(np.abs(xi)[stick]) / near
-    for name, sign in (("slip+", 1), ("slip-", -1)):
-        sliding = (said.state == name) & judged_t & (bound > 0)
-        figures[f"state of {name}"] = max(
-            _most((bound - sign * shear)[sliding]) / negligible, _most((-sign * xi)[sliding]) / near
-        )
+    xi = contact.rounded(u_t - origin.slip_from(compliance[1]), 1)
+    xi -= compliance[1] * (sheared - contact.rounded(origin.shear, -1))
+    slipped = np.linalg.norm(xi, axis=1)
+    # The law as one equation, mu = P(mu + xi) with the projection P onto the disc, in units of what is tolerated.
+    trial = sheared / negligible + xi / near
+    with np.errstate(over="ignore"):
+        excess = np.maximum(np.linalg.norm(trial, axis=1) / np.maximum(bound / negligible, 1e-300), 1.0)
+    figures["law of friction"] = _most(np.linalg.norm(sheared / negligible - trial / excess[:, None], axis=1)[judged_t])
+    figures["state of stick"] = _most(slipped[(said.state == "stick") & judged_t]) / near
+    sliding = (said.state == "slip") & judged_t & (bound > 0)
+    figures["state of slip"] = _most((bound - size)[sliding]) / negligible
     return figures
+
+
+def _by_the_law(contact: Contact, u: Array, compliance: tuple[float, float]) -> float:
+    """The round-off of forces that a regularised law makes of displacements.
+
+    It gives a traction as gamma times a difference of displacements and the gap, each of which is a rounded number.  A
+    displacement that is the exact solution but for its last digits has just these forces, whatever solver it is from.
+    """
+    rate = max((1 / part for part in compliance if part > 0), default=0.0)
+    terms = (abs(contact.operator) @ np.abs(u.ravel())).reshape(contact.x.shape) + np.abs(contact.gap)[:, None]
+    forces = abs(contact.operator).T @ (contact.weight[:, None] * terms).ravel()
+    return _LOST * _EPS * rate * float(forces.max(initial=0.0))
+
+
+def judged(body: Body, contact: Contact) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_]]:
+    """At which points normal and tangential conditions are judged: where a support leaves some direction free."""
+    loose = np.eye(body.x.shape[1]) - body.held
+    normal = np.zeros(len(contact.x), dtype=bool)
+    tangential = np.zeros(len(contact.x), dtype=bool)
+    for point, node in zip(*contact.meetings, strict=True):
+        normal[point] |= bool(np.linalg.norm(loose[node] @ contact.normal[point]) > _FREE)
+        tangential[point] |= bool(np.abs(loose[node] @ contact.tangents[point].T).max() > _FREE)
+    return normal, tangential
 
 
 def _most(values: Array) -> float:
     """The largest value; NaN counts as infinite."""
     return float(np.nan_to_num(values, nan=1e300, posinf=1e300).max(initial=0.0))
+
+
+def reached(free: csr_array, contact: Contact) -> Ints:
+    """The columns of free directions at nodes that contact points reach."""
+    nodes, dimension = np.unique(contact.meetings[1]), contact.x.shape[1]
+    dofs = (dimension * nodes[:, None] + np.arange(dimension)).ravel()
+    return np.unique(free[dofs].nonzero()[1]).astype(np.int64)

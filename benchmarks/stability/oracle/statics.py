@@ -1,40 +1,35 @@
-"""Checks outcomes without equilibrium by a linear programme of statics."""
+"""Checks outcomes without equilibrium by a cone programme of statics; see ``conditions``."""
 
 from __future__ import annotations
 
+from itertools import product
+
 import numpy as np
-from scipy.linalg import null_space
-from scipy.optimize import linprog
 
 from benchmarks.stability.oracle.body import Body
-from benchmarks.stability.oracle.conditions import Contact, free_dofs
+from benchmarks.stability.oracle.conditions import Contact, null_motions
+from benchmarks.stability.oracle.convex import cvxopt
 from benchmarks.stability.oracle.elements import Array
 
-
-def free_motions(body: Body, step: int) -> Array:
-    """Rigid motions of the pieces that the supports allow, a column each."""
-    fixed = ~free_dofs(body, step)
-    rigid = body.rigid
-    motions = rigid @ null_space(rigid[fixed], rcond=1e-9) if fixed.any() else rigid
-    if not body.scene.get("springs") or motions.shape[1] == 0:
-        return motions
-    energies, turned = np.linalg.eigh(motions.T @ (body.springs @ motions))
-    return np.asarray(motions @ turned[:, energies <= 1e-9 * energies.max()])
+# Forces that nothing else limits, in units of all loads.
+_MOST = 1e4
+# CVXOPT may fail by round-off: it is asked for less then.
+_ACCURACIES = (1e-9, 1e-8, 1e-7)
 
 
-def held(body: Body, contact: Contact, step: int) -> bool:
+def held(body: Body, contact: Contact) -> bool:
     """Whether contact and stick everywhere would hold every piece of the body.
 
-    A motion that is resisted 1e4 times less than it moves the contact counts as free: facets of an arc do not hold a
-    turn.
+    A motion that is resisted 1e4 times less than it moves the contact counts as free: facets of a cylinder do not hold
+    a turn.
     """
-    motions = free_motions(body, step)
+    motions = null_motions(body)
     if motions.shape[1] == 0:
         return True
-    moves = motions.reshape(-1, 2, motions.shape[1])[contact.nodes]
-    sticks = ((contact.given > 0) | (contact.coefficient > 0)) & (contact.cap > 0)
+    moves = contact.moves(motions)
     rows = [np.einsum("nik,ni->nk", moves, contact.normal)]
-    rows.append(np.einsum("nik,ni->nk", moves, contact.tangent)[sticks])
+    across = range(contact.x.shape[1] - 1)
+    rows += [np.einsum("nik,ni->nk", moves, contact.tangents[:, k])[contact.rubs] for k in across]
     values = np.linalg.svd(np.concatenate(rows), compute_uv=False)
     largest = np.linalg.norm(moves.reshape(-1, motions.shape[1]), ord=2)
     return bool(np.sum(values > 1e-4 * largest) == motions.shape[1])
@@ -43,57 +38,85 @@ def held(body: Body, contact: Contact, step: int) -> bool:
 def slack(body: Body, contact: Contact, step: int) -> tuple[float, Array]:
     """How far contact forces that balance the loads can stay inside all their limits, as a share of the loads.
 
-    Positive: there is an equilibrium with room to spare.  Zero or negative: there is none, or one on the edge.  And the
-    contact pressure that leaves so much.
+    Positive: there is an equilibrium with room to spare.  Zero or negative: there is none, or one on the edge; NaN: the
+    programme does not know.  And the contact pressure that leaves so much.
     """
-    motions = free_motions(body, step)
-    count = motions.shape[1]
-    nodes = len(contact.nodes)
+    motions = null_motions(body)
+    count, points = motions.shape[1], len(contact.weight)
     if count == 0:
-        return 1.0, np.zeros(nodes)
-    resultant = motions.T @ body.load(step)
-    scale = float(np.abs(body.load(step)).sum())
+        return 1.0, np.zeros(points)
+    loads = body.load(step)
+    scale = float(np.abs(loads).sum())
     if scale == 0:
-        return 0.0, np.zeros(nodes)
-    moves = motions.reshape(-1, 2, count)[contact.nodes]
+        return 0.0, np.zeros(points)
+    moves = contact.moves(motions)
     share = contact.weight / contact.weight.sum()
-    # Unknowns: normal forces, tangential forces (over the scale), the room.
-    balance = np.zeros((count, 2 * nodes + 1))
-    balance[:, :nodes] = np.einsum("nik,ni->kn", moves, contact.normal)
-    balance[:, nodes:-1] = np.einsum("nik,ni->kn", moves, contact.tangent)
-    given = contact.weight * contact.given / scale
-    cap = contact.weight * contact.cap / scale
-    rubs = ((contact.given > 0) | (contact.coefficient > 0)) & (contact.cap > 0)
-    rows, limits = [], []
-    for node in np.flatnonzero(~contact.bilateral):
-        row = np.zeros(2 * nodes + 1)
-        row[node], row[-1] = -1.0, share[node]
-        rows.append(row)
-        limits.append(0.0)
-    for node in np.flatnonzero(rubs):
-        for sign in (1.0, -1.0):
-            row = np.zeros(2 * nodes + 1)
-            row[nodes + node], row[-1] = sign, share[node]
-            if np.isfinite(cap[node]):
-                rows.append(row.copy())
-                limits.append(cap[node])
-            if not contact.bilateral[node] or contact.coefficient[node] == 0:
-                row[node] = -contact.coefficient[node]
-                rows.append(row)
-                limits.append(given[node])
-    bounds = [(None, None)] * nodes + [(None, None) if rub else (0.0, 0.0) for rub in rubs] + [(None, 1.0)]
-    cost = np.zeros(2 * nodes + 1)
+    rubs = np.flatnonzero(contact.rubs)
+    # Unknowns: normal forces, d - 1 tangential forces of each point that rubs (over the scale), the room.
+    across = contact.x.shape[1] - 1
+    size = points + across * len(rubs) + 1
+    balance = np.zeros((count, size))
+    balance[:, :points] = np.einsum("nik,ni->kn", moves, contact.normal)
+    along = np.einsum("nik,nti->knt", moves, contact.tangents)[:, rubs]
+    balance[:, points:-1] = along.reshape(count, -1)
+    resultant = motions.T @ loads / scale
+    # Independent equations only: a motion that no force resists must have no resultant.
+    left, values, _ = np.linalg.svd(balance[:, :-1], full_matrices=False)
+    resisted = values > 1e-9 * values[0]
+    if np.abs(resultant - left[:, resisted] @ (left[:, resisted].T @ resultant)).max() > 1e-9:
+        return -1.0, np.zeros(points)
+    balance, resultant = left[:, resisted].T @ balance, left[:, resisted].T @ resultant
+    rows, limits, cones = [], [], []
+
+    def less(limit: float, *entries: tuple[int, float]) -> None:
+        found = np.zeros(size)
+        for column, value in entries:
+            found[column] = value
+        rows.append(found)
+        limits.append(limit)
+
+    room = size - 1
+    less(1.0, (room, 1.0))
+    for point in np.flatnonzero(contact.bilateral):
+        less(_MOST, (point, 1.0))
+        less(_MOST, (point, -1.0))
+    for point in np.flatnonzero(~contact.bilateral):
+        less(0.0, (point, -1.0), (room, share[point]))
+    straight = len(rows)
+    for first, point in zip(range(points, room, across), rubs, strict=True):
+        given, cap = (contact.weight[point] * value / scale for value in (contact.given[point], contact.cap[point]))
+        # The radius of each cone as a limit and entries: what the tangential force may not exceed.
+        heads: list[tuple[float, list[tuple[int, float]]]] = []
+        if contact.given[point] > 0:
+            heads.append((min(given, _MOST), []))
+        else:
+            if np.isfinite(cap):
+                heads.append((cap, []))
+            if not contact.bilateral[point]:
+                heads.append((0.0, [(point, -contact.coefficient[point])]))
+        if not heads:
+            heads.append((_MOST, []))
+        for limit, entries in heads:
+            less(limit, *entries, (room, share[point]))
+            for axis in range(across):
+                less(0.0, (first + axis, -1.0))
+            cones.append(1 + across)
+    cost = np.zeros(size)
     cost[-1] = -1.0
-    # Where no force is limited the margin itself is limited.
-    found = linprog(
-        cost,
-        A_ub=np.array(rows) if rows else None,
-        b_ub=np.array(limits) if rows else None,
-        A_eq=balance,
-        b_eq=resultant / scale,
-        bounds=bounds,
-        method="highs",
+    matrix = cvxopt.matrix
+    arguments = (
+        *(matrix(cost), matrix(np.array(rows)), matrix(np.array(limits)), {"l": straight, "q": cones, "s": []}),
+        *(matrix(balance), matrix(resultant)),
     )
-    if found.status != 0:
-        return -1.0, np.zeros(nodes)
-    return float(-found.fun), found.x[:nodes] * scale / contact.weight
+    for accuracy, solver in product(_ACCURACIES, ("ldl", "chol")):
+        options = {"show_progress": False, "abstol": accuracy / 10, "reltol": accuracy, "feastol": accuracy}
+        try:
+            found = cvxopt.solvers.conelp(*arguments, kktsolver=solver, options=options)
+        except (ValueError, ArithmeticError):
+            continue
+        if found["status"] == "primal infeasible":
+            return -1.0, np.zeros(points)
+        if found["status"] == "optimal":
+            best = np.array(found["x"]).ravel()
+            return float(best[-1]), best[:points] * scale / contact.weight
+    return float("nan"), np.zeros(points)

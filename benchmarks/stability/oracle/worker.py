@@ -17,29 +17,27 @@ from typing import Any
 
 import mpi4py.MPI  # noqa: F401  # before dolfinx: in its wheels only mpi4py finds MPI
 
-from benchmarks.stability.oracle import judge as plane
-from benchmarks.stability.oracle import more_scenes, scenes
-from benchmarks.stability.oracle.bodies import judge as bodies
-from benchmarks.stability.oracle.bodies import scenes as bodies_scenes
-from benchmarks.stability.oracle.judge import CRASHED, REFUSED, REFUSED_WRONGLY, Verdict
+from benchmarks.stability.oracle import (
+    more_scenes,
+    more_scenes_in_space,
+    scenes,
+    scenes_in_space,
+    scenes_of_bodies,
+)
+from benchmarks.stability.oracle.judge import CRASHED, REFUSED, REFUSED_WRONGLY, Verdict, judge
 from benchmarks.stability.oracle.package import answer_of, mesh_of, solution_of
 from benchmarks.stability.oracle.scenes import Trial
-from benchmarks.stability.oracle.space import judge as space
-from benchmarks.stability.oracle.space import more_scenes as more_in_space
-from benchmarks.stability.oracle.space import scenes as space_scenes
 from benchmarks.stability.oracle.units import Units, same
 from signorini_fx.errors import SignoriniError
 
-# The scenes of a seed, and the verdict, by their names; several bodies by turns in 2D and in 3D.
+# The scenes of a seed by their names; several bodies by turns in 2D and in 3D.
 TRIAL: dict[str, Callable[..., Trial]] = {
     "plane": scenes.trial,
     "effects": more_scenes.more,
-    "space-effects": more_in_space.more,
-    "space": space_scenes.trial,
-    "bodies": lambda seed, units=None: bodies_scenes.trial(seed, dimension_of("bodies", seed), units),
+    "space-effects": more_scenes_in_space.more,
+    "space": scenes_in_space.trial,
+    "bodies": lambda seed, units=None: scenes_of_bodies.trial(seed, dimension_of("bodies", seed), units),
 }
-JUDGE = {"plane": plane.judge, "effects": plane.judge, "space": space.judge, "bodies": bodies.judge}
-JUDGE["space-effects"] = space.judge
 # Libraries print too: the messages are the lines that begin like this.
 MARK = "\x1e"
 
@@ -103,7 +101,7 @@ def examined(drawn: Trial, where: str) -> tuple[Verdict, dict[str, Any]]:
         "solves": solution.history.linear_solves,
         "steps": len(answer.steps),
     }
-    return JUDGE[where](drawn.scene, mesh, answer), about
+    return judge(drawn.scene, mesh, answer), about
 
 
 def row_of(seed: int, where: str = "plane", *, own: bool = False) -> Row:

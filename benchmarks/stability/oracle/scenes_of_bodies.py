@@ -9,10 +9,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from benchmarks.stability.oracle import scenes as plane
+from benchmarks.stability.oracle import scenes_in_space as space
 from benchmarks.stability.oracle.body import Mesh
 from benchmarks.stability.oracle.elements import Array
 from benchmarks.stability.oracle.scenes import Dice, Trial, drawn_units
-from benchmarks.stability.oracle.space import scenes as space
 from benchmarks.stability.oracle.units import Units
 
 # Cells of a mesh that may have elements of degree 2, by the dimension.

@@ -17,12 +17,10 @@ from scipy.sparse import csr_array, lil_array
 from scipy.spatial.distance import cdist
 
 from benchmarks.stability.oracle import elements
-from benchmarks.stability.oracle.bodies.plane import PlaneBody
-from benchmarks.stability.oracle.bodies.symmetry import across_planes
-from benchmarks.stability.oracle.body import listed
+from benchmarks.stability.oracle.body import Body, across, listed
+from benchmarks.stability.oracle.conditions import Contact, Points, contact_of, points_of
 from benchmarks.stability.oracle.elements import Array, Ints, at_points
-from benchmarks.stability.oracle.space.body import Body
-from benchmarks.stability.oracle.space.conditions import Points
+from benchmarks.stability.oracle.symmetry import across_planes
 
 # What belongs to the discretisation: normals of facets that face each other have at most this product; beyond the least
 # distance of both sides partners are within this share of the smaller side; a function that keeps less than this share
@@ -31,8 +29,6 @@ from benchmarks.stability.oracle.space.conditions import Points
 _FACING, _REACH, _KEPT, _HELD, _MOSTLY = -0.2, 0.2, 0.03, 1e-8, 0.5
 # Points along a line: of integrands that are rational, and of polynomials.
 _MANY, _FEW = 14, 7
-# Places of the nodes of quadratic triangles.
-_PLACES = {6: np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.5, 0.5], [0.0, 0.5], [0.5, 0.0]])}
 # Shares of a facet that are round-off, and of the largest singular value of one that does not count.
 _NOTHING, _SINGULAR = 1e-10, 1e-10
 
@@ -65,22 +61,16 @@ class Side:
         self.rays: Array | None = None  # at the nodes, along which both sides are projected, where not normals
 
     @classmethod
-    def of(cls, body: Body | PlaneBody, name: str) -> Side:
+    def of(cls, body: Body, name: str) -> Side:
         """A boundary of a body that has a name."""
-        if isinstance(body, PlaneBody):
-            nodes: Ints = body.facet_nodes(name)
-            _, outward = body.facet_frames(name, np.array([0.5]))
-            middle = np.array([[0.5]])
-        else:
-            facets, middle = body.facets(name), np.array([[0.3, 0.3]])
-            nodes = facets.nodes
-            _, outward = body.frames(facets, middle)
-        found = cls(nodes, body.x, np.ones(len(nodes)))
-        for facet in range(len(nodes)):
-            found.sign[facet] = np.sign(found.across(facet, middle)[0] @ outward[facet, 0])
+        facets = body.facets(name)
+        outward, middle = body.middle_frames(facets), np.full((1, body.dim - 1), 0.3)
+        found = cls(facets.nodes, body.x, np.ones(len(facets.nodes)))
+        for facet in range(len(facets.nodes)):
+            found.sign[facet] = np.sign(found.across(facet, middle)[0] @ outward[facet])
         return found
 
-    def mirrored(self, body: Body | PlaneBody, master: Side) -> Side:
+    def mirrored(self, body: Body, master: Side) -> Side:
         """The same with the normals of its mirror images beyond planes of symmetry, too."""
         self.mirrors = across_planes(body, self.normals, self.nodes[:, : self.width], master.nodes)
         del self.normals
@@ -93,14 +83,11 @@ class Side:
 
     def shape(self, xi: Array) -> tuple[Array, Array]:
         """Shape functions, shape (points, k), and their slopes, shape (points, k, d - 1)."""
-        if self.flat:
-            values, slopes = elements.line(self.nodes.shape[1] - 1, xi[:, 0])
-            return values, slopes[:, :, None]
-        return elements.shape(self.nodes.shape[1], xi)
+        return elements.shape(self.x.shape[1] - 1, self.nodes.shape[1], xi)
 
     def tests(self, xi: Array) -> Array:
         """The functions that those of the points are dual to."""
-        return elements.shape(3, xi)[0] if self.width == 3 and not self.flat else self.shape(xi)[0]
+        return elements.shape(2, 3, xi)[0] if self.width == 3 and not self.flat else self.shape(xi)[0]
 
     def place(self, facet: int, xi: Array) -> Array:
         """Positions, shape (points, d)."""
@@ -112,9 +99,7 @@ class Side:
 
     def across(self, facet: int, xi: Array) -> Array:
         """Outward normals times the area of a unit of the reference facet."""
-        t = self.along(facet, xi)
-        found = np.stack([t[:, 1, 0], -t[:, 0, 0]], axis=1) if self.flat else np.cross(t[:, :, 0], t[:, :, 1])
-        return np.asarray(self.sign[facet] * found)
+        return np.asarray(self.sign[facet] * across(self.along(facet, xi)))
 
     def area(self, facet: int, xi: Array) -> Array:
         """The undeformed area of a unit of the reference facet, shape (points,)."""
@@ -124,9 +109,8 @@ class Side:
     def rule(self) -> tuple[Array, Array]:
         """A rule on a whole facet."""
         if self.flat:
-            s, weights = elements.gauss(_MANY)
-            return s[:, None], weights
-        return elements.triangle(_FEW) if self.nodes.shape[1] in (3, 6) else elements.square(_FEW)
+            return elements.cube(1, _MANY)
+        return elements.simplex(2, _FEW) if self.nodes.shape[1] in (3, 6) else elements.cube(2, _FEW)
 
     @cached_property
     def moments(self) -> tuple[Array, Array]:
@@ -152,8 +136,8 @@ class Side:
         found = self.normals.copy()
         if self.width < self.nodes.shape[1]:
             for nodes in self.nodes:
-                for node, at in zip(nodes[3:], _PLACES[len(nodes)][3:], strict=True):
-                    mean = elements.shape(3, at[None])[0][0] @ self.normals[nodes[:3]]
+                for node, at in zip(nodes[3:], elements.reference_nodes(2, 6)[3:], strict=True):
+                    mean = elements.shape(2, 3, at[None])[0][0] @ self.normals[nodes[:3]]
                     found[node] = mean / np.linalg.norm(mean)
         return found
 
@@ -174,9 +158,16 @@ class Side:
         return halves if len(whole) == 4 else [*halves, (1 - corner) / 2]
 
 
-def points_between(body: Body | PlaneBody, part: int) -> Points:
-    """The points of a contact of two bodies."""
+def contacts_of(body: Body) -> Contact:
+    """The points of all contacts of a scene, between bodies and on foundations."""
+    return contact_of(body, _points)
+
+
+def _points(body: Body, part: int) -> Points:
+    """Those of one contact."""
     effect = listed(body.scene, "contact")[part]
+    if "against" not in effect:
+        return points_of(body, part)
     master = Side.of(body, effect["against"])
     slave = Side.of(body, effect["boundary"])
     mirrored = slave.mirrored(body, master)
@@ -247,7 +238,7 @@ def _unit(vectors: Array, mirrors: Array) -> Array:
     return np.asarray(found / np.maximum(np.linalg.norm(found, axis=1, keepdims=True), 1e-300))
 
 
-def _half_way(body: Body | PlaneBody, slave: Side, master: Side, part: int) -> Array:
+def _half_way(body: Body, slave: Side, master: Side, part: int) -> Array:
     """Normals half-way between both sides at the nodes of the slave, from a projection along its own."""
     there, weight, _, _, own, others, _ = _integrals(slave, master, bonded=False)
     shares = _carried(body, slave, master, part, there, weight, others, free=True)
@@ -306,7 +297,7 @@ def _integrals(
 
 
 def _carried(
-    body: Body | PlaneBody,
+    body: Body,
     slave: Side,
     master: Side,
     part: int,
@@ -347,7 +338,7 @@ def _carried(
     raise ValueError("no node can carry a point")
 
 
-def _held(body: Body | PlaneBody, side: Side) -> Array:
+def _held(body: Body, side: Side) -> Array:
     """Which nodes of the body are held along the normals of a side."""
     loose = np.eye(body.x.shape[1]) - body.held
     return np.asarray(np.linalg.norm(np.einsum("nij,nj->ni", loose, side.directions), axis=1) <= _HELD)
@@ -445,10 +436,10 @@ def _in_plane(slave: Side, facet: int, master: Side, other: int) -> Iterator[Pie
     x, n = ray(samples)
     for end in master.place(other, np.array([[0.0], [1.0]])):
         cuts |= {float(s) for s in _roots(cross(end - x, n), samples, 2 * degree) if 0 < s < 1}
-    s, weights = elements.gauss(_MANY)
+    places, weights = elements.cube(1, _MANY)
     for low, high in pairwise(sorted(cuts)):
         if high - low > _NOTHING and 0 < met((low + high) / 2) < 1:
-            at = (low + (high - low) * s)[:, None]
+            at = low + (high - low) * places
             over = np.array([[met(float(value))] for value in at[:, 0]])
             size = slave.area(facet, at)
             yield Piece(other, at, over, weights * (high - low) * size)
@@ -476,7 +467,7 @@ def _in_space(slave: Side, facet: int, master: Side, other: int) -> Iterator[Pie
             shared = _common(flat, target)
             if len(shared) < 3 or _area(shared) < _NOTHING * _area(flat):
                 continue
-            xi, weights = elements.triangle(_FEW)
+            xi, weights = elements.simplex(2, _FEW)
             for a, b in pairwise([*shared[1:], shared[0]]):
                 first, second = a - shared[0], b - shared[0]
                 size = abs(first[0] * second[1] - first[1] * second[0])
@@ -538,9 +529,9 @@ def _back(flat: Array, part: Array, p: Array) -> tuple[Array, Array]:
     order = [0, 1, 3, 2]
     s = np.full(p.shape, 0.5)
     for _ in range(30):
-        values, slopes = elements.shape(4, s)
+        values, slopes = elements.shape(2, 4, s)
         jacobian = np.einsum("pkj,ki->pij", slopes, flat[order])
         s = s - np.linalg.solve(jacobian, (values @ flat[order] - p)[:, :, None])[:, :, 0]
-    values, slopes = elements.shape(4, s)
+    values, slopes = elements.shape(2, 4, s)
     size, unit = (np.abs(np.linalg.det(np.einsum("pkj,ki->pij", slopes, c[order]))) for c in (flat, part))
     return values @ part[order], size / unit

@@ -9,7 +9,7 @@ import numpy as np
 from benchmarks.stability.oracle.effects import listed
 from benchmarks.stability.oracle.more_scenes import FIRST, all_have, with_more
 from benchmarks.stability.oracle.scenes import Dice, Trial
-from benchmarks.stability.oracle.space.scenes import SIDES, trial
+from benchmarks.stability.oracle.scenes_in_space import SIDES, trial
 from benchmarks.stability.oracle.units import Units
 
 

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from benchmarks.stability.oracle import elements
 from benchmarks.stability.oracle.body import Mesh
 from benchmarks.stability.oracle.elements import Array, Ints
 from benchmarks.stability.oracle.scenes import Dice, Trial, drawn_units
-from benchmarks.stability.oracle.space import elements
 from benchmarks.stability.oracle.units import Units
 
 SIDES = ("left", "right", "front", "back", "bottom", "top")
@@ -100,7 +100,7 @@ def grid(nx: int, ny: int, nz: int, cell: str) -> tuple[Array, Ints, dict[str, I
 
 def _named(points: Array, cells: Ints) -> dict[str, Ints]:
     """The facets on the walls of the unit cube."""
-    faces = np.concatenate([cells[:, list(face)] for face in elements.FACES[cells.shape[1]]])
+    faces = np.concatenate([cells[:, list(face)] for face in elements.FACES[3, cells.shape[1]]])
     found = {}
     for axis, pair in enumerate(_WALLS):
         for name, place in zip(pair, (0.0, 1.0), strict=True):
@@ -178,8 +178,8 @@ def _mapped(dice: Dice, p: Array) -> tuple[Array, bool]:
 
 def _sound(mesh: Mesh) -> bool:
     """Whether all cells have a positive volume with room to spare, at their corners too."""
-    xi = np.concatenate([elements.reference_nodes(mesh.cells.shape[1]), np.full((1, 3), 0.25)])
-    _, slopes = elements.shape(mesh.cells.shape[1], xi)
+    xi = np.concatenate([elements.reference_nodes(3, mesh.cells.shape[1]), np.full((1, 3), 0.25)])
+    _, slopes = elements.shape(3, mesh.cells.shape[1], xi)
     x = mesh.points[mesh.cells]
     volume = np.linalg.det(np.einsum("cki,pkj->cpij", x, slopes))
     volume = volume * np.sign(volume[:, -1:])
