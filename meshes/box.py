@@ -1,4 +1,4 @@
-"""A box in 3D with a uniform structured mesh, made on all ranks at once.
+"""A box in 3D with a uniform structured mesh.
 
 ::
 
@@ -18,10 +18,10 @@ from __future__ import annotations
 from typing import Annotated, Any, Literal
 
 import numpy as np
+from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from pydantic import Field
 
-from signorini_fx.mechanics.mesh.grid import create_box
 from signorini_fx.mechanics.mesh.tagged import tag_boundaries
 from signorini_fx.meshes import Length, generator, refuse_too_large
 
@@ -58,7 +58,10 @@ def generate(
     """
     refuse_too_large(comm, nx * ny * nz * (6 if cell == "tetrahedron" else 1))
     ends = np.array([length, width, height])
-    mesh = create_box(comm, ends, (nx, ny, nz), cell)
+    unit = 2.0 ** np.floor(np.log2(ends))  # dolfinx refuses lengths below a number that has no unit
+    opposite, whole = [np.zeros(3), ends / unit], dmesh.GhostMode.none
+    mesh = dmesh.create_box(comm, opposite, [nx, ny, nz], dmesh.CellType[cell], ghost_mode=whole)
+    mesh.geometry.x[:] *= unit
     near = 1e-9 * ends.max()
 
     def at(axis: int, value: float) -> Any:

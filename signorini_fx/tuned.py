@@ -617,9 +617,6 @@ VERSION_PATIENCE = 20.0
 # A rank with more cells than this times the mean makes the others wait for longer than a new distribution takes.
 # No record.
 UNEVEN = 1.2
-# A plane parallel to all contact cuts none of them: bodies must be longer by this to be cut there all the same; and
-# how much the planes are tilted, so that one may pass between the cells of a layer.  Choice.
-SLENDER_BODY, TILTED_CUT = 10.0, 1e-5
 # The area or volume of a cell with edges of length 1, where it is no formula, from counts: a tetrahedron has less than
 # the regular one, 0.12; four hexahedra have that of one with edges of length 2.
 TETRAHEDRON_VOLUME, HEXAHEDRON_VOLUME = 0.075, 0.15

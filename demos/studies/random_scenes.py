@@ -19,7 +19,6 @@ from signorini_fx.errors import SignoriniError
 from signorini_fx.machine import compat
 from signorini_fx.mechanics.mesh.refinement import mark, refine
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, tag_boundaries
-from signorini_fx.mechanics.statement.mesh_sources import MeshGenerator
 from signorini_fx.mechanics.statement.settings import SolverSettings
 from signorini_fx.records import History
 from signorini_fx.results.solution import ConvergenceError

@@ -53,9 +53,9 @@ def with_halved_bodies(scene: Scene, halvings: int, comm: MPI.Comm) -> Scene:
             if isinstance(mesh, MeshFile):
                 drawn = mesh.file.suffix.lower() in DRAWN
                 curved = scene.element.degree == 2 and drawn  # as without a given accuracy
-                sections, touching = scene.sections_of(body.name), scene.statement.touching
+                sections = scene.sections_of(body.name)
                 sizes = contact_sizes(scene, number) if drawn else ()
-                mesh = load_file(mesh, comm, halvings, 2 if curved else None, sections, touching, sizes)
+                mesh = load_file(mesh, comm, halvings, 2 if curved else None, sections, sizes)
             elif isinstance(mesh, TaggedMesh):
                 for _ in range(halvings):
                     mesh = refine(mesh)

@@ -31,7 +31,7 @@ def load_mesh(scene: Scene, comm: MPI.Comm) -> TaggedMesh:
     if scene.body:
         _refuse_contact_sizes(scene)
         scene = with_cells_alike(scene)
-        return together(scene.body, partial(_load_one, scene), scene.statement.touching, comm)
+        return together(scene.body, partial(_load_one, scene), comm)
     return _load_one(scene, None, comm)
 
 
@@ -82,7 +82,7 @@ def _load_one(scene: Scene, number: int | None, comm: MPI.Comm) -> TaggedMesh:
             curved = scene.element.degree == 2 and drawn
             if number is not None and not drawn and source.contact_size is None:
                 sizes = ()  # they are for the other body
-            tagged = load_file(source, comm, 0, 2 if curved else None, sections, scene.statement.touching, sizes)
+            tagged = load_file(source, comm, 0, 2 if curved else None, sections, sizes)
         case MeshGenerator(generator=name, parameters=parameters):
             tagged = generate_mesh(name, parameters, comm, sizes)
         case _:

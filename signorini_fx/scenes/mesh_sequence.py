@@ -142,8 +142,8 @@ def _with_points_kept(scene: Scene, solved: SolvedMesh) -> Scene:
 def _divided(plan: Plan, comm: MPI.Comm, last: Scene, coarsest: float, times: int) -> Scene:
     scene, halvings = plan.scene, round(log2(times))
     if isinstance(scene.mesh, MeshFile):
-        names = (scene.statement.sections, scene.statement.touching)
-        return scene_with(last, load_file(scene.mesh, comm, halvings, plan.geometry, *names, contact_sizes(scene)))
+        sections, sizes = scene.statement.sections, contact_sizes(scene)
+        return scene_with(last, load_file(scene.mesh, comm, halvings, plan.geometry, sections, sizes))
     if scene.statement.generated:
         scene = scene_on(scene, coarsest / times)
     elif scene.body:
@@ -178,7 +178,7 @@ def _remade(
         if isinstance(mesh, MeshGenerator):
             return generate_mesh(mesh.generator, mesh.parameters, comm, field)
         curved = 2 if scene.element.degree == 2 else None
-        return load_file(mesh, comm, 0, curved, sections, scene.statement.touching, field)
+        return load_file(mesh, comm, 0, curved, sections, field)
 
     if not first.body:
         (field,) = size_fields(last, lengths, [np.arange(len(lengths), dtype=np.int32)], finer)

@@ -227,7 +227,7 @@ def _planned_file(scene: Scene, file: MeshFile, goal: Accuracy, comm: MPI.Comm) 
     """Curved sides stay curved: all cells are divided then, because dolfinx bisects straight ones only."""
     drawn = file.file.suffix.lower() in DRAWN
     sizes, sections = contact_sizes(scene), scene.statement.sections
-    tagged = load_file(file, comm, 0, 2 if drawn else None, sections, scene.statement.touching, sizes)
+    tagged = load_file(file, comm, 0, 2 if drawn else None, sections, sizes)
     curved = curvature(tagged) > SAME_LENGTH * tagged.size
     degree = compat.geometry_degree(tagged.mesh)
     simplices = tagged.mesh.topology.cell_name() in ("triangle", "tetrahedron")

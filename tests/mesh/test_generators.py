@@ -3,7 +3,7 @@
 import re
 import sys
 import tomllib
-from math import cos, hypot, pi, radians, sin, tan
+from math import cos, pi, radians, sin, tan
 from pathlib import Path
 
 import numpy as np
@@ -57,7 +57,6 @@ SMALL = {
     ),
     "plate_with_hole": ({}, 32 - pi, {"hole": 2 * pi, "bottom": 8, "right": 4, "top": 8, "left": 4}),
     "dovetail": ({}, None, {"bottom": 26, "left": None, "right": None, "top": 14}),
-    "sawtooth": ({"depth": 0.1, "facets": 4, "ny": 4}, 3 - 0.15, {"bottom": 6 * hypot(0.5, 0.1), **SIDES}),
 }
 HALVES = {
     "half_disk": (16 * pi, {"arc": 4 * pi, "top": 8, "symmetry": 8}),
@@ -137,7 +136,7 @@ def test_names_area_and_quality(name, cell):
     assert tagged.mesh.topology.cell_name() == cell
     shape = quality(*corners(tagged))
     # Graded and structured meshes have cells that are long on purpose, the others have none.
-    low, mean = (0.15, 0.4) if name in ("block", "wedge", "sawtooth") else (0.35, 0.8)
+    low, mean = (0.15, 0.4) if name in ("block", "wedge") else (0.35, 0.8)
     assert shape.min() > low
     assert shape.mean() > mean
 
@@ -182,8 +181,6 @@ def integral(tagged):
         ("dovetail", {"neck": 30.0}, "neck"),
         ("dovetail", {"fillet": 6.0}, "fillet"),
         ("dovetail", {"stem": 0.1}, "fillet"),
-        ("sawtooth", {"depth": 1.0}, "depth"),
-        ("sawtooth", {"teeth": 0}, "teeth"),
     ],
 )
 def test_parameters_that_are_refused(name, changes, path):

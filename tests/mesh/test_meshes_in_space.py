@@ -21,9 +21,6 @@ FLANK = 2 * 2 / COS
 SECTION = 2 * (1 + 2 * TAN)
 # The bracket's seat is a ring, its hole goes through the foot; beside the fillet a square less a quarter of a circle.
 SEAT, HOLE, FILLET = pi * (10**2 - 5.5**2), pi * 5.5**2, 6**2 * (1 - pi / 4)
-# The punch's edge: half of the outside of a torus, and the volume that it cuts off its cylinder.
-EDGE = 2 * pi * (1.5 * pi / 2 * 0.5 + 0.5**2)
-CUT = 2 * pi * ((1 - pi / 4) * 0.25 * 2 - 0.125 * (5 / 6 - pi / 4))
 # Parameters of a small mesh: its volume and the areas of its boundaries.
 SMALL = {
     "box": (
@@ -43,11 +40,6 @@ SMALL = {
         {"bottom": 3 * pi, "top": 3 * pi, "inner": pi, "outer": 2 * pi},
     ),
     "half_sphere": ({"contact_size": 0.4}, 1024 * pi / 3, {"sphere": 128 * pi, "top": 64 * pi}),
-    "cylindrical_punch": (
-        {"contact_size": 0.25},
-        12 * pi - CUT,
-        {"foot": pi * 1.5**2 + EDGE, "side": 4 * pi * 2.5, "top": 4 * pi},
-    ),
     "bracket": (
         {"contact_size": 3.0},
         40 * (60 * 8 + 42 * 8 + FILLET) - 8 * HOLE,
@@ -64,9 +56,9 @@ SMALL = {
         },
     ),
 }
-CURVED = ["cylinder", "ring", "half_sphere", "cylindrical_punch", "bracket"]
+CURVED = ["cylinder", "ring", "half_sphere", "bracket"]
 STRUCTURED = ["box", "wedge_block", "cylinder", "ring"]
-PARTS = ["half_sphere", "cylindrical_punch"]
+PARTS = ["half_sphere"]
 each = pytest.mark.parametrize("name", SMALL)
 each_cell = pytest.mark.parametrize("cell", ["hexahedron", "tetrahedron"])
 each_curved = pytest.mark.parametrize("name", CURVED)
@@ -167,7 +159,6 @@ def test_refined(name, everything):
         ("ring", {"inner_radius": 2.0}, "inner_radius"),
         ("ring", {"nt": 1}, "nt"),
         ("wedge_block", {"angle": 90.0}, "angle"),
-        ("cylindrical_punch", {"rounding": 2.0}, "rounding"),
         ("half_sphere", {"part": "third"}, "part"),
         ("bracket", {"thickness": 45.0}, "thickness"),
         ("bracket", {"seat_radius": 23.0}, "seat_radius"),
@@ -190,8 +181,8 @@ TOO_MANY_AROUND = {"nr": 999, "nt": 999, "nz": 999}
 @pytest.mark.parametrize(
     ("name", "changes"),
     [
-        *((name, {"contact_size": 1e-9}) for name in ("half_sphere", "cylindrical_punch", "bracket")),
-        *((name, {"size": 1e-3, "contact_size": 1e-3}) for name in ("half_sphere", "cylindrical_punch")),
+        *((name, {"contact_size": 1e-9}) for name in ("half_sphere", "bracket")),
+        ("half_sphere", {"size": 1e-3, "contact_size": 1e-3}),
         *((name, TOO_MANY) for name in ("box", "wedge_block")),
         *((name, TOO_MANY_AROUND) for name in ("cylinder", "ring")),
     ],

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -21,9 +21,7 @@ from signorini_fx.mechanics.statement.rigid_shape import turning
 Floats = npt.NDArray[np.float64]
 
 
-def together(
-    bodies: Sequence[Body], load: Callable[[int, MPI.Comm], TaggedMesh], touching: Collection[str], comm: MPI.Comm
-) -> TaggedMesh:
+def together(bodies: Sequence[Body], load: Callable[[int, MPI.Comm], TaggedMesh], comm: MPI.Comm) -> TaggedMesh:
     """Several bodies as one mesh; collective.
 
     The cells of a body are the region of its name.  Its boundaries and regions have their names with that of the body
@@ -36,7 +34,6 @@ def together(
     Args:
         bodies: their names, meshes and places.
         load: makes the mesh of the body with a number on some ranks.
-        touching: the names of the boundaries that are in contact, near which cells stay together.
         comm: the ranks that share the mesh.
 
     Raises:
@@ -58,9 +55,7 @@ def together(
     def make() -> MeshArrays:
         return _joined(bodies, [given.get(k) or of_body(k, MPI.COMM_SELF) for k in range(len(bodies))])
 
-    return replace(
-        from_arrays(comm, make, touching), origin={"bodies": {body.name: _origin(body.mesh) for body in bodies}}
-    )
+    return replace(from_arrays(comm, make), origin={"bodies": {body.name: _origin(body.mesh) for body in bodies}})
 
 
 def _joined(bodies: Sequence[Body], meshes: Sequence[MeshArrays]) -> MeshArrays:

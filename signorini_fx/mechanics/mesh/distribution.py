@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
 from dataclasses import dataclass
 
 import basix.ufl
@@ -20,7 +19,6 @@ from signorini_fx.machine import compat
 from signorini_fx.mechanics.mesh.files.arrays import MeshArrays
 from signorini_fx.mechanics.mesh.files.cells import CELLS, Cell
 from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
-from signorini_fx.mechanics.mesh.shares_of_ranks import partitioner, shares
 
 
 @dataclass(frozen=True)
@@ -42,7 +40,6 @@ def distributed(
     cells: npt.NDArray[np.int64],
     points: npt.NDArray[np.float64],
     tagged: dict[int, Tagged],
-    owner: npt.NDArray[np.int32] | None = None,
 ) -> tuple[dmesh.Mesh, dict[int, dmesh.MeshTags]]:
     """The mesh with its cells in about equal shares on the ranks; collective.
 
@@ -52,13 +49,11 @@ def distributed(
         cells: the nodes of those cells that this rank brings, in dolfinx's order, shape (m, k).
         points: those nodes that this rank brings, shape (n, d); nodes are numbered through the ranks.
         tagged: dimension -> entities that this rank brings; the same dimensions on all ranks.
-        owner: the rank of each of these cells, shape (m,); None: dolfinx divides their graph.
 
     Returns:
         The mesh, and the tags of each dimension.
     """
-    divided = None if owner is None or comm.size == 1 else partitioner(owner)
-    mesh = dmesh.create_mesh(comm, cells=cells, x=points, e=domain, partitioner=divided)
+    mesh = dmesh.create_mesh(comm, cells=cells, x=points, e=domain)
     mesh_tags = {}
     for dim, entities in tagged.items():
         local, values = distribute_entity_data(mesh, dim, entities.nodes, entities.tags)
@@ -71,7 +66,7 @@ def distributed(
 
 
 def from_root(
-    comm: MPI.Comm, kind: Cell, held: tuple[MeshArrays, Ints, Ints] | None, touching: Collection[str] = ()
+    comm: MPI.Comm, kind: Cell, held: tuple[MeshArrays, Ints, Ints] | None
 ) -> tuple[dmesh.Mesh, dmesh.MeshTags, dmesh.MeshTags]:
     """The mesh that the first rank has as arrays; collective.
 
@@ -80,8 +75,6 @@ def from_root(
         kind: of the cells.
         held: on the first rank the mesh, the tag of each of its facets and of each of its cells, 0 for none; None on
             the others.
-        touching: the boundaries with which bodies touch each other; if there are any, ``shares_of_ranks`` divides the
-            cells.
 
     Returns:
         The mesh, and the tags of its facets and cells.
@@ -102,20 +95,9 @@ def from_root(
         entity_dim: Tagged(nodes[entity_dim][values > 0], values[values > 0].astype(np.int32))
         for entity_dim, values in tags.items()
     }
-    owner = None
-    if touching and comm.size > 1:
-        corners: Floats = np.empty((0, 1, dim)) if held is None else points[held[0].corners]
-        sides: Floats = np.empty((0, dim, dim)) if held is None else _sides(held[0], touching)
-        owner = shares(comm, corners.mean(axis=1), sides)
     even = domain(_word(kind), kind.degree, dim, int(basix.LagrangeVariant.equispaced))
-    mesh, mesh_tags = distributed(comm, even, nodes[dim], points, tagged, owner)
+    mesh, mesh_tags = distributed(comm, even, nodes[dim], points, tagged)
     return mesh, mesh_tags[dim - 1], mesh_tags[dim]
-
-
-def _sides(arrays: MeshArrays, names: Collection[str]) -> Floats:
-    """The corners of the facets of some boundaries, shape (f, corners, d)."""
-    rows = [arrays.boundaries[name] for name in names if name in arrays.boundaries]
-    return arrays.points[arrays.facet_corners[np.concatenate([np.empty(0, np.int64), *rows])]]
 
 
 def _word(kind: Cell) -> str:

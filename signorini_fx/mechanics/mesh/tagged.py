@@ -193,13 +193,12 @@ def load_file(
     halvings: int = 0,
     degree: int | None = None,
     sections: Collection[str] = (),
-    touching: Collection[str] = (),
     sizes: Sizes = (),
 ) -> TaggedMesh:
     """The mesh of a file with the names that a scene gives it; see ``read_mesh``."""
     names = (mesh.boundaries, mesh.regions, mesh.data)
     try:
-        tagged = read_mesh(mesh.file, comm, *names, halvings, degree, mesh.size, sections, touching, sizes)
+        tagged = read_mesh(mesh.file, comm, *names, halvings, degree, mesh.size, sections, sizes)
     except MeshError as error:
         raise MeshError(f"mesh.file: {error}") from None
     return replace(tagged, origin={"file": mesh.file.name})
@@ -319,7 +318,6 @@ def read_mesh(
     degree: int | None = None,
     size: float | None = None,
     sections: Collection[str] = (),
-    touching: Collection[str] = (),
     sizes: Sizes = (),
 ) -> TaggedMesh:
     """A mesh from a file, read on the first rank; ``formats.read_file`` has the formats.
@@ -335,7 +333,6 @@ def read_mesh(
         degree: degree of the geometry, as in ``formats.read_file``.
         size: length of the cells of a .step, .stp or .brep; None: a fraction of the size of the body.
         sections: names of the file whose facets inside the body are wanted, too.
-        touching: the boundaries with which bodies in the file touch each other; see ``mesh/shares_of_ranks.py``.
         sizes: of a drawing the lengths of facets of some boundaries, or of all cells, on the first rank.
 
     Raises:
@@ -353,16 +350,15 @@ def read_mesh(
             )
         return arrays
 
-    return from_arrays(comm, read, touching)
+    return from_arrays(comm, read)
 
 
-def from_arrays(comm: MPI.Comm, make: Callable[[], MeshArrays], touching: Collection[str] = ()) -> TaggedMesh:
+def from_arrays(comm: MPI.Comm, make: Callable[[], MeshArrays]) -> TaggedMesh:
     """The mesh that ``make`` gives on the first rank, distributed; collective.
 
     Args:
         comm: the ranks that share the mesh.
         make: called on the first rank only; what it raises is raised on all.
-        touching: the boundaries with which bodies in the mesh touch each other; see ``mesh/cuts.py``.
     """
     arrays_on_root: list[tuple[MeshArrays, Ints, Ints]] = []
 
@@ -375,7 +371,7 @@ def from_arrays(comm: MPI.Comm, make: Callable[[], MeshArrays], touching: Collec
 
     kind, sides, parts, inside = parallel.on_root(comm, made)
     held = arrays_on_root.pop() if arrays_on_root else None
-    mesh, facet_tags, cell_tags = from_root(comm, CELLS[kind], held, touching)
+    mesh, facet_tags, cell_tags = from_root(comm, CELLS[kind], held)
     return TaggedMesh(mesh, facet_tags, _plain(sides), cell_tags if parts else None, _plain(parts), left_out=inside)
 
 

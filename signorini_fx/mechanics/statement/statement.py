@@ -266,11 +266,6 @@ class Statement:
         return [effect.boundary for effect in self.contact], against if any(against) else None
 
     @property
-    def touching(self) -> list[str]:
-        """The boundaries with which bodies touch each other."""
-        return [name for contact in self.contact if contact.against for name in (contact.boundary, contact.against)]
-
-    @property
     def young(self) -> float:
         """Young's modulus of the stiffest material, the natural unit of stress."""
         return max(material.natural_modulus for material in self.material)
