@@ -106,38 +106,6 @@ def one_block(sections, materials, name="BODY"):
     return [*lines, "*STEP", "*STATIC", "*DSLOAD", f"{name}_TOP, P, 5.0", "*END STEP"]
 
 
-AXES = {"young": [1000.0, 100.0, 50.0], "poisson": [0.3, 0.2, 0.4], "shear": [40.0, 30.0, 20.0]}
-
-
-def test_orthotropic_materials(tmp_path, capsys):
-    """Engineering constants, and the stiffness that is their inverse, are the same material; axes are turned."""
-    words = [value for key in ("young", "poisson", "shear") for value in AXES[key]]
-    given = [", ".join(map(str, words[:8])), str(words[8])]
-    compliance = np.diag(1 / np.array(AXES["young"]))
-    for (i, j), ratio in zip(((0, 1), (0, 2), (1, 2)), AXES["poisson"], strict=True):
-        compliance[i, j] = compliance[j, i] = -ratio / AXES["young"][i]
-    c = np.linalg.inv(compliance)
-    stiff = [c[0, 0], c[0, 1], c[1, 1], c[0, 2], c[1, 2], c[2, 2], *AXES["shear"]]
-    turned = ["*ORIENTATION, NAME=O, SYSTEM=RECTANGULAR", "0., 1., 0., -1., 0., 0."]
-    section = ["*SOLID SECTION, ELSET=BODY, MATERIAL=WOOD, ORIENTATION=O"]
-    wood = ["*MATERIAL, NAME=WOOD", "*ELASTIC, TYPE=ENGINEERING CONSTANTS", *given]
-    scene, data, _ = drafted(tmp_path, one_block(section, [*turned, *wood]), capsys)
-    assert data["material"]["orthotropic"] == {**AXES, "direction": [0.0, 1.0]}
-    # Under pressure along axis 1 in plane strain: strain = -p (1 - nu_13 nu_31) / E_1.
-    y = solve(read_scene(scene), MPI.COMM_SELF).displacement.x.array[1::2].min()
-    assert y == pytest.approx(-5.0 * (1 - 0.2**2 * 50.0 / 1000.0) / 1000.0, rel=1e-9)
-    wood = ["*MATERIAL, NAME=WOOD", "*ELASTIC, TYPE=ORTHO"]
-    wood += [", ".join(map(repr, map(float, stiff[:8]))), str(stiff[8])]
-    _, data, _ = drafted(tmp_path, one_block(section, [*turned, *wood]), capsys)
-    for key, values in AXES.items():
-        np.testing.assert_allclose(data["material"]["orthotropic"][key], values, rtol=1e-12)
-    round_ = ["*ORIENTATION, NAME=O, SYSTEM=CYLINDRICAL", "2., 3., 0., 2., 3., 1."]
-    _, data, _ = drafted(tmp_path, one_block(section, [*round_, *wood]), capsys)
-    direction = data["material"]["orthotropic"]["direction"]
-    place = [2.7, 2.0]
-    np.testing.assert_allclose([eval(one, {"x": place}) for one in direction], [0.7, -1.0])
-
-
 @pytest.mark.parametrize(
     ("sections", "materials", "word"),
     [
@@ -146,14 +114,13 @@ def test_orthotropic_materials(tmp_path, capsys):
         (
             ["*SOLID SECTION, ELSET=BODY, MATERIAL=R"],
             ["*MATERIAL, NAME=R", "*VISCOELASTIC", "1."],
-            "has no *ELASTIC that is",
+            "has no *ELASTIC",
         ),
         (
-            ["*SOLID SECTION, ELSET=BODY, MATERIAL=W, ORIENTATION=NONE"],
+            [],
             ["*MATERIAL, NAME=W", "*ELASTIC, TYPE=ENGINEERING CONSTANTS", "1.,1.,1.,0.,0.,0.,1.,1.", "1."],
-            "there is no *ORIENTATION 'NONE'",
+            "*ELASTIC: only isotropic elasticity is read",
         ),
-        ([], ["*MATERIAL, NAME=W", "*ELASTIC, TYPE=ORTHO", "1., 2."], "9 constants are expected"),
     ],
 )
 def test_materials_that_are_missing(tmp_path, capsys, sections, materials, word):
@@ -185,16 +152,14 @@ def test_an_assembly(tmp_path, capsys):
 
 
 def test_an_instance_in_space(tmp_path):
-    """It is shifted and then turned about its axis; its orientations turn with it."""
+    """It is shifted and then turned about its axis."""
     cube = [(x, y, z) for z in (0, 1) for x, y in ((0, 0), (2, 0), (2, 1), (0, 1))]
     part = ["*PART, NAME=P", "*NODE", *(f"{n}, {x}, {y}, {z}" for n, (x, y, z) in enumerate(cube, 1))]
     part += [
         "*ELEMENT, TYPE=C3D8, ELSET=E",
         "1, 1, 2, 3, 4, 5, 6, 7, 8",
-        "*ORIENTATION, NAME=O",
-        "1., 0., 0., 0., 1., 0.",
     ]
-    part += ["*SOLID SECTION, ELSET=E, MATERIAL=W, ORIENTATION=O", "*END PART", "*ASSEMBLY, NAME=A"]
+    part += ["*SOLID SECTION, ELSET=E, MATERIAL=W", "*END PART", "*ASSEMBLY, NAME=A"]
     part += [
         "*INSTANCE, NAME=P-1, PART=P",
         "1., 0., 0.",
@@ -202,15 +167,11 @@ def test_an_instance_in_space(tmp_path):
         "*END INSTANCE",
         "*END ASSEMBLY",
     ]
-    part += ["*MATERIAL, NAME=W", "*ELASTIC, TYPE=ENGINEERING CONSTANTS", "4.,2.,1.,0.,0.,0.,1.,1.", "1."]
-    deck, scene = tmp_path / "deck.inp", tmp_path / "deck.toml"
+    deck = tmp_path / "deck.inp"
     deck.write_text("\n".join(part))
     mesh = read_file(deck)
     np.testing.assert_allclose(mesh.points.min(axis=0), [0.0, 0.0, 0.0], atol=1e-12)
     np.testing.assert_allclose(mesh.points.max(axis=0), [1.0, 2.0, 1.0], atol=1e-12)
-    assert cli.main(["convert", str(deck), str(scene)]) == 0
-    axes = tomllib.loads(scene.read_text())["material"]["orthotropic"]
-    np.testing.assert_allclose([axes["direction"], axes["second"]], [[0, 1, 0], [-1, 0, 0]], atol=1e-12)
 
 
 def test_included_files(tmp_path, capsys):

@@ -23,6 +23,8 @@ SAID = {
     ("SYSTEM", "of other axes"): (["*SYSTEM", "0., 0., 0., 0., 1., 0."], []),
     ("NODE", "SYSTEM other than R"): (["*NODE, SYSTEM=C", "900, 1., 1."], []),
     ("NGEN", ""): (["*NGEN", "1, 2, 1"], []),
+    ("ELASTIC", "TYPE other than ISOTROPIC"): (["*MATERIAL, NAME=M", "*ELASTIC, TYPE=ORTHO", "1., 1."], []),
+    ("ORIENTATION", ""): (["*ORIENTATION, NAME=O", "1., 0., 0., 0., 1., 0."], []),
     ("HYPERELASTIC", "another energy, or incompressible"): (["*MATERIAL, NAME=M", "*HYPERELASTIC, YEOH", "1., 1."], []),
     ("HYPERELASTIC", "with soft contact, preload, temperature and more"): (
         *(RUBBER, []),
@@ -115,11 +117,11 @@ SAID = {
         [OTHER, "*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=EXPONENTIAL", "1., 1."],
         [],
     ),
-    ("SURFACEBEHAVIOR", "NO SEPARATION with friction, or of sides with a gap"): (
+    ("SURFACEBEHAVIOR", "NO SEPARATION"): (
         *([], []),
         {HARD: "*SURFACE BEHAVIOR, NO SEPARATION", "UP_BOTTOM, LOW_TOP": "UP_BOTTOM, LOW_BOTTOM"},
     ),
-    ("FRICTION", "ROUGH, of contact that may open"): ([], [], {HARD: "*FRICTION, ROUGH"}),
+    ("FRICTION", "ROUGH"): ([], [], {HARD: "*FRICTION, ROUGH"}),
     ("CONTACTPAIR", "ADJUST with a smaller set"): ([], [], {PAIR: f"{PAIR}, ADJUST=UP_WALL"}),
     ("CONTACTPAIR", "of another surface"): ([PAIR, "NOWHERE, UP_TOP"], []),
     ("TIE", "of another surface"): (["*TIE, NAME=T", "NOWHERE, UP_TOP"], []),

@@ -17,7 +17,7 @@ from signorini_fx.mechanics.mesh.files.arrays import plain
 from signorini_fx.mechanics.mesh.files.shape import Floats
 
 # Parameters whose values are sets, surfaces, orientations or nodes.
-_NAMING = ("NSET", "ELSET", "SURFACE", "ORIENTATION", "REFNODE", "ROTNODE", "NODE", "ANALYTICALSURFACE")
+_NAMING = ("NSET", "ELSET", "SURFACE", "REFNODE", "ROTNODE", "NODE", "ANALYTICALSURFACE")
 # Keywords whose rows begin with a node, an element or a set of them, and how many such words there are; None: all.
 _REFERRING: dict[str, int | None] = {
     **dict.fromkeys(("NSET", "ELSET", "ELEMENT", "TIE", "CONTACTPAIR"), None),
@@ -30,7 +30,6 @@ _DEFINING = {
     "ELEMENT": "ELSET",
     "ELSET": "ELSET",
     "SURFACE": "NAME",
-    "ORIENTATION": "NAME",
 }
 
 
@@ -56,7 +55,7 @@ class _Scope:
         blocks: its keywords.
         move: from its coordinates to those of the assembly; None: they are the same.
         first: what is added to its numbers.
-        names: of its sets, surfaces and orientations, in capitals.
+        names: of its sets and surfaces, in capitals.
     """
 
     name: str
@@ -233,8 +232,4 @@ def _moved(block: DeckBlock, move: _Motion) -> Sequence[list[str]]:
         pairs = [np.array([real(word) for word in row[1:]]).reshape(-1, 2) for row in rows]
         ends = [move(np.pad(pair, ((0, 0), (0, 1))))[:, :2] for pair in pairs]
         return [[row[0], *map(repr, plain(x.ravel()))] for row, x in zip(rows, ends, strict=True)]
-    if block.keyword == "ORIENTATION" and rows:
-        x = np.array([real(word) for word in rows[0]]).reshape(-1, 3)
-        x = move(x) if block.parameters.get("SYSTEM", "R").upper().startswith("C") else x @ move.turn.T
-        return [[*map(repr, plain(x.ravel()))], *rows[1:]]
     return rows

@@ -21,7 +21,7 @@ from signorini_fx.addons.decks.keywords import (
 )
 from signorini_fx.addons.decks.text import DeckBlock, parameter, quoted, real, real_or_none
 from signorini_fx.mechanics.mesh.files.shape import Ints
-from signorini_fx.tuned import DIGITS_OF_FILES, HARD_CONTACT
+from signorini_fx.tuned import HARD_CONTACT
 
 # How a contact pair is discretised, which a scene chooses itself.
 _KINDS_OF_PAIRS = ("NODETOSURFACE", "SURFACETOSURFACE", "MORTAR", "LINMORTAR", "PGLINMORTAR", "MASSLESS")
@@ -136,7 +136,7 @@ def contact_tables(deck: Deck, steps: int) -> tuple[list[list[str]], list[str]]:
             continue
         node = deck.movers.get(plain_name(surfaces[0])) if surfaces else None
         moving = "" if node is None else rigid.motion(deck, node, steps)
-        kind = _kind(deck, pair, interaction, first, opposite)
+        kind = _kind(deck, interaction)
         if kind == "bonded" and surfaces and not moving:
             deck.lose(pair.block, f"{label}: {surfaces[0]!r} is rigid: give displacements instead")
             continue
@@ -146,7 +146,7 @@ def contact_tables(deck: Deck, steps: int) -> tuple[list[list[str]], list[str]]:
         lines = [f"# {pair.block.origin}", f"boundary = {quoted(first)}"]
         lines += [f"against = {quoted(side)}" for side in opposite]
         lines += rigid.foundation(deck, pair.block, first, surfaces[0], moving) if surfaces else []
-        lines += [f"kind = {quoted(kind)}"] * (kind != "unilateral")
+        lines += ['kind = "bonded"'] * (kind == "bonded")
         if kind != "bonded" and interaction is not None:
             lines += _adjust(deck, pair, label, opposite) + _friction(interaction)
         tables.append(lines)
@@ -176,32 +176,15 @@ def _oriented(deck: Deck) -> list[SurfacePair]:
     return [turned(pair) for pair in deck.pairs]
 
 
-def _kind(deck: Deck, pair: SurfacePair, interaction: Interaction | None, first: str, opposite: list[str]) -> str:
-    """The kind of a contact: NO SEPARATION of closed sides is bilateral, and if rough, a bond."""
+def _kind(deck: Deck, interaction: Interaction | None) -> str:
+    """The kind of a contact; what it loses is said."""
     if interaction is None or interaction.tied:
         return "bonded"
-    # In tension friction of bilateral contact is that of its magnitude, and of other programs zero.
-    closed = interaction.inseparable and not interaction.coefficient and _is_closed(deck, pair, first, opposite)
-    if interaction.inseparable and not closed and interaction.behaviour is not None:
+    if interaction.behaviour is not None and "NOSEPARATION" in interaction.behaviour.parameters:
         deck.lose(interaction.behaviour, NO_SEPARATION)
-    if interaction.rough is not None and not closed:
+    if interaction.rough is not None:
         deck.lose(interaction.rough, ROUGH)
-    return ("unilateral" if not closed else "bilateral") if interaction.rough is None or not closed else "bonded"
-
-
-def _is_closed(deck: Deck, pair: SurfacePair, first: str, opposite: list[str]) -> bool:
-    """Whether two sides touch everywhere: both are in one plane, or have the same nodes there."""
-    from scipy.spatial import cKDTree
-
-    near = max(real_or_none(pair.adjust or "") or 0.0, DIGITS_OF_FILES * deck.size)
-    x, *opposite_points = (
-        deck.mesh.points[np.unique(deck.mesh.facet_corners[deck.mesh.boundaries[side]])] for side in (first, *opposite)
-    )
-    if not opposite_points:
-        return rigid.farthest(deck, x, pair) <= near
-    together = np.concatenate((x, *opposite_points))
-    normal = np.linalg.svd(together - together.mean(axis=0), full_matrices=False)[2][-1]
-    return bool(np.ptp(together @ normal) <= near or cKDTree(opposite_points[0]).query(x)[0].max() <= near)
+    return "unilateral"
 
 
 def _adjust(deck: Deck, pair: SurfacePair, label: str, opposite: list[str]) -> list[str]:
@@ -259,8 +242,8 @@ def _stiffness(deck: Deck, interactions: list[Interaction | None], tables: list[
 
 def _hard(deck: Deck) -> float:
     """The stiffness, stress per length, from which contact is hard."""
-    moduli = (properties.get("orthotropic", properties).get("young", 0.0) for properties in deck.materials.values())
-    return HARD_CONTACT * max((float(np.max(stiffness)) for stiffness in moduli), default=0.0) / deck.size
+    moduli = (properties.get("young", 0.0) for properties in deck.materials.values())
+    return HARD_CONTACT * max(moduli, default=0.0) / deck.size
 
 
 def say_partners(deck: Deck, contacts: list[list[str]]) -> list[list[str]]:

@@ -55,11 +55,10 @@ class DeckLoad:
 
 @dataclass(frozen=True)
 class DeckSection:
-    """A part of the body, its material, and the orientation of its axes: all names, the last two in capitals."""
+    """A part of the body and its material, whose name is in capitals."""
 
     region: str
     material: str
-    orientation: str
     block: DeckBlock
 
 
@@ -84,11 +83,6 @@ class Interaction:
     behaviour: DeckBlock | None = None
     stiffness: float | None = None
     tied: bool = False
-
-    @property
-    def inseparable(self) -> bool:
-        """Whether it is given NO SEPARATION."""
-        return self.behaviour is not None and "NOSEPARATION" in self.behaviour.parameters
 
 
 @dataclass(frozen=True)
@@ -135,7 +129,6 @@ class Deck:
     title: str = ""
     material: str = ""
     materials: dict[str, dict[str, Any]] = field(default_factory=dict)
-    orientations: dict[str, DeckBlock] = field(default_factory=dict)
     sections: list[DeckSection] = field(default_factory=list)
     hypothesis: str = ""
     assumed: str = ""

@@ -191,16 +191,11 @@ def _read_amplitude(deck: Deck, block: DeckBlock) -> None:
     deck.amplitudes[block.parameters["NAME"].upper()] = block
 
 
-def _read_orientation(deck: Deck, block: DeckBlock) -> None:
-    deck.orientations[block.parameters["NAME"].upper()] = block
-
-
 _OUTPUT = [rule.key for rule in keywords.RULES if rule.effect == keywords.NOT_WRITTEN]
 _SETS = ("NODE", "ELEMENT", "NSET", "ELSET", "SURFACE")
 # Keywords that may be anywhere in the file.
 _DEFINITIONS: dict[str, Reader] = {
     "AMPLITUDE": _read_amplitude,
-    "ORIENTATION": _read_orientation,
     "PRE-TENSIONSECTION": read_bolt,
     "RIGIDBODY": rigid.read_rigid_body,
 }

@@ -65,10 +65,11 @@ FIRST_LINE = "constants that depend on temperature: the first line is taken"
 OTHER_RUBBER = "only NEO HOOKE, MOONEY-RIVLIN and OGDEN with D1 above 0 are read"
 OTHER_HARDENING = "hardening that is not isotropic is not read: elastic here"
 YIELDING_RUBBER = "a material with *HYPERELASTIC does not yield here"
+OTHER_ELASTICITY = "only isotropic elasticity is read: state others in a scene, with material.orthotropic"
 NOT_YET_NONLINEAR = "a nonlinear material is not possible yet"
 BESIDE_RUBBER = "beside rubber: law = 'saint-venant-kirchhoff', linear in the strain of Green"
-NO_SEPARATION = "NO SEPARATION is read without friction, of sides that are closed at first: this contact may open"
-ROUGH = "ROUGH is read with NO SEPARATION, of sides that are closed at first: this contact has no friction"
+NO_SEPARATION = "NO SEPARATION is not read: this contact may open"
+ROUGH = "ROUGH is not read: this contact has no friction"
 OTHER_BEHAVIOUR = "soft contact is read as LINEAR or TIED only: this contact is hard"
 ADJUSTED_SET = "ADJUST: a set with only some nodes of the dependent surface is not read"
 NO_BOUNDARY = "is no boundary of the body"
@@ -82,6 +83,8 @@ RULES: tuple[Rule, ...] = (
     ),
     *_rules(Grade.REFUSED, "coordinates are expected along x, y and z", "SYSTEM", case="of other axes"),
     *_rules(Grade.REFUSED, "coordinates are expected along x, y and z", "NODE", case="SYSTEM other than R"),
+    *_rules(Grade.REFUSED, OTHER_ELASTICITY, "ELASTIC", case="TYPE other than ISOTROPIC"),
+    *_rules(Grade.NOTED, "without effect on isotropic materials", "ORIENTATION"),
     *_rules(Grade.REFUSED, OTHER_RUBBER, "HYPERELASTIC", case="another energy, or incompressible"),
     *_rules(Grade.REFUSED, NOT_YET_NONLINEAR, "HYPERELASTIC", case="with soft contact, preload, temperature and more"),
     *_rules(Grade.REFUSED, NO_PROCEDURE, "STEP", case="the first one without *STATIC"),
@@ -136,8 +139,8 @@ RULES: tuple[Rule, ...] = (
     *_rules(Grade.NOTED, WITHOUT_EFFECT, "INITIAL CONDITIONS", case="VELOCITY"),
     *_rules(Grade.LOST, "behaviour of a subroutine is not read", "SURFACE INTERACTION", case="USER"),
     *_rules(Grade.LOST, OTHER_BEHAVIOUR, "SURFACE BEHAVIOR", case="EXPONENTIAL, TABULAR and others"),
-    *_rules(Grade.LOST, NO_SEPARATION, "SURFACE BEHAVIOR", case="NO SEPARATION with friction, or of sides with a gap"),
-    *_rules(Grade.LOST, ROUGH, "FRICTION", case="ROUGH, of contact that may open"),
+    *_rules(Grade.LOST, NO_SEPARATION, "SURFACE BEHAVIOR", case="NO SEPARATION"),
+    *_rules(Grade.LOST, ROUGH, "FRICTION", case="ROUGH"),
     *_rules(Grade.LOST, ADJUSTED_SET, "CONTACT PAIR", case="ADJUST with a smaller set"),
     *_rules(Grade.LOST, NO_BOUNDARY, "CONTACT PAIR", "TIE", case="of another surface"),
     *_rules(Grade.LOST, "general contact is not read: name pairs of surfaces", "CONTACT", "CONTACT INCLUSIONS"),

@@ -1,4 +1,4 @@
-"""Materials, sections and orientations of an Abaqus input file, as the materials of a scene."""
+"""Materials and sections of an Abaqus input file, as the materials of a scene."""
 
 from __future__ import annotations
 
@@ -14,19 +14,14 @@ from signorini_fx.addons.decks.keywords import (
     FIRST_LINE,
     NO_BODY_PART,
     NOT_YET_NONLINEAR,
+    OTHER_ELASTICITY,
     OTHER_HARDENING,
     OTHER_RUBBER,
     SMALL,
     YIELDING_RUBBER,
 )
 from signorini_fx.addons.decks.text import DeckBlock, DeckError, parameter, quoted, real
-from signorini_fx.mechanics.mesh.files.arrays import plain
-from signorini_fx.mechanics.mesh.files.shape import Floats
-from signorini_fx.tuned import ZERO_SUM
 
-# Where the first six constants of stiffness of *ELASTIC, TYPE=ORTHO belong; the others are shear moduli.
-_NORMAL = ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))
-_CONSTANTS = 9
 # By the parameters of *HYPERELASTIC that name an energy: its law; a polynomial is the default.
 _ENERGIES = {
     "NEOHOOKE": "neo-hooke",
@@ -55,8 +50,7 @@ def read_section(deck: Deck, block: DeckBlock) -> None:
     elif name != block.parameters["ELSET"]:
         deck.note(block, f"its elements that a later section has too are of that one: the rest is {name!r}")
     if region is not None:
-        material, orientation = (block.parameters.get(key, "").upper() for key in ("MATERIAL", "ORIENTATION"))
-        deck.sections.append(DeckSection(region, material, orientation, block))
+        deck.sections.append(DeckSection(region, block.parameters["MATERIAL"].upper(), block))
     if deck.mesh.dim == 2 and deck.kinematics.uniform and block.rows and block.rows[0] and block.rows[0][0]:
         deck.thickness = real(block.rows[0][0])
         if deck.thickness != 1:
@@ -92,35 +86,17 @@ def read_expansion(deck: Deck, block: DeckBlock) -> None:
 
 
 def read_elastic(deck: Deck, block: DeckBlock) -> None:
-    """*ELASTIC: isotropic, or orthotropic by constants of stiffness or of engineering."""
-    properties, rows = _properties(deck), len(block.rows)
-    kind = block.parameters.get("TYPE", "ISOTROPIC").upper().replace(" ", "")
-    if kind in ("ORTHO", "ORTHOTROPIC", "ENGINEERINGCONSTANTS"):
-        words = [real(word) for row in block.rows[:2] for word in row][:_CONSTANTS]
-        if len(words) < _CONSTANTS:
-            raise ValueError(f"{_CONSTANTS} constants are expected")
-        words = words if kind == "ENGINEERINGCONSTANTS" else _engineering(words)
-        properties["orthotropic"] = {"young": words[:3], "poisson": words[3:6], "shear": words[6:]}
-        rows -= 1
-    elif kind in ("ISOTROPIC", "ISO"):
-        properties["young"], properties["poisson"] = (real(word) for word in (*block.rows[0], "0")[:2])
-    else:
-        deck.lose(block, f"elasticity of type {kind} is not read")
-        return
-    if rows > 1:
+    """*ELASTIC.
+
+    Raises:
+        DeckError: it is not isotropic.
+    """
+    properties = _properties(deck)
+    if block.parameters.get("TYPE", "ISOTROPIC").upper() not in ("ISOTROPIC", "ISO"):
+        raise DeckError(block, OTHER_ELASTICITY)
+    properties["young"], properties["poisson"] = (real(word) for word in (*block.rows[0], "0")[:2])
+    if len(block.rows) > 1:
         deck.lose(block, FIRST_LINE)
-
-
-def _engineering(words: list[float]) -> list[float]:
-    """E_1, E_2, E_3, nu_12, nu_13, nu_23 and shear moduli from constants of stiffness, D_1111, D_1122 and so on."""
-    stiffness = np.zeros((3, 3))
-    for (i, j), value in zip(_NORMAL, words, strict=False):
-        stiffness[i, j] = stiffness[j, i] = value
-    if not np.linalg.matrix_rank(stiffness) == 3:
-        raise ValueError("the constants have no inverse")
-    strains = np.linalg.inv(stiffness)
-    young = [float(1 / strains[k, k]) for k in range(3)]
-    return [*young, *(-float(strains[i, j]) * young[i] for i, j in ((0, 1), (0, 2), (1, 2))), *words[6:]]
 
 
 def read_rubber(deck: Deck, block: DeckBlock) -> None:
@@ -174,69 +150,6 @@ def read_hardening(deck: Deck, block: DeckBlock) -> None:
     properties["plastic"] = curve, block
 
 
-def _axes_of(deck: Deck, name: str) -> list[str]:
-    """The keys for the directions of an *ORIENTATION.
-
-    Raises:
-        ValueError: it is missing, or neither rectangular nor cylindrical.
-    """
-    block = deck.orientations.get(name)
-    if block is None:
-        raise ValueError(f"there is no *ORIENTATION {name!r}")
-    system, dim = block.parameters.get("SYSTEM", "RECTANGULAR").upper(), deck.mesh.dim
-    words = [real(word) for word in block.rows[0]]
-    if len(words) not in (6, 9) or block.parameters.get("DEFINITION", "COORDINATES").upper() != "COORDINATES":
-        raise DeckError(block, "two points are expected, or three")
-    first, second = np.array(words[:3]), np.array(words[3:6])
-    about, angle = ([real(word) for word in block.rows[1]] + [0.0])[:2] if len(block.rows) > 1 else (1.0, 0.0)
-    if system in ("CYLINDRICAL", "C"):
-        along = (second - first) / np.linalg.norm(second - first)
-        if angle or (dim == 2 and abs(along[2]) < 1 - ZERO_SUM):
-            deck.lose(block, "a cylindrical orientation that is turned about one of its axes")
-        keep = np.eye(3) - np.outer(along, along)
-        cross = np.array([np.cross(along, axis) for axis in np.eye(3)]).T @ keep
-        rows = [_linear(matrix, -matrix @ first, dim) for matrix in (keep, cross)]
-    elif system in ("RECTANGULAR", "R"):
-        centre = np.array(words[6:9]) if len(words) == 9 else np.zeros(3)
-        axes = _turned(_frame(first - centre, second - centre), round(about) - 1, np.radians(angle))
-        if dim == 2 and abs(axes[2, 2]) < 1 - ZERO_SUM:
-            deck.lose(block, "an orientation whose axis 3 is not across the plane")
-        rows = [str(plain((np.where(np.abs(axis) < ZERO_SUM, 0.0, axis) + 0.0)[:dim])) for axis in axes[:2]]
-    else:
-        raise DeckError(block, "its system is neither rectangular nor cylindrical")
-    return [f"direction = {rows[0]}"] + ([f"second = {rows[1]}"] if dim == 3 else [])
-
-
-def _frame(first: Floats, second: Floats) -> Floats:
-    """Unit vectors along a vector, across it in its plane with another one, and normal to both, shape (3, 3)."""
-    normal = np.cross(first, second)
-    rows = np.array([first, np.cross(normal, first), normal])
-    sizes = np.linalg.norm(rows, axis=1, keepdims=True)
-    if not sizes.all():
-        raise ValueError("its points are in line")
-    return np.asarray(rows / sizes)
-
-
-def _turned(axes: Floats, about: int, angle: float) -> Floats:
-    """A frame turned about one of its axes."""
-    if not 0 <= about < 3:
-        raise ValueError("an *ORIENTATION is turned about axis 1, 2 or 3")
-    turned, first, second = axes.copy(), (about + 1) % 3, (about + 2) % 3
-    turned[first] = np.cos(angle) * axes[first] + np.sin(angle) * axes[second]
-    turned[second] = np.cos(angle) * axes[second] - np.sin(angle) * axes[first]
-    return turned
-
-
-def _linear(matrix: Floats, constant: Floats, dim: int) -> str:
-    """A vector that is linear in the position, as values of a scene."""
-    values = []
-    for row, offset in zip(plain(matrix[:dim, :dim]), plain(constant[:dim]), strict=True):
-        terms = [f"{share!r}*x[{k}]" for k, share in enumerate(row) if abs(share) > ZERO_SUM]
-        text = " + ".join([*terms, repr(offset)]).replace("+ -", "- ")
-        values.append(quoted(text) if terms else text)
-    return f"[{', '.join(values)}]"
-
-
 # --- tables of the scene ----------------------------------------------------------------------------------------------
 
 
@@ -267,9 +180,10 @@ def material_tables(deck: Deck, obstacle: str, *, heated: bool) -> list[tuple[st
         name = f"the material {section.material!r} of {section.region!r}"
         if (properties := deck.materials.get(section.material)) is None:
             raise DeckError(section.block, f"{name} is not defined")
-        law = _nonlinear_law(deck, section, obstacle) or _law(deck, properties, section.orientation)
-        if law is None:
-            raise DeckError(section.block, f"{name} has no *ELASTIC that is isotropic or orthotropic")
+        law = _nonlinear_law(deck, section, obstacle)
+        if law is None and "young" not in properties:
+            raise DeckError(section.block, f"{name} has no *ELASTIC")
+        law = law or [f"{key} = {properties[key]!r}" for key in ("young", "poisson")]
         # without *EXPANSION a material does not expand
         properties = {"expansion": 0.0, **properties} if heated else properties
         shown.append((section.region, [*law, *(f"{key} = {properties[key]!r}" for key in keys if key in properties)]))
@@ -277,17 +191,6 @@ def material_tables(deck: Deck, obstacle: str, *, heated: bool) -> list[tuple[st
     if all(lines == shown[0][1] for _, lines in shown):
         return [("[material]", [*shown[0][1], *hypothesis])]
     return [("[[material]]", [f"region = {quoted(region)}", *lines, *hypothesis]) for region, lines in shown]
-
-
-def _law(deck: Deck, properties: dict[str, Any], orientation: str) -> list[str] | None:
-    """Its constants of elasticity as lines; None: it has none."""
-    if "young" in properties:
-        return [f"{key} = {properties[key]!r}" for key in ("young", "poisson")]
-    if "orthotropic" not in properties:
-        return None
-    axes = _axes_of(deck, orientation) if orientation else []
-    constants = [f"{key} = {value}" for key, value in properties["orthotropic"].items()]
-    return [f"orthotropic = {{ {', '.join([*constants, *axes])} }}"]
 
 
 def has_rubber(deck: Deck) -> bool:
@@ -299,7 +202,6 @@ def obstacle_of(deck: Deck, contacts: Sequence[Sequence[str]], *, heated: bool) 
     """The part of a scene that excludes nonlinear materials; "": there is none."""
     lines = [line for contact in contacts for line in contact]
     tied_rigid = any('kind = "bonded"' in contact and "against" not in "".join(contact) for contact in contacts)
-    elastic = all("young" in deck.materials.get(s.material, {}) for s in deck.sections) or has_rubber(deck)
     finite = deck.nonlinear is not None or has_rubber(deck)
     for wrong, words in (
         (tied_rigid, "with a rigid body that is tied"),
@@ -308,7 +210,6 @@ def obstacle_of(deck: Deck, contacts: Sequence[Sequence[str]], *, heated: bool) 
         # CalculiX takes alpha T from grad u there: another material than one that expands and is deformed then.
         (heated and finite, "with temperature at finite strains"),
         (bool(deck.bolts), "with a preload"),
-        (not elastic, "with directions"),
     ):
         if wrong:
             return words

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from signorini_fx.addons.decks.content import Deck, SurfacePair, plain_name
+from signorini_fx.addons.decks.content import Deck, plain_name
 from signorini_fx.addons.decks.text import DeckBlock, real
 from signorini_fx.mechanics.mesh.files.arrays import plain
 from signorini_fx.mechanics.mesh.files.shape import Floats
@@ -182,11 +182,3 @@ def _plane(points: Floats) -> tuple[Floats, Floats] | None:
         return None
     normal = np.where(np.abs(axes[-1]) < ZERO_SUM, 0.0, axes[-1])
     return middle, np.asarray(normal / np.linalg.norm(normal))
-
-
-def farthest(deck: Deck, x: Floats, pair: SurfacePair) -> float:
-    """The largest distance of points from the plane of the rigid surface of a contact pair; infinite: it is none."""
-    surface = next(name for name in (pair.slave, pair.master) if plain_name(name) in deck.rigid)
-    points = _points_of(deck, plain_name(surface))
-    plane = None if points is None else _plane(points[:, : deck.mesh.dim])
-    return np.inf if plane is None else float(np.abs((x - plane[0]) @ plane[1]).max())
