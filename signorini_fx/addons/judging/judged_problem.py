@@ -9,18 +9,14 @@ from pathlib import Path
 
 import mpi4py.MPI  # noqa: F401  # first: PETSc and dolfinx from PyPI find the library of MPI where it is loaded
 import numpy as np
-from dolfinx import mesh as dmesh
-from dolfinx.io.utils import cell_perm_vtk
 from mpi4py import MPI
 
 from signorini_fx.addons.decks.draft import draft
 from signorini_fx.errors import SceneError
-from signorini_fx.machine import compat
-from signorini_fx.mechanics.mesh.files.arrays import MeshArrays, sides_of
-from signorini_fx.mechanics.mesh.files.cells import CELLS, Cell
-from signorini_fx.mechanics.mesh.files.raw import row_keys, rows_of
+from signorini_fx.mechanics.mesh.files.arrays import MeshArrays
 from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
-from signorini_fx.mechanics.mesh.tagged import TaggedMesh, check_fits
+from signorini_fx.mechanics.mesh.halving import quadratic
+from signorini_fx.mechanics.mesh.tagged import arrays_of, check_fits
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import as_scene, read_scene
 from signorini_fx.scenes.scene import Scene
@@ -78,7 +74,9 @@ def judged_problem(problem: object) -> JudgedProblem:
     scene = as_scene(problem)
     mesh = load_mesh(scene, MPI.COMM_SELF)
     check_fits(scene.statement, mesh)
-    arrays = _arrays_of(mesh, scene.element.degree)
+    arrays = arrays_of(mesh)
+    if scene.element.degree > arrays.degree:
+        arrays = quadratic(arrays)
     names = np.arange(1, len(arrays.points) + 1)
     contacts = [contact.model_copy(update={"contact_size": None}) for contact in scene.contact]  # cells are made
     scene = scene.model_copy(update={"contact": contacts})
@@ -116,48 +114,3 @@ def _unjudged(scene: Scene, arrays: MeshArrays) -> list[str]:
     if scene.rigid or any(entry.tool is not None for entry in scene.contact):
         reasons.append("rigid bodies that forces move are not judged")
     return reasons
-
-
-def _arrays_of(mesh: TaggedMesh, degree: int) -> MeshArrays:
-    """A mesh as arrays, with the nodes between corners that elements of a degree have."""
-    of_mesh, dim = mesh.mesh, mesh.dimension
-    geometry_degree = compat.geometry_degree(of_mesh)
-    corners = {"triangle": 3, "quadrilateral": 4, "tetrahedron": 4, "hexahedron": 8}[of_mesh.topology.cell_name()]
-    kind = next(
-        kind
-        for kind, cell in CELLS.items()
-        if cell.dim == dim and cell.degree == geometry_degree and len(cell.corners) == corners
-    )
-    order = np.argsort(cell_perm_vtk(of_mesh.topology.cell_type, len(CELLS[kind].nodes)))
-    cells = compat.geometry_cells(of_mesh)[:, order].astype(np.int64)
-    points = of_mesh.geometry.x[:, :dim].astype(np.float64)
-    if degree > geometry_degree:
-        kind, cells, points = _with_nodes_between(CELLS[kind], cells, points)
-    sides, width = sides_of(cells, CELLS[kind]), len(CELLS[CELLS[kind].facet].corners)
-    boundaries, facets, count = {}, [], 0
-    for label in mesh.boundaries:
-        named = mesh.facets(label)
-        ends = dmesh.entities_to_geometry(of_mesh, dim - 1, named)[:, :width].astype(np.int64)
-        facets.append(sides[rows_of(ends, sides[:, :width])] if named.size else sides[:0])
-        boundaries[label] = count + np.arange(named.size)
-        count += named.size
-    rows = np.concatenate(facets)
-    _, first, number = np.unique(row_keys(rows[:, :width]), return_index=True, return_inverse=True)
-    boundaries = {label: np.sort(number[members]) for label, members in boundaries.items()}
-    regions = {label: np.sort(mesh.cells(label).astype(np.int64)) for label in mesh.regions}
-    return MeshArrays(points, kind, cells, rows[first], boundaries, regions)
-
-
-def _with_nodes_between(cell: Cell, cells: Ints, points: Floats) -> tuple[str, Ints, Floats]:
-    """Kind, nodes and points of the cells of degree 2 with the corners, and the shape, of some of degree 1."""
-    full_cell = next(c for c in CELLS.values() if c.corners == cell.corners and c.degree == 2)
-    columns, further = [cells], [points]
-    count = len(points)
-    for size in sorted({len(members) for members in full_cell.nodes} - {1}):
-        between = np.array([members for members in full_cell.nodes if len(members) == size])
-        rows = cells[:, between].reshape(-1, size)
-        _, first, numbers = np.unique(row_keys(rows), return_index=True, return_inverse=True)
-        columns.append(count + numbers.reshape(len(cells), -1))
-        further.append(points[rows[first]].mean(axis=1))
-        count += len(first)
-    return full_cell.kind, np.hstack(columns), np.concatenate(further)
