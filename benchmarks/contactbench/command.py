@@ -39,7 +39,6 @@ def _parser() -> argparse.ArgumentParser:
     mesh = parts.add_parser("mesh", help="write meshes")
     mesh.add_argument("problem", nargs="*", help="none: all")
     mesh.add_argument("--levels", type=int, default=1, help="meshes, each twice as fine")
-    mesh.add_argument("--triangles", action="store_true", help="quadrilaterals are divided into triangles")
     mesh.add_argument("--out", type=Path, default=Path("contactbench-meshes"))
     mark = parts.add_parser("judge", help="judge a CSV with the columns quantity,value")
     mark.add_argument("problem")
@@ -88,8 +87,7 @@ def _write_meshes(given: argparse.Namespace) -> int:
     for name in given.problem or problem_names():
         problem = read_problem(name)
         for level in range(given.levels):
-            triangles = given.triangles and problem.dimension == 2
-            grid = make_grid(problem, level, triangles=triangles)
+            grid = make_grid(problem, level)
             stem = given.out / f"{problem.name}-{level}"
             write_msh(grid, stem.with_suffix(".msh"))
             write_inp(grid, problem.hypothesis, stem.with_suffix(".inp"))

@@ -102,10 +102,6 @@ def strain_energy(problem: Problem, grid: Grid, u: Floats) -> float:
 
 def _rule(corners: int) -> list[tuple[Floats, Floats, float]]:
     """Shape functions, their slopes (corners, d), and weights at points of quadrature of a cell."""
-    if corners == 3:
-        slopes = np.array([[-1.0, -1.0], [1.0, 0.0], [0.0, 1.0]])
-        at = [(1 / 6, 1 / 6), (2 / 3, 1 / 6), (1 / 6, 2 / 3)]
-        return [(np.array([1 - s - t, s, t]), slopes, 1 / 6) for s, t in at]
     g = np.array([-1, 1]) / np.sqrt(3)
     if corners == 4:
         signs = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)], dtype=float)

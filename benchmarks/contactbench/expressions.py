@@ -12,7 +12,10 @@ from typing import Any
 
 import numpy as np
 
-_OPERATORS = (ast.Add, ast.Sub, ast.Mult, ast.Div, ast.Pow, ast.USub, ast.UAdd, ast.Lt, ast.LtE, ast.Gt, ast.GtE)
+_ALLOWED = (
+    *(ast.Expression, ast.Constant, ast.Name, ast.Load, ast.BinOp, ast.UnaryOp, ast.Compare, ast.Call),
+    *(ast.Add, ast.Sub, ast.Mult, ast.Div, ast.Pow, ast.USub, ast.UAdd, ast.Lt, ast.LtE, ast.Gt, ast.GtE),
+)
 NUMPY: dict[str, Callable[..., Any]] = {
     "abs": np.abs,
     "acosh": np.arccosh,
@@ -42,9 +45,8 @@ def names(text: str | float) -> set[str]:
     Raises:
         ExpressionError: it is none.
     """
-    found: set[str] = set()
-    _walk(_parsed(text), found)
-    return found
+    found = {node.id for node in ast.walk(_parsed(text)) if isinstance(node, ast.Name)}
+    return found - {"pi", *NUMPY}
 
 
 def evaluate(text: str | float, values: Mapping[str, Any]) -> Any:
@@ -60,39 +62,23 @@ def evaluate(text: str | float, values: Mapping[str, Any]) -> Any:
     return _value(text, dict(values))
 
 
-def _parsed(text: str | float) -> ast.expr:
+def _parsed(text: str | float) -> ast.Expression:
     try:
-        tree = ast.parse(str(text).strip(), mode="eval").body
+        tree = ast.parse(str(text).strip(), mode="eval")
     except SyntaxError as error:
         raise ExpressionError(f"{text!r} is not a formula: {error.msg}") from None
     for node in ast.walk(tree):
-        if isinstance(node, ast.Constant) and type(node.value) is int:
-            node.value = float(node.value)  # powers of integers have no end
+        allowed = isinstance(node, _ALLOWED)
+        if isinstance(node, ast.Constant):
+            allowed = type(node.value) in (int, float)
+            node.value = float(node.value) if allowed else 0.0  # type: ignore[arg-type]  # powers of integers have no end
+        elif isinstance(node, ast.Call):
+            allowed = isinstance(node.func, ast.Name) and node.func.id in NUMPY
+        elif isinstance(node, ast.Compare):
+            allowed = len(node.ops) == 1
+        if not allowed:
+            raise ExpressionError(f"{text!r} has {type(node).__name__}, which is not part of a formula")
     return tree
-
-
-def _walk(node: ast.expr, found: set[str]) -> None:
-    match node:
-        case ast.Constant(value=bool() | str() | bytes() | None | complex()):
-            raise ExpressionError(f"{ast.unparse(node)!r} is not a number")
-        case ast.Constant():
-            pass
-        case ast.Name(id=name):
-            if name != "pi":
-                found.add(name)
-        case ast.BinOp(left=left, op=op, right=right) if isinstance(op, _OPERATORS):
-            _walk(left, found)
-            _walk(right, found)
-        case ast.UnaryOp(op=op, operand=operand) if isinstance(op, _OPERATORS):
-            _walk(operand, found)
-        case ast.Compare(left=left, ops=[op], comparators=[right]) if isinstance(op, _OPERATORS):
-            _walk(left, found)
-            _walk(right, found)
-        case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]) if name in NUMPY:
-            for argument in arguments:
-                _walk(argument, found)
-        case _:
-            raise ExpressionError(f"{ast.unparse(node)!r} is not part of a formula")
 
 
 def _value(text: str | float, values: dict[str, Any]) -> Any:
@@ -104,5 +90,5 @@ def _value(text: str | float, values: dict[str, Any]) -> Any:
             formula = values.pop(name)
             values[name] = _value(formula, values)
     # ``names`` has refused all but arithmetic with these names and functions.
-    code = compile(ast.Expression(_parsed(text)), str(text), "eval")
+    code = compile(_parsed(text), str(text), "eval")
     return eval(code, {"__builtins__": {}}, {"pi": math.pi, **NUMPY, **values})

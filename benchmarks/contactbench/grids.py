@@ -1,4 +1,4 @@
-"""Meshes of the problems: quadrilaterals, triangles or hexahedra on mapped lines, in NumPy alone."""
+"""Meshes of the problems: quadrilaterals or hexahedra on mapped lines, in NumPy alone."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class Grid:
 
     Attributes:
         points: positions of the nodes, shape (n, 2) or (n, 3).
-        cells: nodes of the cells, counter-clockwise; of hexahedra the four of the bottom first, shape (c, 3, 4 or 8).
+        cells: nodes of the cells, counter-clockwise; of hexahedra the four of the bottom first, shape (c, 4 or 8).
         body: number of the body of each cell, shape (c,).
         facets: for each name of a boundary the nodes of its facets, shape (f, 2 or 4).
         names: of the bodies.
@@ -54,21 +54,18 @@ class Grid:
         return node
 
 
-def make_grid(problem: Problem, level: int = 0, *, triangles: bool = False) -> Grid:
+def make_grid(problem: Problem, level: int = 0) -> Grid:
     """The mesh of a problem.
 
     Args:
         problem: any.
         level: each adds a division of all cells by two in each direction; 0 is the coarsest mesh.
-        triangles: each quadrilateral is divided into two triangles.
 
     Raises:
         ValueError: the mesh cannot be made in this way.
     """
     if level < 0:
         raise ValueError("the level of a mesh is not negative")
-    if triangles and problem.dimension == 3:
-        raise ValueError("meshes in 3D have hexahedra")
     points, cells, body, facets, start = [], [], [], dict[str, list[Ints]](), 0
     for number, part in enumerate(problem.bodies):
         x, corners, sides = _lattice(part, 2**level)
@@ -79,8 +76,6 @@ def make_grid(problem: Problem, level: int = 0, *, triangles: bool = False) -> G
             facets.setdefault(name, []).append(nodes + start)
         start += len(x)
     every, owner = np.concatenate(cells), np.concatenate(body)
-    if triangles and every.shape[1] == 4:
-        every, owner = np.concatenate([every[:, [0, 1, 2]], every[:, [0, 2, 3]]]), np.concatenate([owner, owner])
     named = {name: np.concatenate(parts) for name, parts in facets.items()}
     return Grid(np.concatenate(points), every, owner, named, tuple(part.name for part in problem.bodies))
 

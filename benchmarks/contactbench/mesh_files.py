@@ -7,20 +7,16 @@ from pathlib import Path
 from benchmarks.contactbench.grids import Grid
 
 # Types of gmsh by corners, of cells and of facets.
-_CELLS = {(2, 3): 2, (2, 4): 3, (3, 8): 5}
+_CELLS = {(2, 4): 3, (3, 8): 5}
 _FACETS = {2: 1, 4: 3}
 ABAQUS = {
-    ("plane strain", 3): "CPE3",
     ("plane strain", 4): "CPE4",
-    ("plane stress", 3): "CPS3",
     ("plane stress", 4): "CPS4",
-    ("axisymmetric", 3): "CAX3",
     ("axisymmetric", 4): "CAX4",
     ("space", 8): "C3D8",
 }
 # Faces of elements of Abaqus by their corners.
 FACES = {
-    3: ((0, 1), (1, 2), (2, 0)),
     4: ((0, 1), (1, 2), (2, 3), (3, 0)),
     8: ((0, 1, 2, 3), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7)),
 }

@@ -13,9 +13,9 @@ from mpi4py import MPI
 
 from benchmarks.contactbench.grids import Grid
 
-_CELLS = {3: "triangle", 4: "quadrilateral", 8: "hexahedron"}
+_CELLS = {4: "quadrilateral", 8: "hexahedron"}
 # Corners in dolfinx's order.
-_ORDER = {3: [0, 1, 2], 4: [0, 1, 3, 2], 8: [0, 1, 3, 2, 4, 5, 7, 6]}
+_ORDER = {4: [0, 1, 3, 2], 8: [0, 1, 3, 2, 4, 5, 7, 6]}
 
 
 def make_mesh(grid: Grid) -> tuple[Any, npt.NDArray[np.int64]]:

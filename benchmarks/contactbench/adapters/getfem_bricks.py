@@ -22,9 +22,9 @@ _STEPS, _RESIDUAL = 100, 1e-9
 # Force at a node per displacement, and how far the body is moved towards the foundation at first: what is tried.
 _AUGMENTATIONS, _STARTS = (10.0, 100.0, 1.0), (1.01, 0.3, 0.05, 0.0)
 # Corners in GetFEM's order.
-_ORDER = {3: [0, 1, 2], 4: [0, 1, 3, 2], 8: [0, 1, 3, 2, 4, 5, 7, 6]}
-_TRANSFORM = {3: "GT_PK(2,1)", 4: "GT_QK(2,1)", 8: "GT_QK(3,1)"}
-_RULE = {3: "IM_TRIANGLE(6)", 4: "IM_GAUSS_PARALLELEPIPED(2,6)", 8: "IM_GAUSS_PARALLELEPIPED(3,4)"}
+_ORDER = {4: [0, 1, 3, 2], 8: [0, 1, 3, 2, 4, 5, 7, 6]}
+_TRANSFORM = {4: "GT_QK(2,1)", 8: "GT_QK(3,1)"}
+_RULE = {4: "IM_GAUSS_PARALLELEPIPED(2,6)", 8: "IM_GAUSS_PARALLELEPIPED(3,4)"}
 
 
 def available() -> None:
