@@ -13,7 +13,7 @@ from signorini_fx.results.solution import Solution
 from . import laboratory as lab
 from .report import Entry, Table, power, progress
 from .scenes import STARTS, coulomb, example1, example2, tresca
-from .tables import COUNTING, PRINTED, STIFF, error_quotients
+from .tables import COUNTING, PRINTED, error_quotients
 
 METHODS: dict[str, dict[str, Any]] = {
     "FP": {},
@@ -112,62 +112,6 @@ def _coulomb_row(run: dict[str, Any]) -> list[Any]:
         Entry(run["to_fp"], None, ".1e") if run["method"] != "FP" else "",
         Entry(run["to_alm_fp"], None, ".1e") if run["method"] != "ALM-FP" else "",
         remark,
-    ]
-
-
-def path_following() -> list[Table]:
-    """Automatic choice of gamma, the wish of section 8."""
-    grid = (240, 80)
-    limit = lab.solved(example1(**STIFF, grid=grid), algorithm="alm", tolerance=1e-12)
-    size = lab.energy_norm(limit)
-    rows, numbers = [], []
-    for start, patch in STARTS.items():
-        scene = example1(**STIFF, grid=grid, start=patch, gamma=1e9)
-        variants: dict[str, dict[str, Any]] = {
-            "gamma = 1e9 at once": {},
-            "gamma = 1e5, then 1e9": {"algorithm": "continuation", "gamma_first": 1e5},
-        }
-        for error in ("auto", 1e-2, 1e-3, 1e-4):
-            shown = error if isinstance(error, str) else power(error)
-            variants[f"path-following, {shown}"] = {"algorithm": "path-following", "regularisation_error": error}
-        for name, settings in variants.items():
-            progress(f"path-following: {start} start, {name}")
-            solution = lab.solved(scene, **settings)
-            solves = lab.solves_per_problem(solution)
-            left = solution.parameters.get("regularisation_error")
-            measured = lab.energy_norm(solution, limit) / size
-            gamma = solution.parameters["gamma_n"]
-            rows.append(
-                [
-                    f"{start}: {name}",
-                    Entry(sum(solves)),
-                    "+".join(map(str, solves)),
-                    Entry(gamma, None, ".1e"),
-                    "" if left is None else Entry(left, None, ".1e"),
-                    Entry(measured, None, ".1e"),
-                ]
-            )
-            numbers.append(
-                {
-                    "start": start,
-                    "method": name,
-                    "linear_solves": solves,
-                    "gamma": gamma,
-                    "estimated_error": left,
-                    "measured_error": measured,
-                }
-            )
-    return [
-        Table(
-            "path_following",
-            "Path-following against fixed regularisation and continuation",
-            ["start: method", "solves", "per problem", "last gamma", "error, estimated", "error, measured"],
-            rows,
-            "Example 1, nu = 0.49, g = 2.5, 240 x 80.  Path-following stops at the regularisation error that is "
-            "asked for, relative in the energy norm (auto: the discretisation error).  Errors: what it estimates, "
-            "and the distance to the unregularised solution.",
-            numbers={"path_following": {"runs": numbers}},
-        )
     ]
 
 
@@ -335,7 +279,6 @@ def example2_counts() -> list[Table]:
 
 STUDIES: dict[str, Callable[[], list[Table]]] = {
     "coulomb": coulomb_methods,
-    "path": path_following,
     "sigma": sigma,
     "zones": statements,
     "starts": starts,
