@@ -94,7 +94,7 @@ SAID = {
         ["*AMPLITUDE, NAME=A, DEFINITION=PERIODIC", "1, 2., 0., 1."],
         ["*DSLOAD, AMPLITUDE=A", "UP_TOP, P, 1."],
     ),
-    ("AMPLITUDE", "TIME=TOTAL TIME of temperatures and bolts, if there are more steps"): (
+    ("AMPLITUDE", "TIME=TOTAL TIME, if there are more steps"): (
         ["*AMPLITUDE, NAME=A, TIME=TOTAL TIME", "0., 0., 2., 1."],
         ["*TEMPERATURE, AMPLITUDE=A", "UP_ALL, 5.", *STEPS],
     ),

@@ -32,7 +32,6 @@ class DeckLoad:
         direction: share of the value in each key.
         lines: of its table besides the keys.
         values: step -> value; None: it ends with this step.
-        parts: step -> the keywords that give its value there, and what each gives before its amplitude is applied.
     """
 
     table: str
@@ -42,7 +41,6 @@ class DeckLoad:
     direction: tuple[float, ...] = (1.0,)
     lines: tuple[str, ...] = ()
     values: dict[int, float | None] = field(default_factory=dict)
-    parts: dict[int, list[tuple[DeckBlock, float]]] = field(default_factory=dict)
 
     def by_step(self, steps: int) -> list[float | None]:
         """Its value in each step, None where there is none; a value before the first step holds in all."""

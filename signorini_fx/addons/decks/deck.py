@@ -52,8 +52,6 @@ def read_deck(file: Path) -> Deck:
         with placed(file, block):
             _say_undefined(deck, block)
             _reader(block.keyword)(deck, block)
-    with placed(file):
-        loads.follow_amplitudes(deck)
     return deck
 
 

@@ -59,7 +59,7 @@ WITHIN_STEP = "is expected before the first step"
 PERTURBATION = "PERTURBATION: contact may open and close here, and does not in such a step"
 SMALL = "NLGEOM: displacements and rotations are taken as small"
 PARTNERS = "NLGEOM: points in contact keep their partners"
-GOES_ON = "TIME=TOTAL TIME: its amplitude goes on in later steps, and is taken in this one alone"
+TOTAL_TIME = "TIME=TOTAL TIME is read in decks of one step: the whole load is taken"
 OTHER_AMPLITUDE = "only tabular amplitudes are read: the whole load is taken"
 FIRST_LINE = "constants that depend on temperature: the first line is taken"
 OTHER_RUBBER = "only NEO HOOKE, MOONEY-RIVLIN and OGDEN with D1 above 0 are read"
@@ -126,9 +126,7 @@ RULES: tuple[Rule, ...] = (
         "FEASIBLE DIRECTION",
     ),
     *_rules(Grade.LOST, OTHER_AMPLITUDE, "AMPLITUDE", case="DEFINITION other than TABULAR"),
-    *_rules(
-        Grade.LOST, GOES_ON, "AMPLITUDE", case="TIME=TOTAL TIME of temperatures and bolts, if there are more steps"
-    ),
+    *_rules(Grade.LOST, TOTAL_TIME, "AMPLITUDE", case="TIME=TOTAL TIME, if there are more steps"),
     *_rules(Grade.NOTED, NO_BODY_PART, "BOUNDARY", case="of other nodes"),
     *_rules(Grade.LOST, "which a constraint may tie to it", "BOUNDARY", case="of tied other nodes"),
     *_rules(Grade.LOST, "a part of the body", "DLOAD", case="body force or weight on a part"),

@@ -10,7 +10,7 @@ import numpy as np
 from signorini_fx.addons.decks import bolts
 from signorini_fx.addons.decks.content import Deck, DeckLoad, plain_name
 from signorini_fx.addons.decks.groups import Group
-from signorini_fx.addons.decks.keywords import GOES_ON, OTHER_AMPLITUDE
+from signorini_fx.addons.decks.keywords import OTHER_AMPLITUDE, TOTAL_TIME
 from signorini_fx.addons.decks.text import ROTATIONS, DeckBlock, DeckError, components, parameter, real
 from signorini_fx.mechanics.mesh.files.arrays import plain
 from signorini_fx.mechanics.mesh.files.cells import completed
@@ -32,7 +32,7 @@ def read_boundary(deck: Deck, block: DeckBlock) -> None:
     if kind != "DISPLACEMENT" or block.parameters.keys() & {"SUBMODEL", "USER"}:
         deck.lose(block, "what is prescribed is no displacement that the file gives")
         return
-    factor = _share_now(deck, block)
+    factor = share_now(deck, block)
     prescribed: dict[str, dict[int, float]] = {}
     for name, *words in block.rows:
         deck.check_nodes(name)
@@ -69,8 +69,7 @@ def read_boundary(deck: Deck, block: DeckBlock) -> None:
 def _drive(deck: Deck, block: DeckBlock, kind: str, node: int, component: int, value: float) -> None:
     """A load of the reference node of a rigid body or of a bolt, or of the node that turns a rigid body."""
     if node in deck.bolts:
-        share = share_of_one_step(deck, block) if _goes_on(deck, block) else 1.0
-        bolts.drive(deck, block, kind, node, component, share * value)
+        bolts.drive(deck, block, kind, node, component, value)
         return
     if node in deck.turners:
         node, component = deck.turners[node], component + 3
@@ -85,7 +84,7 @@ def _drive(deck: Deck, block: DeckBlock, kind: str, node: int, component: int, v
 def read_surface_loads(deck: Deck, block: DeckBlock) -> None:
     """Tractions and pressures on surfaces, *DSLOAD."""
     _forget(deck, block)
-    factor = _share_now(deck, block)
+    factor = share_now(deck, block)
     for name, kind, *words in block.rows:
         where = deck.boundary(name)
         if where is None:
@@ -111,7 +110,7 @@ def _press(deck: Deck, block: DeckBlock, where: str, value: float) -> None:
 def read_body_forces(deck: Deck, block: DeckBlock) -> None:
     """Pressures on faces of elements, and forces in the whole body, *DLOAD."""
     _forget(deck, block)
-    factor = _share_now(deck, block)
+    factor = share_now(deck, block)
     for group in deck.model.groups.get(block.number, []):
         if (where := deck.boundary(group.name)) is None:
             deck.lose(block, f"pressure on faces that are no boundary of the body: {len(group.values)}")
@@ -163,7 +162,7 @@ def read_forces(deck: Deck, block: DeckBlock) -> None:
     and have the moment of their sum; else one by one.
     """
     _forget(deck, block)
-    factor = _share_now(deck, block)
+    factor = share_now(deck, block)
     drives: dict[tuple[int, int], float] = {}
     for name, *words in block.rows:
         if (mover := deck.mover(name)) is not None:  # several forces at a node in one block add up
@@ -252,52 +251,10 @@ def _unit(vector: list[float]) -> tuple[float, ...]:
 # --- amplitudes and steps ---------------------------------------------------------------------------------------------
 
 
-def share_of_one_step(deck: Deck, block: DeckBlock) -> float:
-    """The share at the end of the step of what does not follow its amplitude in later steps."""
-    if _goes_on(deck, block) and sum(other.keyword == "STEP" for other in deck.model.blocks) > 1:
-        deck.lose(block, GOES_ON)
-    return _share_between(deck, block, deck.time, deck.time + deck.period)
+def share_now(deck: Deck, block: DeckBlock) -> float:
+    """The share of the values of a load that acts at the end of the step, by its amplitude.
 
-
-def _goes_on(deck: Deck, block: DeckBlock) -> bool:
-    """Whether a load follows its amplitude in later steps too, in which it need not be given again.
-
-    That is so where the times of the amplitude are total times.  With times of the step, a load keeps what it has
-    reached: CalculiX 2.20 does so, and Abaqus.
-    """
-    amplitude = deck.amplitudes.get(block.parameters.get("AMPLITUDE", "").upper())
-    return amplitude is not None and "TIME" in amplitude.parameters
-
-
-def _share_now(deck: Deck, block: DeckBlock) -> float:
-    """The share that acts at the end of the step; 1 where ``_set_load`` applies the amplitude, as it goes on."""
-    return 1.0 if _goes_on(deck, block) else _share_between(deck, block, deck.time, deck.time + deck.period)
-
-
-def follow_amplitudes(deck: Deck) -> None:
-    """Give loads whose amplitude goes on their values in the steps that give them no others."""
-    for load in deck.loads.values():
-        for step, parts in load.parts.items():
-            if not any(_goes_on(deck, block) for block, _ in parts):
-                continue
-            end = deck.ends.get(step, step + 1.0)
-            following = min((later for later in load.values if later > step), default=len(deck.steps))
-            for later in range(step + 1, following):
-                begin, end = end, deck.ends.get(later, end + 1.0)
-                load.values[later] = sum(
-                    value * (_share_between(deck, block, begin, end) if _goes_on(deck, block) else 1.0)
-                    for block, value in parts
-                )
-
-
-def _share_between(deck: Deck, block: DeckBlock, begin: float, end: float) -> float:
-    """The share of the values of a load that acts at the end of a step, by its amplitude.
-
-    Args:
-        deck: the deck.
-        block: the load.
-        begin: the total time at which the step begins.
-        end: likewise, at which it ends.
+    A load keeps in later steps what it has reached: CalculiX 2.20 does so, and Abaqus.
     """
     if (name := block.parameters.get("AMPLITUDE")) is None:
         return 1.0
@@ -309,15 +266,16 @@ def _share_between(deck: Deck, block: DeckBlock, begin: float, end: float) -> fl
     ):
         deck.lose(block, f"the amplitude {name!r}: {OTHER_AMPLITUDE}")
         return 1.0
+    if "TIME" in amplitude.parameters and sum(other.keyword == "STEP" for other in deck.model.blocks) > 1:
+        deck.lose(block, f"the amplitude {name!r}: {TOTAL_TIME}")
+        return 1.0
     given_times, values = _course_of(amplitude)
-    if not _goes_on(deck, block):
-        begin, end = 0.0, end - begin
     times = given_times + (parameter(block, "TIMEDELAY") if "TIMEDELAY" in block.parameters else 0.0)
-    if np.count_nonzero(times == end) > 1:
+    if np.count_nonzero(times == deck.period) > 1:
         deck.lose(block, f"the amplitude {name!r} jumps at the end of the step: its value after it is taken")
-    within = values[(times > begin) & (times < end)]
-    share = float(np.interp(end, times, values))
-    course = np.diff([float(np.interp(begin, times, values)), *within, share])
+    within = values[(times > 0) & (times < deck.period)]
+    share = float(np.interp(deck.period, times, values))
+    course = np.diff([float(np.interp(0.0, times, values)), *within, share])
     if (course > 0).any() and (course < 0).any():
         deck.lose(block, f"the amplitude {name!r} within the step: its value at the end is taken")
     return share
@@ -347,12 +305,8 @@ def _set_load(deck: Deck, load: DeckLoad, value: float) -> None:
     block = load.block
     key = (load.table, load.target, load.keys, load.direction, block.keyword, load.lines)
     load_of_key = deck.loads.setdefault(key, load)
-    adds_up = block.keyword in _LOADS
-    parts = load_of_key.parts.get(deck.step, []) if adds_up else []
-    load_of_key.parts[deck.step] = [*parts, (block, value)]
-    share = _share_between(deck, block, deck.time, deck.time + deck.period) if _goes_on(deck, block) else 1.0
-    earlier = load_of_key.values.get(deck.step) if adds_up else None
-    load_of_key.values[deck.step] = share * value + (earlier or 0.0)
+    earlier = load_of_key.values.get(deck.step) if block.keyword in _LOADS else None
+    load_of_key.values[deck.step] = value + (earlier or 0.0)
 
 
 def _forget(deck: Deck, block: DeckBlock) -> None:
@@ -363,4 +317,3 @@ def _forget(deck: Deck, block: DeckBlock) -> None:
     for load in deck.loads.values():
         if load.block.keyword == block.keyword:
             load.values[deck.step] = None
-            load.parts.pop(deck.step, None)

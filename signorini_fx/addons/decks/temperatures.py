@@ -10,7 +10,7 @@ import numpy as np
 
 from signorini_fx.addons.decks.content import Deck
 from signorini_fx.addons.decks.keywords import NODES_DIFFER, UNKNOWN, WITHOUT_EFFECT
-from signorini_fx.addons.decks.loads import share_of_one_step
+from signorini_fx.addons.decks.loads import share_now
 from signorini_fx.addons.decks.text import DeckBlock, number_of, quoted, real
 from signorini_fx.mechanics.mesh.files.shape import Floats
 from signorini_fx.tuned import ZERO_IN_SOLUTION
@@ -30,7 +30,7 @@ def read_temperatures(deck: Deck, block: DeckBlock) -> None:
         return
     anew = parameters.get("OP", "MOD").upper() == "NEW" and deck.step not in deck.temperatures
     temperatures = _at(deck, -1 if anew else deck.step).copy()
-    share = share_of_one_step(deck, block)
+    share = share_now(deck, block)
     for name, value, *_ in block.rows:
         deck.check_nodes(name)
         rows = deck.rows([int(name)]) if number_of(name) is not None else deck.nodes(name)
