@@ -34,20 +34,12 @@ import numpy as np
 import numpy.typing as npt
 from mpi4py import MPI
 
+from benchmarks.stability.oracle import elements
 from signorini_fx import ConvergenceError, Solution, solve
 from signorini_fx.errors import SignoriniError
 from signorini_fx.scenes.reading import parse_scene
 
 Array = npt.NDArray[np.float64]
-# Monomials of each element, as powers of the coordinates.
-_MONOMIALS = {
-    ("triangle", 1): [(0, 0), (1, 0), (0, 1)],
-    ("triangle", 2): [(0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2)],
-    ("quadrilateral", 1): [(a, b) for a in range(2) for b in range(2)],
-    ("quadrilateral", 2): [(a, b) for a in range(3) for b in range(3)],
-    ("tetrahedron", 1): [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)],
-    ("hexahedron", 1): [(a, b, c) for a in range(2) for b in range(2) for c in range(2)],
-}
 # Degrees of the quadrature of the package: of energies, and of those of the volume where they are reduced.  They belong
 # to the discrete problem, as what is integrated is no polynomial.
 _DEGREES = {
@@ -398,29 +390,15 @@ class Judge:
         self._metal = Metal(scene.law, np.zeros((count, 3, 3)), np.zeros(count)) if metal else None
 
     def _rule(self, degree: int) -> tuple[Array, Array, Array]:
-        """Weights (c, q), gradients (c, q, k, d) and values (c, q, k) of the shape functions, by collocation."""
-        scene, dim = self.scene, self.x.shape[1]
-        powers = np.array(_MONOMIALS[scene.cell, scene.degree])
-        corner = self.x[self.cells].min(axis=1)
-        extent = self.x[self.cells].max(axis=1) - corner
-        local = (self.x[self.cells] - corner[:, None]) / extent[:, None]
-        inverse = np.linalg.inv(np.prod(local[:, :, None] ** powers, axis=3))
-        points, weights = basix.make_quadrature(getattr(basix.CellType, scene.cell), degree)
-        if scene.cell in ("triangle", "tetrahedron"):
-            ends = local[:, : dim + 1]
-            points = ends[:, :1] + np.einsum("qi,cij->cqj", points, ends[:, 1:] - ends[:, :1])
-        else:
-            points = np.broadcast_to(points, (len(local), *points.shape))
-        values = np.einsum("cqm,cmk->cqk", np.prod(points[:, :, None] ** powers, axis=3), inverse)
-        slopes = []
-        for axis in range(dim):
-            lower = powers.copy()
-            lower[:, axis] = np.maximum(lower[:, axis] - 1, 0)
-            slopes.append(powers[:, axis] * np.prod(points[:, :, None] ** lower, axis=3))
-        gradients = np.einsum("cqmd,cmk->cqkd", np.stack(slopes, axis=3), inverse) / extent[:, None, None]
-        volumes = weights * np.prod(extent, axis=1)[:, None]
-        if scene.kind == "axisymmetric":
-            volumes = volumes * 2 * np.pi * np.einsum("cqk,ck->cq", values, self.x[self.cells][:, :, 0])
+        """Weights (c, q), gradients (c, q, k, d) and values (c, q, k) of the shape functions."""
+        points, weights = basix.make_quadrature(getattr(basix.CellType, self.scene.cell), degree)
+        shape, slopes = elements.shape(self.x.shape[1], self.cells.shape[1], points)
+        x, values = self.x[self.cells], np.broadcast_to(shape, (len(self.cells), *shape.shape))
+        jacobian = np.einsum("cki,qkj->cqij", x, slopes)
+        gradients = np.einsum("qkj,cqji->cqki", slopes, np.linalg.inv(jacobian))
+        volumes = weights * np.abs(np.linalg.det(jacobian))
+        if self.scene.kind == "axisymmetric":
+            volumes = volumes * 2 * np.pi * np.einsum("cqk,ck->cq", values, x[:, :, 0])
         return volumes, gradients, values
 
     def _gradient(self, u: Array, rule: tuple[Array, Array, Array]) -> Array:

@@ -400,41 +400,15 @@ def _exterior(cells: Ints, cell: Cell, name: str) -> Ints:
     """The facets that belong to one cell only, in the order of the cells."""
     facet_nodes = np.array(cell.facet_nodes)
     corners = facet_nodes[:, : len(CELLS[cell.facet].corners)]
-    if corners.shape[1] == 2:
-        alone, frequency = _single_pairs(cells, corners)
-    else:
-        keys = row_keys(cells[:, corners].reshape(-1, corners.shape[1]))
-        counts = np.bincount(keys)
-        alone, frequency = np.flatnonzero(counts[keys] == 1), int(counts.max())
-    if frequency > 2:
-        raise MeshError(f"{name}: a facet belongs to {frequency} cells")
+    keys = row_keys(cells[:, corners].reshape(-1, corners.shape[1]))
+    counts = np.bincount(keys)
+    alone = np.flatnonzero(counts[keys] == 1)
+    if counts.max() > 2:
+        raise MeshError(f"{name}: a facet belongs to {counts.max()} cells")
     if not alone.size:
         raise MeshError(f"{name}: the body has no boundary: every facet belongs to two cells")
     rows, sides = np.divmod(alone, len(facet_nodes))
     return cells[rows[:, None], facet_nodes[sides]]
-
-
-def _single_pairs(cells: Ints, pairs: Ints) -> tuple[Ints, int]:
-    """Which pairs of nodes, cell by cell, occur once, and how often the most frequent one occurs.
-
-    Args:
-        cells: nodes of each cell, shape (m, k).
-        pairs: places of two nodes among those of a cell, shape (p, 2).
-    """
-    nodes, count = np.ascontiguousarray(cells.T), int(cells.max()) + 1
-    keys = np.empty((len(cells), len(pairs)), dtype=np.int64)
-    for k, (first, second) in enumerate(plain(pairs)):  # numbers of which two are the same only if both nodes are
-        keys[:, k] = np.minimum(nodes[first], nodes[second]) * count + np.maximum(nodes[first], nodes[second])
-    ordered = np.sort(keys, axis=None)
-    repeated = ordered[1:] == ordered[:-1]
-    once = ordered[~np.append(repeated, False) & ~np.append(False, repeated)]
-    frequency = int(np.unique(ordered, return_counts=True)[1].max()) if (repeated[1:] & repeated[:-1]).any() else 2
-    # Few pairs have two nodes of those that occur once: only these are looked for, which takes longer than to sort all.
-    marked = np.zeros(count, dtype=bool)
-    marked[once // count] = marked[once % count] = True
-    ends = marked[nodes]
-    possible = np.flatnonzero(np.stack([ends[first] & ends[second] for first, second in plain(pairs)], axis=1))
-    return possible[np.isin(keys.ravel()[possible], once)], frequency
 
 
 def _inside(raw: RawMesh, sections: Collection[str], renumber: Ints, sides: Ints, facets: Ints, width: int) -> Ints:
