@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree
 
 import numpy as np
 import numpy.typing as npt
@@ -19,7 +17,6 @@ from signorini_fx.addons.judging.tables_of_points import PointTable, read_csv, r
 from signorini_fx.errors import MeshError
 from signorini_fx.mechanics.mesh.files.arrays import plain
 from signorini_fx.mechanics.mesh.files.shape import Floats
-from signorini_fx.results.fields import VTU, VTU_STEPS
 from signorini_fx.tuned import DIGITS_OF_FILES, HALF_SECTOR_OF_CALCULIX, JUDGED_SAME_PLACE
 
 
@@ -50,9 +47,8 @@ def read_result(result: object, problem: JudgedProblem) -> ForeignResult:
     """A result at the nodes of a problem.
 
     Args:
-        result: the path of a .dat, .frd, .csv, .vtu or .pvd file, or of a folder of our results; or an array of shape
-            (n, d), in the order of the nodes of the deck or of the mesh file; or a mapping from numbers of nodes to
-            displacements.
+        result: the path of a .dat, .frd, .csv or .vtu file; or an array of shape (n, d), in the order of the nodes of
+            the deck or of the mesh file.
         problem: the problem.
 
     Raises:
@@ -60,8 +56,6 @@ def read_result(result: object, problem: JudgedProblem) -> ForeignResult:
     """
     if isinstance(result, str | Path):
         return _read(Path(result), problem)
-    if isinstance(result, Mapping):
-        return _of_tables("the result", NodeTables(displacement=_of_mapping(result, problem.arrays.dim)), problem)
     expected = problem.points.shape
     try:
         numbers = np.asarray(result)
@@ -76,55 +70,15 @@ def read_result(result: object, problem: JudgedProblem) -> ForeignResult:
     return ForeignResult("the result", "", values, np.zeros_like(values))
 
 
-def _of_mapping(result: Mapping[Any, Any], dim: int) -> Table:
-    """Displacements by the numbers of nodes.
-
-    Raises:
-        MeshError: a number is none, or a node has fewer components than the mesh.
-    """
-    table: Table = {}
-    for node, value in result.items():
-        try:
-            table[int(node)] = [float(u) for u in value], [0.0] * len(value)
-        except (TypeError, ValueError):
-            reason = f"numbers of nodes and {dim} components of each are expected"
-            raise MeshError(f"the result: {reason}, not {node!r}: {value!r}") from None
-        if len(value) < dim:
-            raise MeshError(f"the result: node {node} has {len(value)} of {dim} components")
-    return table
-
-
 def _read(file: Path, problem: JudgedProblem) -> ForeignResult:
-    readers: dict[str, Any] = {".dat": read_dat, ".frd": read_frd}
+    tables: dict[str, Any] = {".dat": read_dat, ".frd": read_frd}
     points: dict[str, Any] = {".csv": read_csv, ".vtu": read_vtu}
-    if file.is_dir():
-        several = file / VTU_STEPS
-        return _read(several if several.exists() else file / VTU, problem)
     kind = file.suffix.lower()
-    if kind == ".pvd":
-        return _of_steps(file, problem)
-    if kind in readers:
-        return _of_tables(file.name, readers[kind](file), problem)
+    if kind in tables:
+        return _of_tables(file.name, tables[kind](file), problem)
     if kind in points:
         return _of_points(file, points[kind](file), problem)
-    raise MeshError(f"{file}: results are read from {', '.join([*readers, *points, '.pvd'])}, and folders of ours")
-
-
-def _of_steps(file: Path, problem: JudgedProblem) -> ForeignResult:
-    """The last one of a .pvd file.
-
-    Raises:
-        MeshError: it cannot be read, or names no file.
-    """
-    try:
-        files = [file.parent / entry.attrib["file"] for entry in ElementTree.parse(file).iter("DataSet")]
-    except OSError as error:
-        raise MeshError(f"{file}: cannot be read: {error.strerror or error}") from None
-    except (ElementTree.ParseError, KeyError) as error:
-        raise MeshError(f"{file}: is no .pvd file: {error}") from None
-    if not files:
-        raise MeshError(f"{file}: it names no file")
-    return replace(_read(files[-1], problem), name=file.name)
+    raise MeshError(f"{file}: results are read from {', '.join([*tables, *points])}")
 
 
 def _of_tables(name: str, tables: NodeTables, problem: JudgedProblem) -> ForeignResult:

@@ -41,9 +41,8 @@ def judge(problem: object, result: object) -> Judgement:
 
     Args:
         problem: the path of an input file (.inp) of Abaqus or CalculiX, or of a scene file; or a ``Scene``.
-        result: the displacements: the path of a .dat or .frd file of CalculiX, of a .csv, .vtu or .pvd; or an array of
-            shape (n, d), in the order of the nodes of the input file or of the mesh of the scene; or a mapping from
-            numbers of nodes to displacements.
+        result: the displacements: the path of a .dat or .frd file of CalculiX, of a .csv or .vtu; or an array of shape
+            (n, d), in the order of the nodes of the input file or of the mesh of the scene.
 
     Raises:
         MeshError: a file cannot be read, or the array has another shape.

@@ -12,16 +12,7 @@ from signorini_fx.addons.judging.printed_digits import printed_number, units_of_
 from signorini_fx.errors import MeshError
 from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
 
-# Names of columns and fields, in small letters.
-_NUMBERS = ("node", "number", "id", "label")
-_POSITIONS = (("x", "y", "z"), ("x0", "x1", "x2"), ("points:0", "points:1", "points:2"), ("x[0]", "x[1]", "x[2]"))
-_DISPLACEMENTS = (
-    *(("ux", "uy", "uz"), ("u_x", "u_y", "u_z"), ("u1", "u2", "u3"), ("d1", "d2", "d3"), ("vx", "vy", "vz")),
-    *(("u0", "u1", "u2"), ("y_x", "y_y", "y_z"), ("u:0", "u:1", "u:2")),
-    *(("displacement_x", "displacement_y", "displacement_z"), ("displacement:0", "displacement:1", "displacement:2")),
-)
 _LARGEST = 2.0**53  # from there on not all whole numbers are floating point ones
-_FIELDS = ("displacement", "u", "disp", "displacements", "uu", "y")
 
 
 @dataclass(frozen=True)
@@ -61,13 +52,12 @@ def read_csv(file: Path) -> PointTable:
     at = {word: column for column, word in enumerate(heading)}
     if double := [word for word in at if word and heading.count(word) > 1]:
         raise MeshError(f"{file}: has several columns {double[0]!r}")
-    moved = _columns(at, _DISPLACEMENTS)
-    if not moved or not rows:
+    moved, places = ([at[name] for name in names if name in at] for names in (("ux", "uy", "uz"), ("x", "y", "z")))
+    if not {"ux", "uy"} <= at.keys() or not rows:
         raise MeshError(
             f"{file}: columns ux, uy (and uz) are expected, with x, y (and z) or node; there are: {heading}"
         )
-    places = _columns(at, [names for names in _POSITIONS if not {at.get(name) for name in names} & {*moved}])
-    number = next((at[name] for name in _NUMBERS if name in at), None)
+    number = at.get("node")
 
     def values(columns: list[int]) -> Floats:
         table = np.empty((len(rows), len(columns)))
@@ -98,15 +88,6 @@ def _whole(file: Path, name: str, values: Floats) -> Ints:
     return np.asarray(values.astype(np.int64))
 
 
-def _columns(at: dict[str, int], choices: object) -> list[int]:
-    """The first of several choices of names of which there are two columns or three."""
-    for names in choices:  # type: ignore[attr-defined]
-        columns = [at[name] for name in names if name in at]
-        if len(columns) >= 2 and names[0] in at and names[1] in at:
-            return columns
-    return []
-
-
 def read_vtu(file: Path) -> PointTable:
     """A field of vectors at the points of a .vtu file.
 
@@ -122,10 +103,7 @@ def read_vtu(file: Path) -> PointTable:
     except (Exception, SystemExit) as error:
         raise MeshError(f"{file}: is no .vtu file that meshio reads: {str(error) or type(error).__name__}") from None
     vectors = {name: data for name, data in mesh.point_data.items() if data.ndim == 2 and data.shape[1] in (2, 3)}
-    by_name = {name.lower(): name for name in vectors}
-    chosen = next((by_name[name] for name in _FIELDS if name in by_name), None)
-    if chosen is None and len(vectors) == 1:
-        (chosen,) = vectors
+    chosen = next((name for name in ("displacement", "u") if name in vectors), None)
     if chosen is None:
         raise MeshError(f"{file}: a field of vectors called displacement is expected; there are: {sorted(vectors)}")
     values = np.asarray(vectors[chosen], dtype=np.float64)
