@@ -36,7 +36,7 @@ from example1 import Answer
 
 from signorini_fx import TaggedMesh, solve, sweep
 from signorini_fx.machine.csv_text import write_csv
-from signorini_fx.results.accuracy.convergence_table import peak_memory
+from signorini_fx.machine.parallel import peak_memory
 
 COEFFICIENTS = np.linspace(0.05, 1.0, 20).tolist()
 # Of the hand-written program only the fixed point is there; its answer is that of Newton's method.

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from dolfinx import fem
 from dolfinx.mesh import MeshTags
@@ -19,24 +19,24 @@ from signorini_fx.forms.arguments import conditions_of, settings_of
 from signorini_fx.forms.given_forms import given_forms
 from signorini_fx.forms.mechanics_of_forms import NO_STRESS
 from signorini_fx.forms.problem_of_forms import ProblemOfForms
-from signorini_fx.forms.results import errors_of, findings_of_last, level_of, solution_of
 from signorini_fx.forms.solver import FormSolver
-from signorini_fx.forms.steps import begun_path, solve_path
 from signorini_fx.mechanics.body.deformation import Deformation
 from signorini_fx.mechanics.interfaces.foundation import Foundation
 from signorini_fx.mechanics.interfaces.pair import Pair
 from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodyMotion
 from signorini_fx.mechanics.statement.load_path import LoadPath
 from signorini_fx.mechanics.statement.settings import SolverSettings
-from signorini_fx.quantities.functional import Gradient
 from signorini_fx.records import Finding, Status
-from signorini_fx.results.accuracy.convergence_table import Price, convergence_table
-from signorini_fx.results.accuracy.error_estimates import Errors
 from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.results.contact_fields import ContactFields
-from signorini_fx.results.solution import ConvergenceError, Solution, StepResult
-from signorini_fx.results.stresses import RawStresses
-from signorini_fx.solving.load_steps import StepProgress
+
+if TYPE_CHECKING:
+    from signorini_fx.quantities.functional import Gradient
+    from signorini_fx.results.accuracy.convergence_table import Price
+    from signorini_fx.results.accuracy.error_estimates import Errors
+    from signorini_fx.results.solution import Solution, StepResult
+    from signorini_fx.results.stresses import RawStresses
+    from signorini_fx.solving.load_steps import StepProgress
 
 
 class ContactProblem(ProblemOfForms):
@@ -176,6 +176,8 @@ class ContactProblem(ProblemOfForms):
             RuntimeError: the problem was given no ``stress``.
             FormError: see ``stress``; or there is no contact, or a measure multiplies the forms, which is not known.
         """
+        from signorini_fx.forms.results import errors_of
+
         return errors_of(self.assembled, self.stress)
 
     def convergence_table(self, *coarser: ContactProblem) -> list[Price]:
@@ -188,6 +190,9 @@ class ContactProblem(ProblemOfForms):
             RuntimeError: see ``errors``; or a problem has no solution.
             FormError: see ``errors``; or there is no coarser mesh, or meshes do not become finer.
         """
+        from signorini_fx.forms.results import level_of
+        from signorini_fx.results.accuracy.convergence_table import convergence_table
+
         problems = (*coarser, self)
         if any(problem.assembled.outcome is None or problem.status is not Status.CONVERGED for problem in problems):
             raise RuntimeError("there is no solution: a convergence table needs one on each mesh")
@@ -203,9 +208,13 @@ class ContactProblem(ProblemOfForms):
         user's own that are not what they say at its pressures, contact nodes that supports hold inside their
         foundation, which are left out of the contact, and shapes that lie inside the deformed body; collective.
         """
+        from signorini_fx.forms.results import findings_of_last
+
         return findings_of_last(self.assembled)
 
     def titled(self, title: str) -> Solution:
+        from signorini_fx.forms.results import solution_of
+
         path, progress = self._ran or (None, None)
         return solution_of(self.assembled, path, progress, title)
 
@@ -235,6 +244,8 @@ class ContactProblem(ProblemOfForms):
             ConvergenceError: no solution was reached; ``status`` says why, and ``u`` is the last iterate.
             FormError: a value is not finite, or cannot be evaluated.
         """
+        from signorini_fx.results.solution import ConvergenceError
+
         self._ran = None
         if why := self.assembled.attempt():
             raise ConvergenceError(self, why)
@@ -268,6 +279,9 @@ class ContactProblem(ProblemOfForms):
             ConvergenceError: a load step has no solution; the ``solution`` of the error has those before it.
             FormError: see ``solve``; or an argument is wrong, or the folder is that of another problem or run.
         """
+        from signorini_fx.forms.steps import begun_path, solve_path
+        from signorini_fx.results.solution import ConvergenceError
+
         path, clock, stored = begun_path(self.assembled, path, at, folder, restart=restart)
         self._ran = path, solve_path(self.assembled, path, clock, on_step, stored)
         solution = self.solution

@@ -18,7 +18,6 @@ import ufl
 from dolfinx import fem, la
 
 from signorini_fx.forms.given_forms import Facets, GivenForms
-from signorini_fx.forms.stated_data import stated_body
 from signorini_fx.forms.stress import exterior_facets, stresses_of
 from signorini_fx.machine import parallel
 from signorini_fx.machine.compilation import compiling
@@ -28,18 +27,17 @@ from signorini_fx.mechanics.interfaces.pair import Pair
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.obstacles.foundations_on_points import FoundationData
 from signorini_fx.mechanics.scales import Scales
-from signorini_fx.quantities.proved_statements import Refused
-from signorini_fx.results.accuracy.stress_recovery import StressRecovery
 from signorini_fx.results.certificate.contact_nodes import ContactSide
 from signorini_fx.results.certificate.equilibrium import Balance
 from signorini_fx.results.certificate.supports import PrescribedNodes
 from signorini_fx.results.certificate.surface_quadrature import SurfaceQuadrature
 from signorini_fx.results.mechanics import SolidBody, StatedBody
-from signorini_fx.results.resultants import ActingForces, NamedForces
-from signorini_fx.results.stresses import RawStresses
 
 if TYPE_CHECKING:
+    from signorini_fx.results.accuracy.stress_recovery import StressRecovery
     from signorini_fx.results.certificate.pair_points import PairPoints
+    from signorini_fx.results.resultants import ActingForces, NamedForces
+    from signorini_fx.results.stresses import RawStresses
 
 Nodal = npt.NDArray[np.float64]
 NO_STRESS = "only the form knows the stresses: give stress=, a function of the displacement"
@@ -96,12 +94,17 @@ class FormBody(SolidBody):
 
     def acting(self, y: fem.Function, step: float) -> ActingForces:
         """See ``SolidBody``: what acts through the parts of the boundary that have names."""
+        from signorini_fx.results.resultants import ActingForces
+
         balance, forms, (fixed, _) = self.balance(y, step), self.user_forms, self.prescribed_dofs
         if not self.settled:
             return ActingForces(balance, (), (), ())
         return acting_on(balance, forms.boundaries, fixed, loads_of(forms, self.tagged, y))
 
     def stated(self) -> StatedBody:
+        from signorini_fx.forms.stated_data import stated_body
+        from signorini_fx.quantities.proved_statements import Refused
+
         if not self.settled:
             raise Refused("the forms are those of a load step that has no solution")
         return stated_body(self.user_forms, *self.prescribed_dofs, self)
@@ -152,6 +155,8 @@ def acting_on(
         loads: see ``ActingForces``.
         displaced: likewise.
     """
+    from signorini_fx.results.resultants import ActingForces
+
     space, supports = balance.surface.space, list[str | None]()
     by = np.full((fixed.size // space.dofmap.index_map_bs, space.dofmap.index_map_bs), -1, dtype=np.int64)
     marks = fem.Function(space)

@@ -15,7 +15,6 @@ from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.forms.given_forms import Facets, GivenForms
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.elastic_body import ElasticBody
-from signorini_fx.mechanics.effects.contact import BilateralContact, BondedContact, Contact, UnilateralContact
 from signorini_fx.mechanics.interfaces.foundation import Foundation
 from signorini_fx.mechanics.interfaces.pair import Pair
 from signorini_fx.mechanics.kinematics import of_components
@@ -25,10 +24,11 @@ from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodies
 from signorini_fx.mechanics.statement.load_path import LoadPath, LoadSteps
 from signorini_fx.mechanics.statement.settings import Discretised, SolverSettings
-from signorini_fx.mechanics.statement.statement import Statement
 
 if TYPE_CHECKING:
+    from signorini_fx.mechanics.effects.contact import Contact
     from signorini_fx.mechanics.obstacles.paired_points import PairedSides
+    from signorini_fx.mechanics.statement.statement import Statement
 
 
 def names_of(forms: GivenForms) -> tuple[list[str], dict[int, str]]:
@@ -64,6 +64,8 @@ def tagged_mesh(mesh: dmesh.Mesh, boundaries: Mapping[str, Facets]) -> TaggedMes
 
 def contact_entry(entry: Foundation | Pair, name: str, against: str | None) -> Contact:
     """A foundation or a pair as a scene lists it."""
+    from signorini_fx.mechanics.effects.contact import BilateralContact, BondedContact, UnilateralContact
+
     kind = BondedContact if entry.bonded else BilateralContact if entry.bilateral else UnilateralContact
     described: dict[str, Any] = {"boundary": name, "friction": entry.friction or NoFriction()}
     if isinstance(entry, Pair):
@@ -124,6 +126,8 @@ def named_parts(forms: GivenForms, settings: SolverSettings, arguments: Sequence
         settings: how they are solved.
         arguments: what they were stated by; none: the forms.
     """
+    from signorini_fx.mechanics.statement.statement import Statement
+
     names, opposite = names_of(forms)
     parts = {**forms.boundaries, **dict(zip(names, forms.facets, strict=True))}
     parts |= {name: forms.masters[k] for k, name in opposite.items()}

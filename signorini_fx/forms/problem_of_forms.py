@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from signorini_fx.extensions import add_on
 from signorini_fx.forms.solver import FormSolver
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
-from signorini_fx.mechanics.contact_points.contact_table import ContactTable
 from signorini_fx.records import History
 from signorini_fx.results.contact_fields import BoundaryFields
-from signorini_fx.results.solution import Solution
+
+if TYPE_CHECKING:
+    from signorini_fx.mechanics.contact_points.contact_table import ContactTable
+    from signorini_fx.results.solution import Solution
 
 
 class ProblemOfForms:

@@ -6,7 +6,7 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -45,15 +45,15 @@ from signorini_fx.mechanics.scales import Scales
 from signorini_fx.mechanics.statement.load_path import LoadPath, counted_path
 from signorini_fx.mechanics.statement.settings import SolverSettings
 from signorini_fx.records import Finding, History, Inventory, Status, Timings
-from signorini_fx.results.accuracy.convergence_table import peak_memory
 from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.results.certificate.law_of_method import PreviousStep
 from signorini_fx.results.contact_fields import ContactFields
-from signorini_fx.results.solution import StepResult
 from signorini_fx.results.step_frames import LastSolution, StepEnd, from_rest
-from signorini_fx.solving.check.laws_in_results import laws_in_results
 from signorini_fx.solving.first_start import CoarserMesh, first_start
 from signorini_fx.solving.stepped_body import certified_result
+
+if TYPE_CHECKING:
+    from signorini_fx.results.solution import StepResult
 
 
 @dataclass(frozen=True)
@@ -144,7 +144,7 @@ class FormSolver:
         self.foundations.check_driven()
         self.fields = ContactFields.on(space)
         self.history, self.timings = History(), Timings()
-        self.memory, self.solves_before, self.cost = peak_memory(space.mesh.comm), 0, (0.0, 0.0)
+        self.memory, self.solves_before, self.cost = parallel.peak_memory(space.mesh.comm), 0, (0.0, 0.0)
         self.status: Status | None = None
         self.certificate: Certificate | None = None
         self.deformation: Deformation | None = None
@@ -197,7 +197,7 @@ class FormSolver:
 
     def _note_cost(self, begin: float) -> None:
         """Keep what a solve has taken that began at a time of ``time.perf_counter``; collective."""
-        self.cost = time.perf_counter() - begin, peak_memory(self.space.mesh.comm)
+        self.cost = time.perf_counter() - begin, parallel.peak_memory(self.space.mesh.comm)
 
     def _outcome_of_now(self) -> Outcome:
         """How the contact problem of now ends; collective."""
@@ -441,6 +441,8 @@ class FormSolver:
 
     def doubtful_laws(self) -> list[Finding]:
         """See ``laws_in_results``; collective."""
+        from signorini_fx.solving.check.laws_in_results import laws_in_results
+
         return laws_in_results(self.data, self.begun.law, self._state, self.scales.modulus)
 
     def model(self, path: LoadPath | None = None, title: str = "") -> FormBody:

@@ -17,11 +17,11 @@ from signorini_fx.errors import FormError, SceneError
 from signorini_fx.forms import options
 from signorini_fx.forms.solver import FormSolver, StepBeginning
 from signorini_fx.forms.stated_values import constants_of
+from signorini_fx.machine import parallel
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.load_path import LoadPath
 from signorini_fx.mechanics.statement.values import kind_of
 from signorini_fx.records import Timings
-from signorini_fx.results.accuracy.convergence_table import peak_memory
 from signorini_fx.results.restart_files import Checkpoint
 from signorini_fx.results.solution import StepResult
 from signorini_fx.results.step_frames import StepEnd
@@ -129,7 +129,7 @@ def solve_path(
         places = FormPlaces(solver, path, clock, solver.beginning())
         body = SteppedBody(solver.model(path), path, solver.timings, places)
         progress = all_load_steps(body, solver.task, start, increments, lambda step: on_step(step.result), stored)
-    solver.cost = time.perf_counter() - begin, peak_memory(comm)
+    solver.cost = time.perf_counter() - begin, parallel.peak_memory(comm)
     return progress
 
 

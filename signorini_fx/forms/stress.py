@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -18,15 +18,17 @@ from ufl.algorithms.apply_derivatives import apply_derivatives
 from signorini_fx.errors import FormError
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import facet_nodes
-from signorini_fx.mechanics.body.element_stress import ElementStress, stress_by
 from signorini_fx.mechanics.elasticity.elastic_law import cellwise_stress
 from signorini_fx.mechanics.kinematics import CARTESIAN
 from signorini_fx.mechanics.mesh.section import is_section
 from signorini_fx.records import Inventory
-from signorini_fx.results.accuracy.stress_recovery import StressRecovery, squared_residual
 from signorini_fx.results.interpolation import interpolated
-from signorini_fx.results.stresses import RawStresses
 from signorini_fx.tuned import SAME_ENTRY
+
+if TYPE_CHECKING:
+    from signorini_fx.mechanics.body.element_stress import ElementStress
+    from signorini_fx.results.accuracy.stress_recovery import StressRecovery
+    from signorini_fx.results.stresses import RawStresses
 
 Cells = npt.NDArray[np.int32]
 Facets = npt.NDArray[np.int32]
@@ -66,6 +68,9 @@ def stresses_of(
         fixed: which dofs of this rank are prescribed, ghosts included, shape (dofs,).
         shared: where what projects is kept for other displacements; None: nowhere else.
     """
+    from signorini_fx.results.accuracy.stress_recovery import StressRecovery
+    from signorini_fx.results.stresses import RawStresses
+
     kept: dict[str, StressRecovery] = {} if shared is None else shared
 
     def recovery() -> StressRecovery:
@@ -95,6 +100,8 @@ def stress_of(law: Law, y: fem.Function, parts: Sequence[Cells]) -> ElementStres
     Raises:
         FormError: the law has another shape, is known at points of quadrature alone, or some strain has no stress.
     """
+    from signorini_fx.mechanics.body.element_stress import stress_by
+
     mesh = y.function_space.mesh
     kinematics, full_stress = CARTESIAN[mesh.geometry.dim], law(y)
     dim = kinematics.dimension
@@ -243,6 +250,8 @@ def residual_of(
         fixed: which dofs of this rank are prescribed, ghosts included, shape (dofs,).
         z: test function, constant in each cell.
     """
+    from signorini_fx.results.accuracy.stress_recovery import squared_residual
+
     space = stress.displacement.function_space
     mesh, dim = space.mesh, stress.kinematics.dimension
     exterior, touching = dmesh.exterior_facet_indices(mesh.topology), np.concatenate([np.zeros(0, np.int32), *contact])

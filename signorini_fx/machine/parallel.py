@@ -34,6 +34,17 @@ def clock(comm: MPI.Comm) -> float:
     return float(comm.bcast(time.perf_counter()))
 
 
+def peak_memory(comm: MPI.Comm) -> float:
+    """Largest resident memory so far, summed over the ranks, MB; collective."""
+    # Linux passes ru_maxrss on through fork and exec: in a small child it would be that of its large parent.
+    try:
+        status = Path("/proc/self/status").read_text(encoding="ascii")
+        megabytes = int(status.split("VmHWM:")[1].split()[0]) / 1024
+    except (OSError, IndexError):  # not Linux
+        megabytes = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    return float(global_sum(comm, np.array(megabytes)))
+
+
 def log_on_root(comm: MPI.Comm, output: str | Iterable[terminal.TerminalLine], *, error: bool = False) -> None:
     """Print a text, or lines, once."""
     if is_root(comm):

@@ -18,12 +18,12 @@ from signorini_fx.mechanics.body.elastic_body import ElasticBody
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodies
 from signorini_fx.mechanics.scales import Scales
-from signorini_fx.mechanics.statement.statement import Statement
 
 if TYPE_CHECKING:
     from signorini_fx.mechanics.loads.load_vectors import AppliedLoad, FormCoefficients
     from signorini_fx.mechanics.loads.supports import Conditions
     from signorini_fx.mechanics.obstacles.paired_points import PairedSides
+    from signorini_fx.mechanics.statement.statement import Statement
 
 
 @dataclass(frozen=True, kw_only=True)

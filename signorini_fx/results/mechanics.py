@@ -4,22 +4,23 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, fields
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 from dolfinx import fem
 
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodyMotion
 from signorini_fx.mechanics.statement.effect import Force, Resistance
-from signorini_fx.results.accuracy.stress_recovery import StressRecovery
 from signorini_fx.results.certificate.certificate import Certificate, certify, evaluated_balance, judged
 from signorini_fx.results.certificate.contact_nodes import ContactSide
-from signorini_fx.results.certificate.contact_sides import sides_of
 from signorini_fx.results.certificate.equilibrium import Balance
 from signorini_fx.results.certificate.law_of_method import Law, PreviousStep, Tractions
-from signorini_fx.results.certificate.nodal_forces import NodalForces
-from signorini_fx.results.resultants import ActingForces, NamedForces
-from signorini_fx.results.stresses import RawStresses, Stresses
+
+if TYPE_CHECKING:
+    from signorini_fx.results.accuracy.stress_recovery import StressRecovery
+    from signorini_fx.results.certificate.nodal_forces import NodalForces
+    from signorini_fx.results.resultants import ActingForces, NamedForces
+    from signorini_fx.results.stresses import RawStresses, Stresses
 
 NO_ESTIMATE = "nonlinear bodies have no estimate of their error: compare solutions on two meshes"
 
@@ -95,13 +96,19 @@ class StatedBody(SolidBody):
         rigid: tuple[RigidBodyMotion, ...],
         scale: float = 1.0,
     ) -> Certificate:
+        from signorini_fx.results.certificate.nodal_forces import NodalForces
+
         about: Any = {"pairs": self.pairs, "like": NodalForces.on(self), "rigid": rigid, "scale": scale}
         return certify(self.statement, self.tagged, displacement, tractions, law=law, step=step, before=last, **about)
 
     def sides(self, y: fem.Function) -> list[ContactSide]:
+        from signorini_fx.results.certificate.contact_sides import sides_of
+
         return sides_of(self.statement, self.tagged, self.space, self.pairs)
 
     def stress(self, y: fem.Function, step: float, shared: dict[str, StressRecovery]) -> Stresses:
+        from signorini_fx.results.stresses import Stresses
+
         def energy() -> float:
             balance = self.balance(y, step)
             nodal_displacements = y.x.array.reshape(-1, balance.surface.dimension)
@@ -110,9 +117,14 @@ class StatedBody(SolidBody):
         return Stresses.of(self, y, step, shared, energy)
 
     def balance(self, y: fem.Function, step: float) -> Balance:
+        from signorini_fx.results.certificate.nodal_forces import NodalForces
+
         return evaluated_balance(NodalForces.on(self), y, step)
 
     def acting(self, y: fem.Function, step: float) -> ActingForces:
+        from signorini_fx.results.certificate.nodal_forces import NodalForces
+        from signorini_fx.results.resultants import ActingForces
+
         supports = [entry.place if entry.holds_at(step) else None for entry in self.statement.displacement]
         names = [effect.where for _, effect in self.statement.listed()]
         return ActingForces(self.balance(y, step), supports, loads_of(NodalForces.on(self), y, step), names)

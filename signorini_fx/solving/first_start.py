@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from signorini_fx.algebra.algorithms.task import Start, Task
-from signorini_fx.algebra.linalg.krylov import KrylovSystem
 from signorini_fx.mechanics.body.elastic_body import ElasticBody
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.rigid.mesh_levels import MeshLevel
-from signorini_fx.solving.nested import carry_over
 
 
 @dataclass(frozen=True)
@@ -39,6 +37,8 @@ def first_start(
         state: the contact state of a coarser mesh; None: there is none.
         coarser: the coarser mesh with the displacement to begin with; None: there is none.
     """
+    from signorini_fx.solving.nested import carry_over
+
     if state is None:
         return start
     assert body.boundary is not None
@@ -49,6 +49,8 @@ def first_start(
 
 def begin_at_coarse(task: Task, coarser: MeshLevel, body: ElasticBody) -> None:
     """Begin with the displacement of the coarser mesh, where solves are not exact and gain by it; collective."""
+    from signorini_fx.algebra.linalg.krylov import KrylovSystem
+
     system, free = task.system, ~body.fixed
     if not isinstance(system, KrylovSystem) or body.turned is not None:
         return

@@ -11,13 +11,12 @@ import numpy.typing as npt
 from mpi4py import MPI
 
 from signorini_fx.algebra.algorithms.task import Outcome, Task
-from signorini_fx.machine import signals
+from signorini_fx.machine import parallel, signals
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.rigid.mesh_levels import MeshLevel
 from signorini_fx.mechanics.statement.settings import SolverSettings
 from signorini_fx.records import History
-from signorini_fx.results.accuracy.convergence_table import peak_memory
 from signorini_fx.results.accuracy.error_estimates import Errors, worst_of
 from signorini_fx.results.accuracy.level_results import level_result
 from signorini_fx.results.accuracy.mesh_level import LevelResult
@@ -169,7 +168,7 @@ class MeshedProblem(Generic[P]):
             errors,
             solution.table,
             own=history.iterations[solves_before:],
-            cost=(sum(solution.timings.total.values()), peak_memory(comm)),
+            cost=(sum(solution.timings.total.values()), parallel.peak_memory(comm)),
             # Of the load steps that all meshes have in common.
             contacts=[step.contact for step in solution.steps if step.contact and step.place.is_integer()],
         )

@@ -22,7 +22,7 @@ from signorini_fx.mechanics.contact_points.contact_boundary import ContactBounda
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.rigid.mesh_levels import MeshLevel
 from signorini_fx.records import History
-from signorini_fx.results.accuracy.convergence_table import convergence_table, peak_memory, with_polygon
+from signorini_fx.results.accuracy.convergence_table import convergence_table, with_polygon
 from signorini_fx.results.accuracy.forecast import seconds_to_come
 from signorini_fx.results.accuracy.mesh_level import LevelResult
 from signorini_fx.results.solution import Solution
@@ -49,7 +49,7 @@ def solve_nested(
         history: of all meshes.
         on_level: called with the solution on each mesh but the last.
     """
-    base_memory = peak_memory(comm)
+    base_memory = parallel.peak_memory(comm)
     state: ContactState | None = None
     coarser: MeshLevel | None = None
     levels: list[LevelResult] = []

@@ -6,7 +6,7 @@ Scenes and forms differ in one thing only: how the model of another place is mad
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from dolfinx import fem
 
@@ -21,11 +21,11 @@ from signorini_fx.mechanics.statement.settings import SolverSettings
 from signorini_fx.records import Finding, Status, Timings
 from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.results.certificate.law_of_method import Law, PreviousStep, Tractions
-from signorini_fx.results.last_digits import status_by_digits
 from signorini_fx.results.mechanics import SolidBody
-from signorini_fx.results.solution import StepResult
 from signorini_fx.results.step_frames import StepEnd
-from signorini_fx.solving.iterated_interfaces.protocol import LoadStepStart, solve_step
+
+if TYPE_CHECKING:
+    from signorini_fx.results.solution import StepResult
 
 
 class Places(Protocol):
@@ -87,6 +87,8 @@ class SteppedBody:
 
     def solved(self, begun: BegunStep, allowed: int) -> UncertifiedStep:
         """Solve a load step with so many linear solves for each contact problem."""
+        from signorini_fx.solving.iterated_interfaces.protocol import LoadStepStart, solve_step
+
         end = solve_step(LoadStepStart(self.model, begun.task, begun.start, allowed))
         begun = replace(begun, body=replace(self, model=end.model), start=end.start)
         return UncertifiedStep(begun, end.outcome, end.reason)
@@ -183,6 +185,8 @@ def certified_result(
     outcome: Outcome,
 ) -> StepResult:
     """See ``SteppedBody.certified``; ``begun``: its task, start and last step; collective."""
+    from signorini_fx.results.last_digits import status_by_digits
+
     (task, start, last), unknowns = begun, outcome.displacement()
     displacement = model.from_rest(task.rest, unknowns)
     contact = None if model.boundary is None else model.state(task, outcome, start)
@@ -215,6 +219,8 @@ def step_result(
     linear_solves: int,
 ) -> StepResult:
     """The result of a load step; ``number``: of those before it."""
+    from signorini_fx.results.solution import StepResult
+
     return StepResult(
         step=number + 1,
         place=path_step,

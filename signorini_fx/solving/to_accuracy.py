@@ -26,7 +26,6 @@ from signorini_fx.results.accuracy.convergence_table import (
     convergence_table,
     expected_rates,
     fineness_of,
-    peak_memory,
     predict,
     with_polygon,
 )
@@ -264,7 +263,7 @@ class Budget:
     @classmethod
     def begins(cls, goal: Accuracy, comm: MPI.Comm, history: History) -> Budget:
         """Its time begins now, and ends all methods when it has passed; collective."""
-        budget = cls(goal, comm, peak_memory(comm), parallel.clock(comm))
+        budget = cls(goal, comm, parallel.peak_memory(comm), parallel.clock(comm))
         allowed = goal.seconds
         if allowed is not None:
             history.is_late = lambda: parallel.clock(comm) - budget.begin >= allowed

@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from signorini_fx.algebra.algorithms.interior_point import interior_point
 from signorini_fx.algebra.algorithms.ssn import SemismoothNewton
 from signorini_fx.algebra.attempts import CONVEX
 from signorini_fx.algebra.contact.complementarity import RegularisedData
@@ -31,6 +30,8 @@ class FallBack:
         self, newton: SemismoothNewton, data: RegularisedData, failed: Status, measure: Callable[[], float | None]
     ) -> Status:
         """How it ends, or else the original status, with the iterate that it left."""
+        from signorini_fx.algebra.algorithms.interior_point import interior_point
+
         if self.exhausted or self.needless() or newton.history.exhausted:
             return failed
         start = newton.checkpoint()

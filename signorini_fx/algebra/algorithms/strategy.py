@@ -22,13 +22,11 @@ from signorini_fx.algebra.algorithms.augmented_fall_back import (
     automatic_gamma,
     by_augmentation,
 )
-from signorini_fx.algebra.algorithms.continuation import continuation
 from signorini_fx.algebra.algorithms.coulomb_newton import coulomb_newton
 from signorini_fx.algebra.algorithms.coulomb_statics import coulomb_start, proved
 from signorini_fx.algebra.algorithms.fp import fixed_point
 from signorini_fx.algebra.algorithms.linear import solve_linear
 from signorini_fx.algebra.algorithms.loose import UNEXPLAINED, idle, near_the_last_place
-from signorini_fx.algebra.algorithms.path_following import path_following
 from signorini_fx.algebra.algorithms.ssn import Checkpoint
 from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
 from signorini_fx.algebra.attempts import (
@@ -225,6 +223,9 @@ def _given_friction(task: Task, start: Start, data: RegularisedData) -> Outcome:
         start: where the load step starts.
         data: its problem, or the contact problem that starts Coulomb friction.
     """
+    from signorini_fx.algebra.algorithms.continuation import continuation
+    from signorini_fx.algebra.algorithms.path_following import path_following
+
     s, newton = task.settings, task.iterate.newton
     error = start.regularisation_error
     match s.algorithm:

@@ -12,7 +12,6 @@ import numpy.typing as npt
 from petsc4py import PETSc
 
 from signorini_fx.algebra.algorithms.fall_backs import FallBack
-from signorini_fx.algebra.algorithms.interior_point import proposed_sets
 from signorini_fx.algebra.algorithms.ssn import SemismoothNewton
 from signorini_fx.algebra.contact.active_sets import ActiveSets, slip_multiplier
 from signorini_fx.algebra.contact.complementarity import RegularisedData, slip_of
@@ -283,7 +282,7 @@ class Iterate:
             self._history,
             symmetric=symmetric,
             fall_back=self.fall_back if settings.fallbacks else None,
-            propose_sets=proposed_sets,
+            propose_sets=_proposed_sets,
             limited=settings.limited("max_iterations"),
         )
 
@@ -315,3 +314,10 @@ class Iterate:
             self._system.set_load(start.factors)
         fixed = self._system.contact.fixed
         self.x.getArray()[fixed] = self._system.start.getArray(readonly=True)[fixed]
+
+
+def _proposed_sets(newton: SemismoothNewton, data: RegularisedData) -> ActiveSets | None:
+    """See ``interior_point.proposed_sets``."""
+    from signorini_fx.algebra.algorithms.interior_point import proposed_sets
+
+    return proposed_sets(newton, data)

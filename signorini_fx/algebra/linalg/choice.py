@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from mpi4py import MPI
@@ -15,8 +14,6 @@ from signorini_fx.algebra.linalg.condensed import CondensedSystem
 from signorini_fx.algebra.linalg.elasticity import Elasticity
 from signorini_fx.algebra.linalg.factorisation import can_factorise, enough_memory, factor_memory, has_package
 from signorini_fx.algebra.linalg.full import FullSystem
-from signorini_fx.algebra.linalg.krylov import KrylovSystem
-from signorini_fx.algebra.linalg.user_solver import UserSystem
 from signorini_fx.tuned import (
     FEWEST_CONDENSED_UNKNOWNS,
     FEWEST_KRYLOV_UNKNOWNS,
@@ -24,12 +21,6 @@ from signorini_fx.tuned import (
     MOST_CONDENSED_UNKNOWNS,
     SPARSE_OPERATIONS,
 )
-
-_KINDS: dict[str, Callable[[Elasticity], ElasticSystem]] = {
-    "full": FullSystem.of,
-    "condensed": CondensedSystem.of,
-    "krylov": KrylovSystem.of,
-}
 
 
 @dataclass(frozen=True)
@@ -70,13 +61,26 @@ def choose_system(elasticity: Elasticity, size: SystemSize, requested: str) -> t
     if kind != "krylov" and is_by_blocks(elasticity.matrix):
         elasticity = replace(elasticity, matrix=by_entries(elasticity.matrix))
     try:
-        if kind not in _KINDS:
-            return UserSystem.named(kind, elasticity), f"{kind}: {reason}"
-        return _KINDS[kind](elasticity), f"{kind}: {reason}"
+        return _system(kind, elasticity), f"{kind}: {reason}"
     except PETSc.Error:
         if kind != "condensed":
             raise
-        return _KINDS["full"](elasticity), "full: MUMPS could not condense the system"
+        return FullSystem.of(elasticity), "full: MUMPS could not condense the system"
+
+
+def _system(kind: str, elasticity: Elasticity) -> ElasticSystem:
+    """Of this kind; the modules of those that few problems get are imported here."""
+    if kind == "full":
+        return FullSystem.of(elasticity)
+    if kind == "condensed":
+        return CondensedSystem.of(elasticity)
+    if kind == "krylov":
+        from signorini_fx.algebra.linalg.krylov import KrylovSystem
+
+        return KrylovSystem.of(elasticity)
+    from signorini_fx.algebra.linalg.user_solver import UserSystem
+
+    return UserSystem.named(kind, elasticity)
 
 
 def choose_kind(size: SystemSize, requested: str) -> tuple[str, str]:

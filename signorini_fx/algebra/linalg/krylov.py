@@ -30,7 +30,6 @@ from signorini_fx.algebra.linalg.factorisation import (
 )
 from signorini_fx.algebra.linalg.multigrid import ContactLevels, ContactPreconditioner, Hierarchy
 from signorini_fx.algebra.linalg.petsc_c import call
-from signorini_fx.algebra.linalg.rigid_unknowns import of_nodes
 from signorini_fx.machine import parallel
 from signorini_fx.tuned import INEXACT_TOLERANCE, KRYLOV_STEPS, KRYLOV_TOLERANCE, NEVER_LEFT, NO_RELATIVE_TOLERANCE
 
@@ -79,6 +78,8 @@ class KrylovSystem(AssembledSystem):
 
         Without the room for contact: aggregates follow the pattern, and would mix what only contact joins.
         """
+        from signorini_fx.algebra.linalg.rigid_unknowns import of_nodes
+
         e = self.elasticity
         if self.rigid:
             nodes = of_nodes(e.matrix, e.rigid)

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -29,8 +29,6 @@ from signorini_fx.algebra.linalg.elasticity import Elasticity, FarPoints, LoadCa
 from signorini_fx.algebra.linalg.schur import SchurComplement
 from signorini_fx.algebra.method import Settings
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.assembly.block_stiffness import block_stiffness, why_not
-from signorini_fx.mechanics.assembly.joint_pattern import JointPattern, joined_stiffness
 from signorini_fx.mechanics.assembly.mesh_entities import action
 from signorini_fx.mechanics.assembly.nodal_stiffness import NodalStiffness
 from signorini_fx.mechanics.assembly.pieces import BodyPieces
@@ -38,7 +36,6 @@ from signorini_fx.mechanics.assembly.shared_cache import shared_in
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.contact_points.contact_map import block_diagonal, contact_map, with_rotations
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
-from signorini_fx.mechanics.contact_points.turned_supports import TurnedNodes, block_rotation
 from signorini_fx.mechanics.elasticity.elastic_law import ElasticLaw
 from signorini_fx.mechanics.kinematics.protocol import Kinematics
 from signorini_fx.mechanics.rigid.mesh_levels import MeshLevel
@@ -53,6 +50,10 @@ from signorini_fx.mechanics.rigid.rigid_motions import (
 from signorini_fx.mechanics.statement.settings import SolverSettings
 from signorini_fx.records import Inventory
 from signorini_fx.tuned import FEWEST_BLOCK_UNKNOWNS, FINER_LEVELS
+
+if TYPE_CHECKING:
+    from signorini_fx.mechanics.assembly.joint_pattern import JointPattern
+    from signorini_fx.mechanics.contact_points.turned_supports import TurnedNodes
 
 Array = npt.NDArray[np.float64]
 _PATTERN = "pattern"  # of the last stiffness, in ``of_body``
@@ -204,6 +205,10 @@ class ElasticBody:
     @shared_in("of_body")
     def _assembled(self) -> tuple[PETSc.Mat, PETSc.Mat | None, PETSc.Mat | None]:
         """``stiffness`` and ``rotation``, and this without rigid bodies."""
+        from signorini_fx.mechanics.assembly.block_stiffness import block_stiffness
+        from signorini_fx.mechanics.assembly.joint_pattern import joined_stiffness
+        from signorini_fx.mechanics.contact_points.turned_supports import block_rotation
+
         self.inventory.matrices.append("stiffness")
         if self._fit_for_blocks and self._no_blocks is None:
             return self.elastic.joined(block_stiffness(self.forms, self.fixed, self.beside), None, None, self.fixed)
@@ -270,6 +275,8 @@ class ElasticBody:
     @shared_in("of_body")
     def _no_blocks(self) -> str | None:
         """Why products by blocks cannot be compiled; None: they are; collective."""
+        from signorini_fx.mechanics.assembly.block_stiffness import why_not
+
         return why_not(self.comm)
 
     @property

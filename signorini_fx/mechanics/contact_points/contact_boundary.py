@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise, permutations
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -27,13 +27,15 @@ from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.assembly import contact_forms
 from signorini_fx.mechanics.assembly.averages import Averages, AveragingForms, averaged_points
 from signorini_fx.mechanics.assembly.mesh_entities import assemble, facet_nodes, measure, node_positions
-from signorini_fx.mechanics.contact_points.turned_supports import TurnedNodes
 from signorini_fx.mechanics.kinematics import of_components
 from signorini_fx.mechanics.kinematics.protocol import Kinematics
 from signorini_fx.mechanics.kinematics.space import SPACE
 from signorini_fx.mechanics.laws.directed import FrictionAxes
 from signorini_fx.mechanics.statement.rigid_motion import RigidBody
 from signorini_fx.tuned import SAME_DIRECTION
+
+if TYPE_CHECKING:
+    from signorini_fx.mechanics.contact_points.turned_supports import TurnedNodes
 
 
 @dataclass(frozen=True)

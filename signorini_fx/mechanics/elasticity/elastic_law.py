@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import basix
 import basix.ufl
@@ -22,19 +22,13 @@ from petsc4py import PETSc
 from signorini_fx.machine import compat, parallel
 from signorini_fx.machine.compilation import compiling
 from signorini_fx.mechanics.assembly.mesh_entities import assemble, stiffness_form
-from signorini_fx.mechanics.assembly.quadrature import strain_degree
-from signorini_fx.mechanics.elasticity.cellwise_stiffness import (
-    CellwiseStiffness,
-    cellwise_form,
-    free_strain_form,
-    strain_components,
-)
-from signorini_fx.mechanics.elasticity.moduli import poisson_of
 from signorini_fx.mechanics.kinematics.protocol import Kinematics
-from signorini_fx.mechanics.materials.isotropic import elastic_forms, initial_strain_forms
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
-from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.records import Inventory
+
+if TYPE_CHECKING:
+    from signorini_fx.mechanics.elasticity.cellwise_stiffness import CellwiseStiffness
+    from signorini_fx.mechanics.statement.statement import Statement
 
 _Floats = npt.NDArray[np.float64]
 # Which of the parts of a body, its cells, and stresses at their vertices -> that out of the plane, see ``LawStress``.
@@ -237,6 +231,8 @@ class SceneLaw(ElasticLaw):
     @property
     def degree(self) -> int:
         """Of the quadrature of a(., .); collective."""
+        from signorini_fx.mechanics.assembly.quadrature import strain_degree
+
         return strain_degree(self.space, self.kinematics)
 
     def prevented(self, stress: Any, initial: Any) -> Interpolation | None:
@@ -247,6 +243,8 @@ class SceneLaw(ElasticLaw):
 
     def lateral(self, part: int, cells: npt.NDArray[np.int32], tau: _Floats) -> _Floats:
         """``OutOfPlane`` of an isotropic material."""
+        from signorini_fx.mechanics.elasticity.moduli import poisson_of
+
         poisson = np.reshape(poisson_of(self.statement.material[part], self.tagged, cells), (-1, 1))
         return np.asarray(poisson * (tau[..., 0] + tau[..., 1]))
 
@@ -270,9 +268,13 @@ class IsotropicLaw(SceneLaw):
         return ("elasticity", "reduced volumetric elasticity")[: 1 if self.reduced is None else 2]
 
     def terms(self, y: Any, z: Any) -> tuple[Any, ...]:
+        from signorini_fx.mechanics.materials.isotropic import elastic_forms
+
         return elastic_forms(y, z, *self.lame, self.degree, self.reduced, kinematics=self.kinematics)
 
     def strain_terms(self, z: Any, strain: Any, degree: int) -> tuple[Any, ...]:
+        from signorini_fx.mechanics.materials.isotropic import initial_strain_forms
+
         return initial_strain_forms(z, strain, *self.lame, degree, self.reduced, kinematics=self.kinematics)
 
     def stress(self, y: fem.Function, moved: Any, initial: Any) -> LawStress:
@@ -313,12 +315,18 @@ class CellwiseLaw(SceneLaw):
     stiffness: CellwiseStiffness = field(kw_only=True)
 
     def terms(self, y: Any, z: Any) -> tuple[Any, ...]:
+        from signorini_fx.mechanics.elasticity.cellwise_stiffness import cellwise_form
+
         return (cellwise_form(y, z, self.stiffness, self.degree, self.kinematics),)
 
     def strain_terms(self, z: Any, strain: Any, degree: int) -> tuple[Any, ...]:
+        from signorini_fx.mechanics.elasticity.cellwise_stiffness import free_strain_form
+
         return (free_strain_form(z, strain, self.stiffness, degree, self.kinematics),)
 
     def stress(self, y: fem.Function, moved: Any, initial: Any) -> LawStress:
+        from signorini_fx.mechanics.elasticity.cellwise_stiffness import strain_components
+
         kinematics, moduli, dim = self.kinematics, self.stiffness, len(y)
         components = moduli.stress(strain_components(moved, kinematics, on_axis=True), initial)
         at = {pair: k for k, (i, j) in enumerate(kinematics.stressed) for pair in ((i, j), (j, i))}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -15,13 +15,15 @@ from signorini_fx.errors import SceneError
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import facet_entities, facet_vertices, node_positions
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
-from signorini_fx.mechanics.contact_points.turned_supports import SkewSupport, TurnedNodes
 from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
 from signorini_fx.mechanics.kinematics import KINDS
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.statement.expressions import in_space, sample
-from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.tuned import SAME_POSITION
+
+if TYPE_CHECKING:
+    from signorini_fx.mechanics.contact_points.turned_supports import SkewSupport, TurnedNodes
+    from signorini_fx.mechanics.statement.statement import Statement
 
 Conditions = list[tuple[PrescribedDisplacement, fem.DirichletBC]]
 
@@ -234,6 +236,8 @@ def skew_supports(
     statement: Statement, space: fem.FunctionSpace, facets: dict[str, npt.NDArray[np.int32]], tagged: TaggedMesh
 ) -> list[SkewSupport]:
     """The supports along the normal of a flat boundary across no axis; collective."""
+    from signorini_fx.mechanics.contact_points.turned_supports import SkewSupport
+
     supports = []
     for index, effect in enumerate(statement.displacement):
         if effect.normal is None or not effect.holding:
@@ -269,6 +273,8 @@ def turned_nodes(
     fixed: npt.NDArray[np.bool_],
 ) -> TurnedNodes | None:
     """The nodes with skew supports, whose entries of ``fixed`` become those of their frames; None: there are none."""
+    from signorini_fx.mechanics.contact_points.turned_supports import TurnedNodes
+
     if not skew:
         return None
     dim = space.mesh.geometry.dim

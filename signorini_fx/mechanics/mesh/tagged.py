@@ -20,29 +20,19 @@ from pydantic import TypeAdapter, ValidationError
 
 from signorini_fx.errors import MeshError, SceneError, SignoriniError
 from signorini_fx.machine import compat, parallel
-from signorini_fx.mechanics.mesh.distribution import from_root, kind_of_mesh, order_of_nodes
-from signorini_fx.mechanics.mesh.drawing import set_order
 from signorini_fx.mechanics.mesh.extent import diameter, extremes
-from signorini_fx.mechanics.mesh.files.arrays import MeshArrays, Selection, combinations, from_raw, sides_of
-from signorini_fx.mechanics.mesh.files.cells import CELLS
-from signorini_fx.mechanics.mesh.files.gmsh_reader import content
-from signorini_fx.mechanics.mesh.files.gmsh_session import gmsh_session
-from signorini_fx.mechanics.mesh.files.raw import rows_of
-from signorini_fx.mechanics.mesh.files.shape import Ints
-from signorini_fx.mechanics.mesh.files.size_field import SizeField, Sizes, with_sizes
-from signorini_fx.mechanics.mesh.halving import straightened
 from signorini_fx.mechanics.mesh.section import is_section
-from signorini_fx.mechanics.statement.dimension import dimension_problems
 from signorini_fx.mechanics.statement.expressions import Expression
-from signorini_fx.mechanics.statement.generators import known_generators
 from signorini_fx.mechanics.statement.mesh_sources import MeshFile, TaggedMeshBase
-from signorini_fx.mechanics.statement.statement import Statement
-from signorini_fx.mechanics.statement.validation import plain_message
 from signorini_fx.mechanics.statement.values import kind_of
 from signorini_fx.tuned import SAME_LENGTH
 
 if TYPE_CHECKING:
+    from signorini_fx.mechanics.mesh.files.arrays import MeshArrays, Selection
     from signorini_fx.mechanics.mesh.files.formats import Tags
+    from signorini_fx.mechanics.mesh.files.shape import Ints
+    from signorini_fx.mechanics.mesh.files.size_field import Sizes
+    from signorini_fx.mechanics.statement.statement import Statement
 
 
 @dataclass(frozen=True, repr=False)
@@ -148,6 +138,8 @@ def check_fits(statement: Statement, tagged: TaggedMesh) -> None:
     Raises:
         SceneError: keys of another dimension than that of the mesh; linear elements on curved cells; a negative radius.
     """
+    from signorini_fx.mechanics.statement.dimension import dimension_problems
+
     problems = dimension_problems(statement, tagged.dimension)
     least_x = -parallel.largest(tagged.mesh.comm, -tagged.mesh.geometry.x[:, 0])
     if least_x < statement.kinematics.least_x - SAME_LENGTH * tagged.size:
@@ -228,6 +220,8 @@ def generate_mesh(name: str, parameters: Mapping[str, Any], comm: MPI.Comm, size
     Raises:
         SceneError: unknown generator, or parameters that it refuses; or lengths that it cannot make.
     """
+    from signorini_fx.mechanics.mesh.files.size_field import SizeField
+
     generate = _generator(name, parameters)
     local_sizes = _LocalSizes(sizes)
     reset = _LOCAL_SIZES.set(local_sizes)
@@ -360,6 +354,10 @@ def from_arrays(comm: MPI.Comm, make: Callable[[], MeshArrays]) -> TaggedMesh:
         comm: the ranks that share the mesh.
         make: called on the first rank only; what it raises is raised on all.
     """
+    from signorini_fx.mechanics.mesh.distribution import from_root
+    from signorini_fx.mechanics.mesh.files.arrays import combinations
+    from signorini_fx.mechanics.mesh.files.cells import CELLS
+
     arrays_on_root: list[tuple[MeshArrays, Ints, Ints]] = []
 
     def made() -> tuple[str, Tags, Tags, Mapping[str, int]]:
@@ -381,6 +379,11 @@ def arrays_of(tagged: TaggedMesh) -> MeshArrays:
     Raises:
         MeshError: its geometry has a degree above 2.
     """
+    from signorini_fx.mechanics.mesh.distribution import kind_of_mesh, order_of_nodes
+    from signorini_fx.mechanics.mesh.files.arrays import MeshArrays, sides_of
+    from signorini_fx.mechanics.mesh.files.cells import CELLS
+    from signorini_fx.mechanics.mesh.files.raw import rows_of
+
     mesh, comm, dim = tagged.mesh, tagged.mesh.comm, tagged.dimension
     kind, nodes = kind_of_mesh(mesh), mesh.geometry.index_map()
     if kind is None:
@@ -428,6 +431,9 @@ def _generator(name: str, parameters: Mapping[str, Any]) -> Callable[..., Any]:
         SceneError: there is none of this name, it cannot be imported, or parameters are wrong: all of them are
             reported.
     """
+    from signorini_fx.mechanics.statement.generators import known_generators
+    from signorini_fx.mechanics.statement.validation import plain_message
+
     generators = known_generators(name)
     if name not in generators:
         raise SceneError([("mesh.generator", f"no generator {name!r}; there are: {', '.join(generators) or 'none'}")])
@@ -496,6 +502,8 @@ def gmsh_mesh(comm: MPI.Comm, draw: Callable[[Any], None], name: str, unit: floa
         MeshError: the model has no cells, no physical group for the body, or no named boundary.
         InstallationError: gmsh is not installed, or cannot be loaded.
     """
+    from signorini_fx.mechanics.mesh.files.gmsh_session import gmsh_session
+
     wanted = _LOCAL_SIZES.get()
     if wanted is not None:
         wanted.taken = True
@@ -525,6 +533,11 @@ def _drawn(gmsh: Any, top: int, sizes: Sizes, name: str, unit: float) -> MeshArr
     Raises:
         SceneError: a length cannot be had.
     """
+    from signorini_fx.mechanics.mesh.drawing import set_order
+    from signorini_fx.mechanics.mesh.files.arrays import from_raw
+    from signorini_fx.mechanics.mesh.files.gmsh_reader import content
+    from signorini_fx.mechanics.mesh.files.size_field import SizeField, with_sizes
+    from signorini_fx.mechanics.mesh.halving import straightened
 
     def current() -> MeshArrays:
         raw = content(gmsh)
@@ -572,6 +585,8 @@ def tag_boundaries(
     Raises:
         TypeError: an argument is of another kind.
     """
+    from signorini_fx.mechanics.mesh.files.raw import rows_of
+
     if not isinstance(mesh, dmesh.Mesh):
         raise TypeError(f"a mesh of dolfinx is expected, not {kind_of(mesh)}")
     rules = {name: _rule(rule) if isinstance(rule, str) else rule for name, rule in markers.items()}

@@ -27,7 +27,6 @@ from signorini_fx.mechanics.contact_points.contact_boundary import (
     no_points,
     unit_contact_form,
 )
-from signorini_fx.mechanics.contact_points.turned_supports import TurnedNodes
 from signorini_fx.mechanics.interfaces.foundation import Foundation
 from signorini_fx.mechanics.interfaces.pair import Pair
 from signorini_fx.mechanics.kinematics import CARTESIAN
@@ -44,6 +43,7 @@ from signorini_fx.records import Inventory
 from signorini_fx.tuned import SAME_DIRECTION, ZERO_SUM
 
 if TYPE_CHECKING:
+    from signorini_fx.mechanics.contact_points.turned_supports import TurnedNodes
     from signorini_fx.mechanics.obstacles.paired_points import PairedSides
 
 Array = npt.NDArray[np.float64]

@@ -19,8 +19,6 @@ from petsc4py import PETSc
 from signorini_fx.algebra.linalg import row_by_row
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import node_positions
-from signorini_fx.mechanics.mesh.lattice_points import at_lattice
-from signorini_fx.mechanics.mesh.points import at_points
 from signorini_fx.mechanics.rigid.rigid_motions import RigidMotions, rigid_modes
 from signorini_fx.tuned import OUTSIDE_COARSER_MESH, SAME_ENTRY
 
@@ -136,6 +134,9 @@ class MeshLevel:
 
     def _shares(self, coarse: MeshLevel) -> Any | None:
         """Shares of the coarse nodes (global numbers) in each owned node, scipy sparse; None: some node is nowhere."""
+        from signorini_fx.mechanics.mesh.lattice_points import at_lattice
+        from signorini_fx.mechanics.mesh.points import at_points
+
         shape = coarse.space.ufl_element().sub_elements[0]
         dofmap = coarse.space.dofmap
         x = node_positions(self.space)[: self.owned]

@@ -31,7 +31,6 @@ from petsc4py import PETSc
 from scipy.spatial.transform import Rotation
 
 from signorini_fx.machine import parallel
-from signorini_fx.machine.display import clean
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary, MovingFoundation
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.kinematics.protocol import Kinematics
@@ -232,6 +231,8 @@ class RigidBodyMotion:
             contacts: those of the scene.
             kinematics: of the body, by which some forces and moments cancel.
         """
+        from signorini_fx.machine.display import clean
+
         boundary, dim = contact.boundary, self.reference.size
         touching = np.isin(boundary.part, self.body.parts)
         forces = boundary.nodal_forces(contact.pressure, contact.shear)[touching]

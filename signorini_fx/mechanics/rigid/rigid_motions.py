@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -27,10 +27,12 @@ from signorini_fx.mechanics.assembly.averages import from_owners
 from signorini_fx.mechanics.assembly.mesh_entities import node_positions
 from signorini_fx.mechanics.assembly.pieces import BodyPieces
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary, MovingFoundation
-from signorini_fx.mechanics.contact_points.turned_supports import TurnedNodes
 from signorini_fx.mechanics.kinematics import CARTESIAN
 from signorini_fx.mechanics.kinematics.protocol import Kinematics
 from signorini_fx.tuned import NO_STRAIN, NOT_HELD
+
+if TYPE_CHECKING:
+    from signorini_fx.mechanics.contact_points.turned_supports import TurnedNodes
 
 _Floats = npt.NDArray[np.float64]
 

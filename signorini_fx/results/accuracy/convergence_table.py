@@ -9,18 +9,14 @@ dependence on gamma; that of the iteration by its last residual or change.
 
 from __future__ import annotations
 
-import resource
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from itertools import pairwise
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from mpi4py import MPI
 
-from signorini_fx.machine import parallel
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable, is_closed
 from signorini_fx.results.accuracy.contact_surface import ContactSurface
 from signorini_fx.results.accuracy.contact_values import interpolated, places
@@ -79,17 +75,6 @@ def with_polygon(level: LevelResult, polygon: float) -> LevelResult:
         data=level.data + additions["force"],
         polygon=polygon,
     )
-
-
-def peak_memory(comm: MPI.Comm) -> float:
-    """Largest resident memory so far, summed over the ranks, MB; collective."""
-    # Linux passes ru_maxrss on through fork and exec: in a small child it would be that of its large parent.
-    try:
-        status = Path("/proc/self/status").read_text(encoding="ascii")
-        megabytes = int(status.split("VmHWM:")[1].split()[0]) / 1024
-    except (OSError, IndexError):  # not Linux
-        megabytes = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-    return float(parallel.global_sum(comm, np.array(megabytes)))
 
 
 def expected_rates(degree: int) -> dict[str, float]:

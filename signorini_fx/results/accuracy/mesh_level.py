@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
-from signorini_fx.mechanics.contact_points.contact_table import ContactTable
+if TYPE_CHECKING:
+    from signorini_fx.mechanics.contact_points.contact_table import ContactTable
 
 
 @dataclass(frozen=True)

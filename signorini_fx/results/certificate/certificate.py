@@ -30,10 +30,7 @@ from signorini_fx.machine import parallel
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.rigid.rigid_bodies import Drive, RigidBodyMotion
 from signorini_fx.mechanics.scales import Scales
-from signorini_fx.mechanics.statement.statement import Statement
-from signorini_fx.quantities.families.certificate import JUDGED, REPORTED
 from signorini_fx.results.certificate.contact_nodes import ContactNodes, ContactSide
-from signorini_fx.results.certificate.contact_sides import sides_of
 from signorini_fx.results.certificate.equilibrium import (
     Balance,
     PieceScales,
@@ -42,12 +39,13 @@ from signorini_fx.results.certificate.equilibrium import (
     share,
 )
 from signorini_fx.results.certificate.law_of_method import UNREGULARISED, Law, PreviousStep, Tractions, overclosures_of
-from signorini_fx.results.certificate.nodal_forces import NodalForces
 from signorini_fx.results.certificate.supports import PrescribedNodes
 from signorini_fx.tuned import ABOVE_THE_MEAN, CERTIFICATE_TOLERANCE, LOST_UNITS, NEGLIGIBLE, NO_FORCE
 
 if TYPE_CHECKING:
     from signorini_fx.mechanics.obstacles.paired_points import PairedSides
+    from signorini_fx.mechanics.statement.statement import Statement
+    from signorini_fx.results.certificate.nodal_forces import NodalForces
 
 Nodal = npt.NDArray[np.float64]
 
@@ -118,11 +116,15 @@ class Certificate:
     @property
     def worst(self) -> float:
         """The largest of the judged figures; the regularisation error is not among them."""
+        from signorini_fx.quantities.families.certificate import JUDGED
+
         return float(np.max([getattr(self, name) for name in JUDGED]))
 
     @property
     def worst_name(self) -> str:
         """Which of them it is."""
+        from signorini_fx.quantities.families.certificate import JUDGED
+
         return max(JUDGED, key=lambda name: np.nan_to_num(getattr(self, name), nan=np.inf))
 
     @property
@@ -132,6 +134,8 @@ class Certificate:
 
     def as_dict(self) -> dict[str, float | bool | str]:
         """All figures, the law, and the verdict."""
+        from signorini_fx.quantities.families.certificate import JUDGED, REPORTED
+
         figures = {name: getattr(self, name) for name in (*JUDGED, *REPORTED)}
         return {**figures, "law": str(self.law), "holds": self.holds}
 
@@ -169,6 +173,9 @@ def certify(
     Raises:
         ValueError: the tractions are not those of the contact nodes of the scene.
     """
+    from signorini_fx.results.certificate.contact_sides import sides_of
+    from signorini_fx.results.certificate.nodal_forces import NodalForces
+
     space = displacement.function_space
     forces = NodalForces(statement, tagged, space) if like is None else like.of(statement)
     balance = balance_of(forces, displacement, step, scale)

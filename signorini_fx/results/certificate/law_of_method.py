@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -14,8 +14,10 @@ from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodyMotion
-from signorini_fx.mechanics.statement.overclosure import Overclosure
-from signorini_fx.mechanics.statement.statement import Statement
+
+if TYPE_CHECKING:
+    from signorini_fx.mechanics.statement.overclosure import Overclosure
+    from signorini_fx.mechanics.statement.statement import Statement
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -11,8 +11,10 @@ from dolfinx import fem
 
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.statement.expressions import sample
-from signorini_fx.results.certificate.nodal_forces import NodalForces
 from signorini_fx.tuned import SAME_DIRECTION
+
+if TYPE_CHECKING:
+    from signorini_fx.results.certificate.nodal_forces import NodalForces
 
 Nodal = npt.NDArray[np.float64]
 
