@@ -24,10 +24,8 @@ from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodyMotion
 from signorini_fx.mechanics.statement.effect import Load
 from signorini_fx.mechanics.statement.load_path import factor_at
 from signorini_fx.mechanics.statement.statement import Statement
-from signorini_fx.quantities.proved_statements import Refused
 from signorini_fx.quantities.registry import requested
 from signorini_fx.records import SHORT_OF_ACCURACY, Finding, History, Status, StepRecord, Timings
-from signorini_fx.results.accuracy.convergence_table import Price
 from signorini_fx.results.accuracy.mesh_level import LevelResult
 from signorini_fx.results.accuracy.next_accuracy import NAMES, CostOfAccuracy, next_cost
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery
@@ -45,6 +43,7 @@ from signorini_fx.results.stresses import RawStresses
 
 if TYPE_CHECKING:
     from signorini_fx.quantities.proved_statements import ErrorBound, Interval
+    from signorini_fx.results.accuracy.convergence_table import Price
     from signorini_fx.results.section_forces import SectionForce
 
 # A body that moves away although nothing would let it do so without a load.
@@ -393,6 +392,8 @@ class Solution:
     @cached_property
     def stated_body(self) -> Model | str:
         """The body with all that acts on it, as bounds look at it; or why there are none."""
+        from signorini_fx.quantities.proved_statements import Refused
+
         try:
             return self.model.stated()
         except Refused as refused:

@@ -17,7 +17,6 @@ from signorini_fx.quantities.quantity import SCHEMA_VERSION
 from signorini_fx.quantities.registry import at_stage, quantities, shown_lines
 from signorini_fx.quantities.text import row
 from signorini_fx.records import OuterRecord, Record, StepRecord
-from signorini_fx.results.accuracy import convergence_table
 from signorini_fx.results.deferred_quantities import columns_of, proved
 from signorini_fx.results.solution import Solution
 from signorini_fx.results.versions import versions
@@ -133,6 +132,8 @@ def lines_of(summary: dict[str, Any], folder: Path | None = None) -> list[Termin
 
 
 def _figures(summary: dict[str, Any]) -> list[TerminalLine]:
+    from signorini_fx.results.accuracy import convergence_table
+
     good = summary["converged"] and not summary["incomplete"]
     heading = TerminalLine(f"{summary['title'] or 'scene'}: {status_in_words(summary)}", kind="good" if good else "")
     lines = [heading, *_outcome(summary), *_warnings(summary)]

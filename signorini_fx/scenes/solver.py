@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from mpi4py import MPI
 
@@ -15,15 +15,17 @@ from signorini_fx.mechanics.statement.values import kind_of
 from signorini_fx.mechanics.statement.volumetric import treatment_of
 from signorini_fx.quantities.registry import quantities
 from signorini_fx.records import History, Progress
-from signorini_fx.results.restart_files import Checkpoint
 from signorini_fx.results.solution import ConvergenceError, Solution
 from signorini_fx.scenes.hierarchy import coarser_scenes
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import as_scene
 from signorini_fx.scenes.scene import Scene
 from signorini_fx.solving.check.petsc_options import refuse_mistyped
-from signorini_fx.solving.checkpointed_steps import MeshCheckpoint, open_checkpoint
 from signorini_fx.solving.solve_on_mesh import solve_mesh
+
+if TYPE_CHECKING:
+    from signorini_fx.results.restart_files import Checkpoint
+    from signorini_fx.solving.checkpointed_steps import MeshCheckpoint
 
 
 def solve(
@@ -100,10 +102,12 @@ def _solved(
     """The solution, or the last iterate; arguments as for ``solve``."""
     stored = _checkpoint(scene, comm, history, checkpoint, restart=restart)
     if scene.statement.nonlinear:
-        return _solved_by_newton(scene, comm, history, stored)
+        from signorini_fx.scenes.nonlinear import solve_nonlinear
+
+        return solve_nonlinear(scene, comm, history, _of_first_mesh(stored))
     if scene.accuracy is None and not (coarse := coarser_scenes(scene, scene.solver.levels)):
-        kept = None if stored is None else MeshCheckpoint(stored, 0)
-        return solve_mesh(scene.statement, partial(load_mesh, scene, comm), history, None, kept=kept)[0]
+        load, kept = partial(load_mesh, scene, comm), _of_first_mesh(stored)
+        return solve_mesh(scene.statement, load, history, None, kept=kept)[0]
     from signorini_fx.scenes.mesh_sequence import solve_scene_to_accuracy, solve_scenes
 
     if scene.accuracy is not None:
@@ -111,11 +115,13 @@ def _solved(
     return solve_scenes([*coarse, scene], comm, history, on_level, stored)
 
 
-def _solved_by_newton(scene: Scene, comm: MPI.Comm, history: History, stored: Checkpoint | None) -> Solution:
-    """That of a scene with nonlinear materials, whose forms are imported for it alone."""
-    from signorini_fx.scenes.nonlinear import solve_nonlinear
+def _of_first_mesh(stored: Checkpoint | None) -> MeshCheckpoint | None:
+    """Its part for the load steps on one mesh; None if nothing is stored."""
+    if stored is None:
+        return None
+    from signorini_fx.solving.checkpointed_steps import MeshCheckpoint
 
-    return solve_nonlinear(scene, comm, history, None if stored is None else MeshCheckpoint(stored, 0))
+    return MeshCheckpoint(stored, 0)
 
 
 def _checkpoint(
@@ -137,6 +143,8 @@ def _checkpoint(
         if restart:
             raise SceneError([("restart", f"{without} has no checkpoint to go on from: solve it without restart")])
         return None
+    from signorini_fx.solving.checkpointed_steps import open_checkpoint
+
     by_steps = scene.statement.several_steps or scene.statement.nonlinear  # which are halved, a single one, too
     return open_checkpoint(comm, folder, scene, history, restart=restart, several_steps=by_steps)
 

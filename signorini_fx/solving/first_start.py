@@ -37,10 +37,10 @@ def first_start(
         state: the contact state of a coarser mesh; None: there is none.
         coarser: the coarser mesh with the displacement to begin with; None: there is none.
     """
-    from signorini_fx.solving.nested import carry_over
-
     if state is None:
         return start
+    from signorini_fx.solving.nested import carry_over
+
     assert body.boundary is not None
     if coarser is not None:
         begin_at_coarse(task, coarser, body)

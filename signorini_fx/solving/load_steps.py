@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from math import floor
-from typing import Generic, TypeVar
+from typing import TYPE_CHECKING, Generic, TypeVar
 
 from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
 from signorini_fx.algebra.attempts import HALF
@@ -19,11 +19,13 @@ from signorini_fx.algebra.contact.statics import no_balance
 from signorini_fx.records import History, Status, StepRecord, Timings
 from signorini_fx.results.solution import StepResult
 from signorini_fx.results.step_frames import StepEnd
-from signorini_fx.solving.checkpointed_steps import MeshCheckpoint
 from signorini_fx.solving.loose_bodies import explained
 from signorini_fx.solving.ramp import Increments
 from signorini_fx.solving.stepped_body import BegunStep, LoadStep, SteppedBody
 from signorini_fx.tuned import BEYOND_LIMIT
+
+if TYPE_CHECKING:
+    from signorini_fx.solving.checkpointed_steps import MeshCheckpoint
 
 S = TypeVar("S")
 Marks = tuple[int, int, int]  # numbers of linear solves, regularised problems and events so far

@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from functools import cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from dolfinx import fem
@@ -38,7 +38,6 @@ from signorini_fx.solving.check.laws_in_results import laws_in_results
 from signorini_fx.solving.check.pushed_nodes import held_in_result, pushed_nodes
 from signorini_fx.solving.check.refusals import refuse_beforehand
 from signorini_fx.solving.check.shapes_in_results import shapes_in_results
-from signorini_fx.solving.checkpointed_steps import MeshCheckpoint
 from signorini_fx.solving.data_at_times import stated_body
 from signorini_fx.solving.first_start import first_start
 from signorini_fx.solving.load_steps import all_load_steps
@@ -46,6 +45,9 @@ from signorini_fx.solving.loose_bodies import loose_at_rest
 from signorini_fx.solving.ramp import Increments
 from signorini_fx.solving.stepped_body import LoadStep
 from signorini_fx.tuned import PATH_ERROR_SHARE
+
+if TYPE_CHECKING:
+    from signorini_fx.solving.checkpointed_steps import MeshCheckpoint
 
 # Called after a load step that has a solution.
 AfterStep = Callable[[LoadStep], object]

@@ -11,7 +11,6 @@ from signorini_fx.errors import together
 from signorini_fx.mechanics.assembly.pieces import BodyPieces
 from signorini_fx.mechanics.elasticity.cellwise_stiffness import CellwiseStiffness, cellwise_stiffness
 from signorini_fx.mechanics.elasticity.elastic_law import CellwiseLaw, IsotropicLaw, SceneLaw, VolumeForces
-from signorini_fx.mechanics.elasticity.mixed_pressure import MixedLaw, PressureForces
 from signorini_fx.mechanics.elasticity.moduli import check_covers, lame_coefficients, reduced_degree
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.statement.statement import Statement
@@ -57,6 +56,8 @@ def elastic_law(
     """
     lame, stiffness, reduced = moduli or moduli_of(statement, tagged)
     if treatment_of(statement).pressed:
+        from signorini_fx.mechanics.elasticity.mixed_pressure import MixedLaw
+
         return MixedLaw(statement, tagged, space, pieces, inventory, lame=lame)
     if stiffness is not None:
         return CellwiseLaw(statement, tagged, space, lame=lame, stiffness=stiffness)
@@ -65,4 +66,8 @@ def elastic_law(
 
 def volume_forces(statement: Statement) -> VolumeForces:
     """The independent check of the law of a scene."""
-    return PressureForces() if treatment_of(statement).pressed else VolumeForces()
+    if not treatment_of(statement).pressed:
+        return VolumeForces()
+    from signorini_fx.mechanics.elasticity.mixed_pressure import PressureForces
+
+    return PressureForces()

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -21,7 +21,6 @@ from signorini_fx.errors import SceneError
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.averages import from_owners
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
-from signorini_fx.mechanics.contact_points.turned_supports import TurnedNodes
 from signorini_fx.mechanics.elasticity.elastic_law import ElasticLaw
 from signorini_fx.mechanics.loads.load_vectors import AppliedLoad
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
@@ -29,6 +28,9 @@ from signorini_fx.mechanics.statement.effect import Load
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.records import Inventory
 from signorini_fx.tuned import SAME_DIRECTION
+
+if TYPE_CHECKING:
+    from signorini_fx.mechanics.contact_points.turned_supports import TurnedNodes
 
 _Floats = npt.NDArray[np.float64]
 _Flags = npt.NDArray[np.bool_]

@@ -29,7 +29,6 @@ from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.rigid.rigid_bodies import Driven, RigidBodies
 from signorini_fx.mechanics.scales import Scales
 from signorini_fx.mechanics.statement.effect import Effect, Force, InitialStrain, Load, Resistance
-from signorini_fx.mechanics.statement.effect_trial import fault_of
 from signorini_fx.mechanics.statement.expressions import Expression, sample
 from signorini_fx.mechanics.statement.load_path import factor_at
 from signorini_fx.mechanics.statement.statement import Statement
@@ -432,6 +431,8 @@ def check_effects(statement: Statement, tagged: TaggedMesh) -> None:
     for path, effect in statement.listed():
         if is_of_package(type(effect)) or not effect.acts:
             continue
+        from signorini_fx.mechanics.statement.effect_trial import fault_of
+
         x = tagged.mesh.geometry.x
         if effect.where is not None:
             x = facet_vertices(tagged.mesh, tagged.facets(effect.where)).reshape(-1, 3)

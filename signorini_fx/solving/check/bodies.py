@@ -14,9 +14,7 @@ from signorini_fx.mechanics.assembly.mesh_entities import facet_entities, facet_
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.contact_points.contact_table import contact_table
 from signorini_fx.mechanics.model import Model
-from signorini_fx.mechanics.obstacles.carrying_side import SideFigures
 from signorini_fx.records import Finding
-from signorini_fx.results.accuracy.pressure_error import polygon_error
 from signorini_fx.tuned import FACETS_OFF, NO_CURVED_SIDE
 
 _Floats = npt.NDArray[np.float64]
@@ -24,6 +22,8 @@ _Floats = npt.NDArray[np.float64]
 
 def side_findings(body: Model) -> list[Finding]:
     """Which side of each contact of two bodies has the contact points, where that matters; collective."""
+    from signorini_fx.mechanics.obstacles.carrying_side import SideFigures
+
     findings = []
     for index, effect in enumerate(body.statement.contact):
         if effect.against is None:
@@ -55,6 +55,8 @@ def facets_in_result(body: Model, contact: ContactState) -> list[Finding]:
         body: the model.
         contact: its contact points in a result; collective.
     """
+    from signorini_fx.results.accuracy.pressure_error import polygon_error
+
     table = contact_table(contact, *body.statement.sides)
     assert table.nodes is not None
     assert body.data is not None

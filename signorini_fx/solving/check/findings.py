@@ -18,7 +18,6 @@ from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import facet_entities, facet_vertices
 from signorini_fx.mechanics.body.deformation import Deformation
-from signorini_fx.mechanics.body.nonlinear_law import volume_degree
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.materials.protocol import Material
 from signorini_fx.mechanics.model import Model
@@ -29,7 +28,6 @@ from signorini_fx.mechanics.statement.point_values import PointValues
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.records import Finding
 from signorini_fx.solving.check.balanced_loads import equilibrium
-from signorini_fx.solving.check.bodies import side_findings
 from signorini_fx.tuned import (
     FAR_GAP,
     HARDLY_MOVED,
@@ -44,6 +42,8 @@ from signorini_fx.tuned import (
 
 def scene_findings(body: Model) -> list[Finding]:
     """Findings about the scene and its mesh; collective, the same on every rank."""
+    from signorini_fx.solving.check.bodies import side_findings
+
     statement, data = body.statement, body.data
     paired = any(effect.against is not None for effect in statement.contact)
     prescribed, force = _largest_loads(body)
@@ -77,6 +77,8 @@ def nonlinear_findings(statement: Statement, body: Model) -> list[Finding]:
         statement: of the scene.
         body: the linear one that it is at small strains.
     """
+    from signorini_fx.mechanics.body.nonlinear_law import volume_degree
+
     findings = [Finding("warning", "incomplete", f"not in the scene: {lost}") for lost in statement.incomplete]
     for number, contact in enumerate(statement.contact):
         if statement.finite_strains and contact.foundation is None and contact.against is None:
