@@ -17,6 +17,22 @@ T = TypeVar("T")
 # How an event begins that is about a requested accuracy.
 ACCURACY = "accuracy: "
 
+# The figures of a certificate that decide.
+JUDGED = (
+    "equilibrium",
+    "supports",
+    "negative_pressure",
+    "friction_cone",
+    "wrong_way_slip",
+    "entered",
+    "pressure_at_distance",
+    "slip_below_bound",
+    "coupling",
+    "moduli",
+)
+# The others give the regularisation error, and how far the body moves.
+REPORTED = ("displacement", "penetration", "complementarity", "stick_slip")
+
 
 class Status(Enum):
     """How a solve ended.  Every member has a sentence that tells the user what to do."""

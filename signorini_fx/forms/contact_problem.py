@@ -34,7 +34,8 @@ if TYPE_CHECKING:
     from signorini_fx.quantities.functional import Gradient
     from signorini_fx.results.accuracy.convergence_table import Price
     from signorini_fx.results.accuracy.error_estimates import Errors
-    from signorini_fx.results.solution import Solution, StepResult
+    from signorini_fx.results.solution import Solution
+    from signorini_fx.results.step_result import StepResult
     from signorini_fx.results.stresses import RawStresses
     from signorini_fx.solving.load_steps import StepProgress
 
@@ -244,10 +245,10 @@ class ContactProblem(ProblemOfForms):
             ConvergenceError: no solution was reached; ``status`` says why, and ``u`` is the last iterate.
             FormError: a value is not finite, or cannot be evaluated.
         """
-        from signorini_fx.results.solution import ConvergenceError
-
         self._ran = None
         if why := self.assembled.attempt():
+            from signorini_fx.results.solution import ConvergenceError
+
             raise ConvergenceError(self, why)
         return self.u
 

@@ -16,16 +16,14 @@ from signorini_fx.errors import SignoriniError
 from signorini_fx.extensions import LINEAR_SOLVERS, add_on, is_of_package, names_of
 from signorini_fx.machine import parallel
 from signorini_fx.machine.display import html_table
-from signorini_fx.mechanics.body.deformation import Deformation
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable, contact_table
 from signorini_fx.mechanics.model import Model
-from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodyMotion
 from signorini_fx.mechanics.statement.effect import Load
 from signorini_fx.mechanics.statement.load_path import factor_at
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.quantities.registry import requested
-from signorini_fx.records import SHORT_OF_ACCURACY, Finding, History, Status, StepRecord, Timings
+from signorini_fx.records import SHORT_OF_ACCURACY, Finding, History, Status, Timings
 from signorini_fx.results.accuracy.mesh_level import LevelResult
 from signorini_fx.results.accuracy.next_accuracy import NAMES, CostOfAccuracy, next_cost
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery
@@ -39,6 +37,7 @@ from signorini_fx.results.functionals import Functionals
 from signorini_fx.results.mechanics import NO_ESTIMATE, SolidBody
 from signorini_fx.results.requested_law import RequestedLaw, requested_law
 from signorini_fx.results.resultants import Resultants
+from signorini_fx.results.step_result import StepResult
 from signorini_fx.results.stresses import RawStresses
 
 if TYPE_CHECKING:
@@ -50,49 +49,6 @@ if TYPE_CHECKING:
 _LEAVES = (Status.OPEN, Status.TIPS, Status.SLIDES)
 # What ``check`` says of a body that does something else.
 _ANOTHER = {Status.SLIDES: "tip it over", Status.TIPS: "make it slide"}
-
-
-@dataclass(frozen=True, repr=False)
-class StepResult:
-    """The result of a load step.
-
-    Attributes:
-        step: its number, from 1.
-        place: its place in the lists of factors, see ``statement.load_path``: 0 for the first factor.
-        time: its time.
-        name: its name; "": it has none.
-        status: how it ended.
-        displacement: y, length.
-        contact: nodal state of the contact boundary of this rank, None for a scene without contact.
-        certificate: the check of the conditions of the step.
-        deformation: how much the body is deformed.
-        strain_energy: a(y, y) / 2, an energy per thickness; None of a nonlinear body.
-        linear_solves: linear solves of the step.
-        tools: how rigid bodies have moved.
-        reason: why there is no solution; None: it is not known, or told by ``check``.
-    """
-
-    step: int
-    place: float
-    time: float
-    name: str
-    status: Status
-    displacement: fem.Function
-    contact: ContactState | None
-    certificate: Certificate
-    deformation: Deformation
-    strain_energy: float | None
-    linear_solves: int
-    tools: tuple[RigidBodyMotion, ...] = ()
-    reason: Finding | None = None
-
-    def __repr__(self) -> str:
-        return f"<StepResult {self.step}: {self.status.value}, {self.linear_solves} linear solves>"
-
-    def __str__(self) -> str:
-        return str(StepRecord(self.step, self.name, self.time))
-
-
 # Outcomes of methods that have found no solution, which does not mean that there is none.
 _UNDECIDED = (Status.CYCLING, Status.MAX_ITERATIONS, Status.OUTER_MAX_ITERATIONS, Status.SLIDES_AT_PRESSURES)
 # Cells that are turned inside out where strains are small ones.

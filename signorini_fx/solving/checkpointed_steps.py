@@ -27,7 +27,7 @@ from signorini_fx.mechanics.body.elastic_body import ElasticBody
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary, no_points
 from signorini_fx.records import History, IterationRecord, OuterRecord, Status, Timings, as_rows
 from signorini_fx.results.restart_files import Checkpoint
-from signorini_fx.results.solution import StepResult
+from signorini_fx.results.step_result import StepResult
 
 K = TypeVar("K", bound="StoredBody")
 

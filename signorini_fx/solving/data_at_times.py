@@ -20,8 +20,8 @@ from signorini_fx.mechanics.model import Model
 from signorini_fx.records import Timings
 from signorini_fx.results.certificate.law_of_method import PreviousStep
 from signorini_fx.results.mechanics import SolidBody
-from signorini_fx.results.solution import StepResult
 from signorini_fx.results.step_frames import StepEnd, carried, from_rest
+from signorini_fx.results.step_result import StepResult
 from signorini_fx.solving.stepped_body import BegunStep, SteppedBody
 
 

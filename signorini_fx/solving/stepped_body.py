@@ -22,9 +22,9 @@ from signorini_fx.records import Finding, Status, Timings
 from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.results.certificate.law_of_method import Law, PreviousStep, Tractions
 from signorini_fx.results.mechanics import SolidBody
+from signorini_fx.results.step_result import StepResult
 
 if TYPE_CHECKING:
-    from signorini_fx.results.solution import StepResult
     from signorini_fx.results.step_frames import StepEnd
 
 
@@ -185,8 +185,6 @@ def certified_result(
     outcome: Outcome,
 ) -> StepResult:
     """See ``SteppedBody.certified``; ``begun``: its task, start and last step; collective."""
-    from signorini_fx.results.last_digits import status_by_digits
-
     (task, start, last), unknowns = begun, outcome.displacement()
     displacement = model.from_rest(task.rest, unknowns)
     contact = None if model.boundary is None else model.state(task, outcome, start)
@@ -202,6 +200,8 @@ def certified_result(
     deformation = deformation_of(model, displacement, model.tagged.size)
     status, reason = judged(outcome.status, certificate, deformation, model.settings), None
     if contact is None and status is Status.NOT_CERTIFIED:
+        from signorini_fx.results.last_digits import status_by_digits
+
         status, reason = status_by_digits(model, displacement, certificate.worst, start.place)
     reached = status, displacement, contact, certificate, deformation, outcome.unrecorded
     return replace(step_result(path, start.step, start.place, *reached), tools=rigid, reason=reason)
@@ -219,8 +219,6 @@ def step_result(
     linear_solves: int,
 ) -> StepResult:
     """The result of a load step; ``number``: of those before it."""
-    from signorini_fx.results.solution import StepResult
-
     return StepResult(
         step=number + 1,
         place=path_step,

@@ -223,17 +223,18 @@ def _given_friction(task: Task, start: Start, data: RegularisedData) -> Outcome:
         start: where the load step starts.
         data: its problem, or the contact problem that starts Coulomb friction.
     """
-    from signorini_fx.algebra.algorithms.continuation import continuation
-    from signorini_fx.algebra.algorithms.path_following import path_following
-
     s, newton = task.settings, task.iterate.newton
     error = start.regularisation_error
     match s.algorithm:
         case "continuation":
+            from signorini_fx.algebra.algorithms.continuation import continuation
+
             share = CONTINUATION_SHARE if s.gamma_first == "auto" else s.gamma_first / data.gamma_n
             gammas = [(data.gamma_n * factor, data.gamma_t * factor) for factor in (share, 1.0)]
             status = continuation(newton, data, start.sets, gammas, first_iteration=start.iteration)
         case "path-following":
+            from signorini_fx.algebra.algorithms.path_following import path_following
+
             # A later load step begins with the gamma that the previous one has found; without a load there was no path.
             first = START_GAMMA * task.natural_gamma if start.regularisation_error is None else data.gamma_n
             ratio = float(np.clip(data.gamma_t / data.gamma_n, 1 / LARGEST_GAMMA_RATIO, LARGEST_GAMMA_RATIO))

@@ -11,7 +11,7 @@ import weakref
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -19,7 +19,9 @@ from petsc4py import PETSc
 
 from signorini_fx.algebra.linalg import petsc_options, row_by_row
 from signorini_fx.algebra.linalg.callbacks import called_back
-from signorini_fx.algebra.linalg.kernels import BlockProduct
+
+if TYPE_CHECKING:
+    from signorini_fx.algebra.linalg.kernels import BlockProduct
 
 Array = npt.NDArray[np.float64]
 _DIFFERENT_PATTERN, _SUBSET_PATTERN, _SAME_PATTERN = (

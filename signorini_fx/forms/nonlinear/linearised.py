@@ -75,8 +75,9 @@ from signorini_fx.mechanics.rigid.rigid_bodies import Drive, RigidBodies, RigidB
 from signorini_fx.mechanics.scales import Scales
 from signorini_fx.records import Status
 from signorini_fx.results.certificate.law_of_method import Law
-from signorini_fx.results.solution import ConvergenceError, StepResult
+from signorini_fx.results.solution import ConvergenceError
 from signorini_fx.results.step_frames import LastSolution
+from signorini_fx.results.step_result import StepResult
 from signorini_fx.tuned import (
     DAMPING_GROWTH,
     LEAST_DAMPING,

@@ -24,7 +24,7 @@ from signorini_fx.forms.nonlinear.step_sizes import StepSizes
 from signorini_fx.mechanics.body.elastic_body import ElasticBody
 from signorini_fx.mechanics.pairs.mortar_coupling import PairingError
 from signorini_fx.records import Timings
-from signorini_fx.results.solution import StepResult
+from signorini_fx.results.step_result import StepResult
 from signorini_fx.solving.checkpointed_steps import MeshCheckpoint, Recalled
 
 _SOLUTION, _TANGENT = "solution", "tangent"

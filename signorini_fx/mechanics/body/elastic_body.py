@@ -30,7 +30,6 @@ from signorini_fx.algebra.linalg.schur import SchurComplement
 from signorini_fx.algebra.method import Settings
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import action
-from signorini_fx.mechanics.assembly.nodal_stiffness import NodalStiffness
 from signorini_fx.mechanics.assembly.pieces import BodyPieces
 from signorini_fx.mechanics.assembly.shared_cache import shared_in
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
@@ -53,6 +52,7 @@ from signorini_fx.tuned import FEWEST_BLOCK_UNKNOWNS, FINER_LEVELS
 
 if TYPE_CHECKING:
     from signorini_fx.mechanics.assembly.joint_pattern import JointPattern
+    from signorini_fx.mechanics.assembly.nodal_stiffness import NodalStiffness
     from signorini_fx.mechanics.contact_points.turned_supports import TurnedNodes
 
 Array = npt.NDArray[np.float64]
@@ -205,16 +205,16 @@ class ElasticBody:
     @shared_in("of_body")
     def _assembled(self) -> tuple[PETSc.Mat, PETSc.Mat | None, PETSc.Mat | None]:
         """``stiffness`` and ``rotation``, and this without rigid bodies."""
-        from signorini_fx.mechanics.assembly.block_stiffness import block_stiffness
-        from signorini_fx.mechanics.assembly.joint_pattern import joined_stiffness
-        from signorini_fx.mechanics.contact_points.turned_supports import block_rotation
-
         self.inventory.matrices.append("stiffness")
         if self._fit_for_blocks and self._no_blocks is None:
+            from signorini_fx.mechanics.assembly.block_stiffness import block_stiffness
+
             return self.elastic.joined(block_stiffness(self.forms, self.fixed, self.beside), None, None, self.fixed)
         owned, turned, boundary = self.space.dofmap.index_map.size_local, self.turned, self.boundary
         frames = [] if turned is None else [(turned.nodes[on_rank := turned.nodes < owned], turned.frames[on_rank])]
         if self.beside is not None and self.beside.joint and not frames and self.comm.size == 1:
+            from signorini_fx.mechanics.assembly.joint_pattern import joined_stiffness
+
             last: JointPattern | None = self.of_body.get(_PATTERN)
             stiffness, self.of_body[_PATTERN] = joined_stiffness(self.forms, self.bcs, self.beside, self.fixed, last)
         else:
@@ -223,6 +223,8 @@ class ElasticBody:
                 self.beside.add_to(stiffness, None if frames else self.fixed)
         rotation, fixed = None, self._held
         if frames:
+            from signorini_fx.mechanics.contact_points.turned_supports import block_rotation
+
             rotation = block_rotation(stiffness, frames)
             stiffness = stiffness.ptap(rotation)
             stiffness.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)

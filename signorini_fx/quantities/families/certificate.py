@@ -8,23 +8,8 @@ from signorini_fx.machine.terminal import TerminalLine
 from signorini_fx.quantities.kinds import Number, Row, described
 from signorini_fx.quantities.quantity import Quantity, Summary
 from signorini_fx.quantities.text import row
+from signorini_fx.records import JUDGED
 from signorini_fx.tuned import CERTIFICATE_TOLERANCE
-
-# The figures that decide.
-JUDGED = (
-    "equilibrium",
-    "supports",
-    "negative_pressure",
-    "friction_cone",
-    "wrong_way_slip",
-    "entered",
-    "pressure_at_distance",
-    "slip_below_bound",
-    "coupling",
-    "moduli",
-)
-# The others give the regularisation error, and how far the body moves.
-REPORTED = ("displacement", "penetration", "complementarity", "stick_slip")
 
 
 class CertificateFigures(Row):

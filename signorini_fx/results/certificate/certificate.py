@@ -30,6 +30,7 @@ from signorini_fx.machine import parallel
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.rigid.rigid_bodies import Drive, RigidBodyMotion
 from signorini_fx.mechanics.scales import Scales
+from signorini_fx.records import JUDGED, REPORTED
 from signorini_fx.results.certificate.contact_nodes import ContactNodes, ContactSide
 from signorini_fx.results.certificate.equilibrium import (
     Balance,
@@ -116,15 +117,11 @@ class Certificate:
     @property
     def worst(self) -> float:
         """The largest of the judged figures; the regularisation error is not among them."""
-        from signorini_fx.quantities.families.certificate import JUDGED
-
         return float(np.max([getattr(self, name) for name in JUDGED]))
 
     @property
     def worst_name(self) -> str:
         """Which of them it is."""
-        from signorini_fx.quantities.families.certificate import JUDGED
-
         return max(JUDGED, key=lambda name: np.nan_to_num(getattr(self, name), nan=np.inf))
 
     @property
@@ -134,8 +131,6 @@ class Certificate:
 
     def as_dict(self) -> dict[str, float | bool | str]:
         """All figures, the law, and the verdict."""
-        from signorini_fx.quantities.families.certificate import JUDGED, REPORTED
-
         figures = {name: getattr(self, name) for name in (*JUDGED, *REPORTED)}
         return {**figures, "law": str(self.law), "holds": self.holds}
 
