@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from signorini_fx.algebra.contact.friction import as_given
 from signorini_fx.algebra.contact.motions import total_work
-from signorini_fx.algebra.contact.reactions import reactions
-from signorini_fx.algebra.contact.statics import largest_multiple
+from signorini_fx.algebra.contact.reactions import largest_multiple, reactions
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.model import Model
 

@@ -9,9 +9,8 @@ from scipy import sparse
 from scipy.optimize import linprog
 
 from signorini_fx.algebra.contact.friction import PointFriction
-from signorini_fx.algebra.contact.reactions import Reactions, nearest
+from signorini_fx.algebra.contact.reactions import Reactions, escape, largest_multiple, nearest, separable, squeezed
 from signorini_fx.algebra.contact.reactions import reactions as reactions_at
-from signorini_fx.algebra.contact.statics import escape, largest_multiple, separable, squeezed
 from signorini_fx.mechanics.rigid.rigid_motions import rigid_modes
 from signorini_fx.records import Status
 

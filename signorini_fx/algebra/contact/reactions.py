@@ -21,7 +21,15 @@ from signorini_fx.algebra.contact.friction import PointFriction, as_given
 from signorini_fx.algebra.contact.motions import FreeMotions
 from signorini_fx.algebra.contact.nodal_vectors import Nodal, length, unit
 from signorini_fx.machine import parallel
-from signorini_fx.tuned import LARGEST_BALANCING_FORCE, NO_FORCE, NOTHING_LEFT, STATIONARY_WORK, UNLIMITED_FRICTION
+from signorini_fx.records import Status
+from signorini_fx.tuned import (
+    AT_REST,
+    LARGEST_BALANCING_FORCE,
+    NO_FORCE,
+    NOTHING_LEFT,
+    STATIONARY_WORK,
+    UNLIMITED_FRICTION,
+)
 
 # Columns that a motion adds, for each dimension; motions that are tried, and those without progress.
 _COLUMNS, _ROUNDS, _PATIENCE = 4, 400, 3
@@ -278,3 +286,105 @@ def combination(columns: Nodal, target: Nodal, passive: list[int]) -> tuple[list
 def _solve(columns: Nodal, target: Nodal) -> Nodal:
     """The coefficients of the columns, one per row, that come nearest to the target."""
     return np.asarray(np.linalg.lstsq(columns.T, target, rcond=None)[0]) if len(columns) else np.zeros(0)
+
+
+def escape(contact: Reactions, load: Nodal) -> tuple[Status, Nodal] | None:
+    """How a load moves one assembly away, and the motion that it drives, shape (k,); None: not proved.
+
+    Args:
+        contact: the reactions of the assembly.
+        load: its work on the motions, shape (k,), not zero.
+    """
+    near = nearest(contact, load)
+    if not near.unbalanced:
+        return None
+    if contact.friction.any():
+        rough = nearest(contact.rough, load)
+        if not rough.unbalanced:
+            return Status.SLIDES, along_contact(contact, near.motion, near.pressed)
+        near = rough
+    if not near.pressed.size:
+        return Status.OPEN, near.motion
+    motion = along_contact(contact, near.motion, near.pressed)
+    at_nodes = np.concatenate((contact.normal[:, None], contact.tangential), axis=1) @ motion
+    still = np.abs(at_nodes[near.pressed]).max() <= AT_REST * np.abs(at_nodes).max()
+    return (Status.TIPS if still else Status.OPEN), motion
+
+
+def along_contact(contact: Reactions, motion: Nodal, pressed: npt.NDArray[np.int64]) -> Nodal:
+    """A motion that keeps pressed nodes in contact, shape (k,).
+
+    Where friction follows the pressure, the motion on which tractions can do no more work lifts slipping nodes off; the
+    body does not.  The motion is returned as it is if nothing else is left of it.
+    """
+    rows = contact.normal[pressed]
+    sliding: Nodal = motion - np.linalg.lstsq(rows, rows @ motion, rcond=NO_FORCE)[0] if len(rows) else motion
+    return sliding if np.linalg.norm(sliding) > NO_FORCE * np.linalg.norm(motion) else motion
+
+
+def separable(contact: Reactions) -> bool:
+    """Whether one assembly can move off its foundation at all nodes at once, without slip where friction is given.
+
+    Then no pressures are in balance: without a load there are none, and nothing says where the body is.
+    """
+    if contact.bilateral.any():
+        return False
+    zero = np.zeros_like(contact.given)
+    with_distance = replace(
+        contact.unlimited(contact.given > 0),
+        normal=np.column_stack((contact.normal, zero + 1.0)),
+        tangential=np.concatenate((contact.tangential, np.zeros_like(contact.tangential[:, :, :1])), axis=2),
+    )
+    return nearest(with_distance, np.eye(contact.normal.shape[1] + 1)[-1], unlimited=True).unbalanced
+
+
+def squeezed(contact: Reactions, gap: Nodal) -> bool:
+    """Whether one assembly is held by its foundation without a load, as in an interference fit.
+
+    Its nodes overlap with the foundation wherever it is if pressures in balance do work on the gaps that is negative.
+
+    Args:
+        contact: its contact nodes.
+        gap: at these nodes, length, shape (n,).
+    """
+    size = float(np.abs(gap).max(initial=0.0))
+    if size == 0.0:
+        return False
+    rows = np.column_stack((contact.normal, gap / size + NO_FORCE))
+    rows = np.concatenate((rows, -np.column_stack((contact.normal, gap / size - NO_FORCE))[contact.bilateral]))
+    rows /= np.maximum(np.linalg.norm(rows, axis=1, keepdims=True), NO_FORCE)
+    *_, residual = combination(rows, -np.eye(rows.shape[1])[-1], [])
+    return bool(np.linalg.norm(residual) <= NO_FORCE)
+
+
+def null_space(rows: Nodal, share: float = NO_FORCE) -> Nodal:
+    """Directions, one per column, perpendicular to all rows but for a share of them, round-off.
+
+    By singular values: the squares that the eigenvalues of a product are would be round-off below its own.
+    """
+    k = rows.shape[1]
+    _, values, directions = np.linalg.svd(np.linalg.qr(np.concatenate((rows, np.zeros((k, k)))), mode="r"))
+    null: Nodal = directions[values <= share * values[:1]].T
+    return null
+
+
+def largest_multiple(contact: Reactions, load: Nodal) -> float:
+    """The largest multiple of a load that admissible tractions balance; infinite beyond ``LARGEST_BALANCING_FORCE``.
+
+    The motion that a larger multiple drives shows how much the tractions can do against it at most: Newton's method for
+    the largest one.
+
+    Args:
+        contact: the reactions of one assembly.
+        load: its work on the motions, shape (k,), not zero.
+    """
+    multiple, size = LARGEST_BALANCING_FORCE, float(np.linalg.norm(load))
+    while True:
+        near = nearest(contact, multiple * load)
+        if not near.unbalanced:
+            return np.inf if multiple == LARGEST_BALANCING_FORCE else multiple
+        *_, limited = contact.against(near.motion, size)
+        least = max(0.0, float(limited @ near.motion)) * size / float(load @ near.motion)
+        if least == 0.0 or least >= multiple * (1 - NO_FORCE):
+            return least
+        multiple = least

@@ -10,8 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from signorini_fx.algebra.contact.motions import total_work
-from signorini_fx.algebra.contact.reactions import Reactions, nearest, reactions
-from signorini_fx.algebra.contact.statics import escape, null_space, squeezed
+from signorini_fx.algebra.contact.reactions import Reactions, escape, nearest, null_space, reactions, squeezed
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.rigid.motion_names import names_of
