@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import Any
 
 from signorini_fx.errors import MachineError
-from signorini_fx.machine import signals, terminal
+from signorini_fx.machine import signals
 from signorini_fx.tuned import LOCK_PAUSE, LOCK_SILENCE
 
 _LOCKS = ".signorini_fx.locks"
@@ -101,6 +101,8 @@ def prepare(folder: Path, module: str, patience: float, held: ExitStack) -> None
             fcntl.lockf(file, fcntl.LOCK_EX | fcntl.LOCK_NB, 1, byte)
         except OSError:
             if not announced and time.monotonic() - begin > LOCK_SILENCE:
+                from signorini_fx.machine import terminal
+
                 terminal.say("waiting for another process, which compiles the same form", error=True)
                 announced = True
         else:

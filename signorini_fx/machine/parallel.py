@@ -13,13 +13,14 @@ import time
 from collections.abc import Callable, Iterable
 from functools import cache
 from pathlib import Path
-from typing import Any, TypeVar, cast
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import numpy as np
 import numpy.typing as npt
 from mpi4py import MPI
 
-from signorini_fx.machine import terminal
+if TYPE_CHECKING:
+    from signorini_fx.machine import terminal
 
 T = TypeVar("T")
 
@@ -48,6 +49,8 @@ def peak_memory(comm: MPI.Comm) -> float:
 def log_on_root(comm: MPI.Comm, output: str | Iterable[terminal.TerminalLine], *, error: bool = False) -> None:
     """Print a text, or lines, once."""
     if is_root(comm):
+        from signorini_fx.machine import terminal
+
         terminal.say(output, error=error)
 
 

@@ -10,7 +10,7 @@ from test_stresses import INNER, OUTER, PRESSURE, cylinder
 
 from signorini_fx.mechanics.body.discretisation import discretise
 from signorini_fx.mechanics.body.element_stress import element_stress
-from signorini_fx.mechanics.kinematics.plane_strain import PLANE_STRAIN
+from signorini_fx.mechanics.kinematics.cartesian import PLANE_STRAIN
 from signorini_fx.mechanics.materials.isotropic import elastic_forms
 from signorini_fx.records import Timings
 from signorini_fx.scenes.mesh import load_mesh

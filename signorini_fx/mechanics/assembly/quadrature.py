@@ -11,8 +11,8 @@ from dolfinx import fem
 from dolfinx import mesh as dmesh
 
 from signorini_fx.machine import compat, parallel
+from signorini_fx.mechanics.kinematics.cartesian import SPACE
 from signorini_fx.mechanics.kinematics.protocol import Kinematics
-from signorini_fx.mechanics.kinematics.space import SPACE
 from signorini_fx.mechanics.materials.isotropic import elastic_degree
 from signorini_fx.tuned import AFFINE_CELL
 

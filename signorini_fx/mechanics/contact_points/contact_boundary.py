@@ -28,8 +28,8 @@ from signorini_fx.mechanics.assembly import contact_forms
 from signorini_fx.mechanics.assembly.averages import Averages, AveragingForms, averaged_points
 from signorini_fx.mechanics.assembly.mesh_entities import assemble, facet_nodes, measure, node_positions
 from signorini_fx.mechanics.kinematics import of_components
+from signorini_fx.mechanics.kinematics.cartesian import SPACE
 from signorini_fx.mechanics.kinematics.protocol import Kinematics
-from signorini_fx.mechanics.kinematics.space import SPACE
 from signorini_fx.mechanics.laws.directed import FrictionAxes
 from signorini_fx.mechanics.statement.rigid_motion import RigidBody
 from signorini_fx.tuned import SAME_DIRECTION

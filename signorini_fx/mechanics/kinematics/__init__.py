@@ -1,4 +1,4 @@
-"""Which displacements a body has: strains, measures, rigid motions and components of each kind, one file per kind.
+"""Which displacements a body has: strains, measures, rigid motions and components of each kind.
 
 The object of a problem is ``Statement.kinematics``, that of its body ``ElasticBody.kinematics``.  All others ask it
 and know no kind.  Other packages have more for plane meshes, objects with the base ``Kinematics`` by entry points,
@@ -19,10 +19,8 @@ from typing import Any
 from signorini_fx.errors import InstallationError
 from signorini_fx.extensions import KINEMATICS, load, names_of
 from signorini_fx.mechanics.kinematics.axisymmetric import AXISYMMETRIC
-from signorini_fx.mechanics.kinematics.plane_strain import PLANE_STRAIN
-from signorini_fx.mechanics.kinematics.plane_stress import PLANE_STRESS
+from signorini_fx.mechanics.kinematics.cartesian import PLANE_STRAIN, PLANE_STRESS, SPACE
 from signorini_fx.mechanics.kinematics.protocol import Kinematics
-from signorini_fx.mechanics.kinematics.space import SPACE
 from signorini_fx.mechanics.kinematics.torsion import TORSION
 
 KINDS = (PLANE_STRAIN, PLANE_STRESS, AXISYMMETRIC, TORSION, SPACE)

@@ -8,8 +8,8 @@ from typing import Annotated, Any, ClassVar
 import numpy as np
 from pydantic import Field
 
+from signorini_fx.mechanics.kinematics.cartesian import SPACE
 from signorini_fx.mechanics.kinematics.protocol import Kinematics, position
-from signorini_fx.mechanics.kinematics.space import SPACE
 from signorini_fx.mechanics.materials.protocol import Array, Material
 from signorini_fx.mechanics.statement.effect import Contradictions, Features
 from signorini_fx.mechanics.statement.values import Positive, SampledValue

@@ -11,7 +11,7 @@ from dolfinx import fem
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable
-from signorini_fx.mechanics.kinematics.plane_strain import PLANE_STRAIN
+from signorini_fx.mechanics.kinematics.cartesian import PLANE_STRAIN
 from signorini_fx.mechanics.kinematics.protocol import Kinematics
 from signorini_fx.mechanics.model import Model
 from signorini_fx.results.accuracy.contact_surface import ContactSurface
