@@ -36,8 +36,8 @@ from signorini_fx.quantities.answers import answers
 from signorini_fx.quantities.digits import between, figure
 from signorini_fx.quantities.families.stress import marked_stress
 from signorini_fx.quantities.registry import quantities
-from signorini_fx.records import Status
-from signorini_fx.results.certificate.certificate import JUDGED, REPORTED, Certificate
+from signorini_fx.records import JUDGED, REPORTED, Status
+from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.results.files import write_results
 from signorini_fx.results.restart_files import _described
 from signorini_fx.scenes import cli

@@ -59,8 +59,7 @@ from signorini_fx.mechanics.statement.load_path import LoadSteps
 from signorini_fx.mechanics.statement.overclosure import Overclosure
 from signorini_fx.mechanics.statement.rigid_motion import PivotSprings, Prescribed
 from signorini_fx.quantities.table import markdown
-from signorini_fx.records import Status
-from signorini_fx.results.certificate.certificate import JUDGED, REPORTED
+from signorini_fx.records import JUDGED, REPORTED, Status
 from signorini_fx.results.files import write_results
 from signorini_fx.scenes import cli, scene
 from signorini_fx.scenes.checks import check_scene
