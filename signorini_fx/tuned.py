@@ -803,7 +803,7 @@ ALONG_AXIS, UPRIGHT, VIEW_DISTANCE = 0.99, 0.9, 4.0
 # the body, the certificate is asked: with quadratic convergence the next one would be round-off.  Choice.
 SMALL_INCREMENT, LEAST_INCREMENT = 1e-8, 1e-13
 # After an increment below the first share of the largest displacement, and the second of the one before, the next one
-# has the same tangent.  Measured: with 1e-4 the last factor cannot say of a column near Euler's load that it is stable.
+# has the same tangent.  Choice.
 KEPT_TANGENT = 3e-5, 0.1
 # How often an iteration is solved anew with the same factor for pairs that keep their partners, until a solve changes
 # the increment by the second share.  Measured: blocks pushed sideways without friction take 5 iterations, with one such
@@ -869,11 +869,8 @@ NEAR_ONE, TERMS_NEAR_ONE = 1e-3, 6
 # The strain over which the energy of a material is differentiated to try its stress, and the share of its modulus up to
 # which both agree.  Choice: the difference errs by its square and by round-off over it.
 ENERGY_DIFFERENCE, SAME_STRESS = 1e-5, 1e-6
-# The tangents K at the last iteration and K + E at the equilibrium are definite together if K^-1 E makes at most this
-# of a random displacement, as the root of the sum of squares in units of the size of each unknown of that.  Choice: a
-# change of inertia leaves so little in one of 125 cases, and increments that end an iteration, below 1e-8 of the
-# displacement, do as a rule.
-SAME_INERTIA = 0.01
+# Relative error of the eigenvalue whose vector shows where an instability begins.  Choice: it is shown in words.
+UNSTABLE_DIRECTION = 0.01
 # What holds a contact point where the inertia of the tangent is looked at, in units of the largest entry on the
 # diagonal.  Choice.
 HOLDING_STIFFNESS = 1e4

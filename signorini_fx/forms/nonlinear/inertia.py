@@ -14,7 +14,7 @@ from petsc4py import PETSc
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.nodal_stiffness import JointStiffness, NodalStiffness
 from signorini_fx.mechanics.rigid.rigid_bodies import with_more_unknowns
-from signorini_fx.tuned import HOLDING_STIFFNESS, NO_FORCE, ORDER_IN_PLANE, SAME_INERTIA
+from signorini_fx.tuned import HOLDING_STIFFNESS, NO_FORCE, ORDER_IN_PLANE, UNSTABLE_DIRECTION
 
 Array = npt.NDArray[np.float64]
 
@@ -166,5 +166,5 @@ def _unstable_direction(matrix: PETSc.Mat, factor: PETSc.PC) -> Array:
         return parallel.gather_rows(comm, np.array(y.getArray(readonly=True)))
 
     inverse, begin = LinearOperator(matrix.getSize(), matvec=solved), np.random.default_rng(0)
-    _, vectors = eigsh(inverse, k=1, which="SA", v0=begin.standard_normal(inverse.shape[0]), tol=SAME_INERTIA)
+    _, vectors = eigsh(inverse, k=1, which="SA", v0=begin.standard_normal(inverse.shape[0]), tol=UNSTABLE_DIRECTION)
     return np.asarray(vectors[own, 0])

@@ -11,17 +11,15 @@ from dolfinx import fem
 
 from signorini_fx.errors import FormError
 from signorini_fx.forms.arguments import conditions_of
-from signorini_fx.forms.nonlinear.condensed_inertia import Restraint, is_positive
 from signorini_fx.forms.nonlinear.inertia import ToolsAtPoints, negative_directions
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
 from signorini_fx.forms.nonlinear.moving_shapes import turning_of
 from signorini_fx.forms.nonlinear.residual import Residual
-from signorini_fx.forms.nonlinear.tangent import Product, Tangents, is_derivative, product, product_of_derivative
+from signorini_fx.forms.nonlinear.tangent import Tangents, is_derivative
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import node_positions
 from signorini_fx.mechanics.assembly.nodal_stiffness import NodalStiffness
 from signorini_fx.records import Status
-from signorini_fx.tuned import DIFFERENCE_STRAINS
 
 Array = npt.NDArray[np.float64]
 
@@ -45,18 +43,10 @@ class Stability:
     where: str = ""
 
     def verdict(self) -> Status:
-        """Whether an equilibrium is stable, by the derivative of F; collective.
-
-        The factorisation of the last iteration says so as a rule; where it does not there is one more.
-        """
-        linear = self.linear
-        if not linear.factor_fits or (derivative := self._derivative()) is None:
+        """Whether an equilibrium is stable, by the derivative of F; collective."""
+        if not self.linear.factor_fits or (tangent := self._derivative()) is None:
             return Status.STABILITY_UNKNOWN
-        tangent, at_end = derivative
-        linear.bend()
-        leading = tangent is self.tangents.leading and linear.relative is None
-        if leading and is_positive(linear.elastic, linear.task.system, self._restraint(), at_end):
-            return Status.CONVERGED
+        self.linear.bend()
         negative, direction = self._negative(tangent)
         if not negative:
             return Status.CONVERGED
@@ -79,9 +69,9 @@ class Stability:
         with suppress(FormError):
             forces = self.residual.at(self.u.x.array.copy())
             known = forces is not None and self.linear.solved.outcome is not None and self.linear.factor_fits
-            if known and (derivative := self._derivative()) is not None:
+            if known and (tangent := self._derivative()) is not None:
                 self.linear.bend()
-                if self._negative(derivative[0])[0]:
+                if self._negative(tangent)[0]:
                     return "the tangent has lost its stiffness in some direction"
         return ""
 
@@ -103,33 +93,18 @@ class Stability:
         dofmap = self.u.function_space.dofmap
         return self.linear.prescribed[0][: dofmap.index_map.size_local * dofmap.index_map_bs]
 
-    def _derivative(self) -> tuple[fem.Form, Product] | None:
-        """The user's tangent if it is the derivative of F at ``u``, else that of UFL, with its product with a random
-        displacement; None: neither is; collective.
-        """
-        free, values = ~self._fixed, self.u.x.array.copy()
+    def _derivative(self) -> fem.Form | None:
+        """The user's tangent if it is the derivative of F at ``u``, else that of UFL; None: neither is; collective."""
         if self.tangents.trusted:
-            leading = self.tangents.leading
-            return leading, product(leading, self.u, free, DIFFERENCE_STRAINS[0])
+            return self.tangents.leading
+        free, values = ~self._fixed, self.u.x.array.copy()
         for given in (True, False) if self.tangents.given else (False,):
             tangent = self.tangents.leading if given else self.tangents.derivative
-            at_end = product_of_derivative(tangent, self.u, self.residual.at, free)
+            fits = is_derivative(tangent, self.u, self.residual.at, free)
             self.residual.go_to(values)
-            if at_end is not None:
-                return tangent, at_end
+            if fits:
+                return tangent
         return None
-
-    def _restraint(self) -> Restraint:
-        """What acts at the contact points, without tools that forces move; collective."""
-        linear, nodes = self.linear, self.linear.state.boundary.nodes
-        beside = self._beside(turning_of(linear.state, linear.scales.size))
-        return Restraint(beside, nodes, linear.held, linear.holding)
-
-    def _beside(self, at_points: Array) -> NodalStiffness:
-        """The curvature, and blocks of the contact points, shape (n, d, d)."""
-        curvature, nodes = self.linear.curvature, self.linear.state.boundary.nodes
-        blocks = np.concatenate((curvature.blocks, at_points))
-        return NodalStiffness.summed(np.concatenate((curvature.nodes, nodes)), blocks, curvature.joint)
 
     def _most_moved(self, direction: Array) -> str:
         """Where a displacement of the owned nodes is largest, in words; collective."""
@@ -153,7 +128,8 @@ class Stability:
             at_points = turning + blocks[:, :dim, :dim]
             blocks[:, :dim, :dim] += np.where((relative.tool >= 0)[:, None, None], turning, 0.0)
             tools = self._tools(relative.tool, blocks)
-        beside = self._beside(at_points)
+        curvature, blocks = linear.curvature, np.concatenate((linear.curvature.blocks, at_points))
+        beside = NodalStiffness.summed(np.concatenate((curvature.nodes, nodes)), blocks, curvature.joint)
         judged = linear.holding, tools, linear.symmetric, bool(linear.loose)
         return negative_directions(tangent, bcs, self._fixed, beside, nodes, linear.held, *judged)
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -127,47 +126,10 @@ def spacing(space: fem.FunctionSpace) -> Array:
     return np.array(function.x.array[:: space.dofmap.index_map_bs])
 
 
-@dataclass(frozen=True)
-class Product:
-    """What a bilinear form makes of a random displacement that supports leave free.
-
-    Attributes:
-        direction: the displacement.
-        forces: of it, shape (owned dofs,).
-    """
-
-    direction: fem.Function
-    forces: Array
-
-
-def product(form: fem.Form, u: fem.Function, free: npt.NDArray[np.bool_], strain: float) -> Product:
-    """That of a form with a random displacement; collective.
-
-    Args:
-        form: compiled, whose coefficients are as it is wanted.
-        u: gives the space.
-        free: which of the owned unknowns are not prescribed, shape (owned dofs,).
-        strain: of the displacement, without unit.
-    """
-    direction = random_direction(u, strain)
-    direction.x.array[: free.size][~free] = 0.0
-    direction.x.scatter_forward()
-    nodes = direction.x.array.size // u.function_space.dofmap.index_map_bs
-    return Product(direction, action((form,), direction, np.arange(nodes, dtype=np.int32)))
-
-
 def is_derivative(
     form: fem.Form, u: fem.Function, forces: Callable[[Array], Array | None], free: npt.NDArray[np.bool_]
 ) -> bool:
-    """Whether there is a ``product_of_derivative``; collective."""
-    return product_of_derivative(form, u, forces, free) is not None
-
-
-def product_of_derivative(
-    form: fem.Form, u: fem.Function, forces: Callable[[Array], Array | None], free: npt.NDArray[np.bool_]
-) -> Product | None:
-    """The product of a bilinear form with a random displacement that supports leave free, if that is what forces change
-    by: then it is their derivative.  None: it is not; collective.
+    """Whether the product of a bilinear form with a random displacement is what forces change by; collective.
 
     Args:
         form: compiled.
@@ -175,34 +137,35 @@ def product_of_derivative(
         forces: F at the owned unknowns for values of ``u``, ghosts included; None: it has none there.
         free: which of the owned unknowns are not prescribed, shape (owned dofs,).
     """
-    for strain in DIFFERENCE_STRAINS:
-        if (tried := _agreeing(form, u, forces, free, strain)) is not None:
-            return tried
-    return None
+    return any(_agrees(form, u, forces, free, strain) for strain in DIFFERENCE_STRAINS)
 
 
-def _agreeing(
+def _agrees(
     form: fem.Form,
     u: fem.Function,
     forces: Callable[[Array], Array | None],
     free: npt.NDArray[np.bool_],
     strain: float,
-) -> Product | None:
+) -> bool:
     """The same over a change of strain of this size; ``u`` is as it was after it, but not what depends on it.
 
     Where the change leads across a yield surface, forces change otherwise ahead than behind: either is a derivative.
     """
     comm, values = u.function_space.mesh.comm, u.x.array.copy()
     now = forces(values)
-    tried = product(form, u, free, strain)
-    ahead, behind = (forces(values + sign * tried.direction.x.array) for sign in (1.0, -1.0))
+    direction = random_direction(u, strain)
+    direction.x.array[: free.size][~free] = 0.0
+    direction.x.scatter_forward()
+    nodes = direction.x.array.size // u.function_space.dofmap.index_map_bs
+    predicted = action((form,), direction, np.arange(nodes, dtype=np.int32))
+    ahead, behind = (forces(values + sign * direction.x.array) for sign in (1.0, -1.0))
     u.x.array[:] = values
     if now is None or ahead is None or behind is None:
-        return None
-    apart = np.abs(tried.forces - (ahead - behind) / 2) - np.abs(ahead - 2 * now + behind) / 2
+        return False
+    apart = np.abs(predicted - (ahead - behind) / 2) - np.abs(ahead - 2 * now + behind) / 2
     error = np.where(free, np.maximum(apart, 0.0), 0.0)
-    squares = parallel.global_sum(comm, np.array([error @ error, (tried.forces * free) @ tried.forces]))
-    return tried if squares[0] <= SAME_TANGENT**2 * squares[1] else None
+    squares = parallel.global_sum(comm, np.array([error @ error, (predicted * free) @ predicted]))
+    return bool(squares[0] <= SAME_TANGENT**2 * squares[1])
 
 
 def random_direction(u: fem.Function, strain: float) -> fem.Function:
