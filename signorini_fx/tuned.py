@@ -816,8 +816,6 @@ FAR_FROM_LAW = 1e-2
 # Where a pass would change less than this share of a small increment there is none, as far as the last one tells.
 # Measured: two blocks that slide take 65 linear solves instead of 68, and as many iterations.
 SPARED_PASS = 0.1
-# Cosine of the ways of supports and shapes in two load steps above which the second one goes on as the first.  Choice.
-SAME_WAY = 0.9
 # Share of the last increment above which the next one shows that the tangent leaves something out.  Measured: without
 # that .003 to .07 of the last one is left, with it 1e-3 and less; with a share of .01 rollers take an iteration more.
 SLOW_INCREMENT = 0.002

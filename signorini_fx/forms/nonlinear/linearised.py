@@ -47,7 +47,6 @@ from signorini_fx.forms.nonlinear.moving_shapes import (
     spin_at,
 )
 from signorini_fx.forms.nonlinear.moving_tools import DisplacedRigidBodies, MovingTools, RelativeStiffness
-from signorini_fx.forms.nonlinear.predicted_sets import StepChange
 from signorini_fx.forms.nonlinear.residual import Residual
 from signorini_fx.forms.nonlinear.retained_points import RetainedPoints
 from signorini_fx.forms.nonlinear.tangent import round_off
@@ -245,7 +244,6 @@ class LinearisedProblem(FormSolver):
     law_tolerance = 0.0
     several = False
     bodies: tuple[str, ...] = ()
-    _last_change: StepChange | None = None  # what the last load step has changed
     shear_transfer: Array | None = None
     _backward: Sequence[JointStiffness] = ()  # what symmetry has added for the turning of normals of kept partners
     _retained: RetainedPoints
@@ -423,7 +421,8 @@ class LinearisedProblem(FormSolver):
         """See ``FormSolver``; slips of points that stick are linearised as their tangent planes turn."""
         state = self._state
         begun = self._from_pairs(super().begin_step())
-        begun = self._with_first_sets(begun) if begun.multipliers is None else self._with_predicted_sets(begun)
+        if begun.multipliers is None:
+            begun = self._with_first_sets(begun)
         if self.settings.algorithm in ("auto", "ssn"):
             begun = replace(begun, law_tolerance=self.law_tolerance)
         if self.task.motions.count:
@@ -466,37 +465,6 @@ class LinearisedProblem(FormSolver):
         if not parallel.any_rank(self.space.mesh.comm, bool(inside.any())):
             return begun
         return replace(begun, sets=ActiveSets.of(inside, np.zeros_like(begun.data.mu_hat)))
-
-    def _with_predicted_sets(self, begun: Start) -> Start:
-        """With the sets of a load step without a solution so far that goes on as the last one did; collective."""
-        change, previous, comm = self._last_change, self.previous_step, self.space.mesh.comm
-        solved = self._solution is not None and self._solution.step == begun.step
-        loose = self.rigid.bodies or self.task.motions.count or self.task.rest is not None
-        if change is None or previous is None or solved or loose:
-            return begun
-        if parallel.any_rank(comm, change.pressure.size != self.boundary.size):
-            return begun
-        at, (fixed, values) = self._at.x.array, self.prescribed
-        supported = fixed[: self.elastic.fixed.size]
-        ways = (values - at)[: supported.size][supported]
-        share = change.goes_on(comm, supported, ways, previous.moved)
-        if share == 0.0:
-            return begun
-
-        def traces(further: Array) -> tuple[Array, Array]:
-            moved = fem.Function(self.space)
-            moved.x.array[:] = np.where(fixed, values, at + further)
-            system = self.task.system
-            return system.contact.traces(system.unknowns(self.elastic.unknowns(moved)))
-
-        far = None if self.elastic.far is None else self.elastic.far[0]
-        return replace(begun, sets=change.sets_after(share, begun, self.boundary, traces, far))
-
-    def advance(self) -> None:
-        previous = self.previous_step
-        super().advance()
-        assert self._last is not None
-        self._last_change = StepChange.between(previous, self._last.before)
 
     def _from_pairs(self, begun: Start) -> Start:
         """With the slips of pairs counted from where their step has begun."""
