@@ -809,10 +809,6 @@ KEPT_TANGENT = 3e-5, 0.1
 # the increment by the second share.  Measured: blocks pushed sideways without friction take 5 iterations, with one such
 # solve 10, without any that knows how gaps close as normals turn 12.
 MOST_PASSES, SMALL_PASS = 5, 0.01
-# How far friction may be from its law in an iteration after which another one follows, as a share of the largest shear:
-# in the first one this, later this times the last increment over the displacement.
-# Measured: a sphere that ploughs takes 38 linear solves with 1e-3, 36 with 1e-2, and 33 and an iteration more with 0.1.
-FAR_FROM_LAW = 1e-2
 # Where a pass would change less than this share of a small increment there is none, as far as the last one tells.
 # Measured: two blocks that slide take 65 linear solves instead of 68, and as many iterations.
 SPARED_PASS = 0.1

@@ -433,10 +433,8 @@ class SemismoothNewton:
         computed with by the residual of the law: then the residual with the latter counts.
         """
         tolerance = self.snes.getTolerances()[0]
-        allowed = max(tolerance, self.problem.law_tolerance)
-        self.problem.left_early = tolerance < law <= allowed
-        if self.problem.affine or law > allowed or residual <= tolerance:
-            return law <= allowed and residual <= tolerance
+        if self.problem.affine or law > tolerance or residual <= tolerance:
+            return law <= tolerance and residual <= tolerance
         return self.problem.accept(self.x, self.problem.sets, tolerance)
 
     def _reason(self) -> Status:

@@ -295,7 +295,7 @@ def _coulomb(task: Task, start: Start, law: PointFriction) -> Outcome:
             law,
             multipliers,
             first_sets,
-            tolerance=max(s.tolerance, start.law_tolerance),
+            tolerance=s.tolerance,
             max_outer=s.max_outer_iterations,
             augmentation=augmentation_on(task, newton) if s.algorithm == "alm" else None,
         )

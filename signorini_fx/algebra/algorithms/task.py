@@ -44,8 +44,6 @@ class Start:
         regularisation_error: that of path-following in an earlier load step, in the energy norm.
         without_fall_backs: whether only the methods themselves are tried, because a smaller increment may do.
         several: whether it is one of several: a body that nothing loads in it then waits where it is for its load.
-        law_tolerance: how far friction may be from its law, as a share of the largest shear, where another solve
-            follows; 0: none does.
     """
 
     data: RegularisedData
@@ -60,7 +58,6 @@ class Start:
     regularisation_error: float | None = None
     without_fall_backs: bool = False
     several: bool = False
-    law_tolerance: float = 0.0
 
     def begin_from(self, sets: ActiveSets, multipliers: tuple[Nodal, Nodal]) -> Start:
         """The same, from the sets and (lambda, mu) of another mesh, of fewer contact nodes, or of another load."""
@@ -309,7 +306,6 @@ class Iterate:
     def begin_step(self, start: Start) -> None:
         """Apply the loads and prescribed displacements of a load step to the current iterate."""
         self.fall_back.exhausted = start.without_fall_backs
-        self.newton.problem.law_tolerance = start.law_tolerance
         if start.factors is not None:
             self._system.set_load(start.factors)
         fixed = self._system.contact.fixed

@@ -77,12 +77,6 @@ class ActiveSets:
         slip = self.slip & ~where
         return ActiveSets(self.contact, slip, np.where(slip[:, None], self.direction, 0.0), self.turning, self.line)
 
-    def directed_as(self, following: ActiveSets) -> ActiveSets:
-        """The sets with the directions of others, and what these resist, where points slip in both."""
-        both = self.slip & following.slip
-        direction = np.where(both[:, None], following.direction, self.direction)
-        return replace(self, direction=direction, turning=np.where(both, following.turning, self.turning))
-
     def across(self, vectors: Nodal) -> Nodal:
         """(I - e e^T) v, shape (n, d - 1); zero in 2D."""
         return vectors - inner(self.direction, vectors)[:, None] * self.direction

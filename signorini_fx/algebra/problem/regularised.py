@@ -94,8 +94,6 @@ class RegularisedProblem:
         sets: active sets of the last linear solve.
         next: active sets of the last residual.
         force_scale: size of the forces on the unknowns that are not prescribed, in the last residual.
-        law_tolerance: see ``Start``.
-        left_early: whether the last solve has ended by it alone.
         moved: contact points whose blocks in the Jacobian differ from those of its last factorisation; None: there is
             none, or too many to tell.
     """
@@ -110,8 +108,6 @@ class RegularisedProblem:
         self.sets = ActiveSets.all_in_contact(self.points.size, self.points.dimension - 1)
         self.next = NextSets(self.sets, self.sets)
         self.force_scale = 0.0
-        self.law_tolerance = 0.0
-        self.left_early = False
         self.moved: int | None = None
         self._motions = motions
         self._forced_first = False
@@ -125,7 +121,7 @@ class RegularisedProblem:
             data: its data.
             first_sets: sets of the first linear solve; None: from the iterate and the sets of the previous problem.
         """
-        self.data, self.left_early = data, False
+        self.data = data
         curved = data.follows is not None and not data.follows.affine
         self.affine = (self.points.dimension == 2 or data.bound is None) and not curved
         moved = self.system.start.copy()

@@ -22,7 +22,7 @@ from dolfinx import fem
 from signorini_fx.algebra.algorithms.loose import idle, untouched
 from signorini_fx.algebra.algorithms.strategy import solve_task
 from signorini_fx.algebra.algorithms.task import Outcome, Start
-from signorini_fx.algebra.contact.active_sets import ActiveSets, classify, keep_closed
+from signorini_fx.algebra.contact.active_sets import ActiveSets, keep_closed
 from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.algebra.linalg.condensed import CondensedSystem
@@ -232,7 +232,6 @@ class LinearisedProblem(FormSolver):
         curvature: what the shapes add to the tangent.
         symmetric: whether the tangent has been symmetric so far.
         residual: F at the displacement of now, less the loads; None: it has not been assembled yet.
-        law_tolerance: see ``Start``, of the next solve.
         several: see ``Start``.
         bodies: see ``BodyPieces``.
         shear_transfer: what the increment changes of the forces of shears as partners shift, shape (owned dofs,): see
@@ -241,7 +240,6 @@ class LinearisedProblem(FormSolver):
 
     symmetric = True
     residual: Array | None = None
-    law_tolerance = 0.0
     several = False
     bodies: tuple[str, ...] = ()
     shear_transfer: Array | None = None
@@ -423,8 +421,6 @@ class LinearisedProblem(FormSolver):
         begun = self._from_pairs(super().begin_step())
         if begun.multipliers is None:
             begun = self._with_first_sets(begun)
-        if self.settings.algorithm in ("auto", "ssn"):
-            begun = replace(begun, law_tolerance=self.law_tolerance)
         if self.task.motions.count:
             begun = replace(begun, several=self.several)
             if self._last is None:
@@ -816,30 +812,6 @@ class LinearisedProblem(FormSolver):
         x = self.task.system.unknowns(self.elastic.unknowns(counted))
         newton.restore((x, newton.problem.sets, newton.problem.data))
         self.show(Outcome(status, newton, begun.data), None)
-
-    def show(self, outcome: Outcome, result: StepResult | None) -> None:
-        """See ``FormSolver``: a solve after one that may be left early begins with the directions that follow from the
-        displacement of that.
-        """
-        super().show(outcome, result)
-        problem = outcome.problem
-        if self.status is Status.CONVERGED and self.begun.law_tolerance > 0.0 and not problem.affine:
-            assert self._solution is not None
-            following = classify(problem.sets, *problem.system.contact.traces(outcome.newton.x), problem.data)
-            self._solution = replace(self._solution, sets=problem.sets.directed_as(following))
-
-    @property
-    def keeps_to_law(self) -> bool:
-        """Whether contact in the last outcome is as near its law as it can be; collective."""
-        if self.begun.law_tolerance == 0.0:
-            return True
-        assert self.outcome is not None
-        problem, state = self.outcome.problem, self.state
-        bound = problem.friction_bounds(self.outcome.newton.x)[0]  # of a fixed point that of other pressures
-        away = np.abs(np.subtract(state.bound, bound, out=np.zeros_like(bound), where=np.isfinite(state.bound)))
-        comm, sizes = self.space.mesh.comm, (state.pressure, np.linalg.norm(state.shear, axis=1))
-        largest, *size = (parallel.largest(comm, values, 0.0) for values in (away, *sizes))
-        return not problem.left_early and bool(largest <= self.settings.tolerance * max(size))
 
     @property
     def step(self) -> int:

@@ -45,7 +45,6 @@ from signorini_fx.results.certificate.supports import PrescribedNodes
 from signorini_fx.results.solution import ConvergenceError
 from signorini_fx.tuned import (
     CYCLING_INCREMENT,
-    FAR_FROM_LAW,
     KEPT_TANGENT,
     LEAST_INCREMENT,
     LOST_UNITS,
@@ -308,12 +307,10 @@ class EquilibriumSolver:
         """
         comm, u, worst, last_change, keeps = self.linear.space.mesh.comm, self.u, np.inf, np.inf, False
         self.linear.begin_anew()
-        away = 0.0 if self._is_linear else FAR_FROM_LAW  # from the law of friction, as a share of the largest shear
         self.predicted, rests = 0.0, False
         residual: Array | None = None
         for iteration in range(1, self.max_newton + 1):
             self.iterations = iteration
-            self.linear.law_tolerance = away if iteration < self.max_newton else 0.0
             old, tools = self.tangent_at = u.x.array.copy(), self.linear.moving_tools.coordinates
             residual = self.residual.at(old) if residual is None else residual
             if residual is None:
@@ -354,16 +351,11 @@ class EquilibriumSolver:
                 for values, further in ((length * increment, moved), (u.x.array, tools + moved))
             )
             small = change <= SMALL_INCREMENT * size
-            if size > 0.0:  # a fixed point that is left as far again would take an iteration for each of its own
-                away = min(away, FAR_FROM_LAW * change / size)
             least = change <= max(self._least_increment, self._least_motion) or self._keeps_round_off()
             keeps = length == 1.0 and change <= min(KEPT_TANGENT[0] * size, KEPT_TANGENT[1] * last_change)
             shortened, last_change = self.tangents.given and 2 * change < last_change, change
             ends = small or (length == 1.0 and self._is_linear)
             if ends or (least and not (shortened and iteration < self.max_newton)):
-                if not self.linear.keeps_to_law:
-                    away = 0.0
-                    continue
                 status = self._judge(residual)
                 if status is not Status.NOT_CERTIFIED or self.certificate is None:
                     return status
