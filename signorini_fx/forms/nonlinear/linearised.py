@@ -76,7 +76,6 @@ from signorini_fx.records import Status
 from signorini_fx.results.certificate.law_of_method import Law
 from signorini_fx.results.solution import ConvergenceError
 from signorini_fx.results.step_frames import LastSolution
-from signorini_fx.results.step_result import StepResult
 from signorini_fx.tuned import (
     DAMPING_GROWTH,
     LEAST_DAMPING,
