@@ -48,12 +48,6 @@ RUN apt-get update -q \
  && apt-get clean \
  && rm -rf /var/lib/apt/lists/*
 
-# Completion of the command line in shells.
-RUN apt-get update -q \
- && DEBIAN_FRONTEND=noninteractive apt-get install -qy --no-install-recommends python3-argcomplete \
- && apt-get clean \
- && rm -rf /var/lib/apt/lists/*
-
 # Templates of the report, and tables of results as frames.
 RUN apt-get update -q \
  && DEBIAN_FRONTEND=noninteractive apt-get install -qy --no-install-recommends python3-jinja2 python3-pandas \

@@ -28,6 +28,11 @@ INSTEAD: dict[str, str] = {
     "signorini-fx compare": "compare the numbers of the two summary.json and contact.csv",
     "signorini-fx gauntlet": "compare a result of another program by signorini-fx judge",
     "signorini-fx judge --alone": "leave it out: the distance from our solution is the verdict",
+    "signorini-fx run": "signorini-fx new SCENE --from DECK drafts a deck; then solve and report",
+    "signorini-fx open": "signorini-fx report FOLDER writes report.html: open it in a browser",
+    "signorini-fx sensitivity": "call signorini_fx.sensitivity(scene, results, by) in Python",
+    "signorini-fx convert": "signorini-fx new SCENE --from DECK drafts a deck; gmsh and meshio convert meshes",
+    "signorini-fx completion": "signorini-fx --help lists the commands, signorini-fx COMMAND --help the options",
     "signorini-fx work-precision": "set accuracy.target in the scene, by which meshes and their number are chosen",
 }
 

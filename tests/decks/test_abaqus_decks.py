@@ -60,7 +60,7 @@ STEPS = [
 ]
 
 
-LACKS = "lost: "
+LACKS, NOTED = "changes the answer: ", "does not change the answer: "
 
 
 def drafted(folder, lines, capsys):
@@ -69,7 +69,7 @@ def drafted(folder, lines, capsys):
     deck.write_text("\n".join(lines) + "\n")
     (folder / "scenes").mkdir(exist_ok=True)
     scene = folder / "scenes" / "draft.toml"
-    code, data = cli.main(["convert", str(deck), str(scene)]), tomllib.loads(scene.read_text())
+    code, data = cli.main(["new", str(scene), "--from", str(deck)]), tomllib.loads(scene.read_text())
     assert code == (4 if "incomplete" in data else 0)
     said = capsys.readouterr().out
     assert data.get("incomplete", []) == [
@@ -96,7 +96,7 @@ def test_a_deck(tmp_path, capsys):
     assert contact["gap"] == "0.01 + x[1]"
     assert contact["friction"] == {"law": "coulomb", "coefficient": 0.3}
     assert data["load_steps"] == {"names": ["press", "push"]}
-    (noted,) = [line.removeprefix("left out: ") for line in said.splitlines() if line.startswith("left out: ")]
+    (noted,) = [line.removeprefix(NOTED) for line in said.splitlines() if line.startswith(NOTED)]
     assert "*NODE FILE: not written" in noted
     assert f"# Left out: {noted}\n" in scene.read_text()
     keywords = [line.partition(": ")[0].partition("*")[2] for line in data["incomplete"]]
@@ -109,7 +109,7 @@ def test_a_deck(tmp_path, capsys):
 
 def lines_of(said):
     """What is left out, without the places."""
-    found = [line.removeprefix("left out: ").removeprefix(LACKS) for line in said.splitlines()[1:]]
+    found = [line.removeprefix(NOTED).removeprefix(LACKS) for line in said.splitlines()[1:]]
     return [line.partition(", *")[2] or line for line in found if " is incomplete: " not in line]
 
 
@@ -447,7 +447,7 @@ def test_broken_decks(tmp_path, capsys, lines, said):
     """One error with the line; no scene."""
     deck = tmp_path / "deck.inp"
     deck.write_text("\n".join([*block(), *([] if lines == ["*MATERIAL"] else MATERIAL), *lines]) + "\n")
-    assert cli.main(["convert", str(deck), str(tmp_path / "scene.toml")]) == 2
+    assert cli.main(["new", str(tmp_path / "scene.toml"), "--from", str(deck)]) == 2
     error = capsys.readouterr().err
     assert said in error
     assert f"{deck}: line " in error or f"{deck}: the rigid surface 'G': " in error

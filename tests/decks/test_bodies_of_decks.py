@@ -35,7 +35,7 @@ def block(kind, nx, ny, first, low, high, elset):
 def drafted(folder, lines, code=0):
     deck, scene = folder / "deck.inp", folder / "draft.toml"
     deck.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    assert cli.main(["convert", str(deck), str(scene)]) == code
+    assert cli.main(["new", str(scene), "--from", str(deck)]) == code
     return scene, tomllib.loads(scene.read_text(encoding="utf-8"))
 
 

@@ -20,7 +20,7 @@ def drafted(folder, lines, capsys, name="deck.inp", code=0):
     deck, scene = folder / name, folder / "draft.toml"
     deck.write_text("\n".join(lines) + "\n")
     scene.unlink(missing_ok=True)
-    ended = cli.main(["convert", str(deck), str(scene)])
+    ended = cli.main(["new", str(scene), "--from", str(deck)])
     said = capsys.readouterr()
     assert ended == code, said
     return scene, tomllib.loads(scene.read_text()) if scene.exists() else None, said.out + said.err

@@ -185,12 +185,11 @@ LEFT = {
 }
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("keyword", LEFT)
-def test_run_ends_with_4(tmp_path, capsys, keyword):
+def test_new_ends_with_4(tmp_path, capsys, keyword):
     """What is not read and changes the answer is named with its line and keyword."""
     deck, lines = written(tmp_path, *LEFT[keyword])
-    assert cli.main(["run", str(deck), "--out", str(tmp_path / "out"), "--no-pictures", "--no-fields"]) == 4
+    assert cli.main(["new", str(tmp_path / "scene.toml"), "--from", str(deck)]) == 4
     said = " ".join(capsys.readouterr().out.split())
     number = max(k for k, line in enumerate(lines, 1) if line.startswith(keyword))
     assert f"changes the answer: line {number}, {keyword}" in said

@@ -12,7 +12,6 @@ from spaces import box
 
 from signorini_fx import ContactProblem, Coulomb, Foundation, SceneError, sensitivity
 from signorini_fx.addons.derivatives.entries import varied
-from signorini_fx.scenes import cli
 from signorini_fx.scenes.reading import parse_scene
 
 COMM = MPI.COMM_WORLD
@@ -185,19 +184,6 @@ def test_what_has_no_derivative(of, by, said):
     with pytest.raises(SceneError, match=said) as caught:
         sensitivity(plane(friction), of, by)
     assert len(caught.value.problems) == 1
-
-
-def test_the_command(tmp_path, capsys):
-    """A table with a row for each datum."""
-    from signorini_fx.scenes.template import starting_scene
-
-    (tmp_path / "scene.toml").write_text(starting_scene(), encoding="utf-8")
-    command = ["sensitivity", str(tmp_path / "scene.toml"), "--of", "force bottom y"]
-    assert cli.main([*command, "--by", "contact[0].friction.coefficient"]) == 0
-    out = capsys.readouterr().out
-    assert out.startswith("force bottom y = ")
-    assert "contact[0].friction.coefficient" in out
-    assert cli.main([*command, "--by", "solver.gamma_n"]) == 2
 
 
 @pytest.mark.slow

@@ -93,13 +93,20 @@ def of_front(frozen, front, folder):
     return write_results(solution, folder / "out", fields=False, pictures=False)
 
 
+NOTHING_DRAWN = ("--no-pictures", "--no-fields")
+
+
 def of_deck(path, folder):
-    """The summary of a deck that the command line solves, with its exit code."""
-    sys.argv = ["signorini-fx", "run", str(path), "--out", str(folder / "out"), "--no-pictures", "--no-fields"]
-    try:
-        runpy.run_module("signorini_fx", run_name="__main__", alter_sys=True)
-    except SystemExit as end:
-        code = end.code
+    """The summary of a deck that the command line drafts and solves, with its exit code."""
+    scene = folder / "draft.toml"
+    for command in (["new", scene, "--from", path], ["solve", scene, "--out", folder / "out", *NOTHING_DRAWN]):
+        if command[0] == "solve" and not scene.exists():
+            break
+        sys.argv = ["signorini-fx", *map(str, command)]
+        try:
+            runpy.run_module("signorini_fx", run_name="__main__", alter_sys=True)
+        except SystemExit as end:
+            code = end.code
     summary = folder / "out" / "summary.json"
     return (json.loads(summary.read_text(encoding="utf-8")) if summary.exists() else {}) | {"exit_code": code}
 

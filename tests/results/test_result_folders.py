@@ -168,19 +168,6 @@ def test_empty_names(scene, tmp_path, monkeypatch, capsys, words):
     assert content(tmp_path) == before
 
 
-@pytest.mark.parametrize("name", ["body.msh", "body.xdmf", "body.vtu"])
-def test_converted_meshes(tmp_path, capsys, name):
-    """``convert`` replaces no file, nor the one with the data beside it."""
-    source = tmp_path / "body.inp"
-    source.write_text("*Node\n1, 0., 0.\n2, 1., 0.\n3, 0., 1.\n*Element, type=CPE3\n1, 1, 2, 3\n*Nset, nset=a\n1, 2\n")
-    taken = tmp_path / name.replace("xdmf", "h5")
-    taken.write_text("mine")
-    assert main(["convert", str(source), str(tmp_path / name)]) == 2
-    assert f"{taken}: already exists" in capsys.readouterr().err
-    assert taken.read_text() == "mine"
-    assert main(["convert", str(source), str(tmp_path / f"other.{name.rpartition('.')[2]}")]) == 0
-
-
 def test_without_matplotlib(solution, tmp_path, monkeypatch):
     """The results are whole, and a note says which package draws them; a picture that is asked for is an error."""
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import math
 import os
-from collections import Counter
 from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
@@ -31,16 +30,12 @@ class Draft:
         lost: what the scene lacks, so that its solution is another one; the scene says it itself.
         noted: what is put in another way, or does not change the solution.
         deck: what was read.
-        origins: tables of the scene, such as ``displacement[0]``, and the keywords of the input file that say the same.
-        apart: whether the file has contact, and the scene none.
     """
 
     text: str
     lost: list[str]
     noted: list[str]
     deck: Deck
-    origins: dict[str, str]
-    apart: bool
 
 
 def draft(file: Path, target: Path) -> Draft:
@@ -57,11 +52,9 @@ def draft(file: Path, target: Path) -> Draft:
     with placed(file):
         tables = _tables(deck)
     keywords = {block.keyword for block in deck.model.blocks}
-    apart = not any(heading == "[[contact]]" for heading, _ in tables) and bool(
-        deck.pairs or keywords & {"CONTACT", "GAP"}
-    )
+    touching = any(heading == "[[contact]]" for heading, _ in tables)
     lost, noted = (deck.remarks(lost=lost) for lost in (True, False))
-    if apart:
+    if not touching and (deck.pairs or keywords & {"CONTACT", "GAP"}):
         lost.append("all of its contact: bodies do not touch in the scene")
     lines = [f"# Left out: {remark}" for remark in noted]
     lines += [f"title = {quoted(deck.title or file.stem)}"]
@@ -69,17 +62,11 @@ def draft(file: Path, target: Path) -> Draft:
         lines += ["# Remove what you have completed, or do not need: results are incomplete as long as this is here."]
         lines += ["incomplete = [", *(f"    {quoted(remark)}," for remark in lost), "]"]
     lines += ["", "[mesh]", f"file = {quoted(os.path.relpath(file, target.parent))}"]
-    origins: dict[str, str] = {}
-    counts: Counter[str] = Counter()
     for heading, table_lines in tables:
         lines += ["", heading, *table_lines]
-        name = heading.strip("[]")
-        if table_lines[0].startswith("# "):
-            origins[f"{name}[{counts[name]}]" if heading.startswith("[[") else name] = table_lines[0].removeprefix("# ")
-        counts[name] += 1
     text = "\n".join(lines) + "\n"
     heading_lines = f"# From {file.name}: read it, and complete what it lacks.\n{_CHECKSUM}{_checksum(text)}\n"
-    return Draft(heading_lines + text, lost, noted, deck, origins, apart)
+    return Draft(heading_lines + text, lost, noted, deck)
 
 
 def is_unedited(text: str) -> bool:

@@ -6,7 +6,6 @@ Help and errors in a scene need no import of dolfinx; text is printed by one ran
 from __future__ import annotations
 
 import argparse
-import os
 import sys
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -21,18 +20,13 @@ _ON_ONE_PROCESS: dict[str, Callable[[argparse.Namespace], str | tuple[str, int]]
     "new": commands.new,
     "schema": commands.schema,
     "report": commands.report,
-    "open": commands.show,
-    "convert": commands.mesh_file,
-    "mesh-info": commands.mesh_file,
-    "completion": commands.completion,
+    "mesh-info": commands.mesh_info,
 }
 _ON_RANKS = {
     "solve": commands.solve,
-    "run": commands.run,
     "check": commands.check,
     "sweep": commands.sweep,
     "judge": commands.judge,
-    "sensitivity": commands.sensitivity,
     "info": commands.info,
 }
 
@@ -43,17 +37,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     if argv is None:
         del sys.argv[1:]  # dolfinx reads them when it is imported, and fails if they are not UTF-8
     limit_threads()
-    grammar = parser()
-    if "_ARGCOMPLETE" in os.environ:  # a shell asks, by the script of ``completion``, and gets the answer
-        import argcomplete
-
-        argcomplete.autocomplete(grammar, always_complete_options=False)
     terminal.prepare()
     petsc_options: list[str] = []
     if "--" in arguments:
         split = arguments.index("--")
         arguments, petsc_options = arguments[:split], arguments[split + 1 :]
-    options = grammar.parse_args(arguments)
+    options = parser().parse_args(arguments)
     options.petsc_options = petsc_options
     if options.command in _ON_ONE_PROCESS:
         return on_one_process(partial(_ON_ONE_PROCESS[options.command], options))

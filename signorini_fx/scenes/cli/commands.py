@@ -6,12 +6,12 @@ import argparse
 import json
 import os
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from signorini_fx.errors import InstallationError, OutputError, SceneError, SignoriniError, cannot_be_written
+from signorini_fx.errors import OutputError, SceneError, SignoriniError, cannot_be_written
 from signorini_fx.extensions import add_on
 from signorini_fx.machine import terminal
 from signorini_fx.scenes.cli.exit_codes import EXIT_INCOMPLETE, EXIT_NO_SOLUTION, EXIT_OK, of_solve
@@ -51,26 +51,6 @@ def _read_scenes(
 
 def solve(options: argparse.Namespace) -> int:
     """Solve a scene and write its results."""
-    solution, code = _solved(options)
-    if code == EXIT_INCOMPLETE:
-        _say_of_another_problem(
-            f"the scene lacks {len(solution.statement.incomplete)} of what was meant, see incomplete"
-        )
-    return code
-
-
-def _say_of_another_problem(why: str) -> None:
-    """Tell why the results, which are there, are not those that were asked for."""
-    from mpi4py import MPI
-
-    from signorini_fx.machine import parallel
-
-    told = terminal.TerminalLine("signorini-fx: ", f"these are results of another problem: {why}", "error")
-    parallel.log_on_root(MPI.COMM_WORLD, [told], error=True)
-
-
-def _solved(options: argparse.Namespace) -> tuple[Solution, int]:
-    """The solution of a scene, whose results are written, and the exit code."""
     from mpi4py import MPI
 
     from signorini_fx.machine import parallel
@@ -139,53 +119,13 @@ def _solved(options: argparse.Namespace) -> tuple[Solution, int]:
         # The summary above has said what to do.
         ended = terminal.TerminalLine("signorini-fx: ", outcome(solution, advice=options.quiet), "error")
         parallel.log_on_root(comm, [ended], error=True)
-    return solution, of_solve(converged=solution.converged, incomplete=bool(solution.statement.incomplete))
-
-
-def run(options: argparse.Namespace) -> int:
-    """Draft a scene from a deck beside the result folder, solve it, and write its report."""
-    from mpi4py import MPI
-
-    from signorini_fx.machine import parallel
-
-    comm = MPI.COMM_WORLD
-    out = options.out = options.out or Path("results") / options.deck.stem
-    options.scene = out.parent / f"{out.name}.toml"
-
-    def drafted() -> tuple[int, list[terminal.TerminalLine], dict[str, str], bool]:
-        draft = _drafted(options.deck, options.scene)
-        _write_draft(draft.text, options.scene)
-        graded = [("changes the answer: ", remark, "error") for remark in draft.lost]
-        graded += [("does not change it: ", remark, "") for remark in draft.noted]
-        return len(draft.lost), [terminal.TerminalLine(*line) for line in graded], draft.origins, draft.apart
-
-    lost, lines, origins, apart = parallel.on_root(comm, drafted)
-    if not options.quiet:
-        parallel.log_on_root(comm, lines)
-    if apart:
-        why = f"not solved, as all contact of the deck is left out: complete {options.scene}, and solve it"
-        parallel.log_on_root(comm, [terminal.TerminalLine("signorini-fx: ", why, "error")], error=True)
-        return EXIT_INCOMPLETE
-    try:
-        _, code = _solved(options)
-    except SceneError as error:
-        problems = [(path, _with_origin(path, message, options.deck, origins)) for path, message in error.problems]
-        raise SceneError(problems, str(options.scene)) from None
-    report = parallel.on_root(comm, lambda: add_on("report")(out, None))
-    if not options.quiet:
-        parallel.log_on_root(comm, [terminal.TerminalLine("  and ", report.name)])
-    if lost and code in (EXIT_OK, EXIT_INCOMPLETE):
-        count = "1 thing that changes" if lost == 1 else f"{lost} things that change"
-        _say_of_another_problem(f"left out of the deck: {count} the answer")
-        return EXIT_INCOMPLETE
+    lacking = len(solution.statement.incomplete)
+    code = of_solve(converged=solution.converged, incomplete=lacking > 0)
+    if code == EXIT_INCOMPLETE:
+        why = f"the scene lacks {lacking} of what was meant, see incomplete"
+        told = terminal.TerminalLine("signorini-fx: ", f"these are results of another problem: {why}", "error")
+        parallel.log_on_root(comm, [told], error=True)
     return code
-
-
-def _with_origin(path: str, message: str, deck: Path, origins: Mapping[str, str]) -> str:
-    """What is wrong with a table of a draft, and where in the deck it is from."""
-    table = path.partition(".")[0]
-    origin = origins.get(table, origins.get(f"{table}[0]"))  # one table alone needs no number
-    return message if origin is None else f"{message} (from {deck.name}, {origin})"
 
 
 class _SolveProgress:
@@ -237,19 +177,6 @@ def sweep(options: argparse.Namespace) -> int:
     return EXIT_OK if outcome.solved else EXIT_NO_SOLUTION
 
 
-def sensitivity(options: argparse.Namespace) -> int:
-    """Print derivatives of results of a scene by its data."""
-    from mpi4py import MPI
-
-    from signorini_fx.machine import parallel
-
-    scene = _read_scene(options)
-    sensitivities = add_on("sensitivity")(scene, options.results, options.by, MPI.COMM_WORLD)
-    for table in sensitivities if isinstance(sensitivities, list) else [sensitivities]:
-        parallel.log_on_root(MPI.COMM_WORLD, str(table))
-    return EXIT_OK
-
-
 def check(options: argparse.Namespace) -> int:
     """Print the effects, cost and findings of a scene, without solving it."""
     from mpi4py import MPI
@@ -278,7 +205,7 @@ def check(options: argparse.Namespace) -> int:
 
 
 def info(_: argparse.Namespace) -> int:
-    """Print versions, the factorisations in use, and what confines the process that reads mesh files."""
+    """Print versions and the factorisations in use."""
     from mpi4py import MPI
 
     from signorini_fx.algebra.linalg.factorisation import factorisation_package
@@ -293,11 +220,13 @@ def info(_: argparse.Namespace) -> int:
     return EXIT_OK
 
 
-def new(options: argparse.Namespace) -> str:
-    """Write the starting scene."""
+def new(options: argparse.Namespace) -> str | tuple[str, int]:
+    """Write the starting scene, or the draft of one from a deck."""
+    file: Path = options.file
+    if options.deck is not None:
+        return _drafted(options.deck, file)
     from signorini_fx.scenes.template import starting_scene
 
-    file: Path = options.file
     try:
         with file.open("x", encoding="utf-8") as out:
             out.write(starting_scene())
@@ -308,18 +237,32 @@ def new(options: argparse.Namespace) -> str:
     return f"{file} is a scene that can be solved as it is; change it, then run: signorini-fx check {file}"
 
 
+def _drafted(deck: Path, target: Path) -> tuple[str, int]:
+    """Write the draft of a scene, also over an earlier one that nobody has edited; what to print, and the exit code.
+
+    Raises:
+        OutputError: another file is there, or it cannot be written.
+    """
+    if deck.suffix.lower() != ".inp":
+        raise OutputError(f"{deck}: a scene is drafted from an input file of Abaqus or CalculiX, .inp")
+    draft = add_on("draft").draft(deck, target)
+    try:
+        if os.path.lexists(target) and not add_on("draft").is_unedited(target.read_text(encoding="utf-8")):
+            raise OutputError(f"{target}: already exists, and is no draft or was edited: solve it, or remove it")
+        target.write_text(draft.text, encoding="utf-8")
+    except (OSError, ValueError) as error:
+        raise cannot_be_written(target, error) from None
+    lines = [f"{target} is the draft of a scene; check it: signorini-fx check {target}"]
+    lines += [f"does not change the answer: {remark}" for remark in draft.noted]
+    lines += [f"changes the answer: {remark}" for remark in draft.lost]
+    if draft.lost:
+        lines.append(f"{target} is incomplete: complete it, and remove from 'incomplete' what you have completed")
+    return "\n".join(lines), EXIT_INCOMPLETE if draft.lost else EXIT_OK
+
+
 def report(options: argparse.Namespace) -> str:
     """Write the report of a result folder."""
     return str(add_on("report")(options.folder, options.out))
-
-
-def show(options: argparse.Namespace) -> str:
-    """Show the page of a result folder in the browser; it is made anew."""
-    import webbrowser
-
-    page = add_on("report")(options.folder, None).resolve()
-    opened = webbrowser.open(page.as_uri())
-    return str(page) if opened else f"{page}: no browser was found, open it yourself"
 
 
 def judge(options: argparse.Namespace) -> int:
@@ -338,74 +281,19 @@ def judge(options: argparse.Namespace) -> int:
     return int(judgement.exit_code)
 
 
-def mesh_file(options: argparse.Namespace) -> str | tuple[str, int]:
-    """Rewrite or describe a mesh file."""
-    from signorini_fx.mechanics.mesh.files.formats import read_file, write_file
-    from signorini_fx.mechanics.mesh.info import mesh_info, render
+def mesh_info(options: argparse.Namespace) -> str:
+    """Describe a mesh file."""
+    from signorini_fx.mechanics.mesh import info
+    from signorini_fx.mechanics.mesh.files.formats import read_file
 
-    if options.command == "convert":
-        for target in (options.target, options.target.with_suffix(".h5")):
-            if os.path.lexists(target) and (target == options.target or options.target.suffix.lower() == ".xdmf"):
-                raise OutputError(f"{target}: already exists: give another name, or remove it")
-        if options.target.suffix.lower() == ".toml":
-            return _written_draft(_drafted(options.source, options.target, options.size), options.target)
-        mesh = read_file(options.source, size=options.size)
-        write_file(mesh, options.target)
-        return render(mesh_info(mesh), str(options.target))
-    info = mesh_info(read_file(options.file, size=options.size))
+    described = info.mesh_info(read_file(options.file, size=options.size))
     if options.picture is not None:
         from mpi4py import MPI
 
         from signorini_fx.mechanics.statement.mesh_sources import MeshFile
 
         add_on("draw_mesh")(MeshFile(file=options.file, size=options.size), MPI.COMM_SELF, options.picture)
-    return json.dumps(info, indent=2) if options.json else render(info, str(options.file))
-
-
-def _written_draft(drafted: Any, target: Path) -> tuple[str, int]:
-    """Write a draft; what to say of it, and the exit code."""
-    _write_draft(drafted.text, target)
-    lines = [f"{target} is the draft of a scene; check it: signorini-fx check {target}"]
-    lines += [f"left out: {remark}" for remark in drafted.noted]
-    if drafted.lost:
-        lines += [f"lost: {remark}" for remark in drafted.lost]
-        lines.append(f"{target} is incomplete: complete it, and remove from 'incomplete' what you have completed")
-    return "\n".join(lines), EXIT_INCOMPLETE if drafted.lost else EXIT_OK
-
-
-def _drafted(source: Path, target: Path, size: float | None = None) -> Any:
-    """The draft of a deck, with ``text``, ``lost`` and ``noted``; ``size``: of the cells of a drawing."""
-    from signorini_fx.mechanics.mesh.files.formats import read_file
-
-    if source.suffix.lower() != ".inp" or size is not None:
-        read_file(source, size=size)  # what is wrong with it comes first
-    if source.suffix.lower() != ".inp":
-        raise OutputError(f"{target}: a scene is drafted from an Abaqus input file, .inp, and not from {source.name}")
-    return add_on("draft").draft(source, target)
-
-
-def _write_draft(text: str, target: Path) -> None:
-    """Write a draft, also over an earlier one that nobody has edited.
-
-    Raises:
-        OutputError: another file is there, or it cannot be written.
-    """
-    try:
-        if os.path.lexists(target) and not add_on("draft").is_unedited(target.read_text(encoding="utf-8")):
-            raise OutputError(f"{target}: already exists, and is no draft or was edited: solve it, or remove it")
-        target.parent.mkdir(parents=True, exist_ok=True)
-        target.write_text(text, encoding="utf-8")
-    except (OSError, ValueError) as error:
-        raise cannot_be_written(target, error) from None
-
-
-def completion(options: argparse.Namespace) -> str:
-    """The script that completes the command line: the shell then asks the command itself, see ``main``."""
-    try:
-        from argcomplete import shellcode
-    except ModuleNotFoundError:
-        raise InstallationError("completion needs argcomplete: apt install python3-argcomplete") from None
-    return str(shellcode(["signorini-fx"], shell=options.shell))
+    return json.dumps(described, indent=2) if options.json else info.render(described, str(options.file))
 
 
 def schema(options: argparse.Namespace) -> str:

@@ -73,10 +73,7 @@ def parser() -> argparse.ArgumentParser:
     commands = main.add_subparsers(dest="command", required=True, metavar="COMMAND", parser_class=_Parser)
     solve = commands.add_parser("solve", help="solve a scene and write its results", epilog=epilog)
     solve.add_argument("scene", type=named_path, metavar="SCENE", help="scene file (TOML)")
-    run = commands.add_parser("run", help="draft a scene from a deck, solve it, write its report")
-    run.add_argument("deck", type=named_path, metavar="DECK", help=".inp of Abaqus or CalculiX")
-    for command in (solve, run):
-        _add_options_of_solve(command)
+    _add_options_of_solve(solve)
     check = commands.add_parser("check", help="list effects, cost and problems of a scene without solving it")
     check.add_argument("scene", type=named_path, metavar="SCENE", help="scene file (TOML)")
     output = check.add_mutually_exclusive_group()
@@ -85,8 +82,6 @@ def parser() -> argparse.ArgumentParser:
     report = commands.add_parser("report", help="write one HTML page from a result folder, to read, print and send")
     report.add_argument("folder", type=named_path, metavar="FOLDER", help="result folder that solve wrote")
     report.add_argument("--out", type=named_path, metavar="FILE", help="the page (default: report.html in the folder)")
-    show = commands.add_parser("open", help="show the page of a result folder in the browser")
-    show.add_argument("folder", type=named_path, metavar="FOLDER", help="result folder that solve wrote")
     judge = commands.add_parser(
         "judge",
         help="check another program's result",
@@ -101,24 +96,7 @@ def parser() -> argparse.ArgumentParser:
     sweep.add_argument(
         "--out", type=named_path, metavar="DIR", help="folder (default: results/sweep_NAME of the scene file)"
     )
-    slopes = commands.add_parser("sensitivity", help="derivatives of a result of a scene by its data", epilog=epilog)
-    slopes.add_argument("scene", type=named_path, metavar="SCENE", help="scene file (TOML)")
-    slopes.add_argument(
-        "--of",
-        dest="results",
-        action="append",
-        required=True,
-        metavar="RESULT",
-        help="such as 'force bottom y', 'pressure bottom', 'mean top y', 'displacement 1,0.5 x'; may be repeated",
-    )
-    slopes.add_argument(
-        "--by",
-        action="append",
-        metavar="PATH",
-        help="number of the scene, such as contact[0].friction.coefficient, or a load as a whole, traction[0]; may be "
-        "repeated (default: friction, gap, material and loads)",
-    )
-    for command in (solve, run, check, sweep, slopes):
+    for command in (solve, check, sweep):
         suffix = "; one of them with several values, FROM:TO:COUNT or A,B,C" if command is sweep else ""
         command.add_argument(
             "--set",
@@ -136,23 +114,18 @@ def parser() -> argparse.ArgumentParser:
         default=Path("scene.toml"),
         help="the file (default: %(default)s)",
     )
-    convert = commands.add_parser("convert", help="rewrite a mesh in another format, or draft a scene")
-    convert.add_argument("source", type=named_path, metavar="IN", help=f"mesh: {_READ}")
-    convert.add_argument(
-        "target", type=named_path, metavar="OUT", help="mesh: .msh, .inp, .med, .vtu or .xdmf; or a scene, .toml"
+    new.add_argument(
+        "--from", dest="deck", type=named_path, metavar="DECK", help="draft it from an .inp of Abaqus or CalculiX"
     )
     info = commands.add_parser("mesh-info", help="describe a mesh file: names, counts, quality, what is unnamed")
     info.add_argument("file", type=named_path, metavar="FILE", help=f"mesh: {_READ}")
-    for command in (convert, info):
-        command.add_argument("--size", type=float, help="cell size for a .step, .stp or .brep")
+    info.add_argument("--size", type=float, help="cell size for a .step, .stp or .brep")
     info.add_argument("--json", action="store_true", help="print JSON instead of a table")
     drawn = {check: "mesh, loads, supports and contact", info: "the mesh and the names of its boundaries"}
     for command, drawing in drawn.items():
         command.add_argument("--picture", type=named_path, metavar="FILE", help=f"draw {drawing}: .png, .pdf or .svg")
     schema = commands.add_parser("schema", help="print the JSON schema of scene files, for editors")
     schema.add_argument("--summary", action="store_true", help="the schema of summary.json in result folders")
-    completion = commands.add_parser("completion", help="print a script that completes commands and options in a shell")
-    completion.add_argument("shell", choices=("bash", "zsh", "fish"), help="the shell")
     commands.add_parser("info", help="print versions, the BLAS and the linear solvers in use")
     return main
 

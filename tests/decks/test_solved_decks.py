@@ -1,4 +1,4 @@
-"""``signorini-fx run``: from a deck to a report, with an exit code for what was left out."""
+"""From a deck to a result, with an exit code for what was left out."""
 
 import json
 
@@ -8,47 +8,54 @@ from deck_lines import STEEL, squares, stacked
 from signorini_fx.scenes import cli
 
 
-def run(folder, lines, capsys, *options):
-    """The exit code and what was printed; results are in ``out``."""
+def drafted(folder, lines, capsys):
+    """The exit code and what was printed; the scene is in ``draft.toml``."""
     deck = folder / "deck.inp"
     deck.write_text("\n".join(lines) + "\n")
-    code = cli.main(["run", str(deck), "--out", str(folder / "out"), "--no-pictures", "--no-fields", *options])
-    said = capsys.readouterr()
-    return code, said.out + said.err
+    code = cli.main(["new", str(folder / "draft.toml"), "--from", str(deck)])
+    printed = capsys.readouterr()
+    return code, " ".join((printed.out + printed.err).split())
+
+
+def solved(folder, capsys, *options):
+    """The exit code and what was printed; results are in ``out``."""
+    files = [str(folder / "draft.toml"), "--out", str(folder / "out")]
+    code = cli.main(["solve", *files, "--no-pictures", "--no-fields", *options])
+    printed = capsys.readouterr()
+    return code, " ".join((printed.out + printed.err).split())
 
 
 def test_a_whole_deck(tmp_path, capsys):
-    """It is solved, and has a report; run again after an edit of the deck it is drafted anew, unless the draft was
-    edited, too.
-    """
-    code, said = run(tmp_path, stacked([]), capsys)
+    """It is solved; after an edit of the deck it is drafted anew, unless the draft was edited, too."""
+    code, printed = drafted(tmp_path, stacked([]), capsys)
     assert code == 0
-    assert "changes the answer" not in said
-    assert "What was left out" not in (tmp_path / "out" / "report.html").read_text()
-    assert run(tmp_path, stacked([]), capsys, "--quiet") == (0, "")
-    code, said = run(tmp_path, [line.replace("P, 5.0", "P, 6.0") for line in stacked([])], capsys)
+    assert "changes the answer" not in printed
+    assert solved(tmp_path, capsys, "--quiet") == (0, "")
+    code, _ = drafted(tmp_path, [line.replace("P, 5.0", "P, 6.0") for line in stacked([])], capsys)
     assert code == 0
-    draft = tmp_path / "out.toml"
+    draft = tmp_path / "draft.toml"
     assert "pressure = 6.0" in draft.read_text()
     draft.write_text(draft.read_text() + "# completed\n")
-    code, said = run(tmp_path, stacked([]), capsys)
+    code, printed = drafted(tmp_path, stacked([]), capsys)
     assert code == 2
-    assert "is no draft or was edited: solve it, or remove it" in " ".join(said.split())
+    assert "is no draft or was edited: solve it, or remove it" in printed
     assert draft.read_text().endswith("# completed\n")
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("options", [(), ("--quiet",)])
 def test_what_changes_the_answer(tmp_path, capsys, options):
-    """It has an exit code of its own, and is red in the report; what does not change it is told as such."""
+    """It has an exit code of its own, and is red in the report; what does not change it is named as such."""
     lines = stacked(["*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=MASSLESS", "1e-4, .1"])
     lines.insert(-1, "*FILM")
-    code, said = run(tmp_path, lines, capsys, *options)
+    code, printed = drafted(tmp_path, lines, capsys)
     assert code == 4
-    if not options:
-        assert "changes the answer: line" in said
-        assert "does not change it: line" in said
-    assert "left out of the deck: 1 thing that changes the answer" in " ".join(said.split())
+    assert "changes the answer: line" in printed
+    assert "does not change the answer: line" in printed
+    code, printed = solved(tmp_path, capsys, *options)
+    assert code == 4
+    assert "these are results of another problem: the scene lacks 1 of what was meant" in printed
+    assert cli.main(["report", str(tmp_path / "out")]) == 0
     page = (tmp_path / "out" / "report.html").read_text()
     assert '<div class="status bad">' in page
     assert "MASSLESS: soft contact is read as LINEAR or TIED only: this contact is hard</li>" in page
@@ -56,22 +63,21 @@ def test_what_changes_the_answer(tmp_path, capsys, options):
 
 
 def test_a_deck_without_its_contact(tmp_path, capsys):
-    """It is another problem: nothing is solved, and the draft is there to be completed."""
+    """It is another problem."""
     lines = ["UP_BOTTOM, NOWHERE" if line == "UP_BOTTOM, LOW_TOP" else line for line in stacked([])]
-    code, said = run(tmp_path, lines, capsys)
+    code, printed = drafted(tmp_path, lines, capsys)
     assert code == 4
-    assert "not solved, as all contact of the deck is left out: complete" in " ".join(said.split())
-    assert not (tmp_path / "out").exists()
-    assert (tmp_path / "out.toml").exists()
+    assert "changes the answer: all of its contact: bodies do not touch in the scene" in printed
+    assert solved(tmp_path, capsys)[0] in (1, 4)
 
 
 def test_decks_that_cannot_be_read(tmp_path, capsys):
     """One error, and nothing is written."""
-    code, said = run(tmp_path, ["*NODE", "1, 0.0, nothing"], capsys)
+    code, printed = drafted(tmp_path, ["*NODE", "1, 0.0, nothing"], capsys)
     assert code == 2
-    assert "line 1" in said
+    assert "line 1" in printed
     assert sorted(file.name for file in tmp_path.iterdir()) == ["deck.inp"]
-    assert cli.main(["run", str(tmp_path / "deck.txt"), "--out", str(tmp_path / "out")]) == 2
+    assert cli.main(["new", str(tmp_path / "scene.toml"), "--from", str(tmp_path / "deck.txt")]) == 2
 
 
 def beams(load, pair="*CONTACT PAIR, INTERACTION=I"):
@@ -87,22 +93,21 @@ def beams(load, pair="*CONTACT PAIR, INTERACTION=I"):
 @pytest.mark.slow
 def test_finite_strains(tmp_path, capsys):
     """NLGEOM makes strains finite, and sides slide."""
-    code, _ = run(tmp_path, beams(0.02), capsys)
-    assert code == 0
-    draft = (tmp_path / "out.toml").read_text()
+    assert drafted(tmp_path, beams(0.02), capsys)[0] == 0
+    draft = (tmp_path / "draft.toml").read_text()
     assert 'law = "saint-venant-kirchhoff"' in draft
     assert "sliding" not in draft.partition("[mesh]")[2]
+    assert solved(tmp_path, capsys)[0] == 0
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert summary["converged"]
     assert summary["incomplete"] == []
 
 
-@pytest.mark.slow
 def test_sides_that_keep_their_partners(tmp_path, capsys):
     """With ADJUST sides do not slide, which is named."""
     lines = beams(0.002, "*CONTACT PAIR, INTERACTION=I, ADJUST=0.01")
-    code, said = run(tmp_path, lines, capsys)
+    code, printed = drafted(tmp_path, lines, capsys)
     assert code == 4
-    assert 'sliding = "small"' in (tmp_path / "out.toml").read_text()
+    assert 'sliding = "small"' in (tmp_path / "draft.toml").read_text()
     at = lines.index("*STEP, NLGEOM") + 1
-    assert f"changes the answer: line {at}, *STEP: NLGEOM: points in contact keep" in " ".join(said.split())
+    assert f"changes the answer: line {at}, *STEP: NLGEOM: points in contact keep" in printed
