@@ -27,7 +27,6 @@ from signorini_fx.solving.check.cost import Cost, estimated_cost, memory_finding
 from signorini_fx.solving.check.findings import nonlinear_findings, scene_findings
 from signorini_fx.solving.check.petsc_options import refuse_mistyped
 from signorini_fx.solving.check.planned import attempts_for
-from signorini_fx.solving.check.pushed_nodes import pushed_before
 from signorini_fx.solving.check.refusals import refuse_beforehand
 from signorini_fx.solving.check.uniqueness import uniqueness_findings
 from signorini_fx.tuned import LOCKING_POISSON, NO_FORCE
@@ -98,7 +97,7 @@ def check_scene(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD, *, uniqueness: bo
     compared = scene.accuracy is not None or bool(coarser)
     model = _validated(scene, comm)
     cost = estimated_cost(model)
-    findings = [*pushed_before(model), *memory_finding(cost, comm), *scene_findings(model)]
+    findings = [*memory_finding(cost, comm), *scene_findings(model)]
     findings += uniqueness_findings(model) if uniqueness else []
     return Check(
         scene.title,

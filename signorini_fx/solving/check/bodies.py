@@ -1,4 +1,4 @@
-"""Findings about contact of two bodies: which side carries the points, and facets that are chords of curved sides."""
+"""Findings about contact of two bodies: facets that are chords of curved sides."""
 
 from __future__ import annotations
 
@@ -18,32 +18,6 @@ from signorini_fx.records import Finding
 from signorini_fx.tuned import FACETS_OFF, NO_CURVED_SIDE
 
 _Floats = npt.NDArray[np.float64]
-
-
-def side_findings(body: Model) -> list[Finding]:
-    """Which side of each contact of two bodies has the contact points, where that matters; collective."""
-    from signorini_fx.mechanics.obstacles.carrying_side import SideFigures
-
-    findings = []
-    for index, effect in enumerate(body.statement.contact):
-        if effect.against is None:
-            continue
-        names = effect.boundary, effect.against
-        side, opposite = (SideFigures.of(name, body.tagged, body.elastic.lame[1]) for name in names)
-        path = f"contact[{index}].points"
-        if (reason := opposite.better(side)) is not None:
-            message = (
-                f"the contact points are on {side.name!r}, while {opposite.name!r} is {reason}: results have less "
-                "error, and fewer linear solves are needed, with the points there"
-            )
-            findings.append(Finding("note", path, message))
-        elif effect.points == "auto" and (reason := side.better(opposite)) is not None:
-            message = (
-                f"the contact points are on {side.name!r}, which is {reason} than {opposite.name!r}: results name it "
-                "as the boundary"
-            )
-            findings.append(Finding("note", path, message))
-    return findings
 
 
 def facets_in_result(body: Model, contact: ContactState) -> list[Finding]:

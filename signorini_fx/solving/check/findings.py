@@ -24,7 +24,6 @@ from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.rigid.motion_names import MOST_LISTED
 from signorini_fx.mechanics.statement.effect import Force, Resistance, is_zero
 from signorini_fx.mechanics.statement.expressions import Expression, sample
-from signorini_fx.mechanics.statement.point_values import PointValues
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.records import Finding
 from signorini_fx.solving.check.balanced_loads import equilibrium
@@ -33,10 +32,8 @@ from signorini_fx.tuned import (
     HARDLY_MOVED,
     LARGEST_GAMMA,
     NO_FORCE,
-    SAME_DIRECTION,
     SMALL_DEFORMATION,
     START_GAMMA,
-    TURNED_NORMALS,
 )
 
 
@@ -45,14 +42,12 @@ def scene_findings(body: Model) -> list[Finding]:
     from signorini_fx.solving.check.bodies import side_findings
 
     statement, data = body.statement, body.data
-    paired = any(effect.against is not None for effect in statement.contact)
     prescribed, force = _largest_loads(body)
     findings = [Finding("warning", "incomplete", f"not in the scene: {lost}") for lost in statement.incomplete]
     findings += [
         *_pieces(body),
         *_locking(body),
         *_idle(body),
-        *(_across_bodies(statement) if paired else ()),
         *equilibrium(body),
         *_units(body, prescribed, force),
     ]
@@ -60,13 +55,9 @@ def scene_findings(body: Model) -> list[Finding]:
         findings += [
             *_gaps(body, data, FAR_GAP * prescribed + (body.tagged.size if force > 0 else 0.0)),
             *_inwards(body),
-            *_along_normals(body),
             *_uniqueness(statement, body.boundary, body.law),
             *_regularisation(statement, data, body.scales.gamma),
-            *_monolithic(statement),
         ]
-        if paired:
-            findings += side_findings(body)
     return findings
 
 
@@ -111,20 +102,6 @@ def _locking(body: Model) -> list[Finding]:
         )
         for index, material in enumerate(statement.material)
         if material.locks
-    ]
-
-
-def _across_bodies(statement: Statement) -> list[Finding]:
-    """Values at points that are interpolated over all bodies, where these touch: each body may have its own there."""
-    message = (
-        "its values are interpolated between points of all bodies, of another one beside them where they touch: give "
-        "each body a file of its own, with region"
-    )
-    return [
-        Finding("warning", f"{path}.file", message)
-        for path, effect in statement.listed()
-        if getattr(effect, "region", None) is None
-        and any(isinstance(value, PointValues) for value in effect.given.values())
     ]
 
 
@@ -252,7 +229,7 @@ def _gaps(body: Model, data: RegularisedData, reach: float) -> list[Finding]:
 
 
 def _inwards(body: Model) -> list[Finding]:
-    """Directions that lead into the body or along its boundary, and not from the body to its foundation."""
+    """Directions that lead into the body, and planes that face away from it: signs that are the wrong way round."""
     findings = []
     mesh, dim = body.tagged.mesh, body.tagged.dimension
     for index, effect in enumerate(body.statement.contact):
@@ -277,36 +254,6 @@ def _inwards(body: Model) -> list[Finding]:
                 f"foundation; direction = [{turned}] is the opposite"
             )
             findings.append(Finding("warning", f"contact[{index}].direction", message))
-            continue
-        across = 0.0
-        if len(facets):
-            corners = mesh.geometry.x[dmesh.entities_to_geometry(mesh, dim - 1, facets)][:, :dim, :dim]
-            normals = np.linalg.svd(corners - corners.mean(axis=1, keepdims=True))[2][:, -1]
-            across = float(np.abs(normals @ np.array(effect.direction)).max())
-        if parallel.global_max(body.comm, across) <= SAME_DIRECTION:
-            message = "leads along the boundary everywhere, so that no foundation holds the body there"
-            findings.append(Finding("warning", f"contact[{index}].direction", message))
-    return findings
-
-
-def _along_normals(body: Model) -> list[Finding]:
-    """Gaps that are expressions along normals that turn, where a height may be meant."""
-    boundary = body.boundary
-    assert boundary is not None
-    findings = []
-    for index, effect in enumerate(body.statement.contact):
-        if effect.direction is not None or effect.foundation is not None or not isinstance(effect.gap, Expression):
-            continue
-        normals = boundary.normal[boundary.part == index]
-        mean = parallel.global_sum(boundary.comm, normals.sum(axis=0))
-        cosine = -parallel.largest(boundary.comm, -normals @ mean / max(float(np.linalg.norm(mean)), NO_FORCE), -1.0)
-        turned = math.degrees(math.acos(min(1.0, max(-1.0, cosine))))
-        if turned > TURNED_NORMALS:
-            message = (
-                f"it is measured along the normals, which turn by up to {turned:.0f} degrees from their mean: a height "
-                "above a foundation needs a direction, the one from the body to the foundation"
-            )
-            findings.append(Finding("note", f"contact[{index}].gap", message))
     return findings
 
 
@@ -360,7 +307,7 @@ def _largest_loads(body: Model) -> tuple[float, float]:
     return prescribed, force
 
 
-# --- uniqueness, gamma, methods --------------------------------------------------------------------------------------
+# --- friction and gamma -----------------------------------------------------------------------------------------------
 
 
 def friction_indication(material: Material) -> float:
@@ -428,21 +375,3 @@ def _regularisation(statement: Statement, data: RegularisedData, natural: float)
         message = f"{data.sigma:g} is not above 1 / gamma_t: the slip sets cycle where gamma_t is large; set 'auto'"
         findings.append(Finding("warning", "solver.sigma", message))
     return findings
-
-
-def _monolithic(statement: Statement) -> list[Finding]:
-    """A note if coulomb = newton cannot be used."""
-    if statement.solver.coulomb != "newton" or not statement.has_coulomb:
-        return []
-    laws = [contact.friction for contact in statement.contact if not contact.friction.has_derivative]
-    obstacles = sorted({name for law in laws for name in law.exceptions})
-    obstacles += ["bilateral contact"] if any(contact.kind == "bilateral" for contact in statement.contact) else []
-    if not obstacles:
-        return []
-    return [
-        Finding(
-            "note",
-            "solver.coulomb",
-            f"newton cannot be combined with {' and '.join(obstacles)}: the fixed point is used",
-        )
-    ]

@@ -1,9 +1,8 @@
 """Supports that push the body into its foundation: contact nodes that cannot move along their normal, and lie inside.
 
 No displacement is admissible there, so that no contact pressure keeps the node outside: the supports take whatever it
-would be.  The node transmits nothing in contact (``complementarity.trial_pressure``), and the scene must be told of it,
-before it is solved, too: supports alone decide how deep it is.  Of two bodies it is a node that supports hold on both
-sides, and that has no contact point (``obstacles.held_pairs``).
+would be.  The node transmits nothing in contact (``complementarity.trial_pressure``), and the result must say so.  Of
+two bodies it is a node that supports hold on both sides, and that has no contact point (``obstacles.held_pairs``).
 """
 
 from __future__ import annotations
@@ -19,12 +18,8 @@ from mpi4py import MPI
 
 from signorini_fx.algebra.contact.points import pushed
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.assembly.averages import from_owners
-from signorini_fx.mechanics.body.discretisation import placed
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
-from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.rigid.motion_names import rounded
-from signorini_fx.mechanics.rigid.rigid_bodies import Driven
 from signorini_fx.records import Finding
 from signorini_fx.tuned import SAME_LENGTH
 
@@ -72,46 +67,14 @@ def held_in_result(
     return [points, *_held_pairs(y, pairs, boundary.comm)]
 
 
-def held_before(body: Model, step: float) -> list[HeldNodes]:
-    """Those of a load step that supports alone say, before it is solved; collective."""
-    model = placed(body, step)
-    boundary, data = model.boundary, model.data
-    if boundary is None or data is None:
-        return []
-    dim, applied = boundary.x.shape[1], body.applied_at(step)
-    y = sum((factor * load.start for factor, load in applied), np.zeros(body.fixed.size)).reshape(-1, dim)
-    moved = from_owners(y, boundary.reached, boundary.comm)
-    if boundary.averages is not None:
-        moved = (boundary.averages.counted @ moved.ravel()).reshape(-1, dim)
-    driven = Driven.together([(factor, load.driven) for factor, load in applied if load.driven is not None])
-    if boundary.moving is not None and driven is not None:
-        moved = moved - boundary.moving.modes @ driven.motion
-    depth = boundary.points.held_inside(np.einsum("nd,nd->n", boundary.normal, moved) - data.gap, data.bilateral)
-    single = np.zeros(boundary.size, dtype=bool)
-    points = HeldNodes(boundary.part, depth, data.bilateral, single, boundary.x)
-    return [points, *_held_pairs(y, body.pairs, boundary.comm, by_supports=True)]
-
-
-def pushed_before(body: Model) -> list[Finding]:
-    """What supports say before anything is solved; collective."""
-    boundary = body.boundary
-    supported = boundary is not None and not boundary.free.all()
-    if not parallel.any_rank(body.comm, supported or any(pair.held is not None for pair in body.pairs.values())):
-        return []
-    return pushed_nodes(body.comm, [held_before(body, step) for step in range(body.statement.steps)], body.tagged.size)
-
-
-def _held_pairs(
-    y: Array, pairs: Mapping[int, PairedSides], comm: MPI.Comm, *, by_supports: bool = False
-) -> list[HeldNodes]:
-    """Those of pairs; ``by_supports``: which supports alone decide about."""
+def _held_pairs(y: Array, pairs: Mapping[int, PairedSides], comm: MPI.Comm) -> list[HeldNodes]:
+    """Those of pairs."""
     nodes = []
     for part, pair in pairs.items():
         if (held := pair.held) is not None:
             count = len(held.nodes)
             off, paired = np.full(count, held.bilateral), np.ones(count, dtype=bool)
-            depth = np.where(held.alone | (not by_supports), held.inside(y, comm), 0.0)
-            nodes.append(HeldNodes(np.full(count, part, np.int32), depth, off, paired, held.x))
+            nodes.append(HeldNodes(np.full(count, part, np.int32), held.inside(y, comm), off, paired, held.x))
     return nodes
 
 

@@ -13,8 +13,9 @@ F |r_N| |v_T| <= F (d r_N^2 + v_T^2 / d) / 2,
     v^T D S v <= F / 2 (sum d_i (S v)_N,i^2 + |v_T,i|^2 / d_i),        D = diag(nu, tau).
 
 So the solution is the only one if the symmetric part of D S minus the matrix on the right is positive definite.  Any
-weights give a proof; they are chosen to make the largest such F as large as possible.  Tresca friction at a point is
-F = 0: its shear stays in r.  A bond holds its point.  docs/theory.md derives it.
+weights give a proof; here nu and a factor of d are the same at all points, and make the largest such F as large as
+possible.  Tresca friction at a point is F = 0: its shear stays in r.  A bond holds its point.  docs/theory.md derives
+it.
 """
 
 from __future__ import annotations
@@ -34,10 +35,10 @@ from signorini_fx.algebra.linalg.schur import SchurComplement
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.features import refused_by
 from signorini_fx.records import Finding
-from signorini_fx.tuned import INDEFINITE, PROVED_SHARE, SINGULAR, WORTHWHILE_GAIN
+from signorini_fx.tuned import PROVED_SHARE, SINGULAR
 
-# Exponent of the norm that replaces the largest eigenvalue, and how often it is evaluated.
-_SMOOTH, _EVALUATIONS = 60, 150
+# How often the largest eigenvalue is evaluated.
+_EVALUATIONS = 60
 # More components of contact points than this are not looked at: the matrices are dense.
 _MOST_COMPONENTS = 1200
 _DRIVEN = {"driven foundation": "a force moves a foundation"}
@@ -176,55 +177,33 @@ def _critical(rough: _Rough, coefficient: Nodal) -> tuple[float, str]:
     rows, sizes = stiffness[rough.beside], coefficient[rough.tangential]
     basis = np.linalg.svd(rough.free, full_matrices=True)[0][:, rough.free.shape[1] :] if rough.free.size else None
     compliance = np.diag(np.linalg.pinv(stiffness, rcond=SINGULAR, hermitian=True))[normal:]
-    first = np.concatenate(([0.0], np.log(np.sqrt(compliance / np.diag(stiffness)[rough.beside]))))
+    ratios = np.sqrt(compliance / np.diag(stiffness)[rough.beside])
+    places = np.arange(normal, count)
 
-    def matrices(weights: Nodal) -> tuple[Nodal, Nodal, Nodal]:
-        """The symmetric part of D S, half the right side for F, and D."""
-        extra = weights[0] if rough.free.size else weights[: weights.size - sizes.size]
-        d = np.exp(weights[-sizes.size :])
-        scale = np.concatenate((np.full(normal, 1.0) * np.exp(extra), np.ones(sizes.size)))
+    def matrices(exponents: Nodal) -> tuple[Nodal, Nodal]:
+        """The symmetric part of D S and the matrix on the right for F, with the same two factors at all points."""
+        scale, d = np.ones(count), ratios * np.exp(exponents[1])
+        scale[:normal] = np.exp(exponents[0])
         left_side = scale[:, None] * stiffness
         right = rows.T @ ((sizes * d)[:, None] * rows)
-        places = np.arange(normal, count)
         right[places, places] += sizes / d
-        return (left_side + left_side.T) / 2, right / 2, scale
+        left_side, right = (left_side + left_side.T) / 2, right / 2
+        return (left_side, right) if basis is None else (basis.T @ left_side @ basis, basis.T @ right @ basis)
 
-    def reduced(matrix: Nodal) -> Nodal:
-        return matrix if basis is None else basis.T @ matrix @ basis
-
-    def value(weights: Nodal) -> tuple[float, Nodal]:
-        """The logarithm of the smoothed largest eigenvalue, and its derivative."""
-        left_side, right, scale = matrices(weights)
+    def largest(exponents: Nodal) -> float:
+        """The logarithm of the largest eigenvalue; infinite: these weights prove nothing."""
+        left_side, right = matrices(exponents)
+        last = len(left_side) - 1
         try:
-            values, vectors = eigh(reduced(right), reduced(left_side), driver="gvd")
+            return float(np.log(eigh(right, left_side, eigvals_only=True, subset_by_index=(last, last))[0]))
         except LinAlgError:  # the left side is not positive definite
-            return INDEFINITE, np.zeros_like(weights)
-        values = np.maximum(values, 0.0)
-        top = values[-1]
-        share = (values / top) ** _SMOOTH
-        x = vectors if basis is None else basis @ vectors
-        weight = share / values.clip(min=1e-300) / share.sum()
-        sx, d = stiffness @ x, np.exp(weights[-sizes.size :])
-        by_d = 0.5 * sizes[:, None] * (d[:, None] * sx[rough.beside] ** 2 - x[normal:] ** 2 / d[:, None])
-        by_nu = -values * scale[:normal, None] * x[:normal] * sx[:normal]
-        gradient = np.concatenate((by_nu, by_d)) @ weight
-        if rough.free.size:
-            gradient = np.concatenate(([gradient[:normal].sum()], gradient[normal:]))
-        return float(np.log(top) + np.log(share.sum()) / _SMOOTH), gradient
+            return np.inf
 
-    nus = np.zeros(1 if rough.free.size else normal)
-    best = np.concatenate((nus, first[1:]))
-    spent, reached = 0, value(best)[0]
-    while spent < _EVALUATIONS:  # a search that leaves the weights with a proof ends early, and begins again
-        minimum = minimize(value, best, jac=True, method="L-BFGS-B", options={"maxfun": _EVALUATIONS - spent})
-        spent += minimum.nfev
-        if not minimum.fun < reached - WORTHWHILE_GAIN:
-            break
-        best, reached = minimum.x, minimum.fun
-    left_side, right, _ = (*map(reduced, matrices(best)[:2]), None)
-    multiple = 1.0 / float(
-        eigh(right, left_side, eigvals_only=True, subset_by_index=(len(left_side) - 1, len(left_side) - 1))[0]
-    )
+    start = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
+    options = {"initial_simplex": start, "maxfev": _EVALUATIONS}
+    best = minimize(largest, start[0], method="Nelder-Mead", options=options)
+    left_side, right = matrices(best.x)
+    multiple = float(np.exp(-best.fun))
     if not _definite(left_side - multiple * PROVED_SHARE * right):
         return 0.0, "round-off hides it"
     return multiple * PROVED_SHARE, ""
