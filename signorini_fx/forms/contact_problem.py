@@ -205,9 +205,9 @@ class ContactProblem(ProblemOfForms):
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """What is to be known about the last solution: that its law is not the one asked for, friction laws of a
-        user's own that are not what they say at its pressures, contact nodes that supports hold inside their
-        foundation, which are left out of the contact, and shapes that lie inside the deformed body; collective.
+        """What is to be known about the last solution: that its law is not the one asked for, contact nodes that
+        supports hold inside their foundation, which are left out of the contact, and shapes that lie inside the
+        deformed body; collective.
         """
         from signorini_fx.forms.results import findings_of_last
 

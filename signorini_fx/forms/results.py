@@ -48,7 +48,7 @@ def solution_of(solver: FormSolver, path: LoadPath | None, progress: StepProgres
     # Of a load step that has failed the forms are not those of the results, which are of one before it.
     settled = steps[-1].status is Status.CONVERGED or len(steps) == 1
     body = replace(solver.model(path, title), settled=settled)
-    findings = findings_of_steps(body, steps, solver.doubtful_laws(), solver.foundations.placed_shapes)
+    findings = findings_of_steps(body, steps, [], solver.foundations.placed_shapes)
     return contact_solution(body, steps, solver.task, ended, solver.timings, lambda: tuple(findings))
 
 
@@ -61,7 +61,7 @@ def findings_of_last(solver: FormSolver) -> tuple[Finding, ...]:
     held = held_in_result(solver.state, solver.u, solver.foundations.pairs)
     pushed = pushed_nodes(solver.space.mesh.comm, [held], solver.scales.size)
     inside = shapes_in_results(solver.foundations.placed_shapes, solver.u)
-    return (*warnings, *solver.doubtful_laws(), *pushed, *inside)
+    return (*warnings, *pushed, *inside)
 
 
 def errors_of(solver: FormSolver, stress: RawStresses) -> Errors:

@@ -44,7 +44,7 @@ from signorini_fx.mechanics.rigid.rigid_motions import RigidMotions
 from signorini_fx.mechanics.scales import Scales
 from signorini_fx.mechanics.statement.load_path import LoadPath, counted_path
 from signorini_fx.mechanics.statement.settings import SolverSettings
-from signorini_fx.records import Finding, History, Inventory, Status, Timings
+from signorini_fx.records import History, Inventory, Status, Timings
 from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.results.certificate.law_of_method import PreviousStep
 from signorini_fx.results.contact_fields import ContactFields
@@ -192,8 +192,7 @@ class FormSolver:
         status = self.status
         if status is None or status is Status.CONVERGED:
             return ""
-        told = [f"{finding.path}: {finding.message}" for finding in self.doubtful_laws()]
-        return "\n".join([f"{status.value}: {status.advice}", *told])
+        return f"{status.value}: {status.advice}"
 
     def _note_cost(self, begin: float) -> None:
         """Keep what a solve has taken that began at a time of ``time.perf_counter``; collective."""
@@ -438,12 +437,6 @@ class FormSolver:
         """Gap, friction and regularisation at the contact points, as they are now; collective."""
         self.data = self.foundations.data(shapes)
         return self.foundations.problem(self.boundary, self.data, Settings.of(self.settings), self.scales)
-
-    def doubtful_laws(self) -> list[Finding]:
-        """See ``laws_in_results``; collective."""
-        from signorini_fx.solving.check.laws_in_results import laws_in_results
-
-        return laws_in_results(self.data, self.begun.law, self._state, self.scales.modulus)
 
     def model(self, path: LoadPath | None = None, title: str = "") -> FormBody:
         """The body as the forms are now, with what is known of it by name; collective.

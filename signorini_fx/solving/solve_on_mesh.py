@@ -18,7 +18,7 @@ from signorini_fx.algebra.linalg import ElasticSystem
 from signorini_fx.algebra.linalg.choice import SystemSize, choose_system
 from signorini_fx.algebra.linalg.elasticity import Elasticity
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.body.discretisation import discretise, friction_of, placed
+from signorini_fx.mechanics.body.discretisation import discretise
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.contact_points.first_sets import first_sets
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
@@ -35,7 +35,6 @@ from signorini_fx.results.step_result import StepResult
 from signorini_fx.solving.check.bodies import facets_in_result
 from signorini_fx.solving.check.cost import estimated_cost
 from signorini_fx.solving.check.findings import result_findings, scene_findings
-from signorini_fx.solving.check.laws_in_results import laws_in_results
 from signorini_fx.solving.check.pushed_nodes import held_in_result, pushed_nodes
 from signorini_fx.solving.check.refusals import refuse_beforehand
 from signorini_fx.solving.check.shapes_in_results import shapes_in_results
@@ -186,7 +185,7 @@ def _found(model: Model, steps: tuple[StepResult, ...]) -> Callable[[], tuple[Fi
 def _findings(model: Model, steps: Sequence[StepResult]) -> list[Finding]:
     """The findings of ``check`` about the scene, and those about its result; collective."""
     last = steps[-1]
-    findings = [*scene_findings(model), *_doubtful_laws(model, last)]
+    findings = scene_findings(model)
     if _solved(steps) and last.contact is not None and last.contact.boundary.paired:
         findings += facets_in_result(model, last.contact)
     contact = enumerate(model.statement.placed(_shown(steps).place).contact)
@@ -229,14 +228,6 @@ def findings_of_steps(
 def _solved(steps: Sequence[StepResult]) -> bool:
     """Whether the last load step has a result that something can be said about."""
     return steps[-1].status in (Status.CONVERGED, Status.TOO_LARGE, Status.NOT_CERTIFIED)
-
-
-def _doubtful_laws(model: Model, last: StepResult) -> list[Finding]:
-    """See ``laws_in_results``; collective."""
-    if not any(effect.friction.of_a_user for effect in model.statement.contact):
-        return []
-    settled = placed(model, last.place)
-    return laws_in_results(friction_of(settled), settled.law, last.contact, settled.scales.modulus)
 
 
 def contact_task(

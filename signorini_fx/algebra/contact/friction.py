@@ -15,8 +15,6 @@ from typing import Any, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from signorini_fx.tuned import WRONG_BOUND
-
 Nodal = npt.NDArray[np.float64]
 
 
@@ -87,16 +85,6 @@ class PointFriction:
         for entry in self.laws:
             slope[entry.points] = entry.law.derivative(size[entry.points])
         return np.where(pressure < 0, -slope, slope)
-
-    def exceeds_envelope(self, pressure: Nodal) -> npt.NDArray[np.bool_]:
-        """Points at which a law has a larger bound than it says, shape (n,)."""
-        size, exceeds = np.abs(pressure), np.zeros(pressure.size, dtype=bool)
-        for entry in self.laws:
-            at = entry.points
-            envelope = self.given[at] + self.coefficient[at] * size[at]
-            envelope = envelope if entry.cap is None else np.minimum(envelope, entry.cap)
-            exceeds[at] = entry.law.limit(size[at]) > (1 + WRONG_BOUND) * envelope
-        return exceeds
 
     @property
     def unknown(self) -> str:

@@ -13,9 +13,7 @@ import numpy.typing as npt
 from signorini_fx.algebra.contact.friction import LawAtPoints, PointFriction
 from signorini_fx.mechanics.laws.protocol import Array, FrictionLaw
 from signorini_fx.tuned import (
-    CERTIFICATE_TOLERANCE,
     LARGEST_BEND,
-    PRESSURE_CHANGE,
     PRESSURES_PER_DECADE,
     SMALLEST_PRESSURE,
     TRIED_POINTS,
@@ -48,7 +46,6 @@ class _Tried:
         claimed: likewise.
         envelope: what the law says that no bound exceeds, stress.
         round_off: that of the bound, stress, shape (m,).
-        wrong: by which share of its bound a law may be wrong.
     """
 
     law: FrictionLaw
@@ -58,7 +55,6 @@ class _Tried:
     claimed: Array
     envelope: Array
     round_off: Array
-    wrong: float = WRONG_BOUND
 
     @property
     def fault(self) -> str:
@@ -71,7 +67,7 @@ class _Tried:
 
     def _faults(self) -> Iterator[tuple[str, npt.NDArray[np.bool_]]]:
         """Each in words, with places for law and pressure, and where it is, shape (k, m)."""
-        limit, within = self.limit, self.wrong * self.limit + self.round_off
+        limit, within = self.limit, WRONG_BOUND * self.limit + self.round_off
         yield "limit of {law} is not finite at the pressure {pressure:g}", ~np.isfinite(limit)
         yield "limit of {law} is negative at the pressure {pressure:g}", limit < 0
         vertical = (self.pressure == 0) & np.isposinf(self.derivative)  # such as that of a root
@@ -116,24 +112,7 @@ def fault_of(law: FrictionLaw, count: int, modulus: float) -> str:
     return _fault(law, points, np.append(0.0, modulus * 10.0**exponents)[:, None], modulus)
 
 
-def fault_in_result(law: FrictionLaw, pressure: Array, modulus: float) -> str:
-    """The same of a law at n points, at the pressures of a result, with all digits that a certificate asks for.
-
-    Args:
-        law: at its points.
-        pressure: at each of them, stress, shape (n,), positive.
-        modulus: of the body, stress.
-    """
-    if not pressure.size:
-        return ""
-    far = 10.0 ** (1 / PRESSURES_PER_DECADE)
-    beside = np.array([0.0, 1 / far, 1 - PRESSURE_CHANGE, 1.0, 1 + PRESSURE_CHANGE, far])
-    return _fault(law, np.arange(pressure.size), beside[:, None] * pressure, modulus, CERTIFICATE_TOLERANCE)
-
-
-def _fault(
-    law: FrictionLaw, points: npt.NDArray[np.int64], pressure: Array, modulus: float, wrong: float = WRONG_BOUND
-) -> str:
+def _fault(law: FrictionLaw, points: npt.NDArray[np.int64], pressure: Array, modulus: float) -> str:
     """What the law does not keep at m of its points under k pressures, shape (k, 1) or (k, m)."""
     name, shape = type(law).__name__, (len(pressure), points.size)
     tried, at_pressures = law.at(np.tile(points, shape[0])), np.broadcast_to(pressure, shape).ravel()
@@ -156,7 +135,7 @@ def _fault(
         envelope = given + coefficient * pressure
         envelope = np.broadcast_to(envelope if cap is None else np.minimum(envelope, cap), shape)
         round_off = _round_off(law, points, modulus, limit[-1])
-        return _Tried(law, pressure, limit, derivative, claimed, envelope, round_off, wrong).fault
+        return _Tried(law, pressure, limit, derivative, claimed, envelope, round_off).fault
 
 
 def _round_off(law: FrictionLaw, points: npt.NDArray[np.int64], modulus: float, bound: Array) -> Array:

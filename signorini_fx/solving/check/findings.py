@@ -39,8 +39,6 @@ from signorini_fx.tuned import (
 
 def scene_findings(body: Model) -> list[Finding]:
     """Findings about the scene and its mesh; collective, the same on every rank."""
-    from signorini_fx.solving.check.bodies import side_findings
-
     statement, data = body.statement, body.data
     prescribed, force = _largest_loads(body)
     findings = [Finding("warning", "incomplete", f"not in the scene: {lost}") for lost in statement.incomplete]
