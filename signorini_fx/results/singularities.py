@@ -3,32 +3,62 @@
 Where two facets of the boundary meet at an angle, or their conditions change, the stress of linear elasticity grows
 like a negative power of the distance if the angle within the body is large enough (Williams, J. Appl. Mech. 19 (1952)
 526-528; Grisvard, Elliptic Problems in Nonsmooth Domains, 1985).  On an edge in 3D it does so across the edge.
-Where a load along the boundary jumps it grows like a logarithm (Timoshenko and Goodier, Theory of Elasticity, section
-38), and where materials meet at the boundary, or their interface has a corner, like a power again (Bogy, J. Appl. Mech.
+Where materials meet at the boundary, or their interface has a corner, it grows like a power again (Bogy, J. Appl. Mech.
 38 (1971) 377-386): for most pairs of materials, a few are bounded and named all the same.
 
 At a node that is held or loaded alone it grows like the inverse of the distance, in 3D of its square (the
 solutions of Flamant and Boussinesq).
 
-Bodies that touch are judged one by one.  Where the edge of one of them, of 90 degrees or more, presses on another one
-the stress has no limit in both, though materials decide how fast it grows (Dundurs and Lee, J. Elasticity 2 (1972)
-109-112); where they are bonded the corner of both together decides.
+Bodies that touch are judged one by one: at their contact boundaries only reentrant corners are named.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from itertools import combinations
-from typing import Any
+from typing import Any, NamedTuple
 
+import basix
 import numpy as np
 import numpy.typing as npt
+from dolfinx import mesh as dmesh
 
+from signorini_fx.machine import compat, parallel
+from signorini_fx.mechanics.assembly.mesh_entities import facet_entities
+from signorini_fx.mechanics.elasticity.moduli import of_materials
+from signorini_fx.mechanics.loads.supports import on_axis
 from signorini_fx.mechanics.model import Model
-from signorini_fx.mechanics.statement.effect import Force
-from signorini_fx.results.near_singularity import BoundaryFacet, cells_near, facets_near, size_of_cells
-from signorini_fx.tuned import BESIDE_VERTEX, CORNER_ANGLE, JUMP_OF_LOAD, SAME_ANGLE, SAME_PLACE_IN_CELL, SAME_POSITION
+from signorini_fx.mechanics.statement.effect import Force, InitialStrain
+from signorini_fx.tuned import BESIDE_VERTEX, CORNER_ANGLE, SAME_ANGLE, SAME_PLACE_IN_CELL, SAME_POSITION
 
 Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class BoundaryFacet:
+    """An exterior facet.
+
+    Attributes:
+        vertices: shape (n, d).
+        normal: outward, shape (d,).
+        kind: what is prescribed there.
+        names: by which boundaries.
+        piece: number of the connected piece of the mesh that it is of.
+        paired: how it may touch another body: "contact", "bonded", or "" if it does not.
+    """
+
+    vertices: Array
+    normal: Array
+    kind: str
+    names: tuple[str, ...]
+    paired: str
+    piece: int
+
+    @property
+    def size(self) -> float:
+        """The diagonal of the box around it, length."""
+        return float(np.linalg.norm(np.ptp(self.vertices, axis=0)))
+
 
 # The largest angle within the body, degrees, up to which the stress is bounded where facets with these conditions meet:
 # nothing prescribed, the normal component alone, or all of the displacement.
@@ -55,99 +85,42 @@ def why_no_limit(body: Model, point: tuple[float, ...], step: float = 0.0) -> st
         step: the load step that the loads are those of, its place in the lists of factors.
     """
     facets = [
-        facet
-        for local_facets in body.comm.allgather(facets_near(body, np.array(point), step))
-        for facet in local_facets
+        facet for local_facets in body.comm.allgather(facets_near(body, np.array(point))) for facet in local_facets
     ]
     reasons = [_where_materials_meet(body, np.array(point), facets), _at_a_single_node(body, np.array(point), step)]
     for facet_a, facet_b in combinations(facets, 2):
         if facet_a.piece != facet_b.piece:
             continue
         distance = np.linalg.norm(facet_a.vertices[:, None] - facet_b.vertices[None], axis=2)
-        first, second = np.nonzero(distance <= SAME_POSITION * body.tagged.size)
+        first, _ = np.nonzero(distance <= SAME_POSITION * body.tagged.size)
         size = min(facet_a.size, facet_b.size)
         near = np.linalg.norm(facet_a.vertices[first] - point, axis=1) <= BESIDE_VERTEX * size
         if len(first) == body.tagged.dimension - 1 and near.any():
-            opposite_facets = [
-                facet for facet in facets if facet.piece != facet_a.piece and facet.reaches(facet_a.vertices[first])
-            ]
-            reasons += [_reason(facet_a, facet_b, opposite_facets), _where_loads_jump(facet_a, facet_b, first, second)]
+            reasons.append(_reason(facet_a, facet_b))
     return min((reason for reason in reasons if reason is not None), default=None)
 
 
-def _reason(facet_a: BoundaryFacet, facet_b: BoundaryFacet, opposite_facets: list[BoundaryFacet]) -> str | None:
-    """Why the stress has no limit where two facets of a body meet, and facets of others are."""
-    turn, angle = _corner(facet_a.normal, facet_b.normal, facet_b.vertices.mean(axis=0) - facet_a.vertices.mean(axis=0))
+def _reason(facet_a: BoundaryFacet, facet_b: BoundaryFacet) -> str | None:
+    """Why the stress has no limit where two facets of a body meet."""
+    turn = float(np.degrees(np.arccos(np.clip(facet_a.normal @ facet_b.normal, -1.0, 1.0))))
+    reentrant = (facet_b.vertices.mean(axis=0) - facet_a.vertices.mean(axis=0)) @ facet_a.normal > 0
+    angle = 180 + turn if reentrant else 180 - turn
     kinds = tuple(sorted({facet_a.kind, facet_b.kind}))
     alike = len(kinds) == 1
     if facet_a.paired or facet_b.paired:
-        touched = any(facet.paired for facet in opposite_facets)
-        if (facet_a.paired and facet_b.paired) or not touched:
-            filled = touched and facet_a.paired == facet_b.paired == "bonded"
-            return None if filled or angle <= 180 + _CURVED else "it is at a reentrant corner of the body"
-        side = facet_a if facet_a.paired else facet_b
-        beyond = [
-            _corner(-side.normal, facet.normal, (facet.vertices - side.vertices[:1]).mean(axis=0))[1]
-            for facet in opposite_facets
-            if not facet.paired
-        ]
-        together = angle + min(beyond, default=180.0)
-        if angle < 90 - SAME_ANGLE or together <= 180 + SAME_ANGLE:
-            return None
-    elif (alike and turn <= _CURVED) or angle <= _BOUNDED[kinds] + (_CURVED if alike else SAME_ANGLE):
+        filled = facet_a.paired == facet_b.paired == "bonded"
+        return None if filled or angle <= 180 + _CURVED else "it is at a reentrant corner of the body"
+    if (alike and turn <= _CURVED) or angle <= _BOUNDED[kinds] + (_CURVED if alike else SAME_ANGLE):
         return None
-    elif alike and facet_a.kind != "guided":
+    if alike and facet_a.kind != "guided":
         return "it is at a reentrant corner of the body"
     names = {*facet_a.names, *facet_b.names} if alike else {*facet_a.names} ^ {*facet_b.names}
     return f"it is at the end of the {_boundaries(names)}"
 
 
-def _corner(normal: Array, other_normal: Array, toward: Array) -> tuple[float, float]:
-    """How far the normal turns from one facet to another one, and the angle within the body between them, degrees.
-
-    Args:
-        normal: of the one.
-        other_normal: that of the other one.
-        toward: from the one to the other.
-    """
-    turn = _turn(normal, other_normal)
-    return turn, 180 + turn if toward @ normal > 0 else 180 - turn
-
-
-def _turn(normal: Array, other_normal: Array) -> float:
-    """The angle between two normals, degrees."""
-    return float(np.degrees(np.arccos(np.clip(normal @ other_normal, -1.0, 1.0))))
-
-
 def _boundaries(names: set[str]) -> str:
     """Boundaries by their names."""
     return f"boundar{'ies' if len(names) > 1 else 'y'} {' and '.join(sorted(names))}"
-
-
-def _where_loads_jump(
-    facet_a: BoundaryFacet, facet_b: BoundaryFacet, first: npt.NDArray[np.int64], second: npt.NDArray[np.int64]
-) -> str | None:
-    """Whether a load along the boundary jumps where two facets meet that share these vertices of theirs.
-
-    A boundary that only guides is a mirror: a load that ends there at a right angle, or acts along it, is one that
-    jumps.
-    """
-    turn = _turn(facet_a.normal, facet_b.normal)
-    kinds = {facet_a.kind, facet_b.kind}
-    loads = facet_a.traction[first], facet_b.traction[second]
-    if kinds <= {"free", "guided"} and turn <= _CURVED:
-        jump, normal = loads[0] - loads[1], facet_a.normal + facet_b.normal
-    elif kinds == {"free", "guided"} and abs(turn - 90) <= SAME_ANGLE:
-        free, guided = (0, 1) if facet_a.kind == "free" else (1, 0)
-        normal, across = (facet_a, facet_b)[free].normal, (facet_a, facet_b)[guided].normal
-        jump = (loads[free] @ across)[:, None] * across  # along the edge of a mirror nothing jumps
-    else:
-        return None
-    along = jump - np.outer(jump @ normal, normal) / (normal @ normal)
-    size = np.linalg.norm(np.concatenate((facet_a.traction, facet_b.traction)), axis=1).max()
-    if not (np.linalg.norm(along, axis=1) > JUMP_OF_LOAD * size).all():
-        return None
-    return f"it is where the load along the {_boundaries({*facet_a.loaded, *facet_b.loaded})} jumps"
 
 
 def _at_a_single_node(body: Model, point: Array, step: float) -> str | None:
@@ -216,3 +189,144 @@ def _where_materials_meet(body: Model, point: Array, boundary: list[BoundaryFace
             else "it is where materials meet at the boundary"
         )
     return min(reasons, default=None)
+
+
+def facets_near(body: Model, point: Array) -> list[BoundaryFacet]:
+    """Exterior facets of this rank with a vertex within their size from a place."""
+    mesh, dim = body.tagged.mesh, body.tagged.dimension
+    mesh.topology.create_connectivity(dim - 1, dim)
+    numbers = dmesh.exterior_facet_indices(mesh.topology)
+    entities = facet_entities(mesh, numbers)
+    cell_type = getattr(basix.CellType, mesh.topology.cell_name())
+    corners = np.array(basix.topology(cell_type)[dim - 1])
+    nodes = compat.geometry_cells(mesh)[entities[:, 0]]
+    x = np.asarray(mesh.geometry.x[..., :dim], dtype=np.float64)
+    vertices = x[np.take_along_axis(nodes, corners[entities[:, 1]], axis=1)]
+    size = np.linalg.norm(np.ptp(vertices, axis=1), axis=1)
+    close = np.linalg.norm(vertices - point, axis=2).min(axis=1, initial=np.inf) <= BESIDE_VERTEX * size
+    facets = []
+    for k in np.flatnonzero(close):
+        middle = x[nodes[k][: len(basix.geometry(cell_type))]].mean(axis=0)
+        normal = _normal(vertices[k], middle)
+        condition = _condition(body, int(numbers[k]), normal, vertices[k])
+        piece = int(body.pieces.of_cell[entities[k, 0]])
+        facets.append(BoundaryFacet(vertices[k], normal, *condition, piece))
+    return facets
+
+
+def _normal(vertices: Array, inside: Array) -> Array:
+    """The unit normal of a facet that points away from a point inside."""
+    normal = np.linalg.svd(vertices - vertices.mean(axis=0))[2][-1]
+    return np.asarray(normal * np.sign(normal @ (vertices.mean(axis=0) - inside)))
+
+
+def _condition(body: Model, facet: int, normal: Array, corners: Array) -> tuple[str, tuple[str, ...], str]:
+    """What is prescribed on a facet, by which boundaries, and how it may touch another body."""
+    statement, tagged, dim = body.statement, body.tagged, body.tagged.dimension
+    holding = [effect for effect in statement.displacement if effect.where and effect.holding]
+    supports = [effect for effect in holding if facet in tagged.facets(effect.where)]
+    contacts = [
+        (effect, name)
+        for effect in statement.contact
+        for name in (effect.boundary, effect.against)
+        if name is not None and facet in tagged.facets(name)
+    ]
+    paired = ["bonded" if effect.bonded else "contact" for effect, _ in contacts if effect.against]
+    touching = [effect for effect, _ in contacts]
+    rows: list[Array] = [normal for effect in (*supports, *touching) if getattr(effect, "normal", 0.0) is not None]
+    for effect in supports:
+        rows += [np.eye(dim)[k] for k, value in enumerate(effect.components[:dim]) if value is not None]
+    names = (*(effect.boundary for effect in supports), *(name for _, name in contacts))
+    if (zero := body.kinematics.zero_on_axis) and on_axis(corners, body.tagged).all():
+        rows.append(np.eye(dim)[zero[0]])
+    still = body.kinematics.out_of_section > 0 and any(
+        effect.components[2] is not None for effect in supports
+    )  # around the axis
+    if not rows and not still:
+        return "free", (), ""
+    clamped = still or np.linalg.matrix_rank(np.array(rows), tol=1e-6) == dim
+    held = clamped or any(effect.friction.acts for effect in touching)
+    return "held" if held else "guided", names, min(paired, default="")
+
+
+class CellAtVertex(NamedTuple):
+    """A cell at one of its vertices, shape (d,): its kind of material, a number of all pieces that bonds join to its
+    own, its angle there, its longest edge there.
+    """
+
+    vertex: Array
+    kind: int
+    joined: int
+    angle: float
+    length: float
+
+
+def size_of_cells(body: Model, point: Array) -> float:
+    """The largest diagonal of the cells with a vertex within theirs from a place, length; collective."""
+    mesh, dim = body.tagged.mesh, body.tagged.dimension
+    corners = len(basix.geometry(getattr(basix.CellType, mesh.topology.cell_name())))
+    x = np.asarray(mesh.geometry.x[..., :dim], dtype=np.float64)
+    vertices = x[compat.geometry_cells(mesh)[: mesh.topology.index_map(dim).size_local, :corners]]
+    size = np.linalg.norm(np.ptp(vertices, axis=1), axis=1)
+    return parallel.largest(body.comm, size[np.linalg.norm(vertices - point, axis=2).min(axis=1) <= size])
+
+
+def cells_near(body: Model, point: Array) -> list[CellAtVertex]:
+    """The cells of all ranks at each vertex near a place, which is within an edge of it; collective."""
+    mesh, dim = body.tagged.mesh, body.tagged.dimension
+    cell_type = getattr(basix.CellType, mesh.topology.cell_name())
+    corners = basix.geometry(cell_type)
+    neighbours = [
+        [end for edge in basix.topology(cell_type)[1] if corner in edge for end in edge if end != corner]
+        for corner in range(len(corners))
+    ]
+    cells = np.arange(mesh.topology.index_map(dim).size_local)
+    x = np.asarray(mesh.geometry.x[..., :dim], dtype=np.float64)
+    vertices = x[compat.geometry_cells(mesh)[cells][:, : len(corners)]]
+    strained = bool(body.statement.of(InitialStrain))
+
+    def kind_of(material: Any) -> tuple[Any, ...]:
+        return *material.kind, strained and material.expansion
+
+    kinds = [kind_of(material) for material in body.statement.material]
+    (number,) = of_materials(body.statement, body.tagged, lambda entry: (float(kinds.index(kind_of(entry))),))
+    kind = number.x.array[number.function_space.dofmap.list[cells, 0]]
+    joined, of_cell = _joined_pieces(body), body.pieces.of_cell
+    edges = vertices[:, neighbours] - vertices[:, :, None]
+    length = np.linalg.norm(edges, axis=3)
+    distance, reach = np.linalg.norm(vertices - point, axis=2), BESIDE_VERTEX * length.max(axis=2)
+    close = distance <= parallel.largest(body.comm, reach[distance <= reach])
+    local_cells = [
+        CellAtVertex(
+            vertices[cell, corner],
+            int(kind[cell]),
+            int(joined[of_cell[cell]]),
+            _angle(edges[cell, corner]),
+            float(length[cell, corner].max()),
+        )
+        for cell, corner in np.argwhere(close)
+    ]
+    return [entry for rows in body.comm.allgather(local_cells) for entry in rows]
+
+
+def _joined_pieces(body: Model) -> npt.NDArray[np.int64]:
+    """For each connected piece of the mesh one number of all pieces that bonds join to it; collective."""
+    joined = np.arange(body.pieces.count)
+    for effect in body.statement.contact:
+        if effect.against is not None and effect.bonded:
+            facets = np.concatenate([body.tagged.facets(name) for name in (effect.boundary, effect.against)])
+            local_pieces = np.unique(body.pieces.of_cell[facet_entities(body.tagged.mesh, facets)[:, 0]])
+            pieces = sorted({piece for rows in body.comm.allgather(local_pieces.tolist()) for piece in rows})
+            joined[np.isin(joined, joined[pieces])] = joined[pieces].min()
+    return joined
+
+
+def _angle(edges: Array) -> float:
+    """The angle between two directions, or the solid angle between three, shape (d, d)."""
+    along = edges / np.linalg.norm(edges, axis=1, keepdims=True)
+    pairs = along @ along.T
+    if len(along) == 2:
+        return float(np.arccos(np.clip(pairs[0, 1], -1.0, 1.0)))
+    # Van Oosterom and Strackee, IEEE Trans. Biomed. Eng. 30 (1983) 125-126.
+    below = 1 + pairs[0, 1] + pairs[0, 2] + pairs[1, 2]
+    return float(2 * np.arctan2(abs(np.linalg.det(along)), below))
