@@ -607,8 +607,6 @@ PROGRESS_PAUSE = 0.2
 ADDRESS_SPACE, DATA_SEGMENT = 1.0e9, 0.5e9
 # Bytes that a cell takes at least until its body is solved: the mesh, the stiffness and the Jacobian.  No record.
 BYTES_PER_CELL = 1000.0
-# Seconds for a program that says its version.  Choice.
-VERSION_PATIENCE = 20.0
 
 # --- meshes and points in them ---------------------------------------------------------------------------------------
 
@@ -726,8 +724,8 @@ CLOSED_BOUNDARY = 0.01
 # A place so many facets away from a vertex is beside it; a gap or an overlap of bodies, or a step between their sides,
 # that is less than the second share of a facet is none.  Choice.
 BESIDE_VERTEX, NO_STEP = 1.01, 0.1
-# Angles within a body that differ by less than these degrees are equal; a share of a load that is a jump.  Choice.
-SAME_ANGLE, JUMP_OF_LOAD = 1.0, 1e-3
+# Angles within a body that differ by less than these degrees are equal.  Choice.
+SAME_ANGLE = 1.0
 # Share of what has been added since the last factor by which a limit is passed to be proved: well above the round-off
 # of statics.  Choice.
 BEYOND_LIMIT = 1e-6

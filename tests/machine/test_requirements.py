@@ -8,7 +8,7 @@ import dolfinx
 import pytest
 
 from signorini_fx.errors import InstallationError
-from signorini_fx.machine import compat, fenicsx, requirements
+from signorini_fx.machine import compat, requirements
 from signorini_fx.scenes import cli
 from signorini_fx.scenes.cli.exit_codes import EXIT_BAD_INPUT
 
@@ -47,48 +47,3 @@ def test_too_old(monkeypatch):
     finally:
         monkeypatch.undo()
         importlib.reload(compat)
-
-
-def on(**other):
-    """A machine: Python 3.12 of its own on Linux, or another one."""
-    surroundings = {
-        "python": (3, 12),
-        "executable": "python3",
-        "system": "Linux",
-        "processor": "x86_64",
-        "debian": False,
-        "conda": False,
-        "managed": False,
-        "has_pip": True,
-        "source": "/src",
-        "runs": lambda name: name == "python3",
-    }
-    return fenicsx.Surroundings(**surroundings | other)
-
-
-WHEELS = "'dolfinx-solver-real>=0.11' 'gmsh>=4.12'"
-IN_A_NEW_PLACE = f"-m venv ~/signorini && ~/signorini/bin/pip install {WHEELS} /src"
-
-
-@pytest.mark.parametrize(
-    ("other", "command"),
-    [
-        ({}, f"python3 -m pip install {WHEELS}"),
-        ({"has_pip": False}, f"pip --python python3 install {WHEELS}"),
-        ({"has_pip": False, "runs": lambda name: name == "uv"}, f"uv pip install --python python3 {WHEELS}"),
-        ({"debian": True, "managed": True, "python": (3, 13)}, "sudo apt install python3-dolfinx python3-gmsh"),
-        ({"managed": True}, f"python3 {IN_A_NEW_PLACE}"),
-        ({"python": (3, 11), "runs": lambda name: name == "python3.13"}, f"python3.13 {IN_A_NEW_PLACE}"),
-        ({"conda": True}, "conda install -c conda-forge fenics-dolfinx mpich python-gmsh"),
-        (
-            {"system": "Darwin", "processor": "arm64", "runs": lambda name: name in ("conda", "python3.13")},
-            "conda install -c conda-forge fenics-dolfinx mpich python-gmsh",
-        ),
-        ({"python": (3, 11)}, "cd /src && ./env signorini-fx info"),
-        ({"managed": True, "runs": lambda name: False}, "cd /src && ./env signorini-fx info"),
-        ({"processor": "aarch64"}, "cd /src && ./env signorini-fx info"),
-    ],
-)
-def test_the_next_command(other, command):
-    """What can be done on this machine, by Python's version, the platform, and who manages its packages."""
-    assert on(**other).command == command
