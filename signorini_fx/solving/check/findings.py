@@ -34,6 +34,7 @@ from signorini_fx.tuned import (
     NO_FORCE,
     SMALL_DEFORMATION,
     START_GAMMA,
+    TURNED_NORMALS,
 )
 
 
@@ -53,8 +54,10 @@ def scene_findings(body: Model) -> list[Finding]:
         findings += [
             *_gaps(body, data, FAR_GAP * prescribed + (body.tagged.size if force > 0 else 0.0)),
             *_inwards(body),
+            *_along_normals(body),
             *_uniqueness(statement, body.boundary, body.law),
             *_regularisation(statement, data, body.scales.gamma),
+            *_monolithic(statement),
         ]
     return findings
 
@@ -285,6 +288,27 @@ def _units(body: Model, prescribed: float, force: float) -> list[Finding]:
     return []
 
 
+def _along_normals(body: Model) -> list[Finding]:
+    """Gaps that are expressions along normals that turn, where a height may be meant."""
+    boundary = body.boundary
+    assert boundary is not None
+    findings = []
+    for index, effect in enumerate(body.statement.contact):
+        if effect.direction is not None or effect.foundation is not None or not isinstance(effect.gap, Expression):
+            continue
+        normals = boundary.normal[boundary.part == index]
+        mean = parallel.global_sum(boundary.comm, normals.sum(axis=0))
+        cosine = -parallel.largest(boundary.comm, -normals @ mean / max(float(np.linalg.norm(mean)), NO_FORCE), -1.0)
+        turned = math.degrees(math.acos(min(1.0, max(-1.0, cosine))))
+        if turned > TURNED_NORMALS:
+            message = (
+                f"it is measured along the normals, which turn by up to {turned:.0f} degrees from their mean: a height "
+                "above a foundation needs a direction, the one from the body to the foundation"
+            )
+            findings.append(Finding("note", f"contact[{index}].gap", message))
+    return findings
+
+
 def _acts(body: Model) -> bool:
     """Whether there is a load or a prescribed displacement in any load step; collective."""
     steps = range(body.statement.steps)
@@ -373,3 +397,21 @@ def _regularisation(statement: Statement, data: RegularisedData, natural: float)
         message = f"{data.sigma:g} is not above 1 / gamma_t: the slip sets cycle where gamma_t is large; set 'auto'"
         findings.append(Finding("warning", "solver.sigma", message))
     return findings
+
+
+def _monolithic(statement: Statement) -> list[Finding]:
+    """A note if coulomb = newton cannot be used."""
+    if statement.solver.coulomb != "newton" or not statement.has_coulomb:
+        return []
+    laws = [contact.friction for contact in statement.contact if not contact.friction.has_derivative]
+    obstacles = sorted({name for law in laws for name in law.exceptions})
+    obstacles += ["bilateral contact"] if any(contact.kind == "bilateral" for contact in statement.contact) else []
+    if not obstacles:
+        return []
+    return [
+        Finding(
+            "note",
+            "solver.coulomb",
+            f"newton cannot be combined with {' and '.join(obstacles)}: the fixed point is used",
+        )
+    ]
