@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import random_scenes
 from dolfinx import mesh as dmesh
+from mesh_files import write_msh
 from mpi4py import MPI
 from reference import Reference, divided
 from scenes import example1, on_mesh, rectangle
@@ -14,7 +15,6 @@ from varied import varied
 
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.machine import compat, parallel
-from signorini_fx.mechanics.mesh.files.formats import read_file, write_file
 from signorini_fx.mechanics.mesh.tagged import generate_mesh
 from signorini_fx.mechanics.statement.mesh_sources import MeshGenerator
 from signorini_fx.mechanics.statement.settings import Accuracy
@@ -384,7 +384,7 @@ def test_a_drawing_is_meshed_again(tmp_path):
     solution = solve(seal(drawing, target=0.1, of="pressure"), MPI.COMM_SELF)
     assert solution.table.columns["pressure"].max() == pytest.approx(largest, rel=0.03)
     for degree, name in ((1, "straight.msh"), (2, "curved.msh")):
-        write_file(read_file(drawing, degree=degree), tmp_path / name)
+        write_msh(drawing, tmp_path / name, degree)
     curved = solve(seal(tmp_path / "curved.msh", target=0.1, of="pressure"), MPI.COMM_SELF)
     assert curved.table.columns["pressure"].max() == pytest.approx(largest, rel=0.03)
     polygon = solve(seal(tmp_path / "straight.msh", target=0.05, of="pressure"), MPI.COMM_SELF, check=False)

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 import ufl
 from dolfinx import fem, mesh
+from mesh_files import write_msh
 from mpi4py import MPI
 from scipy.sparse.linalg import spsolve
 from two_bodies import facets, forms, held, per_cell
 
 from signorini_fx import MeshError, SceneError, Status, solve
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable
-from signorini_fx.mechanics.mesh.files.formats import read_file, write_file
 from signorini_fx.mechanics.mesh.tagged import generate_mesh
 from signorini_fx.results.accuracy.contact_values import interpolated
 from signorini_fx.results.accuracy.convergence_table import zone_change
@@ -140,7 +140,7 @@ def test_bodies_of_different_origin(tmp_path):
     cells = {"cell": "triangle"}
     written = generate_mesh("rectangle", {"nx": 2, "ny": 2, "length": 1.0, "height": 1.0, **cells}, MPI.COMM_SELF)
     (tmp_path / "block.geo").write_text(BLOCK)
-    write_file(read_file(tmp_path / "block.geo"), tmp_path / "block.msh")
+    write_msh(tmp_path / "block.geo", tmp_path / "block.msh")
     more = {
         "displacement": [{"boundary": "lower.bottom", "x": 0.0, "y": 0.0}],
         "contact": {"boundary": "lower.top", "against": "upper.bottom", "kind": "bonded"},

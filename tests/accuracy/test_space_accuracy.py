@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import ufl
 from dolfinx import fem
+from mesh_files import write_msh
 from mpi4py import MPI
 from reference import Reference
 from scenes import table_of
@@ -20,7 +21,6 @@ from signorini_fx.mechanics.assembly.mesh_entities import facet_vertices
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable
 from signorini_fx.mechanics.materials.isotropic import LinearElastic
 from signorini_fx.mechanics.materials.orthotropic import OrthotropicElastic
-from signorini_fx.mechanics.mesh.files.formats import read_file, write_file
 from signorini_fx.mechanics.mesh.refinement import refine
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, generate_mesh
 from signorini_fx.mechanics.statement.rigid_shape import Distance
@@ -429,7 +429,7 @@ def test_curved_bodies_from_files(tmp_path):
     """A drawing is meshed anew on its true shape and not divided; straight tetrahedra in its place are no way to it."""
     drawing, straight = tmp_path / "roller.geo", tmp_path / "roller.msh"
     drawing.write_text(ROLLER)
-    write_file(read_file(drawing, degree=1), straight)
+    write_msh(drawing, straight, 1)
     met = solve(roller(drawing, target=0.6), MPI.COMM_SELF)
     on_shape = met.table.columns
     assert np.abs(on_shape["x"] ** 2 + (on_shape["z"] - 1) ** 2 - 1).max() < 1e-6

@@ -4,6 +4,7 @@ import tomllib
 
 import numpy as np
 import pytest
+from mesh_files import write_msh
 from mpi4py import MPI
 
 from signorini_fx import MeshError, SceneError, TaggedMesh
@@ -183,7 +184,7 @@ def test_what_cannot_be_had_is_refused_with_its_place(drawings, tmp_path):
     assert "mesh.contact_size: the facets of 'hole' are no longer than" in message
     text = f'[mesh]\nfile = "{drawings / "plane.geo"}"\ncontact_size = 0.5\n{REST}'
     assert "mesh.contact_size: is for boundaries in contact" in refused(text)
-    formats.write_file(formats.read_file(drawings / "plane.geo"), tmp_path / "cells.msh")
+    write_msh(drawings / "plane.geo", tmp_path / "cells.msh")
     for own, other, path in (("contact_size = 0.5\n", "", "mesh"), ("", "contact_size = 0.5\n", "contact[0]")):
         text = f'[mesh]\nfile = "{tmp_path / "cells.msh"}"\n{own}{CONTACT}{other}{REST}'.replace("bottom", "hole")
         message = refused(text)

@@ -16,23 +16,6 @@ from signorini_fx.mechanics.mesh.files.cells import CELLS, Cell
 from signorini_fx.mechanics.mesh.files.raw import RawMesh, rows_of
 from signorini_fx.mechanics.mesh.files.shape import Ints
 
-# Prefixes of the names of cell data that represent sets if the format has none: 1 for members.
-_PREFIXES = ("boundary:", "region:")
-
-
-def meshio_format(kind: str) -> Any:
-    """A format of meshio.
-
-    Raises:
-        MeshError: meshio, or h5py which it needs for HDF5, is not installed.
-    """
-    try:
-        if kind == "med":
-            importlib.import_module("h5py")
-        return importlib.import_module(f"meshio.{kind}")
-    except ModuleNotFoundError as error:
-        raise MeshError(f".{kind} needs the Python package {error.name}: apt install python3-{error.name}") from None
-
 
 def read_meshio(file: Path, kind: str) -> RawMesh:
     """The content of a file of a format of meshio.
@@ -40,9 +23,9 @@ def read_meshio(file: Path, kind: str) -> RawMesh:
     The format is called itself, because ``meshio.read`` ends the process if it cannot read a file.
 
     Raises:
-        MeshError: it cannot be read.
+        MeshError: it cannot be read, or meshio or h5py is not installed.
     """
-    form = meshio_format(kind)
+    form = _format(kind)
     try:
         silent = contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO())
         with silent[0], silent[1], np.errstate(over="ignore"):
@@ -53,12 +36,19 @@ def read_meshio(file: Path, kind: str) -> RawMesh:
         raise MeshError(f"{file}: meshio cannot read it as {kind}: {reason}") from None
 
 
+def _format(kind: str) -> Any:
+    try:
+        if kind == "med":
+            importlib.import_module("h5py")
+        return importlib.import_module(f"meshio.{kind}")
+    except ModuleNotFoundError as error:
+        raise MeshError(f".{kind} needs the Python package {error.name}: apt install python3-{error.name}") from None
+
+
 def _of_meshio(mesh: Any) -> RawMesh:
     raw = RawMesh(np.asarray(mesh.points), [(block.type, np.asarray(block.data, np.int64)) for block in mesh.cells])
     for name, arrays in mesh.cell_data.items():
-        if name.startswith(_PREFIXES):
-            raw.sets[name.partition(":")[2]] = [np.flatnonzero(np.asarray(values)) for values in arrays]
-        elif all(np.ndim(values) == 1 and np.issubdtype(np.asarray(values).dtype, np.integer) for values in arrays):
+        if all(np.ndim(values) == 1 and np.issubdtype(np.asarray(values).dtype, np.integer) for values in arrays):
             raw.data[name] = [np.asarray(values, dtype=np.int64) for values in arrays]
     # In MED an element, or a node, has the number of a family, and a family belongs to groups.
     families = raw.data.pop("cell_tags", None) if hasattr(mesh, "cell_tags") else None
