@@ -224,4 +224,3 @@ _READERS: dict[str, Reader] = {
     "TEMPERATURE": read_temperatures,
     "INITIALCONDITIONS": read_temperatures,
 }
-READ = frozenset(_READERS)
