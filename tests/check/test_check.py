@@ -163,6 +163,9 @@ QUIET = {
     "path-following": block(solver={"algorithm": "path-following", "gamma_n": 1.0}),
     "gap that closes": block(**contact(gap=1e-3)),
     "pushed, but held by friction": block(traction={"boundary": "top", "x": 2.0, "y": -20.0}, **FREE, **coulomb(0.3)),
+    "bilateral contact with friction": block(
+        **contact(kind="bilateral", friction={"law": "coulomb", "coefficient": 0.3})
+    ),
     "held by bilateral contact": block(traction={"boundary": "top", "y": 20.0}, **contact(kind="bilateral")),
 }
 

@@ -144,7 +144,7 @@ def test_solve_says_what_check_warns_of(name, tmp_path, capsys):
     assert expected
     solution = alone(SAID[name], check=False)
     found = warned(solution.findings)
-    assert expected.items() <= found.items()
+    assert expected.keys() <= found.keys()  # the words are those of the result
 
 
 @pytest.mark.mpi

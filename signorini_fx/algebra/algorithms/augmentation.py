@@ -6,7 +6,7 @@ far from the limit, and the two multipliers have a gamma each.  So a small chang
 remaining error is the change times r / (1 - r), with the observed r or that of the largest k, whichever is smaller; and
 the displacement has to satisfy the conditions of the limit itself: a fixed point may contract more slowly than r, and
 the shear of one node may still turn to its slip when no norm shows it.  If a multiplier converges slowly its gamma is
-increased, up to ten times k or the natural one.  A gamma so large that its round-off would hide the limit is reduced.
+increased, up to ten times k.  A given gamma so large that its round-off would hide the limit is reduced.
 """
 
 from __future__ import annotations
@@ -39,8 +39,7 @@ class Augmentation:
 
     Attributes:
         newton: the inner method.
-        natural: a gamma with which few updates suffice, stress per length; a smaller one is increased towards it if
-            convergence is slow.
+        natural: a gamma with which few updates suffice on cells that are not divided many times, stress per length.
         tolerance: for the errors of lambda and of mu in the norm of L2(Gamma_c), relative to their own norms, and for
             penetration and elastic slip, relative to the displacements; of each group of points.
         changes: the last changes of pressure and shear that the body feels, in the norm, shape (groups,); nan: not
@@ -124,8 +123,7 @@ class Augmentation:
     def next(self, data: RegularisedData, factor: float = 1.0) -> RegularisedData:
         """The next problem: the multipliers as shifts; gamma times ``factor`` or, if convergence is slow, increased."""
         pressure, shear = self.newton.shifts(data)
-        enough = min(self.natural, ENOUGH_GAMMA * float(self._stiffness.max()))
-        largest = LARGEST_AUGMENTED_GAMMA * self.natural
+        enough, largest = ENOUGH_GAMMA * float(self._stiffness.max()), LARGEST_AUGMENTED_GAMMA * self.natural
 
         def grown(gamma: float, slow: bool) -> float:
             raised = min(GAMMA_GROWTH * gamma, enough) if slow else gamma

@@ -29,7 +29,7 @@ def attempts_for(statement: Statement) -> tuple[tuple[str, tuple[str, ...], str]
             monolithic=not bilateral and all(contact.friction.has_derivative for contact in statement.contact),
             first=s.coulomb == "newton",
             fallbacks=s.fallbacks,
-            augmented=all(contact.overclosure is None for contact in statement.contact),
+            augmented=all(contact.interface != "overclosures" for contact in statement.contact),
         )
         rows.append(("Coulomb friction", ways, f"at most {s.max_outer_iterations} problems each"))
     rows.append(("a load step", (METHOD,), f"at most {limit} linear solves together"))
