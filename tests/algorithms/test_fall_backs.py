@@ -194,6 +194,6 @@ def test_a_fall_back_that_fails_restores_the_start(monkeypatch):
         return Status.MAX_ITERATIONS
 
     monkeypatch.setattr(fall_backs.FallBack, "__call__", failing)
-    monkeypatch.setattr(fall_backs, "interior_point", no_help)
+    monkeypatch.setattr("signorini_fx.algebra.algorithms.interior_point.interior_point", no_help)
     alone(jumping(), check=False)
     assert seen[0] == (Status.CYCLING, True)

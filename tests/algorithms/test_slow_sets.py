@@ -83,7 +83,7 @@ def test_wrong_sets_are_corrected(monkeypatch):
         sets = newton.problem.sets
         return sets.of(random.random(sets.contact.size) < 0.5, np.zeros_like(sets.direction))
 
-    monkeypatch.setattr(task, "proposed_sets", misled)
+    monkeypatch.setattr(task, "_proposed_sets", misled)
     ours = alone(scene)
     assert proposals(ours) == 1
     size = np.abs(sought.displacement.x.array).max()
