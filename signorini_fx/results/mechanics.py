@@ -138,13 +138,13 @@ def loads_of(forces: NodalForces, y: fem.Function, step: float) -> list[NamedFor
     """The loads of a statement and what resists a displacement, those of one kind and place together, see
     ``ActingForces``; collective.
     """
-    displacements, loads = y.x.array.reshape(-1, forces.dimension), []
+    loads = []
     for kind in forces.statement.effects.values():
         for where in dict.fromkeys(effect.where for effect in kind):
             effects = [effect for effect in kind if effect.where == where]
             pushing = [effect for effect in effects if isinstance(effect, Force)]
             resisting = [effect for effect in effects if isinstance(effect, Resistance)]
             if pushing or resisting:
-                values = forces.external(step, some=pushing) - forces.resisted(displacements, resisting)
+                values = forces.external(step, some=pushing) - forces.resisted(y, resisting)
                 loads.append((where, effects[0].label, values))
     return loads

@@ -1,4 +1,4 @@
-"""The force through each section that is shortened, without any compiled form.
+"""The force through each section that is shortened.
 
 With the jump J of a shortening of one, which is that of the cells beyond the section alone, the force through it is the
 work of the stress there on J without that of the loads in these cells, a tension.  Loads on the surface of these cells
@@ -10,12 +10,9 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 from typing import Any
 
-import numpy as np
 from dolfinx import fem
 
-from signorini_fx.machine import parallel
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
-from signorini_fx.mechanics.statement.effect import Force
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.results.certificate.nodal_forces import NodalForces
 
@@ -46,13 +43,7 @@ def section_forces(
     if not statement.interfaces:
         return []
     nodal = NodalForces(statement, tagged, displacement.function_space)
-    inside, forces = [load for load in statement.of(Force) if load.where is None], []
-    for jump, beyond in nodal.jumps():
-        shortening = scale * jump.amount(step)
-        moved = nodal.volume.moved(displacement)
-        moved.x.array[:] = displacement.x.array + shortening * jump.at_nodes.ravel()
-        residual = beyond.internal(moved)
-        residual = residual - beyond.external(step, scale, inside) - beyond.strained(step, scale)[0]
-        force = parallel.global_sum(tagged.mesh.comm, np.array(np.sum(residual * jump.at_nodes[: beyond.owned])))
-        forces.append(SectionForce(jump.entry.name, float(force), shortening))
-    return forces
+    return [
+        SectionForce(jump.entry.name, nodal.through(jump, displacement, step, scale), scale * jump.amount(step))
+        for jump in nodal.jumps()
+    ]

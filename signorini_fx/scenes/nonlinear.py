@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, ClassVar
 
+import basix
 import mpi4py.MPI
 import numpy as np
 import numpy.typing as npt
@@ -25,9 +26,12 @@ from signorini_fx.forms.nonlinear.newton import IndependentCheck
 from signorini_fx.forms.nonlinear.problem import NonlinearContactProblem
 from signorini_fx.forms.nonlinear.snapshot import BeginningOnShapes, Snapshot
 from signorini_fx.machine import compat, parallel
+from signorini_fx.machine.compilation import compiling
+from signorini_fx.mechanics.assembly.quadrature import strain_degree
 from signorini_fx.mechanics.body.deformation import deformation_of
 from signorini_fx.mechanics.body.discretisation import boundary_facets, held_at, prepare
 from signorini_fx.mechanics.body.nonlinear_law import BodyResidual, at_rest, body_residual
+from signorini_fx.mechanics.loads.initial_strains import initial_strain
 from signorini_fx.mechanics.loads.supports import prescribed
 from signorini_fx.mechanics.materials.trial import check_materials
 from signorini_fx.mechanics.mesh.tagged import check_fits
@@ -40,7 +44,6 @@ from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.records import Finding, History, Inventory, Status, Timings
 from signorini_fx.results.certificate.contact_nodes import ContactSide
 from signorini_fx.results.certificate.contact_sides import friction_bound
-from signorini_fx.results.certificate.nodal_forces import NodalForces
 from signorini_fx.results.certificate.nonlinear_forces import NonlinearForces
 from signorini_fx.results.certificate.supports import PrescribedNodes
 from signorini_fx.results.nonlinear_stresses import NonlinearStresses, StatesOnPath
@@ -118,7 +121,7 @@ def compiled_forms(body: Model) -> tuple[str, ...]:
 
 
 class ProblemOfScene(NonlinearContactProblem):
-    """The nonlinear problem of a scene on its mesh.  Its certificate evaluates the stress by NumPy.
+    """The nonlinear problem of a scene on its mesh.  Its certificate evaluates the forces anew.
 
     Attributes:
         statement: the scene.
@@ -292,7 +295,7 @@ class ProblemOfScene(NonlinearContactProblem):
         self.go_to(path_step)
 
     def forces_anew(self, statement: Statement, displacement: fem.Function) -> Array:
-        """Minus the residual of the body in another scene on the mesh at the place of now, by NumPy, forces of shape
+        """Minus the residual of the body in another scene on the mesh at the place of now, forces of shape
         (owned dofs,); collective.
 
         Args:
@@ -341,7 +344,7 @@ class ReachedStep:
 
 @dataclass(frozen=True)
 class OpinionOfScene(IndependentCheck):
-    """What a scene knows beside its residual, in its own words: stresses by NumPy, and the sizes of strains.
+    """What a scene knows beside its residual, in its own words: forces by forms of its own, and the sizes of strains.
 
     Attributes:
         problem: of the scene.
@@ -397,7 +400,6 @@ class OpinionOfScene(IndependentCheck):
 
     def loaded(self, mechanics: ResidualMechanics) -> ResidualMechanics:
         anew, problem = self.anew, self.problem
-        displacements = problem.u.x.array.reshape(-1, anew.dimension)
         followers = [
             (
                 load.where,
@@ -407,7 +409,7 @@ class OpinionOfScene(IndependentCheck):
             for load in problem.body.followers.effects
         ]
         springs = [effect for effect in anew.statement.of(Resistance) if effect.acts]
-        followers += [(effect.where, effect.label, -anew.resisted(displacements, [effect])) for effect in springs]
+        followers += [(effect.where, effect.label, -anew.resisted(problem.u, [effect])) for effect in springs]
 
         def loads(path_step: float) -> list[NamedForces]:
             acting = [load for load in anew.statement.of(Force) if load.acts]
@@ -463,12 +465,17 @@ def _refuse_shrunk(model: Model) -> None:
     Raises:
         SceneError: there are some.
     """
-    forces = NodalForces.on(model)
+    strain, move_to = initial_strain(model.statement, model.tagged, model.space, 0)
+    if strain is None:
+        return
+    mesh = model.tagged.mesh
+    kind, degree = getattr(basix.CellType, mesh.topology.cell_name()), strain_degree(model.space, model.kinematics)
+    with compiling():
+        expression = fem.Expression(strain, basix.make_quadrature(kind, max(1, degree))[0])
+    cells = np.arange(mesh.topology.index_map(mesh.topology.dim).size_local, dtype=np.int32)
     for step in range(model.statement.steps):
-        strain, degree = forces.strain(step, 1.0)
-        if strain is None:
-            return
-        shrunk = any((strain(part) <= -1).any() for part, _ in forces.cells(degree))
+        move_to(step)
+        shrunk = bool((np.asarray(expression.eval(mesh, cells)) <= -1).any())
         if parallel.any_rank(model.comm, shrunk):
             reason = "must be less: it would shrink the body to nothing or less, by change times expansion <= -1"
             raise SceneError([("temperature", reason)])

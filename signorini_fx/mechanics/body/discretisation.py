@@ -46,7 +46,7 @@ from signorini_fx.mechanics.obstacles.foundations_on_points import Foundations, 
 from signorini_fx.mechanics.obstacles.scene_contact import foundations_of
 from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodies
 from signorini_fx.mechanics.scales import Scales
-from signorini_fx.mechanics.statement.effect import Force, Load
+from signorini_fx.mechanics.statement.effect import Force, Load, Resistance
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.records import Inventory, Timings
 from signorini_fx.tuned import LARGEST_MULTIGRID_POISSON, SAME_NUMBER
@@ -145,7 +145,9 @@ def _prepared(statement: Statement, tagged: TaggedMesh, timings: Timings) -> Mod
         supports = Supports.of(statement, space, facets, tagged)
         fixed, turned = supports.fixed, supports.turned
         on_mesh = FormCoefficients(statement, tagged, space, inventory)
-        resistance = compile_resistance(on_mesh, z)
+        resistance = compile_resistance(
+            [effect for effect in statement.of(Resistance) if effect.acts], on_mesh, ufl.TrialFunction(space), z
+        )
         applied = [
             applied_load(group, loads, on_mesh, z, supports.at) for group, loads in load_groups(statement).items()
         ]

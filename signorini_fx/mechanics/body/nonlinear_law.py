@@ -104,10 +104,7 @@ class MaterialPoints:
 
     def update(self) -> None:
         """Stress, tangent and state at the displacement of now, from the state of the last load step."""
-        domain, (cells, points, numbers) = self.stress.function_space.mesh, self.begun.shape
-        values = np.asarray(self.strain.eval(domain, self.cells)).reshape(cells * points, len(self.strained))
-        strain = tensors(values, self.strained)
-        stress, tangent, state = self.material.at_time(self.time).respond(strain, self.begun.reshape(-1, numbers))
+        stress, tangent, state = self.response()
         self.current = state.reshape(self.begun.shape)
         rows = [[*PAIRS[pair]] for pair in self.pairs]
         at = self.stress.function_space.dofmap.list[self.cells].ravel()
@@ -115,6 +112,13 @@ class MaterialPoints:
         self.stress.x.array.reshape(-1, count)[at] = np.array([stress[:, i, j] for i, j in rows]).T
         used = tangent[:, self.pairs][:, :, self.pairs]
         self.tangent.x.array.reshape(-1, count**2)[at] = used.reshape(-1, count**2)
+
+    def response(self) -> tuple[Array, Array, Array]:
+        """What the material says at the displacement of now, see ``PathDependent.respond``, n = c q."""
+        domain, (cells, points, numbers) = self.stress.function_space.mesh, self.begun.shape
+        values = np.asarray(self.strain.eval(domain, self.cells)).reshape(cells * points, len(self.strained))
+        strain = tensors(values, self.strained)
+        return self.material.at_time(self.time).respond(strain, self.begun.reshape(-1, numbers))
 
     def commit(self) -> None:
         """A load step ends."""
@@ -139,6 +143,7 @@ class BodyResidual:
         tangent: its derivative where that is not the one of UFL; None: it is.
         points: of the materials with a state.
         followers: the loads that follow the body.
+        free: its free expansion, UFL; None: there is none.
         heat: takes the free expansion to a place in the lists of factors.
         path: whose times the materials go through.
     """
@@ -147,6 +152,7 @@ class BodyResidual:
     tangent: Any | None
     points: tuple[MaterialPoints, ...]
     followers: Followers
+    free: Any | None
     heat: Callable[[float], None]
     path: LoadPath
 
@@ -222,14 +228,42 @@ def body_residual(statement: Statement, tagged: TaggedMesh, u: fem.Function) -> 
     on = FormCoefficients(statement, tagged, space, Inventory())
     ds = surface_measure(space.mesh, [tagged.facets(effect.where) for effect in (*following(statement), *springs)], {})
     followers = Followers.of(statement, tagged, u, ds, measure(2 * len(cells)))
-    if followers.form is not None:
-        forms.append(followers.form)
+    forms += followers.works
     for number, effect in enumerate(springs, len(following(statement)) + 1):
         part = ds(number, metadata={"quadrature_degree": effect.degree(statement.element.degree)})
         forms.append(ufl.inner(effect.reaction(u, on), v) * around * part)
         tangents.append(ufl.inner(effect.reaction(du, on), v) * around * part)
     tangent = sum(tangents[1:], tangents[0]) if points else None
-    return BodyResidual(sum(forms[1:], forms[0]), tangent, tuple(points), followers, heat, statement.path)
+    return BodyResidual(sum(forms[1:], forms[0]), tangent, tuple(points), followers, free, heat, statement.path)
+
+
+def stress_parts(material: Any, u: fem.Function, kinematics: Kinematics, free: Any | None) -> list[Any | None]:
+    """The Cauchy stress in 3D of the shape, and of the volume, at small strains the stress, UFL, shape (3, 3); None: it
+    is zero, or that of a state.
+
+    Args:
+        material: it.
+        u: the displacement.
+        kinematics: of the body.
+        free: see ``BodyResidual``.
+    """
+    identity = ufl.Identity(3)
+    if not material.finite:
+        (bulk, shear), strain = _constants(material), _small(kinematics, u)
+        if free is not None:
+            strain -= free * identity
+        of_shape = None if isinstance(material, PathDependent) else 2 * shear * ufl.dev(strain)
+        return [of_shape, bulk * ufl.tr(strain) * identity]
+    change = ufl.variable(kinematics.gradient(u))
+    elastic, expanded = change, 1
+    if free is not None:
+        elastic, expanded = (change - free * identity) / (1 + free), (1 + free) ** 3
+    energies = [material.shape_energy_by_change(elastic)]
+    if material.splits:
+        energies.append(material.volume_energy_by_change(growth(elastic)))
+    gradient = identity + change
+    stresses = [ufl.diff(expanded * energy, change) * gradient.T / ufl.det(gradient) for energy in energies]
+    return [*stresses, None][:2]
 
 
 def _constants(material: Any) -> tuple[float, float]:

@@ -30,10 +30,12 @@ class CellwiseStiffness:
         stiffness: stresses, of plane strain with a last row for that out of the plane, from strains, shape (rows, m).
         of_free_strain: the stress that takes an initial strain back which is one where a material expands alike in all
             directions, shape (rows,).
+        free_energy: the energy per volume of that stress, of a strain of one.
     """
 
     stiffness: fem.Function
     of_free_strain: fem.Function
+    free_energy: fem.Function
 
     @property
     def at_cells(self) -> Array:
@@ -59,9 +61,9 @@ def cellwise_stiffness(statement: Statement, tagged: TaggedMesh) -> CellwiseStif
     kinematics = statement.kinematics_in(tagged.dimension)
     columns, rows = (list(map(PAIRS.index, pairs)) for pairs in (kinematics.pairs, kinematics.stressed))
     across = [k for k in range(len(PAIRS)) if k not in columns]
-    moduli, free = (
+    moduli, free, energy = (
         fem.Function(fem.functionspace(tagged.mesh, ("DG", 0, shape)))
-        for shape in ((len(rows), len(columns)), (len(rows),))
+        for shape in ((len(rows), len(columns)), (len(rows),), ())
     )
     at_cells, free_at_cells = moduli.x.array.reshape(-1, len(rows), len(columns)), free.x.array.reshape(-1, len(rows))
     problems = []
@@ -101,13 +103,17 @@ def cellwise_stiffness(statement: Statement, tagged: TaggedMesh) -> CellwiseStif
             free_stress = free_stress - np.einsum("nij,nj->ni", held, stress[:, across])
         at_cells[moduli.function_space.dofmap.list[cells, 0]] = stiffness
         free_at_cells[free.function_space.dofmap.list[cells, 0]] = free_stress
+        free_strain = np.einsum("nia,a,nja->nij", axes, np.array(material.free_strain), axes)
+        components = np.column_stack([free_strain[:, i, j] * (1 if i == j else 2) for i, j in kinematics.stressed])
+        energy.x.array[energy.function_space.dofmap.list[cells, 0]] = np.sum(free_stress * components, axis=1) / 2
     if problems:
         raise SceneError(problems)
     share = graded(statement, tagged, "grading")
     if share is not None:
         at_cells *= share.x.array[:, None, None]
         free_at_cells *= share.x.array[:, None]
-    return CellwiseStiffness(moduli, free)
+        energy.x.array[:] *= share.x.array
+    return CellwiseStiffness(moduli, free, energy)
 
 
 def _turned(axes: Array) -> Array:

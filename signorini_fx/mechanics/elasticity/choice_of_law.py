@@ -10,7 +10,7 @@ from dolfinx import fem
 from signorini_fx.errors import together
 from signorini_fx.mechanics.assembly.pieces import BodyPieces
 from signorini_fx.mechanics.elasticity.cellwise_stiffness import CellwiseStiffness, cellwise_stiffness
-from signorini_fx.mechanics.elasticity.elastic_law import CellwiseLaw, IsotropicLaw, SceneLaw, VolumeForces
+from signorini_fx.mechanics.elasticity.elastic_law import CellwiseLaw, IsotropicLaw, SceneLaw
 from signorini_fx.mechanics.elasticity.moduli import check_covers, lame_coefficients, reduced_degree
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.statement.statement import Statement
@@ -62,12 +62,3 @@ def elastic_law(
     if stiffness is not None:
         return CellwiseLaw(statement, tagged, space, lame=lame, stiffness=stiffness)
     return IsotropicLaw(statement, tagged, space, reduced, lame=lame)
-
-
-def volume_forces(statement: Statement) -> VolumeForces:
-    """The independent check of the law of a scene."""
-    if not treatment_of(statement).pressed:
-        return VolumeForces()
-    from signorini_fx.mechanics.elasticity.mixed_pressure import PressureForces
-
-    return PressureForces()

@@ -169,41 +169,6 @@ class ElasticLaw:
         return False
 
 
-class VolumeForces:
-    """The independent check on what a law has beside the displacement, here nothing, by NumPy alone.
-
-    Each method is given what integrates, ``results.certificate.nodal_forces.NodalForces``.
-    """
-
-    pressed: ClassVar[bool] = False
-
-    def hooke(self, material: Any, young: _Floats, poisson: _Floats) -> tuple[_Floats, _Floats]:
-        """(a, b) of the stress a epsilon + b tr(epsilon) I that displacements cause by themselves."""
-        first, second = material.hooke_of(young, poisson)
-        return first, second
-
-    def forces(self, nodal: Any, displacement: fem.Function) -> _Floats:
-        """Those of the others, shape (nodes, d), on this rank alone."""
-        return np.zeros(1)
-
-    def strained(
-        self, nodal: Any, strain: Callable[[Any], _Floats], degree: int, displacement: fem.Function | None
-    ) -> tuple[_Floats, float]:
-        """Minus the forces of initial strains, shape (nodes, d), and their energy, on this rank alone."""
-        forces, energy = nodal.stress_work(nodal.zero(), degree, strain)
-        return forces, energy
-
-    def moved(self, displacement: fem.Function) -> fem.Function:
-        """Another displacement, zero so far, with the other unknowns of this one."""
-        return fem.Function(displacement.function_space)
-
-    def dilation(
-        self, nodal: Any, displacement: fem.Function, step: float, scale: float
-    ) -> tuple[_Floats, _Floats] | None:
-        """How far the volume changes otherwise than a pressure says; None: there is none; collective."""
-        return None
-
-
 def fields_of(displacement: fem.Function) -> tuple[fem.Function, ...]:
     """A displacement, and what else its law has found with it."""
     return displacement, *getattr(displacement, "further", ())
@@ -234,6 +199,45 @@ class SceneLaw(ElasticLaw):
         from signorini_fx.mechanics.assembly.quadrature import strain_degree
 
         return strain_degree(self.space, self.kinematics)
+
+    # --- forces at a displacement, for results ---
+
+    def force_terms(self, y: fem.Function, z: Any, moved: Any = None) -> tuple[Any, ...]:
+        """The work of the stress of a displacement, as terms to be compiled one by one.
+
+        Args:
+            y: the displacement, with what else its law has found with it.
+            z: what the work is done on.
+            moved: the displacement with jumps; None: there are none.
+        """
+        return self.terms(y if moved is None else moved, z)
+
+    def initial_terms(self, z: Any, jump: Any, strain: Any, degree: int) -> list[Any]:
+        """That of the stress that initial strains and jumps of the displacement cause where they are prevented, as a
+        load, likewise; ``degree``: of the quadrature of the strains; None: there are none.
+        """
+        free = () if strain is None else self.strain_terms(z, strain, degree)
+        return [*free, *(() if jump is None else (-term for term in self.terms(jump, z)))]
+
+    def prevented_terms(self, y: fem.Function, jump: Any, strain: Any, degree: int) -> list[Any]:
+        """The energy of that stress, likewise: what is missing in that of ``force_terms`` on y less their load."""
+        terms = [] if strain is None else [*self.free_terms(strain, degree)]
+        if jump is not None:
+            terms += [0.5 * term for term in self.terms(jump, jump)]
+            terms += [] if strain is None else [-term for term in self.strain_terms(jump, strain, degree)]
+        return terms
+
+    def free_terms(self, strain: Any, degree: int) -> tuple[Any, ...]:
+        """The energy of an initial strain that is prevented everywhere, likewise."""
+        raise NotImplementedError
+
+    def dilation_terms(self, y: fem.Function, jump: Any, strain: Any, degree: int) -> list[Any]:
+        """How far the volume changes otherwise than a pressure says, tested with its functions, and at last the
+        integrals of these, likewise.
+        """
+        raise NotImplementedError
+
+    # --- stress ---
 
     def prevented(self, stress: Any, initial: Any) -> Interpolation | None:
         """``stress`` times an initial strain where the strain out of the plane is prevented."""
@@ -276,6 +280,15 @@ class IsotropicLaw(SceneLaw):
         from signorini_fx.mechanics.materials.isotropic import initial_strain_forms
 
         return initial_strain_forms(z, strain, *self.lame, degree, self.reduced, kinematics=self.kinematics)
+
+    def free_terms(self, strain: Any, degree: int) -> tuple[Any, ...]:
+        (lame, mu), directions, mesh = self.lame, self.kinematics.directions, self.tagged.mesh
+        half = directions * strain**2 / 2 * self.kinematics.measure(ufl.SpatialCoordinate(mesh))
+        dx = ufl.dx(domain=mesh, metadata={"quadrature_degree": degree})
+        if self.reduced is None:
+            return ((2 * mu + directions * lame) * half * dx,)
+        fewer = ufl.dx(domain=mesh, metadata={"quadrature_degree": self.reduced})
+        return 2 * mu * half * dx, directions * lame * half * fewer
 
     def stress(self, y: fem.Function, moved: Any, initial: Any) -> LawStress:
         (lame, mu), kinematics, mesh = self.lame, self.kinematics, self.tagged.mesh
@@ -323,6 +336,11 @@ class CellwiseLaw(SceneLaw):
         from signorini_fx.mechanics.elasticity.cellwise_stiffness import free_strain_form
 
         return (free_strain_form(z, strain, self.stiffness, degree, self.kinematics),)
+
+    def free_terms(self, strain: Any, degree: int) -> tuple[Any, ...]:
+        mesh = self.tagged.mesh
+        density = self.stiffness.free_energy * strain**2 * self.kinematics.measure(ufl.SpatialCoordinate(mesh))
+        return (density * ufl.dx(domain=mesh, metadata={"quadrature_degree": degree}),)
 
     def stress(self, y: fem.Function, moved: Any, initial: Any) -> LawStress:
         from signorini_fx.mechanics.elasticity.cellwise_stiffness import strain_components

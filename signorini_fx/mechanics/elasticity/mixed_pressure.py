@@ -22,7 +22,6 @@ from dataclasses import dataclass
 from functools import cached_property, partial
 from typing import Any, ClassVar
 
-import basix
 import numpy as np
 import numpy.typing as npt
 import ufl
@@ -33,9 +32,9 @@ from petsc4py import PETSc
 from signorini_fx.algebra.linalg.factorisation import has_package
 from signorini_fx.machine import compat, parallel
 from signorini_fx.machine.fenicsx import needs_fenicsx
-from signorini_fx.mechanics.assembly.mesh_entities import adjugates, assemble, over_ranks
+from signorini_fx.mechanics.assembly.mesh_entities import assemble
 from signorini_fx.mechanics.assembly.pieces import BodyPieces
-from signorini_fx.mechanics.elasticity.elastic_law import LawStress, SceneLaw, VolumeForces, compliance
+from signorini_fx.mechanics.elasticity.elastic_law import LawStress, SceneLaw, compliance
 from signorini_fx.mechanics.elasticity.moduli import isotropic
 from signorini_fx.mechanics.kinematics.protocol import position
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
@@ -248,9 +247,8 @@ class MixedLaw(SceneLaw):
         strain, which enters the constraint alone: div y + p / lambda = (3 + 2 mu / lambda) e, where the factor is
         (1 + nu) / nu.
         """
-        q, dx = self.pressures.scalar(ufl.TestFunction(self.own)), ufl.dx(metadata={"quadrature_degree": degree})
-        (pressure_load,) = isotropic(self.statement, self.tagged, lambda _, poisson: ((1 + poisson) / poisson,))
-        return (pressure_load * strain * q * self.kinematics.measure(position(q)) * dx,)
+        q = self.pressures.scalar(ufl.TestFunction(self.own))
+        return (self._integral(self._swelling * strain * q, degree),)
 
     def jump_terms(self, jump: fem.Function, z: Any) -> tuple[Any, ...]:
         """See ``ElasticLaw``: the second one is of the change of volume."""
@@ -265,6 +263,46 @@ class MixedLaw(SceneLaw):
         if not of_displacement:
             return np.zeros(owned), assemble(of_pressure)
         return super().work(of_displacement, owned)[0], np.asarray(assemble(of_pressure) / self.unit)
+
+    def force_terms(self, y: fem.Function, z: Any, moved: Any = None) -> tuple[Any, ...]:
+        tested = self.kinematics.strain(z)
+        stress = 2 * self.moduli[0] * ufl.inner(self.kinematics.strain(y if moved is None else moved), tested)
+        return (self._integral(stress - hydrostatic_of(y) * ufl.tr(tested), self.degree),)
+
+    def initial_terms(self, z: Any, jump: Any, strain: Any, degree: int) -> list[Any]:
+        """See ``SceneLaw``: of jumps alone."""
+        return [] if jump is None else [-self.jump_terms(jump, z)[0]]
+
+    def prevented_terms(self, y: fem.Function, jump: Any, strain: Any, degree: int) -> list[Any]:
+        terms, pressure = [], hydrostatic_of(y)
+        if jump is not None:
+            dilation = ufl.tr(self.kinematics.strain(jump))
+            terms += [0.5 * self.jump_terms(jump, jump)[0], self._integral(-pressure * dilation / 2, self.degree)]
+        if strain is not None:
+            terms.append(self._integral(self._swelling * strain * (pressure / 2 - self.moduli[0] * strain), degree))
+        return terms
+
+    def dilation_terms(self, y: fem.Function, jump: Any, strain: Any, degree: int) -> list[Any]:
+        """See ``SceneLaw``: the weak form of tr(epsilon) + p / lambda = 0, with initial strains as in
+        ``strain_terms``.
+        """
+        q = self.pressures.scalar(ufl.TestFunction(self.own))
+        dilation = ufl.tr(self.kinematics.strain(y if jump is None else y + jump))
+        terms = [self._integral((dilation + self.moduli[1] * hydrostatic_of(y)) * q, self.degree)]
+        if strain is not None:
+            terms.append(self._integral(-self._swelling * strain * q, degree))
+        return [*terms, self._integral(q, self.degree)]
+
+    @cached_property
+    def _swelling(self) -> Any:
+        """By how much an initial strain of one changes the volume in the constraint, (1 + nu) / nu."""
+        (swelling,) = isotropic(self.statement, self.tagged, lambda _, poisson: ((1 + poisson) / poisson,))
+        return swelling
+
+    def _integral(self, density: Any, degree: int) -> Any:
+        """Over the body, with a quadrature of this degree."""
+        around = self.kinematics.measure(ufl.SpatialCoordinate(self.tagged.mesh))
+        return density * around * ufl.dx(domain=self.tagged.mesh, metadata={"quadrature_degree": degree})
 
     def stress(self, y: fem.Function, moved: Any, initial: Any) -> LawStress:
         (_, mu), kinematics, pressure = self.lame, self.kinematics, hydrostatic_of(y)
@@ -395,104 +433,3 @@ class MixedLaw(SceneLaw):
         triangles = parallel.gather_rows(comm, triangle)
         square = np.vstack((triangles, np.zeros((len(forces), len(forces)))))
         return bool(np.linalg.svd(square, compute_uv=False)[-1] <= SAME_ENTRY)
-
-
-class PressureForces(VolumeForces):
-    """The independent check on a pressure."""
-
-    pressed: ClassVar[bool] = True
-
-    def hooke(self, material: Any, young: _Floats, poisson: _Floats) -> tuple[_Floats, _Floats]:
-        return young / (1 + poisson), np.zeros(1)
-
-    def forces(self, nodal: Any, displacement: fem.Function) -> _Floats:
-        """See ``VolumeForces``: -(p, div z)."""
-        return -self._pressed(nodal, displacement)[0]
-
-    def strained(
-        self, nodal: Any, strain: Callable[[Any], _Floats], degree: int, displacement: fem.Function | None
-    ) -> tuple[_Floats, float]:
-        """See ``VolumeForces``: no forces; of the energy what they add to that of a displacement."""
-        energy = 0.0 if displacement is None else self._swollen(nodal, displacement, strain, degree)[1]
-        return nodal.zero(), energy
-
-    def moved(self, displacement: fem.Function) -> fem.Function:
-        return MixedDisplacement(displacement.function_space, hydrostatic_of(displacement))
-
-    def dilation(self, nodal: Any, displacement: fem.Function, step: float, scale: float) -> tuple[_Floats, _Floats]:
-        """The weak form of tr(epsilon) + p / lambda = 0, with the initial strains of a load step times ``scale``, see
-        ``MixedLaw.strain_terms``.
-
-        Returns:
-            The residual with the functions of the pressure, and their integrals, volumes, both with shape (owned
-            vertices times materials,).
-        """
-        space, _ = self._dilating(nodal)
-        _, residual, volume = self._pressed(nodal, displacement)
-        for jump, beyond in nodal.jumps():
-            moved = MixedDisplacement(nodal.space, fem.Function(hydrostatic_of(displacement).function_space))
-            moved.x.array[:] = (scale * jump.amount(step) * jump.at_nodes).ravel()
-            residual = residual + self._pressed(beyond, moved)[1]
-        strain, degree = nodal.strain(step, scale)
-        if strain is not None:
-            residual = residual - self._swollen(nodal, displacement, strain, degree)[0]
-        return over_ranks(residual, space), over_ranks(volume, space)
-
-    def _dilating(self, nodal: Any) -> tuple[fem.FunctionSpace, npt.NDArray[np.int32]]:
-        """The functions that the pressure is tested with, one of each material at each vertex, and those of each cell,
-        shape (cells, vertices).
-        """
-        m = len(nodal.statement.material)
-        space = fem.functionspace(nodal.tagged.mesh, ("Lagrange", 1, (m,)))
-        (number,) = nodal.of_materials(lambda material: (float(nodal.statement.material.index(material)),))
-        return space, space.dofmap.list * m + number[:, None].astype(np.int32)
-
-    def _swollen(
-        self, nodal: Any, displacement: fem.Function, strain: Callable[[Any], _Floats], degree: int
-    ) -> tuple[_Floats, float]:
-        """The work of the initial strains e in the constraint, k (e, q), by all functions, and what they add to
-        a(y, y) / 2 for the energy of the stress, k (e, p) / 2 - mu k (e, e), on this rank alone.
-        """
-        pressure, (space, rows) = hydrostatic_of(displacement), self._dilating(nodal)
-        p = pressure.x.array[pressure.function_space.dofmap.list]
-        work, energy = np.zeros_like(fem.Function(space).x.array), 0.0
-        hat = basix.create_element(basix.ElementFamily.P, nodal.cell_type, 1).tabulate(
-            0, basix.make_quadrature(nodal.cell_type, degree)[0]
-        )[0, ..., 0]
-        young, poisson = nodal.young_and_poisson()
-        numbers = (1 + poisson) / poisson, young / (2 * (1 + poisson))
-        for part, size in nodal.cells(degree):
-            initial_strain = strain(part)
-            pressure_load, mu = (m[:, None] if m.size == 1 else m[part.cells, None] for m in numbers)
-            weighted = pressure_load * size * nodal.around(part) * initial_strain
-            np.add.at(work, rows[part.cells], weighted @ hat)
-            energy += float(np.sum(weighted * (p[part.cells] @ hat.T / 2 - mu * initial_strain)))
-        return work, energy
-
-    def _pressed(self, nodal: Any, displacement: fem.Function) -> tuple[_Floats, _Floats, _Floats]:
-        """(p, div z), shape (nodes, d), and the rest of ``dilation``, on this rank alone."""
-        pressure, (space, rows) = hydrostatic_of(displacement), self._dilating(nodal)
-        p = pressure.x.array[pressure.function_space.dofmap.list]
-        hats, y = basix.create_element(basix.ElementFamily.P, nodal.cell_type, 1), displacement.x.array
-        y = y.reshape(-1, nodal.dimension)
-        young, poisson = nodal.young_and_poisson()
-        compressibility = (1 + poisson) * (1 - 2 * poisson) / (young * poisson)
-        forces, (residual, volume) = nodal.zero(), np.zeros((2, *fem.Function(space).x.array.shape))
-        points, _ = basix.make_quadrature(nodal.cell_type, nodal.degree)
-        hat, turning = hats.tabulate(0, points)[0, ..., 0], nodal.kinematics.third_column
-        for part, size in nodal.cells(nodal.degree):
-            cells, table = part.cells, part.table
-            inverse, determinant = adjugates(nodal.jacobian(cells, table))
-            slope = np.zeros((nodal.dimension, *size.shape, table.shape.shape[-1]))
-            slope[: len(inverse)] = np.einsum("kqn,kjcq->jcqn", table.slope, inverse / determinant)  # along x_j
-            for axis, share in enumerate(() if turning is None else turning[2]):
-                slope[axis] += share * table.shape / nodal.positions(part)[..., 0, None]
-            size = size * nodal.around(part)
-            inside = p[cells] @ hat.T
-            yields = compressibility[:, None] if compressibility.size == 1 else compressibility[cells, None]
-            work = np.einsum("cq,jcqn->cnj", size * inside, slope)
-            np.add.at(forces, nodal.cell_nodes[cells], work)
-            dilation = np.einsum("jcqn,cnj->cq", slope, y[nodal.cell_nodes[cells]])
-            np.add.at(residual, rows[cells], (size * (dilation + yields * inside)) @ hat)
-            np.add.at(volume, rows[cells], size @ hat)
-        return forces, residual, volume

@@ -106,13 +106,13 @@ class Followers:
     """The loads of a scene that follow its body.
 
     Attributes:
-        form: their work with a test function, negative as in a residual, UFL; None: there is none.
+        works: of each of them with a test function, negative as in a residual, UFL.
         effects: the tractions with a pressure, and centrifugal forces.
         factors: their load factors of now.
         on: gives their values at a time.
     """
 
-    form: Any | None
+    works: Sequence[Any]
     effects: Sequence[Any]
     factors: Sequence[fem.Constant]
     on: FormCoefficients
@@ -140,7 +140,7 @@ class Followers:
             * dx(metadata={"quadrature_degree": effect.degree(element)})
             for effect, factor in zip(carried, factors[len(pressures) :], strict=True)
         ]
-        return cls(sum(works[1:], works[0]) if works else None, effects, factors, on)
+        return cls(works, effects, factors, on)
 
     def move_to(self, step: float) -> None:
         """Take the values of a place in the lists of factors."""

@@ -377,10 +377,8 @@ def _compiled_strains(
     )
 
 
-def compile_resistance(on: FormCoefficients, z: Any) -> fem.Form | None:
-    """The terms of a(., .) that resist the displacement on the boundary, compiled together."""
-    y = ufl.TrialFunction(on.space)
-    acting = [effect for effect in on.statement.of(Resistance) if effect.acts]
+def compile_resistance(acting: Sequence[Resistance], on: FormCoefficients, y: Any, z: Any) -> fem.Form | None:
+    """The terms of a(y, z) by which some effects resist the displacement on the boundary, compiled together."""
     return _compiled(acting, lambda effect: ufl.inner(effect.reaction(y, on), z), on)[1]
 
 

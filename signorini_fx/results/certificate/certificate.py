@@ -189,9 +189,8 @@ def balance_of(forces: NodalForces, displacement: fem.Function, step: float, sca
     They are evaluated anew, and the last ones are kept for results, see ``evaluated_balance``.
     """
     statement, tagged = forces.statement, forces.tagged
-    nodal_displacements = displacement.x.array.reshape(-1, tagged.mesh.geometry.dim)
     scales = Scales(tagged.dimension, statement.young, tagged.size, forces.kinematics.depth(tagged.size))
-    pressed = forces.volume.pressed  # then forces are not those of a change of volume
+    pressed = forces.pressed  # then forces are not those of a change of volume
     stiffest = replace(scales, modulus=max(material.stiffest(pressed=pressed) for material in statement.material))
     balance = Balance(
         forces,
@@ -200,9 +199,9 @@ def balance_of(forces: NodalForces, displacement: fem.Function, step: float, sca
         PrescribedNodes.of(forces, step, scale),
         scales,
         stiffest,
-        forces.resisted(nodal_displacements),
+        forces.resisted(displacement),
         *forces.initial(step, scale, displacement),
-        dilation=forces.volume.dilation(forces, displacement, step, scale),
+        dilation=forces.dilation(displacement, step, scale),
     )
     values = {name: value for name, value in vars(balance).items() if name != "surface"}  # which would be a circle
     of = {"displacement": displacement, "y": displacement.x.array.copy(), "at": (step, scale)}

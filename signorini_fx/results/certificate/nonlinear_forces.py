@@ -1,17 +1,14 @@
-"""Nodal forces of nonlinear materials by quadrature in NumPy, from what their files say a second time.
+"""Nodal forces of nonlinear materials by their residual, assembled anew with a displacement of its own.
 
-As of ``nodal_forces`` no form and no matrix of the solver enters.  Both sides share the rules of quadrature, and of
-materials with a state that of the last load step.
-
-Where the temperature would stretch all lengths of a body by b, forces per undeformed area are b^2 times those of the
-deformation F / b, as the areas on which this has them are b^2 times as large.
+As of ``nodal_forces`` no matrix and nothing that the solver keeps enters: of materials with a state that of the last
+load step is given, and updated here.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property
 from typing import Any
 
 import basix
@@ -19,23 +16,23 @@ import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
 
-from signorini_fx.mechanics.body.nonlinear_law import at_rest, cells_of, volume_degree
-from signorini_fx.mechanics.loads.follower_pressure import carried_loads, degree_of, following
-from signorini_fx.mechanics.materials.nonlinear import (
-    Hyperelastic,
-    PathDependent,
-    deviator,
-    growth_at,
-    inverse_transposed,
+from signorini_fx.machine.compilation import compiling
+from signorini_fx.mechanics.assembly.mesh_entities import assemble
+from signorini_fx.mechanics.assembly.quadrature import strain_degree
+from signorini_fx.mechanics.body.nonlinear_law import (
+    BodyResidual,
+    at_rest,
+    body_residual,
+    cells_of,
+    stress_parts,
+    volume_degree,
 )
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
-from signorini_fx.mechanics.statement.effect import Force
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.results.certificate.nodal_forces import NodalForces
-from signorini_fx.results.certificate.quadrature_points import QuadraturePoints
 
 Array = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.int32]
+States = Mapping[int, Array]
 
 
 @dataclass(frozen=True)
@@ -69,18 +66,37 @@ class NonlinearForces(NodalForces):
 
     def __init__(self, statement: Statement, tagged: TaggedMesh, space: fem.FunctionSpace) -> None:
         super().__init__(at_rest(statement), tagged, space)
-        self.materials, self._reduced = statement.material, volume_degree(statement, tagged)
-        self._following = statement
-        owned = len(self._owned_cells)
-        self._made_of, self._place = np.zeros(owned, dtype=np.int64), np.zeros(owned, dtype=np.int64)
-        for number, material in enumerate(self.materials):
-            cells = cells_of(material, statement, tagged)
-            self._made_of[cells], self._place[cells] = number, np.arange(cells.size)
-        self._states: Mapping[int, Array] = {}
-        self._time = 1.0
+        self.materials, self._nonlinear = statement.material, statement
 
-    def of_body(self, displacement: fem.Function, states: Mapping[int, Array], step: float) -> Array:
-        """The work of the stress with unit displacements, forces, shape (owned nodes, d); collective.
+    @cached_property
+    def _u(self) -> fem.Function:
+        return fem.Function(self.space)
+
+    @cached_property
+    def _body(self) -> BodyResidual:
+        """The work of the stress at the displacement of its own."""
+        return body_residual(self._nonlinear, self.tagged, self._u)
+
+    @cached_property
+    def _points(self) -> dict[int, Any]:
+        """Those of the materials with a state, by their numbers."""
+        return {self.materials.index(points.material): points for points in self._body.points}
+
+    @cached_property
+    def _residual(self) -> fem.Form:
+        with compiling():
+            return fem.form(self._body.form)
+
+    def _move_to(self, displacement: fem.Function, states: States, step: float) -> None:
+        """Take a displacement in the load step that begins with ``states`` and ends at a place."""
+        self._u.x.array[:] = displacement.x.array
+        self._body.move_to(step)
+        for number, points in self._points.items():
+            points.begun = states[number]
+        self._body.update()
+
+    def residual(self, displacement: fem.Function, states: States, step: float) -> Array:
+        """Forces of materials, springs and loads, forces of shape (owned dofs,); collective.
 
         Args:
             displacement: y, length.
@@ -88,183 +104,80 @@ class NonlinearForces(NodalForces):
                 numbers), in the order of their cells.
             step: a place in the lists of factors.
         """
-        y, self._states = displacement.x.array.reshape(-1, self.dimension), states
-        self._time = self._following.path.time_at(step)
-        degree, (free, _) = max(1, self.degree), self.strain(step, 1.0)
-        total = self._part_of_work(y, degree, self._of_shape, free)[0]
-        total += self._part_of_work(y, self._reduced or degree, self._of_volume, free)[0]
-        return self.over_ranks(total)
+        self._move_to(displacement, states, step)
+        return np.asarray(assemble(self._residual) - self.external(step).ravel())
 
-    def residual(self, displacement: fem.Function, states: Mapping[int, Array], step: float) -> Array:
-        """Forces of materials, springs and loads, forces of shape (owned dofs,); collective.
-
-        Args:
-            displacement: y, length.
-            states: see ``of_body``.
-            step: a place in the lists of factors.
-        """
-        resisted = self.resisted(displacement.x.array.reshape(-1, self.dimension))
-        loads = self.external(step) + self.of_followers(displacement, step)
-        return np.asarray(self.of_body(displacement, states, step) + resisted - loads).ravel()
-
-    def of_followers(self, displacement: fem.Function, step: float, effects: Sequence[Any] | None = None) -> Array:
-        """The forces of pressures that follow the body, by the tangents of its deformed facets, and centrifugal ones at
-        displaced places, shape (owned nodes, d); collective.
-
-        Args:
-            displacement: y, length.
-            step: a place in the lists of factors.
-            effects: some of these loads; None: all.
-        """
-        y, total = displacement.x.array.reshape(-1, self.dimension), self.zero()
-        carried = [*following(self._following), *carried_loads(self._following)]
-        for effect in carried if effects is None else effects:
-            factor, current = self._following.now(effect, step)
-            if effect.carried:
-                total += factor * self._integral(current, partial(_at_displaced_points, current), y)
-                continue
-            points, weights = basix.make_quadrature(self._facet, degree_of(effect, self.statement.element.degree))
-            for part in self._facets(self.facets(effect.where), points, weights, moved=y):
-                at = self.positions(part) + part.table.shape @ y[self.cell_nodes[part.cells], : self.across]
-                around, pressure = self.kinematics.measure_at(at), self.values(current.pressure, part)
-                pressed = -factor * (pressure if around is None else pressure * around)[:, :, None] * part.moment
-                np.add.at(total[:, : self.across], self.cell_nodes[part.cells], part.table.shape.T @ pressed)
-        return self.over_ranks(total)
-
-    def cauchy(self, displacement: fem.Function, states: Mapping[int, Array], step: float) -> PointStress:
-        """The Cauchy stress at the points of quadrature; for the arguments see ``of_body``.
-
-        A mean stress that is integrated with fewer points is the polynomial through them.
-        """
-        y, self._states = displacement.x.array.reshape(-1, self.dimension), states
-        self._time = self._following.path.time_at(step)
-        points, weights = basix.make_quadrature(self.cell_type, max(1, self.degree))
-        x, shape = self._cauchy_of_part(y, points, step, shape=True)
-        if self._reduced is None:
-            return PointStress(points, weights, x, shape + self._cauchy_of_part(y, points, step, shape=False)[1])
-        fewer, their_weights = basix.make_quadrature(self.cell_type, self._reduced)
-        mean = self._cauchy_of_part(y, fewer, step, shape=False)[1]
-        between = _between(self.cell_type, self._shapes.degree - 1, fewer, their_weights, points)
-        return PointStress(points, weights, x, shape + np.einsum("pq,cqij->cpij", between, mean))
-
-    def advanced(self, displacement: fem.Function, states: Mapping[int, Array], step: float) -> dict[int, Array]:
-        """The states at the end of a load step from those at its begin; for the arguments see ``of_body``."""
-        y, new = displacement.x.array.reshape(-1, self.dimension), {key: np.empty_like(s) for key, s in states.items()}
-        if not states:
-            return new
-        self._time = self._following.path.time_at(step)
-        points, _ = basix.make_quadrature(self.cell_type, max(1, self.degree))
-        free, _ = self.strain(step, 1.0)
-        for part, gradient, _, _ in self.gradients(y, points):
-            strains = _strain_of(_in_space(gradient), None if free is None else free(part))
-            for number, begun in states.items():
-                inside, material = self._made_of[part.cells] == number, self.materials[number]
-                rows, strain = self._place[part.cells[inside]], strains[inside]
-                state = begun[rows].reshape(-1, material.state_size)
-                assert isinstance(material, PathDependent)
-                new[number][rows] = (
-                    material.at_time(self._time).respond(strain.reshape(-1, 3, 3), state)[2].reshape(begun[rows].shape)
-                )
-        return new
+    def of_followers(self, displacement: fem.Function, step: float, effects: Sequence[Any]) -> Array:
+        """The forces of some loads that follow the body, shape (owned nodes, d); collective."""
+        self._u.x.array[:] = displacement.x.array
+        self._body.move_to(step)
+        followers = self._body.followers
+        pairs = zip(followers.effects, followers.works, strict=True)
+        works = [work for effect, work in pairs if any(effect is one for one in effects)]
+        return -self._sum(self._forms.compiled(("followers", *map(id, effects)), lambda: works))
 
     def unstrained(self) -> dict[int, Array]:
         """The states of the materials that have one before the first load step, by their numbers."""
-        count = len(basix.make_quadrature(self.cell_type, max(1, self.degree))[1])
-        return {
-            number: np.zeros((np.count_nonzero(self._made_of == number), count, material.state_size))
-            for number, material in enumerate(self.materials)
-            if isinstance(material, PathDependent)
-        }
+        return {number: np.zeros_like(points.begun) for number, points in self._points.items()}
 
-    def plastic_strain(self, states: Mapping[int, Array]) -> Array | None:
+    def advanced(self, displacement: fem.Function, states: States, step: float) -> dict[int, Array]:
+        """The states at the end of a load step from those at its begin; for the arguments see ``residual``."""
+        if states:
+            self._move_to(displacement, states, step)
+        return {number: self._points[number].current for number in states}
+
+    def plastic_strain(self, states: States) -> Array | None:
         """The accumulated plastic strain at the points of quadrature of the cells that this rank owns, shape (c, q),
-        zero in materials that have none; None: there is no other; for ``states`` see ``of_body``.
+        zero in materials that have none; None: there is no other; for ``states`` see ``residual``.
         """
         total: Array | None = None
         for number, state in states.items():
-            material = self.materials[number]
-            assert isinstance(material, PathDependent)
-            reached = material.plastic_strain(state.reshape(-1, material.state_size))
+            points = self._points[number]
+            reached = points.material.plastic_strain(state.reshape(-1, points.material.state_size))
             if reached is not None:
-                total = np.zeros((len(self._made_of), state.shape[1])) if total is None else total
-                inside = np.flatnonzero(self._made_of == number)
-                total[inside] = reached.reshape(state.shape[:2])[self._place[inside]]
+                total = np.zeros((self._owned_cells, state.shape[1])) if total is None else total
+                total[points.cells] = reached.reshape(state.shape[:2])
         return total
 
-    def _cauchy_of_part(self, y: Array, points: Array, step: float, *, shape: bool) -> tuple[Array, Array]:
-        """The places, and the Cauchy stress of the shape, or of the volume, shape (c, q, 3, 3)."""
-        places: list[Array] = [np.zeros((0, len(points), self.across))]
-        stresses: list[Array] = [np.zeros((0, len(points), 3, 3))]
-        finite = any(isinstance(material, Hyperelastic) for material in self.materials)
-        free, _ = self.strain(step, 1.0)
-        for part, gradient, _, _ in self.gradients(y, points):
-            change = _in_space(gradient)
-            stress = self._by_material(part.cells, change, None if free is None else free(part), shape=shape)
-            if finite:
-                deformed = np.eye(3) + change
-                stress = stress @ deformed.swapaxes(-1, -2) / np.linalg.det(deformed)[..., None, None]
-            places.append(self.positions(part))
-            stresses.append(stress)
-        return np.concatenate(places), np.concatenate(stresses)
-
-    def _of_shape(self, cells: Indices, gradient: Array, initial: Array | None) -> tuple[Array, float]:
-        return _in_mesh(self._by_material(cells, _in_space(gradient), initial, shape=True), len(gradient)), 0.0
-
-    def _of_volume(self, cells: Indices, gradient: Array, initial: Array | None) -> tuple[Array, float]:
-        return _in_mesh(self._by_material(cells, _in_space(gradient), initial, shape=False), len(gradient)), 0.0
-
-    def _by_material(self, cells: Indices, change: Array, free: Array | None, *, shape: bool) -> Array:
-        """The stress of the shape, or of the volume, from the gradient of the displacement, shapes (c, q, 3, 3), and
-        from free expansions, shape (c, q); of finite strains the first Piola-Kirchhoff one.
-        """
-        stress = np.zeros_like(change)
-        for number, material in enumerate(self.materials):
-            inside = self._made_of[cells] == number
-            if not inside.any():
-                continue
-            part, points, expansion = change[inside], change.shape[1], None if free is None else free[inside]
-            if isinstance(material, Hyperelastic):
-                stress[inside] = _finite(material, part, expansion, shape=shape)
-                continue
-            strain = _strain_of(part, expansion)
-            linear = material.at_rest
-            if not shape:
-                mean = np.trace(strain, axis1=-2, axis2=-1)[..., None, None]
-                stress[inside] = linear.young / (3 - 6 * linear.poisson) * mean * np.eye(3)
-            elif isinstance(material, PathDependent):
-                state = self._states[number][self._place[cells[inside]]].reshape(-1, material.state_size)
-                responded = material.at_time(self._time).respond_at(strain.reshape(-1, 3, 3), state)
-                stress[inside] = responded.reshape(-1, points, 3, 3)
-            else:
-                stress[inside] = deviator(material.stress_at(strain))
-        return stress
-
-
-class _DisplacedPoints(QuadraturePoints):
-    """Points of quadrature, ``position`` where they have moved to."""
-
     @property
-    def position(self) -> Array:
-        """X + u, shape (f, q, d)."""
-        return super().position + self.displacement
+    def _owned_cells(self) -> int:
+        return int(self.space.mesh.topology.index_map(self.across).size_local)
 
+    def cauchy(self, displacement: fem.Function, states: States, step: float) -> PointStress:
+        """The Cauchy stress at the points of quadrature; for the arguments see ``residual``.
 
-def _at_displaced_points(load: Force, at: QuadraturePoints) -> Array:
-    """The density of a load where points have moved to."""
-    return load.density_at(_DisplacedPoints(**vars(at)))
+        A mean stress that is integrated with fewer points is the polynomial through them.
+        """
+        self._move_to(displacement, states, step)
+        degree = max(1, strain_degree(self.space, self.kinematics))
+        points, weights = basix.make_quadrature(self.cell_type, degree)
+        x = np.asarray(self._table(points).place @ self._x[self._corners[: self._owned_cells]])
+        reduced = volume_degree(self._nonlinear, self.tagged)
+        parts = [stress_parts(material, self._u, self.kinematics, self._body.free) for material in self.materials]
+        shape, volume = ([part[k] for part in parts] for k in range(2))
+        stress = self._evaluated(shape, points, (3, 3))
+        for state in self._points.values():
+            stress[state.cells] = state.response()[0].reshape(*state.begun.shape[:2], 3, 3)
+        if reduced is None:
+            return PointStress(points, weights, x, stress + self._evaluated(volume, points, (3, 3)))
+        fewer, their_weights = basix.make_quadrature(self.cell_type, reduced)
+        mean = self._evaluated(volume, fewer, (3, 3))
+        between = _between(self.cell_type, self._shapes.degree - 1, fewer, their_weights, points)
+        return PointStress(points, weights, x, stress + np.einsum("pq,cqij->cpij", between, mean))
 
-
-def _in_space(gradient: Array) -> Array:
-    """From shape (k, k, c, q) to (c, q, 3, 3), with zeros across a plane mesh."""
-    dim = len(gradient)
-    change = np.zeros((*gradient.shape[2:], 3, 3))
-    change[..., :dim, :dim] = np.moveaxis(gradient, (0, 1), (2, 3))
-    return change
-
-
-def _in_mesh(stress: Array, dim: int) -> Array:
-    """From shape (c, q, 3, 3) to (dim, dim, c, q)."""
-    return np.moveaxis(stress[..., :dim, :dim], (2, 3), (0, 1))
+    def _evaluated(self, expressions: Sequence[Any], points: Array, shape: tuple[int, ...]) -> Array:
+        """Expressions of the materials, UFL, None: zero, at points of the cells that this rank owns, shape (c, q,
+        *shape).
+        """
+        mesh, values = self.space.mesh, np.zeros((self._owned_cells, len(points), *shape))
+        for material, expression in zip(self.materials, expressions, strict=True):
+            if expression is None:
+                continue
+            with compiling():
+                compiled = fem.Expression(expression, points)
+            cells = cells_of(material, self._nonlinear, self.tagged)
+            values[cells] = np.asarray(compiled.eval(mesh, cells)).reshape(len(cells), len(points), *shape)
+        return values
 
 
 def through_points(element: Any, points: Array, weights: Array) -> Array | None:
@@ -290,23 +203,3 @@ def _between(cell_type: basix.CellType, degree: int, points: Array, weights: Arr
     if (coefficients := through_points(element, points, weights)) is None:
         return _between(cell_type, degree - 1, points, weights, wanted)
     return np.asarray(element.tabulate(0, wanted)[0, :, :, 0] @ coefficients)
-
-
-def _strain_of(change: Array, free: Array | None) -> Array:
-    """The linearised strain, shape (..., 3, 3), without a free expansion, shape (...)."""
-    strain = (change + change.swapaxes(-1, -2)) / 2
-    return strain if free is None else strain - free[..., None, None] * np.eye(3)
-
-
-def _finite(material: Hyperelastic, change: Array, free: Array | None, *, shape: bool) -> Array:
-    """The first Piola-Kirchhoff stress of the shape, or of the volume, from grad u, shape (..., 3, 3), and from a free
-    expansion, shape (...).
-    """
-    if free is not None:
-        stretch = 1 + free[..., None, None]
-        elastic = (change - free[..., None, None] * np.eye(3)) / stretch
-        return np.asarray(stretch**2 * _finite(material, elastic, None, shape=shape))
-    if shape:
-        return material.shape_stress_by_change(change)
-    growth, inverse = growth_at(change), inverse_transposed(np.eye(3) + change)
-    return np.asarray((material.volume_stress_by_change(growth) * (1 + growth))[..., None, None] * inverse)

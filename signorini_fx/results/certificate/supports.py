@@ -83,9 +83,9 @@ class PrescribedNodes:
                     fixed[nodes, component] = True
                     by[nodes, component] = position
                     value[nodes, component] = sign * factor * sample(imposed, x[nodes].T)
-        if (turning := forces.kinematics.third_column) is not None:  # over x[0] it is finite only where it is zero
+        if forces.kinematics.zero_on_axis:
             middle = np.abs(x[:owned, 0]) <= SAME_DIRECTION * tagged.size
-            for axis in np.flatnonzero(turning.any(axis=0)):
+            for axis in forces.kinematics.zero_on_axis:
                 fixed[middle, axis], value[middle, axis], by[middle, axis] = True, 0.0, len(statement.displacement)
         no_nodes = np.zeros(0, dtype=np.int64)
         if not askew:
