@@ -6,9 +6,9 @@
 #
 # $$|\mu| \le g(\lambda) = k \bigl(1 - e^{-F \lambda / k}\bigr) .$$
 #
-# A law is a class: its parameters, the bound, its derivative, and for the certificate the bound once more, written in
-# another way. `concave` says that $g$ is below its tangent at zero and below its limit, which is what statics uses. All
-# that a law says is tried at pressures up to the modulus of the body before anything is solved.
+# A law is a class: its parameters, the bound, and its derivative. `concave` says that $g$ is below its tangent at zero
+# and below its limit, which is what statics uses. All that a law says is tried at pressures up to the modulus of the
+# body before anything is solved.
 
 # %%
 import os
@@ -32,9 +32,6 @@ class Saturating(FrictionLaw):
 
     def derivative(self, pressure):
         return self.coefficient * np.exp(-self.coefficient * pressure / self.largest)
-
-    def claimed(self, pressure):
-        return -self.largest * np.expm1(-pressure * self.coefficient / self.largest)
 
 
 # %% [markdown]

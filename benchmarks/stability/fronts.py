@@ -71,10 +71,6 @@ class Levelling(FrictionLaw):
         """See ``FrictionLaw``."""
         return np.asarray(self.coefficient * np.exp(-self.coefficient * pressure / self.largest))
 
-    def claimed(self, pressure: Array) -> Array:
-        """See ``FrictionLaw``."""
-        return np.asarray(-self.largest * np.expm1(-pressure * self.coefficient / self.largest))
-
 
 register(LAWS, "own", Levelling)
 # Quantities that forms answer as scenes do; of the others forms call boundaries otherwise.

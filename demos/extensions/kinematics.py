@@ -3,8 +3,6 @@
 from dataclasses import dataclass, fields
 from math import pi
 
-import numpy as np
-
 from signorini_fx import Scene, solve
 from signorini_fx.extensions import register
 from signorini_fx.mechanics.kinematics import AXISYMMETRIC
@@ -20,9 +18,6 @@ class Slice(BodyOfRevolution):
 
     def measure(self, x):
         return self.angle * x[0]
-
-    def measure_at(self, x):
-        return self.angle * np.maximum(x[..., 0], 0.0)
 
 
 SLICE = Slice(**{field.name: getattr(AXISYMMETRIC, field.name) for field in fields(AXISYMMETRIC)} | {"words": "slice"})

@@ -21,10 +21,6 @@ class Smooth(FrictionLaw):
     def derivative(self, pressure):
         return self.coefficient / np.cosh(np.minimum(self.coefficient * pressure / self.largest, 300.0)) ** 2
 
-    def claimed(self, pressure):
-        decay = np.exp(-2 * self.coefficient / self.largest * pressure)
-        return self.largest * (1 - decay) / (1 + decay)
-
 
 register("signorini_fx.laws", "smooth", Smooth)
 if __name__ == "__main__":

@@ -23,11 +23,6 @@ class Fibres(DirectedMaterial):
         s = 2 * self.p * e + ((self.n - 2 * self.p) * fibre + self.c * around) * (ufl.Identity(3) - across)
         return s + (self.c * fibre + (self.k - self.m) * around) * across + 2 * (self.m - self.p) * across * e * across
 
-    def stress_at(self, e):
-        c, plus, minus, m, p = self.c, self.k + self.m, self.k - self.m, 2 * self.m, 2 * self.p
-        normal, shear = [[self.n, c, c], [c, plus, minus], [c, minus, plus]], [[0, p, p], [p, 0, m], [p, m, 0]]
-        return np.array(shear) * e + np.eye(3) * (e.diagonal(axis1=-2, axis2=-1) @ np.array(normal))[..., None]
-
     @property
     def moduli(self):
         normal = np.linalg.eigvalsh([[self.n, 2**0.5 * self.c], [2**0.5 * self.c, 2 * self.k]])

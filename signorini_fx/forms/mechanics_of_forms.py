@@ -237,7 +237,7 @@ def _side(
     def bound(nodes: npt.NDArray[Any], pressure: Nodal) -> Nodal:
         if data.bonded:
             return np.full(nodes.size, np.inf)
-        return np.zeros(nodes.size) if data.law is None else data.law.at(nodes).claimed(np.abs(pressure))
+        return np.zeros(nodes.size) if data.law is None else data.law.at(nodes).limit(np.abs(pressure))
 
     points = sliding
     factor, along, axes = data.shape.factor, data.shape.direction, data.shape.axes

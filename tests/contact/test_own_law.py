@@ -12,10 +12,8 @@ from two_bodies import facets, forms, held
 
 from signorini_fx import (
     ContactProblem,
-    ConvergenceError,
     Coulomb,
     FormError,
-    FrictionLaw,
     Pair,
     SceneError,
 )
@@ -134,17 +132,6 @@ def test_by_name():
         named(largest=1.0, most=3.0)
 
 
-def test_independent_check():
-    """A law whose two statements differ by less than what is noticed beforehand is not certified."""
-
-    class Wrong(Saturating):
-        def claimed(self, pressure):
-            return (1 - 1e-4) * self.limit(pressure)
-
-    with pytest.raises(ConvergenceError, match="certificate does not hold"):
-        solved(Wrong(F, K))
-
-
 class Quotient(Saturating):
     """F lambda / (1 + F lambda / k), which is no number at a pressure without limit."""
 
@@ -153,9 +140,6 @@ class Quotient(Saturating):
 
     def derivative(self, pressure):
         return self.coefficient / (1 + self.coefficient * pressure / self.largest) ** 2
-
-    def claimed(self, pressure):
-        return self.largest - self.largest**2 / (self.largest + self.coefficient * pressure)
 
 
 class Root(Saturating):
@@ -168,9 +152,6 @@ class Root(Saturating):
         with np.errstate(divide="ignore"):
             return self.largest / 2 / np.sqrt(pressure)
 
-    def claimed(self, pressure):
-        return self.largest * pressure**0.5
-
 
 def lying(**methods):
     """A law with other methods."""
@@ -181,25 +162,21 @@ def lying(**methods):
     ("methods", "message"),
     [
         ({"limit": lambda _, p: 0.1 * p**2, "derivative": lambda _, p: 0.2 * p}, "exceeds.* not concave"),
-        ({"limit": lambda law, p: -law.claimed(p)}, "negative"),
+        ({"limit": lambda law, p: -bound(p)}, "negative"),
         ({"limit": lambda _, p: np.ones((p.size, 1))}, r"limit of Lying has the shape \(\d+, 1\)"),
         ({"derivative": lambda *_: 0.3}, r"derivative of Lying has the shape \(\)"),
-        ({"claimed": lambda *_: None}, "claimed of Lying has the shape"),
-        ({"claimed": FrictionLaw.claimed}, "Lying does not say its claimed"),
         ({"follows_pressure": False}, "follows the pressure, which it denies"),
         ({"limit": lambda _, p: p + np.nan}, "limit of Lying is not finite at the pressure 0"),
-        ({"limit": lambda law, p: np.where(p > 20, np.nan, law.claimed(p))}, "limit of Lying is not finite at .* 2"),
+        ({"limit": lambda law, p: np.where(p > 20, np.nan, bound(p))}, "limit of Lying is not finite at .* 2"),
         ({"limit": lambda _, p: p // 0}, "limit of Lying is not finite"),
         ({"limit": lambda law, p: np.multiply(p, law.coefficient, out=p)}, "limit of Lying fails: .* read-only"),
-        ({"limit": lambda law, p: law.claimed(p) + law.steepness}, "limit of Lying fails: AttributeError"),
+        ({"limit": lambda law, p: bound(p) + law.steepness}, "limit of Lying fails: AttributeError"),
         ({"derivative": lambda _, p: p + np.nan}, "derivative of Lying is not finite at the pressure 0"),
         ({"derivative": lambda law, p: law.coefficient + 0 * p}, "derivative of Lying is not that of its limit"),
         ({"derivative": lambda law, p: F * np.sign(0.5 - p)}, "derivative of Lying is not that of its limit"),
-        ({"claimed": lambda law, p: 0.9 * law.limit(p)}, "claimed of Lying is not its limit"),
         (
             {
                 "limit": lambda _, p: 0.1 * p + 0.1 * np.clip(p - 3, 0, 6),
-                "claimed": lambda law, p: law.limit(p),
                 "derivative": lambda _, p: 0.1 + 0.1 * ((p >= 3) & (p < 9)),
                 "envelope": lambda law, zero: Coulomb.envelope(Coulomb(0.3), zero),
             },

@@ -32,9 +32,6 @@ class Sticky(FrictionLaw):
     def derivative(self, pressure):
         return self.coefficient + 0.0 * pressure
 
-    def claimed(self, pressure):
-        return self.given + pressure * self.coefficient
-
     def envelope(self, zero):
         return Envelope(zero + self.given, zero + self.coefficient)
 

@@ -29,9 +29,6 @@ class Odd(FrictionLaw):
     def derivative(self, pressure):
         return self.coefficient * np.ones_like(pressure)
 
-    def claimed(self, pressure):
-        return self.coefficient * pressure
-
 
 def fails_by(error, monkeypatch):
     def keep(self, *args, **how):

@@ -23,10 +23,10 @@ SPOILED = {
     "body": ("J=tangent", "J=-tangent", "give the derivative of F as J"),
     "effect": ("(-at.value", "(at.value", r"magnet\[0\]: density_at of Magnet is not its density"),
     "interface": ("pull = effect.tension", "pull = -effect.tension", "Suction or AtContactPoints contradicts itself"),
-    "kinematics": ("np.maximum(x[..., 0], 0.0)", "-np.maximum(x[..., 0], 0.0)", "measure_at of 'slice' is not its"),
-    "law": ("/ (1 + decay)", "/ (-1 - decay)", "claimed of Smooth is not its limit"),
+    "kinematics": ("return self.angle * x[0]", "return -self.angle * x[0]", "measure of 'slice' is not positive"),
+    "law": ("return self.coefficient /", "return -self.coefficient /", "limit of Smooth exceeds"),
     "linear_solver": ("self.pc.apply(b, x)", "x.set(0.0)", "the linear solver 'block-low-rank' of another package"),
-    "material": ("np.array(shear) * e", "-np.array(shear) * e", "stress_at of Fibres is not its stress"),
+    "material": ("s = 2 * self.p * e", "s = -2 * self.p * e", "stress of Fibres does no work on some strain"),
     "quantity": ("comm.allreduce(self.by_", "comm.allreduce(-self.by_", "derivatives of OverHalf are not those of its"),
     "shape": ("np.where(away < 0, -1, 1)", "np.where(away < 0, 1, -1)", "distance of RoundedBox"),
 }

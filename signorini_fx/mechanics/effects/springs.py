@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from typing import Any, Self
 
-import numpy as np
 from pydantic import model_validator
 
-from signorini_fx.mechanics.statement.effect import Array, Coefficients, Points, Resistance
+from signorini_fx.mechanics.statement.effect import Coefficients, Resistance
 from signorini_fx.mechanics.statement.values import NonNegativeValue
 
 
@@ -51,12 +50,6 @@ class Springs(Resistance):
             return ufl.as_vector([stiffness[k] * y[k] for k in range(len(y))])
         across = ufl.inner(y, on.normal) * on.normal
         return on.value(self.normal) * across + on.value(self.tangential) * (y - across)
-
-    def reaction_at(self, at: Points) -> Array:
-        along = at.vector((self.x, self.y, self.z)) * at.displacement
-        across = np.sum(at.displacement * at.normal, axis=2, keepdims=True) * at.normal
-        normal, tangential = at.value(self.normal), at.value(self.tangential)
-        return np.asarray(along + normal[..., None] * across + tangential[..., None] * (at.displacement - across))
 
 
 Entry = Springs

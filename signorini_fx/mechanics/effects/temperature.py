@@ -5,10 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any, Self
 
-import numpy as np
 from pydantic import model_validator
 
-from signorini_fx.mechanics.statement.effect import Array, BodyCoefficients, BodyPoints, Contradictions, InitialStrain
+from signorini_fx.mechanics.statement.effect import BodyCoefficients, Contradictions, InitialStrain
 from signorini_fx.mechanics.statement.point_values import PointValues
 from signorini_fx.mechanics.statement.values import TimedSampledValue
 
@@ -54,9 +53,6 @@ class TemperatureChange(InitialStrain):
 
     def strain(self, on: BodyCoefficients) -> Any:
         return on.expansion * on.value_in(self.region, self._value)
-
-    def strain_at(self, at: BodyPoints) -> Array:
-        return np.asarray(at.expansion * at.value_in(self.region, self._value))
 
 
 Entry = TemperatureChange

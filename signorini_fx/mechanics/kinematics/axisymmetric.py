@@ -66,15 +66,6 @@ class BodyOfRevolution(Kinematics):
         """The length of the circumference."""
         return 2 * math.pi * x[0]
 
-    @property
-    def third_column(self) -> _Floats | None:
-        """See ``Kinematics``: cylindrical coordinates, in which the frame turns with the angle."""
-        return np.array([[0.0, 0.0], [0.0, 0.0], [1.0, 0.0]])
-
-    def measure_at(self, x: _Floats) -> _Floats | None:
-        """See ``Kinematics``; round-off may put points of the axis beyond it."""
-        return np.asarray(2 * np.pi * np.maximum(x[..., 0], 0.0))
-
 
 # What has no meaning, and what nobody has derived yet.
 REFUSED = {

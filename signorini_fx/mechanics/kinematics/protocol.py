@@ -18,9 +18,6 @@ _Floats = npt.NDArray[np.float64]
 class Kinematics:
     """Which displacements a body has, and the strains, measures and rigid motions that belong to them.
 
-    The first half is for the solver, with UFL.  The certificate takes ``third_column`` and ``measure_at``, which are
-    written without it.
-
     Attributes:
         words: what it is called.
         dimension: d, components of the displacement.
@@ -113,7 +110,7 @@ class Kinematics:
         """What areas of the mesh are multiplied by in a body of this size, about."""
         return 1.0
 
-    # --- for the solver ----------------------------------------------------------------------------------------------
+    # --- forms -------------------------------------------------------------------------------------------------------
 
     def strain(self, y: Any, *, on_axis: bool = False) -> Any:
         """Linearised strain, epsilon(y) of section 2.1, UFL, shape (d, d), or (3, 3) with ``normal_out``.
@@ -137,16 +134,11 @@ class Kinematics:
         """By what areas and lengths of the mesh are multiplied at x, UFL of shape (d,) or numbers of shape (d, n)."""
         return 1
 
-    # --- the independent check ----------------------------------------------------------------------------------------
-
-    @property
-    def third_column(self) -> _Floats | None:
-        """M, shape (3, d), for which the gradient of y in 3D has the third column M y / x[0]; None: it has none."""
-        return None
-
     def measure_at(self, x: _Floats) -> _Floats | None:
-        """By what areas and lengths of the mesh are multiplied at points of shape (..., d), shape (...); None: 1."""
-        return None
+        """``measure`` at points of shape (..., d), shape (...); None: 1.  Round-off may put points of the axis beyond
+        it.
+        """
+        return None if self.uniform else np.maximum(self.measure(np.moveaxis(x, -1, 0)), 0.0)
 
 
 def position(y: Any) -> Any:

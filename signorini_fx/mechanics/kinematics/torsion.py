@@ -39,10 +39,6 @@ class TwistedBody(BodyOfRevolution):
             along = ufl.as_vector([ufl.conditional(off, *pair) for pair in zip(ratios, limits, strict=True)])
         return ufl.sym(ufl.grad(y) + ufl.outer(along, ufl.unit_vector(2, 3)))
 
-    @property
-    def third_column(self) -> _Floats | None:
-        return np.array([[0.0, 0.0, -1.0], [0.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
-
 
 TORSION = TwistedBody(
     "axisymmetric, torsion",

@@ -43,7 +43,6 @@ class _Tried:
         pressure: stress, shape (k, 1), or (k, m) where each point has its own.
         limit: see ``FrictionLaw``, shape (k, m), like the following ones.
         derivative: likewise.
-        claimed: likewise.
         envelope: what the law says that no bound exceeds, stress.
         round_off: that of the bound, stress, shape (m,).
     """
@@ -52,7 +51,6 @@ class _Tried:
     pressure: Array
     limit: Array
     derivative: Array
-    claimed: Array
     envelope: Array
     round_off: Array
 
@@ -80,8 +78,6 @@ class _Tried:
         if not self.law.unknown:
             less = limit < self.envelope - within
             yield "limit of {law} is less than its envelope, which leaves nothing unknown", less
-        differs = ~(np.abs(self.claimed - limit) <= within)
-        yield "claimed of {law} is not its limit at the pressure {pressure:g}", differs
         yield from self._faults_of_slopes()
 
     def _faults_of_slopes(self) -> Iterator[tuple[str, npt.NDArray[np.bool_]]]:
@@ -119,7 +115,7 @@ def _fault(law: FrictionLaw, points: npt.NDArray[np.int64], pressure: Array, mod
     at_pressures.flags.writeable = False  # a law that changes its argument changes the solver's pressures
     values = []
     with np.errstate(all="ignore"):
-        for statement in ("limit", "derivative", "claimed"):
+        for statement in ("limit", "derivative"):
             try:
                 value = getattr(tried, statement)(at_pressures)
             except NotImplementedError:
@@ -130,12 +126,12 @@ def _fault(law: FrictionLaw, points: npt.NDArray[np.int64], pressure: Array, mod
                 shapes = f"{np.shape(value)} for pressures of the shape {at_pressures.shape}"
                 return f"{statement} of {name} has the shape {shapes}"
             values.append(np.asarray(value, dtype=np.float64).reshape(shape))
-        limit, derivative, claimed = values
+        limit, derivative = values
         given, coefficient, cap = law.at(points).envelope(np.zeros(points.size))
         envelope = given + coefficient * pressure
         envelope = np.broadcast_to(envelope if cap is None else np.minimum(envelope, cap), shape)
         round_off = _round_off(law, points, modulus, limit[-1])
-        return _Tried(law, pressure, limit, derivative, claimed, envelope, round_off).fault
+        return _Tried(law, pressure, limit, derivative, envelope, round_off).fault
 
 
 def _round_off(law: FrictionLaw, points: npt.NDArray[np.int64], modulus: float, bound: Array) -> Array:

@@ -41,12 +41,6 @@ class Coulomb(DirectedLaw):
         without = (0.0 if self.cohesion is None else self.cohesion) + self.coefficient * pressure
         return np.where(without < self.cap, self.coefficient, 0.0)
 
-    def claimed(self, pressure: Array) -> Array:
-        bound = self.coefficient * pressure
-        if self.cohesion is not None:
-            bound = np.where(pressure == 0, 0.0, bound + self.cohesion)
-        return np.asarray(bound if self.cap is None else np.minimum(bound, self.cap))
-
     def envelope(self, zero: Array) -> Envelope:
         return Envelope(zero if self.cohesion is None else self.cohesion, self.coefficient, self.cap)
 

@@ -22,7 +22,7 @@ class NoFriction(FrictionLaw):
     def limit(self, pressure: Array) -> Array:
         return np.zeros_like(pressure)
 
-    derivative = claimed = limit
+    derivative = limit
 
     def envelope(self, zero: Array) -> Envelope:
         return Envelope(zero, zero)

@@ -80,10 +80,6 @@ class FrictionLaw(Table):
         """Derivative of the bound by the pressure, at zero that towards larger ones, without unit, shape (n,)."""
         raise NotImplementedError
 
-    def claimed(self, pressure: Array) -> Array:
-        """The independent check: the same as ``limit``, written without it, for the certificate."""
-        raise NotImplementedError
-
     # --- what it may say ---
 
     def envelope(self, zero: Array) -> Envelope:

@@ -32,9 +32,6 @@ class Tresca(DirectedLaw):
     def derivative(self, pressure: Array) -> Array:
         return np.zeros_like(pressure)
 
-    def claimed(self, pressure: Array) -> Array:
-        return np.broadcast_to(self.bound, pressure.shape)
-
     def envelope(self, zero: Array) -> Envelope:
         return Envelope(self.bound, zero)
 

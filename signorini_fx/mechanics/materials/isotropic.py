@@ -5,12 +5,11 @@ from __future__ import annotations
 import math
 from typing import Annotated, Any, ClassVar
 
-import numpy as np
 from pydantic import Field
 
 from signorini_fx.mechanics.kinematics.cartesian import SPACE
 from signorini_fx.mechanics.kinematics.protocol import Kinematics, position
-from signorini_fx.mechanics.materials.protocol import Array, Material
+from signorini_fx.mechanics.materials.protocol import Material
 from signorini_fx.mechanics.statement.effect import Contradictions, Features
 from signorini_fx.mechanics.statement.values import Positive, SampledValue
 from signorini_fx.mechanics.statement.volumetric import treatment_of
@@ -40,12 +39,6 @@ class LinearElastic(Material):
 
         lame, mu = self.lame_of(self.young, self.poisson, prevented=True)
         return 2 * mu * strain + lame * ufl.tr(strain) * ufl.Identity(3)
-
-    def stress_at(self, strain: Array) -> Array:
-        """See ``Material``: what is the same in all directions, and the rest."""
-        mean = np.trace(strain, axis1=-2, axis2=-1)[..., None, None] * np.eye(3) / 3
-        bulk, shear = self.young / (1 - 2 * self.poisson), self.young / (1 + self.poisson)
-        return np.asarray(bulk * mean + shear * (strain - mean))
 
     @property
     def moduli(self) -> tuple[float, float]:
@@ -134,8 +127,7 @@ def elastic_degree(cell: str, degree: int, geometry: int) -> int:
 
     The degree of epsilon(y) : epsilon(z) times the Jacobian's determinant on simplices and along each axis of
     parallelepipeds; on other quadrilaterals and hexahedra, where the integrand is rational, that of the products of all
-    polynomials in it.  UFL estimates the same on these in 2D; it is stated here because the certificate
-    integrates without UFL.
+    polynomials in it.  UFL estimates the same on these in 2D.
     """
     if cell in ("triangle", "tetrahedron"):
         return 2 * (degree - 1) + (2 if cell == "triangle" else 3) * (geometry - 1)

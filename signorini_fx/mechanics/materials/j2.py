@@ -17,8 +17,6 @@ from signorini_fx.mechanics.statement.values import NonNegative, Positive
 from signorini_fx.tuned import STEEPEST_HARDENING
 
 _Table = Annotated[tuple[tuple[Positive, Positive], ...], Field(min_length=1)]
-# Halvings of an interval, after which it is round-off.
-_HALVINGS = 60
 
 
 class J2(PathDependent):
@@ -67,12 +65,8 @@ class J2(PathDependent):
     def _slopes(self) -> Array:
         """Of the segments that begin at the points of ``_curve``, stresses."""
         strains, stresses = self._curve
-        return np.append(np.diff(stresses) / np.diff(strains), self._last_slope)
-
-    @property
-    def _last_slope(self) -> float:
-        """Beyond the last point of ``_curve``."""
-        return self.hardening if isinstance(self.hardening, float) else 0.0
+        last_slope = self.hardening if isinstance(self.hardening, float) else 0.0
+        return np.append(np.diff(stresses) / np.diff(strains), last_slope)
 
     @property
     def constants_at_rest(self) -> tuple[float, float]:
@@ -104,22 +98,6 @@ class J2(PathDependent):
         grown = plastic + np.sqrt(1.5) * flow[:, None, None] * normal
         new = np.concatenate((grown.reshape(-1, 9), (accumulated + flow)[:, None]), axis=1)
         return share[:, None, None] * trial, tangent, new
-
-    def respond_at(self, strain: Array, state: Array) -> Array:
-        """See ``PathDependent``: the flow by bisection of the yield condition on the curve itself."""
-        stiffness = self.young / (1 + self.poisson)
-        elastic = stiffness * (strain - state[:, :9].reshape(-1, 3, 3))
-        elastic -= np.trace(elastic, axis1=1, axis2=2)[:, None, None] * np.eye(3) / 3
-        mises = np.sqrt(1.5 * np.einsum("nij,nij->n", elastic, elastic))
-        low, high = np.zeros_like(mises), mises / (1.5 * stiffness)
-        strains, stresses = self._curve
-        for _ in range(_HALVINGS):
-            flow = (low + high) / 2
-            reached = state[:, 9] + flow
-            beyond = mises - 1.5 * stiffness * flow > np.interp(reached, strains, stresses) + self._last_slope * reached
-            low, high = np.where(beyond, flow, low), np.where(beyond, high, flow)
-        share = 1 - 1.5 * stiffness * low / np.where(mises > 0, mises, 1.0)
-        return np.asarray(share[:, None, None] * elastic)
 
     def plastic_strain(self, state: Array) -> Array:
         """See ``PathDependent``: the integral of sqrt(2/3) |d epsilon_p|."""

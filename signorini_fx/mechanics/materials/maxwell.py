@@ -85,20 +85,6 @@ class Maxwell(PathDependent):
         new = np.column_stack((*parts, strain_deviator.reshape(-1, 9), np.full(len(strain_deviator), self._time)))
         return stress, stiffness[:, None, None] * DEVIATORIC, new
 
-    def respond_at(self, strain: Array, state: Array) -> Array:
-        """See ``PathDependent``: by the exponential of the matrix of (q_i, de/dt) in a load step."""
-        from scipy.linalg import expm
-
-        change = strain - np.trace(strain, axis1=1, axis2=2)[:, None, None] * np.eye(3) / 3
-        stress = self.young / (1 + self.poisson) * change
-        change = change - state[:, -10:-1].reshape(-1, 3, 3)
-        times, points = np.unique(self._time - state[:, -1], return_inverse=True)
-        for branch, (shear, relaxation) in enumerate(self.branches):
-            steps = [expm(np.array([[-time / relaxation, 2 * shear], [0.0, 0.0]]))[0] for time in times]
-            from_last, from_change = np.array(steps)[points].T[:, :, None, None]
-            stress = stress + from_last * state[:, 9 * branch : 9 * branch + 9].reshape(-1, 3, 3) + from_change * change
-        return np.asarray(stress)
-
     @property
     def said(self) -> str:
         rows = ", ".join(f"{shear:g} for {relaxation:g}" for shear, relaxation in self.branches)

@@ -4,21 +4,15 @@ from __future__ import annotations
 
 from typing import Any, Literal, Self
 
-import numpy as np
 from pydantic import model_validator
 
 from signorini_fx.mechanics.materials.nonlinear import (
     Hyperelastic,
-    deviator,
     green_strain,
     growth,
-    growth_at,
-    inverse_transposed,
-    left_strain_twice,
     power_beyond_line,
     strain_beyond_growth,
 )
-from signorini_fx.mechanics.materials.protocol import Array
 from signorini_fx.mechanics.statement.base import refused
 from signorini_fx.mechanics.statement.values import NonNegative, Positive
 
@@ -63,17 +57,6 @@ class MooneyRivlin(Hyperelastic):
 
     def volume_energy_by_change(self, growth: Any) -> Any:
         return self.bulk / 2 * growth**2
-
-    def shape_stress_by_change(self, change: Array) -> Array:
-        """See ``Hyperelastic``: by the Kirchhoff stress in the deformed body; twice is its strain."""
-        twice, share = left_strain_twice(change), (1 + growth_at(change))[..., None, None] ** (-2 / 3)
-        first = share * (3 + np.trace(twice, axis1=-2, axis2=-1)[..., None, None])
-        squares = share**2 * (2 * twice + twice @ twice)
-        kirchhoff = 2 * deviator((self.c10 + self.c01 * first) * share * twice - self.c01 * squares)
-        return np.asarray(kirchhoff @ inverse_transposed(np.eye(3) + change))
-
-    def volume_stress_by_change(self, growth: Array) -> Array:
-        return self.bulk * growth
 
     @property
     def said(self) -> str:

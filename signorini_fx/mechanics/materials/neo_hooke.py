@@ -4,22 +4,16 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-import numpy as np
 from pydantic import Field
 
 from signorini_fx.mechanics.materials.nonlinear import (
     Hyperelastic,
-    deviator,
     green_strain,
     growth,
-    growth_at,
-    inverse_transposed,
-    left_strain_twice,
     logarithm_beyond_line,
     power_beyond_line,
     strain_beyond_growth,
 )
-from signorini_fx.mechanics.materials.protocol import Array
 from signorini_fx.mechanics.statement.values import Positive
 
 PoissonBelowHalf = Annotated[float, Field(gt=-1, lt=0.5, allow_inf_nan=False, strict=True)]
@@ -61,20 +55,6 @@ class NeoHooke(Hyperelastic):
         if self.isochoric:
             return bulk / 2 * growth**2
         return (bulk - 2 * shear / 3) / 2 * (growth + logarithm_beyond_line(growth)) ** 2
-
-    def shape_stress_by_change(self, change: Array) -> Array:
-        """See ``Hyperelastic``: by the Kirchhoff stress in the deformed body."""
-        (shear, _), twice = self.constants_at_rest, left_strain_twice(change)
-        kirchhoff = shear * twice
-        if self.isochoric:
-            kirchhoff = (1 + growth_at(change))[..., None, None] ** (-2 / 3) * deviator(kirchhoff)
-        return np.asarray(kirchhoff @ inverse_transposed(np.eye(3) + change))
-
-    def volume_stress_by_change(self, growth: Array) -> Array:
-        shear, bulk = self.constants_at_rest
-        if self.isochoric:
-            return bulk * growth
-        return np.asarray((bulk - 2 * shear / 3) * np.log1p(growth) / (1 + growth))
 
     @property
     def said(self) -> str:

@@ -1,8 +1,7 @@
 """What a nonlinear material says.  A scene with one is solved by Newton's method, see ``scenes.nonlinear``.
 
 Of finite strains it has a stored energy per undeformed volume, in two parts: that of the shape, and that of the volume,
-which may be integrated with fewer points.  Of small strains it has a stress that depends on the past.  Both are said
-twice: as UFL, or with a tangent, for the solver, and once more in NumPy for the certificate:
+which may be integrated with fewer points.  Of small strains it has a stress that depends on the past, with its tangent:
 
     class Soft(Hyperelastic):
         law: Literal["soft"] = "soft"
@@ -17,13 +16,6 @@ twice: as UFL, or with a tangent, for the solver, and once more in NumPy for the
 
         def volume_energy(self, volume):
             return self.bulk / 2 * (volume - 1) ** 2
-
-        def shape_stress_at(self, gradient):
-            left = gradient @ gradient.swapaxes(-1, -2)
-            ...
-
-        def volume_stress_at(self, volume):
-            return self.bulk * (volume - 1)
 
         @property
         def constants_at_rest(self):
@@ -123,10 +115,6 @@ class NonlinearMaterial(Material):
         """See ``Material``: at small strains."""
         return self.at_rest.stress(strain)
 
-    def stress_at(self, strain: Array) -> Array:
-        """See ``Material``: at small strains."""
-        return self.at_rest.stress_at(strain)
-
     @property
     def moduli(self) -> tuple[float, float]:
         """See ``Material``: at small strains."""
@@ -146,8 +134,7 @@ class Hyperelastic(NonlinearMaterial):
     """An elastic material at finite strains, by its energy.
 
     Gradients F = I + grad u and stresses have the shape (3, 3), in 2D and in bodies of revolution with what is
-    across the mesh.  A material has ``shape_energy`` or ``shape_energy_by_change``, and so on: the solver and the
-    certificate call the latter.
+    across the mesh.  A material has ``shape_energy`` or ``shape_energy_by_change``, and so on: the latter are called.
 
     Attributes:
         hypothesis, torsion, grading, density, expansion, region: see ``Material``.
@@ -163,16 +150,6 @@ class Hyperelastic(NonlinearMaterial):
         """The energy of the volume J = det F, UFL, a number."""
         return 0 * volume
 
-    def shape_stress_at(self, gradient: Array) -> Array:
-        """The independent check: the first Piola-Kirchhoff stress P of ``shape_energy``, written without it, force per
-        undeformed area, shape (..., 3, 3).
-        """
-        raise NotImplementedError
-
-    def volume_stress_at(self, volume: Array) -> Array:
-        """The independent check: the derivative of ``volume_energy``, written without it, a stress, shape (...)."""
-        return np.zeros_like(volume)
-
     def shape_energy_by_change(self, change: Any) -> Any:
         """``shape_energy`` from grad u, UFL of shape (3, 3), so that its derivative keeps the digits of that."""
         import ufl
@@ -182,14 +159,6 @@ class Hyperelastic(NonlinearMaterial):
     def volume_energy_by_change(self, growth: Any) -> Any:
         """``volume_energy`` from the change of volume J - 1, UFL, a number."""
         return self.volume_energy(1 + growth)
-
-    def shape_stress_by_change(self, change: Array) -> Array:
-        """``shape_stress_at`` from grad u, shape (..., 3, 3)."""
-        return self.shape_stress_at(np.eye(3) + change)
-
-    def volume_stress_by_change(self, growth: Array) -> Array:
-        """``volume_stress_at`` from J - 1, shape (...)."""
-        return self.volume_stress_at(1 + growth)
 
     @property
     def features(self) -> Features:
@@ -248,10 +217,6 @@ class PathDependent(NonlinearMaterial):
         """
         raise NotImplementedError
 
-    def respond_at(self, strain: Array, state: Array) -> Array:
-        """The independent check: the deviatoric stress by other means."""
-        raise NotImplementedError
-
     def plastic_strain(self, state: Array) -> Array | None:
         """The accumulated (equivalent) plastic strain of states, for results, shape (n,); None: there is none."""
         return None
@@ -305,32 +270,6 @@ def _beyond_line(change: Any, factors: Sequence[float], far: Any) -> Any:
     for factor in factors[-2::-1]:
         series = factor + change * series
     return ufl.conditional(ufl.lt(abs(change), NEAR_ONE), change**2 * series, far)
-
-
-def left_strain_twice(change: Array) -> Array:
-    """F F^T - I from grad u, shape (..., 3, 3)."""
-    transposed = change.swapaxes(-1, -2)
-    return np.asarray(change + transposed + change @ transposed)
-
-
-def principal_strains(change: Array) -> tuple[Array, Array]:
-    """Green's principal strains from grad u, shape (..., 3), and their directions as columns, shape (..., 3, 3)."""
-    transposed = change.swapaxes(-1, -2)
-    strains, directions = np.linalg.eigh((change + transposed + transposed @ change) / 2)
-    return strains, directions
-
-
-def growth_at(change: Array) -> Array:
-    """J - 1 from grad u, shape (...): one column of F after the other takes the place of one of I."""
-    first, second, third = np.moveaxis(change, -1, 0)
-    after_second, after_third = second + np.eye(3)[1], third + np.eye(3)[2]
-    whole = np.einsum("...i,...i->...", first, np.cross(after_second, after_third))
-    return np.asarray(whole + np.cross(second, after_third)[..., 0] + third[..., 2])
-
-
-def inverse_transposed(gradient: Array) -> Array:
-    """F^-T, shape (..., 3, 3)."""
-    return np.asarray(np.linalg.inv(gradient).swapaxes(-1, -2), dtype=np.float64)
 
 
 def deviator(tensor: Array) -> Array:

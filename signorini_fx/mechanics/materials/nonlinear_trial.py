@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from itertools import product
 from typing import Any
 
 import numpy as np
 
-from signorini_fx.mechanics.materials.nonlinear import (
-    Hyperelastic,
-    PathDependent,
-    inverse_transposed,
-)
+from signorini_fx.mechanics.materials.nonlinear import Hyperelastic, PathDependent
 from signorini_fx.mechanics.materials.protocol import PAIRS, Array
 from signorini_fx.tuned import ENERGY_DIFFERENCE, SAME_STRESS, TRIED_STRAINS
 
@@ -50,32 +46,30 @@ def _fault_of_energy(material: Hyperelastic) -> str:
 
     name, modulus = type(material).__name__, max(material.constants_at_rest)
 
-    def shape(gradient: Array) -> float:
-        change = ufl.as_matrix((gradient - np.eye(3)).tolist())
-        return _number(apply_algebra_lowering(material.shape_energy_by_change(change)))
+    def shape(change: Array) -> float:
+        return _number(apply_algebra_lowering(material.shape_energy_by_change(ufl.as_matrix(change.tolist()))))
 
-    def volume(amount: float) -> float:
-        return _number(material.volume_energy_by_change(ufl.as_ufl(float(amount) - 1)))
+    def whole(change: Array) -> float:
+        growth = float(np.linalg.det(np.eye(3) + change)) - 1
+        return shape(change) + _number(material.volume_energy_by_change(ufl.as_ufl(growth)))
 
     for gradient in _gradients():
-        amount = float(np.linalg.det(gradient))
-        change = gradient - np.eye(3)
-        stress = material.shape_stress_by_change(change)
-        pressure = float(material.volume_stress_by_change(np.array(amount - 1)))
-        if not np.abs(_slope(shape, gradient) - stress).max() <= SAME_STRESS * modulus:
-            return f"shape_stress_at of {name} is not the derivative of its shape_energy"
-        ahead, behind = (volume(amount + sign * ENERGY_DIFFERENCE) for sign in (1, -1))
-        if not abs((ahead - behind) / (2 * ENERGY_DIFFERENCE) - pressure) <= SAME_STRESS * modulus:
-            return f"volume_stress_at of {name} is not the derivative of its volume_energy"
-        turned = _ROTATION @ gradient - np.eye(3)
-        if not np.abs(material.shape_stress_by_change(turned) - _ROTATION @ stress).max() <= SAME_STRESS * modulus:
-            return f"shape_stress_at of {name} is not objective: a rotation of the body changes it"
-    if not np.abs(_piola(material, np.eye(3))).max() <= SAME_STRESS * modulus:
-        return f"{name} has a stress without strain"
-    for strain in _units():
-        small = ENERGY_DIFFERENCE * strain
-        sides = [_piola(material, np.eye(3) + sign * small) / (2 * ENERGY_DIFFERENCE) for sign in (1, -1)]
-        if not np.abs(sides[0] - sides[1] - material.at_rest.stress_at(strain)).max() <= SAME_STRESS * modulus:
+        before, after = shape(gradient - np.eye(3)), shape(_ROTATION @ gradient - np.eye(3))
+        if not np.isfinite([before, after, whole(gradient - np.eye(3))]).all():
+            return f"the energy of {name} is not finite"
+        if not abs(after - before) <= SAME_STRESS * modulus:
+            return f"shape_energy of {name} is not objective: a rotation of the body changes it"
+    # A body in the plane has no shear across the mesh.
+    units = {k: unit for k, unit in enumerate(_units()) if PAIRS[k] not in ((0, 2), (1, 2))}
+    first, second = ENERGY_DIFFERENCE, np.finfo(np.float64).eps ** 0.25  # where both errors of differences are small
+    for unit in units.values():
+        if not abs(whole(first * unit) - whole(-first * unit)) <= 2 * first * SAME_STRESS * modulus:
+            return f"{name} has a stress without strain"
+    stiffness = material.at_rest.stiffness
+    for (i, one), (j, other) in product(units.items(), repeat=2):
+        corners = product((second, -second), repeat=2)
+        change = sum(np.sign(a * b) * whole(a * one + b * other) for a, b in corners)
+        if not abs(change / (4 * second**2) - stiffness[i, j]) <= SAME_STRESS * modulus:
             return f"constants_at_rest of {name} are not those of its energy"
     return ""
 
@@ -87,11 +81,13 @@ def _fault_of_response(material: PathDependent) -> str:
     state: Array = np.zeros((len(strain), material.state_size))
     for time, factor in ((1.0, 1.0), (2.0, 2.0), (4.0, -0.5)):
         material = material.at_time(time)
-        stress, tangent, grown = material.respond(factor * strain, state)
+        tried = factor * strain
+        tried.flags.writeable = state.flags.writeable = False  # the solver keeps both
+        stress, tangent, grown = material.respond(tried, state)
         if not np.abs(np.trace(stress, axis1=1, axis2=2)).max() <= SAME_STRESS * modulus:
             return f"respond of {name} gives a stress that is not deviatoric"
-        if not np.abs(material.respond_at(factor * strain, state) - stress).max() <= SAME_STRESS * modulus:
-            return f"respond_at of {name} is not its respond"
+        if not np.isfinite(tangent).all() or not np.array_equal(material.respond(tried, state)[0], stress):
+            return f"respond of {name} is not finite, or gives something else when it is called again"
         for column, unit in enumerate(_units()):
             small = ENERGY_DIFFERENCE**2 * unit
             ahead, behind = (material.respond(factor * strain + sign * small, state)[0] for sign in (1, -1))
@@ -103,14 +99,6 @@ def _fault_of_response(material: PathDependent) -> str:
     return ""
 
 
-def _piola(material: Hyperelastic, gradient: Array) -> Array:
-    """The first Piola-Kirchhoff stress."""
-    volume = np.linalg.det(gradient)
-    pressure = float(material.volume_stress_by_change(volume - 1)) * volume
-    shape = material.shape_stress_by_change(gradient - np.eye(3))
-    return np.asarray(shape + pressure * inverse_transposed(gradient))
-
-
 def _units() -> list[Array]:
     """Strains, of shear 1/2, in the order of ``PAIRS``."""
     units: list[Array] = [np.zeros((3, 3)) for _ in PAIRS]
@@ -118,16 +106,6 @@ def _units() -> list[Array]:
         unit[i, j] += 0.5
         unit[j, i] += 0.5
     return units
-
-
-def _slope(energy: Callable[[Array], float], gradient: Array) -> Array:
-    """The derivative by central differences; of shears across a plane mesh it is zero."""
-    slope = np.zeros((3, 3))
-    for i, j in [(0, 0), (0, 1), (1, 0), (1, 1), (2, 2)]:
-        change = np.zeros((3, 3))
-        change[i, j] = ENERGY_DIFFERENCE
-        slope[i, j] = (energy(gradient + change) - energy(gradient - change)) / (2 * ENERGY_DIFFERENCE)
-    return slope
 
 
 def _number(expression: Any) -> float:

@@ -14,10 +14,8 @@ from signorini_fx.mechanics.materials.nonlinear import (
     green_strain,
     growth,
     power_beyond_line,
-    principal_strains,
     strain_beyond_growth,
 )
-from signorini_fx.mechanics.materials.protocol import Array
 from signorini_fx.mechanics.statement.base import refused
 from signorini_fx.mechanics.statement.effect import Contradictions
 from signorini_fx.mechanics.statement.values import Finite, Positive
@@ -84,21 +82,6 @@ class Ogden(Hyperelastic):
 
     def volume_energy_by_change(self, growth: Any) -> Any:
         return self.bulk / 2 * growth**2
-
-    def shape_stress_by_change(self, change: Array) -> Array:
-        """See ``Hyperelastic``: by principal strains, which need no care where two are equal."""
-        strains, directions = principal_strains(change)
-        logarithms = np.log1p(2 * strains) / 2
-        logarithms -= logarithms.mean(axis=-1, keepdims=True)
-        kirchhoff = np.zeros_like(strains)
-        for mu, alpha in self._terms:
-            powers = np.expm1(alpha * logarithms)
-            kirchhoff += mu * (powers - powers.mean(axis=-1, keepdims=True))
-        deformed, second = directions + change @ directions, kirchhoff / (1 + 2 * strains)
-        return np.asarray((deformed * second[..., None, :]) @ directions.swapaxes(-1, -2))
-
-    def volume_stress_by_change(self, growth: Array) -> Array:
-        return self.bulk * growth
 
     @property
     def said(self) -> str:

@@ -83,21 +83,6 @@ class OrthotropicElastic(Material):
         at = {frozenset(pair): component for pair, component in zip(PAIRS, stress, strict=True)}
         return ufl.as_matrix([[at[frozenset((i, j))] for j in range(3)] for i in range(3)])
 
-    def stress_at(self, strain: Array) -> Array:
-        """See ``Material``; shared are the constants, and no matrix of stiffness."""
-        (e1, e2, e3), (nu12, nu13, nu23) = self.orthotropic.young, self.orthotropic.poisson
-        flexible = [
-            [1 / e1, -nu12 / e1, -nu13 / e1],
-            [-nu12 / e1, 1 / e2, -nu23 / e2],
-            [-nu13 / e1, -nu23 / e2, 1 / e3],
-        ]
-        normal, stress = strain.diagonal(axis1=-2, axis2=-1), np.zeros_like(strain)
-        for k, value in enumerate(np.moveaxis(normal @ np.linalg.inv(flexible), -1, 0)):
-            stress[..., k, k] = value
-        for (i, j), modulus in zip(_SHEARS, self.orthotropic.shear, strict=True):
-            stress[..., i, j] = stress[..., j, i] = 2 * modulus * strain[..., i, j]
-        return stress
-
     @property
     def moduli(self) -> tuple[float, float]:
         normal, shear = np.linalg.eigvalsh(self.stiffness[:3, :3]), 2 * np.array(self.orthotropic.shear)

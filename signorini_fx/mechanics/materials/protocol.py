@@ -1,8 +1,7 @@
 """What a material says.  All that assembles, judges and tells of one asks these methods and knows no kind.
 
 The fields of its class are its constants.  Strains and stresses are symmetric tensors along its axes, which are those
-of space unless it has others, see ``directed``.  The solver takes ``stress``, which is linear, as UFL; the certificate
-takes ``stress_at``, which is written without it, and judges ``moduli`` by it:
+of space unless it has others, see ``directed``.  ``stress`` is linear, and UFL:
 
     class Stiff(Material):
         law: Literal["stiff"] = "stiff"
@@ -10,9 +9,6 @@ takes ``stress_at``, which is written without it, and judges ``moduli`` by it:
 
         def stress(self, strain):
             return self.modulus * strain
-
-        def stress_at(self, strain):
-            return strain * self.modulus
 
         @property
         def moduli(self):
@@ -98,10 +94,6 @@ class Material(Effect):
 
     def stress(self, strain: Any) -> Any:
         """The stress of a strain, UFL, both with shape (3, 3)."""
-        raise NotImplementedError
-
-    def stress_at(self, strain: Array) -> Array:
-        """The independent check: the same as ``stress``, written without it, shape (..., 3, 3)."""
         raise NotImplementedError
 
     @property
@@ -213,34 +205,9 @@ class Material(Effect):
         """What it is called."""
         return f"the material {getattr(self, 'law', '')!r}"
 
-    # --- the independent check ---
-
-    def free_strain_in_space(self, middle: Array) -> Array:
-        """``free_strain`` in the middle of f cells, shape (f, 3, 3)."""
-        axes = self.axes(middle)
-        return np.einsum("fia,a,fja->fij", axes, np.array(self.free_strain), axes)
-
-    def stress_in_space(self, middle: Array, strain: Array) -> Array:
-        """The stress by ``stress_at``, of strains that are turned into the axes and stresses that are turned back.
-
-        Args:
-            middle: of f cells, length, shape (3, f).
-            strain: shape (f, q, 3, 3); in plane stress that out of the plane does not count.
-
-        Returns:
-            Shape (f, q, 3, 3).
-        """
-        axes = self.axes(middle)
-        along = np.einsum("fia,fqij,fjb->fqab", axes, strain, axes, optimize=True)
-        stress = self.stress_at(along)
-        if self.hypothesis == "plane stress":  # a strain along axis 3 takes the stress there away
-            out = self.stress_at(np.diag([0.0, 0.0, 1.0]))
-            stress = stress - (stress[..., 2, 2] / out[2, 2])[..., None, None] * out
-        return np.asarray(np.einsum("fia,fqab,fjb->fqij", axes, stress, axes, optimize=True))
-
     @property
     def eigenvalues(self) -> tuple[float, float]:
-        """The least and the largest one of ``stress_at``, between which stress : strain is over strain : strain."""
+        """The least and the largest one of stress : strain over strain : strain."""
         matrix = self._products
         least, *_, most = np.linalg.eigvalsh((matrix + matrix.T) / 2)
         return float(least), float(most)
@@ -248,14 +215,12 @@ class Material(Effect):
     @property
     def _products(self) -> Array:
         """Those of unit strains ``PAIRS`` with the stresses of others, stresses, shape (6, 6)."""
-        unit = [np.zeros((3, 3)) for _ in PAIRS]
-        for strain, (i, j) in zip(unit, PAIRS, strict=True):
-            strain[i, j] = strain[j, i] = 1.0 if i == j else math.sqrt(0.5)
-        return np.array([[np.sum(strain * self.stress_at(other)) for other in unit] for strain in unit])
+        scale = np.sqrt([1.0, 1.0, 1.0, 2.0, 2.0, 2.0])
+        return np.asarray(scale[:, None] * self.stiffness * scale)
 
     def missed(self) -> float:
-        """By how much ``stress_at`` leaves the bounds ``moduli``, and is not that of an energy, relative; infinite
-        where they bound nothing.
+        """By how much ``stress`` leaves the bounds ``moduli``, and is not that of an energy, relative; infinite where
+        they bound nothing.
         """
         matrix, (least, most), (low, high) = self._products, self.eigenvalues, self.moduli
         if not (least > 0 and 0 < low <= high):  # of what is no number, neither

@@ -8,11 +8,8 @@ from __future__ import annotations
 
 from typing import Any, ClassVar, Literal
 
-import numpy as np
-
 from signorini_fx.mechanics.materials.neo_hooke import PoissonBelowHalf
-from signorini_fx.mechanics.materials.nonlinear import Hyperelastic, green_strain, principal_strains
-from signorini_fx.mechanics.materials.protocol import Array
+from signorini_fx.mechanics.materials.nonlinear import Hyperelastic, green_strain
 from signorini_fx.mechanics.statement.values import Positive
 
 
@@ -41,14 +38,6 @@ class SaintVenantKirchhoff(Hyperelastic):
 
         (shear, bulk), strain = self.constants_at_rest, green_strain(change)
         return shear * ufl.inner(strain, strain) + (bulk - 2 * shear / 3) / 2 * ufl.tr(strain) ** 2
-
-    def shape_stress_by_change(self, change: Array) -> Array:
-        """See ``Hyperelastic``: by Young's modulus and Poisson's ratio, along the principal strains."""
-        strain, directions = principal_strains(change)
-        mean = self.poisson / (1 - 2 * self.poisson) * strain.sum(axis=-1, keepdims=True)
-        second = self.young / (1 + self.poisson) * (strain + mean)
-        deformed = directions + change @ directions
-        return np.asarray((deformed * second[..., None, :]) @ directions.swapaxes(-1, -2))
 
     @property
     def said(self) -> str:

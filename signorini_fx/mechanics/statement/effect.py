@@ -69,10 +69,6 @@ class Coefficients(Protocol):
 class Points(Coefficients, Protocol):
     """Points of quadrature."""
 
-    @property
-    def displacement(self) -> Any:
-        """The displacement y, length."""
-
 
 class BodyCoefficients(Coefficients, Protocol):
     """Values in the body."""
@@ -85,10 +81,6 @@ class BodyCoefficients(Coefficients, Protocol):
         """A value in a region of the mesh, 0 elsewhere; None: everywhere.  A callable is asked at nodes of the region
         alone.
         """
-
-
-class BodyPoints(Points, BodyCoefficients, Protocol):
-    """Points of quadrature in the body."""
 
 
 def is_zero(*values: Any) -> bool:
@@ -326,10 +318,6 @@ class InitialStrain(Load):
         """The strain in each direction, UFL, a number."""
         raise NotImplementedError
 
-    def strain_at(self, at: BodyPoints) -> Array:
-        """The same for the independent check, shape (f, q)."""
-        raise NotImplementedError
-
 
 def without_density(statement: Any, key: str) -> Contradictions:
     """The materials that have no density although an effect needs it."""
@@ -343,10 +331,6 @@ class Resistance(Effect):
 
     def reaction(self, y: Any, on: Coefficients) -> Any:
         """Minus the force per area on the body, stress, UFL, shape (d,)."""
-        raise NotImplementedError
-
-    def reaction_at(self, at: Points) -> Array:
-        """The same for the independent check, at ``at.displacement``, shape (f, q, d)."""
         raise NotImplementedError
 
     def traction(self, y: Any, factor: Any, on: Coefficients) -> Any:

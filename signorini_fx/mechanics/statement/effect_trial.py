@@ -1,13 +1,12 @@
-"""What an effect of another package says twice, tried at points before anything is assembled with it.
+"""What an effect of another package says of itself, tried at points before anything is assembled with it.
 
-The solver takes ``density``, ``reaction`` or ``strain`` as UFL, the certificate ``density_at``, ``reaction_at`` or
-``strain_at`` with NumPy.  Here both are evaluated at points of the boundary or body, with normals, displacements and
-coefficients drawn at random, which no mesh is needed for.
+``density``, ``reaction`` and ``strain`` are evaluated as UFL at points of the boundary or body, with normals,
+displacements and coefficients drawn at random, which no mesh is needed for; so is ``density_at``, which proofs read.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -17,17 +16,10 @@ from signorini_fx.mechanics.statement.effect import Array, Effect, Force, Initia
 from signorini_fx.mechanics.statement.expressions import in_space, sample
 from signorini_fx.tuned import CERTIFICATE_TOLERANCE, SAMPLED_POINTS
 
-# Of each kind what the solver takes, and what the certificate does.
-_TWINS = (
-    (Force, "density", "density_at"),
-    (Resistance, "reaction", "reaction_at"),
-    (InitialStrain, "strain", "strain_at"),
-)
-
 
 @dataclass(frozen=True)
 class TrialPoints:
-    """Points as the independent check sees them, ``statement.effect.BodyPoints``, here one cell with q points.
+    """Points as ``density_at`` sees them, ``statement.effect.Points``, here one cell with q points.
 
     Attributes:
         position: X, length, shape (1, q, d).
@@ -67,7 +59,7 @@ class TrialPoints:
 
 @dataclass(frozen=True)
 class TrialPoint:
-    """One of them as the solver sees it, ``statement.effect.BodyCoefficients`` as UFL without a mesh.
+    """One of them, ``statement.effect.BodyCoefficients`` as UFL without a mesh.
 
     Attributes:
         points: all of them.
@@ -86,11 +78,6 @@ class TrialPoint:
     def position(self) -> Any:
         """See ``Coefficients``."""
         return _vector(self.points.position[0, self.number])
-
-    @property
-    def displacement(self) -> Any:
-        """The displacement, length, a vector."""
-        return _vector(self.points.displacement[0, self.number])
 
     @property
     def density(self) -> float:
@@ -131,60 +118,62 @@ def fault_of(effect: Effect, x: Array) -> str:
         return ""
     if any(hasattr(value, "ufl_shape") for value in effect.given.values()):  # these have no independent check
         return ""
-    for base, first, second in _TWINS:
-        if isinstance(effect, base):
-            return _fault_of_twins(effect, x, first, second)
-    return ""
+    points = _drawn(x)
+    if isinstance(effect, Force):
+        return _fault_of_density(effect, points)
+    if isinstance(effect, Resistance):
+        return _fault_of_reaction(effect, points)
+    return _evaluated(effect, "strain", points)[1] if isinstance(effect, InitialStrain) else ""
 
 
-def _fault_of_twins(effect: Effect, x: Array, first: str, second: str) -> str:
-    name, points = type(effect).__name__, _drawn(x)
-    linear = isinstance(effect, Resistance)
-
-    def at(point: TrialPoint) -> Any:
-        method = getattr(effect, first)
-        return method(point.displacement, point) if linear else method(point)
-
+def _evaluated(effect: Effect, method: str, points: TrialPoints, y: Array | None = None) -> tuple[Array, str]:
+    """What a method gives at all points, of displacements ``y`` where it takes them, and why it cannot; "": it can."""
+    name, values = type(effect).__name__, np.zeros(0)
     try:
-        wanted = np.array([_number(at(points[number])) for number in range(points.position.shape[1])])
+        at_points = [points[number] for number in range(points.position.shape[1])]
+        arguments = [(at,) if y is None else (_vector(y[0, number]), at) for number, at in enumerate(at_points)]
+        values = np.array([_number(getattr(effect, method)(*given)) for given in arguments])
     except NotImplementedError:
-        return f"{name} does not say its {first}"
+        return values, f"{name} does not say its {method}"
     except Exception as error:
-        return f"{first} of {name} cannot be evaluated at a point: {type(error).__name__}: {error}"
+        return values, f"{method} of {name} cannot be evaluated at a point: {type(error).__name__}: {error}"
+    return values, "" if np.isfinite(values).all() else f"{method} of {name} is not finite"
+
+
+def _fault_of_density(effect: Force, points: TrialPoints) -> str:
+    """What proofs read is what is solved."""
+    name, (wanted, fault) = type(effect).__name__, _evaluated(effect, "density", points)
+    if fault:
+        return fault
     try:
-        claimed = np.asarray(getattr(effect, second)(points), dtype=np.float64)
+        claimed = np.asarray(effect.density_at(points), dtype=np.float64)
         claimed = np.broadcast_to(claimed, (1, *wanted.shape))[0]
     except NotImplementedError:
-        return f"{name} does not say its {second}"
+        return f"{name} does not say its density_at"
     except Exception as error:
-        return f"{second} of {name} fails: {type(error).__name__}: {error}"
-    if not np.isfinite(wanted).all():
-        return f"{first} of {name} is not finite"
+        return f"density_at of {name} fails: {type(error).__name__}: {error}"
     largest = np.abs(wanted).max(initial=0.0)
-    if not np.abs(claimed - wanted).max(initial=0.0) <= CERTIFICATE_TOLERANCE * largest:
-        return f"{second} of {name} is not its {first}"
-    return _fault_of_reaction(effect, points) if isinstance(effect, Resistance) else ""
+    same = np.abs(claimed - wanted).max(initial=0.0) <= CERTIFICATE_TOLERANCE * largest
+    return "" if same else f"density_at of {name} is not its density"
 
 
 def _fault_of_reaction(effect: Resistance, points: TrialPoints) -> str:
     """It is linear, symmetric, and does no negative work."""
     name, y = type(effect).__name__, points.displacement
-    units = [np.broadcast_to(unit, y.shape) for unit in np.eye(y.shape[2])]
-    columns = [_reaction_at(effect, points, unit) for unit in units]
-    matrix, largest = np.stack(columns, axis=-1)[0], np.abs(columns).max()
-    if np.abs(_reaction_at(effect, points, y)[0] - np.einsum("qij,qj->qi", matrix, y[0])).max() > (
-        CERTIFICATE_TOLERANCE * largest * np.abs(y).max()
-    ):
+    tried = [*(np.broadcast_to(unit, y.shape) for unit in np.eye(y.shape[2])), y]
+    evaluated = [_evaluated(effect, "reaction", points, displacement) for displacement in tried]
+    if fault := next((fault for _, fault in evaluated if fault), ""):
+        return fault
+    *columns, together = (values for values, _ in evaluated)
+    matrix, largest = np.stack(columns, axis=-1), np.abs(columns).max()
+    wrong = np.abs(together - np.einsum("qij,qj->qi", matrix, y[0])).max()
+    if wrong > CERTIFICATE_TOLERANCE * largest * np.abs(y).max():
         return f"reaction of {name} is not linear in the displacement"
     if np.abs(matrix - matrix.swapaxes(1, 2)).max() > CERTIFICATE_TOLERANCE * largest:
         return f"reaction of {name} has no energy: it is not symmetric"
     if np.linalg.eigvalsh(matrix).min() < -CERTIFICATE_TOLERANCE * largest:
         return f"reaction of {name} pushes the body along its displacement"
     return ""
-
-
-def _reaction_at(effect: Resistance, points: TrialPoints, y: Array) -> Array:
-    return np.broadcast_to(effect.reaction_at(replace(points, displacement=y)), y.shape)
 
 
 def _drawn(x: Array) -> TrialPoints:

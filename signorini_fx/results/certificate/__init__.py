@@ -1,7 +1,7 @@
-"""The certificate: forces, gaps, slips and conditions of a result, evaluated anew by code that the solver does not use.
+"""The certificate: forces, gaps, slips and conditions of a result, evaluated anew from what is stated of the problem.
 
-This package takes a displacement and contact tractions, and what is stated of the problem.  It must not import what has
-solved it: neither algorithms, nor regularised problems, nor linear algebra.
+It finds wrong states; wrong forms are for the oracle and the tests.  It must not import what has solved the problem:
+neither algorithms, nor regularised problems, nor linear algebra.
 """
 
 import mpi4py.MPI  # noqa: F401  # first: PETSc and dolfinx from PyPI find the library of MPI where it is loaded

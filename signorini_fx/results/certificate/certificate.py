@@ -2,8 +2,9 @@
 
 It takes the scene, the mesh, the displacement that the user gets, and the contact tractions (pressure and shear at the
 contact nodes); in a later load step also those of the previous step, from which friction acts.  It uses nothing else
-from the solver: internal and external forces, prescribed displacements, weights and normals, gap, friction bound and
-slip are evaluated again by ``nodal_forces``, in NumPy.  So faults of the solver show up as follows:
+that the solver keeps: internal and external forces are assembled anew by ``nodal_forces``, and prescribed
+displacements, weights and normals, gap, friction bound and slip evaluated again.  So faults of the solver show up as
+follows:
 
 - a displacement that is not the one that the iteration has found (a rotation or a reference motion that is left out, an
   interior that is not recovered): ``equilibrium``, ``supports``, or at the contact nodes ``entered`` and the slip;
@@ -12,8 +13,7 @@ slip are evaluated again by ``nodal_forces``, in NumPy.  So faults of the solver
 - a wrong gap or friction bound: ``entered``, ``pressure_at_distance``, ``friction_cone``, ``slip_below_bound``;
 - an iteration that stops too early: the conditions that are not satisfied yet.
 
-It does not detect faults in what both sides share: the mesh and its names, basix, the values of expressions,
-quadrature degrees, and loads given as UFL expressions.
+It does not detect faults in what both sides share: the mesh and its names, basix, the forms, materials and loads.
 """
 
 from __future__ import annotations

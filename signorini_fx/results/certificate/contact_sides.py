@@ -83,7 +83,7 @@ def friction_bound(effect: Any, x: Nodal) -> Callable[[npt.NDArray[Any], Nodal],
     def bound(nodes: npt.NDArray[Any], pressure: Nodal) -> Nodal:
         if effect.bonded:
             return np.full(nodes.size, np.inf)
-        return np.asarray(effect.friction.sampled(in_space(x[nodes])).claimed(np.abs(pressure)))
+        return np.asarray(effect.friction.sampled(in_space(x[nodes])).limit(np.abs(pressure)))
 
     return bound
 

@@ -21,7 +21,6 @@ from signorini_fx.machine import parallel
 from signorini_fx.machine.compilation import compiling
 from signorini_fx.mechanics.assembly.mesh_entities import assemble
 from signorini_fx.mechanics.elasticity.elastic_law import fields_of
-from signorini_fx.mechanics.elasticity.mixed_pressure import hydrostatic_of
 from signorini_fx.mechanics.loads.initial_strains import initial_strain
 from signorini_fx.mechanics.loads.jumps import Jump, jumps_in, total_jump
 from signorini_fx.mechanics.loads.load_vectors import FormCoefficients, compile_loads, compile_resistance, group_of
@@ -71,6 +70,8 @@ class CompiledForms:
             ValueError: it is without a pressure that belongs to it.
         """
         if self.on.elastic.pressed:
+            from signorini_fx.mechanics.elasticity.mixed_pressure import hydrostatic_of
+
             hydrostatic_of(displacement)
         for own, given in zip(fields_of(self.y), fields_of(displacement), strict=True):
             own.x.array[:] = given.x.array

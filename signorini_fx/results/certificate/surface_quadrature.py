@@ -189,7 +189,7 @@ class SurfaceQuadrature:
         return np.array([[x[:, :, i] @ stretch.T for stretch in table.stretch] for i in range(self.across)])
 
     def _facets(
-        self, boundary: Any, places: Array, weight: Array, factor: Array | None = None, moved: Array | None = None
+        self, boundary: Any, places: Array, weight: Array, factor: Array | None = None
     ) -> Iterator[QuadratureFacets]:
         """The facets of a boundary with points at ``places`` of the reference facet, shape (q, across - 1).
 
@@ -198,8 +198,6 @@ class SurfaceQuadrature:
             places: see above.
             weight: of the points, shape (q,).
             factor: see ``moments``.
-            moved: displacements of the nodes, with which normals and areas are those of the deformed facets, length,
-                shape (nodes, d); None: those of the undeformed ones.
         """
         entities = facet_entities(self.space.mesh, self.facets(boundary))
         vertices = basix.geometry(self.cell_type)
@@ -215,9 +213,6 @@ class SurfaceQuadrature:
             for facet_cells in np.array_split(cells, 1 + cells.size * len(places) // _TOGETHER):
                 # Where the facet is warped, the middle of a cell may be on its outer side: the reference cell tells.
                 jacobian = self.jacobian(facet_cells, table)
-                if moved is not None:
-                    u = moved[self.cell_nodes[facet_cells], : self.across]
-                    jacobian = jacobian + np.einsum("cni,kqn->ikcq", u, table.slope)
                 adjugate, determinant = adjugates(jacobian)
                 normal = np.sign(determinant)[:, :, None] * np.einsum("kicq,k->cqi", adjugate, across)
                 if factor is not None:
