@@ -679,9 +679,6 @@ PARTNERS_REACH = 0.2
 # that of normals that turn at the vertices alone; and share that the increment itself may be, up to which differences
 # of the map are taken along it.  Record: two facets a step with the stiffer side as slave.
 NEAR_PARTNER = 0.1
-# Share of a facet by which bodies are moved on for a difference of their map, in place of its derivative.  Choice: a
-# millionth has half of the digits.
-MAP_STEP = 1e-6
 # How many facets points of two nonlinear bodies that keep their partners may move along the other side without a
 # warning.  Choice: forces of blocks with some facets over the contact were off by 9 % after one.
 FACETS_OF_KEPT_PARTNERS = 0.5
@@ -800,16 +797,6 @@ SMALL_INCREMENT, LEAST_INCREMENT = 1e-8, 1e-13
 # After an increment below the first share of the largest displacement, and the second of the one before, the next one
 # has the same tangent.  Choice.
 KEPT_TANGENT = 3e-5, 0.1
-# How often an iteration is solved anew with the same factor for pairs that keep their partners, until a solve changes
-# the increment by the second share.  Measured: blocks pushed sideways without friction take 5 iterations, with one such
-# solve 10, without any that knows how gaps close as normals turn 12.
-MOST_PASSES, SMALL_PASS = 5, 0.01
-# Where a pass would change less than this share of a small increment there is none, as far as the last one tells.
-# Measured: two blocks that slide take 65 linear solves instead of 68, and as many iterations.
-SPARED_PASS = 0.1
-# Share of the last increment above which the next one shows that the tangent leaves something out.  Measured: without
-# that .003 to .07 of the last one is left, with it 1e-3 and less; with a share of .01 rollers take an iteration more.
-SLOW_INCREMENT = 0.002
 # Shares of the first slope up to which a whole increment and a shortened one are accepted.  Source: a prototype on a
 # disc with J2 plasticity, which fails without a line search.
 WHOLE_SLOPE, SHORTENED_SLOPE = 0.5, 0.3

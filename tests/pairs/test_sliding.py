@@ -82,26 +82,3 @@ def test_derivatives(degree):
     slips = [side.slip(coupling.frames) for side in (ahead, behind)]
     slipped = (slips[0] - slips[1])[touching, 0] / 2e-6
     assert (coupling.tangent_rows @ direction.ravel())[touching] == pytest.approx(slipped, rel=0.01, abs=1e-3)
-
-
-@DEGREES
-def test_what_shears_pass_on(degree):
-    """The derivative of the forces of shears, where sides slide on each other: what turns them is in the stiffness, and
-    the greater part is what shifting partners pass on.
-    """
-    scene = Dent(degree)
-    coupling = scene.at(np.zeros((74, 2)))
-    x = np.concatenate((coupling.slave.x, coupling.master.x))
-    direction = np.column_stack((np.sin(2 * x[:, 0] + x[:, 1]), np.cos(1.5 * x[:, 0])))
-    direction[41:] += [0.7, 0.1]
-    shear = (coupling.gap < 0.01).astype(np.float64)[:, None]
-    rows = coupling.normal_rows.toarray()[shear[:, 0] > 0]
-    slid = direction.ravel() - np.linalg.pinv(rows) @ (rows @ direction.ravel())
-    forces = [side.tangent_rows.T @ (side.weight * shear[:, 0]) for side in differences(scene, slid.reshape(-1, 2))]
-    expected = (forces[0] - forces[1]) / 2e-6
-    turned = coupling.stiffness(0.0 * shear[:, 0], shear, near=True) @ slid
-    passed = coupling.shear_transfer(shear, slid.reshape(-1, 2))
-    missed = np.linalg.norm(expected - turned - passed.ravel())
-    assert missed < 0.07 * np.linalg.norm(expected)
-    assert np.linalg.norm(expected - turned) > 10 * missed
-    assert passed.sum(axis=0) == pytest.approx(0.0, abs=1e-12 * np.abs(passed).max())

@@ -101,26 +101,6 @@ def test_derivatives_where_sides_touch(kind):
     assert -(coupling.normal_rows @ bent.ravel())[seen] == pytest.approx(change + 0.4, abs=1e-6)
 
 
-@KINDS
-def test_what_shears_pass_on(kind):
-    """Flat sides that slide on each other: the change of the forces of shears is what shifting partners pass on."""
-    scene = Dent(kind, radius=np.inf)
-    coupling = scene.at(scene.still)
-    full = coupling.covered > 0.999
-    along = np.zeros_like(scene.x)
-    along[scene.count :] += [0.3, 0.2, 0.0]
-    shear = np.where(full, 1.0 + coupling.slave.x[:, 0], 0.0)[:, None] * [0.8, -0.6]
-    step = 1e-5
-    forces = [
-        side.tangent_rows.T @ (side.weight[:, None] * shear).ravel()
-        for side in (scene.at(sign * step * along) for sign in (1, -1))
-    ]
-    expected = ((forces[0] - forces[1]) / (2 * step)).reshape(-1, 3)
-    passed = coupling.shear_transfer(shear, along)
-    assert np.abs(expected).max() > 0.01
-    assert passed == pytest.approx(expected, abs=1e-6 * np.abs(expected).max())
-
-
 @pytest.mark.one_quick
 @KINDS
 def test_stiffness_of_pressures(kind):

@@ -20,7 +20,6 @@ import scipy.sparse as sp
 from dolfinx import fem
 
 from signorini_fx.algebra.algorithms.loose import idle, untouched
-from signorini_fx.algebra.algorithms.strategy import solve_task
 from signorini_fx.algebra.algorithms.task import Outcome, Start
 from signorini_fx.algebra.contact.active_sets import ActiveSets, keep_closed
 from signorini_fx.algebra.contact.complementarity import RegularisedData
@@ -50,7 +49,7 @@ from signorini_fx.forms.nonlinear.moving_tools import DisplacedRigidBodies, Movi
 from signorini_fx.forms.nonlinear.residual import Residual
 from signorini_fx.forms.nonlinear.retained_points import RetainedPoints
 from signorini_fx.forms.nonlinear.tangent import round_off
-from signorini_fx.forms.nonlinear.undeformed_pairs import held_between, turned_forces, turned_gaps
+from signorini_fx.forms.nonlinear.undeformed_pairs import held_between, turned_forces
 from signorini_fx.forms.solver import FormSolver
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.averages import averaging
@@ -69,7 +68,6 @@ from signorini_fx.mechanics.obstacles.foundations_on_points import (
 )
 from signorini_fx.mechanics.obstacles.paired_points import PairedSides
 from signorini_fx.mechanics.obstacles.sliding_sides import SlidingSides
-from signorini_fx.mechanics.pairs.mortar_coupling import PairingError
 from signorini_fx.mechanics.rigid.rigid_bodies import Drive, RigidBodies, RigidBodyMotion
 from signorini_fx.mechanics.scales import Scales
 from signorini_fx.records import Status
@@ -80,12 +78,7 @@ from signorini_fx.tuned import (
     DAMPING_GROWTH,
     LEAST_DAMPING,
     MOST_DAMPING,
-    MOST_PASSES,
     NO_FORCE,
-    SLOW_INCREMENT,
-    SMALL_INCREMENT,
-    SMALL_PASS,
-    SPARED_PASS,
     UNITS_OF_NO_LOAD,
 )
 
@@ -233,19 +226,13 @@ class LinearisedProblem(FormSolver):
         residual: F at the displacement of now, less the loads; None: it has not been assembled yet.
         several: see ``Start``.
         bodies: see ``BodyPieces``.
-        shear_transfer: what the increment changes of the forces of shears as partners shift, shape (owned dofs,): see
-            ``solve``.
     """
 
     symmetric = True
     residual: Array | None = None
     several = False
     bodies: tuple[str, ...] = ()
-    shear_transfer: Array | None = None
-    _backward: Sequence[JointStiffness] = ()  # what symmetry has added for the turning of normals of kept partners
     _retained: RetainedPoints
-    _last_increment = np.inf  # the largest component of it where points hardly slid; else infinite
-    _passed = np.inf  # how much of the increment the last pass for pairs of which sides end has changed
     _keeps = False  # whether the next solve keeps the stiffness of the last one
     _round_off: float | None = None  # see ``_lost``, of the present load
     _damping = 0.0  # share of the diagonal of the tangent that is added to it
@@ -399,7 +386,6 @@ class LinearisedProblem(FormSolver):
         if turning := self._turned_forces(state):
             both_ways = (JointStiffness(part.nodes, sp.csr_array(part.matrix + part.matrix.T)) for part in turning)
             joint = (*joint, *both_ways)
-        self._backward = [JointStiffness(part.nodes, sp.csr_array(-part.matrix.T)) for part in turning]
         self.curvature = NodalStiffness.summed(state.boundary.nodes, nodal, joint)
 
     def _turned_forces(self, state: ContactState) -> list[JointStiffness]:
@@ -502,8 +488,7 @@ class LinearisedProblem(FormSolver):
         return self._body(fixed, boundary)
 
     def _forces(self) -> Array:
-        forces = self.elastic.forces_where_free(self._at) - self._residual_now
-        return forces if self.shear_transfer is None else forces - self.shear_transfer
+        return self.elastic.forces_where_free(self._at) - self._residual_now
 
     def _set_up(self, shapes: Sequence[ShapeDistances]) -> tuple[RegularisedData, PointFriction | None]:
         """See ``FormSolver``; displacements are counted from the initial position, whatever holds the body."""
@@ -592,7 +577,6 @@ class LinearisedProblem(FormSolver):
     def begin_anew(self) -> None:
         """A new load: the tangent is definite until a factorisation refuses it, and is not damped."""
         self._definite, self._damping, self._round_off = True, 0.0, None
-        self._last_increment = self._passed = np.inf
         self._retained.begin_anew()
 
     def damp(self) -> bool:
@@ -633,14 +617,6 @@ class LinearisedProblem(FormSolver):
     def solve(self, *, keeps_stiffness: bool = False) -> None:
         """Solve it; a tangent that Cholesky's factorisation refuses is factorised as LDL^T; collective.
 
-        Shears move on with the partners of points, whose derivative is not symmetric and so not in the tangent.  Once
-        points hardly slide any more, this is what Newton's method misses most: it is solved once more with what the
-        increment moves on.  Where a point in contact sees the end of a side, functions change with the bodies, too: it
-        is solved again with all that the increment changes of the map, until that changes little; so it is where
-        increments do not fall as they do with the derivative.  Where partners are kept, the tangent has what turns the
-        tractions and its transpose, and not by how much gaps close as the normals turn: it is solved again with both,
-        until that changes little.
-
         Args:
             keeps_stiffness: whether the body has the stiffness of the last solve, with the residual and the contact
                 points of now, if that has a solution.
@@ -649,97 +625,8 @@ class LinearisedProblem(FormSolver):
             ConvergenceError: there is no solution.
             MatrixError: the tangent is not finite, or not symmetric.
         """
-        self.shear_transfer = None
         if not (keeps_stiffness and self._solve_with_last_stiffness()):
             self._solve()
-        begun, last_change, (increment, size) = self.begun, np.inf, self._lengths
-        if increment <= SMALL_INCREMENT * size:  # Newton's method ends with it
-            return
-        near = {number: pair for number, pair in self.pairs.items() if pair.near}
-        slow, self._last_increment = increment > SLOW_INCREMENT * self._last_increment, increment if near else np.inf
-        slow &= self.settings.algorithm != "alm"  # whose multipliers need as many iterations
-        ending = set[int]()
-        missing = increment * self._passed > SPARED_PASS * SMALL_INCREMENT * size
-        if missing:  # else the next one is small without
-            little = {number: pair for number, pair in near.items() if pair.moves_little(increment)}
-            ending = {number for number, pair in little.items() if slow or pair.ends_in_contact(self.state)}
-        passes = MOST_PASSES if self._turning_pairs or ending else int(bool(near and missing))
-        for _ in range(passes):
-            last_values, done = self.u.x.array.copy(), self._pass_on(begun, ending)
-            change = parallel.largest(self.space.mesh.comm, np.abs(self.u.x.array - last_values), 0.0)
-            if near and last_change == np.inf:
-                self._passed = change / increment
-            if not done or change <= SMALL_PASS * increment or 2 * change > last_change:
-                break
-            last_change, increment = change, self._lengths[0]
-
-    @property
-    def _lengths(self) -> tuple[float, float]:
-        """Of the last increment, and of the displacement after it, the largest components; collective."""
-        comm, values = self.space.mesh.comm, self.u.x.array
-        increment, size = (parallel.largest(comm, np.abs(part), 0.0) for part in (values - self._at.x.array, values))
-        return float(increment), float(size)
-
-    def _pass_on(self, begun: Start, ending: set[int]) -> bool:
-        """Solve it once more with what the increment changes of the forces of shears, and of gaps that turn, from where
-        the first solve has begun; whether that has a solution; collective.
-
-        Args:
-            begun: the first solve.
-            ending: pairs that change in any other way, too, see ``MovingPair.missed``.
-        """
-        state, dim = self.state, self.boundary.x.shape[1]
-        owned = self.elastic.fixed.size
-        increment = fem.Function(self.space)
-        increment.x.array[:] = self.u.x.array - self._at.x.array
-        along = increment.x.array[:owned].reshape(-1, dim)
-        moved, closed = [part.times(increment) for part in self._backward], self._closed_by_turning(state)
-        slid, joints = np.zeros_like(state.boundary.normal), dict(zip(self.pairs, self.curvature.joint, strict=False))
-        for number, pair in self.pairs.items():
-            if number in ending:
-                try:
-                    missed = pair.missed(state, along, joints.get(number))
-                except PairingError:  # Newton's method says so where it has gone there
-                    return False
-                points = state.boundary.part == number
-                moved.append(missed.forces.ravel())
-                closed[points], slid[points] = -missed.gap, missed.slip
-            elif pair.near:
-                moved.append(pair.shear_transfer(state, along).ravel())
-        forces = np.where(self.elastic.fixed, 0.0, sum(moved))
-        if not parallel.any_rank(self.space.mesh.comm, bool(forces.any() or closed.any())):
-            return False
-        assert self._last_pattern is not None
-        assert self.outcome is not None
-        assert self._solution is not None
-        newton, first, last = self.task.iterate.newton, self.outcome, (self.shear_transfer, self.begun)
-        solved, self.shear_transfer = newton.checkpoint(), forces
-        origin = begun.data.slip_origin
-        if ending:
-            origin = origin - np.einsum("nij,ni->nj", state.boundary.tangents, slid)
-        self.begun = replace(begun, data=replace(begun.data, gap=begun.data.gap - closed, slip_origin=origin))
-        with options.applied(*self.options), self.timings.phase("solve"):
-            self.task.system.set_case(0, self._case(self.prescribed[1]))
-            self._last_pattern = self._last_pattern[0], ()  # the load is none that a solve may begin from
-            outcome = solve_task(self.task, self._solution.begins(self.begun, self.boundary))
-            if outcome.status is not Status.CONVERGED:
-                self.shear_transfer, self.begun = last
-                self.task.system.set_case(0, self._case(self.prescribed[1]))
-                newton.restore(solved)
-                outcome = first
-            self.show(outcome, None)
-        return outcome is not first
-
-    def _closed_by_turning(self, state: ContactState) -> Array:
-        """By how much the increment closes gaps as it turns the normals of pairs that keep their partners, length,
-        shape (n,); collective.
-        """
-        owned, closed = self.space.dofmap.index_map.size_local, np.zeros(state.boundary.size)
-        displacements = self.places[:owned], self.u.x.array.reshape(-1, state.boundary.x.shape[1])[:owned]
-        for number, paired in self._turning_pairs.items():
-            points, values = turned_gaps(state, number, paired, displacements)
-            closed[points] = values
-        return closed
 
     def _solve_with_last_stiffness(self) -> bool:
         """Whether the contact problem has a solution with the stiffness of the last one, which is solved; else the
@@ -764,7 +651,7 @@ class LinearisedProblem(FormSolver):
             curved = bool(self.curvature.nodes.size or self.curvature.joint)
             if self.status is Status.OPEN and idle(self.task) and parallel.any_rank(self.space.mesh.comm, curved):
                 # What nothing presses on any more has no tractions that turn.
-                self.curvature, self._backward = NodalStiffness.none(self.curvature.blocks.shape[1]), ()
+                self.curvature = NodalStiffness.none(self.curvature.blocks.shape[1])
                 why = self.attempt()
         except MatrixError as error:
             if error.fault is not MatrixFault.NOT_POSITIVE:
@@ -858,7 +745,7 @@ class LinearisedProblem(FormSolver):
         """
         outcome, solved, symmetric = self.outcome, self.state, self.symmetric
         assert outcome is not None
-        self.shear_transfer = self.residual = None
+        self.residual = None
         self.bend()
         curvature = curvature_of(self._hessians, solved, symmetric=False)
         sheared = bool((curvature != curvature.transpose(0, 2, 1)).any())
@@ -924,10 +811,7 @@ class LinearisedProblem(FormSolver):
             if self.relative is not None:
                 nodal = displacement.x.array.reshape(-1, self.boundary.x.shape[1])
                 work += self.relative.forces(self.boundary, nodal, moved)[2]
-        internal, turning = self.elastic.forces_where_free(displacement), self.curvature.times(displacement)
-        if self.shear_transfer is not None:
-            internal, turning = internal + self.shear_transfer, turning + self.shear_transfer
-        return internal, turning, work
+        return self.elastic.forces_where_free(displacement), self.curvature.times(displacement), work
 
     @property
     def solved(self) -> LinearSolution:

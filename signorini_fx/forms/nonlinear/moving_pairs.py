@@ -20,24 +20,9 @@ from signorini_fx.mechanics.pairs.fixed_distances import FixedDistances
 from signorini_fx.mechanics.pairs.sliding import Frames, SlidingCoupling
 from signorini_fx.records import Finding
 from signorini_fx.solving.check.pushed_nodes import HeldNodes
-from signorini_fx.tuned import LEAST_SEEN, MAP_STEP, NEAR_PARTNER, PAST_THE_END, SAME_NUMBER
+from signorini_fx.tuned import LEAST_SEEN, NEAR_PARTNER, PAST_THE_END
 
 Array = npt.NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class MissedByTangent:
-    """What an increment changes of a pair beyond its rows and what its tractions have added to the tangent.
-
-    Attributes:
-        forces: at the owned nodes of the space, shape (owned nodes, d).
-        gap: of the points of this rank, length, shape (n,).
-        slip: likewise, shape (n, d).
-    """
-
-    forces: Array
-    gap: Array
-    slip: Array
 
 
 @dataclass
@@ -139,54 +124,6 @@ class MovingPair:
         rows = np.flatnonzero(state.boundary.part == self.sides.index)
         shear = np.einsum("nik,nk->ni", state.boundary.tangents[rows], state.shear[rows])
         return self.sides.stiffness(self.coupling, state.pressure[rows], shear, near=self.near)
-
-    def shear_transfer(self, state: ContactState, increment: Array) -> Array:
-        """What an increment of the displacement of the owned nodes, shape (owned nodes, d), changes of the forces of
-        the shears of a state as partners shift, see ``SlidingCoupling``; likewise, collective.
-        """
-        rows = np.flatnonzero(state.boundary.part == self.sides.index)
-        shear = np.einsum("nik,nk->ni", state.boundary.tangents[rows], state.shear[rows])
-        return self.sides.shear_transfer(self.coupling, shear, increment)
-
-    def moves_little(self, increment: float) -> bool:
-        """Whether an increment, length, is small beside facets, so that its derivatives tell what it changes."""
-        return increment <= NEAR_PARTNER * self.coupling.facet
-
-    def ends_in_contact(self, state: ContactState) -> bool:
-        """Whether a point in contact sees a part of its area of the other side, or has taken over a part of another
-        one: then functions change with where sides end, of which the rows of the map know nothing; collective.
-        """
-        changing = np.abs(self.coupling.covered - 1.0) > SAME_NUMBER
-        return bool((self._touching(state) & changing).any())
-
-    def missed(self, state: ContactState, increment: Array, joint: JointStiffness | None) -> MissedByTangent:
-        """What an increment of the displacement changes that the tangent of a solve does not know; collective.
-
-        Args:
-            state: with the tractions.
-            increment: of the owned nodes, shape (owned nodes, d).
-            joint: what the tractions have added to the tangent; None: nothing.
-        """
-        sides, here = self.sides, self.coupling
-        moved = sides.gathered(increment)
-        share = MAP_STEP * here.facet / (float(np.abs(moved).max()) or 1.0)
-        ahead = sides.at(self.displacement + share * moved, self.fixed[1])
-        rows = np.flatnonzero(state.boundary.part == sides.index)
-        shear = sides.at_points(np.einsum("nik,nk->ni", state.boundary.tangents[rows], state.shear[rows]))
-        tractions = sides.at_points(state.pressure[rows]), np.einsum("ndk,nd->nk", here.frames.tangents, shear)
-        forces = (sides.forces(ahead, tractions) - sides.forces(here, tractions)) / share
-        if joint is not None:
-            forces -= joint.matrix @ moved.ravel()
-        slips = [coupling.slip(self._start_of(coupling)) for coupling in (here, ahead)]
-        slip = (slips[1] - slips[0]) / share - (here.tangent_rows @ moved.ravel()).reshape(slips[0].shape)
-        meets = here.frames.partnered & ahead.frames.partnered
-        gaps = [np.where(meets, coupling.gap, 0.0) for coupling in (here, ahead)]
-        gap = np.where(meets, (gaps[1] - gaps[0]) / share + here.normal_rows @ moved.ravel(), 0.0)
-        return MissedByTangent(
-            sides.at_owned_nodes(np.asarray(forces.reshape(moved.shape), dtype=np.float64)),
-            gap[sides.mine],
-            sides.sliding_along(here, np.where(meets[:, None], slip, 0.0)),
-        )
 
     def holding(self, state: ContactState, sticks: npt.NDArray[np.bool_]) -> JointStiffness:
         """See ``SlidingSides``; ``sticks``: which of the points of a state friction holds; collective."""

@@ -13,7 +13,6 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.assembly.averages import from_owners
 from signorini_fx.mechanics.assembly.nodal_stiffness import JointStiffness
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.obstacles.paired_points import PairedSides
@@ -75,28 +74,6 @@ def turned_forces(
     entries = sp.coo_array(operator.T @ forces)
     rows, columns = ((dim * nodes[:, None] + components).ravel() for nodes in (averages.nodes, paired.master.nodes))
     return _joint(boundary.comm, dim, (rows[entries.row], columns[entries.col], entries.data))
-
-
-def turned_gaps(
-    state: ContactState, number: int, paired: PairedSides, displacements: tuple[Array, Array]
-) -> tuple[npt.NDArray[np.int64], Array]:
-    """Points of a pair, and by how much an increment closes their gaps as it turns their normals, length, shapes (n,);
-    collective.
-
-    Args:
-        state: see ``turned_forces``.
-        number: likewise.
-        paired: likewise.
-        displacements: of the owned nodes, before the increment and after it, length, shape (owned nodes, d) each.
-    """
-    boundary, averages, dim = state.boundary, state.boundary.averages, displacements[0].shape[1]
-    assert averages is not None
-    points = np.flatnonzero(boundary.part == number)
-    old, new = (from_owners(values, paired.master.nodes, boundary.comm) for values in displacements)
-    turned = (paired.turning_at(old) @ (new - old).ravel()).reshape(points.size, dim)
-    met = sp.csr_array(averages.counted)[(dim * points[:, None] + np.arange(dim)).ravel()]
-    apart = met @ from_owners(displacements[1], averages.nodes, boundary.comm).ravel()
-    return points, np.sum(turned * apart.reshape(points.size, dim), axis=1)
 
 
 def _joint(comm: MPI.Comm, dim: int, entries: tuple[npt.NDArray[Any], ...]) -> JointStiffness:

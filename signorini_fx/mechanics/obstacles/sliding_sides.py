@@ -260,28 +260,6 @@ class SlidingSides:
         along = np.einsum("ndk,nd->nk", coupling.frames.tangents, self.at_points(shear))
         return JointStiffness(self.nodes, coupling.stiffness(self.at_points(pressure), along, near=near))
 
-    def shear_transfer(self, coupling: SlidingCoupling, shear: Array, displacement: Array) -> Array:
-        """See ``SlidingCoupling``, at the owned nodes, shape (owned nodes, d); collective.
-
-        Args:
-            coupling: the map.
-            shear: at the points of this rank, as vectors, shape (n, d).
-            displacement: of the owned nodes, likewise.
-        """
-        along = np.einsum("ndk,nd->nk", coupling.frames.tangents, self.at_points(shear))
-        return self.at_owned_nodes(coupling.shear_transfer(along, self.gathered(displacement)))
-
-    def forces(self, coupling: SlidingCoupling, tractions: tuple[Array, Array]) -> Array:
-        """See ``SlidingCoupling``; collective.
-
-        Args:
-            coupling: the map.
-            tractions: pressure, shape (n,), and shear, along T_i, shape (n, d - 1), of the points of all ranks.
-        """
-        pressure, shear = tractions
-        sliding, tangents = self._sliding(coupling), coupling.frames.tangents
-        return coupling.forces(pressure, np.einsum("ndj,ndk,nk->nj", sliding, tangents, shear))
-
     def at_owned_nodes(self, values: Array) -> Array:
         """Values at the nodes of both sides, shape (m, d), at the owned nodes of the space, shape (owned nodes, d)."""
         first, last = self.space.dofmap.index_map.local_range

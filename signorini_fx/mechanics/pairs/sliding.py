@@ -164,19 +164,15 @@ class SlidingCoupling:
         ends = self.master.x[self.master.nodes]
         return float(np.median(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)))
 
-    def forces(self, pressure: Array, shear: Array) -> Array:
-        """What tractions exert on the components of the nodes of both sides, force, shape (m d,); for the arguments see
-        ``stiffness``.
-        """
-        along = (self.weight[:, None] * shear).ravel()
-        return np.asarray(self.normal_rows.T @ (self.weight * pressure) + self.tangent_rows.T @ along)
-
     def stiffness(self, pressure: Array, shear: Array, *, near: bool) -> sp.csr_array:
         """What tractions add to the tangent as the frames of the points turn and their partners shift, force / length,
         symmetric, sparse, shape (d m, d m).
 
         The stiffness of pressures is the second derivative of the gaps.  Shears turn with the normals, which is made
         symmetric by its transpose: that acts along the normals alone, where sides in contact do not move.
+
+        The shift of partners takes shears on from node to node of the master: its derivative is not symmetric, and is
+        left out.
 
         Args:
             pressure: lambda of the points, stress, shape (n,).
@@ -188,22 +184,6 @@ class SlidingCoupling:
             return sp.csr_array(self.normal_rows.shape[1:] * 2)
         shearing = (self.weight[:, None] * shear).ravel()
         return self.pieces.stiffness(self.weight * pressure, shearing, self.normal_rows, near=near)
-
-    def shear_transfer(self, shear: Array, displacement: Array) -> Array:
-        """What a displacement of the nodes of both sides, shape (m, d), changes of the forces of shears as partners
-        shift, force, shape (m, d).
-
-        Its derivative is not symmetric, and no part of ``stiffness``: the slave passes its shear on from node to node
-        of the master, but where the master is stretched no slip resists it.
-
-        Args:
-            shear: mu along T_i, shape (n, d - 1).
-            displacement: length.
-        """
-        if self.pieces is None:
-            return np.zeros_like(displacement)
-        shears = np.einsum("ndk,nk->nd", self.frames.tangents, self.weight[:, None] * shear)
-        return self.pieces.pieces.shifted(shears, displacement.ravel()).reshape(displacement.shape)
 
 
 @dataclass(frozen=True)

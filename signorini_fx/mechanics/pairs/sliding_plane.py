@@ -40,7 +40,6 @@ class PlanePieces:
         shift: dxi, likewise.
         turn: nu . dN / (nu . N), without the facet of the master, on which it does not depend.
         along: nu . d(x_m') / (nu . N), of the facet of the master alone.
-        slope: what dxi moves the values at the nodes of the master by, shape (p, q, k).
         bend: what dxi turns the normal of the master by, shape (p, q, 2).
         bending: the same across N, evenly along its facets, times the length of x_m' along N^, shape (p, q).
         curved: nu . x_m'' / (nu . N), of facets that are no straight lines, shape (p, q).
@@ -57,7 +56,6 @@ class PlanePieces:
     shift: Array = field(repr=False)
     turn: Array = field(repr=False)
     along: Array = field(repr=False)
-    slope: Array = field(repr=False)
     bend: Array = field(repr=False)
     bending: Array
     curved: Array
@@ -108,7 +106,6 @@ class PlanePieces:
         geometry = (
             inclined[..., None] * turn,
             _products(slope_over, facing_over),
-            slope_over,
             bend,
             np.einsum("pqk,pqk->pq", slope_over, along_t / along_n) * stretched,
             np.einsum("pd,pqd->pq", second, facing_over),
@@ -165,21 +162,6 @@ class PlanePieces:
             entries.append(self.corners.entries(nodal))
         values, *at = (np.concatenate(parts) for parts in zip(*entries, strict=True))
         return sp.csr_array((values, tuple(at)), shape=(self.count, self.count))
-
-    def shifted(self, shears: Array, displacement: Array) -> Array:
-        """By how much forces of the slave on the master move on as places shift, at the nodes of both sides, force,
-        shape (2 m,).
-
-        Args:
-            shears: forces along the points at these, shape (n, 2).
-            displacement: of the nodes of both sides, shape (2 m,).
-        """
-        nodal = self.mean.T @ shears
-        forces = self.weighted @ nodal[self.points]
-        shift = np.einsum("pql,pl->pq", self.shift, displacement[self.unknowns])
-        moved = -np.einsum("pqk,pq,pqd->pkd", self.slope, shift, forces)
-        at = self.unknowns[:, self.turn.shape[2] :]
-        return np.asarray(np.bincount(at.ravel(), moved.ravel(), self.count), dtype=np.float64)
 
     @cached_property
     def _met(self) -> tuple[Indices, Indices, Array]:

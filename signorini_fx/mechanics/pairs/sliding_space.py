@@ -165,20 +165,6 @@ class SpacePieces:
         outward = [sp.kron(identity, axis[:, None]) for axis in np.eye(3)]
         return sp.csr_array(sum(axis @ matrix for axis, matrix in zip(outward, components, strict=True)))
 
-    def shifted(self, shears: Array, displacement: Array) -> Array:
-        """By how much forces of the slave on the master move on as places shift, see ``PlanePieces``; shapes (n, 3),
-        (3 m,) and (3 m,).
-        """
-        forces = self.weighted @ (self.mean.T @ shears)[self.points]
-        vectors = (self.spread @ displacement).reshape(-1, 3)[self.blocks]
-        apart, width = self.share @ vectors, self.points.shape[1]
-        moved = np.zeros((len(vectors), self.slope.shape[3] - width - 1, 3))
-        for a in range(2):
-            shift = -np.einsum("pqd,pqd->pq", apart, self.dual[a])
-            moved -= np.matmul((self.slope[a][..., width:-1] * shift[..., None]).swapaxes(1, 2), forces)
-        at = (3 * self.blocks[:, width:-1, None] + np.arange(3)).ravel()
-        return np.asarray(np.bincount(at, moved.ravel(), displacement.size), dtype=np.float64)
-
     def stiffness(self, pressing: Array, *, near: bool) -> sp.csr_array:
         """Minus the second derivative of the gaps with forces at the points, shape (n,), sparse, shape (3 m, 3 m); for
         ``near`` see ``SlidingCoupling``.
