@@ -675,10 +675,6 @@ FACING_SIDES = -0.2
 # Share of the size of the smaller side within which facets are partners, beyond the smallest distance of both sides.
 # Choice.
 PARTNERS_REACH = 0.2
-# Share of a facet of the other side that an increment may move a point along it, up to which the next increment is
-# that of normals that turn at the vertices alone; and share that the increment itself may be, up to which differences
-# of the map are taken along it.  Record: two facets a step with the stiffer side as slave.
-NEAR_PARTNER = 0.1
 # How many facets points of two nonlinear bodies that keep their partners may move along the other side without a
 # warning.  Choice: forces of blocks with some facets over the contact were off by 9 % after one.
 FACETS_OF_KEPT_PARTNERS = 0.5

@@ -74,11 +74,9 @@ def test_derivatives(degree):
     pressure = touching.astype(np.float64)
     forces = [side.normal_rows.T @ (side.weight * pressure) for side in (ahead, behind)]
     expected = (forces[0] - forces[1]) / 2e-6
-    for near, error in ((True, 0.03), (False, 0.3)):
-        stiffness = coupling.stiffness(pressure, 0.0 * pressure[:, None], near=near)
-        assert np.abs(stiffness - stiffness.T).max() < 1e-12
-        missed = np.linalg.norm(stiffness @ direction.ravel() - expected)
-        assert missed < error * np.linalg.norm(expected)
+    stiffness = coupling.stiffness(pressure, 0.0 * pressure[:, None])
+    assert np.abs(stiffness - stiffness.T).max() < 1e-12
+    assert np.linalg.norm(stiffness @ direction.ravel() - expected) < 0.03 * np.linalg.norm(expected)
     slips = [side.slip(coupling.frames) for side in (ahead, behind)]
     slipped = (slips[0] - slips[1])[touching, 0] / 2e-6
     assert (coupling.tangent_rows @ direction.ravel())[touching] == pytest.approx(slipped, rel=0.01, abs=1e-3)

@@ -20,7 +20,7 @@ from signorini_fx.mechanics.pairs.fixed_distances import FixedDistances
 from signorini_fx.mechanics.pairs.sliding import Frames, SlidingCoupling
 from signorini_fx.records import Finding
 from signorini_fx.solving.check.pushed_nodes import HeldNodes
-from signorini_fx.tuned import LEAST_SEEN, NEAR_PARTNER, PAST_THE_END
+from signorini_fx.tuned import LEAST_SEEN, PAST_THE_END
 
 Array = npt.NDArray[np.float64]
 
@@ -35,7 +35,6 @@ class MovingPair:
         coupling: the map there.
         settled: the displacement at the end of the last step.
         begun: which nodes the points met there.
-        near: whether the last increment has hardly moved points along the other side.
         allowance: what is added to the gap, at the owned nodes of the space, length, shape (owned nodes,).
         fixed: where supports fix the distance of both sides, and at which displacement that is so; None: nowhere.
         changed: which points have begun or ceased to see the other side by each of the last two moves, shape (2, n).
@@ -46,7 +45,6 @@ class MovingPair:
     coupling: SlidingCoupling = field(init=False)
     settled: Array = field(init=False)
     begun: Frames = field(init=False)
-    near: bool = field(init=False)
     allowance: Array = field(init=False)
     fixed: tuple[Array, FixedDistances | None] = field(init=False)
     changed: npt.NDArray[np.bool_] = field(init=False)
@@ -70,7 +68,6 @@ class MovingPair:
         if not np.array_equal(along, last[0]):
             self.fixed = along, self.sides.fixed_at(along)
         if not np.array_equal(displacement, self.displacement):
-            self.near = self.coupling.slides(displacement - self.displacement) <= NEAR_PARTNER
             seeing = self.coupling.frames.partnered
             self.coupling = self.sides.at(displacement, self.fixed[1])
             self.changed = np.stack((self.changed[1], seeing != self.coupling.frames.partnered))
@@ -85,7 +82,7 @@ class MovingPair:
         coupling, fixed = self.coupling, self.sides.fixed_at(self.displacement)
         if fixed is not None or self.fixed[1] is not None:
             coupling = self.sides.at(self.displacement, fixed)
-        self.settled, self.begun, self.near = self.displacement, coupling.frames, False
+        self.settled, self.begun = self.displacement, coupling.frames
         self.changed = np.zeros((2, self.begun.partnered.size), dtype=bool)
 
     def boundary(self) -> ContactBoundary:
@@ -123,7 +120,7 @@ class MovingPair:
         """What the tractions of a state add to the tangent; collective."""
         rows = np.flatnonzero(state.boundary.part == self.sides.index)
         shear = np.einsum("nik,nk->ni", state.boundary.tangents[rows], state.shear[rows])
-        return self.sides.stiffness(self.coupling, state.pressure[rows], shear, near=self.near)
+        return self.sides.stiffness(self.coupling, state.pressure[rows], shear)
 
     def holding(self, state: ContactState, sticks: npt.NDArray[np.bool_]) -> JointStiffness:
         """See ``SlidingSides``; ``sticks``: which of the points of a state friction holds; collective."""

@@ -248,17 +248,16 @@ class SlidingSides:
         gathered = from_owners(owned, self.slave.nodes[self.points], self.comm)
         return gathered.reshape(len(gathered), *values.shape[1:])
 
-    def stiffness(self, coupling: SlidingCoupling, pressure: Array, shear: Array, *, near: bool) -> JointStiffness:
+    def stiffness(self, coupling: SlidingCoupling, pressure: Array, shear: Array) -> JointStiffness:
         """What tractions at the points of this rank add to the tangent, see ``SlidingCoupling``; collective.
 
         Args:
             coupling: the map.
             pressure: stress, shape (n,).
             shear: as vectors, shape (n, d).
-            near: see ``SlidingCoupling``.
         """
         along = np.einsum("ndk,nd->nk", coupling.frames.tangents, self.at_points(shear))
-        return JointStiffness(self.nodes, coupling.stiffness(self.at_points(pressure), along, near=near))
+        return JointStiffness(self.nodes, coupling.stiffness(self.at_points(pressure), along))
 
     def at_owned_nodes(self, values: Array) -> Array:
         """Values at the nodes of both sides, shape (m, d), at the owned nodes of the space, shape (owned nodes, d)."""

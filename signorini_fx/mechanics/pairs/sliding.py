@@ -28,7 +28,6 @@ of the slave around the node of the point, about the normal, too.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -150,21 +149,7 @@ class SlidingCoupling:
             begun.partnered | self.frames.partnered,
         )
 
-    def slides(self, displacement: Array) -> float:
-        """How far a displacement of the nodes of both sides, shape (m, d), moves points along the other side, in facets
-        of that.
-        """
-        along = (self.tangent_rows @ displacement.ravel()).reshape(self.nodes.size, -1)
-        far = np.linalg.norm(along, axis=1)[self.frames.partnered].max(initial=0.0)
-        return float(far / self.facet)
-
-    @cached_property
-    def facet(self) -> float:
-        """The size of a facet of the other side, length: the median of those of one edge of each."""
-        ends = self.master.x[self.master.nodes]
-        return float(np.median(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)))
-
-    def stiffness(self, pressure: Array, shear: Array, *, near: bool) -> sp.csr_array:
+    def stiffness(self, pressure: Array, shear: Array) -> sp.csr_array:
         """What tractions add to the tangent as the frames of the points turn and their partners shift, force / length,
         symmetric, sparse, shape (d m, d m).
 
@@ -177,13 +162,11 @@ class SlidingCoupling:
         Args:
             pressure: lambda of the points, stress, shape (n,).
             shear: mu along T_i, shape (n, d - 1).
-            near: whether points hardly slide any more: then the normals of the master turn at its vertices, where
-                points see these, else evenly along its facets.
         """
         if self.pieces is None:
             return sp.csr_array(self.normal_rows.shape[1:] * 2)
         shearing = (self.weight[:, None] * shear).ravel()
-        return self.pieces.stiffness(self.weight * pressure, shearing, self.normal_rows, near=near)
+        return self.pieces.stiffness(self.weight * pressure, shearing, self.normal_rows)
 
 
 @dataclass(frozen=True)
@@ -200,9 +183,9 @@ class _TurningPieces:
     sides: tuple[PairSurface, PairSurface]
     points: tuple[sp.csr_array, sp.csr_array, Array]
 
-    def stiffness(self, pressing: Array, shearing: Array, normal_rows: sp.csr_array, *, near: bool) -> sp.csr_array:
+    def stiffness(self, pressing: Array, shearing: Array, normal_rows: sp.csr_array) -> sp.csr_array:
         """See ``SlidingCoupling.stiffness``, with forces at the points, shapes (n,) and (n (d - 1),)."""
-        pressed = self.pieces.stiffness(pressing, near=near)
+        pressed = self.pieces.stiffness(pressing)
         if not shearing.any():
             return pressed
         along = normal_rows

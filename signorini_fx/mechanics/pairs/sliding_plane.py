@@ -41,7 +41,6 @@ class PlanePieces:
         turn: nu . dN / (nu . N), without the facet of the master, on which it does not depend.
         along: nu . d(x_m') / (nu . N), of the facet of the master alone.
         bend: what dxi turns the normal of the master by, shape (p, q, 2).
-        bending: the same across N, evenly along its facets, times the length of x_m' along N^, shape (p, q).
         curved: nu . x_m'' / (nu . N), of facets that are no straight lines, shape (p, q).
         sides: slave and master, their overlap, and the directions of projection, see ``of``.
     """
@@ -57,7 +56,6 @@ class PlanePieces:
     turn: Array = field(repr=False)
     along: Array = field(repr=False)
     bend: Array = field(repr=False)
-    bending: Array
     curved: Array
     sides: tuple[PairSurface, PairSurface, Tested, Array] = field(repr=False)
 
@@ -101,13 +99,11 @@ class PlanePieces:
         shift /= stretched[..., None]
 
         bend = slope_over @ master.directions[over]
-        along_n, along_t = (np.einsum("pkd,pqd->pqk", master.directions[over], way) for way in (ways, across))
         second = master.functions.curvatures @ master.x[over]
         geometry = (
             inclined[..., None] * turn,
             _products(slope_over, facing_over),
             bend,
-            np.einsum("pqk,pqk->pq", slope_over, along_t / along_n) * stretched,
             np.einsum("pd,pqd->pq", second, facing_over),
         )
         nodes = np.hstack((slave.neighbours.around[overlap.slave], first + over))
@@ -141,10 +137,8 @@ class PlanePieces:
         moments = [self._moments(bend[..., None] * self.shift)[function] for bend in np.moveaxis(self.bend, 2, 0)]
         return self._at_points(along[0] * moments[0] + along[1] * moments[1])
 
-    def stiffness(self, pressing: Array, *, near: bool) -> sp.csr_array:
-        """Minus the second derivative of the gaps with forces at the points, shape (n,), sparse, shape (2 m, 2 m); for
-        ``near`` see ``SlidingCoupling``.
-        """
+    def stiffness(self, pressing: Array) -> sp.csr_array:
+        """Minus the second derivative of the gaps with forces at the points, shape (n,), sparse, shape (2 m, 2 m)."""
         nodal = self.mean.T @ pressing
         forces = np.einsum("pqt,pt->pq", self.weighted, nodal[self.points])
         width, size = self.turn.shape[2], self.unknowns.shape[1]
@@ -154,12 +148,10 @@ class PlanePieces:
         blocks[:, :, :width] += turned
         blocks[:, width:] -= shifted
         blocks += blocks.swapaxes(1, 2)
-        turns = forces * (-self.curved if near else self.bending)
+        turns = -forces * self.curved
         if turns.any():
             blocks += np.matmul(self.shift.swapaxes(1, 2), turns[..., None] * self.shift)
-        entries = [_entries(blocks, self.unknowns)]
-        if near:
-            entries.append(self.corners.entries(nodal))
+        entries = [_entries(blocks, self.unknowns), self.corners.entries(nodal)]
         values, *at = (np.concatenate(parts) for parts in zip(*entries, strict=True))
         return sp.csr_array((values, tuple(at)), shape=(self.count, self.count))
 

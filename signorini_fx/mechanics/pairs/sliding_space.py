@@ -58,8 +58,7 @@ class SpacePieces:
         facing: m, shape (p, q, 3).
         dual: a^a, shape (2, p, q, 3).
         distance: g, length, shape (p, q).
-        bending: what turns the normals of the master evenly as places shift, symmetric, shape (p, q, 2, 2).
-        curved: what bilinear facets of the master turn, m . x_m,ab, likewise.
+        curved: what bilinear facets of the master turn, m . x_m,ab, symmetric, shape (p, q, 2, 2).
         edges: the functions at the points of edges of the master times lengths and the jumps of the slope of its height
             there, sparse, shape (N, v).
         passing_edges: by how much each of them passes by, sparse, shape (v, 3 m).
@@ -76,7 +75,6 @@ class SpacePieces:
     facing: Array = field(repr=False)
     dual: Array = field(repr=False)
     distance: Array
-    bending: Array = field(repr=False)
     curved: Array = field(repr=False)
     edges: sp.csr_array
     passing_edges: sp.csr_array
@@ -122,20 +120,14 @@ class SpacePieces:
         facing = normal / inclination
         over_way = np.broadcast_to(way[:, None], normal.shape)
         dual = np.stack((np.cross(along[1], over_way), np.cross(over_way, along[0]))) / inclination
-        # The normals at the nodes of the master without their part along the way, over that part.
-        nodal = master.directions[master.nodes[overlap.master]]
-        part = np.einsum("pkd,pd->pk", nodal, way)[..., None]
-        across = np.divide(nodal, part, out=np.zeros_like(nodal), where=part != 0) - way[:, None]
-        bends = np.einsum("apqd,bpqk,pkd->pqab", along, slope_over, across)
-        bending = (bends + bends.swapaxes(2, 3)) / 2
         corners_at = master.functions.slopes(np.array([[0.0, 1.0], [0.0, 0.0]]))[0]
         twist = np.zeros(corners_at.shape[1]) if master.functions.simplex else corners_at[0] - corners_at[1]
-        curved = np.zeros_like(bending)
+        curved = np.zeros((*distance.shape, 2, 2))
         curved[..., 0, 1] = curved[..., 1, 0] = np.einsum("pqd,k,pkd->pq", facing, twist, corners)
         edges = _Edges.of(slave, master, tested, ways)
         passing = edges.passing(total, of_facet, spread.shape[0]) @ spread
         points = slave.points[overlap.slave]
-        geometry = share, slope, facing, dual, distance, bending, curved, edges.functions, sp.csr_array(passing)
+        geometry = share, slope, facing, dual, distance, curved, edges.functions, sp.csr_array(passing)
         return cls(mean, points, tested.weighted, blocks, spread, *geometry, overlap)
 
     @property
@@ -165,28 +157,24 @@ class SpacePieces:
         outward = [sp.kron(identity, axis[:, None]) for axis in np.eye(3)]
         return sp.csr_array(sum(axis @ matrix for axis, matrix in zip(outward, components, strict=True)))
 
-    def stiffness(self, pressing: Array, *, near: bool) -> sp.csr_array:
-        """Minus the second derivative of the gaps with forces at the points, shape (n,), sparse, shape (3 m, 3 m); for
-        ``near`` see ``SlidingCoupling``.
-        """
+    def stiffness(self, pressing: Array) -> sp.csr_array:
+        """Minus the second derivative of the gaps with forces at the points, shape (n,), sparse, shape (3 m, 3 m)."""
         forces = np.einsum("pqt,pt->pq", self.weighted, (self.mean.T @ pressing)[self.points])
         touched = np.flatnonzero(forces.any(axis=1))
         size = 3 * self.blocks.shape[1]
         values = np.zeros((touched.size, size, size))
         for first in range(0, touched.size, _AT_ONCE):
             pieces = touched[first : first + _AT_ONCE]
-            values[first : first + pieces.size] = self._second(pieces, forces[pieces], near=near)
+            values[first : first + pieces.size] = self._second(pieces, forces[pieces])
         at = (3 * self.blocks[touched][..., None] + np.arange(3)).reshape(touched.size, size)
         rows, columns = np.repeat(at, size, axis=1), np.tile(at, (1, size))
         count = self.spread.shape[0]
         joint = sp.csr_array((values.ravel(), (rows.ravel(), columns.ravel())), shape=(count, count))
-        total = self.spread.T @ joint @ self.spread
-        if near:
-            kinks = self.edges.T @ (self.mean.T @ pressing)
-            total = total - self.passing_edges.T @ sp.diags_array(kinks) @ self.passing_edges
-        return sp.csr_array(total)
+        kinks = sp.diags_array(self.edges.T @ (self.mean.T @ pressing))
+        passing = self.passing_edges.T @ kinks @ self.passing_edges
+        return sp.csr_array(self.spread.T @ joint @ self.spread - passing)
 
-    def _second(self, pieces: Indices, forces: Array, *, near: bool) -> Array:
+    def _second(self, pieces: Indices, forces: Array) -> Array:
         """The products of some pieces, shape (k, 3 c, 3 c)."""
         share, facing = self.share[pieces], self.facing[pieces]
         shifts = [-_rows(share, self.dual[a][pieces]) for a in range(2)]
@@ -196,7 +184,7 @@ class SpacePieces:
         for a in range(2):
             along = _rows(self.slope[a][pieces] * forces[..., None], facing)
             half = half - np.matmul(along.swapaxes(1, 2), shifts[a])
-        total, turns = half + half.swapaxes(1, 2), -self.curved if near else self.bending
+        total, turns = half + half.swapaxes(1, 2), -self.curved
         for a in range(2):
             for b in range(2):
                 scaled = (forces * turns[pieces, :, a, b])[..., None] * shifts[b]
