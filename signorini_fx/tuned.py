@@ -798,9 +798,6 @@ KEPT_TANGENT = 3e-5, 0.1
 WHOLE_SLOPE, SHORTENED_SLOPE = 0.5, 0.3
 # Increments below this share of the displacement are not shortened: their slopes are round-off.  Choice.
 NO_LINE_SEARCH = 1e-6
-# Increments below this share of the largest displacement are not damped, although the energy grows along them, as it
-# may with friction: Newton's method converges quadratically there.  Choice.
-NO_DAMPING = 1e-4
 # Evaluations of the residual in a line search, and the share of a bracket that its next point keeps from the ends.
 # Choice.
 LINE_SEARCH_STEPS, BRACKET_MARGIN = 12, 0.1
@@ -810,10 +807,6 @@ DENSE_CHAIN = 64
 # How many times the entries between two bodies that slide the room for earlier ones may be that a pattern keeps.
 # Choice.
 KEPT_ROOM = 2.0
-# Shares of the diagonal of a tangent that are added to it where a linearised contact problem has no solution or its
-# increment goes up: the first one, by which factor more and less, and the last one.  Choice: the first is the stiffness
-# in bending of a column that is twenty times as high as wide, of cells as wide as it.
-LEAST_DAMPING, DAMPING_GROWTH, MOST_DAMPING = 1e-5, 10.0, 1.0
 # Linear solves of a load step of a nonlinear body, from and to, those of its contact problems included.  Measured with
 # and without friction, of rubber and metal.
 NEWTON_SOLVES = (5, 18)

@@ -14,7 +14,6 @@ from signorini_fx.machine import parallel
 from signorini_fx.tuned import (
     BRACKET_MARGIN,
     LINE_SEARCH_STEPS,
-    NO_DAMPING,
     NO_LINE_SEARCH,
     SHORTENED_SLOPE,
     WHOLE_SLOPE,
@@ -65,9 +64,9 @@ def length_of_increment(
     at: tuple[Array, Array, Array],
     *,
     search: bool,
-) -> tuple[float, Array | None, bool]:
-    """The share of an increment to take, F there, which ``forces_at`` has evaluated last, and whether the increment
-    goes down or is small; 0 and None: there is no F however short it is; collective.
+) -> tuple[float, Array | None]:
+    """The share of an increment to take, and F there, which ``forces_at`` has evaluated last; 0 and None: there is no F
+    however short it is; collective.
 
     Args:
         linear: the contact problem that gives the increment.
@@ -106,4 +105,4 @@ def length_of_increment(
     share = share_of_increment(slope, first, search=search)
     if share == 0.0 and failed is not None:
         raise failed
-    return share, forces, first < 0 or not search or change <= NO_DAMPING * size
+    return share, forces

@@ -75,9 +75,6 @@ from signorini_fx.results.certificate.law_of_method import Law
 from signorini_fx.results.solution import ConvergenceError
 from signorini_fx.results.step_frames import LastSolution
 from signorini_fx.tuned import (
-    DAMPING_GROWTH,
-    LEAST_DAMPING,
-    MOST_DAMPING,
     NO_FORCE,
     UNITS_OF_NO_LOAD,
 )
@@ -235,8 +232,6 @@ class LinearisedProblem(FormSolver):
     _retained: RetainedPoints
     _keeps = False  # whether the next solve keeps the stiffness of the last one
     _round_off: float | None = None  # see ``_lost``, of the present load
-    _damping = 0.0  # share of the diagonal of the tangent that is added to it
-    _diagonal: Array  # the largest entry of each owned node, of the tangent that was damped first
     _foundations_class = MovingFoundations
     foundations: MovingFoundations
 
@@ -464,9 +459,7 @@ class LinearisedProblem(FormSolver):
         indefinite = {"linear_algebra": "full", "fallbacks": False}
         definite = self._definite and self.symmetric
         settings = self.settings if definite else self.settings.model_copy(update=indefinite)
-        if self._damping > 0.0:  # what has failed without it is not tried by all methods again
-            settings = settings.model_copy(update={"fallbacks": False})
-        beside: dict[str, Any] = {"beside": self._added, "definite": definite, "symmetric": self.symmetric}
+        beside: dict[str, Any] = {"beside": self.curvature, "definite": definite, "symmetric": self.symmetric}
         last, comm = self.__dict__.get("elastic"), self.space.mesh.comm
         if not parallel.any_rank(comm, last is None or not np.array_equal(last.fixed, fixed)):
             assert last is not None
@@ -531,7 +524,7 @@ class LinearisedProblem(FormSolver):
             tools += [self.moving_tools.coordinates, self._at.x.array]
         elif not self._one_body and len(self.pairs) < sum(entry.against is not None for entry in self.contact):
             tools += [self._at.x.array]  # which normals follow
-        return self._added.nodes, self._added.blocks, np.asarray(self._evaluated.loads), *pairs, *joint, *tools
+        return self.curvature.nodes, self.curvature.blocks, np.asarray(self._evaluated.loads), *pairs, *joint, *tools
 
     def _size(self) -> float:
         """See ``FormSolver``: that of the body before it is deformed."""
@@ -575,44 +568,14 @@ class LinearisedProblem(FormSolver):
     # --- one iteration ---
 
     def begin_anew(self) -> None:
-        """A new load: the tangent is definite until a factorisation refuses it, and is not damped."""
-        self._definite, self._damping, self._round_off = True, 0.0, None
+        """A new load: the tangent is definite until a factorisation refuses it."""
+        self._definite, self._round_off = True, None
         self._retained.begin_anew()
-
-    def damp(self) -> bool:
-        """Add more of its diagonal to the tangent, so that increments are shorter and go down where it is not definite;
-        False: as much as there is has been added.
-        """
-        if self._damping >= MOST_DAMPING:
-            return False
-        if self._damping == 0.0:
-            dim, owned = self.u.function_space.mesh.geometry.dim, self._at.function_space.dofmap.index_map.size_local
-            diagonal = np.abs(self.elastic.stiffness.getDiagonal().getArray()[: owned * dim])
-            self._diagonal = diagonal.reshape(-1, dim).max(axis=1)
-        self._damping = max(DAMPING_GROWTH * self._damping, LEAST_DAMPING)
-        return True
-
-    def damp_less(self) -> None:
-        """The increment was good."""
-        self._damping = less if (less := self._damping / DAMPING_GROWTH) >= LEAST_DAMPING else 0.0
-
-    @property
-    def _added(self) -> NodalStiffness:
-        """What the tangent has beside the form."""
-        if self._damping == 0.0:
-            return self.curvature
-        dim, nodes = self.curvature.blocks.shape[1], np.arange(len(self._diagonal))
-        damping = self._damping * self._diagonal[:, None, None] * np.eye(dim)
-        blocks = np.concatenate((self.curvature.blocks, damping))
-        numbers = np.concatenate((self.curvature.nodes, nodes))
-        return NodalStiffness.summed(numbers, blocks, self.curvature.joint)
 
     @property
     def can_keep_stiffness(self) -> bool:
-        """Whether another solve may have the stiffness of the last one: it has no unknowns of rigid bodies, and is not
-        damped.
-        """
-        return not self.rigid.bodies and self.relative is None and self._damping == 0.0 and self.set_up
+        """Whether another solve may have the stiffness of the last one: it has no unknowns of rigid bodies."""
+        return not self.rigid.bodies and self.relative is None and self.set_up
 
     def solve(self, *, keeps_stiffness: bool = False) -> None:
         """Solve it; a tangent that Cholesky's factorisation refuses is factorised as LDL^T; collective.

@@ -127,7 +127,7 @@ class Continuation:
         try:
             way.announce(end)
             way.apply(end)
-            self.solver.attempt(damps=not sizes.may_halve)
+            self.solver.attempt(final=not sizes.may_halve)
             self.solver.take()
         except Exception as error:
             self._give_up(way, begun, error)

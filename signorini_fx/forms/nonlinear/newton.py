@@ -181,15 +181,14 @@ class EquilibriumSolver:
     def _cells(self) -> BodyCells:
         return BodyCells.of(self.linear.space, self.linear.space.mesh.geometry.dim)
 
-    def attempt(self, *, damps: bool = True, alone: bool = False) -> None:
+    def attempt(self, *, final: bool = True, alone: bool = False) -> None:
         """Solve with the values that Constants, Functions, conditions and shapes have now; collective.
 
         The body is at the solution then; ``take`` makes it the last one.
 
         Args:
             alone: whether this is no step of a way, so that a digit of it must be known.
-            damps: whether no smaller step will be tried, so that the tangent is damped where nothing else helps, and a
-                failure is asked why there may be no solution.
+            final: whether no smaller step will be tried, so that a failure is asked why there may be no solution.
 
         Raises:
             NoEquilibrium: there is no solution: ``status`` says why, and all else is as the last solution was.
@@ -203,7 +202,7 @@ class EquilibriumSolver:
         self.linear_solves, solves = 0, len(self.linear.history.iterations)
         try:
             with self.timings.phase("iterate"):
-                status = self._iterate(damps=damps)
+                status = self._iterate()
             if status is Status.CONVERGED:
                 self.hidden = self._hidden()
             if alone and self.hidden and self._farther:
@@ -211,7 +210,7 @@ class EquilibriumSolver:
             elif status is Status.CONVERGED and self.asks_stability:
                 status = self.stability.verdict()
                 self._detail = self.stability.where if status is Status.UNSTABLE else ""
-            elif damps and status not in (Status.CONVERGED, *outcomes.NOT_BY_STIFFNESS) and not self.without:
+            elif final and status not in (Status.CONVERGED, *outcomes.NOT_BY_STIFFNESS) and not self.without:
                 self.without = self.stability.reason_for_none(last.displacement, self._tried)
         except Exception:
             self.go_back(last)
@@ -294,8 +293,8 @@ class EquilibriumSolver:
 
     # --- Newton's method ----------------------------------------------------------------------------------------------
 
-    def _iterate(self, *, damps: bool) -> Status:
-        """Newton's method from the present ``u``; ``damps``: whether its tangent may be damped; collective.
+    def _iterate(self) -> Status:
+        """Newton's method from the present ``u``; collective.
 
         It ends where increments are small and the certificate holds.  The first increment is the last one where F and
         contact are linear: another would only go on with the outer iteration of a contact problem that is solved.
@@ -327,7 +326,7 @@ class EquilibriumSolver:
                 self.linear.bend()
             try:
                 increment, length, residual = self._increment(
-                    old, residual, keeps_stiffness=keeps, search=iteration > 1, damps=damps
+                    old, residual, keeps_stiffness=keeps, search=iteration > 1
                 )
             except ConvergenceError as error:
                 if error.solution.status is Status.ROUND_OFF and not rests and self._keeps_round_off():
@@ -417,45 +416,32 @@ class EquilibriumSolver:
         return bool(acting <= UNITS_OF_NO_LOAD * unit)
 
     def _increment(
-        self, old: Array, residual: Array, *, keeps_stiffness: bool, search: bool, damps: bool
+        self, old: Array, residual: Array, *, keeps_stiffness: bool, search: bool
     ) -> tuple[Array, float, Array | None]:
         """An increment, the share of it to take, and F there, see ``length_of_increment``; collective.
-
-        Where the tangent is not definite on what contact admits, as beyond a limit point, the contact problem has no
-        solution, or its solution goes up.  With enough of its diagonal added it goes down.
 
         Args:
             old: values of ``u``.
             residual: F there.
             keeps_stiffness: see ``LinearisedProblem.solve``.
             search: see ``length_of_increment``.
-            damps: see ``_iterate``.
 
         Raises:
             ConvergenceError: the contact problem has no solution.
             MatrixError: the tangent is not finite, or not symmetric.
         """
-        linear = self.linear
-        while True:
-            linear.residual = residual
-            try:
-                linear.solve(keeps_stiffness=keeps_stiffness and linear.can_keep_stiffness)
-            except ConvergenceError as error:
-                status = error.solution.status
-                if damps and status in outcomes.DAMPED and linear.damp():
-                    continue
-                if status is not Status.CYCLING or not self._takes_cycle(old):
-                    raise
-            finally:
-                linear.residual = None
-            self.linear_solves += 0 if linear.outcome is None else linear.outcome.unrecorded
-            increment = linear.u.x.array - old
-            at = old, increment, residual
-            length, forces, descends = length_of_increment(linear, self.residual.at, at, search=search)
-            if descends or not damps or not linear.damp():
-                linear.damp_less()
-                return increment, length, forces
-            self.residual.go_to(old)  # the next tangent is taken there, too
+        linear, linear.residual = self.linear, residual
+        try:
+            linear.solve(keeps_stiffness=keeps_stiffness)
+        except ConvergenceError as error:
+            if error.solution.status is not Status.CYCLING or not self._takes_cycle(old):
+                raise
+        finally:
+            linear.residual = None
+        self.linear_solves += 0 if linear.outcome is None else linear.outcome.unrecorded
+        increment = linear.u.x.array - old
+        length, forces = length_of_increment(linear, self.residual.at, (old, increment, residual), search=search)
+        return increment, length, forces
 
     def _takes_cycle(self, old: Array) -> bool:
         """Whether the increment to values of ``u`` is taken although its contact sets are some of a cycle: it is far

@@ -15,8 +15,6 @@ OF_LINEAR_BODIES = (
     Status.TOO_LARGE,
     Status.SINGULAR,
 )
-# How the contact problem of a tangent ends that is not definite.
-DAMPED = (Status.CYCLING, Status.MAX_ITERATIONS, Status.OUTER_MAX_ITERATIONS, Status.ROUND_OFF, Status.SINGULAR)
 # How a solve ends because of where two bodies, or a body and a shape, are.
 BETWEEN_BODIES = (Status.PASSED, Status.FOLDED, Status.AT_END)
 # How a solve ends that says nothing of the stiffness.
