@@ -150,8 +150,6 @@ def forgets_where_steps_begin(monkeypatch):
     """Slips that are counted from the undeformed bodies in the second step."""
 
     def settle(self):
-        self.covered = self.coupling.covered
-        self.changed = np.zeros((2, self.covered.size), dtype=bool)
         if not hasattr(self, "settled"):
             self.settled, self.begun = self.displacement, self.coupling.frames
 

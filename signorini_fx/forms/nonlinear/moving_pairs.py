@@ -37,7 +37,6 @@ class MovingPair:
         begun: which nodes the points met there.
         allowance: what is added to the gap, at the owned nodes of the space, length, shape (owned nodes,).
         fixed: where supports fix the distance of both sides, and at which displacement that is so; None: nowhere.
-        changed: which points have begun or ceased to see the other side by each of the last two moves, shape (2, n).
     """
 
     sides: SlidingSides
@@ -47,7 +46,6 @@ class MovingPair:
     begun: Frames = field(init=False)
     allowance: Array = field(init=False)
     fixed: tuple[Array, FixedDistances | None] = field(init=False)
-    changed: npt.NDArray[np.bool_] = field(init=False)
 
     def __post_init__(self) -> None:
         self.displacement = np.zeros((self.sides.nodes.size, self.sides.slave.surface.dimension))
@@ -67,13 +65,8 @@ class MovingPair:
         along, last = self.sides.carried_along(displacement, self.settled), self.fixed
         if not np.array_equal(along, last[0]):
             self.fixed = along, self.sides.fixed_at(along)
-        if not np.array_equal(displacement, self.displacement):
-            seeing = self.coupling.frames.partnered
-            self.coupling = self.sides.at(displacement, self.fixed[1])
-            self.changed = np.stack((self.changed[1], seeing != self.coupling.frames.partnered))
-            self.displacement = displacement
-        elif self.fixed[1] is not last[1]:
-            self.coupling = self.sides.at(displacement, self.fixed[1])
+        if not np.array_equal(displacement, self.displacement) or self.fixed[1] is not last[1]:
+            self.coupling, self.displacement = self.sides.at(displacement, self.fixed[1]), displacement
 
     def settle(self) -> None:
         """A step begins here, with what supports fix where both sides are now: until now that was known from the
@@ -83,7 +76,6 @@ class MovingPair:
         if fixed is not None or self.fixed[1] is not None:
             coupling = self.sides.at(self.displacement, fixed)
         self.settled, self.begun = self.displacement, coupling.frames
-        self.changed = np.zeros((2, self.begun.partnered.size), dtype=bool)
 
     def boundary(self) -> ContactBoundary:
         """The contact points of this rank."""
@@ -168,13 +160,6 @@ class MovingPair:
         """Which points are in contact, of all ranks; collective."""
         rows = np.flatnonzero(state.boundary.part == self.sides.index)
         return np.asarray(self.sides.at_points(state.in_contact[rows].astype(np.float64)) > 0)
-
-    @property
-    def alternating(self) -> str:
-        """Where a point has begun and ceased to see the other side by the last two moves, "" nowhere: with it bodies
-        move so that it has too little area, and without it so that it has enough.
-        """
-        return self._place_of(np.flatnonzero(self.changed.all(axis=0)))
 
     def _place_of(self, points: npt.NDArray[np.int64]) -> str:
         """The place of the first of some points, "" of none."""
@@ -275,14 +260,3 @@ def carried_past_ends(pairs: Mapping[int, MovingPair], state: ContactState) -> l
 def joint_stiffness(pairs: Mapping[int, MovingPair], state: ContactState) -> tuple[JointStiffness, ...]:
     """What the tractions of all pairs add to the tangent; collective."""
     return tuple(pair.stiffness(state) for pair in pairs.values())
-
-
-def alternating_points(pairs: Mapping[int, MovingPair]) -> str:
-    """Where the last two iterates have found and lost a point of a pair, and what helps, in words; "" nowhere."""
-    where = next((pair.alternating for pair in pairs.values() if pair.alternating), "")
-    if not where:
-        return ""
-    return (
-        f"{where}: a point where one side ends over the other begins and ceases to see it by turns, and with neither "
-        "is there equilibrium: exchange facets and against, move the bodies a little, or refine the mesh"
-    )

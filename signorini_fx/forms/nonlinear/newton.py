@@ -26,7 +26,6 @@ from signorini_fx.forms.nonlinear import outcomes
 from signorini_fx.forms.nonlinear.displaced_certificate import ResidualMechanics, certified, mechanics_at
 from signorini_fx.forms.nonlinear.line_search import length_of_increment
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
-from signorini_fx.forms.nonlinear.moving_pairs import alternating_points
 from signorini_fx.forms.nonlinear.penetration import overlap, overlap_of_bodies
 from signorini_fx.forms.nonlinear.residual import Residual
 from signorini_fx.forms.nonlinear.results import SolvedBody
@@ -364,7 +363,6 @@ class EquilibriumSolver:
                     return status
                 else:
                     u.x.array[:], residual, keeps, rests = 0.0, None, False, True
-        self._detail = alternating_points(self.linear.pairs)
         return Status.MAX_ITERATIONS
 
     @property

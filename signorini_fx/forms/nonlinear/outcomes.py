@@ -44,7 +44,7 @@ def failure(status: Status, certificate: Certificate | None, says_no: str, detai
             large, where an instability begins, or how the contact problem of a tangent has ended; empty: none of these.
     """
     reason = says_no
-    if status in (Status.INSIDE, Status.TOO_LARGE, *BETWEEN_BODIES) or (status is Status.MAX_ITERATIONS and detail):
+    if status in (Status.INSIDE, Status.TOO_LARGE, *BETWEEN_BODIES):
         reason = detail
     elif status in (Status.NOT_SOLVED, Status.OPEN, Status.UNSTABLE):
         reason = says_no or detail
