@@ -21,7 +21,7 @@ from dolfinx import fem
 
 from signorini_fx.algebra.algorithms.loose import idle, untouched
 from signorini_fx.algebra.algorithms.task import Outcome, Start
-from signorini_fx.algebra.contact.active_sets import ActiveSets, keep_closed
+from signorini_fx.algebra.contact.active_sets import ActiveSets
 from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.algebra.linalg.condensed import CondensedSystem
@@ -399,8 +399,6 @@ class LinearisedProblem(FormSolver):
         """See ``FormSolver``; slips of points that stick are linearised as their tangent planes turn."""
         state = self._state
         begun = self._from_pairs(super().begin_step())
-        if begun.multipliers is None:
-            begun = self._with_first_sets(begun)
         if self.task.motions.count:
             begun = replace(begun, several=self.several)
             if self._last is None:
@@ -432,15 +430,6 @@ class LinearisedProblem(FormSolver):
             return self.places[nodes]
         earlier = previous.displacement.x.array.reshape(-1, dim)[nodes]
         return np.asarray(self.places[nodes] - earlier - (0.0 if previous.moved is None else previous.moved))
-
-    def _with_first_sets(self, begun: Start) -> Start:
-        """With contact where shapes are inside a body that nothing has touched, if they are anywhere; collective."""
-        if self._solution is not None or self.task.motions.count:
-            return begun
-        inside = keep_closed(begun.data.distance < -self.scales.coordinate_error, begun.data)
-        if not parallel.any_rank(self.space.mesh.comm, bool(inside.any())):
-            return begun
-        return replace(begun, sets=ActiveSets.of(inside, np.zeros_like(begun.data.mu_hat)))
 
     def _from_pairs(self, begun: Start) -> Start:
         """With the slips of pairs counted from where their step has begun."""
