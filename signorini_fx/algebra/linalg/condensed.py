@@ -59,8 +59,7 @@ class CondensedSystem(PlainSystem):
         schur = e.eliminated
         if schur is None or parallel.any_rank(e.comm, not np.array_equal(schur.retained, retained)):
             loads = [case.load.getArray(readonly=True) for case in e.cases]
-            followed = e.far is not None  # which is so of tangents alone
-            schur = SchurComplement(e.matrix, retained, loads, e.positions, definite=e.definite, followed=followed)
+            schur = SchurComplement(e.matrix, retained, loads, e.positions, definite=e.definite)
             condensed = list(zip(schur.loads, schur.between, strict=True))
         else:
             condensed = [schur.condense(case.load) for case in e.cases]

@@ -6,10 +6,7 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
 from functools import cache
-from typing import Any
-from weakref import WeakSet
 
 import numpy as np
 import numpy.typing as npt
@@ -31,116 +28,10 @@ _MEMORY = ((14, 30), (14, 300))  # ICNTL(14), per cent more than estimated, one 
 _SMALL = 20  # powers of two by which the entries of a load are smaller than those of the matrix
 
 
-@dataclass(frozen=True)
-class _Bordering:
-    """Where the entries of the rows of inner unknowns are in the matrix that is factorised: inner unknowns in the order
-    of their elimination, then those that stay, then the loads, as upper triangle.  Entries between those that stay do
-    not count, so that of bodies that slide it serves for any partners.
-
-    Attributes:
-        pattern: ends and columns of these rows.
-        order: of the inner unknowns.
-        places: see ``PartialFactor``.
-        loads: their number.
-        numbers: of each column its number there.
-        between: entries between inner unknowns and those that stay.
-        nonzero: which of these are not zero, or may be.
-        diagonal: entries on the diagonal of inner unknowns.
-        upper: entries that are taken.
-        source: of each entry there its number among ``upper``, the loads in order of elimination, and the diagonal of
-            what stays.
-        ends, columns: of its rows.
-        toward_shape: of ``PartialFactor.toward``.
-        alive: the definite factors that were made with it.
-    """
-
-    pattern: tuple[npt.NDArray[np.integer[Any]], npt.NDArray[np.integer[Any]]]
-    order: Indices
-    places: Indices
-    loads: int
-    numbers: Indices
-    between: Indices
-    nonzero: npt.NDArray[np.bool_]
-    diagonal: Indices
-    upper: Indices
-    source: Indices
-    ends: npt.NDArray[np.integer[Any]]
-    columns: npt.NDArray[np.integer[Any]]
-    toward_shape: tuple[int, int]
-    alive: WeakSet[PartialFactor] = field(default_factory=WeakSet, repr=False, compare=False)
-
-    @classmethod
-    def of(cls, rows: sp.csr_array, order: Indices, places: Indices, count: int, loads: int) -> _Bordering:
-        """That of the rows of the inner unknowns, ascending, for the other arguments see ``PartialFactor``; ``order``:
-        of the inner unknowns.
-        """
-        inside = order.size
-        numbers = np.full(places.size, -1, dtype=rows.indices.dtype)
-        numbers[order], numbers[places >= 0] = np.arange(inside), inside + places[places >= 0]
-        row, column = np.repeat(numbers[np.sort(order)], np.diff(rows.indptr)), numbers[rows.indices]
-        between = np.flatnonzero(column >= inside)
-        # Zeros between inner ones stay: with the same pattern for all unknowns of a node the ordering is better.
-        nonzero = rows.data[between] != 0.0
-        taken = column >= row
-        taken[between] = nonzero
-        upper, diagonal = np.flatnonzero(taken), np.flatnonzero(column == row)
-        row, column = row[upper], column[upper]
-        del taken
-        size = inside + count + loads
-        staying = np.arange(inside, size, dtype=row.dtype)
-        row = np.concatenate((row, np.tile(np.arange(inside, dtype=row.dtype), loads), staying))
-        column = np.concatenate((column, np.repeat(staying[count:], inside), staying))
-        bordered = sp.csr_array((np.arange(row.size), (row, column)), shape=(size, size))
-        ends, columns = (at.astype(PETSc.IntType, copy=False) for at in (bordered.indptr, bordered.indices))
-        toward_shape, source = (inside, count), bordered.data
-        fields = order, places, loads, numbers, between, nonzero, diagonal, upper, source, ends, columns, toward_shape
-        return cls((rows.indptr, rows.indices), *fields)
-
-    def fits(self, rows: sp.csr_array, order: Indices, places: Indices, count: int, loads: int) -> bool:
-        """Whether it serves for the rows of another matrix too."""
-        same = self.order is order and (self.toward_shape[1], self.loads) == (count, loads)
-        return (
-            same
-            and np.array_equal(self.pattern[0], rows.indptr)
-            and np.array_equal(self.pattern[1], rows.indices)
-            and np.array_equal(self.places, places)
-            and not (rows.data[self.between] != 0.0)[~self.nonzero].any()
-        )
-
-    def toward(self, rows: sp.csr_array) -> sp.csr_array:
-        """A_ic of a matrix, from the rows of its inner unknowns."""
-        entries = self.between[self.nonzero]
-        row = np.searchsorted(rows.indptr, entries, side="right") - 1
-        column = self.places[rows.indices[entries]]
-        return sp.csr_array((rows.data[entries], (row, column)), shape=self.toward_shape)
-
-
-# That of the last order, once two matrices have had it, or others are known to follow: the tangents of a nonlinear body
-# have one pattern.
-_last: dict[str, _Bordering] = {}
-_last_order: dict[str, Indices] = {}
-
-
-def _bordering(
-    rows: sp.csr_array, order: Indices, places: Indices, count: int, loads: int, *, followed: bool
-) -> _Bordering:
-    """That of the rows of inner unknowns, see ``_Bordering``; ``followed``: see ``PartialFactor``."""
-    if (last := _last.get("bordering")) is not None and last.fits(rows, order, places, count, loads):
-        return last
-    same_order = followed or _last_order.get("order") is order
-    _last.clear()
-    _last_order["order"], bordering = order, _Bordering.of(rows, order, places, count, loads)
-    if same_order:
-        _last["bordering"] = replace(bordering, places=places.copy())
-    return bordering
-
-
 class PartialFactor:
     """The symmetric matrix of inner unknowns i, factorised, and what is left of it for those that stay, c; one rank.
 
     A load is one row and column more that stay: the factorisation condenses it, and no back substitution is needed.
-    What MUMPS finds out from the pattern alone serves for the tangents of a nonlinear body, which have one pattern: a
-    factor leaves that behind to one that is still in use, and the next one takes it from there.
 
     Args:
         rows: those of A of the unknowns of this rank, shape (n, n or more); A_ii must be regular.
@@ -150,7 +41,6 @@ class PartialFactor:
         positions: of the first of these unknowns, shape (at most n, d), from which the order of their elimination is
             taken; None: minimum degree.
         definite: whether A_ii is positive definite.
-        followed: whether matrices of the same pattern are likely to follow.
 
     Attributes:
         inner: the m inner unknowns.
@@ -169,7 +59,6 @@ class PartialFactor:
         positions: Array | None = None,
         *,
         definite: bool,
-        followed: bool = False,
     ) -> None:
         self.inner = np.flatnonzero(places[: rows.shape[0]] < 0)
         self._count, inside = count, self.inner.size
@@ -179,24 +68,31 @@ class PartialFactor:
         stay = places >= 0
         order = nearest_first(rows, stay) if usable_positions is None else dissected(rows, self.inner, usable_positions)
         rows = sp.csr_array(rows[self.inner])
-        bordering = _bordering(rows, order, places, count, len(loads), followed=followed)
-        self._order, self.toward = bordering.numbers[self.inner], bordering.toward(rows)
-        self._alive = bordering.alive if definite else WeakSet[PartialFactor]()  # nothing of others is taken over
-        self._left_behind = list[ctypes.c_void_p]()
+        # First the inner unknowns in their order, then those that stay, then the loads.
+        numbers = np.full(places.size, -1, dtype=rows.indices.dtype)
+        numbers[order], numbers[stay] = np.arange(inside), inside + places[stay]
+        self._order = numbers[self.inner]
+        row, column = np.repeat(self._order, np.diff(rows.indptr)), numbers[rows.indices]
+        between = np.flatnonzero((column >= inside) & (rows.data != 0.0))
+        row_between = np.searchsorted(rows.indptr, between, side="right") - 1
+        entries = rows.data[between], (row_between, places[rows.indices[between]])
+        self.toward = sp.csr_array(entries, shape=(inside, count))
         # With a Schur complement MUMPS does not scale, and pivots below an absolute threshold would be lost.
-        self._unit = _power(np.abs(rows.data[bordering.diagonal]).max(initial=0.0))
+        self._unit = _power(np.abs(rows.data[column == row]).max(initial=0.0))
         # So small that they have no influence on the choice of pivots of an indefinite matrix.
         self._sizes = np.array([_power(np.abs(load[self.inner]).max(initial=0.0)) * 2.0**_SMALL for load in loads])
-        entries = [rows.data[bordering.upper] / self._unit]
-        for load, size in zip(loads, self._sizes, strict=True):
-            entries.append(np.empty(inside))
-            entries[-1][self._order] = load[self.inner] / size
-        entries.append(np.zeros(count + len(loads)))  # the diagonal of what stays
-        data = np.concatenate(entries)[bordering.source]
-        del entries
-        csr = (bordering.ends, bordering.columns, data)
+        # Zeros between inner ones stay: with the same pattern for all unknowns of a node the ordering is better.
+        upper = (column >= row) & ((column < inside) | (rows.data != 0.0))
+        staying = np.arange(inside, inside + count + len(loads), dtype=row.dtype)
+        row = np.concatenate((row[upper], np.tile(self._order, len(loads)), staying))
+        column = np.concatenate((column[upper], np.repeat(staying[count:], inside), staying))
+        of_loads = [load[self.inner] / size for load, size in zip(loads, self._sizes, strict=True)]
+        data = np.concatenate((rows.data[upper] / self._unit, *of_loads, np.zeros(staying.size)))
+        size = inside + staying.size
+        bordered = sp.csr_array((data, (row, column)), shape=(size, size))
+        csr = (*(at.astype(PETSc.IntType, copy=False) for at in (bordered.indptr, bordered.indices)), bordered.data)
         # Of the rows of such a matrix MUMPS gets what is above the diagonal.
-        self._matrix = PETSc.Mat().createAIJWithArrays((bordering.ends.size - 1,) * 2, csr, comm=PETSc.COMM_SELF)
+        self._matrix = PETSc.Mat().createAIJWithArrays((size, size), csr, comm=PETSc.COMM_SELF)
         self._matrix.setOption(PETSc.Mat.Option.SPD, definite)
 
     def eliminate(self) -> tuple[Array, Array]:
@@ -213,10 +109,7 @@ class PartialFactor:
         if not inside:  # some MUMPS fail with nothing to eliminate
             return np.zeros((count, count)), np.zeros((self._sizes.size, count))
         self._right, self._solution = bordered.createVecs()
-        analyses = next(filter(None, (factor._left_behind for factor in self._alive)), [])
-        analysed = analyses.pop() if analyses else None
-        self._factor = handle = _factorise(bordered, inside, _MEMORY, analysed, in_order=self._in_order)
-        self._alive.add(self)
+        self._factor = handle = _factorise(bordered, inside, _MEMORY, in_order=self._in_order)
         dense = ctypes.c_void_p()
         call("MatFactorGetSchurComplement", handle, ctypes.byref(dense), None)
         entries = ctypes.POINTER(ctypes.c_double)()
@@ -245,13 +138,8 @@ class PartialFactor:
         return np.asarray(self._solution.getArray(readonly=True)[self._order] / self._unit)
 
     def __del__(self) -> None:
-        if not getattr(self, "_factor", None):
-            return
-        useful, in_use = [self._factor, *self._left_behind], [factor for factor in self._alive if factor is not self]
-        if in_use and not any(factor._left_behind for factor in in_use):  # as it is large, only one
-            in_use[0]._left_behind.append(useful.pop())
-        for handle in useful:
-            call("MatDestroy", ctypes.byref(handle))
+        if getattr(self, "_factor", None):
+            call("MatDestroy", ctypes.byref(self._factor))
 
 
 def _power(size: float) -> float:
@@ -279,7 +167,6 @@ def _factorise(
     matrix: PETSc.Mat,
     inside: int,
     memory: Sequence[tuple[int, int]],
-    analysed: ctypes.c_void_p | None = None,
     *,
     in_order: bool,
 ) -> ctypes.c_void_p:
@@ -289,7 +176,6 @@ def _factorise(
         matrix: the matrix.
         inside: number of those rows.
         memory: what is tried one after another, as numbers and values of ICNTL.
-        analysed: the factor of another matrix with the same pattern, which is overwritten; None: there is none.
         in_order: whether to eliminate them one after another, where PETSc lets MUMPS know; else by minimum degree.
 
     Raises:
@@ -297,13 +183,6 @@ def _factorise(
     """
     broken = ctypes.c_int()
     info = (ctypes.c_double * 32)()  # MatFactorInfo is a struct of doubles; zeros are its defaults
-    if analysed is not None:
-        numeric = "MatLUFactorNumeric" if in_order else "MatCholeskyFactorNumeric"
-        call(numeric, analysed, matrix, ctypes.byref(info))
-        call("MatFactorGetError", analysed, ctypes.byref(broken))
-        if not broken.value:
-            return analysed
-        call("MatDestroy", ctypes.byref(analysed))
     factor = ctypes.c_void_p()
     call("MatGetFactor", matrix, b"mumps", _FACTOR_CHOLESKY, ctypes.byref(factor))
     indices = np.arange(matrix.getSize()[0], dtype=PETSc.IntType)

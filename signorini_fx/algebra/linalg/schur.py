@@ -37,7 +37,6 @@ class SchurComplement:
         loads: right-hand sides b, the entries of this rank.
         positions: see ``PartialFactor``.
         definite: whether A_ii is positive definite.
-        followed: see ``PartialFactor``.
 
     Attributes:
         dense: A_cc - A_ci A_ii^-1 A_ic, symmetric, the same on all ranks.
@@ -56,7 +55,6 @@ class SchurComplement:
         positions: Array | None = None,
         *,
         definite: bool = True,
-        followed: bool = False,
     ) -> None:
         self.matrix, self.retained = matrix, retained
         self._comm: MPI.Comm = matrix.comm.tompi4py()
@@ -83,7 +81,7 @@ class SchurComplement:
         places = np.where(numbers >= 0, np.searchsorted(self._places, numbers), -1)
         between = sp.coo_array(rows[np.flatnonzero(numbers[:owned] >= 0)])
         stay_here = self._places.size
-        self._factor = PartialFactor(rows, places, stay_here, loads, positions, definite=definite, followed=followed)
+        self._factor = PartialFactor(rows, places, stay_here, loads, positions, definite=definite)
         del rows
         broken = False
         try:
