@@ -1,11 +1,14 @@
-"""Linear algebra: interchangeable kinds of elastic systems behind one protocol.
+"""Linear algebra: interchangeable kinds of elastic systems with one base.
 
 This package knows matrices, factorisations and PETSc's options.  It must not know forms, active sets or algorithms.
 """
 
 from __future__ import annotations
 
-from typing import Protocol
+from abc import ABC, abstractmethod
+from copy import copy
+from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 import numpy.typing as npt
@@ -16,7 +19,8 @@ from signorini_fx.algebra.contact.contact_map import ContactMap
 from signorini_fx.algebra.linalg.elasticity import LoadCase
 
 
-class ElasticSystem(Protocol):
+@dataclass
+class ElasticSystem(ABC):
     """A x = b for the elastic body without contact, and the contact map in its unknowns.
 
     Attributes:
@@ -24,36 +28,37 @@ class ElasticSystem(Protocol):
         load: b, the load cases times their current factors.
         start: a vector x that satisfies the prescribed displacements times the same factors, elsewhere the rigid motion
             that is nearest to them.
+        resultant: the work of the current loads on the free rigid motions, the same on all ranks, shape (k,);
+            zero for an assembly whose loads balance each other to round-off.
         contact: B, from x to the relative displacement at the contact points, and which entries of x are prescribed.
+        inexact: whether the linear solver was last set to less than full accuracy, because the matrix was about to
+            change.
     """
 
     matrix: PETSc.Mat
     load: PETSc.Vec
     start: PETSc.Vec
+    resultant: npt.NDArray[np.float64]
     contact: ContactMap
+
+    inexact = False
 
     @property
     def comm(self) -> MPI.Comm:
         """The ranks that share the system."""
+        return self.contact.points.comm
 
     @property
-    def resultant(self) -> npt.NDArray[np.float64]:
-        """The work of the current loads on the free rigid motions, the same on all ranks, shape (k,);
-        zero for an assembly whose loads balance each other to round-off.
-        """
-
-    @property
+    @abstractmethod
     def definite(self) -> bool:
         """Whether A is positive semi-definite."""
 
     @property
     def solver_defaults(self) -> dict[str, str]:
         """PETSc options (without prefix) that apply during the solve unless the user has set them."""
+        return {}
 
-    @property
-    def inexact(self) -> bool:
-        """Whether the linear solver was last set to less than full accuracy, because the matrix was about to change."""
-
+    @abstractmethod
     def configure(self, ksp: PETSc.KSP, *, symmetric: bool) -> None:
         """Set the default linear solver for A plus contact blocks.
 
@@ -75,7 +80,9 @@ class ElasticSystem(Protocol):
             Whether there is one: not if the default, or the choice of the user, is a factorisation or another solver
             already, or if the memory is too small.
         """
+        return False
 
+    @abstractmethod
     def keep_factor(self, ksp: PETSc.KSP, moved: int | None, forces: float, *, exact: bool = False) -> bool:
         """Decide whether the last factorisation can be used for the new matrix too, and set the solver accordingly.
 
@@ -87,20 +94,27 @@ class ElasticSystem(Protocol):
             exact: whether the solve must have full accuracy.
         """
 
+    @abstractmethod
     def set_load(self, factors: npt.NDArray[np.float64]) -> None:
         """Make ``load`` and ``start`` those of the load cases times their factors, one for each."""
 
+    @abstractmethod
     def set_case(self, number: int, case: LoadCase) -> None:
         """Replace a load case from the next ``set_load`` on; nothing is factorised again."""
 
-    def with_load(self, load: PETSc.Vec) -> ElasticSystem:
+    def with_load(self, load: PETSc.Vec) -> Self:
         """The same matrix with this load of all unknowns of the stiffness alone."""
+        system = copy(self)
+        system.load = load.copy()
+        return system
 
     def displacement(self, x: PETSc.Vec) -> PETSc.Vec:
         """All unknowns of the stiffness from x."""
+        return x
 
     def unknowns(self, displacement: PETSc.Vec) -> PETSc.Vec:
         """A new x from all unknowns of the stiffness."""
+        return displacement.copy()
 
 
 def finite(values: PETSc.Mat | PETSc.Vec) -> bool:

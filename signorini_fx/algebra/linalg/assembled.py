@@ -9,14 +9,13 @@ import numpy as np
 import numpy.typing as npt
 from petsc4py import PETSc
 
-from signorini_fx.algebra.linalg import row_by_row
+from signorini_fx.algebra.linalg import ElasticSystem, row_by_row
 from signorini_fx.algebra.linalg.blocks import is_by_blocks
 from signorini_fx.algebra.linalg.elasticity import Elasticity, LoadCase
-from signorini_fx.algebra.linalg.system_parts import PlainSystem
 
 
 @dataclass
-class AssembledSystem(PlainSystem):
+class AssembledSystem(ElasticSystem):
     """See ``ElasticSystem``: x holds the unknowns of the stiffness themselves, on any number of ranks."""
 
     elasticity: Elasticity

@@ -23,19 +23,17 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from signorini_fx.algebra.contact.motions import RigidLoad
+from signorini_fx.algebra.linalg import ElasticSystem
 from signorini_fx.algebra.linalg.elasticity import Elasticity, LoadCase
 from signorini_fx.algebra.linalg.factorisation import factor_type
 from signorini_fx.algebra.linalg.relative_displacements import RelativeUnknowns
 from signorini_fx.algebra.linalg.schur import SchurComplement
-from signorini_fx.algebra.linalg.system_parts import PlainSystem
 from signorini_fx.machine import parallel
 
 
 @dataclass
-class CondensedSystem(PlainSystem):
+class CondensedSystem(ElasticSystem):
     """See ``ElasticSystem``: x holds the unknowns that B touches, of two bodies relative displacements where it can."""
-
-    definite = True  # also where the matrix of all unknowns is not
 
     elasticity: Elasticity
     cases: list[_CondensedCase]
@@ -76,9 +74,9 @@ class CondensedSystem(PlainSystem):
         return system
 
     @property
-    def solver_defaults(self) -> dict[str, str]:
-        """None."""
-        return {}
+    def definite(self) -> bool:
+        """It is, also where the matrix of all unknowns is not."""
+        return True
 
     def configure(self, ksp: PETSc.KSP, *, symmetric: bool) -> None:
         """A dense factorisation by LAPACK, on every rank."""

@@ -99,11 +99,6 @@ class UserSystem(AssembledSystem):
             raise InstallationError(f"the linear solver {name!r} has no method {' and no '.join(absent)}")
         return system
 
-    @property
-    def solver_defaults(self) -> dict[str, str]:
-        """None: the solver is not one of PETSc's."""
-        return {}
-
     def configure(self, ksp: PETSc.KSP, *, symmetric: bool) -> None:
         """FGMRES with the solver as its preconditioner, to a residual against the forces."""
         ksp.setType(PETSc.KSP.Type.FGMRES)
