@@ -665,9 +665,6 @@ WHOLE_WEIGHT = 0.15
 PASSED_ON = 1e-3
 # Share of a held point of one side that is over held nodes of the other side, above which nothing can move it.  Choice.
 MOSTLY_HELD = 0.5
-# Power of how much less one of two facets over each other is held, by which its functions carry fixed distances.
-# Choice: of facets of which one is twice as long all but 2 % are those of the shorter one.
-HELD_LESS = 4
 # The direction and the normal of a facet enclose an angle with at most this tangent.  Choice: 45 degrees.
 TURNED_DIRECTION = 1.0
 # Of two sides that face each other the product of the normals is below this.  Choice: 102 degrees.

@@ -141,7 +141,7 @@ def _seen_otherwise(earlier: ContactBoundary, now: ContactBoundary, displacement
     dim, owned = space.mesh.geometry.dim, space.dofmap.index_map.size_local
     y = displacement.x.array.reshape(-1, dim)[:owned]
     seen = [
-        (averages.counted @ from_owners(y, averages.nodes, now.comm).ravel()).reshape(-1, dim)
+        (averages.operator @ from_owners(y, averages.nodes, now.comm).ravel()).reshape(-1, dim)
         for averages in (earlier.averages, now.averages)
     ]
     return np.asarray(seen[1] - seen[0])

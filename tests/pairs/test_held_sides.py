@@ -3,19 +3,16 @@
 The reference is the problem with both sides exchanged, where the points are on the side that is free.
 """
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 import ufl
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
-from support.sliding_bodies import SlidingBodies, as_linear_bodies, turn_of
+from support.sliding_bodies import SlidingBodies, as_linear_bodies
 from two_bodies import assembled, facets, facets_of_cells, grid
 
 from signorini_fx import ContactProblem, Coulomb, Pair
-from signorini_fx.mechanics.pairs.sliding import fixed_by_supports
 
 DEPTH = 0.02
 KINDS = {2: "quadrilateral", 3: "hexahedron"}
@@ -142,7 +139,8 @@ def told(scene):
 @pytest.mark.parametrize("dim", [2, 3])
 def test_where_both_sides_are_held(dim, slave):
     """Where nothing can move nothing is transmitted, and the user is told the place and the depth, on all ranks; not
-    where the bodies part.  Along the edge the sides of both are as in a plane of symmetry, of both choices.
+    where the bodies part.  Along the edge the sides of both are as in a plane of symmetry, of both choices.  The depth
+    is a mean over the facets beside the node, where the bodies bend apart: at most that of the node.
     """
     scene = shelf(dim, slave, comm=MPI.COMM_WORLD)
     still = [0.0] * (dim - 1)
@@ -154,7 +152,7 @@ def test_where_both_sides_are_held(dim, slave):
     assert message.startswith(f"supports hold {count} contact node{'s' * (count > 1)} inside the other body, by 0.0")
     assert " at (0, " in message
     depth = float(message.split(" by ")[1].split()[0])
-    assert depth == pytest.approx(DEPTH, rel=0.03)
+    assert 0.9 * DEPTH <= depth <= 1.03 * DEPTH
     assert len(set(MPI.COMM_WORLD.allgather(message))) == 1
 
 
@@ -247,58 +245,3 @@ def test_constant_stress_beside_a_region_in_which_both_sides_are_held(kind, degr
     assert problem.state.pressure == pytest.approx(pressure, rel=1e-7)
     force = np.abs(sum(problem.state.forces))
     assert force == pytest.approx([*[0.0] * up, pressure * (1 - min(upto))], abs=1e-7 * pressure)
-
-
-def clamped(dim, slave, part, *, end=False, cells=(8, 8), plate_held=False, shift=0.0, comm=MPI.COMM_SELF, **settings):
-    """A plate on a block, both held where x[0] is at most ``part``.
-
-    Args:
-        dim: of space.
-        slave: the body with the points.
-        part: see above.
-        end: whether the sides end there.
-        cells: of block and plate along x[0].
-        plate_held: whether the plate is held everywhere.
-        shift: of the plate along x[0].
-        comm: the ranks.
-        settings: see ``SlidingBodies``.
-    """
-    up, away, first = dim - 1, 1e-6, part if end else 0.0
-    low, high = [0.0] * up, [1.0] * up
-
-    def moved(x):
-        return x + shift * np.eye(dim)[0]
-
-    bodies = (
-        grid(KINDS[dim], (cells[0], *[2] * (dim - 2), 2), [*low, -1.0], [*high, 0.0]),
-        grid(KINDS[dim], (cells[1], *[2] * (dim - 2), 2), [*low, away], [*high, 0.3], moved),
-    )
-    touching = [
-        lambda x, y=y, s=s: np.isclose(x[up], y, atol=1e-9) & (x[0] >= first + s - 1e-9)
-        for y, s in ((0.0, 0.0), (away, shift))
-    ]
-    held = [
-        lambda x: (x[up] <= away / 2) & (np.isclose(x[up], -1.0) | (x[0] <= part + 1e-9)),
-        lambda x: (x[up] >= away / 2) & ((x[0] <= part + shift + 1e-9) | plate_held),
-    ]
-    return SlidingBodies(KINDS[dim], bodies, touching, held, slave=slave, reach=0.5, comm=comm, **settings)
-
-
-@pytest.mark.parametrize("part", [0.5, 0.0])
-@pytest.mark.parametrize("dim", [2, 3])
-def test_fixed_distances_turn_with_both_sides(dim, part):
-    """Those of places between held nodes and others, too: by the held nodes, or by the normal of a single one."""
-    scene = clamped(dim, 0, part, shift=-0.03)
-    scene.move(*[0.0] * dim)
-    (pair,) = scene.problem.linear.pairs.values()
-    # Planes of symmetry do not turn.
-    sides = [replace(side.surface, across=0.0 * side.surface.across) for side in (pair.sides.slave, pair.sides.master)]
-    found, held, turn = [], pair.sides.held, turn_of(0.7, dim)
-    for rotation in (np.eye(dim), turn):
-        moved = [side.displaced(side.x @ rotation.T - side.x) for side in sides]
-        found.append(fixed_by_supports(*moved, held, 0.5))
-        distances = found[-1].distance(*(side.x for side in moved))
-        assert distances == pytest.approx(1e-6 * found[0].counted, abs=1e-10)
-    assert found[1].counted == pytest.approx(found[0].counted, abs=1e-6)
-    assert found[1].counted.min() < 0.9
-    assert found[1].direction == pytest.approx(found[0].direction @ turn.T, abs=1e-9)

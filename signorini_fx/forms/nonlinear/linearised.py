@@ -181,7 +181,7 @@ class MovingFoundations(Foundations):
         allowance = self._values[number](self._contact[number].allowance, f"contact[{number}].allowance")
         gap = allowance.copy()
         pair.allowance = allowance[: pair.allowance.size]
-        gap[pair.sides.local_points()] += pair.opening - pair.fixed_allowance
+        gap[pair.sides.local_points()] += pair.opening
         return gap, allowance
 
 

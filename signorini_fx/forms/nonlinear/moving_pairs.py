@@ -16,7 +16,6 @@ from signorini_fx.mechanics.assembly.nodal_stiffness import JointStiffness
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.obstacles.sliding_sides import SlidingSides
-from signorini_fx.mechanics.pairs.fixed_distances import FixedDistances
 from signorini_fx.mechanics.pairs.sliding import Frames, SlidingCoupling
 from signorini_fx.records import Finding
 from signorini_fx.solving.check.pushed_nodes import HeldNodes
@@ -36,7 +35,6 @@ class MovingPair:
         settled: the displacement at the end of the last step.
         begun: which nodes the points met there.
         allowance: what is added to the gap, at the owned nodes of the space, length, shape (owned nodes,).
-        fixed: where supports fix the distance of both sides, and at which displacement that is so; None: nowhere.
     """
 
     sides: SlidingSides
@@ -45,12 +43,10 @@ class MovingPair:
     settled: Array = field(init=False)
     begun: Frames = field(init=False)
     allowance: Array = field(init=False)
-    fixed: tuple[Array, FixedDistances | None] = field(init=False)
 
     def __post_init__(self) -> None:
         self.displacement = np.zeros((self.sides.nodes.size, self.sides.slave.surface.dimension))
-        self.fixed = self.displacement, self.sides.fixed_at(self.displacement)
-        self.coupling = self.sides.at(self.displacement, self.fixed[1])
+        self.coupling = self.sides.at(self.displacement)
         self.allowance = np.zeros(self.sides.space.dofmap.index_map.size_local)
         self.settle()
 
@@ -62,20 +58,12 @@ class MovingPair:
         """
         owned = u.function_space.dofmap.index_map.size_local
         displacement = self.sides.gathered(u.x.array.reshape(-1, self.displacement.shape[1])[:owned])
-        along, last = self.sides.carried_along(displacement, self.settled), self.fixed
-        if not np.array_equal(along, last[0]):
-            self.fixed = along, self.sides.fixed_at(along)
-        if not np.array_equal(displacement, self.displacement) or self.fixed[1] is not last[1]:
-            self.coupling, self.displacement = self.sides.at(displacement, self.fixed[1]), displacement
+        if not np.array_equal(displacement, self.displacement):
+            self.coupling, self.displacement = self.sides.at(displacement), displacement
 
     def settle(self) -> None:
-        """A step begins here, with what supports fix where both sides are now: until now that was known from the
-        beginning of the last step, see ``SlidingSides.carried_along``.
-        """
-        coupling, fixed = self.coupling, self.sides.fixed_at(self.displacement)
-        if fixed is not None or self.fixed[1] is not None:
-            coupling = self.sides.at(self.displacement, fixed)
-        self.settled, self.begun = self.displacement, coupling.frames
+        """A step begins here."""
+        self.settled, self.begun = self.displacement, self.coupling.frames
 
     def boundary(self) -> ContactBoundary:
         """The contact points of this rank."""
@@ -90,12 +78,6 @@ class MovingPair:
     def opening(self) -> Array:
         """See ``SlidingSides``."""
         return self.sides.opening(self.coupling, self.displacement)
-
-    @property
-    def fixed_allowance(self) -> Array:
-        """What of the allowance the points of this rank do not count, length, shape (n,); collective."""
-        at_nodes = from_owners(np.nan_to_num(self.allowance[:, None]), self.sides.slave.nodes, self.sides.comm)[:, 0]
-        return self.coupling.fixed_part(at_nodes)[self.sides.mine]
 
     @property
     def slip_origin(self) -> Array:

@@ -52,8 +52,6 @@ class Averages:
             of the nodes.
         lift: displacements of some nodes, all along one direction, that move the points by one each, scipy sparse,
             shape (m, n); None: not known.
-        fixed_part: what points do not count of the displacement of nodes that supports hold, with the other sign,
-            scipy sparse, shape (n d, m d); None: nothing.
         between: ``operator`` between two bodies, where it is known, scipy sparse, shape (n d, m d); None: it is that of
             ``shares`` and ``turning``.
     """
@@ -65,7 +63,6 @@ class Averages:
     turning: Any = None
     centre: _Floats | None = None
     lift: Any = None
-    fixed_part: Any = None
     between: Any = None
 
     @classmethod
@@ -80,15 +77,8 @@ class Averages:
         operators = [part.operator for part in parts]
         centre, lifts = np.concatenate([part.arm for part in parts]), [part.lift for part in parts]
         lift = None if any(matrix is None for matrix in lifts) else sp.block_diag(lifts, format="csr")
-        fixed_part = None
-        if any(part.fixed_part is not None for part in parts):
-            every = [
-                sp.csr_array(operator.shape) if part.fixed_part is None else part.fixed_part
-                for part, operator in zip(parts, operators, strict=True)
-            ]
-            fixed_part = sp.block_diag(every, format="csr")
         between = sp.block_diag(operators, format="csr")
-        return cls(shares, nodes, x, fixed, None, centre, lift, fixed_part, between)
+        return cls(shares, nodes, x, fixed, None, centre, lift, between)
 
     @property
     def paired(self) -> bool:
@@ -109,11 +99,6 @@ class Averages:
 
         translating = of_components(self.shares, self.x.shape[1])
         return translating if self.turning is None else sp.csr_array(translating + self.turning)
-
-    @property
-    def counted(self) -> Any:
-        """The same with ``fixed_part``: what the gap is compared with.  Forces are those of ``operator``."""
-        return self.operator if self.fixed_part is None else sp.csr_array(self.operator + self.fixed_part)
 
     def any_of(self, flags: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
         """Whether any node of a point has a flag, from shape (m, k) to shape (n, k)."""

@@ -43,7 +43,7 @@ def contact_map(
     point, values = np.arange(count), boundary.frames.transpose(0, 2, 1)
     room: Any = (dim, 0)
     if boundary.averages is not None:
-        blocks = sp.bsr_array(boundary.averages.counted, blocksize=(dim, dim))
+        blocks = sp.bsr_array(boundary.averages.operator, blocksize=(dim, dim))
         point, nodes = np.repeat(point, np.diff(blocks.indptr)), nodes[blocks.indices]
         values = values[point] @ blocks.data
         row_entries = dim * int(np.bincount(point, minlength=count).max(initial=1))

@@ -413,14 +413,13 @@ class Foundations:
             bilateral = contact.bilateral or contact.bonded
             held = pair.held.with_gap(given[:owned], comm, by_geometry=pair.by_geometry, bilateral=bilateral)
             self._pairs[number] = replace(pair, held=held)
-        if not pair.by_geometry and pair.coupling.fixed is None:
+        if not pair.by_geometry:
             return given, None
-        adjusted_gap, (first, last) = given.copy(), self._space.dofmap.index_map.local_range
+        from signorini_fx.mechanics.pairs.mortar_coupling import closed_within
+
+        adjusted_gap, first = given.copy(), self._space.dofmap.index_map.local_range[0]
         points = pair.slave.nodes[pair.coupling.nodes] - first
-        adjusted_gap[points] -= pair.fixed_gap(np.nan_to_num(given[: last - first]), self._space.mesh.comm)
-        if pair.by_geometry:
-            sides = pair.slave.surface, pair.master.surface
-            adjusted_gap[points] += pair.coupling.adjusted(contact.adjust, sides)
+        adjusted_gap[points] += closed_within(pair.coupling.gap, contact.adjust)
         return adjusted_gap, given
 
     @cached_property

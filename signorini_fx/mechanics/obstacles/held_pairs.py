@@ -3,7 +3,7 @@
 Where supports hold facets of both sides over each other there is no contact.  Anywhere else a node of the side with the
 points that supports hold along its normal carries a point, which moves the other side.  If the place of the other side
 over it is held along that normal too, nothing can move it out: it has no contact point, and those beside it take over
-its function, but not its distance (``pairs.fixed_distances``).
+its function.
 """
 
 from __future__ import annotations

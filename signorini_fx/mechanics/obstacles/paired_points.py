@@ -11,7 +11,6 @@ import numpy as np
 import numpy.typing as npt
 import scipy.sparse as sp
 from dolfinx import fem
-from mpi4py import MPI
 
 from signorini_fx.errors import FormError
 from signorini_fx.machine import compat, parallel
@@ -176,11 +175,7 @@ class FacingSides:
         )
         normals = slave.surface.directions
         supported = held_along(normals, frames, entries[:, :dim]) & normals.any(axis=1)
-        loose = tuple(
-            np.einsum("nik,nk,njk->nij", of_nodes, ~flags[:, :dim], of_nodes)
-            for of_nodes, flags in ((frames, entries), (axes, reached))
-        )
-        held = HeldSides(supported, held_along(master.surface.directions, axes, reached[:, :dim]), (loose[0], loose[1]))
+        held = HeldSides(supported, held_along(master.surface.directions, axes, reached[:, :dim]))
         return cls(slave, master, (frames, axes), (entries, reached), held)
 
 
@@ -339,10 +334,6 @@ class PairedSides:
         lifted = np.flatnonzero(np.diff(lift.tocsr().indptr))
         slave_columns = np.concatenate((coupling.slave.indices, coupling.slave_turning.indices // dim, lifted))
         master_columns = np.concatenate((coupling.master.indices, coupling.master_turning.indices // dim))
-        if coupling.fixed is not None:  # with all held nodes that tell how a side turns
-            columns, count = np.unique(coupling.fixed.rows.indices) // dim, len(self.slave.nodes)
-            slave_columns = np.concatenate((slave_columns, columns[columns < count]))
-            master_columns = np.concatenate((master_columns, columns[columns >= count] - count))
         return np.unique(np.concatenate((self.slave.nodes[slave_columns], self.master.nodes[master_columns])))
 
     def shares(self) -> tuple[sp.csr_array, sp.csr_array, sp.csr_array]:
@@ -362,31 +353,6 @@ class PairedSides:
             across = sp.bsr_array((self.across, at[:-1], at))
             turning = turning - across @ (sp.kron(slave - master, identity) + turning)
         return slave, master, sp.csr_array(turning)
-
-    @property
-    def fixed_rows(self) -> sp.csr_array | None:
-        """What of the relative displacement at the points supports fix, along their normals, from the nodes
-        ``reached``, sparse, shape (n d, m d); None: nothing.
-        """
-        coupling, dim = self.coupling, self.slave.surface.dimension
-        if coupling.fixed is None:
-            return None
-        columns = sp.vstack((self.slave.columns(self.reached), self.master.columns(self.reached)))
-        along = sp.csr_array(coupling.fixed_shares @ coupling.fixed.rows @ sp.kron(columns, sp.eye_array(dim)))
-        count = len(coupling.normal)
-        places = np.arange(dim * count), np.repeat(np.arange(count), dim)
-        inward = sp.csr_array(sp.coo_array((coupling.normal.ravel(), places), shape=(dim * count, count)))
-        return sp.csr_array(inward @ along)
-
-    def fixed_gap(self, allowance: Array, comm: MPI.Comm) -> Array:
-        """What a given gap, at the owned nodes, would add to that of the points where supports fix the distance,
-        length, shape (n,); collective.
-        """
-        coupling = self.coupling
-        if coupling.fixed is None:
-            return np.zeros(len(coupling.normal))
-        at_nodes = from_owners(allowance[:, None], self.slave.nodes, comm)[:, 0]
-        return np.asarray(coupling.fixed_shares @ (coupling.fixed.slave @ at_nodes))
 
     def boundary(
         self, space: fem.FunctionSpace, facets: Indices, index: int, fixed: npt.NDArray[np.bool_]
@@ -415,7 +381,6 @@ class PairedSides:
             turning,
             coupling.centre,
             lift,
-            self.fixed_rows,
         )
         free = averages.any_of(~averages.fixed) if self.axes is None else np.ones(coupling.centre.shape, dtype=bool)
         axes = np.tile(np.eye(dim), (nodes.size, 1, 1)) if self.axes is None else self.axes

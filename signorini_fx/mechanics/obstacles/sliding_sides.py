@@ -19,9 +19,8 @@ from signorini_fx.mechanics.assembly.nodal_stiffness import JointStiffness
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary, segments_of
 from signorini_fx.mechanics.obstacles.paired_points import FacingSides, PairedSide
 from signorini_fx.mechanics.pairs.dual_functions import HeldSides
-from signorini_fx.mechanics.pairs.fixed_distances import FixedDistances
 from signorini_fx.mechanics.pairs.pair_side import PairSurface
-from signorini_fx.mechanics.pairs.sliding import Frames, SlidingCoupling, along_vectors, fixed_by_supports, slide
+from signorini_fx.mechanics.pairs.sliding import Frames, SlidingCoupling, along_vectors, slide
 from signorini_fx.mechanics.pairs.sparse_scaling import beside
 from signorini_fx.tuned import PARTNERS_REACH
 
@@ -120,38 +119,13 @@ class SlidingSides:
         """Rows of the owned nodes at the nodes of both sides, shape (m, k); collective."""
         return from_owners(owned, self.nodes, self.comm)
 
-    def at(self, displacement: Array, fixed: FixedDistances | None = None) -> SlidingCoupling:
-        """The map at a displacement of the nodes of both sides, shape (m, d); ``fixed``: see ``carried_along``.
+    def at(self, displacement: Array) -> SlidingCoupling:
+        """The map at a displacement of the nodes of both sides, shape (m, d).
 
         Raises:
             PairingError: a facet sees two sheets of the other side.
         """
-        return slide(*self._displaced(displacement), self.points, self.unable, self.reach, self.held, fixed)
-
-    def fixed_at(self, displacement: Array) -> FixedDistances | None:
-        """Where supports fix the distance of both sides at a displacement, see ``carried_along``; None: nowhere.
-
-        Raises:
-            PairingError: see ``at``.
-        """
-        return fixed_by_supports(*self._displaced(displacement), self.held, self.reach)
-
-    def carried_along(self, displacement: Array, settled: Array) -> Array:
-        """The displacement of the beginning of a step, with the nodes of each side moved by as much as those that
-        supports hold have moved since on average, shape (m, d).
-
-        What supports fix, and which functions have how much of it, is known from this: while the iteration moves the
-        other nodes it stays as it is, as the derivative of the gap does not know of it.
-
-        Args:
-            displacement: of the nodes of both sides, shape (m, d).
-            settled: at the beginning of the step.
-        """
-        count, along = self.slave.nodes.size, settled.copy()
-        for part, held in ((slice(count), self.held.slave), (slice(count, None), self.held.master)):
-            if held.any():
-                along[part] += (displacement - settled)[part][held].mean(axis=0)
-        return along
+        return slide(*self._displaced(displacement), self.points, self.unable, self.reach, self.held)
 
     def _displaced(self, displacement: Array) -> tuple[PairSurface, PairSurface]:
         """Both sides at a displacement."""

@@ -38,13 +38,10 @@ class HeldSides:
     Attributes:
         slave: shape (N,).
         master: shape (M,).
-        loose: projectors onto the directions in which nodes of the slave and of the master can move, shapes (N, d, d)
-            and (M, d, d); None: held nodes are held in all directions.
     """
 
     slave: Flags
     master: Flags
-    loose: tuple[Array, Array] | None = None
 
     def still(self, slave: Indices, master: Indices) -> Flags:
         """Where nothing can move: all nodes of both facets over each other are held, shape (p,).
@@ -66,18 +63,13 @@ class HeldSides:
         # On a part of a facet a quadratic function may have a negative weight, which says nothing.
         return np.asarray(self.slave & (weight > 0.0) & (of_held > (MOSTLY_HELD + SAME_NUMBER) * weight))
 
-    def movable(self, met: Any, held: Array | None) -> Array:
-        """By which share nodes of the slave are what can move, or see that there and around, shape (N,).
-
-        Args:
-            met: see ``constrained_slaves``.
-            held: by which share their places on the other side are held, zero where they have none, shape (N,); None:
-                they have none.
+    def movable(self, met: Any) -> Array:
+        """By which share nodes of the slave are what can move, or see that, shape (N,); ``met``: see
+        ``constrained_slaves``.
         """
         of_held, weight = (np.asarray(met @ flags).ravel() for flags in (self.master * 1.0, np.ones(self.master.size)))
         seen = np.divide(of_held, weight, out=np.zeros_like(weight), where=weight > 0.0)
-        seen = np.clip(seen if held is None else np.maximum(seen, held), 0.0, 1.0)
-        return np.where(self.slave, 1.0 - seen, 1.0)
+        return np.where(self.slave, 1.0 - np.clip(seen, 0.0, 1.0), 1.0)
 
 
 def dual_coefficients(side: PairSurface, overlap: Overlap) -> Array:

@@ -40,14 +40,12 @@ from signorini_fx.mechanics.pairs.dual_functions import (
     extended,
     hats,
 )
-from signorini_fx.mechanics.pairs.fixed_distances import FixedDistances
 from signorini_fx.mechanics.pairs.mean_rotation import turning_of, without_round_off
 from signorini_fx.mechanics.pairs.overlap_plane import facing_facets, plane_overlap, turned_in_plane
 from signorini_fx.mechanics.pairs.overlap_quadrature import Overlap, over_ranks
 from signorini_fx.mechanics.pairs.overlap_space import space_overlap, turned_in_space
 from signorini_fx.mechanics.pairs.pair_side import PairSurface
 from signorini_fx.mechanics.pairs.search import default_reach
-from signorini_fx.mechanics.pairs.sparse_scaling import scaled_rows
 from signorini_fx.tuned import CERTIFICATE_TOLERANCE, COVERED_TWICE, DEEPEST_OVERLAP, PARALLEL, SAME_PLACE_IN_CELL
 
 Array = npt.NDArray[np.float64]
@@ -89,9 +87,6 @@ class Coupling:
         covered: area (in 2D: length) of the slave there, times the measure, of all ranks.
         still: where both sides meet and nothing can move, see ``HeldSides``, which is no part of ``overlap``.
         helpless: nodes of the slave that carry no point because both sides are held there, shape (N,).
-        fixed: where supports fix the distance of both sides; None: nowhere that points see.
-        fixed_shares: what distances there would add to the mean ones of the points, which do not count them, sparse,
-            shape (n, k); None: nothing.
     """
 
     nodes: Indices
@@ -107,8 +102,6 @@ class Coupling:
     covered: float
     still: Overlap
     constrained_slaves: npt.NDArray[np.bool_]
-    fixed: FixedDistances | None = None
-    fixed_shares: sp.csr_array | None = None
 
     def lift(self, slave: PairSurface) -> sp.csr_array:
         """Displacements of slave nodes, all along one direction, that move the points by one each: D times them is
@@ -131,18 +124,8 @@ class Coupling:
         """n_i . d_i, length, shape (n,)."""
         return np.einsum("nd,nd->n", self.normal, self.distance)
 
-    def adjusted(self, limit: float | None, sides: tuple[PairSurface, PairSurface]) -> Array:
-        """The gap of both sides without what supports fix, zero where it is at most a limit, see ``closed_within``: of
-        sides that are parallel a point then counts this share of their distance, and of the limit as much.
-        """
-        if self.fixed is None or self.fixed_shares is None:
-            return closed_within(self.gap, limit)
-        gap = self.gap - self.fixed_shares @ self.fixed.distance(*(side.x for side in sides))
-        counted = 1.0 - self.fixed_shares @ self.fixed.counted
-        return closed_within(gap, None if limit is None else counted * limit)
 
-
-def closed_within(gap: Array, limit: float | Array | None) -> Array:
+def closed_within(gap: Array, limit: float | None) -> Array:
     """A gap, zero where it is at most a limit; None: there is no such limit."""
     return gap if limit is None else np.where(gap <= (1.0 + SAME_PLACE_IN_CELL) * limit, 0.0, gap)
 
@@ -262,7 +245,7 @@ def couple(
     used = [side.x[np.unique(side.nodes)] for side in (slave, master)]
     if reach is None:
         reach = default_reach(*used)
-    whole, directions = projected(slave, master, reach, comm, bonded=bonded, nominal=nominal)
+    whole, _ = projected(slave, master, reach, comm, bonded=bonded, nominal=nominal)
     tested, still = whole, whole.overlap.chosen(np.zeros(len(whole.overlap.slave), dtype=bool))
     if held is not None:
         tested, still = whole.parted(slave, master, held, comm)
@@ -290,16 +273,7 @@ def couple(
     if held is not None and whole is not tested:
         constrained_slaves = held.constrained_slaves(over_ranks(comm, whole.products(slave, master)[1]))
         constrained_slaves[nodes] = False
-    fixed, fixed_shares = None, None
-    if held is not None:
-        overlaps = whole.overlap, overlap
-        fixed = FixedDistances.of((slave, master), held, overlaps, tested.weighted, directions, comm)
-    if fixed is not None and not fixed.met.nnz:
-        fixed = None
-    if fixed is not None:
-        fixed_shares = scaled_rows(1.0 / (shares @ weight), shares @ fixed.met)
     if mine is not None:
-        fixed_shares = None if fixed_shares is None else sp.csr_array(fixed_shares[mine[nodes]])
         nodes, shares = nodes[mine[nodes]], sp.csr_array(shares[mine[nodes]])
     weight = shares @ weight
     scale = sp.diags_array(1.0 / weight)
@@ -325,11 +299,9 @@ def couple(
         covered=float(tested.area.sum()),
         still=still,
         constrained_slaves=constrained_slaves,
-        fixed=fixed,
-        fixed_shares=fixed_shares,
     )
     size = min(float(np.linalg.norm(np.ptp(x, axis=0))) for x in used)
-    if (deepest := parallel.largest(comm, -coupling.adjusted(None, (slave, master)), -np.inf)) > DEEPEST_OVERLAP * size:
+    if (deepest := parallel.largest(comm, -coupling.gap, -np.inf)) > DEEPEST_OVERLAP * size:
         raise PairingError(
             f"its facets lie up to {deepest:.3g} behind those of the other side, of a size of {size:.3g}: check the "
             "facets, and that the bodies do not lie inside each other"

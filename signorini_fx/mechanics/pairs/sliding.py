@@ -35,7 +35,6 @@ import scipy.sparse as sp
 from mpi4py import MPI
 
 from signorini_fx.mechanics.pairs.dual_functions import EvenRedistribution, HeldSides
-from signorini_fx.mechanics.pairs.fixed_distances import FixedDistances
 from signorini_fx.mechanics.pairs.mean_rotation import turning_blocks
 from signorini_fx.mechanics.pairs.mortar_coupling import projected
 from signorini_fx.mechanics.pairs.overlap_quadrature import Overlap
@@ -83,9 +82,6 @@ class SlidingCoupling:
         covered: share of the area of each node that sees the master, shape (n,).
         helpless: nodes that carry no point because both sides are held there, shape (h,).
         constrained_gap: of their functions, length, shape (h,).
-        fixed: where supports fix the distance of both sides; None: nowhere that points see.
-        fixed_shares: what distances there would add to the gaps, which do not count them, sparse, shape (n, k); None:
-            nothing.
         normal_rows: - dgap_i, from displacements of the nodes of both sides, those of the slave first, sparse, shape
             (n, d m).
         tangent_rows: the relative displacement along T_i, a row for each tangent of a point, shape (n (d - 1), d m).
@@ -104,21 +100,11 @@ class SlidingCoupling:
     covered: Array
     constrained_slaves: Indices
     constrained_gap: Array
-    fixed: FixedDistances | None
-    fixed_shares: sp.csr_array | None
     normal_rows: sp.csr_array
     tangent_rows: sp.csr_array
     centre: Array
     overlap: Overlap = field(repr=False)
     pieces: _TurningPieces | None = field(repr=False)
-
-    def fixed_part(self, allowance: Array) -> Array:
-        """What values at the nodes of the slave, shape (N,), would add to those of the points where supports fix the
-        distance, shape (n,).
-        """
-        if self.fixed is None:
-            return np.zeros(self.nodes.size)
-        return np.asarray(self.fixed_shares @ (self.fixed.slave @ allowance))
 
     def slip(self, begun: Frames) -> Array:
         """How far the points have slid since a step has begun, along T_i, length, shape (n, d - 1); of a point that had
@@ -222,7 +208,6 @@ def slide(
     unable: npt.NDArray[np.bool_],
     reach: float,
     held: HeldSides | None = None,
-    fixed: FixedDistances | None = None,
 ) -> SlidingCoupling:
     """The map of two deformed sides, in 3D of degree 1.
 
@@ -233,7 +218,6 @@ def slide(
         unable: nodes of the slave that cannot carry a point, shape (N,).
         reach: distance beyond which facets are no partners, length.
         held: nodes that supports hold; None: there are none.
-        fixed: see ``fixed_by_supports``; None: no distances.
 
     Raises:
         PairingError: a facet sees two sheets of the master.
@@ -244,7 +228,7 @@ def slide(
     weight, arms = tested.areas(slave, MPI.COMM_SELF), tested.arms(slave, master)
     sharing, opposite = tested.products(slave, master)
     constrained_slaves = np.zeros(len(slave.x), dtype=bool) if held is None else held.constrained_slaves(opposite)
-    movable = None if held is None else held.movable(opposite, None if fixed is None else fixed.held)
+    movable = None if held is None else held.movable(opposite)
     carriers = EvenRedistribution.of(slave, tested.covered, weight, unable, movable)
     nodes, shares = carriers.nodes, carriers.shares
     at = np.searchsorted(points, nodes)  # rows of points that have a partner
@@ -260,7 +244,6 @@ def slide(
     covered[at] = size / weights[at]
     weights[at] = size
     mean = placed_rows(scaled_rows(1.0 / size, shares), at, count)  # of moments of the functions
-    fixed_shares = None if fixed is None else sp.csr_array(mean @ fixed.met)
     of_whole = weight, [sharing, opposite]
     if held is not None and whole is not tested:
         of_whole = whole.areas(slave, MPI.COMM_SELF), whole.products(slave, master)
@@ -283,31 +266,15 @@ def slide(
         kind = PlanePieces if dim == 2 else SpacePieces
         under = kind.of(slave, master, tested, directions, mean)
         pieces, gaps = _TurningPieces(under, (slave, master), (sharing, opposite, tangents)), under.gap
-        if fixed is not None and fixed_shares is not None:
-            gaps = gaps - fixed_shares @ fixed.distance(slave.x, master.x)
         gap[at] = gaps[at]
         normal_rows = normal_rows - under.rows
     way = _way(tangents, sharing @ slave.x - opposite @ master.x)
     frames = Frames(sharing, opposite, tangents, way, partnered)
     centre = sharing @ slave.x + distance / 2
     rows = sp.csr_array(normal_rows), tangent_rows
-    idle = np.flatnonzero(constrained_slaves), unpaired_gap, fixed, fixed_shares
+    idle = np.flatnonzero(constrained_slaves), unpaired_gap
     place = centre, tested.overlap
     return SlidingCoupling(slave, master, points, weights, normals, gap, frames, covered, *idle, *rows, *place, pieces)
-
-
-def fixed_by_supports(slave: PairSurface, master: PairSurface, held: HeldSides, reach: float) -> FixedDistances | None:
-    """The distances that supports fix where both sides are; None: there are none.
-
-    Raises:
-        PairingError: see ``slide``.
-    """
-    if not (held.slave.any() and held.master.any()):
-        return None
-    both_sides, directions = projected(slave, master, reach, apart=True)
-    tested, _ = both_sides.parted(slave, master, held, MPI.COMM_SELF)
-    overlaps = both_sides.overlap, tested.overlap
-    return FixedDistances.of((slave, master), held, overlaps, tested.weighted, directions)
 
 
 def _gap_of_nodes(

@@ -144,7 +144,6 @@ class ContactNodes:
                 normal, bound = side.pair.normal, np.where(side.pair.facing, bound, 0.0)
                 if side.by_geometry:
                     gap = gap + side.pair.gap(side.adjust)
-                gap = gap - side.pair.fixed_gap(side.gap)
             columns.append((nodes, weight[nodes], normal, gap, bound, bilateral, pressure, shear))
         if parallel.any_rank(forces.space.mesh.comm, unmatched):
             raise ValueError("the tractions are not those of the contact nodes of the scene")

@@ -11,7 +11,6 @@ normals follow deformed sides, a rotation R leaves B R = - R d, as the distance 
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
@@ -26,6 +25,7 @@ from signorini_fx.mechanics.assembly.averages import from_owners, to_owners
 from signorini_fx.mechanics.assembly.mesh_entities import node_positions
 from signorini_fx.mechanics.obstacles.paired_points import PairedSides
 from signorini_fx.mechanics.obstacles.sliding_sides import SlidingSides
+from signorini_fx.mechanics.pairs.mortar_coupling import closed_within
 from signorini_fx.mechanics.pairs.sliding import SlidingCoupling
 from signorini_fx.mechanics.pairs.sparse_scaling import beside
 from signorini_fx.mechanics.rigid.rigid_motions import rigid_modes
@@ -73,15 +73,7 @@ class PairPoints:
         return comm
 
     def gap(self, adjust: float | None) -> Array:
-        """The distance of both sides along the normals without what supports fix, zero up to ``adjust``, length, shape
-        (n,).
-        """
-        raise NotImplementedError
-
-    def fixed_gap(self, allowance_at: Callable[[Any], Array]) -> Array:
-        """What the points do not count, as supports fix it, of a gap that the problem gives at nodes by their local
-        numbers, length, shape (n,).
-        """
+        """The distance of both sides along the normals, zero up to ``adjust``, length, shape (n,)."""
         raise NotImplementedError
 
     def relative(self, owned: Array) -> Array:
@@ -125,15 +117,6 @@ class PairPoints:
         met = np.asarray((abs(self.own) + abs(self.others)) @ reached_flags > 0)
         return np.asarray(met & self.facing[:, None])
 
-    def _at_owned(self, allowance_at: Callable[[Any], Array], nodes: npt.NDArray[np.int64]) -> Array:
-        """Values at the owned nodes, shape (owned nodes,), that are given at local nodes; zero at nodes whose global
-        numbers are not among ``nodes``.
-        """
-        first, last = self.space.dofmap.index_map.local_range
-        at_owned, here = np.zeros(last - first), nodes[(nodes >= first) & (nodes < last)] - first
-        at_owned[here] = allowance_at(here)
-        return at_owned
-
     def _areas(self) -> Array:
         """The share of each of the m nodes in the areas of the points of this rank, shape (m,): a node that moves a
         point by the turning of facets alone has a small one.
@@ -159,13 +142,10 @@ class FrozenPoints(PairPoints):
 
     Attributes:
         pair: both sides, with the normals of the displacement.
-        fixed_part: what of the relative displacement supports fix, with the other sign, sparse, shape (n d, m d); None:
-            nothing.
         named: the facets of both sides as the problem names them, owned, local numbers.
     """
 
     pair: PairedSides
-    fixed_part: Any
     named: tuple[Indices, Indices]
 
     @classmethod
@@ -198,23 +178,15 @@ class FrozenPoints(PairPoints):
             others=others,
             operator=sp.csr_array(relative + turning),
             pair=pair,
-            fixed_part=pair.fixed_rows,
             named=named,
         )
 
     def gap(self, adjust: float | None) -> Array:
-        return self.pair.coupling.adjusted(adjust, (self.pair.slave.surface, self.pair.master.surface))
-
-    def fixed_gap(self, allowance_at: Callable[[Any], Array]) -> Array:
-        return self.pair.fixed_gap(self._at_owned(allowance_at, self.pair.slave.nodes), self.comm)
+        return closed_within(self.pair.coupling.gap, adjust)
 
     def relative(self, owned: Array) -> Array:
-        """See ``PairPoints``, without what supports fix."""
         reached_values = from_owners(owned, self.reached, self.comm).ravel()
-        moved = np.asarray(self.operator @ reached_values)
-        if self.fixed_part is not None:
-            moved = moved + self.fixed_part @ reached_values
-        return moved.reshape(self.normal.shape)
+        return np.asarray(self.operator @ reached_values).reshape(self.normal.shape)
 
     def error(self) -> float:
         """See ``PairPoints``; both sides consist of the facets that the problem names, no fewer and no others."""
@@ -266,7 +238,7 @@ class SlidingPoints(PairPoints):
             else sides.gathered(function.x.array.reshape(-1, dim)[:owned])
             for function in ends
         )
-        here, before = ((at, _map_at(sides, at, begun)) for at in (now, begun))
+        here, before = ((at, sides.at(at)) for at in (now, begun))
         coupling, mine, frames = here[1], sides.mine, here[1].frames
         averages = sides.boundary(coupling).averages
         assert averages is not None
@@ -289,17 +261,11 @@ class SlidingPoints(PairPoints):
         """Zero: ``relative`` has it."""
         return np.zeros(self.points.size)
 
-    def fixed_gap(self, allowance_at: Callable[[Any], Array]) -> Array:
-        """See ``PairPoints``; the distance of both sides, without what supports fix, is in ``relative``."""
-        nodes = self.sides.slave.nodes
-        at_nodes = from_owners(self._at_owned(allowance_at, nodes)[:, None], nodes, self.comm)[:, 0]
-        return self.ends[0][1].fixed_part(at_nodes)[self.sides.mine]
-
     def relative(self, owned: Array) -> Array:
         """See ``PairPoints``: along the normal the distance, negative, and across it the slip since the step began."""
         values, (settled, before) = self.sides.gathered(owned), self.ends[1]
         known = next((coupling for at, coupling in self.ends if np.array_equal(at, values)), None)
-        coupling = _map_at(self.sides, values, settled) if known is None else known
+        coupling = self.sides.at(values) if known is None else known
         count = self.sides.slave.nodes.size
         places = self.sides.slave.surface.x + settled[:count], self.sides.master.surface.x + settled[count:]
         slip = self.sides.sliding_along(coupling, coupling.slip(coupling.started(before.frames, *places)))
@@ -332,11 +298,6 @@ class SlidingPoints(PairPoints):
         of_nodes = np.zeros((len(self.reached), 1))
         of_nodes[: len(self.sides.slave.nodes), 0] = 0.5 * self.sides.slave.surface.area
         return nodes, forces, np.maximum(area, self.sides.at_owned_nodes(of_nodes)[nodes, 0])
-
-
-def _map_at(sides: SlidingSides, displacement: Array, settled: Array) -> SlidingCoupling:
-    """The map at a displacement in a step that has begun at another one, length, shape (m, d)."""
-    return sides.at(displacement, sides.fixed_at(sides.carried_along(displacement, settled)))
 
 
 def _largest(values: Array) -> float:
