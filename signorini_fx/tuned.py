@@ -713,9 +713,8 @@ NEGLIGIBLE = 1e-3
 # A boundary is closed if the sum of its normals, by their areas, is a smaller share of its area: on straight facets of
 # unequal lengths it is no exact zero.  Choice.
 CLOSED_BOUNDARY = 0.01
-# A place so many facets away from a vertex is beside it; a gap or an overlap of bodies, or a step between their sides,
-# that is less than the second share of a facet is none.  Choice.
-BESIDE_VERTEX, NO_STEP = 1.01, 0.1
+# A place so many facets away from a vertex is beside it.  Choice.
+BESIDE_VERTEX = 1.01
 # Angles within a body that differ by less than these degrees are equal.  Choice.
 SAME_ANGLE = 1.0
 # Share of what has been added since the last factor by which a limit is passed to be proved: well above the round-off

@@ -1,4 +1,4 @@
-"""The effects of a scene, its cost and its mistakes, before the scene is solved.
+"""What acts in a scene, its cost and its mistakes, before the scene is solved.
 
 Nothing is solved and no stiffness is assembled.  The forms of the loads and of the contact boundaries are compiled and
 assembled as the solver does, so that every error that the solver would find in the scene or its mesh is found here.
@@ -17,7 +17,6 @@ from mpi4py import MPI
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.discretisation import prepare
 from signorini_fx.mechanics.model import Model
-from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.records import Finding, Timings
 from signorini_fx.scenes.hierarchy import coarser_scenes, scene_on
 from signorini_fx.scenes.mesh import load_mesh
@@ -29,22 +28,7 @@ from signorini_fx.solving.check.petsc_options import refuse_mistyped
 from signorini_fx.solving.check.planned import attempts_for
 from signorini_fx.solving.check.refusals import refuse_beforehand
 from signorini_fx.solving.check.uniqueness import uniqueness_findings
-from signorini_fx.tuned import LOCKING_POISSON, NO_FORCE
-
-
-@dataclass(frozen=True)
-class ListedEffect:
-    """One effect that a scene can list.
-
-    Attributes:
-        name: what it is and where.
-        on: whether it is active.
-        why: the reason, in the terms of the scene.
-    """
-
-    name: str
-    on: bool
-    why: str
+from signorini_fx.tuned import NO_FORCE
 
 
 @dataclass(frozen=True)
@@ -53,14 +37,14 @@ class Check:
 
     Attributes:
         title: of the scene.
-        effects: every kind of effect, on or off.
+        acts: what acts, each in words.
         cost: an estimate.
         findings: warnings and notes.
         plan: what will be tried for what, in order, and how many linear solves that may take, see ``attempts_for``.
     """
 
     title: str
-    effects: tuple[ListedEffect, ...]
+    acts: tuple[str, ...]
     cost: Cost
     findings: tuple[Finding, ...] = field(default=())
     plan: tuple[tuple[str, tuple[str, ...], str], ...] = ()
@@ -76,7 +60,7 @@ class Check:
 
 
 def check_scene(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD, *, uniqueness: bool = False) -> Check:
-    """Validate a scene together with its mesh, and report its effects; collective, the same on every rank.
+    """Validate a scene together with its mesh, and report what acts; collective, the same on every rank.
 
     Args:
         scene: the scene.
@@ -101,7 +85,7 @@ def check_scene(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD, *, uniqueness: bo
     findings += uniqueness_findings(model) if uniqueness else []
     return Check(
         scene.title,
-        tuple(_effects(model, compared=compared)),
+        _acting(model, compared=compared),
         cost,
         tuple(findings),
         attempts_for(scene.statement),
@@ -111,15 +95,14 @@ def check_scene(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD, *, uniqueness: bo
 def _nonlinear(scene: Scene, comm: MPI.Comm) -> Check:
     """See ``check_scene``: of a scene with nonlinear materials, whose modules are imported for it alone."""
     from signorini_fx.scenes.nonlinear import linear_body
-    from signorini_fx.scenes.nonlinear_check import newton_cost, newton_effects, newton_plan
+    from signorini_fx.scenes.nonlinear_check import newton_acting, newton_cost, newton_plan
 
     timings = Timings()
     model = linear_body(scene, comm, timings)
     cost, statement = newton_cost(estimated_cost(model), scene.statement.expected_steps), scene.statement
-    listed = _effects(replace(model, statement=statement), compared=False)
-    effects = newton_effects(statement, model, listed)
+    acting = newton_acting(statement, model, _acting(replace(model, statement=statement), compared=False))
     findings = (*memory_finding(cost, comm), *nonlinear_findings(statement, model))
-    return Check(scene.title, effects, cost, findings, newton_plan())
+    return Check(scene.title, acting, cost, findings, newton_plan())
 
 
 def _validated(scene: Scene, comm: MPI.Comm) -> Model:
@@ -134,68 +117,36 @@ def _validated(scene: Scene, comm: MPI.Comm) -> Model:
     return model
 
 
-# --- effects ---------------------------------------------------------------------------------------------------------
-
-
-def _effects(model: Model, *, compared: bool) -> list[ListedEffect]:
-    """Every kind of effect, on or off; ``compared``: whether there are several meshes; collective."""
+def _acting(model: Model, *, compared: bool) -> tuple[str, ...]:
+    """What acts, each in words; ``compared``: whether there are several meshes; collective."""
     statement = model.statement
-    effects = [
-        ListedEffect("elasticity", True, f"always; {model.kinematics.words}"),
-        *_materials(statement),
-        _reduced(model),
-    ]
-    if model.elastic.pressed:
-        why = f"volumetric = {statement.element.volumetric!r}"
-        effects.append(ListedEffect("pressure of the mixed element", True, why))
+    acting = [f"elasticity ({model.kinematics.words})"]
+    if len(statement.material) > 1:
+        acting.append(f"several materials ({', '.join(str(material.region) for material in statement.material)})")
+    acting += [f"{one.words} ({one.region or 'everywhere'}: {one.said})" for one in statement.material if one.said]
+    acting += ["reduced integration"] * (model.elastic.reduced is not None)
+    acting += ["pressure of the mixed element"] * model.elastic.pressed
+    acting += _contacts(model)
+    if statement.expected_steps > 1:
+        automatic = statement.automatic_steps is not None
+        acting.append(f"{'about ' if automatic else ''}{statement.expected_steps} load steps")
     for key, entries in statement.effects.items():
         if key not in ("material", "contact"):
-            effects += [ListedEffect(effect.name, effect.acts, effect.said or "it is 0") for effect in entries] or [
-                ListedEffect(key.replace("_", " "), False, f"no {statement.heading(key)}")
-            ]
-    effects += _contacts(model)
-    numbers = {len(load.factors) for load in statement.loads if load.factors is not None}
-    why = f"factors: {', '.join(map(str, numbers))} each" if numbers else "no factors"
-    if statement.automatic_steps is not None:
-        why += f", about {statement.expected_steps} load steps"
-    solver, contact = statement.solver, model.boundary is not None
-    to_stop = solver.algorithm == "path-following" and solver.regularisation_error == "auto"
-    levels = f"levels = {solver.levels}"
-    return [
-        *effects,
-        ListedEffect("load steps", statement.expected_steps > 1, why),
-        ListedEffect(
-            "error estimate", contact and (to_stop or compared), f"algorithm = {solver.algorithm!r}, {levels}"
-        ),
-        ListedEffect("nested iteration", contact and solver.levels > 1, levels),
-    ]
+            acting += [f"{effect.name} ({effect.said})" for effect in entries if effect.acts]
+    solver = statement.solver
+    if model.boundary is not None:
+        to_stop = solver.algorithm == "path-following" and solver.regularisation_error == "auto"
+        acting += ["error estimate"] * (to_stop or compared)
+        acting += [f"nested iteration (levels = {solver.levels})"] * (solver.levels > 1)
+    return tuple(acting)
 
 
-def _materials(statement: Statement) -> list[ListedEffect]:
-    several = len(statement.material) > 1
-    why = ", ".join(str(m.region) for m in statement.material) if several else "one [[material]]"
-    return [ListedEffect("several materials", several, why)] + [
-        ListedEffect(material.words, True, f"{material.region or 'everywhere'}: {material.said}")
-        for material in statement.material
-        if material.said
-    ]
-
-
-def _reduced(model: Model) -> ListedEffect:
-    setting = model.statement.element.volumetric
-    on = model.elastic.reduced is not None
-    why = f"volumetric = {setting!r}"
-    if setting == "auto":
-        why += f", some nu >= {LOCKING_POISSON:g}" if on else f", no nu >= {LOCKING_POISSON:g}, or linear triangles"
-    return ListedEffect("reduced integration", on, why)
-
-
-def _contacts(model: Model) -> list[ListedEffect]:
-    contacts = model.statement.contact
+def _contacts(model: Model) -> list[str]:
+    """Contact boundaries with their nodes, gaps and friction."""
     if model.boundary is None:
-        return [ListedEffect("contact", False, "no [[contact]]"), ListedEffect("friction", False, "no [[contact]]")]
-    effects = []
-    for index, effect in enumerate(contacts):
+        return []
+    acting = []
+    for index, effect in enumerate(model.statement.contact):
         count = int(parallel.global_sum(model.boundary.comm, np.array(np.count_nonzero(model.boundary.part == index))))
         against = "" if effect.against is None else f"against {effect.against}, "
         description = f"{effect.kind}, {against}{count} nodes"
@@ -203,10 +154,9 @@ def _contacts(model: Model) -> list[ListedEffect]:
             description += f"; {effect.foundation.said}; at a distance from {_gaps(model, index)}"
         if effect.tool is not None:
             description += "; gap and normals stay where it is given"
-        effects.append(ListedEffect(f"contact {effect.boundary}", True, description))
-    return effects + [
-        ListedEffect(f"friction {effect.boundary}", effect.friction.acts, effect.friction.said) for effect in contacts
-    ]
+        acting.append(f"contact {effect.boundary} ({description})")
+        acting += [f"friction {effect.boundary} ({effect.friction.said})"] * effect.friction.acts
+    return acting
 
 
 def _gaps(model: Model, index: int) -> str:

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, TypeVar
 
 from signorini_fx.forms.nonlinear.problem import MOST_ITERATIONS
 from signorini_fx.mechanics.body.nonlinear_law import volume_degree
@@ -15,31 +13,25 @@ from signorini_fx.scenes.nonlinear import ProblemOfScene
 from signorini_fx.solving.check.cost import Cost
 from signorini_fx.tuned import NEWTON_SOLVES
 
-# A ``checks.ListedEffect``, which is not imported: ``checks`` asks this module.
-Effect = TypeVar("Effect", bound=Any)
 
-
-def newton_effects(statement: Statement, body: Model, listed: Sequence[Effect]) -> tuple[Effect, ...]:
-    """The effects of a scene with its body as it is solved, after all its checks; collective.
+def newton_acting(statement: Statement, body: Model, acting: tuple[str, ...]) -> tuple[str, ...]:
+    """What acts in a scene with its body as it is solved, after all its checks; collective.
 
     Args:
         statement: of the scene.
         body: the linear one that it is at small strains.
-        listed: the effects, as of that body.
+        acting: what acts on that body, itself first.
 
     Raises:
         SceneError: a setting or a shape does not fit.
     """
     ProblemOfScene.of(statement, body, History())
-    large = statement.finite_strains
-    kind = f"{statement.kinematics_in(body.tagged.dimension).words}, {'finite' if large else 'small'} strains"
+    strains = "finite" if statement.finite_strains else "small"
     inner = " with the contact problem of its tangent in each iteration" if statement.contact else ""
-    why = f"always; {kind}, Newton's method{inner}"
-    changed: dict[str, dict[str, Any]] = {
-        "elasticity": {"name": "nonlinear body", "why": why},
-        "reduced integration": {"on": volume_degree(statement, body.tagged) is not None},
-    }
-    return tuple(replace(effect, **changed.get(effect.name, {})) for effect in listed)
+    kind = statement.kinematics_in(body.tagged.dimension).words
+    reduced = ["reduced integration"] * (volume_degree(statement, body.tagged) is not None)
+    others = [one for one in acting[1:] if one != "reduced integration"]
+    return f"nonlinear body ({kind}, {strains} strains, Newton's method{inner})", *reduced, *others
 
 
 def newton_cost(linear: Cost, steps: int) -> Cost:

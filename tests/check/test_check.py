@@ -356,7 +356,7 @@ def test_check_is_the_same_on_every_rank():
     """And on any number of them, but for the linear algebra."""
     data = block(**FREE, **coulomb(2.0), traction={"boundary": "top", "x": 10.0, "y": 1.0})
     shared, own = check_scene(data, MPI.COMM_WORLD), check(data)
-    assert shared.effects == own.effects
+    assert shared.acts == own.acts
     assert shared.findings == own.findings
     assert len(set(MPI.COMM_WORLD.allgather(str(shared)))) == 1
 

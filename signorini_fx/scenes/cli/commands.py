@@ -178,7 +178,7 @@ def sweep(options: argparse.Namespace) -> int:
 
 
 def check(options: argparse.Namespace) -> int:
-    """Print the effects, cost and findings of a scene, without solving it."""
+    """Print what acts in a scene, its cost and findings, without solving it."""
     from mpi4py import MPI
 
     from signorini_fx.machine import parallel
@@ -186,7 +186,7 @@ def check(options: argparse.Namespace) -> int:
     comm = MPI.COMM_WORLD
     try:
         scene = _read_scene(options)
-        from signorini_fx.scenes.check_text import render, short_text
+        from signorini_fx.scenes.check_text import text_of
         from signorini_fx.scenes.checks import check_scene
         from signorini_fx.scenes.mesh import load_mesh
 
@@ -199,7 +199,7 @@ def check(options: argparse.Namespace) -> int:
             report = {"problems": [{"path": path, "message": message} for path, message in problems]}
             parallel.log_on_root(comm, json.dumps(report, indent=2))
         raise
-    text = render(checked) if options.verbose else short_text(checked)
+    text = text_of(checked, verbose=options.verbose)
     parallel.log_on_root(comm, json.dumps(checked.as_dict(), indent=2) if options.json else text)
     return EXIT_OK
 
