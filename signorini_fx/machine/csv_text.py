@@ -1,4 +1,4 @@
-"""CSV files, and names in them: a spreadsheet would compute what begins like a formula, wherever a name comes from."""
+"""CSV files."""
 
 from __future__ import annotations
 
@@ -14,20 +14,6 @@ from signorini_fx.machine.terminal import printable
 
 # The columns of a table by name, arrays of one entry per row.
 Table = Mapping[str, Any]
-# What begins a formula in Excel, LibreOffice or Google Sheets; the apostrophe is their sign for text.
-_FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n")
-_TEXT = "'"
-
-
-def as_text(name: str) -> str:
-    """A name without control characters, with an apostrophe where it would be a formula, or seems to have got one."""
-    name = printable(name)
-    return f"{_TEXT}{name}" if name.lstrip(_TEXT).startswith(_FORMULA) else name
-
-
-def as_name(text: str) -> str:
-    """The name that ``as_text`` was given."""
-    return text[len(_TEXT) :] if text.startswith(_TEXT) and text.lstrip(_TEXT).startswith(_FORMULA) else text
 
 
 def write_csv(path: Path, rows: Iterable[Mapping[str, Any]]) -> None:
@@ -38,7 +24,7 @@ def write_csv(path: Path, rows: Iterable[Mapping[str, Any]]) -> None:
 
 
 def write_columns(path: Path, columns: Table) -> None:
-    """Columns of equal length; numbers with all digits, and names as text that no spreadsheet takes for a formula.
+    """Columns of equal length; numbers with all digits, names without control characters.
 
     A table without rows becomes an empty file.
     """
@@ -53,6 +39,5 @@ def _cells(column: Sequence[Any]) -> list[Any]:
     """The values of a column as they are written in a CSV file."""
     values = column.tolist() if isinstance(column, np.ndarray) else column
     values = [value.item() if isinstance(value, np.generic) else value for value in values]
-    texts = {name: as_text(name) for name in {value for value in values if isinstance(value, str)}}
     # A zero is added: no minus zero.
-    return [texts[v] if isinstance(v, str) else v + 0.0 if isinstance(v, float) else v for v in values]
+    return [printable(v) if isinstance(v, str) else v + 0.0 if isinstance(v, float) else v for v in values]

@@ -4,7 +4,6 @@ Each entry of the lists is a mistake that somebody made once; generated cases tr
 """
 
 import argparse
-import csv
 import json
 import os
 import resource
@@ -22,8 +21,7 @@ from petsc4py import PETSc
 from signorini_fx.algebra.linalg import petsc_options
 from signorini_fx.errors import MachineError, MeshError, OptionsError, SceneError
 from signorini_fx.forms.options import applied
-from signorini_fx.machine import compilation, petsc_start, requirements, result_files
-from signorini_fx.machine.csv_text import write_csv
+from signorini_fx.machine import compilation, petsc_start, requirements
 from signorini_fx.mechanics.mesh.files.formats import read_file
 from signorini_fx.results.folder import ResultFolder
 from signorini_fx.scenes import cli
@@ -379,17 +377,6 @@ def test_report_of_nested_json(tmp_path, run, text):
     assert code == 2
     assert len(errors.splitlines()) == 1
     assert "give a folder" in errors or "solve again" in errors
-
-
-@pytest.mark.parametrize("name", ["=cmd|' /C calc'!A0", "+1+1", "-1", "@SUM(A1)", "\tx", "'=x", "'", "-", "bottom"])
-def test_formula(tmp_path, name):
-    """A spreadsheet takes it for text, our own reader for the name; numbers are as they were."""
-    rows = [{"x": -1.5, "boundary": name, "count": -3, "u": np.float64(-2e-300)}]
-    write_csv(tmp_path / "a.csv", rows)
-    (row,) = csv.DictReader((tmp_path / "a.csv").read_text().splitlines())
-    assert not row["boundary"].startswith(("=", "+", "-", "@", "\t", "\r"))
-    assert (row["x"], row["count"], row["u"]) == ("-1.5", "-3", "-2e-300")
-    assert result_files.read_csv(tmp_path / "a.csv")["boundary"].tolist() == [name]
 
 
 @pytest.mark.mpi

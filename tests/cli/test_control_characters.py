@@ -5,7 +5,6 @@ import pytest
 from signorini_fx.addons.pictures.style import plain
 from signorini_fx.addons.report.templating import part
 from signorini_fx.machine import terminal
-from signorini_fx.machine.csv_text import as_text
 from signorini_fx.machine.display import html_table
 from signorini_fx.machine.terminal import TerminalLine, printable
 from signorini_fx.results.files import _for_json
@@ -19,7 +18,6 @@ CLEAN = "A31mbeam"
     [
         lambda: printable(EVIL),
         lambda: TerminalLine(f"{EVIL}: ", EVIL).broken(80, colours=False).replace(": ", "").replace(CLEAN * 2, CLEAN),
-        lambda: as_text(EVIL),
         lambda: str(part("paragraph", EVIL)).removeprefix("<p>").removesuffix("</p>"),
         lambda: plain(EVIL),
         lambda: _for_json({EVIL: [EVIL]})[CLEAN][0],
