@@ -33,12 +33,12 @@ def by_axis(key: str, values: Sequence[Any], names: Sequence[str]) -> dict[str, 
     return columns
 
 
-def turnings(solution: Any) -> list[tuple[str, Any]]:
-    """The ``closed_boundaries.Turning`` of each boundary that closes around a body, with its name if sums mean nothing;
+def closed_boundaries(solution: Any) -> list[tuple[str, Any]]:
+    """The ``ContactFigures`` of each boundary that closes around a body, with its name if sums mean nothing;
     collective.
     """
     names = of_boundaries(solution.statement)
     if solution.contact is None or not (names or len(solution.statement.contact) == 1):
         return []
-    each = zip(names or [""], solution.turnings, strict=True)
-    return [(name, turning) for name, turning in each if turning is not None]
+    each = zip(names or [""], solution.contact_figures, strict=True)
+    return [(name, figures) for name, figures in each if figures.friction_moment is not None]

@@ -1,4 +1,9 @@
-"""Each contact boundary in figures: area, pressure and friction."""
+"""Each contact boundary in figures: area, pressure and friction.
+
+Where a boundary closes around a body, such as the seat of a hub on its shaft, its pressures balance each other, and its
+shears may turn the body without pushing it: the resultants are round-off then, while the moment of friction about the
+middle of the boundary is what the fit is made for.
+"""
 
 from __future__ import annotations
 
@@ -10,9 +15,9 @@ from mpi4py import MPI
 
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
+from signorini_fx.mechanics.kinematics import CARTESIAN
 from signorini_fx.mechanics.statement.statement import Statement
-from signorini_fx.results.closed_boundaries import one_or_three, turning_of
-from signorini_fx.tuned import ZERO_IN_SOLUTION
+from signorini_fx.tuned import CLOSED_BOUNDARY, ZERO_IN_SOLUTION
 
 Array = npt.NDArray[np.float64]
 
@@ -35,9 +40,10 @@ class ContactFigures:
         friction_limit: integral of the friction bound, a force: F N for Coulomb friction with one coefficient, the
             bound times the area for Tresca friction, which acts on open nodes too; infinite for a bond.  Of friction
             with a direction the largest resultant in the direction of this one; in any direction, if there is none.
-        friction_moment: of a boundary that closes around a body, the moment of friction about its middle, see
-            ``Turning``; a number in 2D, shape (3,) in 3D; None of others.
-        moment_limit: the largest possible value of its size; None likewise.
+        friction_moment: of a boundary that closes around a body, the moment of friction on the body of this boundary
+            about its middle, force times length; a number in 2D (counterclockwise), shape (3,) in 3D; None of others.
+        moment_limit: the largest moment that the friction bounds allow in that direction; infinite for a bond; None
+            likewise.
     """
 
     boundary: str
@@ -64,8 +70,9 @@ def contact_figures(statement: Statement, contact: ContactState) -> list[Contact
     boundary, comm = contact.boundary, contact.boundary.comm
     shear = -boundary.nodal_forces(np.zeros_like(contact.pressure), contact.shear)
     figures = []
-    turnings = turning_of(statement, contact)
-    for part, (effect, turning) in enumerate(zip(statement.contact, turnings, strict=True)):
+    uniform = statement.kinematics.uniform and boundary.kinematics.uniform
+    for part, effect in enumerate(statement.contact):
+        moment, moment_limit = _moment_about_middle(contact, part) if uniform else (None, None)
         on_part = boundary.part == part
         weight, pressure = boundary.weight[on_part], contact.pressure[on_part]
         closed = contact.in_contact[on_part]
@@ -94,11 +101,33 @@ def contact_figures(statement: Statement, contact: ContactState) -> list[Contact
                 max_pressure=parallel.largest(comm, pressure, -np.inf),
                 tangential_force=tangential,
                 friction_limit=limit,
-                friction_moment=None if turning is None else one_or_three(turning.moment),
-                moment_limit=None if turning is None else turning.limit,
+                friction_moment=moment,
+                moment_limit=moment_limit,
             )
         )
     return figures
+
+
+def _moment_about_middle(contact: ContactState, part: int) -> tuple[float | list[float] | None, float | None]:
+    """See ``ContactFigures``; None and None: the boundary is not closed; collective."""
+    boundary, comm = contact.boundary, contact.boundary.comm
+    on_part = boundary.part == part
+    weight, x, normal = boundary.weight[on_part], boundary.centre[on_part], boundary.normal[on_part]
+    dim = x.shape[1]
+    total = parallel.global_sum(comm, weight @ np.column_stack((x, normal, np.ones(len(x)))))
+    area = float(total[-1])
+    if not np.linalg.norm(total[dim:-1]) < CLOSED_BOUNDARY * area:
+        return None, None
+    arm = x - total[:dim] / area
+    force = -boundary.nodal_forces(np.zeros_like(contact.pressure), contact.shear)[on_part]
+    moment = parallel.global_sum(comm, CARTESIAN[dim].turned(arm, force).sum(axis=0))
+    size = float(np.linalg.norm(moment))
+    turn = moment / size if size > 0 else np.eye(len(moment))[-1]
+    way = np.column_stack((-arm[:, 1], arm[:, 0])) * turn if dim == 2 else np.cross(turn, arm)
+    reach = np.linalg.norm(np.einsum("nij,ni->nj", boundary.tangents[on_part], way), axis=1)
+    largest_moments = weight * np.where(reach > 0, contact.bound[on_part] * reach, 0.0)
+    limit = float(parallel.global_sum(comm, np.array(largest_moments.sum())))
+    return float(moment[0]) if moment.size == 1 else moment.tolist(), limit
 
 
 def _largest_resultant(tangents: Array, bound: Array, resultant: Array, comm: MPI.Comm) -> float:

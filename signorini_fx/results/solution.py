@@ -29,7 +29,6 @@ from signorini_fx.results.accuracy.next_accuracy import NAMES, CostOfAccuracy, n
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery
 from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.results.certificate.contact_nodes import ContactSide
-from signorini_fx.results.closed_boundaries import Turning, turning_of
 from signorini_fx.results.contact_boundaries import ContactFigures, contact_figures
 from signorini_fx.results.contact_fields import BoundaryFields, boundary_fields
 from signorini_fx.results.friction_used import friction_used
@@ -324,13 +323,6 @@ class Solution:
     def contact_figures(self) -> list[ContactFigures]:
         """Area and forces of each contact boundary, in the order of the scene; none without contact; collective."""
         return [] if self.contact is None else contact_figures(self.statement, self.contact)
-
-    @cached_property
-    def turnings(self) -> list[Turning | None]:
-        """Friction on each contact boundary that closes around a body, None for others; none without contact;
-        collective.
-        """
-        return [] if self.contact is None else turning_of(self.statement, self.contact)
 
     def bounds(self, text: str) -> Interval | str:
         """Guaranteed bounds of a quantity, or why there are none; collective.

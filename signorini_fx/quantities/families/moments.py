@@ -12,7 +12,7 @@ from signorini_fx.machine.terminal import TerminalLine
 from signorini_fx.quantities.kinds import Point, Vector
 from signorini_fx.quantities.quantity import Quantity, Summary
 from signorini_fx.quantities.requests import axis_of, contact_of
-from signorini_fx.quantities.step_columns import by_axis, turnings
+from signorini_fx.quantities.step_columns import by_axis, closed_boundaries
 from signorini_fx.quantities.text import resultant, row
 
 if TYPE_CHECKING:
@@ -73,10 +73,8 @@ class FrictionMoment(_Moment):
         """See ``Quantity``; of boundaries that close around a body about their middle."""
         return {
             name: value
-            for boundary, turning in turnings(solution)
-            for name, value in by_axis(
-                self.key, [turning.moment if turning.moment.size > 1 else turning.moment[0]], [boundary]
-            ).items()
+            for boundary, figures in closed_boundaries(solution)
+            for name, value in by_axis(self.key, [figures.friction_moment], [boundary]).items()
         }
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from signorini_fx.quantities.digits import solved_prices
 from signorini_fx.quantities.quantity import Card, Quantity, Summary
 from signorini_fx.quantities.requests import contact_of, power_of
-from signorini_fx.quantities.step_columns import by_axis, turnings
+from signorini_fx.quantities.step_columns import by_axis, closed_boundaries
 from signorini_fx.quantities.text import has_friction
 
 if TYPE_CHECKING:
@@ -33,8 +33,8 @@ class PressureIntegral(Quantity):
         """See ``Quantity``; of boundaries that close around a body, where the force is zero."""
         return {
             name: value
-            for boundary, turning in turnings(solution)
-            for name, value in by_axis(self.key, [turning.pressure_integral], [boundary]).items()
+            for boundary, figures in closed_boundaries(solution)
+            for name, value in by_axis(self.key, [figures.pressure_integral], [boundary]).items()
         }
 
 
