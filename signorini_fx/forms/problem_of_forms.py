@@ -102,7 +102,7 @@ class ProblemOfForms:
         folder: str | Path,
         *,
         title: str = "",
-        fields: bool | str = True,
+        fields: bool = True,
         pictures: bool | Sequence[str] = True,
         pdf: bool = False,
         report: bool = False,

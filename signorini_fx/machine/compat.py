@@ -11,7 +11,7 @@ import mpi4py.MPI  # noqa: F401  # before dolfinx, which finds MPI once it is lo
 import numpy as np
 import numpy.typing as npt
 import ufl
-from dolfinx import __version__, common, cpp, fem, mesh
+from dolfinx import __version__, cpp, fem, mesh
 
 from signorini_fx.machine.fenicsx import needs_fenicsx
 
@@ -120,11 +120,6 @@ def facet_mesh(domain: mesh.Mesh, facets: npt.NDArray[np.int32]) -> tuple[mesh.M
     return made, np.asarray(cells, dtype=np.int32)
 
 
-def has_vtx() -> bool:
-    """Whether fields can be written with ADIOS2 (VTXWriter)."""
-    return bool(common.has_adios2)
-
-
 __all__ = [
     "VERSION",
     "facet_mesh",
@@ -133,7 +128,6 @@ __all__ = [
     "geometry_degree",
     "geometry_element",
     "geometry_in_space",
-    "has_vtx",
     "interpolation_points",
     "shared_facet_partitioner",
     "topology",

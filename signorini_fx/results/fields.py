@@ -2,114 +2,56 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from dolfinx import fem, io
+from dolfinx import fem
 from dolfinx.plot import vtk_mesh
 
-from signorini_fx.machine import compat, parallel
-from signorini_fx.machine.fenicsx import needs_fenicsx
+from signorini_fx.machine import parallel
 from signorini_fx.results.solution import Solution
 from signorini_fx.results.vtu import bytes_of, write_vtu
 
 Array = npt.NDArray[Any]
-FORMATS = ("vtu", "vtx")
-# All fields, of which a result has some.
-FIELDS = (
-    *("displacement", "stress", "von_mises", "principal_stresses", "density", "plastic_strain"),
-    *("recovered_stress", "recovered_von_mises"),
-)
-# The files of VTU: that of a result without load steps, and with them their list and the folder of one for each.
+# The file of a result without load steps, and with them their list and the folder of one for each.
 VTU, VTU_STEPS, VTU_FOLDER = "fields.vtu", "fields.pvd", "fields"
-# Beside the folders of VTX; "vtu" is one that earlier versions wrote.
-FIELD_FILES = (VTU, VTU_STEPS, VTU_FOLDER, "vtu")
-_BYTES_PER_RANK = 200_000  # what ADIOS2 writes about itself, for all files together
+FIELD_FILES = (VTU, VTU_STEPS, VTU_FOLDER)
 _COMPONENTS = (3, 9, 1, 3, 1, 9, 1)  # of the fields in 3D, more than those of nonlinear materials
 
 
-def chosen_format(fields: bool | str) -> str | None:
-    """The format of the fields: VTU unless VTX is asked for; None: none.
-
-    Args:
-        fields: whether to write any, or one of ``FORMATS``.
-
-    Raises:
-        ValueError: there is no such format.
-        InstallationError: dolfinx cannot write it.
-    """
-    if isinstance(fields, bool):
-        return "vtu" if fields else None
-    if fields not in FORMATS:
-        raise ValueError(f"fields: True, False, 'vtu' or 'vtx' is expected, got {fields!r}")
-    if fields == "vtx" and not compat.has_vtx():
-        raise needs_fenicsx("this dolfinx has no ADIOS2, which fields in the format vtx need; take vtu")
-    return fields
-
-
-def size_of_fields(solution: Solution, kind: str) -> float:
+def size_of_fields(solution: Solution) -> float:
     """About how many bytes the fields take, rather too many: points, cells and values of each file."""
-    model = solution.model
-    topology = model.tagged.mesh.topology
+    topology = solution.model.tagged.mesh.topology
     cells = topology.index_map(topology.dim).size_global
-    corners = int(model.space.dofmap.list.shape[1])
-    if kind == "vtu":
-        text = 4000.0  # about the numbers
-        return len(solution.shown_steps) * (text + bytes_of(cells * corners, cells, corners, sum(_COMPONENTS)))
-    cell = 8 * (corners + 1)
-    continuous = model.dofs // model.tagged.mesh.geometry.dim * (2 * 3 * 8 + 9) + cells * cell
-    broken = sum(cells * (corners * (3 * 8 + 8 * components + 9) + cell) for components in _COMPONENTS[1:])
-    return len(solution.shown_steps) * (continuous + broken) + _BYTES_PER_RANK * solution.comm.size
+    corners = int(solution.model.space.dofmap.list.shape[1])
+    text = 4000.0  # about the numbers
+    return len(solution.shown_steps) * (text + bytes_of(cells * corners, cells, corners, sum(_COMPONENTS)))
 
 
-def write_fields(solution: Solution, folder: Path, kind: str) -> list[str]:
-    """Displacement, stresses and shear energy density; collective.
+def write_fields(solution: Solution, folder: Path) -> list[str]:
+    """Displacement, stresses and shear energy density in one file, with points of its own in each cell, as raw stresses
+    jump; collective.
 
-    With load steps there are those of all with a solution, at their times.  The stress is a tensor with nine
-    components, which ParaView takes for one, in 2D too.
+    With load steps there is one file for each with a solution, and their list with their times.  The stress is a tensor
+    with nine components, which ParaView takes for one, in 2D too.
 
     Args:
         solution: what to write.
         folder: where.
-        kind: ``vtu``: all of them in one file, with points of its own in each cell, as raw stresses jump; ``vtx``: a
-            folder of ADIOS2 for each field.
 
     Returns:
         Names of the files.
     """
-    moments = [solution.at(step) for step in solution.shown_steps]
-    if kind == "vtu":
-        return _write_vtu(solution, moments, folder)
-    times = [step.time for step in solution.shown_steps] if solution.statement.several_steps else [0.0]
-    written = _fields(moments[0])
-    files = [f"{name}.bp" for name in written]
-    with ExitStack() as stack:
-        writers = [
-            stack.enter_context(io.VTXWriter(solution.comm, folder / file, [function], engine="BP4"))
-            for file, function in zip(files, written.values(), strict=True)
-        ]
-        for moment, time in zip(moments, times, strict=True):
-            for name, function in _fields(moment).items():
-                written[name].x.array[:] = function.x.array
-            for writer in writers:
-                writer.write(time)
-    return files
-
-
-def _write_vtu(solution: Solution, moments: Sequence[Solution], folder: Path) -> list[str]:
-    """One file, or one for each load step and their list; collective."""
     if not solution.statement.several_steps:
-        write_vtu(folder / VTU, solution.comm, *_grid(moments[0]))
+        write_vtu(folder / VTU, solution.comm, *_grid(solution.at(solution.last_step)))
         return [VTU]
     parallel.on_root(solution.comm, lambda: (folder / VTU_FOLDER).mkdir())
     rows = []
-    for step, moment in zip(solution.shown_steps, moments, strict=True):
+    for step in solution.shown_steps:
         name = f"{VTU_FOLDER}/{step.step:04d}.vtu"
-        write_vtu(folder / name, solution.comm, *_grid(moment))
+        write_vtu(folder / name, solution.comm, *_grid(solution.at(step)))
         rows.append(f'<DataSet timestep="{step.time!r}" file="{name}"/>')
     text = "\n".join(['<VTKFile type="Collection" version="1.0"><Collection>', *rows, "</Collection></VTKFile>", ""])
     parallel.on_root(solution.comm, lambda: (folder / VTU_STEPS).write_text(text, encoding="utf-8"))
@@ -137,10 +79,8 @@ def _grid(moment: Solution) -> tuple[Array, Array, int, dict[str, Array]]:
 
 
 def _fields(solution: Solution) -> dict[str, fem.Function]:
-    """Every field under its name; in functions of their own, which may be overwritten; collective."""
-    displacement = fem.Function(solution.displacement.function_space, name=solution.displacement.name)
-    displacement.x.array[:] = values = solution.displacement.x.array
-    fields = {"displacement": displacement}
+    """Every field under its name; collective."""
+    fields = {"displacement": solution.displacement}
     if (stress := solution.known_stress) is None:
         return fields
     fields |= {"stress": stress.tensor, "von_mises": stress.von_mises, "principal_stresses": stress.principal}
@@ -149,7 +89,7 @@ def _fields(solution: Solution) -> dict[str, fem.Function]:
     if stress.plastic_strain is not None:
         fields["plastic_strain"] = stress.plastic_strain
     # The same fields in all load steps: those of recovery need finite values, which only a failed first step lacks.
-    if stress.recovers and not parallel.any_rank(solution.comm, not np.isfinite(values).all()):
+    if stress.recovers and not parallel.any_rank(solution.comm, not np.isfinite(solution.displacement.x.array).all()):
         fields |= {"recovered_stress": stress.recovered.tensor, "recovered_von_mises": stress.recovered.von_mises}
     return fields
 

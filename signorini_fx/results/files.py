@@ -28,7 +28,7 @@ from signorini_fx.quantities.families.stress import marked_stress
 from signorini_fx.quantities.registry import at_stage
 from signorini_fx.records import Finding, as_columns
 from signorini_fx.results import deferred_quantities
-from signorini_fx.results.fields import FIELD_FILES, FIELDS, chosen_format, size_of_fields, write_fields
+from signorini_fx.results.fields import FIELD_FILES, size_of_fields, write_fields
 from signorini_fx.results.folder import CHECKPOINT, SUMMARY, ResultFolder
 from signorini_fx.results.solution import Solution
 from signorini_fx.results.summary import summary_of
@@ -51,7 +51,6 @@ FILES = (
         "contact_other_side.csv",
         "convergence_table.csv",
     ),
-    *(f"{name}.bp" for name in FIELDS),
     *(*FIELD_FILES, "contact.vtu"),
     *(
         f"{name}.{kind}"
@@ -72,7 +71,7 @@ def write_results(
     solution: Solution,
     folder: str | Path | ResultFolder,
     *,
-    fields: bool | str = True,
+    fields: bool = True,
     pictures: bool | Sequence[str] = True,
     pdf: bool = False,
 ) -> dict[str, Any]:
@@ -84,7 +83,7 @@ def write_results(
     Args:
         solution: what to write, converged or not.
         folder: made if it does not exist, or claimed before.
-        fields: write the fields for ParaView; ``vtx`` or ``vtu``: in this format.
+        fields: write the fields for ParaView.
         pictures: draw the deformed body with the von Mises stress, the contact boundary and the iteration history; a
             list of names, such as ``["principal", "displacement"]``: draw the deformed body with these fields too
             (``pressure``, ``principal``, ``displacement``, ``density``).
@@ -95,15 +94,12 @@ def write_results(
 
     Raises:
         TypeError: the first argument is not a solution.
-        ValueError: there is no such format of fields.
-        InstallationError: dolfinx cannot write it.
         ValueError: a field in ``pictures`` is not known.
         OutputError: something could not be written, or a file is in the way that is no result; an older result is still
             there, or there is no summary.json.
     """
     if not isinstance(solution, Solution):
         raise TypeError(f"write_results takes a Solution and a folder, not {kind_of(solution)}")
-    kind = chosen_format(fields)
     if not isinstance(pictures, bool):
         pictures = [pictures] if isinstance(pictures, str) else list(pictures)
         if wrong := [name for name in pictures if name not in ("von_mises", *ON_DEMAND)]:
@@ -113,7 +109,7 @@ def write_results(
     gather, missing = _gatherer(pictures)
     with folder if isinstance(folder, ResultFolder) else ResultFolder(solution.comm, folder, FILES) as claimed:
         return _Written(solution, claimed).write(
-            kind, gather and partial(gather, asked=() if isinstance(pictures, bool) else pictures, pdf=pdf), missing
+            fields, gather and partial(gather, asked=() if isinstance(pictures, bool) else pictures, pdf=pdf), missing
         )
 
 
@@ -149,7 +145,7 @@ class _Written:
     solution: Solution
     folder: ResultFolder
 
-    def write(self, fields: str | None, gather: Callable[[Solution], Any] | None, missing: str) -> dict[str, Any]:
+    def write(self, fields: bool, gather: Callable[[Solution], Any] | None, missing: str) -> dict[str, Any]:
         """What stands first; then what is said about it, and the pictures, of which each may fail."""
         solution, folder = self.solution, self.folder
         table = solution.table if solution.contact is not None else None
@@ -176,7 +172,7 @@ class _Written:
             folder.add()
         return summary
 
-    def _stands(self, table: ContactTable | None, fields: str | None) -> dict[str, Any]:
+    def _stands(self, table: ContactTable | None, fields: bool) -> dict[str, Any]:
         """Fields and the tables that everything else is about; returns the summary."""
         solution, comm, part = self.solution, self.solution.comm, self.folder.part
         summary = summary_of(solution)
@@ -185,9 +181,9 @@ class _Written:
         summary["scene"] = describe(solution.statement.tables, ("z" if plane else "hypothesis",))
         summary["finished"] = parallel.on_root(comm, lambda: datetime.now(UTC).isoformat(timespec="seconds"))
         steps = summary.get("steps", [])
-        if fields is not None:
-            self.folder.reserve(size_of_fields(solution, fields))
-            summary["fields"] = _together(comm, self.folder, lambda: write_fields(solution, part, fields))
+        if fields:
+            self.folder.reserve(size_of_fields(solution))
+            summary["fields"] = _together(comm, self.folder, lambda: write_fields(solution, part))
             for quantity in at_stage("fields"):
                 summary |= quantity.entries(solution)
 

@@ -8,13 +8,9 @@ import pytest
 from mpi4py import MPI
 from spaces import box
 
-from signorini_fx.errors import InstallationError
-from signorini_fx.machine import compat
 from signorini_fx.results.files import write_results
-from signorini_fx.scenes import cli
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve
-from signorini_fx.scenes.template import starting_scene
 
 COMM = MPI.COMM_WORLD
 YOUNG, POISSON = 5000.0, 0.3
@@ -128,33 +124,10 @@ def test_load_steps(tmp_path):
     assert largest == pytest.approx([0.5, 1.0])
 
 
-def test_formats(tmp_path, monkeypatch):
-    """VTU unless VTX is asked for; files of another format go; what cannot be written is refused before."""
-    solution = solve(stretched("triangle", 1), MPI.COMM_SELF)
-    out = tmp_path / "out"
-    names = [*("displacement", "stress", "von_mises", "principal_stresses", "density")]
-    names += ["recovered_stress", "recovered_von_mises"]
-    assert write_results(solution, out, fields="vtx", pictures=False)["fields"] == [f"{name}.bp" for name in names]
+def test_without_fields(tmp_path):
+    """Those of an earlier run go."""
+    solution, out = solve(stretched("triangle", 1), MPI.COMM_SELF), tmp_path / "out"
     write_results(solution, out, pictures=False)
-    assert list(out.glob("*.bp")) == []
     assert (out / "fields.vtu").exists()
     write_results(solution, out, fields=False, pictures=False)
     assert not (out / "fields.vtu").exists()
-    with pytest.raises(ValueError, match="'vtu' or 'vtx' is expected, got 'xdmf'"):
-        write_results(solution, out, fields="xdmf")
-    monkeypatch.setattr(compat, "has_vtx", lambda: False)
-    with pytest.raises(InstallationError, match="no ADIOS2"):
-        write_results(solution, out, fields="vtx")
-
-
-def test_command(tmp_path, capsys):
-    """The format is an option of ``solve``, which cannot be given together with --no-fields."""
-    scene = tmp_path / "scene.toml"
-    scene.write_text(starting_scene(), encoding="utf-8")
-    solved = ["solve", str(scene), "--out", str(tmp_path / "out"), "--no-pictures"]
-    assert cli.main([*solved, "--fields", "vtu", "--quiet"]) == 0
-    assert (tmp_path / "out" / "fields.vtu").exists()
-    with pytest.raises(SystemExit) as end:
-        cli.main([*solved, "--fields", "vtu", "--no-fields"])
-    assert end.value.code == 2
-    assert "not allowed with" in capsys.readouterr().err

@@ -56,7 +56,7 @@ def scene(tmp_path):
 
 @pytest.mark.parametrize(
     "name",
-    ["history.csv", "report.html", "vtu/a.txt", "checkpoint/deep/er.txt", "last_level/summary.json", "summary.json"],
+    ["history.csv", "report.html", "fields/a.txt", "checkpoint/deep/er.txt", "last_level/summary.json", "summary.json"],
 )
 def test_files_of_others(scene, tmp_path, monkeypatch, capsys, name):
     """They are named and stay, and nothing is solved."""
@@ -91,17 +91,17 @@ def test_a_file_that_appears_meanwhile(solution, tmp_path):
     assert content(tmp_path) == {"history.csv": b"mine"}
 
 
-@pytest.mark.parametrize("line", ["../mine.txt", "/{folder}/mine.txt", "link/mine.txt", "a/../../mine.txt", "vtu"])
+@pytest.mark.parametrize("line", ["../mine.txt", "/{folder}/mine.txt", "link/mine.txt", "a/../../mine.txt", "fields"])
 def test_a_manifest_of_others(solution, tmp_path, line):
     """What a manifest says of places outside does not count; no folder is removed with what is in it."""
     out = tmp_path / "out"
-    (out / "vtu").mkdir(parents=True)
+    (out / "fields").mkdir(parents=True)
     (out / "link").symlink_to(tmp_path)
     (tmp_path / "mine.txt").write_text("mine")
     (out / manifest.MANIFEST).write_text(line.format(folder=tmp_path) + "\n")
-    if line == "vtu":
-        (out / "vtu" / "mine.txt").write_text("mine")
-        with pytest.raises(OutputError, match=r"vtu/mine\.txt"):
+    if line == "fields":
+        (out / "fields" / "mine.txt").write_text("mine")
+        with pytest.raises(OutputError, match=r"fields/mine\.txt"):
             files.write_results(solution, out, fields=False, pictures=False)
     else:
         files.write_results(solution, out, fields=False, pictures=False)

@@ -33,11 +33,11 @@ y = -0.01
 [[contact]]
 boundary = "bottom"
 """
-NAMES = ("a", "b", "results", "fields", "checkpoint", "last_level", "displacement.bp", "0-00000")
+NAMES = ("a", "b", "results", "fields", "checkpoint", "last_level", "displacement", "0-00000")
 STRANGERS = (
     *("notes.txt", "contact.csv", "summary.json", "history.csv", "sweep.csv", "report.html"),
     *(
-        "stress.bp",
+        "stress",
         "fields/a.vtu",
         "fields.vtu",
         "checkpoint/0-00000/mine.npz",
@@ -128,7 +128,7 @@ class Tree:
 
 def write(solution, fields, folder):
     """The files of a solution."""
-    files.write_results(solution, folder, fields="vtu" if fields else False, pictures=False)
+    files.write_results(solution, folder, fields=fields, pictures=False)
 
 
 def write_level(solution, folder):

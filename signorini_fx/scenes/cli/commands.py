@@ -60,7 +60,6 @@ def solve(options: argparse.Namespace) -> int:
     progress = _SolveProgress(path)
     scene = _read_scene(options)
     from signorini_fx.results import files
-    from signorini_fx.results.fields import chosen_format
     from signorini_fx.results.folder import ResultFolder
     from signorini_fx.results.progress_line import ProgressLine
     from signorini_fx.results.short_answer import short_answer
@@ -68,8 +67,7 @@ def solve(options: argparse.Namespace) -> int:
     from signorini_fx.results.summary import lines_of, table_row
     from signorini_fx.scenes import solver
 
-    fields = False if options.no_fields else options.fields or True
-    chosen_format(fields)  # fail early if it cannot be written
+    fields = not options.no_fields
     if options.picture:
         add_on("pictures")
 

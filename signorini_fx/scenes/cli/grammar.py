@@ -157,13 +157,7 @@ def _add_options_of_solve(solve: argparse.ArgumentParser) -> None:
     solve.add_argument(
         "--restart", action="store_true", help="continue a killed run after its last complete load step or mesh"
     )
-    fields = solve.add_mutually_exclusive_group()
-    fields.add_argument(
-        "--fields",
-        choices=("vtu", "vtx"),
-        help="format of the fields for ParaView: vtu (default) or vtx (ADIOS2)",
-    )
-    fields.add_argument("--no-fields", action="store_true", help="write no fields for ParaView")
+    solve.add_argument("--no-fields", action="store_true", help="write no fields for ParaView")
     pictures = solve.add_mutually_exclusive_group()
     pictures.add_argument("--no-pictures", action="store_true", help="draw no pictures")
     pictures.add_argument("--pdf", action="store_true", help="draw each picture as a PDF, for print, beside the PNG")
