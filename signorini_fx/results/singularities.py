@@ -3,8 +3,8 @@
 Where two facets of the boundary meet at an angle, or their conditions change, the stress of linear elasticity grows
 like a negative power of the distance if the angle within the body is large enough (Williams, J. Appl. Mech. 19 (1952)
 526-528; Grisvard, Elliptic Problems in Nonsmooth Domains, 1985).  On an edge in 3D it does so across the edge.
-Where materials meet at the boundary, or their interface has a corner, it grows like a power again (Bogy, J. Appl. Mech.
-38 (1971) 377-386): for most pairs of materials, a few are bounded and named all the same.
+Where materials meet at the boundary it grows like a power again (Bogy, J. Appl. Mech. 38 (1971) 377-386): for most
+pairs of materials, a few are bounded and named all the same.
 
 At a node that is held or loaded alone it grows like the inverse of the distance, in 3D of its square (the
 solutions of Flamant and Boussinesq).
@@ -16,11 +16,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import combinations
-from typing import Any, NamedTuple
+from typing import Any
 
 import basix
 import numpy as np
 import numpy.typing as npt
+from dolfinx import fem
 from dolfinx import mesh as dmesh
 
 from signorini_fx.machine import compat, parallel
@@ -29,7 +30,7 @@ from signorini_fx.mechanics.elasticity.moduli import of_materials
 from signorini_fx.mechanics.loads.supports import on_axis
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.effect import Force, InitialStrain
-from signorini_fx.tuned import BESIDE_VERTEX, CORNER_ANGLE, SAME_ANGLE, SAME_PLACE_IN_CELL, SAME_POSITION
+from signorini_fx.tuned import BESIDE_VERTEX, CORNER_ANGLE, SAME_ANGLE, SAME_POSITION
 
 Array = npt.NDArray[np.float64]
 
@@ -45,6 +46,7 @@ class BoundaryFacet:
         names: by which boundaries.
         piece: number of the connected piece of the mesh that it is of.
         paired: how it may touch another body: "contact", "bonded", or "" if it does not.
+        material: number of the kind of material behind it.
     """
 
     vertices: Array
@@ -53,6 +55,7 @@ class BoundaryFacet:
     names: tuple[str, ...]
     paired: str
     piece: int
+    material: int
 
     @property
     def size(self) -> float:
@@ -87,7 +90,7 @@ def why_no_limit(body: Model, point: tuple[float, ...], step: float = 0.0) -> st
     facets = [
         facet for local_facets in body.comm.allgather(facets_near(body, np.array(point))) for facet in local_facets
     ]
-    reasons = [_where_materials_meet(body, np.array(point), facets), _at_a_single_node(body, np.array(point), step)]
+    reasons = [_at_a_single_node(body, np.array(point), step)]
     for facet_a, facet_b in combinations(facets, 2):
         if facet_a.piece != facet_b.piece:
             continue
@@ -102,6 +105,8 @@ def why_no_limit(body: Model, point: tuple[float, ...], step: float = 0.0) -> st
 
 def _reason(facet_a: BoundaryFacet, facet_b: BoundaryFacet) -> str | None:
     """Why the stress has no limit where two facets of a body meet."""
+    if facet_a.material != facet_b.material and not facet_a.kind == facet_b.kind == "guided":  # that is a mirror
+        return "it is where materials meet at the boundary"
     turn = float(np.degrees(np.arccos(np.clip(facet_a.normal @ facet_b.normal, -1.0, 1.0))))
     reentrant = (facet_b.vertices.mean(axis=0) - facet_a.vertices.mean(axis=0)) @ facet_a.normal > 0
     angle = 180 + turn if reentrant else 180 - turn
@@ -142,55 +147,6 @@ def _at_a_single_node(body: Model, point: Array, step: float) -> str | None:
     return None
 
 
-def _where_materials_meet(body: Model, point: Array, boundary: list[BoundaryFacet]) -> str | None:
-    """Whether materials meet at the boundary, or their interface has a corner, within a facet of a place; collective.
-
-    Those of bodies that touch do not, unless they are bonded.
-
-    It shows in the angles, in 3D solid angles, that the cells of each material have at a vertex.
-    """
-    if len(body.statement.material) == 1:
-        return None
-    cells = cells_near(body, point)
-    full_angle = 2 * np.pi if body.tagged.dimension == 2 else 4 * np.pi
-    reasons: list[str] = []
-    for vertex, joined in ((cell.vertex, cell.joined) for cell in cells):
-        cells_at_vertex = [
-            cell
-            for cell in cells
-            if cell.joined == joined and np.linalg.norm(cell.vertex - vertex) <= SAME_POSITION * body.tagged.size
-        ]
-        angles = {
-            kind: sum(cell.angle for cell in cells_at_vertex if cell.kind == kind)
-            for kind in (cell.kind for cell in cells_at_vertex)
-        }
-        reach = BESIDE_VERTEX * min(cell.length for cell in cells_at_vertex)
-        if len(angles) == 1 or np.linalg.norm(vertex - point) > reach:
-            continue
-        total = sum(angles.values())
-        facets = [
-            facet
-            for facet in boundary
-            if facet.paired != "bonded"
-            and (np.linalg.norm(facet.vertices - vertex, axis=1) <= SAME_POSITION * body.tagged.size).any()
-        ]
-        # A flat boundary that only guides is a mirror.
-        mirror = (
-            bool(facets)
-            and all(facet.kind == "guided" for facet in facets)
-            and abs(2 * total / full_angle - 1) < SAME_PLACE_IN_CELL
-        )
-        inside = mirror or abs(total / full_angle - 1) < SAME_PLACE_IN_CELL
-        if inside and len(angles) == 2 and abs(2 * min(angles.values()) / total - 1) <= _CURVED / 180:
-            continue
-        reasons.append(
-            "it is at a corner of the interface of materials"
-            if inside
-            else "it is where materials meet at the boundary"
-        )
-    return min(reasons, default=None)
-
-
 def facets_near(body: Model, point: Array) -> list[BoundaryFacet]:
     """Exterior facets of this rank with a vertex within their size from a place."""
     mesh, dim = body.tagged.mesh, body.tagged.dimension
@@ -204,14 +160,28 @@ def facets_near(body: Model, point: Array) -> list[BoundaryFacet]:
     vertices = x[np.take_along_axis(nodes, corners[entities[:, 1]], axis=1)]
     size = np.linalg.norm(np.ptp(vertices, axis=1), axis=1)
     close = np.linalg.norm(vertices - point, axis=2).min(axis=1, initial=np.inf) <= BESIDE_VERTEX * size
-    facets = []
+    kinds, facets = _kinds_of_materials(body), []
     for k in np.flatnonzero(close):
         middle = x[nodes[k][: len(basix.geometry(cell_type))]].mean(axis=0)
         normal = _normal(vertices[k], middle)
         condition = _condition(body, int(numbers[k]), normal, vertices[k])
         piece = int(body.pieces.of_cell[entities[k, 0]])
-        facets.append(BoundaryFacet(vertices[k], normal, *condition, piece))
+        facets.append(BoundaryFacet(vertices[k], normal, *condition, piece, int(kinds[entities[k, 0]])))
     return facets
+
+
+def _kinds_of_materials(body: Model) -> Array:
+    """The number of the kind of material of each cell of this rank, shape (cells,)."""
+    strained = bool(body.statement.of(InitialStrain))
+
+    def kind_of(material: Any) -> tuple[Any, ...]:
+        return *material.kind, strained and material.expansion
+
+    kinds = [kind_of(material) for material in body.statement.material]
+    (number,) = of_materials(body.statement, body.tagged, lambda entry: (float(kinds.index(kind_of(entry))),))
+    if isinstance(number, fem.Constant):
+        return np.zeros(len(compat.geometry_cells(body.tagged.mesh)))
+    return np.asarray(number.x.array[number.function_space.dofmap.list[:, 0]])
 
 
 def _normal(vertices: Array, inside: Array) -> Array:
@@ -249,18 +219,6 @@ def _condition(body: Model, facet: int, normal: Array, corners: Array) -> tuple[
     return "held" if held else "guided", names, min(paired, default="")
 
 
-class CellAtVertex(NamedTuple):
-    """A cell at one of its vertices, shape (d,): its kind of material, a number of all pieces that bonds join to its
-    own, its angle there, its longest edge there.
-    """
-
-    vertex: Array
-    kind: int
-    joined: int
-    angle: float
-    length: float
-
-
 def size_of_cells(body: Model, point: Array) -> float:
     """The largest diagonal of the cells with a vertex within theirs from a place, length; collective."""
     mesh, dim = body.tagged.mesh, body.tagged.dimension
@@ -269,64 +227,3 @@ def size_of_cells(body: Model, point: Array) -> float:
     vertices = x[compat.geometry_cells(mesh)[: mesh.topology.index_map(dim).size_local, :corners]]
     size = np.linalg.norm(np.ptp(vertices, axis=1), axis=1)
     return parallel.largest(body.comm, size[np.linalg.norm(vertices - point, axis=2).min(axis=1) <= size])
-
-
-def cells_near(body: Model, point: Array) -> list[CellAtVertex]:
-    """The cells of all ranks at each vertex near a place, which is within an edge of it; collective."""
-    mesh, dim = body.tagged.mesh, body.tagged.dimension
-    cell_type = getattr(basix.CellType, mesh.topology.cell_name())
-    corners = basix.geometry(cell_type)
-    neighbours = [
-        [end for edge in basix.topology(cell_type)[1] if corner in edge for end in edge if end != corner]
-        for corner in range(len(corners))
-    ]
-    cells = np.arange(mesh.topology.index_map(dim).size_local)
-    x = np.asarray(mesh.geometry.x[..., :dim], dtype=np.float64)
-    vertices = x[compat.geometry_cells(mesh)[cells][:, : len(corners)]]
-    strained = bool(body.statement.of(InitialStrain))
-
-    def kind_of(material: Any) -> tuple[Any, ...]:
-        return *material.kind, strained and material.expansion
-
-    kinds = [kind_of(material) for material in body.statement.material]
-    (number,) = of_materials(body.statement, body.tagged, lambda entry: (float(kinds.index(kind_of(entry))),))
-    kind = number.x.array[number.function_space.dofmap.list[cells, 0]]
-    joined, of_cell = _joined_pieces(body), body.pieces.of_cell
-    edges = vertices[:, neighbours] - vertices[:, :, None]
-    length = np.linalg.norm(edges, axis=3)
-    distance, reach = np.linalg.norm(vertices - point, axis=2), BESIDE_VERTEX * length.max(axis=2)
-    close = distance <= parallel.largest(body.comm, reach[distance <= reach])
-    local_cells = [
-        CellAtVertex(
-            vertices[cell, corner],
-            int(kind[cell]),
-            int(joined[of_cell[cell]]),
-            _angle(edges[cell, corner]),
-            float(length[cell, corner].max()),
-        )
-        for cell, corner in np.argwhere(close)
-    ]
-    return [entry for rows in body.comm.allgather(local_cells) for entry in rows]
-
-
-def _joined_pieces(body: Model) -> npt.NDArray[np.int64]:
-    """For each connected piece of the mesh one number of all pieces that bonds join to it; collective."""
-    joined = np.arange(body.pieces.count)
-    for effect in body.statement.contact:
-        if effect.against is not None and effect.bonded:
-            facets = np.concatenate([body.tagged.facets(name) for name in (effect.boundary, effect.against)])
-            local_pieces = np.unique(body.pieces.of_cell[facet_entities(body.tagged.mesh, facets)[:, 0]])
-            pieces = sorted({piece for rows in body.comm.allgather(local_pieces.tolist()) for piece in rows})
-            joined[np.isin(joined, joined[pieces])] = joined[pieces].min()
-    return joined
-
-
-def _angle(edges: Array) -> float:
-    """The angle between two directions, or the solid angle between three, shape (d, d)."""
-    along = edges / np.linalg.norm(edges, axis=1, keepdims=True)
-    pairs = along @ along.T
-    if len(along) == 2:
-        return float(np.arccos(np.clip(pairs[0, 1], -1.0, 1.0)))
-    # Van Oosterom and Strackee, IEEE Trans. Biomed. Eng. 30 (1983) 125-126.
-    below = 1 + pairs[0, 1] + pairs[0, 2] + pairs[1, 2]
-    return float(2 * np.arctan2(abs(np.linalg.det(along)), below))

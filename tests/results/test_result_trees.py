@@ -120,7 +120,7 @@ class Tree:
                 path.write_text(f"mine {path}")
                 self.writer[path] = None
         elif what == "link":
-            path = folder / self.chance.choice((*NAMES, *STRANGERS[:8]))
+            path = folder / self.chance.choice((*NAMES, *STRANGERS[:7]))
             if not os.path.lexists(path):
                 path.symlink_to(self.chance.choice([self.root / "outside", self.root / "outside" / "mine.txt"]))
                 self.writer[path] = None
