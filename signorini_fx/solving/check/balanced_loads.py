@@ -88,8 +88,7 @@ def _equilibrium_of(
     if steps:
         when = ""
         if len(loads) > 1:
-            counted = "load step" if statement.automatic_steps is None else "factor"
-            when = f"{counted}{'s' * (len(steps) > 1)} {_runs(steps)}: "
+            when = f"{'load step' if statement.automatic_steps is None else 'factor'} {steps[0]}: "
         status, motion = next(way for way in away if way is not None)
         drives, cannot, cure = _WAYS[status]
         names = names_of(free @ motion[:, None], motions, members, one_way=True)
@@ -145,17 +144,6 @@ _WAYS = {
     ),
     Status.OPEN: ("drive", "which neither the supports nor the contact can stop", "change the direction of the loads"),
 }
-
-
-def _runs(steps: list[int]) -> str:
-    """Numbers in order, with runs of them abbreviated."""
-    runs: list[list[int]] = []
-    for step in steps:
-        if runs and step == runs[-1][-1] + 1:
-            runs[-1].append(step)
-        else:
-            runs.append([step])
-    return ", ".join(str(run[0]) if len(run) == 1 else f"{run[0]} to {run[-1]}" for run in runs)
 
 
 def imposed(body: Model) -> bool:
