@@ -28,8 +28,8 @@ from signorini_fx.quantities.families.stress import marked_stress
 from signorini_fx.quantities.registry import at_stage
 from signorini_fx.records import Finding, as_columns
 from signorini_fx.results import deferred_quantities
-from signorini_fx.results.fields import FIELD_FILES, size_of_fields, write_fields
-from signorini_fx.results.folder import CHECKPOINT, SUMMARY, ResultFolder
+from signorini_fx.results.fields import FIELD_FILES, VTU, size_of_fields, write_fields
+from signorini_fx.results.folder import CHECKPOINT, SUMMARY, ResultFolder, reserve
 from signorini_fx.results.solution import Solution
 from signorini_fx.results.summary import summary_of
 
@@ -94,12 +94,14 @@ def write_results(
 
     Raises:
         TypeError: the first argument is not a solution.
-        ValueError: a field in ``pictures`` is not known.
+        ValueError: ``fields`` is neither True nor False, or a field in ``pictures`` is not known.
         OutputError: something could not be written, or a file is in the way that is no result; an older result is still
             there, or there is no summary.json.
     """
     if not isinstance(solution, Solution):
         raise TypeError(f"write_results takes a Solution and a folder, not {kind_of(solution)}")
+    if not isinstance(fields, bool):
+        raise ValueError(f"fields: True or False is expected, got {fields!r}: all of them are in {VTU}")
     if not isinstance(pictures, bool):
         pictures = [pictures] if isinstance(pictures, str) else list(pictures)
         if wrong := [name for name in pictures if name not in ("von_mises", *ON_DEMAND)]:
@@ -182,7 +184,7 @@ class _Written:
         summary["finished"] = parallel.on_root(comm, lambda: datetime.now(UTC).isoformat(timespec="seconds"))
         steps = summary.get("steps", [])
         if fields:
-            self.folder.reserve(size_of_fields(solution))
+            reserve(comm, part, size_of_fields(solution))
             summary["fields"] = _together(comm, self.folder, lambda: write_fields(solution, part))
             for quantity in at_stage("fields"):
                 summary |= quantity.entries(solution)
@@ -296,7 +298,7 @@ def _together(comm: MPI.Comm, folder: ResultFolder, write: Callable[[], T]) -> T
     result, error = None, None
     try:
         result = write()
-    except (OSError, RuntimeError) as reason:  # ADIOS2 and HDF5 raise the second
+    except (OSError, RuntimeError) as reason:  # MPI raises the second
         error = cannot_be_written(folder.path, reason)
     parallel.raise_together(comm, error)
     return cast(T, result)

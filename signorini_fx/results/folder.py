@@ -72,14 +72,6 @@ class ResultFolder:
         else:  # the other ranks may never get here: this rank removes what it can
             self._remove()
 
-    def reserve(self, size: float) -> None:
-        """Check that this many bytes can be written here, see the function ``reserve``.
-
-        Raises:
-            OutputError: they cannot be written.
-        """
-        reserve(self._comm, self.part, size)
-
     def commit(self) -> None:
         """Put what was written in the place of the results of earlier runs, the summary last.
 

@@ -125,9 +125,11 @@ def test_load_steps(tmp_path):
 
 
 def test_without_fields(tmp_path):
-    """Those of an earlier run go."""
+    """Those of an earlier run go; there is one format."""
     solution, out = solve(stretched("triangle", 1), MPI.COMM_SELF), tmp_path / "out"
     write_results(solution, out, pictures=False)
     assert (out / "fields.vtu").exists()
     write_results(solution, out, fields=False, pictures=False)
     assert not (out / "fields.vtu").exists()
+    with pytest.raises(ValueError, match=r"True or False is expected, got 'vtx': all of them are in fields\.vtu"):
+        write_results(solution, out, fields="vtx")
