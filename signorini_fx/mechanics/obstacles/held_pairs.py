@@ -52,8 +52,6 @@ class HeldPairs:
         distance: that of both sides along them, which is a part of the gap, length, shape (m,).
         others: global numbers of the nodes of the other side over them, shape (k,).
         shares: of each of these in the place over a node, sparse, shape (m, k).
-        alone: whether all of these are held along the normal, so that supports alone say what the distance is, shape
-            (m,).
         gap: length, shape (m,); None: not known yet.
         bilateral: whether contact cannot open.
     """
@@ -64,7 +62,6 @@ class HeldPairs:
     distance: Array
     others: Nodes
     shares: sp.csr_array
-    alone: Flags
     gap: Array | None = None
     bilateral: bool = False
 
@@ -89,26 +86,25 @@ class HeldPairs:
             adjust: up to which distance they count as closed, length; None: nowhere.
         """
         (slave, master), dim = sides, sides[0].dimension
-        rows: dict[int, tuple[Nodes, Array, bool]] = {}
+        rows: dict[int, tuple[Nodes, Array]] = {}
         for node, facet, place in chain.from_iterable(
             _over(slave, part, held) for part in (coupling.still, coupling.overlap)
         ):
             shape = master.functions.values(place[None])[0]
             nodes = master.nodes[facet][np.abs(shape) > SAME_PLACE_IN_CELL]
             normal = np.tile(slave.nodal_normals[node], (nodes.size, 1))
-            certain = bool(held_along(normal, supports[0][nodes], supports[1][nodes]).all())
+            certain = held_along(normal, supports[0][nodes], supports[1][nodes]).all()  # supports alone decide there
             if node not in rows or certain:
-                rows[node] = nodes, shape[np.abs(shape) > SAME_PLACE_IN_CELL], certain
+                rows[node] = nodes, shape[np.abs(shape) > SAME_PLACE_IN_CELL]
         at = np.array(list(rows), dtype=np.int64)
         shares = sp.lil_array((at.size, len(master.x)))
-        for row, (nodes, share, _) in enumerate(rows.values()):
+        for row, (nodes, share) in enumerate(rows.values()):
             shares[row, nodes] = share
-        alone = np.array([certain for _, _, certain in rows.values()], dtype=bool)
         normal = slave.nodal_normals[at].reshape(-1, dim)
         distance = closed_within(np.einsum("md,md->m", normal, shares @ master.x - slave.x[at]), adjust)
         over = np.flatnonzero(shares.sum(axis=0))
         reached = sp.csr_array(shares.tocsr()[:, over])
-        return cls(names[0][at], slave.x[at], normal, distance, names[1][over], reached, alone)
+        return cls(names[0][at], slave.x[at], normal, distance, names[1][over], reached)
 
     def with_gap(self, gap: Array, comm: MPI.Comm, *, by_geometry: bool, bilateral: bool) -> HeldPairs:
         """The same with its gap; collective.
