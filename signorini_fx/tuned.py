@@ -192,9 +192,6 @@ POLLUTION = 6.0
 # The same of the largest pressure: tuned on half disks and spheres of degree 1, on a plane and on each other, in the
 # plane, of revolution and in 3D (tests/accuracy/test_remade_meshes.py); no others were held out.
 POLLUTION_OF_PEAK = 2.0
-# The deviation of a smooth function from its linear interpolant is not an error of the data: it is an eighth of the
-# second difference, on average a twelfth; a little more is allowed.  Choice of how much more.
-SMOOTH_LARGEST, SMOOTH_MEAN = 1 / 6, 1 / 9
 # Angles between facets below this (radians) are none.  Choice: the root of the unit of round-off, as for directions.
 STRAIGHT_ANGLE = 1e-7
 # Where the projection that recovers the stress ends, as a share of its right-hand side.  Choice: far below the error

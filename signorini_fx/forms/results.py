@@ -12,7 +12,6 @@ from signorini_fx.mechanics.assembly.mesh_entities import facet_entities
 from signorini_fx.mechanics.contact_points.contact_table import contact_table
 from signorini_fx.mechanics.statement.load_path import LoadPath
 from signorini_fx.records import Finding, Status
-from signorini_fx.results.accuracy.data_error import DataError
 from signorini_fx.results.accuracy.error_estimates import Errors, combined
 from signorini_fx.results.accuracy.level_results import compliance_of, level_result
 from signorini_fx.results.accuracy.mesh_level import LevelResult
@@ -77,13 +76,12 @@ def errors_of(solver: FormSolver, stress: RawStresses) -> Errors:
         raise FormError([("stress", "there is no error estimate where the forms are multiplied by a measure")])
     assert outcome is not None
     squares = stress.recovery().squares(solver.u)
-    nothing = np.zeros(squares.size)
     cells = facet_entities(forms.mesh, np.concatenate(forms.facets))[:, 0]
     blur, table = (
         compliance_of(outcome, forms.mesh.comm) * solver.scales.modulus,
         contact_table(solver.state, forms.names),
     )
-    return combined(solver.boundary, table, cells, squares, DataError(nothing, nothing, 0.0), stress.energy(), blur)
+    return combined(solver.boundary, table, cells, squares, np.zeros(squares.size), stress.energy(), blur)
 
 
 def level_of(solver: FormSolver, number: int, errors: Errors) -> LevelResult:

@@ -226,8 +226,8 @@ def _out_of_reach(goal: Accuracy, levels: list[LevelResult], margin: float, size
             f"the largest pressure has no finite value: it grows with every refinement at ({at}); ask for the "
             f"pressure, a force or the energy, or round off the {'corner' if table.facets is None else 'edge'}"
         )
-    bare = replace(levels[-1], energy=0.0, pressure=0.0, data=0.0)
-    polygon = getattr(with_polygon(bare, levels[-1].polygon), _POLYGON_COLUMN.get(goal.of, "data")) * margin
+    bare = replace(levels[-1], energy=0.0, pressure=0.0, loads=0.0)
+    polygon = getattr(with_polygon(bare, levels[-1].polygon), _POLYGON_COLUMN.get(goal.of, "loads")) * margin
     if polygon > goal.target:
         return (
             f"the straight facets of the mesh on a curved contact boundary are worth an error of {polygon:.2g}, which "

@@ -346,7 +346,7 @@ def test_loads_that_jump_between_nodes(of):
     solution = solve(scene, MPI.COMM_SELF)
     resultant = sum(float(load.forces.sum()) for load in solution.model.applied)
     assert abs(resultant / (-20 * 0.74) - 1) <= 0.02
-    assert solution.levels[0].data > solution.levels[-1].data
+    assert solution.levels[0].loads > solution.levels[-1].loads
 
 
 SEAL = """SetFactory("OpenCASCADE");

@@ -54,7 +54,7 @@ def test_error_of_a_force(paired):
     """That of 1 + h^2 is h^2; between two bodies the pressure is its lower limit, and its rate does not matter."""
 
     def level(h, inside):
-        return SimpleNamespace(force=np.array([0.0, 1 + h**2]), energy=h, h=h, inside=inside, data=0.0, paired=paired)
+        return SimpleNamespace(force=np.array([0.0, 1 + h**2]), energy=h, h=h, inside=inside, loads=0.0, paired=paired)
 
     for meshes in ([0.4, 0.2], [0.4, 0.2, 0.1]):
         found = force_error([level(h, 1e-3 if paired else h / 3) for h in meshes])
@@ -71,7 +71,7 @@ def test_error_of_a_force_on_meshes_that_are_divided_here_and_there(dimension, d
     """In 3D it is at least a share of the squared error of the displacement, where no statics determine it."""
 
     def level(force, energy):
-        about = {"force": np.array([0.0, force]), "energy": energy, "inside": energy, "h": energy, "data": 0.0}
+        about = {"force": np.array([0.0, force]), "energy": energy, "inside": energy, "h": energy, "loads": 0.0}
         return SimpleNamespace(**about, paired=False, dimension=dimension, degree=degree)
 
     levels = [level(1 - change, 0.2), level(1.0, 0.1)]
@@ -89,7 +89,7 @@ def test_error_of_a_force_that_a_coarse_mesh_does_not_have():
             energy=error,
             h=0.1,
             inside=error,
-            data=0.0,
+            loads=0.0,
             paired=False,
         )
 
@@ -186,11 +186,11 @@ def test_meshes_divided_in_some_places(of):
     assert ("no finer where it is" in prices.render(list(solution.convergence_table))) == unknown
 
 
-def test_data_that_every_mesh_misses():
+def test_loads_that_every_mesh_misses():
     """No difference between meshes shows it: it counts on each of them, also where the last one tells the error."""
     levels = alone(example1(bound=1.5, gamma="auto", nx=120, ny=40, levels=3)).levels
-    without = prices.convergence_table([replace(level, data=0.0) for level in levels], 0.0)
-    rows = prices.convergence_table([replace(level, data=0.2) for level in levels], 0.0)
+    without = prices.convergence_table([replace(level, loads=0.0) for level in levels], 0.0)
+    rows = prices.convergence_table([replace(level, loads=0.2) for level in levels], 0.0)
     assert without[1].peak < 0.01
     assert [row.peak is None for row in rows] == [True, False, False, False]
     assert all(row.peak >= 0.2 for row in rows[1:3])

@@ -1,6 +1,4 @@
-"""What is estimated on one mesh, piece by piece: data between the nodes, kinks and jumps of the pressure, and sums."""
-
-from dataclasses import replace
+"""What is estimated on one mesh, piece by piece: loads, kinks and jumps of the pressure, and sums."""
 
 import numpy as np
 import pytest
@@ -12,8 +10,8 @@ from signorini_fx.mechanics.body.discretisation import discretise
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable
 from signorini_fx.mechanics.kinematics import AXISYMMETRIC
 from signorini_fx.records import Timings
-from signorini_fx.results.accuracy.data_error import data_error
 from signorini_fx.results.accuracy.error_estimates import estimate_errors
+from signorini_fx.results.accuracy.missed_loads import missed_loads
 from signorini_fx.results.accuracy.pressure_error import bends, beside, interval_squares, on_facets
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import parse_scene
@@ -46,8 +44,7 @@ def test_loads_that_the_quadrature_misses():
     """What a jump within a facet is worth in each load step, and nothing for loads that are integrated exactly."""
     scene = block(x="3 if x[1] < 0.3 else 1 + x[1]", factors=[1.0, -2.0])
     d = discretise(scene.statement, load_mesh(scene, MPI.COMM_SELF), Timings())
-    table = table_of(alone(scene, check=False))
-    missed, twice = (data_error(d, table, step).forces for step in range(2))
+    missed, twice = (missed_loads(d, step) for step in range(2))
     side = lambda x: np.where(x / 2 < 0.3, 3.0, 1 + x / 2) / 2  # noqa: E731
     expected = abs(gauss(31, side) - gauss(11, side))
     assert expected > 1e-3
@@ -55,45 +52,17 @@ def test_loads_that_the_quadrature_misses():
     np.testing.assert_allclose(twice, 2 * missed, rtol=1e-12, atol=1e-14)
 
 
-def test_size_of_the_loads():
-    """All forces together, in each load step."""
-    scene = block(x=2.0)
-    top, side = scene.traction
-    scene = scene.model_copy(update={"traction": (top.model_copy(update={"factors": (1.0, 3.0)}), side)})
-    d = discretise(scene.statement, load_mesh(scene, MPI.COMM_SELF), Timings())
-    table = table_of(alone(scene, check=False))
-    assert data_error(d, table, 1).total == pytest.approx(3 * 20 * 3 + 2)
-    assert data_error(d, table, 1).forces.max() < 1e-12
-
-
-def test_friction_that_the_nodes_miss():
-    """A bound that jumps in the middle of an interval is missed where the body slides, and nowhere else."""
-    scene = block(bound="5 if x[0] < 1.125 else 4")
-    solution = alone(scene)
-    table = table_of(solution)
-    count = table.columns["x"].size
-
-    def missed(kind):
-        columns = {**table.columns, "friction": np.full(count, kind)}
-        return data_error(solution.model, replace(table, columns=columns), 0).forces
-
-    assert missed("stick").max() == 0.0
-    # The jump is a quarter away from the line in the mean, of which a ninth is let pass as if the bound were smooth.
-    assert missed("slip+").max() == pytest.approx((1 / 4 - 1 / 9) * 0.75, rel=1e-6)
-    assert np.count_nonzero(missed("slip-")) == 1
-
-
 def test_what_is_missed_is_part_of_the_estimates():
-    """The error of the displacement has the data in it, and the cells know what they are to be divided for."""
+    """The error of the displacement has the loads in it, and the cells know what they are to be divided for."""
     solution = alone(block(x="3 if x[1] < 0.3 else 1"))
     d, table = solution.model, table_of(solution)
     errors = estimate_errors(d, solution.displacement, solution.steps[-1].strain_energy, table, 0, 0.0)
-    assert errors.data > 1e-4
+    assert errors.loads > 1e-4
     total = {name: squares.sum() for name, squares in errors.squares.items()}
-    body = total["energy"] - errors.data**2
-    assert errors.energy == pytest.approx(np.sqrt(body) + errors.data)
-    boundary = (errors.pressure - errors.data) ** 2
-    assert total["pressure"] == pytest.approx(boundary + POLLUTION**2 * body**2 + errors.data**2)
+    body = total["energy"] - errors.loads**2
+    assert errors.energy == pytest.approx(np.sqrt(body) + errors.loads)
+    boundary = (errors.pressure - errors.loads) ** 2
+    assert total["pressure"] == pytest.approx(boundary + POLLUTION**2 * body**2 + errors.loads**2)
 
 
 def straight(s, pressure):
@@ -136,7 +105,7 @@ def test_rings():
         energy = solution.steps[-1].strain_energy
         d = solution.model
         errors.append(estimate_errors(d, solution.displacement, energy, table_of(solution), 0, 0.0))
-    for name in ("energy", "pressure", "inside", "data"):
+    for name in ("energy", "pressure", "inside"):
         assert getattr(errors[0], name) == pytest.approx(getattr(errors[1], name), rel=1e-6), name
     for name, squares in errors[0].squares.items():
         np.testing.assert_allclose(squares, errors[1].squares[name], rtol=1e-5, atol=1e-9 * squares.max())

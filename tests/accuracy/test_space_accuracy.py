@@ -10,7 +10,7 @@ from mesh_files import write_msh
 from mpi4py import MPI
 from reference import Reference
 from scenes import table_of
-from spaces import block, box, friction_of
+from spaces import block, box
 from surfaces import grid
 from test_ranks import same_on_all_ranks
 from test_space_manufactured import YOUNG, made_up, stress
@@ -23,13 +23,10 @@ from signorini_fx.mechanics.materials.isotropic import LinearElastic
 from signorini_fx.mechanics.materials.orthotropic import OrthotropicElastic
 from signorini_fx.mechanics.mesh.refinement import refine
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, generate_mesh
-from signorini_fx.mechanics.statement.rigid_shape import Distance
 from signorini_fx.mechanics.statement.settings import Accuracy
 from signorini_fx.records import History, Status
-from signorini_fx.results.accuracy import data_error as estimated_data
 from signorini_fx.results.accuracy.contact_surface import ContactSurface
 from signorini_fx.results.accuracy.convergence_table import border_of, fineness_of, predict, zone_change
-from signorini_fx.results.accuracy.data_error import data_error
 from signorini_fx.results.accuracy.pressure_error import interval_squares, polygon_error
 from signorini_fx.results.accuracy.surface_pressure import piece_squares
 from signorini_fx.scenes.mesh_sequence import meshed_scene, plane_modulus, solve_scenes
@@ -263,49 +260,6 @@ def test_the_contact_area():
     assert [border_of(table) for table in tables] == pytest.approx([3 / 2 / 4, 3 / 2 / 8])
 
 
-def brick(**contact):
-    """A brick on its foundation, pressed and pushed, in 4 by 4 by 2 cells of half a length."""
-    return parse_scene(
-        {
-            "mesh": box("hexahedra", (4, 4, 2), size=(2.0, 2.0, 1.0)),
-            "material": {"young": 1000.0, "poisson": 0.3},
-            "traction": {"boundary": "top", "x": 1.5, "pressure": 10.0},
-            "displacement": [{"boundary": "right", "x": 0.0}, {"boundary": "front", "y": 0.0}],
-            "contact": {"boundary": "bottom", **contact},
-        }
-    )
-
-
-def missed(scene, state="stick"):
-    """What is missed of its data if all of the boundary is in this state."""
-    solution = solve(scene, MPI.COMM_SELF)
-    table = table_of(solution)
-    columns = {**table.columns, "friction": np.full(table.columns["x"].size, state)}
-    return data_error(solution.model, replace(table, columns=columns), 0)
-
-
-def test_friction_that_the_nodes_miss():
-    """A bound that jumps within a row of facets is missed where the body slides; a smooth one is not."""
-    scene = brick(friction=friction_of(bound="5 if x[0] < 0.75 else 4"))
-    assert not missed(scene, "stick").forces.any()
-    errors = missed(scene, "slip")
-    # In four facets, a quarter away from a plane in the mean; so much as a ninth of the second difference is let pass.
-    assert np.sort(errors.forces)[-4:] == pytest.approx(4 * [(1 / 4 - 1 / 9) * 0.25], rel=1e-6)
-    assert np.count_nonzero(errors.forces) == 4
-    smooth = brick(friction=friction_of(bound="5 * (1 + x[0]**2 + x[1]**2)"))
-    assert missed(smooth, "slip").forces.max() < 1e-12
-
-
-def test_a_bump_that_the_nodes_miss():
-    """Of the gap in contact, as an energy over a body of the size of the facet; a smooth gap has none."""
-    bump = "-0.001 if abs(x[0] - 0.75) < 0.1 and abs(x[1] - 0.75) < 0.1 else 0"
-    errors = missed(brick(gap=bump))
-    assert errors.squares.sum() == pytest.approx(1000 * 0.001**2 * 0.5)
-    assert np.count_nonzero(errors.squares) == 1
-    assert not missed(brick(gap="0.0001 * (x[0]**2 + x[1]**2)")).squares.any()
-    assert errors.total == pytest.approx(46.0, rel=1e-6)
-
-
 SIDES = {"left": 1.0, "right": 1.0, "front": 3.0, "back": 3.0, "bottom": 3.0, "top": 3.0}
 
 
@@ -436,30 +390,3 @@ def test_curved_bodies_from_files(tmp_path):
     polygon = solve(roller(straight, target=0.2, of="pressure"), MPI.COMM_SELF, check=False)
     assert polygon.status is Status.OUT_OF_REACH
     assert any("straight facets" in event for event in polygon.history.events)
-
-
-def test_far_from_a_shape_nothing_is_sampled_inside(monkeypatch):
-    """The data error is the same, but distances are asked for inside those facets only that the shape may reach."""
-    size = {"length": 2.0, "width": 2.0, "height": 1.0, "nx": 8, "ny": 8, "nz": 2}
-    scene = {
-        "mesh": {"generator": "box", "parameters": size},
-        "material": {"young": 200.0, "poisson": 0.3},
-        "displacement": {"boundary": "bottom", "x": 0.0, "y": 0.0, "z": 0.0},
-        "contact": {
-            "boundary": "top",
-            "foundation": {"shape": "sphere", "centre": [0.875, 1.125, 1.07], "radius": 0.1},  # between nodes
-            "friction": {"law": "coulomb", "coefficient": 0.3},
-        },
-    }
-    solution = solve(parse_scene(scene), MPI.COMM_SELF)
-    monkeypatch.setattr(estimated_data, "SMOOTH_LARGEST", 0.0)  # else all that it misses is smooth
-    asked, whole = [], Distance.__call__
-    monkeypatch.setattr(Distance, "__call__", lambda self, x: asked.append(x.shape[1]) or whole(self, x))
-    ours = data_error(solution.model, solution.table, 0)
-    few = sum(asked)
-    monkeypatch.setattr(estimated_data, "_reached", lambda gap, table, corners, x: np.ones(len(x), dtype=bool))
-    theirs = data_error(solution.model, solution.table, 0)
-    assert ours.squares.max() > 0
-    np.testing.assert_array_equal(ours.squares, theirs.squares)
-    np.testing.assert_array_equal(ours.forces, theirs.forces)
-    assert few < 0.5 * (sum(asked) - few)

@@ -230,7 +230,7 @@ class Effect(Table):
         return []
 
 
-# Ten points on a facet: the error for a jump within it is part of the error estimate (``accuracy.data_error``).
+# Ten points on a facet: the error for a jump within it is part of the error estimate (``accuracy.missed_loads``).
 _VARYING_DEGREE = 20
 
 

@@ -203,17 +203,6 @@ class ContactSurface:
         )
         return np.stack(((1 - s) * (1 - t), s * (1 - t), s * t, (1 - s) * t), axis=2)
 
-    def inside(self, count: int) -> Floats:
-        """Weights of the corners at points all over a piece, evenly, ``count`` along a side, shape (points, k)."""
-        if self.corners.shape[1] == 3:
-            lattice = np.array([(i, j) for i in range(count) for j in range(count - i)])
-            upright, turned = lattice + 1 / 3, lattice[lattice.sum(axis=1) < count - 1] + 2 / 3
-            s, t = np.concatenate((upright, turned)).T / count
-            return np.column_stack((1 - s - t, s, t))
-        at = (np.arange(count) + 0.5) / count
-        s, t = (coordinate.ravel() for coordinate in np.meshgrid(at, at))
-        return np.column_stack(((1 - s) * (1 - t), s * (1 - t), s * t, (1 - s) * t))
-
     def of_rank(self, boundary: ContactBoundary, values: Floats) -> Floats:
         """Sums of what the pieces have for each facet of this rank, as in ``boundary.segments``; collective.
 

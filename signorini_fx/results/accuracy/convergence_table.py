@@ -72,7 +72,7 @@ def with_polygon(level: LevelResult, polygon: float) -> LevelResult:
         level,
         energy=level.energy + additions["energy"],
         pressure=pressure,
-        data=level.data + additions["force"],
+        loads=level.loads + additions["force"],
         polygon=polygon,
     )
 
@@ -120,7 +120,7 @@ def convergence_table(
             if error is not None:
                 # Changes of meshes that are divided here and there do not show the error elsewhere.
                 elsewhere = 0.0 if uniform else min(error, POLLUTION_OF_PEAK * level.energy**2)
-                errors["peak"] = error + elsewhere + level.data + POLYGON_PEAK * level.polygon
+                errors["peak"] = error + elsewhere + level.loads + POLYGON_PEAK * level.polygon
         if level.dimension == 3:
             errors["zone"] = border_of(level.table)
         elif not uniform:

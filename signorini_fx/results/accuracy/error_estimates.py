@@ -9,13 +9,14 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from signorini_fx.machine import parallel
+from signorini_fx.mechanics.assembly.mesh_entities import facet_entities
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable
 from signorini_fx.mechanics.kinematics.cartesian import PLANE_STRAIN
 from signorini_fx.mechanics.kinematics.protocol import Kinematics
 from signorini_fx.mechanics.model import Model
 from signorini_fx.results.accuracy.contact_surface import ContactSurface
-from signorini_fx.results.accuracy.data_error import DataError, contact_cells, data_error
+from signorini_fx.results.accuracy.missed_loads import missed_loads
 from signorini_fx.results.accuracy.peak_error import corner_rows
 from signorini_fx.results.accuracy.pressure_error import beside, interval_squares, on_facets, pressure_square
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery
@@ -30,11 +31,11 @@ class Errors:
     """The error estimates on one mesh; all errors are relative.
 
     Attributes:
-        energy: of the displacement, energy norm, data included.
-        pressure: of the contact pressure, L2(Gamma_c), data included, as the contact boundary shows it; None without
+        energy: of the displacement, energy norm, loads included.
+        pressure: of the contact pressure, L2(Gamma_c), loads included, as the contact boundary shows it; None without
             contact.
-        inside: of the contact pressure except beside corners, without data.
-        data: error of loads and friction on the mesh.
+        inside: of the contact pressure except beside corners, without loads.
+        loads: error of the loads on the mesh.
         size: energy norm of the solution.
         pressed: norm of its contact pressure in L2(Gamma_c).
         squares: contribution of each owned cell to the square of the error, by quantity, shape (cells,).
@@ -43,7 +44,7 @@ class Errors:
     energy: float
     pressure: float | None
     inside: float
-    data: float
+    loads: float
     size: float
     pressed: float
     squares: dict[str, Floats]
@@ -63,14 +64,19 @@ def estimate_errors(
         compliance: 1 / gamma_1 of the regularisation; 0 without.
     """
     assert model.boundary is not None
-    missed = data_error(model, table, step)
-    squares = np.zeros(missed.squares.shape)
+    missed = missed_loads(model, step)
+    squares = np.zeros(missed.shape)
     if energy > 0:
         squares = StressRecovery.of(model).squares(displacement, step)
+    if missed.any():
+        pressed = float(np.dot(table.columns["weight"], np.abs(table.columns["pressure"])))
+        forces = sum(factor * load.pushing for factor, load in model.applied_at(step))
+        missed = missed / max(float(parallel.global_sum(model.comm, np.abs(forces).sum())), pressed)
+    facets = np.concatenate([model.tagged.facets(effect.boundary) for effect in model.statement.contact])
     return combined(
         model.boundary,
         table,
-        contact_cells(model),
+        facet_entities(model.tagged.mesh, facets)[:, 0],
         squares,
         missed,
         energy,
@@ -84,7 +90,7 @@ def combined(
     table: ContactTable,
     cells: npt.NDArray[np.int32],
     recovery: Floats,
-    missed: DataError,
+    missed: Floats,
     energy: float,
     blur: float,
     kinematics: Kinematics = PLANE_STRAIN,
@@ -96,7 +102,7 @@ def combined(
         table: the contact boundary.
         cells: of each facet, in the order of ``boundary.segments``.
         recovery: squared error of the displacement in the energy norm, of each owned cell, shape (cells,).
-        missed: the error of the data.
+        missed: share of all forces that is missed in each owned cell, shape (cells,).
         energy: strain energy of the solution.
         blur: length over which the regularisation smears the pressure at a corner; 0 without.
         kinematics: of the body.
@@ -108,11 +114,8 @@ def combined(
     size = 2 * energy
     body: Floats = np.zeros(recovery.shape)
     if energy > 0:
-        body[:] = (recovery + missed.squares) / size
-    forces: Floats = np.zeros(body.shape)
-    if missed.total > 0:
-        forces[:] = missed.forces / missed.total
-    data, error = total(forces), float(np.sqrt(total(body)))
+        body[:] = recovery / size
+    loads, error = total(missed), float(np.sqrt(total(body)))
     contact, inside, pressed = np.zeros_like(body), np.zeros_like(body), pressure_square(table)
     if pressed > 0:
         for squares, corners in ((contact, True), (inside, False)):
@@ -123,21 +126,21 @@ def combined(
     if pressed > 0 and table.facets is None:
         rows = np.append(corner_rows(table), np.argmax(table.columns["pressure"]))
         np.add.at(top, cells, local * on_facets(boundary, table, beside(table, rows)))
-    wholes = ((body, error**2), (inside, inside_total), (forces, data))
+    wholes = ((body, error**2), (inside, inside_total), (missed, loads))
     shares: list[Floats] = [np.asarray(squares / scale) for squares, scale in wholes if scale > 0]
     return Errors(
-        energy=error + data,
-        pressure=float(np.sqrt(local)) + data if pressed > 0 else None,
+        energy=error + loads,
+        pressure=float(np.sqrt(local)) + loads if pressed > 0 else None,
         inside=float(np.sqrt(inside_total)),
-        data=data,
+        loads=loads,
         size=float(np.sqrt(size)),
         pressed=float(np.sqrt(pressed)),
         squares={
-            "energy": body + data * forces,
-            "pressure": contact + (POLLUTION * error) ** 2 * body + data * forces,
+            "energy": body + loads * missed,
+            "pressure": contact + (POLLUTION * error) ** 2 * body + loads * missed,
             # Half of it at the top, where the kinks of the pressure are small and the error of the largest one is, and
             # at corners, where it may become the largest.
-            "peak": contact + top + (POLLUTION * error) ** 2 * body + data * forces,
+            "peak": contact + top + (POLLUTION * error) ** 2 * body + loads * missed,
             "force": sum(shares, np.zeros_like(body)),
         },
     )
@@ -171,7 +174,7 @@ def worst_of(steps: list[Errors]) -> Errors:
         energy=max(step.energy * share for step, share in zip(steps, of_size, strict=True)),
         pressure=max(pressures) if pressed > 0 else None,
         inside=max(step.inside * share for step, share in zip(steps, of_pressed, strict=True)),
-        data=max(step.data for step in steps),
+        loads=max(step.loads for step in steps),
         size=size,
         pressed=pressed,
         squares={name: added(name, weights) for name, weights in shares.items()},

@@ -49,7 +49,7 @@ def force_error(levels: Sequence[LevelResult], *, uniform: bool = True) -> float
     seen = max(estimates)
     if not uniform and (fine.dimension, fine.degree) in FORCE_OF_ENERGY and seen > BALANCED_BY_STATICS:
         seen = max(seen, FORCE_OF_ENERGY[fine.dimension, fine.degree] * fine.energy**2)
-    return seen + fine.data
+    return seen + fine.loads
 
 
 def _share(coarse: LevelResult, fine: LevelResult) -> float:

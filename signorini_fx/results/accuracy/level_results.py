@@ -98,7 +98,7 @@ def level_result(
         energy=errors.energy,
         pressure=errors.pressure,
         inside=errors.inside,
-        data=errors.data,
+        loads=errors.loads,
         regularisation=regularisation,
         pressure_regularisation=pressure_regularisation,
         iteration=max(own[-1].residual if own else 0.0, change or 0.0),

@@ -41,10 +41,10 @@ class LevelResult(MeshCost):
 
     Attributes:
         status: how it ended.
-        energy: estimated discretisation error, relative in the energy norm, data included.
+        energy: estimated discretisation error, relative in the energy norm, loads included.
         pressure: the same of the contact pressure, relative in L2(Gamma_c); None without contact.
-        inside: the same except beside corners, without data.
-        data: the error of loads and friction on the mesh.
+        inside: the same except beside corners, without loads.
+        loads: the error of the loads on the mesh.
         polygon: effect of straight facets of a curved contact boundary, which no refinement reduces;
             ``pressure_error.polygon_error``.
         regularisation: regularisation error, relative in the energy norm; 0 without regularisation.
@@ -61,7 +61,7 @@ class LevelResult(MeshCost):
     energy: float
     pressure: float | None
     inside: float
-    data: float
+    loads: float
     regularisation: float
     pressure_regularisation: float
     iteration: float
