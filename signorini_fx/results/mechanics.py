@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     from signorini_fx.results.resultants import ActingForces, NamedForces
     from signorini_fx.results.stresses import RawStresses, Stresses
 
-NO_ESTIMATE = "nonlinear bodies have no estimate of their error: compare solutions on two meshes"
-
 
 @dataclass(frozen=True, kw_only=True)
 class SolidBody(Model, ABC):

@@ -21,7 +21,6 @@ from dolfinx import fem
 from signorini_fx.mechanics.body.element_stress import ElementStress
 from signorini_fx.mechanics.model import Model
 from signorini_fx.results.certificate.nonlinear_forces import NonlinearForces, PointStress, through_points
-from signorini_fx.results.mechanics import NO_ESTIMATE
 from signorini_fx.results.stresses import (
     COMPONENTS,
     Extreme,
@@ -214,4 +213,4 @@ def _fill(function: fem.Function, at_points: PointStress, values: Array) -> None
 
 
 def _not_recovered(*_: Any) -> NoReturn:
-    raise RuntimeError(f"there is no recovered stress: {NO_ESTIMATE}")
+    raise RuntimeError("a nonlinear body has no recovered stress")

@@ -33,7 +33,7 @@ from signorini_fx.results.contact_boundaries import ContactFigures, contact_figu
 from signorini_fx.results.contact_fields import BoundaryFields, boundary_fields
 from signorini_fx.results.friction_used import friction_used
 from signorini_fx.results.functionals import Functionals
-from signorini_fx.results.mechanics import NO_ESTIMATE, SolidBody
+from signorini_fx.results.mechanics import SolidBody
 from signorini_fx.results.requested_law import RequestedLaw, requested_law
 from signorini_fx.results.resultants import Resultants
 from signorini_fx.results.step_result import StepResult
@@ -364,20 +364,25 @@ class Solution:
         asked = "energy" if self.statement.accuracy is None else self.statement.accuracy.of
         prices = [price for price in self.convergence_table if not price.predicted]
         error = getattr(prices[-1], asked) if prices else None
+        squares, linear = np.zeros(0), True
         if not error:
             if prices and asked != "energy":
                 return f"no error of {NAMES[asked]} is known"
             if self.last_step.strain_energy is None:
-                return NO_ESTIMATE
-            if self.known_stress is None:
+                body: Any = self.model  # its residual says all of it
+                if isinstance(known := body.stress_error(), str):
+                    return known
+                (error, squares), linear = known, False
+            elif self.known_stress is None:
                 return "forms alone have no error estimate: give stress="
-            if not (error := self.known_stress.error):
+            elif not (error := self.known_stress.error):
                 return "there is no stress, or no error of it"
         seconds = parallel.largest_timings(self.comm, self.timings.total)
         starting = seconds.get("compile", 0.0) + seconds.get("mesh", 0.0)
         solved = [(price.dofs, price.seconds) for price in prices] or [(self.model.dofs, sum(seconds.values()))]
-        squares = np.zeros(0) if self.known_stress is None else self.known_stress.squares
-        return next_cost(self.statement, self.model.tagged, asked, error, squares, solved, starting)
+        if linear and self.known_stress is not None:
+            squares = self.known_stress.squares
+        return next_cost(self.statement, self.model.tagged, asked, error, squares, solved, starting, linear=linear)
 
     def force_bounds(self, boundary: str, direction: tuple[float, ...]) -> Interval | str:
         """Guaranteed bounds of the force on a body at a boundary in contact, in 2D per thickness; or why there

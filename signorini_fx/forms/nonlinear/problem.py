@@ -10,6 +10,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import numpy.typing as npt
 from dolfinx import fem
 
 from signorini_fx.errors import FormError
@@ -35,8 +37,8 @@ from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodyMotion
 from signorini_fx.mechanics.statement.load_path import LoadPath
 from signorini_fx.quantities.functional import Gradient
 from signorini_fx.records import Finding, Status
+from signorini_fx.results.accuracy.next_accuracy import CostOfAccuracy
 from signorini_fx.results.certificate.certificate import Certificate
-from signorini_fx.results.mechanics import NO_ESTIMATE
 from signorini_fx.results.solution import ConvergenceError, Solution
 from signorini_fx.results.step_result import StepResult
 from signorini_fx.solving.loose_bodies import loose_in
@@ -88,7 +90,6 @@ class NonlinearContactProblem(ProblemOfForms):
         u: the solution.
         contact: the foundations and pairs.
         pressure, shear, gap, slip: see ``ContactFields``.
-        cost: why it is not known what a better accuracy would take, see ``Solution``.
         solution: the last solution with all that results are made of; after a ramp with all of its steps, whose times
             are the sizes of their loads.  Where the first step of a ramp has no solution it is the body as it was
             before, under the load of this step, and converged it is not.  Of what needs a strain energy it says that a
@@ -101,8 +102,6 @@ class NonlinearContactProblem(ProblemOfForms):
         FormError: an argument is wrong.
         MachineError: a form cannot be compiled.
     """
-
-    cost = NO_ESTIMATE
 
     def __init__(
         self,
@@ -123,7 +122,8 @@ class NonlinearContactProblem(ProblemOfForms):
         boundaries: Mapping[str, Any] | None = None,
         **settings: Any,
     ) -> None:
-        self.u, self.contact = u, checked(F, u, J, foundations_of(contact), update, commit, max_newton)
+        self._F, self.u = F, u
+        self.contact = checked(F, u, J, foundations_of(contact), update, commit, max_newton)
         options: dict[str, Any] = {"form_compiler_options": form_compiler_options, "jit_options": jit_options}
         tangents = Tangents(F, J, u, options)
         with compiling():
@@ -170,7 +170,27 @@ class NonlinearContactProblem(ProblemOfForms):
             raise RuntimeError("there is no solution so far: call solve()")
         steps = continuation.steps if solved.step.status is Status.CONVERGED else [solved.step]
         ended, spent = (self.status or Status.CONVERGED, self.findings), (self.history, self._solver.timings)
-        return solved.solution(self.linear.rigid, steps, continuation.mechanics, ended, spent, title)
+        solution = solved.solution(self.linear.rigid, steps, continuation.mechanics, ended, spent, title)
+
+        def error() -> tuple[float, npt.NDArray[np.float64]] | str:
+            """Of the body as it is now."""
+            from signorini_fx.forms.nonlinear.stress_error import stress_error
+
+            if self._solver.solved is not solved:
+                return "there is no estimate of the error of an earlier solve"
+            return stress_error(self._F, self.u, self._parts)
+
+        return replace(solution, model=replace(solution.model, stress_error=error))
+
+    @property
+    def cost(self) -> CostOfAccuracy | str:
+        """Error of the last solution, and what a smaller one would take, see ``Solution``; collective."""
+        return self.solution.cost
+
+    @property
+    def _parts(self) -> Sequence[npt.NDArray[np.int32]]:
+        """The cells of each material that is known of, ghosts included."""
+        return self.linear.forms.parts
 
     @property
     def findings(self) -> tuple[Finding, ...]:

@@ -60,6 +60,10 @@ class ElementStress:
         """The components of sigma, see ``Kinematics.pairs``."""
         return self.kinematics.components(self.in_space)
 
+    def squared(self, difference: Any, times: Any, dx: Any) -> Any:
+        """The form of C^-1 tau : tau for a difference of stresses, its components, times a factor."""
+        return times * self.compliance(difference) * self.around * dx
+
     @property
     def in_space(self) -> Any:
         """Sigma with all components in 3D, shape (3, 3)."""
@@ -88,7 +92,7 @@ def element_stress(body: Model, displacement: fem.Function, step: float = 0.0) -
 
     move(step)
     of_law = body.elastic.stress(displacement, displacement if jump is None else displacement + jump, initial)
-    stress = stress_by(of_law, displacement, _materials(body), body.kinematics, move)
+    stress = stress_by(of_law, displacement, cells_of_materials(body), body.kinematics, move)
     stress.refresh(step)
     return stress
 
@@ -140,7 +144,7 @@ def stress_by(
     )
 
 
-def _materials(model: Model) -> list[npt.NDArray[np.int32]]:
+def cells_of_materials(model: Model) -> list[npt.NDArray[np.int32]]:
     """The cells of each material, ghosts included."""
     if len(model.statement.material) > 1:
         return [model.tagged.cells(str(material.region)) for material in model.statement.material]

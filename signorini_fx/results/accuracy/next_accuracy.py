@@ -66,7 +66,7 @@ class CostOfAccuracy:
         next_error: the smaller one.
         next_seconds: that it would take, from and to.
         next_dofs: unknowns that it would take, the most likely number.
-        command: what asks for it.
+        command: what asks for it; "": nothing can, as of nonlinear bodies.
         local: whether cells are divided where the error is; otherwise all become smaller.
     """
 
@@ -96,7 +96,8 @@ class CostOfAccuracy:
         share = f"{100 * self.next_error:.{figures}g} %"
         if not self.local and self.next_dofs > MOST_UNIFORM_UNKNOWNS:
             return f"{share}: uniform refinement does not get there"
-        return f"{share}: {between(self.next_seconds)} with {self.command}{'' if self.local else ', all cells smaller'}"
+        command = f" with {self.command}" if self.command else ""
+        return f"{share}: {between(self.next_seconds)}{command}{'' if self.local else ', all cells smaller'}"
 
     def as_dict(self) -> dict[str, Any]:
         """JSON-safe."""
@@ -172,6 +173,8 @@ def next_cost(
     squares: npt.NDArray[np.float64],
     solved: Sequence[tuple[int, float]],
     starting: float,
+    *,
+    linear: bool = True,
 ) -> CostOfAccuracy:
     """The forecast; collective.
 
@@ -183,16 +186,19 @@ def next_cost(
         squares: of the error of the stress in each owned cell, shape (cells,).
         solved: unknowns and seconds of each mesh.
         starting: the part of the last seconds that a finer mesh takes no more of, such as that of compilation.
+        linear: whether the body is, so that an accuracy can be requested.
     """
     (dofs, last), dimension = solved[-1], tagged.dimension
     following, degree = NEXT_ERROR[dimension] * error, statement.element.degree
-    local = divides_cells(statement, tagged, of)
+    local = linear and divides_cells(statement, tagged, of)
     if local:
         unknowns, times = _divided(statement, dimension, dofs)
         spread, degree = LOCAL_SPREAD, 2
     else:
         share = crowded_share(tagged.mesh.comm, squares)
-        unknowns, degree = _uniform(statement, dimension, of, dofs, share)
+        unknowns = dofs * finer_for(NEXT_ERROR[dimension], share, degree) ** dimension
+        if linear:
+            unknowns, degree = _uniform(statement, dimension, of, dofs, share)
         times, spread = times_of([unknowns], dofs, dimension), UNIFORM_SPREAD
     target = f"{min(following * MARGIN.get((of, degree), MARGIN_OF_OTHERS), 0.99):.2g}"
     command = f"--accuracy {target}" + (f" --of {of}" if of != "energy" else "")
@@ -200,6 +206,7 @@ def next_cost(
         more = {"of": of} if of != "energy" else {}
         more |= {"refinement": "adaptive"} if local else {}
         command = f"Accuracy(target={target}{''.join(f', {key}={value!r}' for key, value in more.items())})"
+    command = command if linear else ""
     middle = (last - starting) * times
     seconds = sum(seconds for _, seconds in solved)
     both = (starting + middle / spread, starting + middle * spread)

@@ -42,7 +42,7 @@ class StressRecovery:
 
     def __init__(
         self,
-        stress: ElementStress,
+        stress: ElementStress | Any,
         residual: Callable[[Any], tuple[Callable[[float], None], Any]],
         inventory: Inventory,
         degree: int | None = None,
@@ -59,13 +59,11 @@ class StressRecovery:
             pattern: a stiffness by blocks, one for each pair of vertices; None: there is none.
         """
         self._stress, self._displacement, self._inventory = stress, stress.displacement, inventory
-        mesh, kinematics = self._displacement.function_space.mesh, stress.kinematics
-        self._comm, self._components = mesh.comm, len(kinematics.pairs)
+        mesh, raw = self._displacement.function_space.mesh, stress.components
+        self._comm, self._components = mesh.comm, len(raw)
         space = fem.functionspace(mesh, ("Lagrange", 1, (self._components,)))
         self._recovered = fem.Function(space)
         cellwise = ufl.TestFunction(fem.functionspace(mesh, ("DG", 0)))
-        raw = stress.components
-        density = stress.compliance(self._recovered - raw) * stress.around * cellwise
         # The components share one matrix: dolfinx numbers the nodes of both spaces in the same way.
         scalar = fem.functionspace(mesh, ("Lagrange", 1))
         assert np.array_equal(scalar.dofmap.list, space.dofmap.list)
@@ -76,7 +74,8 @@ class StressRecovery:
         self._weight, self._pattern = weight, pattern
         dx = ufl.dx if degree is None else ufl.dx(metadata={"quadrature_degree": degree})
         self._moments = compiled("stress moments", lambda: fem.form(weight * moment * dx))
-        self._squares = compiled("stress recovery error", lambda: fem.form(weight * density * dx))
+        squares = stress.squared(self._recovered - raw, weight * cellwise, dx)
+        self._squares = compiled("stress recovery error", lambda: fem.form(squares))
         self._mass = compiled("stress mass", lambda: fem.form(weight * product * dx))
         self._parts = stress.parts
         self._move_to, unbalanced = residual(cellwise)

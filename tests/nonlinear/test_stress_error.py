@@ -1,0 +1,96 @@
+"""The stress of a residual, and the error of it: closed forms, and a fine mesh."""
+
+import numpy as np
+import pytest
+import ufl
+from dolfinx import fem, mesh
+from mpi4py import MPI
+
+from signorini_fx import Foundation, NonlinearContactProblem
+from signorini_fx.forms.nonlinear.stress_error import stress_error, stress_of
+
+WORLD = MPI.COMM_WORLD
+YOUNG, POISSON = 100.0, 0.4
+MU, LAME = YOUNG / 2 / (1 + POISSON), YOUNG * POISSON / (1 + POISSON) / (1 - 2 * POISSON)
+
+
+def neo_hooke(u):
+    gradient = ufl.Identity(len(u)) + ufl.grad(u)
+    volume = ufl.det(gradient)
+    energy = MU / 2 * ufl.inner(gradient, gradient) - MU * ufl.ln(volume) + LAME / 2 * ufl.ln(volume) ** 2
+    return ufl.derivative(energy * ufl.dx, u, ufl.TestFunction(u.function_space))
+
+
+def pressed(cells, degree):
+    """A block under a circle, pressed by a fifth of its height."""
+    comm, kind = MPI.COMM_SELF, mesh.CellType.quadrilateral
+    block = mesh.create_rectangle(comm, [[0.0, 0.0], [2.0, 1.0]], [2 * cells, cells], kind)
+    u = fem.Function(fem.functionspace(block, ("Lagrange", degree, (2,))))
+    top, bottom = (mesh.locate_entities_boundary(block, 1, lambda x, at=at: np.isclose(x[1], at)) for at in (1.0, 0.0))
+    fixed = fem.dirichletbc(np.zeros(2), fem.locate_dofs_topological(u.function_space, 1, bottom), u.function_space)
+    foundation = Foundation(top, shape={"shape": "circle", "centre": (1.03, 1.5), "radius": 0.5})
+    problem = NonlinearContactProblem(neo_hooke(u), u, bcs=[fixed], contact=foundation)
+    problem.ramp(lambda t: problem.place(0, shift=(0.0, -0.2 * t)), first=0.5)
+    return problem
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("dim", [2, 3])
+def test_stress_of_a_residual(dim):
+    """Of constant gradients it is exact, whatever multiplies the test function itself."""
+    cells = [2] * dim
+    body = (mesh.create_unit_square if dim == 2 else mesh.create_unit_cube)(WORLD, *cells)
+    u = fem.Function(fem.functionspace(body, ("Lagrange", 1, (dim,))))
+    u.interpolate(lambda x: 0.1 * np.sin(2 * x[:dim] + x[::-1][:dim]))
+    test, normal = ufl.TestFunction(u.function_space), ufl.FacetNormal(body)
+    found = stress_of(neo_hooke(u) + ufl.inner(u, test) * ufl.dx - ufl.inner(normal, test) * ufl.ds, u)
+    gradient = ufl.Identity(dim) + ufl.grad(u)
+    inverse = ufl.inv(gradient).T
+    expected = MU * (gradient - inverse) + LAME * ufl.ln(ufl.det(gradient)) * inverse
+    rows = ufl.as_vector([expected[i, j] for i in range(dim) for j in range(dim)])
+    exact = fem.Function(found.function_space)
+    exact.interpolate(fem.Expression(rows, exact.function_space.element.interpolation_points()))
+    np.testing.assert_allclose(found.x.array, exact.x.array, rtol=1e-10, atol=1e-12 * YOUNG)
+
+
+@pytest.mark.mpi
+def test_a_stress_that_the_cells_have():
+    """The stress of a quadratic displacement is linear: there is no error; of others there is."""
+    body = mesh.create_unit_square(WORLD, 3, 3)
+    u = fem.Function(fem.functionspace(body, ("Lagrange", 2, (2,))))
+    strain = ufl.sym(ufl.grad(u))
+    residual = ufl.inner(2 * MU * strain, ufl.grad(ufl.TestFunction(u.function_space))) * ufl.dx
+    every_cell = [np.arange(u.function_space.dofmap.list.shape[0], dtype=np.int32)]
+    assert stress_error(residual, u, every_cell) == "there is no stress, and no error of it"
+    u.interpolate(lambda x: np.array([x[0] ** 2, x[0] * x[1]]))
+    assert stress_error(residual, u, every_cell)[0] < 1e-6
+    u.interpolate(lambda x: np.array([np.sin(3 * x[0] * x[1]), x[1] ** 3]))
+    assert stress_error(residual, u, every_cell)[0] > 1e-3
+
+
+@pytest.mark.parametrize(("cells", "degree"), [(4, 1), (8, 1), (4, 2)])
+def test_against_a_fine_mesh(cells, degree):
+    """Within a factor of two of the difference to a finer mesh."""
+    coarse, fine = pressed(cells, degree), pressed(16, 2)
+    found, exact = (stress_of(neo_hooke(problem.u), problem.u) for problem in (coarse, fine))
+    space = exact.function_space
+    owned = np.arange(space.mesh.topology.index_map(2).size_local, dtype=np.int32)
+    difference = fem.Function(space)
+    data = fem.create_interpolation_data(space, found.function_space, owned, 1e-10)
+    difference.interpolate_nonmatching(found, owned, data)
+    difference.x.array[:] -= exact.x.array
+    squares = [fem.assemble_scalar(fem.form(ufl.inner(f, f) * ufl.dx)) for f in (difference, exact)]
+    error, of_cells = coarse.solution.model.stress_error()
+    assert 0.5 < error / np.sqrt(squares[0] / squares[1]) < 2.0
+    assert of_cells.min() >= 0.0
+    assert str(coarse.cost).startswith(f"{100 * error:.2g} % error of the stress took")
+
+
+def test_an_earlier_solve():
+    """Its body is no more where it was."""
+    problem = pressed(2, 1)
+    earlier = problem.solution
+    problem.place(0, shift=(0.0, -0.25))
+    problem.solve()
+    assert earlier.cost == "there is no estimate of the error of an earlier solve"
+    assert not isinstance(problem.cost, str)
