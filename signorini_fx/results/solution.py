@@ -7,7 +7,6 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 from dolfinx import fem
 from mpi4py import MPI
 
@@ -364,7 +363,7 @@ class Solution:
         asked = "energy" if self.statement.accuracy is None else self.statement.accuracy.of
         prices = [price for price in self.convergence_table if not price.predicted]
         error = getattr(prices[-1], asked) if prices else None
-        squares, linear = np.zeros(0), True
+        linear = True
         if not error:
             if prices and asked != "energy":
                 return f"no error of {NAMES[asked]} is known"
@@ -372,7 +371,7 @@ class Solution:
                 body: Any = self.model  # its residual says all of it
                 if isinstance(known := body.stress_error(), str):
                     return known
-                (error, squares), linear = known, False
+                error, linear = known, False
             elif self.known_stress is None:
                 return "forms alone have no error estimate: give stress="
             elif not (error := self.known_stress.error):
@@ -380,9 +379,7 @@ class Solution:
         seconds = parallel.largest_timings(self.comm, self.timings.total)
         starting = seconds.get("compile", 0.0) + seconds.get("mesh", 0.0)
         solved = [(price.dofs, price.seconds) for price in prices] or [(self.model.dofs, sum(seconds.values()))]
-        if linear and self.known_stress is not None:
-            squares = self.known_stress.squares
-        return next_cost(self.statement, self.model.tagged, asked, error, squares, solved, starting, linear=linear)
+        return next_cost(self.statement, self.model.tagged, asked, error, solved, starting, linear=linear)
 
     def force_bounds(self, boundary: str, direction: tuple[float, ...]) -> Interval | str:
         """Guaranteed bounds of the force on a body at a boundary in contact, in 2D per thickness; or why there

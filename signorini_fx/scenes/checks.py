@@ -99,7 +99,7 @@ def _nonlinear(scene: Scene, comm: MPI.Comm) -> Check:
 
     timings = Timings()
     model = linear_body(scene, comm, timings)
-    cost, statement = newton_cost(estimated_cost(model), scene.statement.expected_steps), scene.statement
+    cost, statement = newton_cost(estimated_cost(model, linear=False), scene.statement.expected_steps), scene.statement
     acting = newton_acting(statement, model, _acting(replace(model, statement=statement), compared=False))
     findings = (*memory_finding(cost, comm), *nonlinear_findings(statement, model))
     return Check(scene.title, acting, cost, findings, newton_plan())

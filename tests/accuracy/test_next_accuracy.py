@@ -3,32 +3,13 @@
 from dataclasses import replace
 from itertools import pairwise
 
-import numpy as np
 import pytest
-from mpi4py import MPI
 from scenes import alone, example1
 
 from signorini_fx.mechanics.statement.settings import Accuracy
 from signorini_fx.results.accuracy import next_accuracy
 from signorini_fx.scenes.checks import check_scene
-from signorini_fx.tuned import CORNER_EXPONENT, MESHES_TIMES, NEXT_ERROR
-
-
-@pytest.mark.parametrize("degree", [1, 2])
-def test_finer_for_a_smooth_and_a_singular_solution(degree):
-    """Alone each part decreases with its power; together the slower one takes more than alone on its own share."""
-    assert next_accuracy.finer_for(0.1, 0.0, degree) == pytest.approx(10 ** (1 / degree), rel=1e-5)
-    assert next_accuracy.finer_for(0.1, 1.0, degree) == pytest.approx(10 ** (1 / CORNER_EXPONENT), rel=1e-5)
-    finer = next_accuracy.finer_for(0.1, 0.5, degree)
-    assert 0.5 * finer ** (-2 * degree) + 0.5 * finer ** (-2 * CORNER_EXPONENT) == pytest.approx(0.01, rel=1e-4)
-
-
-def test_crowded_share():
-    """Cells with more than three times the mean; of equal ones none, without an error nothing."""
-    squares = np.array([10.0, *[1.0] * 10])
-    assert next_accuracy.crowded_share(MPI.COMM_SELF, squares) == pytest.approx(0.5)
-    assert next_accuracy.crowded_share(MPI.COMM_SELF, np.ones(5)) == 0.0
-    assert next_accuracy.crowded_share(MPI.COMM_SELF, np.zeros(5)) == 0.0
+from signorini_fx.tuned import MESHES_TIMES, NEXT_ERROR, UNIFORM_RATE, UNIFORM_SPREAD
 
 
 @pytest.mark.parametrize("dofs", [500, 10_000, 200_000])
@@ -49,6 +30,18 @@ def test_meshes_take_as_long_as_they_have_unknowns():
     """But for what every solve takes."""
     assert next_accuracy.times_of([1e7, 3e7], 1e7, 2) == pytest.approx(4 * MESHES_TIMES, rel=1e-3)
     assert next_accuracy.times_of([100], 10, 3) < 1.3 * MESHES_TIMES
+
+
+def test_all_cells_smaller():
+    """A tenth of the error by the rate; of a nonlinear body nothing can be asked for."""
+    scene = example1(coefficient=0.3, gamma="auto", nx=30, ny=10)
+    tagged = alone(scene).model.tagged
+    way = next_accuracy.way_of(scene.statement, tagged, "energy", 682, linear=False)
+    assert way.unknowns == pytest.approx(682 * 10 ** (2 / UNIFORM_RATE))
+    assert way.times[1] / way.times[0] == pytest.approx(UNIFORM_SPREAD**2)
+    cost = next_accuracy.next_cost(scene.statement, tagged, "energy", 0.5, [(682, 1.0)], 0.0, linear=False)
+    assert not cost.local
+    assert "with" not in str(cost)
 
 
 @pytest.mark.parametrize(
@@ -100,5 +93,6 @@ def test_check_foretells_what_it_costs():
     scene = example1(coefficient=0.3, gamma="auto", nx=30, ny=10)
     cost = check_scene(scene).cost
     assert cost.next_local
-    assert cost.next_unknowns[0] == pytest.approx(alone(scene).cost.next_dofs, rel=0.1)
+    factor = next_accuracy.way_of(scene.statement, alone(scene).model.tagged, "energy", cost.unknowns).times[1]
+    assert cost.next_seconds[1] == pytest.approx(factor * cost.seconds[1])
     assert cost.next_seconds[0] < cost.next_seconds[1]

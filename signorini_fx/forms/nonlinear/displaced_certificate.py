@@ -83,7 +83,7 @@ class ResidualBody(SolidBody):
 
     at_end: ResidualMechanics
     at_steps: Sequence[tuple[fem.Function, ResidualMechanics]] = ()
-    stress_error: Callable[[], tuple[float, Array] | str] = lambda: "there is no estimate of the error"
+    stress_error: Callable[[], float | str] = lambda: "there is no estimate of the error"
 
     def sides(self, y: fem.Function) -> list[ContactSide]:
         return list(self._at(y).contact_sides)

@@ -29,12 +29,9 @@ from signorini_fx.mechanics.assembly.mesh_entities import assemble
 from signorini_fx.records import Inventory
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery
 
-Array = npt.NDArray[np.float64]
 
-
-def stress_error(residual: Any, u: fem.Function, parts: Sequence[npt.NDArray[np.int32]]) -> tuple[float, Array] | str:
-    """The relative error of the stress in L2, and the square of it in each owned cell, stress^2 times volume, shape
-    (cells,); or why it is not known; collective.
+def stress_error(residual: Any, u: fem.Function, parts: Sequence[npt.NDArray[np.int32]]) -> float | str:
+    """The relative error of the stress in L2, or why it is not known; collective.
 
     Args:
         residual: F in UFL.
@@ -43,9 +40,8 @@ def stress_error(residual: Any, u: fem.Function, parts: Sequence[npt.NDArray[np.
     """
     stress = _Stress(u, stress_of(residual, u), parts)
     recovery = StressRecovery(stress, lambda z: (lambda step: None, None), Inventory())
-    squares = recovery.squares(u)
-    size, total = parallel.global_sum(u.function_space.mesh.comm, np.array([stress.square(), squares.sum()]))
-    return (float(np.sqrt(total / size)), squares) if size > 0 else "there is no stress, and no error of it"
+    size = np.sqrt(parallel.global_sum(u.function_space.mesh.comm, np.array(stress.square())))
+    return float(recovery.error(u) / size) if size > 0 else "there is no stress, and no error of it"
 
 
 def stress_of(residual: Any, u: fem.Function) -> fem.Function:

@@ -2,8 +2,7 @@
 
 The forecast is of the way that a requested accuracy takes.  Where it divides cells where the error is, errors decrease
 like one over the unknowns whatever singularities there are, so that the unknowns of its meshes are known beforehand.
-Where all cells become smaller the error of the stress is split in two: that of the few cells with much more of it than
-the others decreases like the error at a corner of the body, the rest with the degree of the elements.
+Where all cells become smaller they decrease with a rate between those at a corner of the body and elsewhere.
 """
 
 from __future__ import annotations
@@ -13,19 +12,12 @@ from dataclasses import asdict, dataclass
 from math import ceil, log
 from typing import Any
 
-import numpy as np
-import numpy.typing as npt
-from mpi4py import MPI
-
-from signorini_fx.machine import parallel
 from signorini_fx.machine.display import duration
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, curvature
 from signorini_fx.mechanics.statement.features import divisible
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.results.accuracy.local_estimates import LOCAL
 from signorini_fx.tuned import (
-    CORNER_EXPONENT,
-    CROWDED,
     FIRST_UNKNOWNS,
     FIXED_UNKNOWNS,
     LAST_UNKNOWNS,
@@ -34,12 +26,12 @@ from signorini_fx.tuned import (
     MARGIN,
     MARGIN_OF_OTHERS,
     MESHES_TIMES,
-    MOST_FINER,
     MOST_UNIFORM_UNKNOWNS,
     NEXT_ERROR,
     SAME_LENGTH,
     SPACE_FIXED,
     SPACE_GROWTH,
+    UNIFORM_RATE,
     UNIFORM_SPREAD,
 )
 
@@ -132,37 +124,35 @@ def divides_cells(statement: Statement, tagged: TaggedMesh, of: str) -> bool:
     return straight and not statement.remade and (statement.units is not None or statement.element.degree == 2)
 
 
-def crowded_share(comm: MPI.Comm, squares: npt.NDArray[np.float64]) -> float:
-    """The share of the squared error that is in cells with much more of it than the mean; collective.
+@dataclass(frozen=True)
+class Way:
+    """How the next error is reached.
 
-    Args:
-        comm: the ranks of the mesh.
-        squares: of the error in each owned cell, shape (cells,).
-    """
-    total, cells = (float(parallel.global_sum(comm, np.array(value))) for value in (squares.sum(), float(squares.size)))
-    if not total > 0:
-        return 0.0
-    crowded = squares[squares > CROWDED * total / cells].sum()
-    return float(parallel.global_sum(comm, np.array(crowded))) / total
-
-
-def finer_for(times: float, share: float, degree: int) -> float:
-    """How many times finer a mesh is on which the error is ``times`` as large, below 1.
-
-    Args:
-        times: next error over this one.
-        share: of the squared error, which decreases as at a corner.
-        degree: of the elements, with which the rest decreases.
+    Attributes:
+        unknowns: of its last mesh, the most likely number.
+        times: how many times as long as the mesh that was solved all meshes take, from and to.
+        degree: of the elements.
+        local: whether cells are divided where the error is; otherwise all become smaller.
     """
 
-    def left(finer: float) -> float:
-        return float((1 - share) * finer ** (-2 * degree) + share * finer ** (-2 * CORNER_EXPONENT))
+    unknowns: float
+    times: tuple[float, float]
+    degree: int
+    local: bool
 
-    low, high = 1.0, MOST_FINER
-    while high / low > 1 + 1e-6:
-        middle = (low * high) ** 0.5
-        low, high = (middle, high) if left(middle) > times**2 else (low, middle)
-    return high
+
+def way_of(statement: Statement, tagged: TaggedMesh, of: str, dofs: float, *, linear: bool = True) -> Way:
+    """That of a requested accuracy; of nonlinear bodies, which cannot request one, smaller cells; collective."""
+    dimension, degree = tagged.dimension, statement.element.degree
+    if linear and divides_cells(statement, tagged, of):
+        unknowns, middle = _divided(statement, dimension, dofs)
+        return Way(unknowns, (middle / LOCAL_SPREAD, middle * LOCAL_SPREAD), 2, local=True)
+    times, first = NEXT_ERROR[dimension], dofs
+    if linear and dimension == 2 and degree == 1 and of in LOCAL and statement.units is not None:
+        times, degree, first = 2 * times, 2, 4 * dofs  # as in ``local_meshes``
+    unknowns = first * times ** (-dimension / UNIFORM_RATE)
+    middle = times_of([unknowns], dofs, dimension)
+    return Way(unknowns, (middle / UNIFORM_SPREAD, middle * UNIFORM_SPREAD), degree, local=False)
 
 
 def next_cost(
@@ -170,7 +160,6 @@ def next_cost(
     tagged: TaggedMesh,
     of: str,
     error: float,
-    squares: npt.NDArray[np.float64],
     solved: Sequence[tuple[int, float]],
     starting: float,
     *,
@@ -183,42 +172,22 @@ def next_cost(
         tagged: its last mesh.
         of: see ``CostOfAccuracy``.
         error: likewise.
-        squares: of the error of the stress in each owned cell, shape (cells,).
         solved: unknowns and seconds of each mesh.
         starting: the part of the last seconds that a finer mesh takes no more of, such as that of compilation.
         linear: whether the body is, so that an accuracy can be requested.
     """
-    (dofs, last), dimension = solved[-1], tagged.dimension
-    following, degree = NEXT_ERROR[dimension] * error, statement.element.degree
-    local = linear and divides_cells(statement, tagged, of)
-    if local:
-        unknowns, times = _divided(statement, dimension, dofs)
-        spread, degree = LOCAL_SPREAD, 2
-    else:
-        share = crowded_share(tagged.mesh.comm, squares)
-        unknowns = dofs * finer_for(NEXT_ERROR[dimension], share, degree) ** dimension
-        if linear:
-            unknowns, degree = _uniform(statement, dimension, of, dofs, share)
-        times, spread = times_of([unknowns], dofs, dimension), UNIFORM_SPREAD
-    target = f"{min(following * MARGIN.get((of, degree), MARGIN_OF_OTHERS), 0.99):.2g}"
+    (dofs, last), following = solved[-1], NEXT_ERROR[tagged.dimension] * error
+    way = way_of(statement, tagged, of, dofs, linear=linear)
+    target = f"{min(following * MARGIN.get((of, way.degree), MARGIN_OF_OTHERS), 0.99):.2g}"
     command = f"--accuracy {target}" + (f" --of {of}" if of != "energy" else "")
     if statement.units is None:  # of forms
         more = {"of": of} if of != "energy" else {}
-        more |= {"refinement": "adaptive"} if local else {}
+        more |= {"refinement": "adaptive"} if way.local else {}
         command = f"Accuracy(target={target}{''.join(f', {key}={value!r}' for key, value in more.items())})"
     command = command if linear else ""
-    middle = (last - starting) * times
+    low, high = (starting + times * (last - starting) for times in way.times)
     seconds = sum(seconds for _, seconds in solved)
-    both = (starting + middle / spread, starting + middle * spread)
-    return CostOfAccuracy(of, error, seconds, dofs, following, both, unknowns, command, local)
-
-
-def _uniform(statement: Statement, dimension: int, of: str, dofs: float, share: float) -> tuple[float, int]:
-    """Unknowns where all cells become smaller, and the degree of the elements that are taken then."""
-    times, degree = NEXT_ERROR[dimension], statement.element.degree
-    if dimension == 2 and degree == 1 and of in LOCAL and statement.units is not None:
-        times, degree, dofs = 2 * times, 2, 4 * dofs  # as in ``local_meshes``
-    return dofs * finer_for(times, share, degree) ** dimension, degree
+    return CostOfAccuracy(of, error, seconds, dofs, following, (low, high), way.unknowns, command, way.local)
 
 
 def local_meshes(dofs: float, degree: int, *, generated: bool, divided: bool = False) -> list[float]:
@@ -260,16 +229,3 @@ def times_of(meshes: Sequence[float], dofs: float, dimension: int) -> float:
     """
     fixed = FIXED_UNKNOWNS[dimension]
     return MESHES_TIMES * sum(fixed + unknowns for unknowns in meshes) / (fixed + dofs)
-
-
-def before_solving(statement: Statement, tagged: TaggedMesh, dofs: float) -> tuple[list[float], list[float], bool]:
-    """Unknowns for the next accuracy and times as many seconds, from and to; and whether cells are divided where the
-    error is; collective.
-    """
-    dimension = tagged.dimension
-    of = "energy" if statement.accuracy is None else statement.accuracy.of
-    if divides_cells(statement, tagged, of):
-        number, times = _divided(statement, dimension, dofs)
-        return [number] * 2, [times / LOCAL_SPREAD, times * LOCAL_SPREAD], True
-    unknowns = [_uniform(statement, dimension, of, dofs, share)[0] for share in (0.0, 1.0)]
-    return unknowns, [times_of([number], dofs, dimension) for number in unknowns], False

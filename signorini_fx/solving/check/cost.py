@@ -16,7 +16,7 @@ from signorini_fx.mechanics.effects.contact import Contact
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.records import Finding
-from signorini_fx.results.accuracy.next_accuracy import before_solving
+from signorini_fx.results.accuracy.next_accuracy import way_of
 from signorini_fx.tuned import (
     BACK_SUBSTITUTION,
     BASE_BYTES,
@@ -52,8 +52,7 @@ class Cost:
         seconds: linear algebra of the whole solve, from and to.
         memory_bytes: of the whole process.
         next_error: the share of the error that the next two are about.
-        next_unknowns: that it would take, from and to: with a smooth solution, and with one that is singular.
-        next_seconds: likewise.
+        next_seconds: that it would take, from and to.
         next_local: whether cells are divided where the error is; otherwise all become smaller.
     """
 
@@ -66,7 +65,6 @@ class Cost:
     seconds: tuple[float, float]
     memory_bytes: float
     next_error: float
-    next_unknowns: tuple[float, float]
     next_seconds: tuple[float, float]
     next_local: bool
 
@@ -98,7 +96,7 @@ def linear_solves(statement: Statement, kind: str, nodes: int, *, steps: int = 1
     return low + least * (levels - 1) * steps, high + greatest * (levels - 1) * steps
 
 
-def estimated_cost(model: Model) -> Cost:
+def estimated_cost(model: Model, *, linear: bool = True) -> Cost:
     """Nested dissection: n log n entries and n^1.5 operations in two dimensions, n^(4/3) and n^2 in three; multigrid: n
     of both.
     """
@@ -133,7 +131,8 @@ def estimated_cost(model: Model) -> Cost:
     if model.boundary is not None and model.boundary.moving is not None:
         free += int(np.count_nonzero(~model.boundary.moving.fixed))
     seconds = once + solves[0] * per_solve, once + solves[1] * per_solve
-    unknowns, times, local = before_solving(model.statement, model.tagged, free)
+    of = "energy" if model.statement.accuracy is None else model.statement.accuracy.of
+    way = way_of(model.statement, model.tagged, of, free, linear=linear)
     paired = PAIRED_BYTES[dim] * nodes if any(contact.against for contact in model.statement.contact) else 0.0
     return Cost(
         unknowns=free,
@@ -145,9 +144,8 @@ def estimated_cost(model: Model) -> Cost:
         seconds=seconds,
         memory_bytes=BASE_BYTES * comm.size + BYTES_PER_DOF * n + 2 * matrix + held + 24.0 * dense**2 + paired,
         next_error=NEXT_ERROR[dim],
-        next_unknowns=(unknowns[0], unknowns[1]),
-        next_seconds=(seconds[0] * times[0], seconds[1] * times[1]),
-        next_local=local,
+        next_seconds=(seconds[0] * way.times[0], seconds[1] * way.times[1]),
+        next_local=way.local,
     )
 
 
