@@ -18,9 +18,14 @@ from signorini_fx.mechanics.model import Model
 from signorini_fx.results.accuracy.contact_surface import ContactSurface
 from signorini_fx.results.accuracy.missed_loads import missed_loads
 from signorini_fx.results.accuracy.peak_error import corner_rows
-from signorini_fx.results.accuracy.pressure_error import beside, interval_squares, on_facets, pressure_square
+from signorini_fx.results.accuracy.pressure_error import (
+    beside,
+    interval_squares,
+    on_facets,
+    piece_squares,
+    pressure_square,
+)
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery
-from signorini_fx.results.accuracy.surface_pressure import piece_squares
 from signorini_fx.tuned import POLLUTION
 
 Floats = npt.NDArray[np.float64]
@@ -68,7 +73,7 @@ def estimate_errors(
     squares = np.zeros(missed.shape)
     if energy > 0:
         squares = StressRecovery.of(model).squares(displacement, step)
-    if missed.any():
+    if parallel.any_rank(model.comm, bool(missed.any())):
         pressed = float(np.dot(table.columns["weight"], np.abs(table.columns["pressure"])))
         forces = sum(factor * load.pushing for factor, load in model.applied_at(step))
         missed = missed / max(float(parallel.global_sum(model.comm, np.abs(forces).sum())), pressed)
@@ -153,7 +158,7 @@ def _facet_squares(
     if table.facets is None:
         return on_facets(boundary, table, interval_squares(table, kinematics, corners=corners, blur=blur))
     surface = ContactSurface.of(table)
-    return surface.of_rank(boundary, piece_squares(surface, table.columns["pressure"], corners=corners, blur=blur))
+    return surface.of_rank(boundary, piece_squares(surface, table.columns["pressure"], corners=corners))
 
 
 def worst_of(steps: list[Errors]) -> Errors:
