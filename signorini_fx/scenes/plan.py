@@ -26,7 +26,7 @@ from signorini_fx.mechanics.statement.contact_sizes import contact_sizes
 from signorini_fx.mechanics.statement.features import divisible
 from signorini_fx.mechanics.statement.mesh_sources import DRAWN, MeshFile, MeshGenerator
 from signorini_fx.mechanics.statement.settings import Accuracy
-from signorini_fx.results.accuracy.local_estimates import LOCAL
+from signorini_fx.results.accuracy.local_estimates import LOCAL, divides
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.scene import Scene
 from signorini_fx.tuned import SAME_LENGTH
@@ -83,8 +83,8 @@ def planned(scene: Scene, goal: Accuracy, comm: MPI.Comm) -> Plan:
     check_divisible(tagged)  # before hours are spent on the first mesh
     scene = scene.model_copy(update={"mesh": tagged})
     better = _of_degree_2(scene) if _takes_degree_2(goal, tagged.dimension) else scene
-    divides = _divides(goal, tagged.dimension == 3 or better is not scene)
-    return Plan(better, divides, better.element != scene.element, polygonal=True)
+    local = _divides(goal, scene, tagged.mesh.topology.cell_name(), straight=True)
+    return Plan(better, local, better.element != scene.element, polygonal=True)
 
 
 def _remade(scene: Scene, comm: MPI.Comm) -> Plan | None:
@@ -179,9 +179,10 @@ def _with_curved_bodies(scene: Scene) -> Scene:
     return _of_degree_2(scene).model_copy(update={"body": tuple(curved)})
 
 
-def _divides(goal: Accuracy, able: bool) -> bool:
+def _divides(goal: Accuracy, scene: Scene, cell: str, *, straight: bool) -> bool:
     """Whether cells are divided where the error is: if that is asked for, or may be chosen and is possible."""
-    return goal.refinement == "adaptive" or (able and goal.refinement == "auto" and goal.of in LOCAL)
+    able = goal.refinement == "auto" and divides(scene.statement, goal.of, cell, straight=straight)
+    return goal.refinement == "adaptive" or able
 
 
 def _takes_degree_2(goal: Accuracy, dimension: int) -> bool:
@@ -211,9 +212,9 @@ def _planned_generator(scene: Scene, goal: Accuracy) -> Plan:
         message = f"the arcs of {name} would stay the polygon that they are on the first mesh: use 'uniform'"
         raise SceneError([("accuracy.refinement", message)])
     if cell in ("tetrahedron", "hexahedron"):
-        divides = _divides(goal, cell == "tetrahedron" and triangles is not None)
-        better = _of_degree_2(scene) if divides and _takes_degree_2(goal, 3) else scene
-        return Plan(better, divides, better.element != scene.element)
+        local = _divides(goal, scene, cell, straight=triangles is not None)
+        better = _of_degree_2(scene) if local and _takes_degree_2(goal, 3) else scene
+        return Plan(better, local, better.element != scene.element)
     # Arcs: cells of degree 2 on them, and all of them smaller.
     parameters = curved_parameters(name, original) if triangles is None else triangles
     if goal.refinement != "auto" or goal.of not in LOCAL or parameters is None:
@@ -230,9 +231,8 @@ def _planned_file(scene: Scene, file: MeshFile, goal: Accuracy, comm: MPI.Comm) 
     tagged = load_file(file, comm, 0, 2 if drawn else None, sections, sizes)
     curved = curvature(tagged) > SAME_LENGTH * tagged.size
     degree = compat.geometry_degree(tagged.mesh)
-    simplices = tagged.mesh.topology.cell_name() in ("triangle", "tetrahedron")
     better = tagged.dimension == 2 and goal.refinement == "auto" and (goal.of in LOCAL or curved)
-    if _divides(goal, simplices and not curved):
+    if _divides(goal, scene, tagged.mesh.topology.cell_name(), straight=not curved):
         if curved:
             message = (
                 "cells with curved sides cannot be divided one by one: dolfinx bisects straight ones only, and these "

@@ -14,9 +14,8 @@ from typing import Any
 
 from signorini_fx.machine.display import duration
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, curvature
-from signorini_fx.mechanics.statement.features import divisible
 from signorini_fx.mechanics.statement.statement import Statement
-from signorini_fx.results.accuracy.local_estimates import LOCAL
+from signorini_fx.results.accuracy.local_estimates import LOCAL, divides
 from signorini_fx.tuned import (
     FIRST_UNKNOWNS,
     FIXED_UNKNOWNS,
@@ -110,18 +109,15 @@ def between(seconds: tuple[float, float]) -> str:
 def divides_cells(statement: Statement, tagged: TaggedMesh, of: str) -> bool:
     """Whether a requested accuracy divides cells where the error is; of forms, whether it can; collective.
 
-    Drawings may have arcs that the mesh does not show.
+    Drawings may have arcs that the mesh does not show.  In 3D the way is known for the error of the stress alone.
     """
-    quantities = {2: LOCAL, 3: ("energy",)}
-    if of not in quantities[tagged.dimension] or not divisible(statement, of):
+    cell, degree = tagged.mesh.topology.cell_name(), statement.element.degree
+    own_forms = statement.units is None
+    if (tagged.dimension == 3 and (of != "energy" or degree != 1 or own_forms)) or (own_forms and degree != 2):
         return False
-    simplices = tagged.mesh.topology.cell_name() in ("triangle", "tetrahedron")
-    if tagged.dimension == 3 and not (simplices and statement.element.degree == 1 and statement.units is not None):
-        return False
-    if statement.generated:
-        return not statement.arcs
-    straight = simplices and curvature(tagged) <= SAME_LENGTH * tagged.size
-    return straight and not statement.remade and (statement.units is not None or statement.element.degree == 2)
+    drawn = statement.remade and not statement.generated
+    straight = not statement.arcs if statement.generated else curvature(tagged) <= SAME_LENGTH * tagged.size
+    return not drawn and divides(statement, of, cell, straight=straight)
 
 
 @dataclass(frozen=True)
