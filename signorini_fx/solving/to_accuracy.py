@@ -138,7 +138,8 @@ def solve_to_accuracy(
         allowed = goal.target * (1 - REGULARISATION_SHARE)
         if not enough or error > allowed:
             excess = error / (goal.target - min(regularisation, goal.target - allowed))
-            compared, rate = goal.of not in LOCAL, rates.get(goal.of) or _seen_rate(levels)
+            # Kinks of the pressure come and go with the nodes at which contact ends.
+            compared, rate = goal.of not in LOCAL or goal.of == "pressure", rates.get(goal.of) or _seen_rate(levels)
             touching = level.table.touching if goal.of == "peak" else FEW_NODES
             jump = meshes.jump(excess, rate, compared=compared, dimension=level.dimension, touching=touching)
             if enough and len(levels) >= MOST_MESHES:

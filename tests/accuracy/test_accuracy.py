@@ -264,7 +264,7 @@ def test_no_more_than_asked_for():
 def test_arcs_get_degree_2():
     """Half a disk is refined uniformly with elements and cells of degree 2, and comes to Hertz's peak pressure.
 
-    No mesh is so little finer than the one before that the change of the pressure between both says nothing.
+    No mesh is hardly finer than the one before.
     """
     scene = read_scene(SCENES / "hertz.toml")
     scene = scene.model_copy(update={"accuracy": Accuracy(target=0.02, of="pressure")})
