@@ -428,7 +428,8 @@ class EquilibriumSolver:
             ConvergenceError: the contact problem has no solution.
             MatrixError: the tangent is not finite, or not symmetric.
         """
-        linear, linear.residual = self.linear, residual
+        linear = self.linear
+        linear.residual = residual
         try:
             linear.solve(keeps_stiffness=keeps_stiffness)
         except ConvergenceError as error:
