@@ -130,13 +130,9 @@ class MovingPair:
         rows = np.flatnonzero(state.boundary.part == self.sides.index)
         forces = np.linalg.norm(state.boundary.nodal_forces(state.pressure, state.shear)[rows], axis=1)
         magnitude = self.sides.at_points(forces)
-        past, total = self._past_end(state), magnitude.sum()
+        past, total = self._touching(state) & (self.coupling.covered < LEAST_SEEN), magnitude.sum()
         share = float(magnitude[past].sum() / total) if total > 0 else 0.0
         return share, self._place_of(np.flatnonzero(past))
-
-    def _past_end(self, state: ContactState) -> npt.NDArray[np.bool_]:
-        """Which points in contact see less than half of their area of the other side, of all ranks; collective."""
-        return np.asarray(self._touching(state) & (self.coupling.covered < LEAST_SEEN))
 
     def _touching(self, state: ContactState) -> npt.NDArray[np.bool_]:
         """Which points are in contact, of all ranks; collective."""

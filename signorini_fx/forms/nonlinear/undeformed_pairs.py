@@ -18,7 +18,6 @@ from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.obstacles.paired_points import PairedSides
 from signorini_fx.mechanics.pairs.sliding import along_vectors
 from signorini_fx.records import Finding
-from signorini_fx.results.resultants import moments
 from signorini_fx.tuned import FACETS_OF_KEPT_PARTNERS
 
 Array = npt.NDArray[np.float64]
@@ -101,22 +100,11 @@ def slid_past_partners(state: ContactState, sides: Mapping[int, float]) -> list[
         if farthest > FACETS_OF_KEPT_PARTNERS * facet:
             message = (
                 f"points that keep their partners have moved by up to {farthest:.3g} along the other side, "
-                f"{farthest / facet:.2g} facets: forces there may be wrong, and those on both sides act apart, so that "
-                f"their moments differ by {_between(state, touching):.2g}; let the sides slide"
+                f"{farthest / facet:.2g} facets: forces there may be wrong, and those on both sides act apart: let the "
+                "sides slide"
             )
             findings.append(Finding("warning", f"contact[{number}].sliding", message))
     return findings
-
-
-def _between(state: ContactState, points: npt.NDArray[np.bool_]) -> float:
-    """The size of the moment of the forces at some points, shape (n,), and of those that are opposite where these have
-    moved from; collective.
-    """
-    boundary = state.boundary
-    way, shear = (np.einsum("nik,nk->ni", boundary.tangents, values)[points] for values in (state.u_t, state.shear))
-    tractions = state.pressure[points, None] * boundary.normal[points] + shear
-    total = moments(way, boundary.weight[points, None] * tractions).sum(axis=0)
-    return float(np.linalg.norm(parallel.global_sum(boundary.comm, total)))
 
 
 def facet_size(mesh: dmesh.Mesh, facets: npt.NDArray[np.int32]) -> float:
