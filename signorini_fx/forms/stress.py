@@ -16,7 +16,8 @@ from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering
 from ufl.algorithms.apply_derivatives import apply_derivatives
 
 from signorini_fx.errors import FormError
-from signorini_fx.machine import parallel
+from signorini_fx.machine import compat, parallel
+from signorini_fx.machine.compilation import compiling
 from signorini_fx.mechanics.assembly.mesh_entities import facet_nodes
 from signorini_fx.mechanics.elasticity.elastic_law import cellwise_stress
 from signorini_fx.mechanics.kinematics import CARTESIAN
@@ -205,15 +206,29 @@ def modulus_of_energy(a: Any, space: fem.FunctionSpace, measure: Any = None) -> 
         return None
     mesh, kinematics = space.mesh, CARTESIAN[space.mesh.geometry.dim]
     dim, x, (z, y) = kinematics.dimension, ufl.SpatialCoordinate(mesh), a.arguments()
-    x = x - interpolated(x, fem.functionspace(mesh, ("DG", 0, (dim,))))
+    of_cells = fem.functionspace(mesh, ("DG", 0))
+    cellwise, *middle = (fem.Function(of_cells) for _ in range(1 + dim))
+    for k, function in enumerate(middle):
+        function.interpolate(lambda points, k=k: points[k])
+    x = x - ufl.as_vector(middle)
     axes = [ufl.unit_vector(k, dim) for k in range(dim)]
     strained = [(x[i] * axes[j] + x[j] * axes[i]) / 2 for i, j in kinematics.pairs]
     energy = sum(integral.integrand() for integral in integrals) / (1 if measure is None else measure)
     if _by_quadrature(energy):
         return None
-    moduli = ufl.as_vector([ufl.replace(energy, {z: first, y: second}) for first in strained for second in strained])
-    cellwise = interpolated(moduli, fem.functionspace(mesh, ("DG", 0, (len(moduli),))))
-    return _stiffest(cellwise.x.array.reshape(-1, len(strained), len(strained)), mesh)
+    # One expression, which constants make that of each pair of fields.
+    factors = [fem.Constant(mesh, np.zeros(len(strained))) for _ in range(2)]
+    fields = [sum(factor[k] * field for k, field in enumerate(strained)) for factor in factors]
+    with compiling():
+        points = compat.interpolation_points(of_cells.element)
+        modulus = fem.Expression(ufl.replace(energy, dict(zip((z, y), fields, strict=True))), points)
+    moduli = np.empty((cellwise.x.array.size, len(strained), len(strained)))
+    for pair in np.ndindex(moduli.shape[1:]):
+        for factor, k in zip(factors, pair, strict=True):
+            factor.value[:] = np.arange(len(strained)) == k
+        cellwise.interpolate(modulus)
+        moduli[(slice(None), *pair)] = cellwise.x.array
+    return _stiffest(moduli, mesh)
 
 
 def _by_quadrature(expression: Any) -> bool:
