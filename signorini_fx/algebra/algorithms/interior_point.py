@@ -136,13 +136,7 @@ class _Inside:
 
 @dataclass(frozen=True)
 class _InnerStep:
-    """A step between two points inside the bounds.
-
-    Attributes:
-        begin: the first.
-        end: the second.
-        share: how much of the way to the solution of the linear equations it goes.
-    """
+    """A step between two points inside the bounds, a share of the way to the solution of the linear equations."""
 
     begin: _Inside
     end: _Inside
@@ -193,11 +187,7 @@ class _Programme:
         return Status.MAX_ITERATIONS
 
     def sets(self, softest: float) -> ActiveSets | None:
-        """Reduce the products until the sets settle; None if a linear solve fails; collective.
-
-        Args:
-            softest: stiffness of the first foundation, if it is not softer anyway, stress per length.
-        """
+        """Reduce the products until the sets settle; None if a linear solve fails; ``softest``: stiffness of the start."""
         newton = self._newton
         at = self._on_a_soft_foundation(softest, exact=False)
         first = 0.0 if at is None else self._product(at)

@@ -93,15 +93,8 @@ def solve_task(task: Task, start: Start, solve_budget: int | None = None) -> Out
 
 
 def _left_loose(task: Task, start: Start, begin: Checkpoint, failed: Outcome, *, waits: bool) -> Outcome:
-    """The solution nearest to the last one where bodies lie loose; the outcome that has failed, if there is none.
-
-    Args:
-        task: the inputs.
-        start: where the load step starts.
-        begin: the iterate there.
-        failed: how the methods of the scene have ended.
-        waits: whether this is one of several load steps, in which a body that nothing presses on waits for its load: a
-            problem without any load is not determined.
+    """The solution nearest to the last one where bodies lie loose, in several load steps (``waits``) without a load,
+    too; the outcome that has failed, if there is none.  ``begin``: the iterate at the start.
     """
     newton = task.iterate.newton
     ended = newton.checkpoint()
@@ -175,13 +168,7 @@ def _without_contact(task: Task, data: RegularisedData, status: Status) -> Outco
 
 def _released(task: Task, failed: Outcome, law: PointFriction, moved: float) -> Outcome | None:
     """The solution without contact, where an iteration with Coulomb friction has come to that one and has not ended,
-    as round-off decides which points touch: contact that is released exactly.  None: it is not; collective.
-
-    Args:
-        task: the contact problem, which supports hold.
-        failed: how the iteration has ended.
-        law: the friction law.
-        moved: the largest displacement that the iteration has begun with, length.
+    as round-off decides which points touch; None: it is not.  ``moved``: the largest displacement before; collective.
     """
     newton, points, history = failed.newton, task.motions.points, task.history
     nothing = np.zeros(points.size)
@@ -216,13 +203,7 @@ def _released(task: Task, failed: Outcome, law: PointFriction, moved: float) -> 
 
 
 def _given_friction(task: Task, start: Start, data: RegularisedData) -> Outcome:
-    """Frictionless or Tresca contact by the algorithm of the scene.
-
-    Args:
-        task: the inputs.
-        start: where the load step starts.
-        data: its problem, or the contact problem that starts Coulomb friction.
-    """
+    """Frictionless or Tresca contact, or the one that starts Coulomb friction, by the algorithm of the scene."""
     s, newton = task.settings, task.iterate.newton
     error = start.regularisation_error
     match s.algorithm:
@@ -322,16 +303,8 @@ def _either_way(
     *,
     monolithic_first: bool,
 ) -> Outcome:
-    """The fixed-point iteration or the monolithic Newton method; if it fails the other one, then augmentation.
-
-    Args:
-        task: the contact problem.
-        start: where the load step starts.
-        law: its friction law.
-        begun: the outcome so far; its inner method holds the start of all of them.
-        fixed: the fixed-point iteration.
-        monolithic: the monolithic Newton method.
-        monolithic_first: whether Newton's method comes first.
+    """The fixed-point iteration or the monolithic Newton method; if it fails the other one, then augmentation; all
+    begin at the iterate of ``begun``.
     """
     s, newton, fall_back = task.settings, begun.newton, task.iterate.fall_back
     checkpoint = newton.checkpoint()

@@ -74,13 +74,7 @@ def reference_motion(
 def _rest_of(
     normal_modes: npt.NDArray[np.float64], gap: npt.NDArray[np.float64], load: npt.NDArray[np.float64]
 ) -> npt.NDArray[np.float64] | None:
-    """How far the free motions of one assembly go, lengths, shape (k,); None where nothing stops it, or it rests.
-
-    Args:
-        normal_modes: the normal component of each motion at its contact nodes, shape (n, k).
-        gap: at these nodes, shape (n,).
-        load: the work of the load on the motions, shape (k,).
-    """
+    """How far the free motions of one assembly go, lengths, shape (k,); None where nothing stops it, or it rests."""
     values, vectors = np.linalg.eigh(normal_modes.T @ normal_modes)
     resisted: npt.NDArray[np.float64] = vectors[:, values > CLOSED_GAP * values[-1]]
     work = resisted.T @ load

@@ -93,12 +93,7 @@ def _dissected(rows: sp.csr_array, inner: Numbers, positions: Array) -> Numbers:
 
 
 def _nested_dissection(graph: sp.csr_array, positions: Array) -> Numbers:
-    """The nodes in the order of their elimination, shape (n,).
-
-    Args:
-        graph: which nodes couple, of symmetric pattern, shape (n, n); the values are ignored.
-        positions: of the nodes, shape (n, d).
-    """
+    """The nodes of a graph of symmetric pattern in the order of their elimination, shape (n,)."""
     _, piece = connected_components(graph, directed=True, connection="weak")  # of symmetric ones the fastest
     path = _paths(positions, piece)
     apart = np.repeat(path, np.diff(graph.indptr)) ^ path[graph.indices]

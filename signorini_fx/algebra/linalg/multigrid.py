@@ -30,8 +30,7 @@ from signorini_fx.algebra.linalg.blocks import by_entries, is_by_blocks, rough
 from signorini_fx.algebra.linalg.callbacks import called_back
 from signorini_fx.algebra.linalg.elasticity import Level
 from signorini_fx.algebra.linalg.factorisation import use_direct
-from signorini_fx.algebra.linalg.joined import JoinedBodies
-from signorini_fx.algebra.linalg.nodal_blocks import NodalBlocks
+from signorini_fx.algebra.linalg.nodal_blocks import JoinedBodies, NodalBlocks
 from signorini_fx.algebra.linalg.petsc_c import call
 from signorini_fx.algebra.linalg.rigid_unknowns import relative_to_rigid_bodies, with_rigid_bodies
 from signorini_fx.algebra.linalg.truncation import TruncatedLevels
@@ -136,15 +135,8 @@ def _interpolations(level: Level) -> list[tuple[Level, PETSc.Mat]]:
 
 
 def _coarse_matrix(matrix: PETSc.Mat, interpolation: PETSc.Mat, level: Level) -> PETSc.Mat:
-    """P^T A P; collective.
-
-    Where meshes are nested and cells straight that is the stiffness of the coarser mesh, which is there already: one
-    product with a vector tells.
-
-    Args:
-        matrix: A.
-        interpolation: P, without prescribed unknowns.
-        level: the coarser mesh.
+    """P^T A P without prescribed unknowns: the stiffness of the coarser mesh where one product with a vector tells that
+    it is the same, as where meshes are nested and cells straight; collective.
     """
     stiffness = level.stiffness
     if stiffness is not None and stiffness.getSizes() == (interpolation.getSizes()[1],) * 2:
@@ -204,7 +196,7 @@ class ContactLevels:
         hierarchy: of A.
         matrix: A.
         unknowns: the contact unknowns of this rank, in the local part of x, ascending.
-        contact: the map B, by which two bodies move together on coarse levels; see ``joined``.
+        contact: the map B, by which two bodies move together on coarse levels; see ``JoinedBodies``.
         rigid: how many of the contact unknowns of this rank are those of rigid bodies, the last ones.
 
     Attributes:

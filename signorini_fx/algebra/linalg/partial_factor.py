@@ -171,15 +171,7 @@ def _factorise(
     in_order: bool,
 ) -> ctypes.c_void_p:
     """Factorise the first rows and columns of a symmetric matrix; those of the others become the Schur complement.
-
-    Args:
-        matrix: the matrix.
-        inside: number of those rows.
-        memory: what is tried one after another, as numbers and values of ICNTL.
-        in_order: whether to eliminate them one after another, where PETSc lets MUMPS know; else by minimum degree.
-
-    Raises:
-        PETSc.Error: PETSc has no MUMPS, or the factorisation broke down.
+    ``memory``: numbers and values of ICNTL that are tried one after another; ``in_order``: else by minimum degree.
     """
     broken = ctypes.c_int()
     info = (ctypes.c_double * 32)()  # MatFactorInfo is a struct of doubles; zeros are its defaults

@@ -128,14 +128,7 @@ def of_all_ranks(comm: MPI.Comm, matrix: PETSc.Mat) -> sp.csr_array:
 def _distributed(
     rows: sp.csr_array, stay: npt.NDArray[np.intp], contact: ContactMap, fixed: npt.NDArray[np.bool_]
 ) -> ContactMap:
-    """B from the unknowns that stay, each on its own rank as the points are; collective.
-
-    Args:
-        rows: those of all ranks.
-        stay: see ``RelativeUnknowns``.
-        contact: B from the m unknowns.
-        fixed: which of the m unknowns are prescribed.
-    """
+    """B from the unknowns that stay, each on its own rank as the points are; ``rows``: of all ranks; collective."""
     first, last = contact.operator.getOwnershipRangeColumn()
     owned, (start, end) = stay[(first <= stay) & (stay < last)], contact.operator.getOwnershipRange()
     owned_rows = sp.csr_array(rows[start:end])

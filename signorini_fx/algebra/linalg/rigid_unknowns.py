@@ -60,13 +60,7 @@ def with_rigid_bodies(
 
 
 def _bordered(matrix: PETSc.Mat, free: npt.NDArray[np.bool_], entries: npt.NDArray[np.float64]) -> PETSc.Mat:
-    """[A 0; 0 D] with a row more for each unknown of a rigid body and a column for each free one; collective.
-
-    Args:
-        matrix: A.
-        free: of this rank.
-        entries: of D, where the rows of free ones meet their columns.
-    """
+    """[A 0; 0 D] with a row more for each unknown of a rigid body and a column for each free one; collective."""
     (rows, _), (columns, total_columns) = matrix.getSizes()
     starts, names, values = matrix.getValuesCSR()
     count = np.count_nonzero(free)

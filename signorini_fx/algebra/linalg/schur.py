@@ -140,11 +140,8 @@ class SchurComplement:
         return result
 
     def _uncoupled(self, beyond: sp.csr_array, dense: Array) -> list[Indices]:
-        """The joint unknowns in parts that do not couple: those that have a border, and one of all others.
-
-        Args:
-            beyond: entries between joint unknowns of all ranks.
-            dense: those of this rank between the ones that it touches.
+        """The joint unknowns in parts that do not couple: those that have a border, and one of all others; ``beyond``:
+        entries between those of all ranks, ``dense``: between those that this rank touches.
         """
         if not self._cut:
             return [np.arange(self._size)]
@@ -193,11 +190,8 @@ class SchurComplement:
         return np.asarray(block_matrix)
 
     def _onto_retained(self, load: Array, part: Array) -> tuple[Array, Array]:
-        """A load at all that stay without the border, and at the border, eliminated.
-
-        Args:
-            load: of this rank.
-            part: what its inner unknowns add to the joint ones that they couple with.
+        """A load of this rank at all that stay without the border, and at the border, eliminated; ``part``: of its
+        inner unknowns.
         """
         joint_load = np.concatenate(
             [parallel.gather_rows(self._comm, load[unknowns]) for unknowns in (self._border, self.retained)]
@@ -220,12 +214,8 @@ class SchurComplement:
 
 @dataclass(frozen=True)
 class _Block:
-    """Joint unknowns that couple with no others, without their border.
-
-    Attributes:
-        border, stay: numbers among all border unknowns, and among all those that stay.
-        factor: lower Cholesky factor L of the matrix of the border.
-        across: L^-1 times its coupling with those that stay.
+    """Joint unknowns that couple with no others: border and others, the Cholesky factor L of the border, and L^-1 times
+    the coupling of both.
     """
 
     border: Indices

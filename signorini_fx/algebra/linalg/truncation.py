@@ -2,7 +2,7 @@
 
 With E the projections onto the directions that contact holds, a block for each point, and C' the soft rest of its
 stiffness, X = S E G.  On a rigid foundation points are nodes, S = 1 and G = P_c; of two bodies G = B P_c, see
-``joined``.  As C' is zero where E is not,
+``JoinedBodies``.  As C' is zero where E is not,
 
     A_1' = A_1 + G^T (E K E + C') G - G^T E V - V^T E G,   K = S^T A_cc S,   V = S^T (A P)_c.
 

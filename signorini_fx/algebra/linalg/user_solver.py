@@ -110,11 +110,7 @@ class UserSystem(AssembledSystem):
         ksp.setPostSolve(_judge)
 
     def _made(self) -> LinearSolver:
-        """A solver.
-
-        Raises:
-            InstallationError: it is not made without arguments.
-        """
+        """A solver; raises InstallationError where it is not made without arguments."""
         assert self.solver is not None
         try:
             return self.solver()
