@@ -43,7 +43,7 @@ from signorini_fx.mechanics.assembly.quadrature import strain_degree
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable
 from signorini_fx.mechanics.kinematics.axisymmetric import AXISYMMETRIC
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
-from signorini_fx.quantities.registry import quantities
+from signorini_fx.quantities.values import of_fields, of_results
 from signorini_fx.records import Status
 from signorini_fx.results.step_result import StepResult
 from signorini_fx.scenes.reading import parse_scene
@@ -541,11 +541,11 @@ class Differences:
             "energy": unstrained,
             "functionals": unstrained,
         }
-        for quantity in quantities():
-            if quantity.key in keys:
-                ours, theirs = (np.array(numbers_in(quantity.entries(solution))) for solution in (scene, forms))
-                floor = floors.get(quantity.key.rsplit("_", 1)[-1], 0.0)
-                self.look(quantity.key, ours, theirs, max(floor, np.abs(ours).max(initial=0.0)))
+        values_of_scene, values_of_forms = (of_results(solution) | of_fields(solution) for solution in (scene, forms))
+        for key in [key for key in keys if key in values_of_scene]:
+            ours, theirs = (np.array(numbers_in(values.get(key))) for values in (values_of_scene, values_of_forms))
+            floor = floors.get(key.rsplit("_", 1)[-1], 0.0)
+            self.look(key, ours, theirs, max(floor, np.abs(ours).max(initial=0.0)))
 
     def look_at_estimate(self, scene: Solution, forms: Solution) -> None:
         """At the estimated error; collective."""

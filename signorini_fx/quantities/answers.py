@@ -12,10 +12,14 @@ from typing import Any
 from signorini_fx.machine.display import load_step
 from signorini_fx.mechanics.statement.units import with_unit
 from signorini_fx.quantities.digits import between, figure, percent, solved_prices
-from signorini_fx.quantities.families.cost import cost_in_words
-from signorini_fx.quantities.families.stress import largest_von_mises, share_in_words, yielding_in_words
-from signorini_fx.quantities.registry import error_of
-from signorini_fx.quantities.text import point_in_words
+from signorini_fx.quantities.shown import error_of
+from signorini_fx.quantities.text import (
+    cost_in_words,
+    largest_von_mises,
+    point_in_words,
+    share_in_words,
+    yielding_in_words,
+)
 from signorini_fx.quantities.validity import Validity, validity_of, was_solved
 from signorini_fx.records import Status
 from signorini_fx.tuned import CERTIFICATE_TOLERANCE

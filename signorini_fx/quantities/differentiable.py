@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import mpi4py.MPI  # noqa: F401  # first: PETSc and dolfinx from PyPI find the library of MPI where it is loaded
 import numpy as np
 import numpy.typing as npt
+import ufl
 from dolfinx import fem, la
 
 from signorini_fx.algebra.contact.nodal_vectors import Nodal
+from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.machine import parallel
+from signorini_fx.mechanics.assembly.mesh_entities import assemble, measure
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.mesh.points import cells_of_points
 from signorini_fx.mechanics.model import Model
 from signorini_fx.quantities.functional import Functional
-from signorini_fx.quantities.registry import requested
+from signorini_fx.quantities.requests import axis_of, contact_of, power_of, requested
 from signorini_fx.tuned import SAME_PLACE_IN_CELL
 
 Array = npt.NDArray[np.float64]
@@ -201,10 +206,72 @@ def functional_of(model: Model, text: str) -> Functional:
         text: ``force BOUNDARY AXIS`` and ``moment BOUNDARY [AXIS]`` on the body at a contact boundary, a moment about
             the origin, in 3D about an axis; ``pressure BOUNDARY [POWER]``, see ``LargestPressure``; ``area BOUNDARY
             [POWER]``, see ``ContactArea``; ``mean BOUNDARY AXIS``, the mean displacement; ``displacement X,Y[,Z] AXIS``
-            at a point; and the requests of quantities that others have added.
+            at a point.
 
     Raises:
         SceneError: it is not known, or has no derivative.
     """
-    functional: Functional = requested(text, lambda quantity, words: quantity.functional(model, *words), "functional")
+    functional: Functional = requested(text, {name: partial(find, model) for name, find in DIFFERENTIABLE.items()})
     return functional
+
+
+def _force(model: Model, boundary: str, axis: str) -> Functional:
+    """With friction, at one boundary."""
+    return ContactForce(contact_of(model.statement, boundary), axis_of(model.dimension, axis))
+
+
+def _moment(model: Model, boundary: str, axis: str = "z") -> Functional:
+    """With friction, at one boundary; in 2D too."""
+    if model.dimension == 2 and axis != "z":
+        raise ValueError(axis)
+    if reason := model.kinematics.refuses.get("moment"):
+        raise SceneError([(f"of moment {boundary}", reason)])
+    component = 0 if model.dimension == 2 else axis_of(model.dimension, axis)
+    return ContactForce(contact_of(model.statement, boundary), component, moment=True)
+
+
+def _pressure(model: Model, boundary: str, *power: str) -> Functional:
+    return LargestPressure(contact_of(model.statement, boundary), power_of(f"pressure {boundary}", 8.0, [*power]))
+
+
+def _area(model: Model, boundary: str, *power: str) -> Functional:
+    return ContactArea(contact_of(model.statement, boundary), power_of(f"area {boundary}", 2.0, [*power]))
+
+
+def _mean(model: Model, boundary: str, axis: str) -> Functional:
+    """The mean displacement of a boundary along an axis."""
+    z, component = ufl.TestFunction(model.space), axis_of(model.dimension, axis)
+    try:
+        facets = model.tagged.facets(boundary)
+    except MeshError as error:
+        raise SceneError([(f"of mean {boundary}", str(error))]) from None
+    ds = measure(model.space.mesh, [facets], {})(1)
+    around = model.kinematics.measure(ufl.SpatialCoordinate(model.space.mesh))
+    form = model.inventory.compile(f"mean of {boundary}", lambda: fem.form(z[component] * around * ds))
+    weights = assemble(form)
+    area = float(parallel.global_sum(model.comm, weights.sum()))
+    if area == 0:
+        raise SceneError([(f"of mean {boundary}", "this boundary has no area")])
+    return OfDisplacement(np.asarray(weights / area, dtype=np.float64))
+
+
+def _displacement(model: Model, point: str, axis: str) -> Functional:
+    """The displacement of a point along an axis."""
+    x = np.array([float(coordinate) for coordinate in point.split(",")])
+    if x.size != model.dimension:
+        raise ValueError(point)
+    functional = OfDisplacement.at_point(model.space, x, axis_of(model.dimension, axis))
+    if functional is None:
+        raise SceneError([(f"of displacement {point}", "this point is outside of the body")])
+    return functional
+
+
+# How a result with derivatives is asked for, and what finds it.
+DIFFERENTIABLE: dict[str, Callable[..., Functional]] = {
+    "force BOUNDARY AXIS": _force,
+    "pressure BOUNDARY [POWER]": _pressure,
+    "area BOUNDARY [POWER]": _area,
+    "moment BOUNDARY [AXIS]": _moment,
+    "mean BOUNDARY AXIS": _mean,
+    "displacement X,Y[,Z] AXIS": _displacement,
+}

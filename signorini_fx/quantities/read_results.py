@@ -11,8 +11,7 @@ from pydantic import ValidationError
 
 from signorini_fx.errors import InstallationError, ResultError
 from signorini_fx.machine.result_files import read_csv, read_summary
-from signorini_fx.quantities.schema import summary_model
-from signorini_fx.quantities.summary_schema import Run
+from signorini_fx.quantities.summary import Summary
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -29,7 +28,7 @@ class Results:
     """
 
     path: Path
-    summary: Run
+    summary: Summary
 
     @property
     def tables(self) -> tuple[str, ...]:
@@ -74,7 +73,7 @@ def read_results(folder: str | os.PathLike[str]) -> Results:
     path = Path(folder)
     summary = read_summary(path)
     try:
-        return Results(path, summary_model().model_validate(summary))
+        return Results(path, Summary.model_validate(summary))
     except ValidationError as error:
         first = error.errors()[0]
         key = ".".join(map(str, first["loc"]))

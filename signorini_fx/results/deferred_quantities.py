@@ -6,8 +6,6 @@ any of this begins.
 
 from __future__ import annotations
 
-import json
-import re
 import time
 import traceback
 from collections.abc import Callable
@@ -18,9 +16,8 @@ from typing import Any, TypeVar
 from mpi4py import MPI
 from pydantic import TypeAdapter
 
-from signorini_fx.quantities.kinds import Number
-from signorini_fx.quantities.quantity import Quantity
-from signorini_fx.quantities.registry import at_stage, is_added
+from signorini_fx.quantities.quantity import Quantity, own_quantities
+from signorini_fx.quantities.values import NO_BOUND, afterwards, of_step
 from signorini_fx.records import Finding
 from signorini_fx.results.solution import Solution
 from signorini_fx.tuned import ERROR_PATIENCE
@@ -85,13 +82,14 @@ def missing(what: list[str]) -> list[dict[str, Any]]:
     return [asdict(Finding("warning", name, "is missing: the run ended before it was complete")) for name in what]
 
 
-def _afterwards(solution: Solution) -> list[Quantity]:
-    return [quantity for quantity in at_stage("afterwards") if is_added(quantity) or quantity.asked(solution)]
+def _afterwards(solution: Solution) -> dict[str, Callable[[Solution], Any]]:
+    own = {quantity.key: partial(_own_value, quantity) for quantity in own_quantities()}
+    return {**afterwards(solution), **own}
 
 
 def asked(solution: Solution) -> list[str]:
     """The keys of the summary that ``proved`` may add."""
-    return [quantity.key for quantity in _afterwards(solution)]
+    return list(_afterwards(solution))
 
 
 def proved(solution: Solution, findings: list[dict[str, Any]]) -> dict[str, Any]:
@@ -101,69 +99,34 @@ def proved(solution: Solution, findings: list[dict[str, Any]]) -> dict[str, Any]
         solution: what was solved.
         findings: rows of the summary.
     """
-    comm, entries = solution.comm, dict[str, Any]()
-    for quantity in _afterwards(solution):
-        added = post_processing(comm, quantity.key, findings, partial(_entries, quantity, solution)) or {}
-        entries |= added
-        if quantity.key in added and (message := quantity.missed(added[quantity.key])):
-            findings.append(asdict(Finding("warning", quantity.key, message)))
+    entries: dict[str, Any] = {}
+    for key, value_of in _afterwards(solution).items():
+        value = post_processing(solution.comm, key, findings, partial(value_of, solution))
+        if value is not None:
+            entries[key] = value
+    statement = entries.get("error_bound", {}).get("statement", "")
+    if statement.startswith(NO_BOUND):
+        message = f"there is no guaranteed bound: {statement.removeprefix(NO_BOUND)}"
+        findings.append(asdict(Finding("warning", "error_bound", message)))
     return entries
 
 
-def columns_of(quantity: Quantity, solution: Solution, findings: list[dict[str, Any]]) -> dict[str, Any]:
-    """The entries of a quantity in a row of the load steps; collective.
-
-    One that is not of this package may fail, or have other values than numbers, or other columns than its own, which is
-    told once.
-    """
-    if not is_added(quantity):
-        return quantity.columns(solution)
-    rows = list[dict[str, Any]]()
-    columns = post_processing(solution.comm, quantity.key, rows, partial(_columns, quantity, solution))
+def columns_of(solution: Solution, findings: list[dict[str, Any]]) -> dict[str, Any]:
+    """The columns of a load step; a quantity of one's own that fails has none, which is told once; collective."""
+    columns, rows = of_step(solution), list[dict[str, Any]]()
+    for quantity in own_quantities():
+        value = post_processing(solution.comm, quantity.key, rows, partial(_own_value, quantity, solution))
+        if isinstance(value, float):
+            columns[quantity.key] = value
     findings += [row for row in rows if row not in findings]
-    return columns or {}
+    return columns
 
 
-def _entries(quantity: Quantity, solution: Solution) -> dict[str, Any]:
-    """The entries of a quantity; of one that is not of this package its own, of the type that it says.
-
-    Raises:
-        ValueError: they are not.
-    """
-    if not is_added(quantity):
-        return quantity.entries(solution)
-    if not quantity.asked(solution):
-        return {}
-    entries = quantity.entries(solution)
-    _refuse_others(quantity, [name for name in entries if name != quantity.key])
-    return {key: _as_json(quantity, value) for key, value in entries.items()}
-
-
-def _columns(quantity: Quantity, solution: Solution) -> dict[str, Any]:
-    """The columns of one that is not of this package, numbers."""
-    columns = TypeAdapter(dict[str, Number]).validate_python(quantity.columns(solution))
-    key = re.escape(quantity.key)  # as the schema of the summary has them
-    _refuse_others(quantity, [name for name in columns if not re.fullmatch(rf"{key}(_[xyz])?( .+)?", name)])
-    return dict(columns)
-
-
-def _refuse_others(quantity: Quantity, names: list[str]) -> None:
-    """Keys that are not those of a quantity.
+def _own_value(quantity: Quantity, solution: Solution) -> Any:
+    """The value of a quantity of one's own, as JSON has it.
 
     Raises:
-        ValueError: there are some.
+        ValueError: it is no number, and no list of numbers.
     """
-    if names:
-        raise ValueError(f"has {', '.join(map(repr, names))}, though only {quantity.key!r} is its own")
-
-
-def _as_json(quantity: Quantity, value: Any) -> Any:
-    """A value of the type that a quantity says, as JSON has it.
-
-    Raises:
-        ValueError: it is none.
-    """
-    adapter: TypeAdapter[Any] = TypeAdapter(quantity.kind)
-    plain = adapter.dump_python(adapter.validate_python(value), mode="json", exclude_unset=True)
-    json.dumps(plain)
-    return plain
+    adapter: TypeAdapter[Any] = TypeAdapter(float | list[float] | None)
+    return adapter.validate_python(quantity.value(solution), strict=True)

@@ -24,8 +24,8 @@ from signorini_fx.machine.terminal import printable, say
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable, contact_table
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.statement.values import kind_of
-from signorini_fx.quantities.families.stress import marked_stress
-from signorini_fx.quantities.registry import at_stage
+from signorini_fx.quantities.text import marked_stress
+from signorini_fx.quantities.values import of_fields
 from signorini_fx.records import Finding, as_columns
 from signorini_fx.results import deferred_quantities
 from signorini_fx.results.fields import FIELD_FILES, VTU, size_of_fields, write_fields
@@ -186,8 +186,7 @@ class _Written:
         if fields:
             reserve(comm, part, size_of_fields(solution))
             summary["fields"] = _together(comm, self.folder, lambda: write_fields(solution, part))
-            for quantity in at_stage("fields"):
-                summary |= quantity.entries(solution)
+            summary |= of_fields(solution)
 
         def write() -> None:
             for name, records in (("history", solution.history.iterations), ("outer", solution.history.outer)):

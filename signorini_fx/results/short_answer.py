@@ -13,11 +13,17 @@ from signorini_fx.machine.display import clean, effort_in_words, results_of, sta
 from signorini_fx.machine.terminal import COLUMNS, TerminalLine, clauses, printable
 from signorini_fx.quantities.answers import error_in_words
 from signorini_fx.quantities.digits import between, figure, figure_or_error, percent
-from signorini_fx.quantities.families.contact_nodes import boundaries_touched_by
-from signorini_fx.quantities.families.cost import cost_in_words
-from signorini_fx.quantities.families.stress import largest_von_mises, share_in_words
-from signorini_fx.quantities.registry import error_of, of_package, quantities, shown_lines
-from signorini_fx.quantities.text import has_friction, kinematics_of, named_components, point_in_words
+from signorini_fx.quantities.shown import error_of, shown_lines, table
+from signorini_fx.quantities.text import (
+    boundaries_touched_by,
+    cost_in_words,
+    has_friction,
+    kinematics_of,
+    largest_von_mises,
+    named_components,
+    point_in_words,
+    share_in_words,
+)
 from signorini_fx.quantities.validity import Validity, validity_of
 from signorini_fx.tuned import CERTIFICATE_TOLERANCE, UNRESOLVED_NODES
 
@@ -225,6 +231,5 @@ def _effort(summary: dict[str, Any]) -> list[TerminalLine]:
 
 def _asked(summary: dict[str, Any]) -> list[list[TerminalLine]]:
     """What only some scenes have: rigid bodies, tightened sections, and the quantities of other packages."""
-    ours = {quantity.key for quantity in of_package() if not quantity.brief}
-    lines = [line for quantity in quantities() if quantity.key not in ours for line in shown_lines(quantity, summary)]
+    lines = [line for shown in table() if shown.brief for line in shown_lines(shown, summary)]
     return [_words(line.begin.strip(), line.text, None, line.kind) for line in lines]

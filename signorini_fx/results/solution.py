@@ -21,7 +21,7 @@ from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.effect import Load
 from signorini_fx.mechanics.statement.load_path import factor_at
 from signorini_fx.mechanics.statement.statement import Statement
-from signorini_fx.quantities.registry import requested
+from signorini_fx.quantities.requests import bounds_of
 from signorini_fx.records import SHORT_OF_ACCURACY, Finding, History, Status, Timings
 from signorini_fx.results.accuracy.mesh_level import LevelResult
 from signorini_fx.results.accuracy.next_accuracy import NAMES, CostOfAccuracy, next_cost
@@ -327,13 +327,12 @@ class Solution:
         """Guaranteed bounds of a quantity, or why there are none; collective.
 
         Args:
-            text: ``force BOUNDARY AXIS`` of a contact or a support, ``mean BOUNDARY AXIS`` of the displacement,
-                ``strain_energy``, or a quantity that others have added.
+            text: ``force BOUNDARY AXIS`` of a contact or a support, or ``strain_energy``.
 
         Raises:
             SceneError: it is not known, or has no bounds.
         """
-        bounds: Interval | str = requested(text, lambda quantity, words: quantity.bounds(self, *words), "bounds")
+        bounds: Interval | str = bounds_of(self, text)
         return bounds
 
     @cached_property

@@ -13,9 +13,10 @@ from signorini_fx.machine import parallel
 from signorini_fx.machine.display import effort_in_words, results_of, status_in_words
 from signorini_fx.machine.terminal import TerminalLine
 from signorini_fx.mechanics.assembly.pieces import extent
-from signorini_fx.quantities.quantity import SCHEMA_VERSION
-from signorini_fx.quantities.registry import at_stage, quantities, shown_lines
+from signorini_fx.quantities.shown import shown_lines, table
+from signorini_fx.quantities.summary import SCHEMA_VERSION
 from signorini_fx.quantities.text import row
+from signorini_fx.quantities.values import of_results
 from signorini_fx.records import OuterRecord, Record, StepRecord
 from signorini_fx.results.deferred_quantities import columns_of, proved
 from signorini_fx.results.solution import Solution
@@ -54,8 +55,7 @@ def summary_of(solution: Solution) -> dict[str, Any]:
         "pieces": solution.model.motions.pieces.as_rows(),
         "findings": [asdict(finding) for finding in solution.findings],
     }
-    for quantity in at_stage("results"):
-        summary |= quantity.entries(solution)
+    summary |= of_results(solution)
     if solution.convergence_table:
         summary["convergence_table"] = [asdict(row) for row in solution.convergence_table]
     if solution.statement.several_steps:
@@ -81,9 +81,7 @@ def _step_summary(solution: Solution, findings: list[dict[str, Any]], *, figures
         "status": result.status.value,
         "linear_solves": result.linear_solves,
     }
-    for quantity in quantities():
-        if quantity.steps:
-            row |= columns_of(quantity, solution, findings)
+    row |= columns_of(solution, findings)
     return row if figures else {name: _nothing(name, value) for name, value in row.items()}
 
 
@@ -139,7 +137,7 @@ def _figures(summary: dict[str, Any]) -> list[TerminalLine]:
     lines = [heading, *_outcome(summary), *_warnings(summary)]
     if not summary["converged"] and summary["linear_solves"] == 0:  # follows from statics: there are no figures
         return lines
-    lines += [line for quantity in quantities() if not quantity.first for line in shown_lines(quantity, summary)]
+    lines += [line for shown in table() if not shown.first for line in shown_lines(shown, summary)]
     lines.append(row("seconds", ", ".join(f"{name} {value:.2f}" for name, value in summary["timings"].items())))
     if "convergence_table" in summary:
         lines.append(
@@ -157,7 +155,7 @@ def _outcome(summary: dict[str, Any]) -> list[TerminalLine]:
         lines.append(row("results of", results_of(summary)))
     if not summary["converged"]:
         lines.append(row("what to do", summary["advice"], "advice"))
-    lines += [line for quantity in quantities() if quantity.first for line in shown_lines(quantity, summary)]
+    lines += [line for shown in table() if shown.first for line in shown_lines(shown, summary)]
     return [
         *lines,
         row("algorithm", f"{summary['algorithm']}, {effort_in_words(summary)}"),

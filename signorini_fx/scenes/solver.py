@@ -13,7 +13,7 @@ from signorini_fx.errors import SceneError
 from signorini_fx.machine import signals
 from signorini_fx.mechanics.statement.values import kind_of
 from signorini_fx.mechanics.statement.volumetric import treatment_of
-from signorini_fx.quantities.registry import quantities
+from signorini_fx.quantities.quantity import own_quantities
 from signorini_fx.records import History, Progress
 from signorini_fx.results.solution import ConvergenceError, Solution
 from signorini_fx.scenes.hierarchy import coarser_scenes
@@ -71,7 +71,7 @@ def solve(
     scene = as_scene(scene)
     refuse_other_than_comm(comm)
     refuse_mistyped(comm)
-    quantities()  # those of others are refused before hours of work
+    own_quantities()  # those of others are refused before hours of work
     if callable(observers) or not all(map(callable, observers)):
         raise TypeError("observers: a list of functions is expected, such as [print_progress]")
     with signals.together(comm):

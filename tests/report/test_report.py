@@ -34,8 +34,8 @@ from signorini_fx.mechanics.mesh.tagged import tag_boundaries
 from signorini_fx.mechanics.statement.units import labelled
 from signorini_fx.quantities.answers import answers
 from signorini_fx.quantities.digits import between, figure
-from signorini_fx.quantities.families.stress import marked_stress
-from signorini_fx.quantities.registry import quantities
+from signorini_fx.quantities.shown import error_of, shown_cards, table
+from signorini_fx.quantities.text import marked_stress
 from signorini_fx.records import JUDGED, REPORTED, Status
 from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.results.files import write_results
@@ -637,15 +637,15 @@ def test_errors_of_figures():
     """A friction force is as uncertain as the contact force; the stress at a point has no estimate."""
     rows = [{"predicted": False, "force": 0.01, "peak": 0.02, "energy": 0.1}, {"predicted": True, "force": 1e-9}]
     summary = {"contact_force": [0.0, 50.0], "friction_force": [0.01, 0.0], "convergence_table": rows}
-    found = {one.key: error for one in quantities() if (error := one.error(summary)) is not None}
+    found = {one.key: error for one in table() if (error := error_of(summary, one.key)) is not None}
     assert found == pytest.approx(
         {"contact_force": 0.01, "friction_force": 50.0, "max_pressure": 0.02, "strain_energy": 0.01}
     )
     assert figure(summary["friction_force"], found["friction_force"]) == "(0.01, 0)"
     assert figure(summary["contact_force"], found["contact_force"]) == "(0, 50.0)"
     stress = {"von_mises": {"value": 20.0}, "recovered": {"von_mises": {"value": 19.0}}}
-    for table in ({"stress": stress}, {}):
-        assert {one.error(table) for one in quantities()} == {None}
+    for one in ({"stress": stress}, {}):
+        assert {error_of(one, shown.key) for shown in table()} == {None}
     assert between(stress) == pytest.approx(0.05)
     assert between(stress | {"recovered": {"von_mises": {"value": 25.0}}}) == pytest.approx(0.2)
     assert between(stress | {"recovered": None}) is None
@@ -705,7 +705,7 @@ def test_one_number_for_the_largest_stress():
     for raw, recovered, kind in ((390.0, 309.0, "raw"), (309.0, 390.0, "recovered")):
         entries = [{"value": value, "place": [1.0, 2.0], "region": None} for value in (raw, recovered)]
         stress = {"von_mises": entries[0], "recovered": {"von_mises": entries[1]}, "error": None}
-        (card,) = next(quantity for quantity in quantities() if quantity.key == "stress").cards({"stress": stress})
+        (card,) = shown_cards(next(shown for shown in table() if shown.key == "stress"), {"stress": stress})
         assert float(card.text) == pytest.approx(390.0, rel=0.1)
         assert float(card.text) > 320.0
         assert card.remark == f"{kind}, at (1, 2)"
@@ -750,9 +750,9 @@ def test_motion_of_a_rigid_body_is_in_the_figures():
     """Each component by its name, with its unit; a rotation in 2D is one number."""
     tool = {"boundary": "top", "reference": [0.0, 1.0], "displacement": [0.5, -0.25], "rotation": 0.125}
     tool |= {"force": [0.0, -20.0], "moment": 3.0, "gap_error": None}
-    tools = next(quantity for quantity in quantities() if quantity.key == "tools")
+    tools = next(shown for shown in table() if shown.key == "tools")
     with labelled({"force": "N/mm", "moment": "N", "length": "mm"}):
-        shown = {card.label: card.text for card in tools.cards({"tools": [tool]})}
+        shown = {card.label: card.text for card in shown_cards(tools, {"tools": [tool]})}
     assert shown == {
         "top: moved, x": "0.5 mm",
         "top: moved, y": "-0.25 mm",

@@ -11,7 +11,7 @@ from signorini_fx.addons.pictures.fields import FIELDS
 from signorini_fx.addons.report import evidence, sections, sections_in_space
 from signorini_fx.mechanics.statement.units import labelled
 from signorini_fx.quantities.digits import between, figure
-from signorini_fx.quantities.registry import quantities
+from signorini_fx.quantities.shown import shown_cards, table
 from signorini_fx.results.accuracy.next_accuracy import between as times
 
 MEGAPASCAL = {"length": "mm", "stress": "MPa", "force": "N", "area": "mm²", "moment": "N mm", "energy": "N mm"}
@@ -26,7 +26,7 @@ def texts_of(markup):
 
 
 def card_of(key, summary):
-    return next(quantity for quantity in quantities() if quantity.key == key).cards(summary)
+    return shown_cards(next(shown for shown in table() if shown.key == key), summary)
 
 
 @pytest.mark.parametrize(

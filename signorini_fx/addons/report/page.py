@@ -22,7 +22,7 @@ from signorini_fx.machine import manifest
 from signorini_fx.machine.display import status_in_words
 from signorini_fx.machine.result_files import ResultFiles, in_space, read_summary
 from signorini_fx.mechanics.statement.units import labelled, names_of
-from signorini_fx.quantities.families.stress import marked_stress
+from signorini_fx.quantities.text import marked_stress
 from signorini_fx.quantities.validity import validity_of, was_solved
 
 PAGE = "report.html"

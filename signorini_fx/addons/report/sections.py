@@ -18,8 +18,8 @@ from signorini_fx.machine.result_files import ResultFiles, in_space, seconds_of
 from signorini_fx.mechanics.statement.units import bracketed, unit
 from signorini_fx.quantities.answers import answers
 from signorini_fx.quantities.digits import components, figure, percent
-from signorini_fx.quantities.quantity import Card
-from signorini_fx.quantities.registry import quantities, shown_cards
+from signorini_fx.quantities.shown import Card, shown_cards
+from signorini_fx.quantities.shown import table as table_of_results
 from signorini_fx.quantities.text import has_friction, kinematics_of, named_components
 from signorini_fx.quantities.validity import Validity, validity_of, was_solved
 
@@ -72,7 +72,7 @@ def no_result(summary: dict[str, Any]) -> str:
 
 def figures(summary: dict[str, Any]) -> Markup:
     """The figures of all quantities by their names, with units, and what is to be known of each."""
-    cards = [card for quantity in quantities() for card in shown_cards(quantity, summary)]
+    cards = [card for shown in table_of_results() for card in shown_cards(shown, summary)]
     rows = [(card.label, card.text, card.remark or _estimate(card)) for card in cards]
     who, body = _sides(entry.get("against") for entry in summary["scene"].get("contact", []))
     return joined([table(["figure", "value", ""], rows), part("note", _note(summary, who, body))])

@@ -12,7 +12,7 @@ from signorini_fx.addons.report.templating import Markup, part
 from signorini_fx.machine.display import clean, on_several_bodies, touch_each_other
 from signorini_fx.mechanics.statement.units import bracketed
 from signorini_fx.quantities.digits import components, figure
-from signorini_fx.quantities.registry import error_of
+from signorini_fx.quantities.shown import error_of
 
 # Vectors of contact.csv, whose components are shown together.
 _VECTORS = {"position": ("x", "y", "z"), "normal": ("n_x", "n_y", "n_z")}

@@ -1,0 +1,377 @@
+"""The one table of the results that a terminal and the report print, and the estimates of their errors."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from signorini_fx.machine.display import clean, on_several_bodies, touch_each_other
+from signorini_fx.machine.terminal import TerminalLine
+from signorini_fx.mechanics.statement.units import with_unit
+from signorini_fx.quantities.digits import between, components, figure, percent, solved_prices
+from signorini_fx.quantities.quantity import own_quantities
+from signorini_fx.quantities.summary import unit_of
+from signorini_fx.quantities.text import (
+    MOST_ROWS,
+    boundaries_touched_by,
+    cost_in_words,
+    digits,
+    friction_in_words,
+    has_friction,
+    in_brackets,
+    kinematics_of,
+    labelled,
+    largest_von_mises,
+    named_components,
+    point_in_words,
+    resultant_in_words,
+    row,
+    share_in_words,
+    tool_in_words,
+    yielding_in_words,
+)
+from signorini_fx.records import JUDGED
+from signorini_fx.tuned import CERTIFICATE_TOLERANCE, FEW_NODES
+
+# Figures of a summary.
+Summary = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Card:
+    """A figure of the report.
+
+    Attributes:
+        label: what it is.
+        text: its value, with its unit.
+        error: its estimated relative error; None: it is not known.
+        remark: what it does not say; "": nothing.
+    """
+
+    label: str
+    text: str
+    error: float | None = None
+    remark: str = ""
+
+
+@dataclass(frozen=True)
+class Shown:
+    """How a key of the summary is shown, if it is there.
+
+    Attributes:
+        key: the key.
+        label: before its value on the terminal; "": it is not printed there.
+        report: the label of its card in the report; "": it has none.
+        format: its lines on the terminal, each as its text, or with a label of its own; None: the number.
+        cards: its cards; None: the number with its unit.
+        first: whether the terminal shows it before what was done.
+        brief: whether the short answer has its lines.
+    """
+
+    key: str
+    label: str = ""
+    report: str = ""
+    format: Callable[[Summary], list[str | TerminalLine]] | None = None
+    cards: Callable[[Summary], list[Card]] | None = None
+    unit: str = ""
+    first: bool = False
+    brief: bool = False
+
+
+def table() -> list[Shown]:
+    """All that is shown, in its order, those of others last."""
+    own = (
+        Shown(quantity.key, quantity.key.replace("_", " "), quantity.title.rstrip("."), unit=quantity.unit, brief=True)
+        for quantity in own_quantities()
+    )
+    return [*_TABLE, *own]
+
+
+def shown_lines(shown: Shown, summary: Summary) -> list[TerminalLine]:
+    """What ``solve`` prints of a result."""
+    value = summary.get(shown.key)
+    if not shown.label or value is None:
+        return []
+    texts = [digits(value, error_of(summary, shown.key))] if shown.format is None else shown.format(summary)
+    if any(isinstance(text, TerminalLine) for text in texts):
+        return [text if isinstance(text, TerminalLine) else row(shown.label, text) for text in texts]
+    return labelled(shown.label, list(map(str, texts)))
+
+
+def shown_cards(shown: Shown, summary: Summary) -> list[Card]:
+    """What the report shows of a result."""
+    value = summary.get(shown.key)
+    if not shown.report or value is None:
+        return []
+    if shown.cards is not None:
+        return shown.cards(summary)
+    error = error_of(summary, shown.key)
+    return [Card(shown.report, with_unit(figure(value, error), shown.unit), error)]
+
+
+def error_of(summary: Mapping[str, Any], key: str) -> float | None:
+    """The estimated error of a figure of a summary, relative to its size; None: there is no estimate."""
+    prices = solved_prices(summary)
+    if key == "strain_energy":  # the square of that in the energy norm
+        energy = prices.get("energy")
+        return None if energy is None else float(energy**2)
+    if key in ("max_pressure", "max_shear"):
+        return prices.get("peak" if key == "max_pressure" else "pressure")
+    return _error_of_force(summary, key, prices.get("force")) if key in ("contact_force", "friction_force") else None
+
+
+def _error_of_force(summary: Mapping[str, Any], key: str, error: float | None) -> float | None:
+    """It is relative to the forces of all boundaries, and so large where these nearly cancel, or where friction, which
+    is as uncertain as the contact force is, nearly vanishes.
+    """
+    if error is None:
+        return None
+    contact, friction = (math.hypot(*summary.get(name, [0.0])) for name in ("contact_force", "friction_force"))
+    rows = summary.get("contact_boundaries", ())
+    components = [f for row in rows for name in ("contact_force", "friction_force") for f in row.get(name, ())]
+    if len(rows) > 1 and contact + friction > 0:
+        error *= max(1.0, math.hypot(*components) / math.hypot(contact, friction))
+    return error * contact / friction if key == "friction_force" and 0 < friction < contact else error
+
+
+def _friction_used(summary: Summary) -> list[Card]:
+    used = summary["friction_used"]
+    return [Card("friction used", percent(used))] if used else []
+
+
+def _law(summary: Summary) -> list[str | TerminalLine]:
+    """If it is not what was asked for."""
+    law = summary["law"]
+    return [row("law", f"{law['delivered']}, not what was asked for", "warning")] if law["differs"] else []
+
+
+def _nodes(summary: Summary) -> list[str | TerminalLine]:
+    coarse = boundaries_touched_by(range(1, FEW_NODES), summary)
+    few = f": too few on {', '.join(coarse)} for the ends of the zone or the largest pressure, refine there"
+    return [f"{summary['contact_nodes']}, {summary['touching_nodes'] or 'none'} in contact{few if coarse else ''}"]
+
+
+def _force(key: str) -> Callable[[Summary], list[str | TerminalLine]]:
+    """Between bodies that of each boundary on its body, as their sum acts on none."""
+
+    def texts(summary: Summary) -> list[str | TerminalLine]:
+        if not touch_each_other(summary):
+            return [_resultant(summary, key)]
+        rows = summary["contact_boundaries"][:MOST_ROWS]
+        size = float(np.abs([entry[name] for entry in rows for name in ("contact_force", "friction_force")]).max())
+        return [f"{in_brackets(clean(entry[key], size))} on {entry['boundary']}" for entry in rows]
+
+    return texts
+
+
+def _resultant(summary: Summary, key: str) -> str:
+    """A resultant force or moment; components that are round-off of those at work count as zero."""
+    kind = key.partition("_")[2]
+    size = float(np.abs([summary[f"contact_{kind}"], summary[f"friction_{kind}"]]).max())
+    return in_brackets(clean(summary[key], size))
+
+
+def _force_cards(key: str) -> Callable[[Summary], list[Card]]:
+    """By component; between bodies with the boundary on which it acts, and of several boundaries none."""
+
+    def cards(summary: Summary) -> list[Card]:
+        if on_several_bodies(summary) or (key == "friction_force" and not has_friction(summary)):
+            return []
+        boundaries = summary.get("contact_boundaries")
+        whom = boundaries[0]["boundary"] if touch_each_other(summary) and boundaries else "the body"
+        size = max(abs(f) for name in ("contact_force", "friction_force") for f in summary[name])
+        error, force = error_of(summary, key), clean(summary[key], size)
+        names = named_components(kinematics_of(summary), len(force))
+        texts = components([force[k] for k in names], error)
+        label = f"{key.replace('_', ' ')} on {whom}"
+        pairs = zip(names.values(), texts, strict=True)
+        return [Card(f"{label}, {name}", with_unit(text, "force"), error) for name, text in pairs]
+
+    return cards
+
+
+def _max_shear(summary: Summary) -> list[Card]:
+    """None without friction."""
+    error = error_of(summary, "max_shear")
+    card = Card("largest shear", with_unit(figure(summary["max_shear"], error), "stress"), error)
+    return [card] if has_friction(summary) else []
+
+
+def _zones(summary: Summary) -> list[str | TerminalLine]:
+    return [
+        row(f"{name} zone", ", ".join(f"{point_in_words(a)} to {point_in_words(b)}" for a, b in runs))
+        for name, runs in summary["zones"].items()
+        if runs
+    ]
+
+
+def _areas(summary: Summary) -> list[str | TerminalLine]:
+    """With it that friction acts beside the contact too."""
+    lines: list[str | TerminalLine] = [
+        row(f"{name} area", f"{area:.6g}") for name, area in summary["areas"].items() if area
+    ]
+    laws = {effect["friction"]["law"] for effect in summary.get("scene", {}).get("contact", ())}
+    if "tresca" in laws and summary.get("touching_nodes") != summary.get("contact_nodes"):
+        lines.append(row("note", "Tresca friction also acts where there is no contact"))
+    return lines
+
+
+def _moment(key: str) -> Callable[[Summary], list[str | TerminalLine]]:
+    return lambda summary: [] if on_several_bodies(summary) else [f"{_resultant(summary, key)}, about the origin"]
+
+
+def _boundaries(summary: Summary) -> list[str | TerminalLine]:
+    areas, friction = [], []
+    for entry in summary["contact_boundaries"][:MOST_ROWS]:
+        mean = "" if entry["mean_pressure"] is None else f", mean pressure there {entry['mean_pressure']:.6g}"
+        areas.append(f"{entry['boundary']}: {entry['contact_area']:.6g} of {entry['area']:.6g}{mean}")
+        if entry["friction_limit"] > 0:
+            friction.append(f"{entry['boundary']}: {friction_in_words(entry)}")
+    return [*labelled("in contact", areas), *labelled("friction", friction)]
+
+
+def _tools(summary: Summary) -> list[str | TerminalLine]:
+    return [text for texts in zip(*map(tool_in_words, summary["tools"]), strict=True) for text in texts]
+
+
+def _tool_cards(summary: Summary) -> list[Card]:
+    """The motion of each rigid body and what the body does to it, component by component."""
+    units = {"displacement": "length", "rotation": "", "force": "force", "moment": "moment"}
+    names = {"displacement": "moved", "rotation": "turned (radians)", "force": "force on it", "moment": "moment on it"}
+    cards = []
+    for tool in summary["tools"]:
+        for key, name in names.items():
+            value = tool[key] if isinstance(tool[key], list) else [tool[key]]
+            axes = [f", {axis}" for axis in "xyz"] if len(value) > 1 else [""]
+            texts = [with_unit(text, units[key]) for text in components(value)]
+            cards += [Card(f"{tool['boundary']}: {name}{axis}", text) for axis, text in zip(axes, texts, strict=False)]
+    return cards
+
+
+def _preloads(summary: Summary) -> list[str | TerminalLine]:
+    return [
+        f"{section['name'].removeprefix('preload ')}: force {section['force']:.6g}, shortened by "
+        f"{section['shortening']:.6g}"
+        for section in summary["preloads"]
+    ]
+
+
+def _resultants(summary: Summary) -> list[str | TerminalLine]:
+    """What acts through the other boundaries, and where; contact too if it has several."""
+    several = len(summary.get("contact_boundaries", ())) > 1
+    rows = [row for row in summary["resultants"] if row["acts"] != ["contact"] or several]
+    lines: list[str | TerminalLine] = [resultant_in_words(row, summary.get("scene") or {}) for row in rows[:MOST_ROWS]]
+    return [*lines, *([f"and {len(rows) - MOST_ROWS} more in summary.json"] if len(rows) > MOST_ROWS else [])]
+
+
+def _stress(summary: Summary) -> list[str | TerminalLine]:
+    """The largest value with the digits that raw and recovered stress both have; or why it has no limit."""
+    stress = summary["stress"]
+    raw, recovered, apart = stress["von_mises"], stress["recovered"], between(stress)
+    region = f" in {raw['region']}" if raw.get("region") else ""
+    text = f"{digits(raw['value'], apart)} at most, at {point_in_words(raw['place'])}{region}"
+    if recovered is not None and apart is not None:
+        text += f"; recovered {digits(recovered['von_mises']['value'], apart)}"
+    if (why := raw.get("no_limit")) is not None:
+        text += f"; it has no limit as the mesh is refined: {why}"
+    return [text + ("" if stress["error"] is None else f"; estimated error in the mean {percent(stress['error'])}")]
+
+
+def _stress_card(summary: Summary) -> list[Card]:
+    """The larger one of the raw and the recovered one, and what it is worth."""
+    largest = largest_von_mises(summary)
+    if largest is None:
+        return []
+    value = with_unit(figure(largest["value"], between(summary["stress"])), "stress")
+    return [Card("largest von Mises stress", value, remark=f"{largest['of']}, {_place(largest)}{_no_limit(largest)}")]
+
+
+def _place(largest: dict[str, Any]) -> str:
+    region = f" in {largest['region']}" if largest.get("region") else ""
+    return f"at {with_unit(point_in_words(largest['place']), 'length')}{region}"
+
+
+def _no_limit(largest: dict[str, Any]) -> str:
+    why = largest.get("no_limit")
+    return "" if why is None else f"; no limit as the mesh is refined: {why}"
+
+
+def _plastic_strain(summary: Summary) -> list[Card]:
+    """The value and its place; or that nothing has yielded."""
+    text, remark = yielding_in_words(summary)
+    return [Card("largest plastic strain", text, remark=remark)]
+
+
+def _utilisation(summary: Summary) -> list[Card]:
+    """The share, where it is reached, and what follows if it is above 1."""
+    largest = summary["utilisation"]
+    exceeded = largest["value"] is not None and largest["value"] > 1
+    yields = "; it would yield, which linear elasticity does not know" if exceeded else ""
+    remark = f"{_place(largest)}{yields}{_no_limit(largest)}"
+    return [Card("yield stress used", share_in_words(summary), remark=remark)]
+
+
+def _as_lines(cards: Callable[[Summary], list[Card]]) -> Callable[[Summary], list[str | TerminalLine]]:
+    """The terminal prints what the report shows."""
+    return lambda summary: [f"{card.text} {card.remark}".rstrip() for card in cards(summary)]
+
+
+def _deformation(summary: Summary) -> list[str | TerminalLine]:
+    figures = summary["deformation"]
+    return [
+        f"strains and rotations of {figures['gradient']:.1e} on average, displacements of at most "
+        f"{figures['displacement']:.1e} times the size of the body"
+    ]
+
+
+def _certificate(summary: Summary) -> list[str | TerminalLine]:
+    """The verdict with the figure that decides it, and what regularisation leaves."""
+    figures = summary["certificate"]
+    judged = sorted(((figures[name], name.replace("_", " ")) for name in JUDGED), reverse=True)
+    if figures["holds"]:
+        value, name = judged[0]
+        allowed = f"{CERTIFICATE_TOLERANCE:.0e} is allowed"
+        text = f"holds for {figures['law']}: no figure above {value:.1e} ({name}), {allowed}"
+    else:
+        wrong = [f"{name} {value:.1e}" for value, name in judged if not value <= CERTIFICATE_TOLERANCE]
+        text = f"DOES NOT HOLD for {figures['law']}: {', '.join(wrong)}"
+    lines: list[str | TerminalLine] = [row("certificate", text, "" if figures["holds"] else "error")]
+    if "contact_force" in summary:
+        penetration, slip = f"{figures['penetration']:.1e}", f"{figures['stick_slip']:.1e}"
+        left = f"penetration {penetration}, elastic slip {slip} times the largest displacement"
+        lines.append(row("left by gamma", left))
+    return lines
+
+
+_TABLE = (
+    Shown("friction_used", "friction used", "friction used", _as_lines(_friction_used), _friction_used, first=True),
+    Shown("law", "law", format=_law, first=True),
+    Shown("contact_nodes", "contact nodes", format=_nodes),
+    Shown("contact_force", "contact force", "force", _force("contact_force"), _force_cards("contact_force")),
+    Shown("friction_force", "friction force", "force", _force("friction_force"), _force_cards("friction_force")),
+    Shown("max_pressure", "largest pressure", "largest contact pressure", unit=unit_of("max_pressure")),
+    Shown("max_shear", "", "largest shear", cards=_max_shear),
+    Shown("zones", "zone", format=_zones),
+    Shown("areas", "area", format=_areas),
+    Shown("contact_moment", "contact moment", format=_moment("contact_moment")),
+    Shown("friction_moment", "friction moment", format=_moment("friction_moment")),
+    Shown("contact_boundaries", "in contact", format=_boundaries),
+    Shown("tools", "foundation", "motion", _tools, _tool_cards, brief=True),
+    Shown("preloads", "preload", format=_preloads, brief=True),
+    Shown("resultants", "forces", format=_resultants),
+    Shown("strain_energy", "strain energy", "strain energy", unit=unit_of("strain_energy")),
+    Shown("stress", "von Mises stress", "largest von Mises stress", _stress, _stress_card),
+    Shown("plastic_strain", "plastic strain", "plastic strain", _as_lines(_plastic_strain), _plastic_strain),
+    Shown("utilisation", "yield stress used", "yield stress used", _as_lines(_utilisation), _utilisation),
+    Shown("deformation", "deformation", format=_deformation),
+    Shown("certificate", "certificate", format=_certificate),
+    Shown("error_bound", "error bound", format=lambda summary: [summary["error_bound"]["statement"]]),
+    Shown(
+        "functionals", "duality gap", format=lambda summary: [f"{summary['functionals']['relative_duality_gap']:.1e}"]
+    ),
+    Shown("cost", "cost", format=lambda summary: [cost_in_words(summary)]),
+)

@@ -1,0 +1,463 @@
+"""summary.json as pydantic models, from which its schema, its table in the documentation and its reading are made."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+from typing_extensions import TypeAliasType
+
+# It grows when a key goes or changes its meaning, not when one is added.
+SCHEMA_VERSION = 1
+
+
+def _closed(schema: dict[str, Any]) -> None:
+    """Without other keys, and without titles and the defaults that say that a key is absent."""
+    schema["additionalProperties"] = False
+    for entry in (schema, *schema["properties"].values()):
+        entry.pop("title", None)
+        entry.pop("default", None)
+
+
+class Row(BaseModel):
+    """A table of a summary, such as a row of a list; what a later version adds to it is kept when it is read."""
+
+    model_config = ConfigDict(extra="allow", frozen=True, defer_build=True, json_schema_extra=_closed)
+
+
+def described(text: str, **limits: Any) -> Any:
+    """A key that is always there; ``text`` says what it means."""
+    return Field(description=text, **limits)
+
+
+def perhaps(text: str = "", unit: str = "") -> Any:
+    """A key that may be absent, and what its value is measured in, a word of ``units.names_of``."""
+    return Field(default=None, description=text or None, json_schema_extra={"unit": unit} if unit else None)
+
+
+if TYPE_CHECKING:
+    Number = float | None
+    Vector = list[float | None]
+    Point = list[float | None]
+else:
+    _UNKNOWN = Field(description="Null where a solve that failed could not compute it.")
+    Number = TypeAliasType("number", Annotated[float | None, _UNKNOWN])
+    Vector = TypeAliasType("vector", Annotated[list[Number], Field(min_length=2, max_length=3)])
+    Point = TypeAliasType("point", Annotated[list[Number], Field(min_length=2, max_length=3)])
+Count = Annotated[int, Field(ge=0)]
+Setting = Number | Literal["infinite"]
+Runs = list[Annotated[list[Point], Field(min_length=2, max_length=2)]]
+_RUNS = "Runs of neighbouring nodes, each from its first to its last point."
+# Columns of the load steps by axis, and by boundary if there are several contacts between bodies.
+COMPONENTS = (
+    *("contact_force", "friction_force", "friction_moment", "mean_tangential_displacement", "pressure_integral"),
+)
+
+
+class UsedParameters(Row):
+    """Parameters of the algorithms as they were used; `infinite` for those without limit."""
+
+    gamma_n: Setting = None
+    gamma_t: Setting = None
+    sigma: Setting = None
+    regularisation_error: Setting = None
+
+
+class PieceOfBody(Row):
+    """A piece."""
+
+    piece: Count
+    body: str | None = described("The body of a scene with several that it is of.")
+    cells: Count
+    bounds: Annotated[list[Point], Field(min_length=2, max_length=2)]
+    joined_to: list[Count] = described("Pieces that a hinge joins it to.")
+
+
+class FindingRow(Row):
+    """A finding."""
+
+    level: Literal["warning", "note"]
+    path: str = described("Key of the scene that it concerns.")
+    message: str
+
+
+class PriceOfMesh(Row):
+    """A mesh."""
+
+    level: Count
+    dofs: Count
+    h: Number
+    linear_solves: Number
+    factorisations: Number
+    seconds: Number
+    memory: Number
+    energy: Number
+    pressure: Number
+    force: Number
+    zone: Number
+    peak: Number
+    regularisation: Number
+    iteration: Number
+    predicted: bool = described("Whether this is a prediction for the next mesh.")
+
+
+class StepOfResults(Row):
+    """A load step."""
+
+    step: int = Field(ge=1)
+    name: str
+    time: float
+    status: str
+
+
+class ContactBoundaryRow(Row):
+    """A contact boundary."""
+
+    boundary: str
+    area: Number
+    contact_area: Number = described("Area of the nodes in contact.")
+    touching_nodes: Count = described("How many these are.")
+    pressure_integral: Number = described("Normal force N.")
+    mean_pressure: Number = described("N over the area in contact; null where nothing is in contact.")
+    max_pressure: Number
+    contact_force: Vector = described("Resultant of the pressure on the body of this boundary.")
+    friction_force: Vector = described("Resultant of the shear on the body of this boundary.")
+    tangential_force: Number = described("Magnitude of the resultant T of the shear.")
+    friction_limit: Number = described("Integral of the friction bound, F N for Coulomb friction.")
+    friction_moment: Number | Vector = described(
+        "Of a boundary that closes around a body: moment of friction about its middle; null of others."
+    )
+    moment_limit: Number = described("The largest possible size of the friction moment.")
+
+
+class ZoneRuns(Row):
+    """Zones on the contact boundary of a body in 2D."""
+
+    contact: Runs = described(_RUNS)
+    stick: Runs = described(_RUNS)
+    slip: Runs = described(_RUNS)
+
+
+class ZoneAreas(Row):
+    """Areas on the contact boundary of a body in 3D."""
+
+    contact: Number
+    stick: Number
+    slip: Number
+
+
+class Tool(Row):
+    """A rigid tool."""
+
+    boundary: str = described("The boundary that it may touch.")
+    reference: Vector = described("The point that it turns about, before it moves.")
+    displacement: Vector = described("Of that point.")
+    rotation: Number | Vector = described("Radians; in 3D a vector.")
+    force: Vector = described("Of the body on the tool.")
+    moment: Number | Vector = described("About that point; in 3D a vector.")
+    gap_error: Number = described(
+        "By how much the gap where the tool ends up differs at most from the linearised one, where it presses, length; "
+        "null for bonded boundaries, and for nonlinear bodies, whose gap is that of the place where the tool is."
+    )
+
+
+class PreloadedSection(Row):
+    """A section."""
+
+    name: str = described("Which one.")
+    force: Number = described("The tension through it.")
+    shortening: Number = described("By how much its sides have moved towards each other.")
+
+
+class BoundaryResultant(Row):
+    """A resultant."""
+
+    boundary: str | None = described("Name of the boundary; null: the body force.")
+    acts: list[str] = described("What acts there: support, contact, and kinds of loads and resistances.")
+    force: Vector
+    moment: Number | Vector = described("Moment about `about`; in 2D a number, counterclockwise.")
+    about: Point
+    acts_at: Point | None = described("A point of the line of action; null where the forces have no resultant.")
+
+
+class ExtremeOfStress(Row):
+    """A value and where it is."""
+
+    value: Number
+    place: Annotated[list[Number], Field(max_length=3)]
+    region: str | None = described(
+        "Name of its body or of the region of its material, if there are several; null: that without a region.",
+        default=None,
+    )
+    no_limit: str | None = described(
+        "Why it has no limit as the mesh is refined, if it is known to have none.", default=None
+    )
+
+
+class RecoveredExtremes(Row):
+    """Extremes of the recovered stress."""
+
+    von_mises: ExtremeOfStress
+    largest_principal: ExtremeOfStress
+    smallest_principal: ExtremeOfStress
+    largest_zz: ExtremeOfStress = perhaps()
+    smallest_zz: ExtremeOfStress = perhaps()
+
+
+class StressExtremes(RecoveredExtremes):
+    """Extremes of the raw stress, and of the recovered one."""
+
+    recovered: RecoveredExtremes | None = described(
+        "Those of the recovered stress; null of nonlinear materials, and if the displacement is not a number."
+    )
+    error: Number = described(
+        "Estimated error of the raw stress in the energy norm, relative; null of nonlinear materials, and without "
+        "stress."
+    )
+
+
+class ExtremeOfPlasticStrain(Row):
+    """A strain and where it is."""
+
+    value: Number
+    place: Annotated[list[Number], Field(max_length=3)]
+    region: str | None = described("Name of the region of its material, if there are several.", default=None)
+
+
+class LargestDeformation(Row):
+    """Of the load step with the largest one."""
+
+    gradient: Number = described("Mean strain and rotation.")
+    displacement: Number = described("Largest displacement, relative to the size of the body.")
+
+
+class LawOfResult(Row):
+    """The law that the certificate judges, and the one that the settings ask for."""
+
+    asked: str = described("What the settings ask for; empty: nothing particular.")
+    delivered: str = described("The law of the results.")
+    differs: str = described("In what it is not what was asked for, and what to do; empty: in nothing.")
+
+
+class CertificateFigures(Row):
+    """Its figures, each relative."""
+
+    equilibrium: Number
+    supports: Number
+    negative_pressure: Number
+    friction_cone: Number
+    wrong_way_slip: Number
+    entered: Number
+    pressure_at_distance: Number
+    slip_below_bound: Number
+    coupling: Number
+    moduli: Number
+    displacement: Number = described("Largest displacement, relative to the size of the body.")
+    penetration: Number
+    complementarity: Number
+    stick_slip: Number
+    law: str = described("The contact law of the check.")
+    holds: bool
+
+
+class ErrorBoundFigures(Row):
+    """A guaranteed bound."""
+
+    relative_error: Number = described(
+        "Of the displacement, relative to the energy norm of the exact solution.", default=None
+    )
+    strain_energy: list[Number] = described(
+        "Between which the strain energy of the exact solution is.", default_factory=list
+    )
+    error: Number = described("Square root of a(e, e): at most the sum of the three that follow.", default=None)
+    duality: Number = described("Part of the gap between both functionals.", default=None)
+    moved: Number = described("Part of the displacement without penetration instead of the computed one.", default=None)
+    round_off: Number = described("Part of round-off.", default=None)
+    guaranteed: bool = described("Whether it is a bound; else an estimate.", default=None)
+    statement: str = described("All of it in a sentence, or why there is no bound.")
+
+
+class BothFunctionals(Row):
+    """Energies."""
+
+    primal: Number
+    dual: Number
+    relative_duality_gap: Number
+
+
+class CostFigures(Row):
+    """Of the estimated error and the seconds of this run."""
+
+    of: str | None = described(
+        "The error that it is about, a column of the convergence table: `energy` is that of stress and displacement.",
+        default=None,
+    )
+    error: Number = described("Estimated error of the last mesh, relative.", default=None)
+    seconds: Number = described("What it took, all meshes together, wall time.", default=None)
+    dofs: Count | None = described("Unknowns of the last mesh.", default=None)
+    next_error: Number = described("A smaller error: a tenth in 2D, half in 3D, relative.", default=None)
+    next_seconds: list[Number] = described("What that would take on this machine, from and to.", default_factory=list)
+    next_dofs: Number = described("About how many unknowns it would take.", default=None)
+    command: str | None = described(
+        "What asks for it, to be pasted behind the command or in `solve_to_accuracy`.", default=None
+    )
+    local: bool | None = described("Whether cells become smaller only where the error is.", default=None)
+    statement: str = described("All of it in a sentence, or why there is no forecast.")
+
+
+def _with_components(schema: dict[str, Any]) -> None:
+    _closed(schema)
+    schema["patternProperties"] = {
+        f"^({'|'.join(COMPONENTS)})(_[xyz])?( .+)?$": {
+            "type": ["number", "null"],
+            "description": "Of several contacts between bodies with the boundary behind a blank.",
+        }
+    }
+
+
+class RowOfSteps(Row):
+    """A load step."""
+
+    model_config = ConfigDict(json_schema_extra=_with_components)
+
+    step: int = Field(ge=1)
+    name: str = described("Its name; empty: it has none.")
+    time: float = described("Its time.")
+    status: str
+    linear_solves: Count
+    certificate_holds: bool
+    max_pressure: Number = perhaps("Largest nodal pressure.", "stress")
+    torque: Number = perhaps("Of friction about the axis x[1], with torsion.", "moment")
+    friction_work: Number = perhaps("Energy dissipated by slip in this step.", "energy")
+    strain_energy: Number = perhaps("a(y, y) / 2, in 2D per unit thickness.", "energy")
+
+
+class Run(Row):
+    """Of a solve."""
+
+    schema_version: Literal[1] = described(
+        "Version of this schema: it grows when a key goes or changes its meaning, not when one is added."
+    )
+    title: str = described("The title of the scene.")
+    incomplete: list[str] = described("What the scene lacks of what was meant, as the scene says it.")
+    scene: dict[str, Any] = described(
+        "The scene with all defaults; `signorini-fx schema` prints its schema. Python objects are given by the name of "
+        "their type."
+    )
+    status: str = described("How the solve ended; only `converged` is a solution.")
+    advice: str = described("What to do.")
+    converged: bool = described("Whether this is a solution, certificate included.")
+    algorithm: str = described("The algorithms that were used; `linear` without contact.")
+    parameters: UsedParameters = described(
+        "Parameters of the algorithms as they were used; `infinite` for those without limit."
+    )
+    iterations: Count = described("Linear solves without those that only compute a start.")
+    linear_solves: Count = described("All linear solves.")
+    factorisations: Count = described("New factorisations.")
+    outer_iterations: Count = described("Regularised problems.")
+    events: list[str] = described("Fall-backs in the order of their use, and the meshes of a nested iteration.")
+    dimension: Literal[2, 3] = described("2 in 2D, 3 in 3D.")
+    dofs: Count = described("Displacement components, prescribed ones included.")
+    ranks: int = described("MPI processes.", ge=1)
+    linear_algebra: str = described("Kind of elastic system, and why.")
+    pieces: list[PieceOfBody] = described("The connected pieces of the body.")
+    findings: list[FindingRow] = described("What is to be known about the scene and the result.")
+    convergence_table: list[PriceOfMesh] = described(
+        "Errors and costs of the meshes, if there are several.", default=None
+    )
+    results_of: StepOfResults = described(
+        "The load step that all other figures are of: the last one with a solution, or the first one if it has none.",
+        default=None,
+    )
+    compiled: list[str] = described("Names of the compiled forms.")
+    timings: dict[str, Number] = described("Wall time in seconds by phase, the largest over the ranks.")
+    versions: dict[str, str] = described("Versions by library, and the BLAS in use.")
+    finished: str = described("When the results were written: date and time in UTC, ISO 8601.", default=None)
+    fields: list[str] = described("Names of the files of fields; absent if none were written.", default=None)
+
+
+def _with_contact(schema: dict[str, Any]) -> None:
+    """A scene with contact has all of its figures."""
+    _closed(schema)
+    schema["dependentRequired"] = {
+        "contact_nodes": [
+            *("touching_nodes", "contact_force", "friction_force", "pressure_integral", "max_pressure", "max_shear"),
+            "contact_boundaries",
+        ]
+    }
+
+
+class Summary(Run):
+    """All of summary.json: of the run, and the results."""
+
+    model_config = ConfigDict(json_schema_extra=_with_contact)
+
+    steps: list[RowOfSteps] = perhaps("The load steps, if there are several.")
+    friction_used: Number = perhaps(
+        "Share of its friction that the loads use, with the friction bounds of this solution."
+    )
+    held_by_supports: bool = described(
+        "Whether supports leave the body no rigid motion, so that no load can move it away."
+    )
+    contact_nodes: Count = perhaps("Nodes of the contact boundary.")
+    touching_nodes: Count = perhaps("Those in contact.")
+    contact_force: Vector = perhaps(
+        "Resultant of the normal tractions on the body; of several contacts between bodies a sum that acts on none of "
+        "them: see contact_boundaries.",
+        "force",
+    )
+    friction_force: Vector = perhaps("The same of the tangential tractions.", "force")
+    pressure_integral: Number = perhaps("Integral of the pressure.", "force")
+    max_pressure: Number = perhaps("Largest nodal pressure.", "stress")
+    max_shear: Number = perhaps("Largest nodal shear.", "stress")
+    zones: ZoneRuns = perhaps("Zones on the contact boundary of a body in 2D.")
+    areas: ZoneAreas = perhaps("Areas on the contact boundary of a body in 3D.", "area")
+    contact_moment: Vector = perhaps(
+        "Moment of `contact_force` about the origin, in 3D; with torsion about the axis x[1].", "moment"
+    )
+    friction_moment: Vector = perhaps(
+        "Moment of `friction_force` about the origin, in 3D; with torsion about the axis x[1].", "moment"
+    )
+    contact_force_through: Point | None = perhaps(
+        "Point of the central axis of the contact force that is nearest to the origin, in 3D.", "length"
+    )
+    contact_boundaries: list[ContactBoundaryRow] = perhaps("Each contact boundary; areas are lengths in 2D.")
+    tools: list[Tool] = perhaps("Foundations that forces move: how they have moved, and what the body does to them.")
+    preloads: list[PreloadedSection] = perhaps("Sections that are tightened.")
+    resultants: list[BoundaryResultant] = described(
+        "Forces on the body through each boundary with a support, a load or contact, and the body force; in 2D "
+        "per unit thickness."
+    )
+    strain_energy: Number = perhaps(
+        "a(y, y) / 2, in 2D per unit thickness; of a body whose forces are linear in y.", "energy"
+    )
+    stress: StressExtremes = perhaps(
+        "Extremes of the raw stress at the nodes, and of the recovered one; of nonlinear materials those of the Cauchy "
+        "stress at the points of quadrature; absent if no fields were written.",
+        "stress",
+    )
+    plastic_strain: ExtremeOfPlasticStrain = perhaps(
+        "Largest accumulated (equivalent) plastic strain at the points of quadrature, and where; absent if no material "
+        "is one that yields, or no fields were written."
+    )
+    utilisation: ExtremeOfStress = perhaps(
+        "Largest von Mises stress over the yield stress, and where; absent if no material has a yield stress."
+    )
+    deformation: LargestDeformation = described("Of the load step with the largest one.")
+    law: LawOfResult = perhaps(
+        "The contact law of the results, and whether it is the one that was asked for; absent without a solution."
+    )
+    certificate: CertificateFigures = described("The check of the conditions of the problem; every figure is relative.")
+    error_bound: ErrorBoundFigures = perhaps(
+        "A guaranteed bound of the error in the energy norm, where the scene asks for it."
+    )
+    functionals: BothFunctionals = perhaps(
+        "Primal and dual functional of the regularised problem, energies, without Coulomb friction."
+    )
+    cost: CostFigures = perhaps("What the accuracy took, and what a better one would take; a forecast.")
+
+
+def unit_of(key: str) -> str:
+    """What a figure of the summary is measured in, a word of ``units.names_of``; "": it has no unit, or several."""
+    extra = Summary.model_fields[key].json_schema_extra
+    return str(extra["unit"]) if isinstance(extra, dict) else ""

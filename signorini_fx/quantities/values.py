@@ -1,0 +1,186 @@
+"""The results of a solution, as summary.json and steps.csv have them; those of the run are in ``results.summary``."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+
+from signorini_fx.machine import parallel
+
+
+def of_results(solution: Any) -> dict[str, Any]:
+    """Those that stand with the solution; collective."""
+    law, functionals, contact = solution.law, solution.functionals, solution.contact
+    known: dict[str, Any] = {
+        "held_by_supports": solution.model.motions.free.shape[1] == 0,
+        **({} if contact is None else _of_contact(solution)),
+        "preloads": [section.as_dict() for section in solution.preloads] or None,
+        "resultants": solution.resultants.as_rows(),
+        "strain_energy": solution.last_step.strain_energy,
+        "deformation": asdict(max((step.deformation for step in solution.shown_steps), key=lambda step: step.largest)),
+        "law": None if law is None else law.as_dict(),
+        "certificate": solution.certificate.as_dict(),
+    }
+    if functionals is not None:
+        known["functionals"] = {
+            "primal": functionals.primal,
+            "dual": functionals.dual,
+            "relative_duality_gap": functionals.relative_gap,
+        }
+    known = {key: value for key, value in known.items() if value is not None}
+    if contact is not None and contact.boundary.x.shape[1] == 3:
+        known["contact_force_through"] = _through(contact)
+    return known
+
+
+def _of_contact(solution: Any) -> dict[str, Any]:
+    """Those of a scene with contact; collective."""
+    contact, table = solution.contact, solution.table
+    columns, kinematics = table.columns, solution.model.kinematics
+    solid = contact.boundary.x.shape[1] == 3
+    tools = solution.last_step.tools
+    return {
+        "contact_nodes": int(columns["x"].size),
+        "touching_nodes": table.touching,
+        "contact_force": _plain(contact.forces[0]),
+        "friction_force": _plain(contact.forces[1]),
+        "pressure_integral": float(np.dot(columns["weight"], columns["pressure"])),
+        "max_pressure": float(columns["pressure"].max()),
+        "max_shear": float(np.abs(columns["shear"]).max()),
+        "zones": _zones(table) if "s" in columns else None,
+        "areas": contact.areas if solid else None,
+        "contact_moment": _plain(contact.moments[0]) if solid else None,
+        "friction_moment": _plain(contact.moments[1]) if solid else None,
+        "contact_boundaries": [figures.as_dict() for figures in solution.contact_figures] or None,
+        "tools": [motion.as_dict(contact, solution.statement.contact, kinematics) for motion in tools] or None,
+    }
+
+
+def _plain(vector: Any) -> list[float]:
+    """The components of a vector, without negative zeros."""
+    return [float(component) + 0.0 for component in vector]
+
+
+def _zones(table: Any) -> dict[str, Any]:
+    """The zones on the contact boundary of a body in 2D, from node to node."""
+    columns = table.columns
+    touching = columns["state"] != "open"
+    # Tresca friction acts on open nodes too, which are no zone of the contact.
+    acting = (columns["bound"] > 0) & touching
+    return {
+        "contact": table.zones(touching),
+        "stick": table.zones(acting & (columns["friction"] == "stick")),
+        "slip": table.zones(acting & np.isin(columns["friction"], ["slip+", "slip-", "slip"])),
+    }
+
+
+def _through(contact: Any) -> list[float] | None:
+    """A point of the central axis of the contact force; over a revolution there is none."""
+    force = contact.forces[0]
+    size = float(force @ force)
+    if not (size > 0 and contact.boundary.kinematics.uniform):
+        return None
+    return _plain(np.cross(force, contact.moments[0]) / size)
+
+
+def of_fields(solution: Any) -> dict[str, Any]:
+    """Those of the stress, which are known where fields are written; collective."""
+    stress = solution.known_stress
+    if stress is None:
+        return {}
+    known: dict[str, Any] = {
+        "stress": stress.as_dict(),
+        "plastic_strain": stress.plastic_extreme(),
+        "utilisation": stress.utilisation(),
+    }
+    return {key: value for key, value in known.items() if value is not None}
+
+
+def afterwards(solution: Any) -> dict[str, Callable[[Any], Any]]:
+    """The functions of those that the scene asks for and that are computed once the results stand, so that a failure is
+    a warning.
+    """
+    goal = solution.statement.accuracy
+    functions: dict[str, Callable[[Any], Any]] = {}
+    if solution.contact is not None:
+        functions["friction_used"] = lambda solution: solution.friction_used
+    if solution.statement.solver.error_bound or (goal is not None and goal.certified):
+        functions["error_bound"] = _error_bound
+    functions["cost"] = _cost
+    return functions
+
+
+# How the statement begins where there is no bound.
+NO_BOUND = "none: "
+
+
+def _error_bound(solution: Any) -> Any:
+    bound = solution.error_bound
+    if isinstance(bound, str):
+        return {"statement": f"{NO_BOUND}{bound}"}
+    return None if bound is None else bound.as_dict()
+
+
+def _cost(solution: Any) -> Any:
+    cost = solution.cost
+    return {"statement": cost} if isinstance(cost, str) else cost.as_dict()
+
+
+def of_step(solution: Any) -> dict[str, Any]:
+    """The columns of a load step in steps.csv; collective."""
+    contact = solution.contact
+    columns = {} if contact is None else _of_contact_in_step(solution)
+    energy = solution.last_step.strain_energy
+    columns |= {} if energy is None else {"strain_energy": energy}
+    return columns | {"certificate_holds": solution.certificate.holds}
+
+
+def _of_contact_in_step(solution: Any) -> dict[str, Any]:
+    """Those of contact: by axis, and by boundary where a sum over boundaries means nothing."""
+    contact, parts = solution.contact, solution.statement.contact
+    names = _boundaries(solution.statement)
+    count = range(len(names))
+    columns: dict[str, Any] = {}
+    for number, key in enumerate(("contact_force", "friction_force")):
+        forces = [contact.forces_of_each[k, number] for k in count] or [contact.forces[number]]
+        columns |= _by_axis(key, forces, names)
+    figures = list(zip(names or [""], solution.contact_figures, strict=True)) if names or len(parts) == 1 else []
+    closed = [(name, boundary) for name, boundary in figures if boundary.friction_moment is not None]
+    for name, boundary in closed:
+        columns |= _by_axis("pressure_integral", [boundary.pressure_integral], [name])
+    columns["max_pressure"] = parallel.largest(contact.boundary.comm, contact.pressure)
+    for name, boundary in closed:
+        columns |= _by_axis("friction_moment", [boundary.friction_moment], [name])
+    if contact.boundary.kinematics.out_of_section:
+        columns["torque"] = float(contact.moments[1][1])
+    motions = contact.mean_tangential_of_each if names else [contact.mean_tangential_displacement]
+    columns |= _by_axis("mean_tangential_displacement", motions, names)
+    return columns | {"friction_work": contact.friction_work}
+
+
+def _boundaries(statement: Any) -> list[str]:
+    """The contact boundaries whose forces have no sum that acts on one body; none: they have one."""
+    names = [effect.boundary for effect in statement.contact]
+    return names if len(names) > 1 and any(effect.against for effect in statement.contact) else []
+
+
+def _by_axis(key: str, values: Sequence[Any], names: Sequence[str]) -> dict[str, float]:
+    """Numbers under their key, vectors with an entry for each axis.
+
+    Args:
+        key: of the quantity.
+        values: of each boundary, or one of all together.
+        names: of the boundaries, which stand behind the key; "" or no names: the key alone.
+    """
+    columns = {}
+    for name, value in zip(names or [""], values, strict=True):
+        of = f" {name}" if name else ""
+        if np.ndim(value) == 0:
+            columns[f"{key}{of}"] = float(value)
+        else:
+            axes = zip("xyz", value, strict=False)
+            columns |= {f"{key}_{axis}{of}": float(component) for axis, component in axes}
+    return columns
