@@ -5,7 +5,7 @@ FROM debian:${DEBIAN}-slim AS environment
 # libopenblas0-pthread: python3-dolfinx alone brings the reference BLAS, which factorises five times slower.
 # gcc, g++, python3-dev: FFCx compiles each form on first use.
 # Check-Valid-Until: a mirror of sid may lag a few days behind its validity; the signatures are checked all the same.
-# dygraphs: interactive figures; nbclient, ipykernel: the tests execute the tutorial; getfem: a rival in the benchmarks.
+# nbclient, ipykernel: the tests execute the tutorial; getfem: a rival in the benchmarks.
 # No manuals and no translations, and no packages once they are installed: half a gigabyte that nothing here reads.
 RUN echo 'Acquire::Check-Valid-Until "false";' > /etc/apt/apt.conf.d/99lagging-mirror \
  && printf 'path-exclude=/usr/share/%s/*\n' doc man info locale > /etc/dpkg/dpkg.cfg.d/99small \
@@ -15,8 +15,8 @@ RUN echo 'Acquire::Check-Valid-Until "false";' > /etc/apt/apt.conf.d/99lagging-m
         openmpi-bin python3-mpi4py \
         gmsh python3-gmsh python3-meshio python3-h5py \
         python3-numpy python3-scipy \
-        python3-pydantic python3-simpleeval python3-tomli-w python3-rich \
-        python3-matplotlib fonts-dejavu-core fonts-dejavu-extra libjs-dygraphs \
+        python3-pydantic python3-tomli-w \
+        python3-matplotlib fonts-dejavu-core fonts-dejavu-extra \
         python3-pytest python3-pytest-timeout python3-pytest-xdist python3-pytest-cov python3-hypothesis python3-cvxopt mypy \
         python3-jsonschema python3-nbclient python3-nbformat python3-ipykernel python3-getfem \
         python3-pip python3-setuptools python3-wheel \
@@ -51,13 +51,6 @@ RUN apt-get update -q \
 # Templates of the report, and tables of results as frames.
 RUN apt-get update -q \
  && DEBIAN_FRONTEND=noninteractive apt-get install -qy --no-install-recommends python3-jinja2 python3-pandas \
- && apt-get clean \
- && rm -rf /var/lib/apt/lists/*
-
-# Checkpoints that other programs read: io4dolfinx since dolfinx 0.10, its predecessor before.
-RUN apt-get update -q \
- && checkpoints=$(apt-cache pkgnames | grep -x python3-io4dolfinx || echo python3-adios4dolfinx) \
- && DEBIAN_FRONTEND=noninteractive apt-get install -qy --no-install-recommends "$checkpoints" python3-adios2 python3-adios2-mpi \
  && apt-get clean \
  && rm -rf /var/lib/apt/lists/*
 
