@@ -30,8 +30,7 @@ class AtContactPoints(Interface):
         pull = effect.tension * boundary.weight[:, None] * boundary.normal
         forces.x.array.reshape(-1, space.dofmap.bs)[boundary.nodes] = pull
         owned = forces.x.array[: space.dofmap.index_map.size_local * space.dofmap.index_map_bs]
-        factors = (1.0,) * self.statement.steps
-        return [AppliedLoad(factors, forms=(), forces=owned, prescribed=fem.Function(space))]
+        return [AppliedLoad((1.0,) * self.statement.steps, forms=(), forces=owned, prescribed=fem.Function(space))]
 
 
 register("signorini_fx.effects", "suction", Suction)

@@ -187,7 +187,7 @@ class _Programme:
         return Status.MAX_ITERATIONS
 
     def sets(self, softest: float) -> ActiveSets | None:
-        """Reduce the products until the sets settle; None if a linear solve fails; ``softest``: stiffness of the start."""
+        """Reduce the products until the sets settle; None: a solve fails; ``softest``: stiffness of the start."""
         newton = self._newton
         at = self._on_a_soft_foundation(softest, exact=False)
         first = 0.0 if at is None else self._product(at)
