@@ -75,7 +75,8 @@ class RigidPart:
 
     def norms(self, vectors: Array, piece: npt.NDArray[Any] | None = None) -> Array:
         """The norms of vectors at the owned nodes of each piece, or at others, shape (pieces,); collective."""
-        squares = vectors[:, None] ** 2 if vectors.ndim == 1 else np.sum(vectors**2, axis=1)[:, None]
+        rows = vectors[:, None] if vectors.ndim == 1 else vectors
+        squares = np.einsum("ni,ni->n", rows, rows)[:, None]
         pieces = self.piece if piece is None else piece
         return np.asarray(np.sqrt(parallel.sums_by(self._comm, pieces, squares, self.count)[:, 0]))
 

@@ -27,13 +27,12 @@ _TOGETHER = 10_000
 
 @dataclass(frozen=True)
 class ReferencePoints:
-    """Points in the reference cell: shape functions of the displacement (q, n) and of the geometry (q, g), their
-    derivatives along the d reference directions, (d, q, n) and (d, q, g), and the functions that contact tests with
-    (q, n): the shape functions, or the hats of the vertices where contact averages.
+    """Points in the reference cell: shape functions of the displacement (q, n) and of the geometry (q, g), derivatives
+    of the latter along the d reference directions (d, q, g), and the functions that contact tests with (q, n): the
+    shape functions, or the hats of the vertices where contact averages.
     """
 
     shape: Array
-    slope: Array
     place: Array
     stretch: Array
     test: Array
@@ -176,12 +175,12 @@ class SurfaceQuadrature:
         return np.zeros((index_map.size_local + index_map.num_ghosts, self.dimension))
 
     def _table(self, points: Array) -> ReferencePoints:
-        shape, geometry = (element.tabulate(1, points)[..., 0] for element in (self._shapes, self._geometry))
-        test = shape[0]
+        shape, geometry = self._shapes.tabulate(0, points)[0, ..., 0], self._geometry.tabulate(1, points)[..., 0]
+        test = shape
         if self._hats is not None:
             hats = self._hats.tabulate(0, points)[0, ..., 0]  # vertices come first
             test = np.pad(hats, ((0, 0), (0, test.shape[1] - hats.shape[1])))
-        return ReferencePoints(shape[0], shape[1:], geometry[0], geometry[1:], test)
+        return ReferencePoints(shape, geometry[0], geometry[1:], test)
 
     def jacobian(self, cells: Indices, table: ReferencePoints) -> Array:
         """dx_i / dX_k at the points, shape (across (i), across (k), cells, q)."""
