@@ -37,7 +37,6 @@ class ContactSurface:
     Attributes:
         x: position of the nodes, length, shape (rows, 3).
         corners: the rows of the contact table at the corners of each piece, around it, shape (pieces, k).
-        part: position in ``statement.contact`` of the boundary that each piece is of, shape (pieces,).
         per_facet: how many pieces a facet has; those of one facet follow each other.
         facets: which facets of the table have pieces: between two bodies those whose nodes all carry a point.
         count: of all facets of the table.
@@ -45,7 +44,6 @@ class ContactSurface:
 
     x: Floats
     corners: Ints
-    part: Ints
     per_facet: int
     facets: Ints
     count: int
@@ -54,7 +52,6 @@ class ContactSurface:
     def of(cls, table: ContactTable) -> ContactSurface:
         """The contact surface of a table in 3D."""
         assert table.facets is not None
-        assert table.nodes is not None
         facets = table.facets
         vertices = {6: 3, 9: 4}.get(facets.shape[1], facets.shape[1])
         if (facets[:, vertices:] < 0).all():  # no contact nodes but the vertices
@@ -63,7 +60,7 @@ class ContactSurface:
         pieces = np.array(_PIECES[facets.shape[1]])
         corners = facets[complete][:, pieces].reshape(-1, pieces.shape[1])
         x = np.column_stack([table.columns[axis] for axis in "xyz"])
-        return cls(x, corners, table.nodes[corners[:, 0], 0], len(pieces), complete, len(facets))
+        return cls(x, corners, len(pieces), complete, len(facets))
 
     @cached_property
     def _normal_area(self) -> Floats:
@@ -138,22 +135,6 @@ class ContactSurface:
         gradient = np.einsum("ij,ijk->ik", middle * self.sides, self.outward) / self.area[:, None]
         slopes = np.einsum("ik,ijk->ij", gradient, self.outward)
         return np.where(self.rim, 0.0, slopes + slopes.ravel()[self.across])
-
-    def bends(self, values: Floats) -> Floats:
-        """Second differences of nodal values over each piece, or one beside it, along both directions, shape (pieces,).
-
-        Args:
-            values: at the nodes, shape (rows,).
-        """
-        k = self.corners.shape[1]
-        over = np.abs(self.jumps(values) * self.heights)
-        if k == 4:  # each direction crosses two sides, of which the rim may be one
-            bends = np.where(self.rim, np.roll(over, 2, axis=1), over).sum(axis=1) / 2
-        else:
-            inner = (~self.rim).sum(axis=1)
-            bends = over.sum(axis=1) * np.divide(k, inner, out=np.ones(len(over)), where=inner > 0)
-        beside = np.where(self.rim, 0.0, bends[np.maximum(self.across, 0) // k])
-        return np.maximum(bends, beside.max(axis=1))
 
     def turns(self) -> Floats:
         """Angle between each piece and its neighbours, radians, shape (pieces, k); 0 at the rim."""

@@ -1,8 +1,7 @@
 """The error of the largest contact pressure, from its changes from mesh to mesh.
 
 The largest nodal pressure converges with the rate of ``EXPECTED_RATES``, or with that of its last two changes if it is
-smaller.  As a change may be small by chance, earlier ones count as well, and so does the kink of the pressure at its
-largest node, which may be off the top.
+smaller.  As a change may be small by chance, earlier ones count as well.
 
 At a corner of the body the stress may be singular.  Then the pressure there grows with every refinement, and on some
 mesh it exceeds every other one.  So the corners in contact are followed, too.  In 3D the largest pressure on the rim
@@ -125,7 +124,7 @@ def peak_error(tables: Sequence[ContactTable]) -> float | None:
         return None
     largest = peak.pressure[-1]
     higher = [corner.pressure[-1] + corner.error - largest for corner in corners]
-    error = max(peak.error, peak.error_by_last_changes, _kink(tables[-1], peak.row) / 4, *higher) / largest
+    error = max(peak.error, peak.error_by_last_changes, *higher) / largest
     return float(error) if np.isfinite(error) else None
 
 
@@ -186,18 +185,3 @@ def _spacing(table: ContactTable) -> Floats:
         for rows in (path[:-1], path[1:]):
             np.minimum.at(spacing, rows, lengths)
     return spacing
-
-
-def _kink(table: ContactTable, row: int) -> float:
-    """How far the pressure at a node is off the line through its neighbours; in 3D the largest such value."""
-    pressure = table.columns["pressure"]
-    if table.facets is not None:
-        surface = ContactSurface.of(table)
-        return float(surface.bends(pressure)[(surface.corners == row).any(axis=1)].max(initial=0.0))
-    for path in table.paths:
-        rows, s, _ = table.unrolled(path)
-        for at in np.flatnonzero(rows == row):
-            if 0 < at < len(rows) - 1:
-                beside = [at - 1, at + 1]
-                return abs(float(pressure[row] - np.interp(s[at], s[beside], pressure[rows[beside]])))
-    return 0.0

@@ -42,7 +42,7 @@ class StressRecovery:
 
     def __init__(
         self,
-        stress: ElementStress | Any,
+        stress: Any,
         residual: Callable[[Any], tuple[Callable[[float], None], Any]],
         inventory: Inventory,
         degree: int | None = None,
@@ -51,7 +51,8 @@ class StressRecovery:
         """Compile; collective.
 
         Args:
-            stress: of a displacement of its own, whose values change with what is estimated.
+            stress: an ``ElementStress`` of a displacement of its own, whose values change with what is estimated; or
+                what has its displacement, components, parts, ``squared`` and ``refresh``.
             residual: from a test function that is constant in each cell to what moves the loads to a place in the lists
                 of factors, and the squared residual of the traction, see ``boundary_residual``.
             inventory: what was compiled and assembled.
