@@ -14,7 +14,6 @@ import basix
 import numpy as np
 import numpy.typing as npt
 
-from signorini_fx.mechanics.pairs.facet_neighbours import FacetNeighbours, nodes_beside
 from signorini_fx.tuned import ZERO_SUM
 
 Array = npt.NDArray[np.float64]
@@ -137,7 +136,6 @@ class PairSurface:
         undeformed: positions of all nodes of which areas are, where ``x`` are those of a deformed body, length, shape
             (N, d); None: those of ``x``.
         of_nodes: what depends on ``nodes`` alone, once it has been asked for; displaced sides have it, too.
-        of_places: what depends on where the nodes are, too.
     """
 
     nodes: Indices
@@ -148,7 +146,6 @@ class PairSurface:
     measure: Array | None = None
     undeformed: Array | None = None
     of_nodes: dict[str, Any] = field(default_factory=dict, repr=False, compare=False)
-    of_places: dict[str, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         """A copy with other facets begins anew with what is computed of them."""
@@ -161,18 +158,10 @@ class PairSurface:
         return replace(self, x=start + displacement, undeformed=start)
 
     @property
-    def neighbours(self) -> FacetNeighbours:
-        """Which facets share nodes."""
-        if "neighbours" not in self.of_nodes:
-            self.of_nodes["neighbours"] = FacetNeighbours.of(self.nodes)
-        neighbours: FacetNeighbours = self.of_nodes["neighbours"]
-        return neighbours
-
-    @property
     def tested_together(self) -> tuple[Indices, npt.NDArray[np.bool_]]:
         """The nodes with test functions on the facets around each node, and which of these are any, shapes (N, m)."""
         if "tested_together" not in self.of_nodes:
-            self.of_nodes["tested_together"] = nodes_beside(self.points, len(self.x))
+            self.of_nodes["tested_together"] = _nodes_beside(self.points, len(self.x))
         beside: tuple[Indices, npt.NDArray[np.bool_]] = self.of_nodes["tested_together"]
         return beside
 
@@ -300,3 +289,20 @@ class PairSurface:
         facets = np.arange(len(self.nodes))
         at = np.broadcast_to(points, (len(facets), *points.shape))
         return np.asarray(self.measured(facets, at, self.sizes(facets, at)) @ weights)
+
+
+def _nodes_beside(facets: Indices, count: int) -> tuple[Indices, npt.NDArray[np.bool_]]:
+    """The nodes that are on a facet with each node, itself included, ascending, and which of these entries are any,
+    shape (N, m).
+
+    Args:
+        facets: nodes of each, shape (f, k).
+        count: of all nodes, N.
+    """
+    keys = np.unique((facets[:, :, None] * count + facets[:, None]).ravel())
+    row = keys // count
+    slot = np.arange(row.size) - np.searchsorted(row, np.arange(count))[row]
+    beside = np.zeros((count, int(slot.max(initial=-1)) + 1), dtype=np.int64)
+    listed = np.zeros(beside.shape, dtype=bool)
+    beside[row, slot], listed[row, slot] = keys % count, True
+    return beside, listed

@@ -14,8 +14,8 @@ slave.  The rows dgap_i of the map are zero on every joint rigid motion, so that
 transpose, balance in forces and moments.  Points of quadrature, functions, and the angles between N and the normals
 of the slave are held: what these change of the gap is of second order where sides touch.  The map of friction is that
 of ``mortar_coupling``, with half of the rotations of both sides.  In 3D xi are two numbers, and all points of a
-facet of the slave have one direction.  Distances and their derivatives are in ``sliding_plane`` and ``sliding_space``;
-here is what both have.
+facet of the slave have one direction.  Distances and their derivatives are in
+``sliding_pieces``.
 
 Slips are chords.  With the functions D, M of the beginning of a step, marked by 0,
 
@@ -39,9 +39,10 @@ from signorini_fx.mechanics.pairs.mean_rotation import turning_blocks
 from signorini_fx.mechanics.pairs.mortar_coupling import projected
 from signorini_fx.mechanics.pairs.overlap_quadrature import Overlap
 from signorini_fx.mechanics.pairs.pair_side import PairSurface
-from signorini_fx.mechanics.pairs.sliding_plane import PlanePieces, turning_at_nodes
-from signorini_fx.mechanics.pairs.sliding_space import SpacePieces, rotations_at_nodes, turned_normals_in_space
-from signorini_fx.mechanics.pairs.sparse_scaling import beside, placed_rows, scaled_entries, scaled_rows
+from signorini_fx.mechanics.pairs.sliding_pieces import SlidingPieces
+from signorini_fx.mechanics.pairs.sliding_plane import turned_normals_in_plane
+from signorini_fx.mechanics.pairs.sliding_space import rotations_at_nodes, turned_normals_in_space
+from signorini_fx.mechanics.pairs.sparse_scaling import of_components, placed_rows, scaled_rows
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
@@ -165,7 +166,7 @@ class _TurningPieces:
         points: D, M and T_i.
     """
 
-    pieces: PlanePieces | SpacePieces
+    pieces: SlidingPieces
     sides: tuple[PairSurface, PairSurface]
     points: tuple[sp.csr_array, sp.csr_array, Array]
 
@@ -185,20 +186,11 @@ class _TurningPieces:
         """What displacements of both sides turn n_i along T_i, sparse, shape (n (d - 1), d m)."""
         (slave, master), (sharing, opposite, tangents) = self.sides, self.points
         size = np.linalg.norm(sharing @ slave.directions - opposite @ master.directions, axis=1)
-        if isinstance(self.pieces, PlanePieces):
-            along = tangents[:, :, 0] / size[:, None]
-            parts = []
-            for side, matrix in ((slave, sharing), (master, -opposite)):
-                row, normal = np.repeat(np.arange(size.size), np.diff(matrix.indptr)), side.directions[matrix.indices]
-                crossed = along[row, 1] * normal[:, 0] - along[row, 0] * normal[:, 1]
-                parts.append(scaled_entries(matrix, crossed))
-            return sp.csr_array(beside(*parts) @ turning_at_nodes(self.sides) - self.pieces.turning_by_shift(along))
         parts = [
-            sp.kron(matrix, sp.eye_array(3)) @ turned_normals_in_space(side)
+            of_components(matrix, slave.dimension) @ turned_normals(side)
             for matrix, side in zip((sharing, -opposite), self.sides, strict=True)
         ]
-        passing = self.pieces.passing(master.directions[master.nodes[self.pieces.overlap.master]])
-        return sp.csr_array(along_vectors(tangents / size[:, None, None]) @ (sp.hstack(parts) - passing))
+        return sp.csr_array(along_vectors(tangents / size[:, None, None]) @ (sp.hstack(parts) - self.pieces.passing))
 
 
 def slide(
@@ -263,8 +255,7 @@ def slide(
     gap = np.full(count, np.inf)
     pieces: _TurningPieces | None = None
     if at.size:
-        kind = PlanePieces if dim == 2 else SpacePieces
-        under = kind.of(slave, master, tested, directions, mean)
+        under = SlidingPieces.of(slave, master, tested, directions, mean)
         pieces, gaps = _TurningPieces(under, (slave, master), (sharing, opposite, tangents)), under.gap
         gap[at] = gaps[at]
         normal_rows = normal_rows - under.rows
@@ -349,10 +340,7 @@ def along_vectors(vectors: Array) -> sp.csr_array:
 
 def turned_normals(side: PairSurface) -> sp.csr_array:
     """How displacements of the nodes of a side turn its normals at the nodes, sparse, shape (d N, d N)."""
-    if side.dimension == 3:
-        return turned_normals_in_space(side)
-    x, y = side.nodal_normals.T
-    return sp.csr_array(along_vectors(np.stack((-y, x), axis=1)[:, None]) @ turning_at_nodes((side,)))
+    return turned_normals_in_plane(side) if side.dimension == 2 else turned_normals_in_space(side)
 
 
 def _way(tangents: Array, vectors: Array) -> Array:

@@ -25,11 +25,6 @@ def scaled_columns(matrix: Any, factors: Array) -> sp.csr_array:
     return _scaled(rows, factors[rows.indices])
 
 
-def scaled_entries(matrix: sp.csr_array, factors: Array) -> sp.csr_array:
-    """Entries of a matrix, in their order, times factors; what a factor of zero leaves is no entry."""
-    return _scaled(matrix, factors)
-
-
 def placed_rows(matrix: sp.csr_array, rows: npt.NDArray[np.int64], count: int) -> sp.csr_array:
     """Rows of a matrix as some, ascending, of so many, of which the others are empty."""
     sizes = np.zeros(count + 1, dtype=matrix.indptr.dtype)
@@ -47,6 +42,12 @@ def of_components(matrix: Any, count: int) -> sp.csr_array:
     component = np.repeat(np.tile(np.arange(count, dtype=rows.indices.dtype), sizes.size), places)
     columns = count * rows.indices[entries] + component
     return sp.csr_array((rows.data[entries], columns, ends), shape=(count * sizes.size, count * rows.shape[1]))
+
+
+def of_vectors(components: list[sp.csr_array]) -> sp.csr_array:
+    """The matrix of vectors from those of each of their d components, shape (n, m): shape (n d, m)."""
+    rows = np.arange(len(components) * components[0].shape[0]).reshape(len(components), -1)
+    return sp.csr_array(sp.csr_array(sp.vstack(components))[rows.T.ravel()])
 
 
 def beside(left: Any, right: Any) -> sp.csr_array:
