@@ -22,6 +22,7 @@ from signorini_fx.mechanics.interfaces.pair import Pair
 from signorini_fx.mechanics.obstacles.held_pairs import HeldPairs, held_along
 from signorini_fx.mechanics.obstacles.mirrored_points import mirrored
 from signorini_fx.mechanics.pairs.dual_functions import HeldSides
+from signorini_fx.mechanics.pairs.mean_rotation import turned_normals
 from signorini_fx.mechanics.pairs.mortar_coupling import (
     Coupling,
     NobodyCarriesError,
@@ -30,7 +31,7 @@ from signorini_fx.mechanics.pairs.mortar_coupling import (
     normals_of_points,
 )
 from signorini_fx.mechanics.pairs.pair_side import Lagrange, PairSurface
-from signorini_fx.mechanics.pairs.sliding import along_vectors, turned_normals
+from signorini_fx.mechanics.pairs.sliding import along_vectors
 from signorini_fx.mechanics.pairs.sparse_scaling import of_components
 from signorini_fx.tuned import ZERO_SUM
 

@@ -1,4 +1,4 @@
-"""The mean rotation of nodes from their displacements, times distances."""
+"""The mean rotation of nodes from their displacements, times distances, and the rotation of normals."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 import scipy.sparse as sp
 
+from signorini_fx.mechanics.pairs.pair_side import PairSurface
 from signorini_fx.tuned import NO_ARM, ZERO_COMPONENT
 
 Array = npt.NDArray[np.float64]
@@ -51,6 +52,46 @@ def turning_blocks(arms: sp.csr_array, x: Array, distance: Array) -> tuple[Indic
     np.add.at(inertia, row, a[:, None, None] * squares)
     inverse = np.asarray(np.linalg.pinv(inertia, rcond=NO_ARM, hermitian=True), dtype=np.float64)
     return row, -_crossing(d) @ inverse[row] @ (a[:, None, None] * _crossing(r))
+
+
+def turned_normals(side: PairSurface) -> sp.csr_array:
+    """How displacements of the nodes of a side turn its normals at the nodes, sparse, shape (d N, d N).
+
+    The normal of a node is along the integral of that of the facets times its function, without what it has across
+    planes of symmetry.
+    """
+    functions, (count, dim) = side.functions, side.x.shape
+    at, weights = functions.rule(2 * functions.degree + 2)
+    values, slopes = functions.values(at) * weights[:, None], functions.slopes(at)
+    along = np.einsum("aqk,fkd->afqd", slopes, side.corners)
+    if dim == 2:
+        normal = np.stack((along[0, ..., 1], -along[0, ..., 0]), axis=-1)
+        turning = np.multiply.outer(values.T @ slopes[0], [[0.0, 1.0], [-1.0, 0.0]])
+        turning = side.sign[:, None, None, None, None] * turning
+    else:
+        normal = np.cross(along[0], along[1])
+        arms = slopes[1][None, :, :, None] * along[0][:, :, None] - slopes[0][None, :, :, None] * along[1][:, :, None]
+        vectors = np.einsum("qk,fqld->fkld", values, arms, optimize=True) * side.sign[:, None, None, None]
+        turning = _crossing(vectors.reshape(-1, 3)).reshape(*vectors.shape, 3)
+    rows = dim * side.nodes[:, :, None, None, None] + np.arange(dim)[:, None]
+    columns = dim * side.nodes[:, None, :, None, None] + np.arange(dim)
+    places = tuple(np.broadcast_to(numbers, turning.shape).ravel() for numbers in (rows, columns))
+    moments = sp.csr_array((turning.ravel(), places), shape=(dim * count, dim * count))
+    sums = np.zeros((count, dim))
+    np.add.at(sums, side.nodes, np.einsum("qk,fqd->fkd", values, normal * side.sign[:, None, None]))
+    within = np.eye(dim) - side.across
+    size = np.linalg.norm(np.einsum("nij,nj->ni", within, sums), axis=1)
+    inverse = np.divide(1.0, size, out=np.zeros(count), where=size > 0)
+    normals = side.nodal_normals
+    across = inverse[:, None, None] * (within - np.einsum("ni,nj->nij", normals, normals))
+    return sp.csr_array(of_blocks(across) @ moments)
+
+
+def of_blocks(blocks: Array) -> sp.csr_array:
+    """The matrix with blocks of shape (n, i, j) on its diagonal, sparse, shape (n i, n j)."""
+    numbers = np.arange(len(blocks) + 1)
+    shape = (len(blocks) * blocks.shape[1], len(blocks) * blocks.shape[2])
+    return sp.csr_array(sp.bsr_array((blocks, numbers[:-1], numbers), shape=shape))
 
 
 def _crossing(vectors: Array) -> Array:

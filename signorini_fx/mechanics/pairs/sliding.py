@@ -14,8 +14,7 @@ slave.  The rows dgap_i of the map are zero on every joint rigid motion, so that
 transpose, balance in forces and moments.  Points of quadrature, functions, and the angles between N and the normals
 of the slave are held: what these change of the gap is of second order where sides touch.  The map of friction is that
 of ``mortar_coupling``, with half of the rotations of both sides.  In 3D xi are two numbers, and all points of a
-facet of the slave have one direction.  Distances and their derivatives are in
-``sliding_pieces``.
+facet of the slave have one direction.  Distances and their derivatives are in ``sliding_pieces``.
 
 Slips are chords.  With the functions D, M of the beginning of a step, marked by 0,
 
@@ -35,13 +34,12 @@ import scipy.sparse as sp
 from mpi4py import MPI
 
 from signorini_fx.mechanics.pairs.dual_functions import EvenRedistribution, HeldSides
-from signorini_fx.mechanics.pairs.mean_rotation import turning_blocks
+from signorini_fx.mechanics.pairs.mean_rotation import of_blocks, turned_normals, turning_blocks
 from signorini_fx.mechanics.pairs.mortar_coupling import projected
 from signorini_fx.mechanics.pairs.overlap_quadrature import Overlap
 from signorini_fx.mechanics.pairs.pair_side import PairSurface
 from signorini_fx.mechanics.pairs.sliding_pieces import SlidingPieces
-from signorini_fx.mechanics.pairs.sliding_plane import turned_normals_in_plane
-from signorini_fx.mechanics.pairs.sliding_space import rotations_at_nodes, turned_normals_in_space
+from signorini_fx.mechanics.pairs.sliding_space import rotations_at_nodes
 from signorini_fx.mechanics.pairs.sparse_scaling import of_components, placed_rows, scaled_rows
 
 Array = npt.NDArray[np.float64]
@@ -332,15 +330,7 @@ def along_vectors(vectors: Array) -> sp.csr_array:
     """The matrix that multiplies vectors at points with k others, one per column, shape (n, d, k): sparse, shape
     (n k, n d).
     """
-    count, dim, columns = vectors.shape
-    numbers = np.arange(count + 1)
-    shape = (count * columns, count * dim)
-    return sp.csr_array(sp.bsr_array((vectors.transpose(0, 2, 1), numbers[:-1], numbers), shape=shape))
-
-
-def turned_normals(side: PairSurface) -> sp.csr_array:
-    """How displacements of the nodes of a side turn its normals at the nodes, sparse, shape (d N, d N)."""
-    return turned_normals_in_plane(side) if side.dimension == 2 else turned_normals_in_space(side)
+    return of_blocks(vectors.transpose(0, 2, 1))
 
 
 def _way(tangents: Array, vectors: Array) -> Array:

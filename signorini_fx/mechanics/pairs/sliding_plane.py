@@ -7,6 +7,7 @@ import numpy.typing as npt
 import scipy.sparse as sp
 
 from signorini_fx.mechanics.pairs.kinks import Kinks, Projection
+from signorini_fx.mechanics.pairs.mean_rotation import of_blocks, turned_normals
 from signorini_fx.mechanics.pairs.mortar_coupling import Tested
 from signorini_fx.mechanics.pairs.overlap_plane import PLACES_OF_RULE
 from signorini_fx.mechanics.pairs.overlap_quadrature import Overlap
@@ -22,7 +23,8 @@ def ways_in_plane(slave: PairSurface, overlap: Overlap, directions: Array) -> Pr
     nodes, shape = slave.nodes[overlap.slave], slave.functions.values(overlap.at)
     ways = shape @ directions[nodes]
     length = np.linalg.norm(ways, axis=2, keepdims=True)
-    return Projection(ways / length, _turned_with_normals(slave, directions), nodes, shape / length)
+    turns = of_blocks(np.einsum("ni,nj->nij", _turned(directions), _turned(slave.nodal_normals)))
+    return Projection(ways / length, sp.csr_array(turns @ turned_normals(slave)), nodes, shape / length)
 
 
 def seen_vertices(slave: PairSurface, master: PairSurface, tested: Tested, directions: Array) -> Kinks:
@@ -70,40 +72,6 @@ def seen_vertices(slave: PairSurface, master: PairSurface, tested: Tested, direc
     blocks = np.column_stack((nodes, count + vertices, count + len(master.x) + nodes))
     share = np.column_stack((-shape, np.ones(len(s)), -distance[:, None] * shape / length))
     return Kinks(sp.csr_array(entries, shape=(count, len(s))), blocks, share, across)
-
-
-def turned_normals_in_plane(side: PairSurface) -> sp.csr_array:
-    """How displacements of the nodes of a side turn its normals at the nodes, sparse, shape (2 N, 2 N)."""
-    return _turned_with_normals(side, side.nodal_normals)
-
-
-def _turned_with_normals(side: PairSurface, vectors: Array) -> sp.csr_array:
-    """How displacements turn vectors at the nodes, shape (N, 2), that turn as the normals do, likewise."""
-    across = _turned(vectors)[side.nodes]
-    turned = across[..., None] * _turned_by_facets(side).reshape(*side.nodes.shape, 1, -1)
-    places = (2 * side.nodes[..., None] + np.arange(2)).reshape(len(side.nodes), -1)
-    at = places[:, :, None], places[:, None]
-    rows, columns = (np.broadcast_to(numbers, (*places.shape, places.shape[1])).ravel() for numbers in at)
-    return sp.csr_array((turned.ravel(), (rows, columns)), shape=(2 * len(side.x), 2 * len(side.x)))
-
-
-def _turned_by_facets(side: PairSurface) -> Array:
-    """What each facet turns of the normals at its nodes, as these are displaced, angles, shape (f, k, k, 2).
-
-    The normal of a node is along the integral of that of its facets times its function.  Those in planes of symmetry do
-    not turn.
-    """
-    normals = side.nodal_normals
-    at, weights = side.functions.rule(2 * side.functions.degree)
-    functions = side.functions.values(at) * weights[:, None]
-    products = functions.T @ side.functions.slopes(at)[0]
-    facets, moments = np.arange(len(side.nodes)), np.zeros_like(normals)
-    facing = side.normals(facets, np.broadcast_to(at, (len(facets), *at.shape)))
-    np.add.at(moments, side.nodes, np.einsum("qk,fqd->fkd", functions, facing))
-    size = np.linalg.norm(moments, axis=1)
-    turns = (size > 0) & ~side.across.any(axis=(1, 2))
-    factor = np.divide(-1.0, size, out=np.zeros_like(size), where=turns)[side.nodes] * side.sign[:, None]
-    return np.asarray((factor[:, :, None] * products)[..., None] * normals[side.nodes][:, :, None])
 
 
 def _turned(vectors: Array) -> Array:

@@ -9,14 +9,12 @@ see ``sliding_pieces``.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import numpy.typing as npt
 import scipy.sparse as sp
 
 from signorini_fx.mechanics.pairs.kinks import Kinks, Projection
-from signorini_fx.mechanics.pairs.mean_rotation import turning_of
+from signorini_fx.mechanics.pairs.mean_rotation import of_blocks, turning_of
 from signorini_fx.mechanics.pairs.mortar_coupling import Tested
 from signorini_fx.mechanics.pairs.overlap_quadrature import Overlap
 from signorini_fx.mechanics.pairs.overlap_space import axes_across
@@ -171,9 +169,7 @@ def _facet_directions(slave: PairSurface, directions: Array) -> tuple[Array, sp.
     mean = sp.csr_array((np.tile(shape, facets), at), shape=(facets, len(slave.x)))
     turned = turning_of(_around(slave), slave.x, directions)
     across = (np.eye(3) - ways[:, :, None] * ways[:, None]) / length[:, None, None]
-    numbers = np.arange(facets + 1)
-    projector = sp.bsr_array((across, numbers[:-1], numbers), shape=(3 * facets, 3 * facets))
-    return ways, sp.csr_array(projector @ sp.kron(mean, sp.eye_array(3)) @ turned)
+    return ways, sp.csr_array(of_blocks(across) @ sp.kron(mean, sp.eye_array(3)) @ turned)
 
 
 def _around(side: PairSurface) -> sp.csr_array:
@@ -182,39 +178,6 @@ def _around(side: PairSurface) -> sp.csr_array:
     areas = np.repeat(side.facet_areas, count * count)
     rows, columns = np.repeat(side.nodes, count, axis=1), np.tile(side.nodes, (1, count))
     return sp.csr_array((areas, (rows.ravel(), columns.ravel())), shape=(len(side.x), len(side.x)))
-
-
-def turned_normals_in_space(side: PairSurface) -> sp.csr_array:
-    """How displacements of the nodes of a side turn its normals at the nodes, sparse, shape (3 N, 3 N).
-
-    The normal of a node is along the integral of x,1 x x,2 of its facets times its function, without what it has across
-    planes of symmetry.
-    """
-    functions, count = side.functions, len(side.x)
-    at, weights = functions.rule(2 * functions.degree + 2)
-    values, slopes = functions.values(at) * weights[:, None], functions.slopes(at)
-    along = np.einsum("aqk,fkd->afqd", slopes, side.corners)
-    arms = slopes[1][None, :, :, None] * along[0][:, :, None] - slopes[0][None, :, :, None] * along[1][:, :, None]
-    vectors = np.einsum("qk,fqld->fkld", values, arms, optimize=True) * side.sign[:, None, None, None]
-    x, y, z = np.moveaxis(vectors, -1, 0)
-    crossing = np.zeros((*vectors.shape, 3))
-    crossing[..., 0, 1], crossing[..., 0, 2], crossing[..., 1, 2] = -z, y, -x
-    crossing = crossing - crossing.swapaxes(-1, -2)
-    rows = 3 * side.nodes[:, :, None, None, None] + np.arange(3)[:, None]
-    columns = 3 * side.nodes[:, None, :, None, None] + np.arange(3)
-    places = tuple(np.broadcast_to(numbers, crossing.shape).ravel() for numbers in (rows, columns))
-    moments = sp.csr_array((crossing.ravel(), places), shape=(3 * count, 3 * count))
-    sums = np.zeros((count, 3))
-    normal = np.cross(along[0], along[1]) * side.sign[:, None, None]
-    np.add.at(sums, side.nodes, np.einsum("qk,fqd->fkd", values, normal))
-    within = np.eye(3) - side.across
-    size = np.linalg.norm(np.einsum("nij,nj->ni", within, sums), axis=1)
-    inverse = np.divide(1.0, size, out=np.zeros(count), where=size > 0)
-    normals = side.nodal_normals
-    across = inverse[:, None, None] * (within - np.einsum("ni,nj->nij", normals, normals))
-    numbers = np.arange(count + 1)
-    projector: Any = sp.bsr_array((across, numbers[:-1], numbers), shape=(3 * count, 3 * count))
-    return sp.csr_array(projector @ moments)
 
 
 def rotations_at_nodes(side: PairSurface, nodes: Indices) -> Array:
