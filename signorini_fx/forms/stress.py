@@ -227,7 +227,7 @@ def modulus_of_energy(a: Any, space: fem.FunctionSpace, measure: Any = None) -> 
         for factor, k in zip(factors, pair, strict=True):
             factor.value[:] = np.arange(len(strained)) == k
         cellwise.interpolate(modulus)
-        moduli[(slice(None), *pair)] = cellwise.x.array
+        moduli[:, pair[0], pair[1]] = cellwise.x.array
     return _stiffest(moduli, mesh)
 
 

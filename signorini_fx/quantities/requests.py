@@ -44,7 +44,10 @@ def bounds_of(solution: Any, text: str) -> Any:
 
     def of_energy() -> Any:
         bound = solution.error_bound
-        return bound if bound is None or isinstance(bound, str) else Interval(*bound.strain_energy, bound.assumed)
+        if bound is None or isinstance(bound, str):
+            return bound
+        low, high = bound.strain_energy
+        return Interval(low, high, bound.assumed)
 
     return requested(text, {"force BOUNDARY AXIS": of_force, "strain_energy": of_energy})
 

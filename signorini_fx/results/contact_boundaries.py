@@ -127,7 +127,8 @@ def _moment_about_middle(contact: ContactState, part: int) -> tuple[float | list
     reach = np.linalg.norm(np.einsum("nij,ni->nj", boundary.tangents[on_part], way), axis=1)
     largest_moments = weight * np.where(reach > 0, contact.bound[on_part] * reach, 0.0)
     limit = float(parallel.global_sum(comm, np.array(largest_moments.sum())))
-    return float(moment[0]) if moment.size == 1 else moment.tolist(), limit
+    components = [float(component) for component in moment]
+    return components[0] if len(components) == 1 else components, limit
 
 
 def _largest_resultant(tangents: Array, bound: Array, resultant: Array, comm: MPI.Comm) -> float:

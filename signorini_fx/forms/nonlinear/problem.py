@@ -180,7 +180,8 @@ class NonlinearContactProblem(ProblemOfForms):
                 return "there is no estimate of the error of an earlier solve"
             return stress_error(self._F, self.u, self._parts)
 
-        return replace(solution, model=replace(solution.model, stress_error=error))
+        body: Any = solution.model  # its residual says all of it
+        return replace(solution, model=replace(body, stress_error=error))
 
     @property
     def cost(self) -> CostOfAccuracy | str:

@@ -92,7 +92,7 @@ class _Stress:
         """P is that of one load step."""
 
 
-class _GivenGradient(MultiFunction):
+class _GivenGradient(MultiFunction):  # type: ignore[misc]  # UFL has no types
     """A tensor in the place of the gradient of an argument, and zero in that of the argument itself."""
 
     expr = MultiFunction.reuse_if_untouched

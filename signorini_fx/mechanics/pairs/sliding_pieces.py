@@ -136,9 +136,10 @@ class SlidingPieces:
         components = []
         for normal in np.moveaxis(self.bend, 2, 0):
             total = np.zeros((*self.points.shape, self.facing.shape[2] * self.blocks.shape[1]))
-            for slope, dual in zip(self.slope, self.dual, strict=True):
+            for k, slope in enumerate(self.slope):
                 bend = np.einsum("pql,pl->pq", slope, normal)[..., None]
-                total -= np.matmul((self.weighted * bend).swapaxes(1, 2), self._rows(self.share, dual, dual))
+                rows = self._rows(self.share, self.dual[k], self.dual[k])
+                total -= np.matmul((self.weighted * bend).swapaxes(1, 2), rows)
             components.append(self._at_points(total))
         return of_vectors(components)
 
@@ -169,8 +170,8 @@ class SlidingPieces:
         turning, along = np.zeros_like(share), np.zeros_like(share)
         turning[..., last:] = self.turns[pieces] * forces[..., None]
         half = np.matmul(self._rows(share, facing, across).swapaxes(1, 2), self._rows(turning, facing, across))
-        for slope, shift in zip(self.slope, shifts, strict=True):
-            along[..., first:last] = slope[pieces] * forces[..., None]
+        for k, shift in enumerate(shifts):
+            along[..., first:last] = self.slope[k, pieces] * forces[..., None]
             half -= np.matmul(self._rows(along, facing, across).swapaxes(1, 2), shift)
         total = half + half.swapaxes(1, 2)
         if self.curved.any():

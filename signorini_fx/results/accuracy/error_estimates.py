@@ -76,7 +76,7 @@ def estimate_errors(
     if parallel.any_rank(model.comm, bool(missed.any())):
         pressed = float(np.dot(table.columns["weight"], np.abs(table.columns["pressure"])))
         forces = sum(factor * load.pushing for factor, load in model.applied_at(step))
-        missed = missed / max(float(parallel.global_sum(model.comm, np.abs(forces).sum())), pressed)
+        missed /= max(float(parallel.global_sum(model.comm, np.abs(forces).sum())), pressed)
     facets = np.concatenate([model.tagged.facets(effect.boundary) for effect in model.statement.contact])
     return combined(
         model.boundary,
