@@ -250,7 +250,7 @@ def _same_mesh(scene: Scene, compared: Scene) -> bool:
     """Whether two scenes have the same mesh."""
     keys = ("mesh", "body", "element")
     pairs = [(getattr(scene, key), getattr(compared, key)) for key in keys]
-    pairs += [(getattr(scene.statement, key), getattr(compared.statement, key)) for key in ("sections", "touching")]
+    pairs.append((scene.statement.sections, compared.statement.sections))
     return all(value is compared_value or value == compared_value for value, compared_value in pairs)
 
 
