@@ -2,10 +2,9 @@
 
 import numpy as np
 import pytest
-from surfaces import ELEMENTS, both, curve, sheet
+from surfaces import ELEMENTS, both, curve
 
 from signorini_fx.mechanics.pairs.mortar_coupling import PairingError, couple
-from signorini_fx.mechanics.pairs.overlap_space import clip
 
 PAIRS = [(2, a, b) for a in ELEMENTS[2] for b in ELEMENTS[2]] + [
     (3, "P1", "P1"),
@@ -64,66 +63,6 @@ def test_identities(dimension, element, other, overhang, curved):
 
 @pytest.mark.one_quick
 @pytest.mark.parametrize(("dimension", "element", "other"), PAIRS)
-def test_linear_displacements_of_matching_planes(dimension, element, other):
-    """Without a distance a linear displacement of both sides makes no relative one, and D is the identity."""
-    slave, master = both(element, other, False, dimension=dimension, bent=True)
-    slave.x[:, 1] = 0.0
-    gradient = np.random.default_rng(2).standard_normal((dimension, dimension))
-    found = coupled(slave, master)
-    np.testing.assert_allclose(relative(found, slave.x @ gradient, master.x @ gradient), 0, atol=1e-12)
-    if len(slave.tests.places) == len(slave.functions.places) and (dimension == 2 or element in ("P1",)):
-        np.testing.assert_allclose(found.slave.toarray(), np.eye(len(slave.x))[found.nodes], atol=1e-12)
-
-
-def test_functions_of_a_whole_facet():
-    """Dual functions of P1 and P2 lines and P1 triangles, and the shares of quadratic triangles."""
-    from signorini_fx.mechanics.pairs.dual_functions import dual_coefficients
-    from signorini_fx.mechanics.pairs.overlap_plane import plane_overlap
-    from signorini_fx.mechanics.pairs.overlap_space import space_overlap
-
-    def flat(s):
-        return [s, 0.0]
-
-    wanted = {
-        "P1": [[2, -1], [-1, 2]],
-        "P2": [[1.5, 0.5, -0.25], [0.5, 1.5, -0.25], [-1, -1, 1.5]],  # end, end, middle
-    }
-    for element, rows in wanted.items():
-        slave = curve(element, 3, flat, (0, -1))
-        master = curve("P1", 1, lambda s: [1.2 * s - 0.1, 0.0], (0, 1))
-        overlap = plane_overlap(slave, master, 1.0, np.arange(3))
-        # Which function is which follows from the order of the places.
-        np.testing.assert_allclose(dual_coefficients(slave, overlap), [rows] * 3, atol=1e-12)
-
-    def level(s, t):
-        return [s, 0.0, t]
-
-    for element in ("P1", "P2"):
-        slave = sheet(element, (1, 1), level, (0, -1, 0))
-        master = sheet("P1", (1, 1), lambda s, t: [1.4 * s - 0.2, 0.0, 1.4 * t - 0.2], (0, 1, 0))
-        overlap = space_overlap(slave, master, 1.0, np.arange(2))
-        np.testing.assert_allclose(dual_coefficients(slave, overlap), [4 * np.eye(3) - 1] * 2, atol=1e-11)
-        if element == "P2":
-            found = couple(slave, master, np.zeros(9, dtype=bool))
-            alone = found.nodes == 0  # of the first triangle only
-            row = (found.slave[alone] * found.weight[alone]).toarray().ravel() / 0.5
-            vertices, mids = slave.nodes[0][:3], slave.nodes[0][3:]
-            np.testing.assert_allclose(row[vertices], [2 / 15, -1 / 15, -1 / 15], atol=1e-12)
-            np.testing.assert_allclose(row[mids], [-1 / 15, 1 / 5, 1 / 5], atol=1e-12)
-
-
-def along(slave, master):
-    """Integrals over a line of dual functions times the hats of another grid, exactly, shape (n, m)."""
-    cuts = np.unique(np.concatenate((slave, master[(master > slave[0]) & (master < slave[-1])])))
-    at, weights = np.polynomial.legendre.leggauss(3)
-    x = ((cuts[:-1, None] + cuts[1:, None]) / 2 + np.diff(cuts)[:, None] / 2 * at).ravel()
-    weights = (np.diff(cuts)[:, None] / 2 * weights).ravel()
-    own, others = (np.array([np.interp(x, grid, row) for row in np.eye(len(grid))]) for grid in (slave, master))
-    return (np.where(own > 0, 3 * own - 1, 0) * weights) @ others.T  # 2 N_1 - N_2 with N_2 = 1 - N_1
-
-
-@pytest.mark.one_quick
-@pytest.mark.parametrize(("dimension", "element", "other"), PAIRS)
 def test_nodes_that_cannot_carry_a_point(dimension, element, other):
     """Held nodes are given to their neighbours: the weights still are the covered area, and shares sum to one."""
     slave, master = both(element, other, True, dimension=dimension)
@@ -136,21 +75,6 @@ def test_nodes_that_cannot_carry_a_point(dimension, element, other):
         np.testing.assert_allclose(relative(found, motion(slave.x), motion(master.x)), 0, atol=1e-11)
     with pytest.raises(PairingError, match="own all nodes"):
         coupled(slave, master, unable=np.ones(len(slave.x), dtype=bool))
-
-
-def test_gap_between_arcs():
-    """Between concentric arcs the gap is the difference of the radii as far as quadratic facets are round."""
-
-    def arc(radius, first, last):
-        return lambda s: [radius * np.sin(first + (last - first) * s), -radius * np.cos(first + (last - first) * s)]
-
-    for element, tolerance in (("P1", 2e-2), ("P2", 1e-5)):
-        slave = curve(element, 12, arc(1.0, -0.8, 0.8), (0, -1))
-        master = curve(element, 17, arc(1.1, -1.0, 1.0), (0, 1))
-        found = coupled(slave, master)
-        np.testing.assert_allclose(found.gap, 0.1, atol=tolerance)
-        radial = slave.x[found.nodes] / np.linalg.norm(slave.x[found.nodes], axis=1, keepdims=True)
-        np.testing.assert_allclose(found.normal, radial, atol=0.1)
 
 
 def test_facets_out_of_reach():
@@ -183,27 +107,3 @@ def test_sides_that_do_not_fit():
     )
     with pytest.raises(PairingError, match="more than one sheet"):
         coupled(slave, twice)
-
-
-def test_clipping():
-    """Areas of convex polygons that overlap, against a count of random points."""
-    generator = np.random.default_rng(3)
-    angle = np.sort(generator.uniform(0, 2 * np.pi, (40, 4)), axis=1)
-    both_of_them = [
-        np.stack((np.cos(turn), np.sin(turn)), axis=2) + generator.uniform(-0.5, 0.5, (40, 1, 2))
-        for turn in (angle[:, :3], angle)
-    ]
-    polygon, count = clip(*both_of_them)
-    p = generator.uniform(-1.6, 1.6, (40_000, 2))
-
-    def inside(corners):
-        along = np.roll(corners, -1, axis=0) - corners
-        arm = p[:, None] - corners
-        return (along[:, 0] * arm[..., 1] - along[:, 1] * arm[..., 0] >= 0).all(axis=1)
-
-    for number in range(40):
-        hit = inside(both_of_them[0][number]) & inside(both_of_them[1][number])
-        corners = polygon[number, : count[number]]
-        x, y = corners.T if len(corners) else (np.zeros(1), np.zeros(1))
-        area = (x * np.roll(y, -1) - np.roll(x, -1) * y).sum() / 2
-        assert area == pytest.approx(hit.mean() * 3.2**2, abs=0.08)
