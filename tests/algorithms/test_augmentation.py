@@ -2,15 +2,10 @@
 
 import numpy as np
 import pytest
-from mpi4py import MPI
 from scenes import alone, example1
 
-from signorini_fx.algebra.algorithms.augmentation import Augmentation
-from signorini_fx.mechanics.body.discretisation import discretise
-from signorini_fx.records import History, Status, Timings
-from signorini_fx.scenes.mesh import load_mesh
+from signorini_fx.records import Status
 from signorini_fx.scenes.reading import parse_scene
-from signorini_fx.solving.solve_on_mesh import contact_task
 
 FORCE = 5.704914
 
@@ -46,14 +41,6 @@ def test_shear_settles_as_well_as_pressure(gamma, coulomb):
 # --- how it is judged -------------------------------------------------------------------------------------------------
 
 
-def begun(scene, comm=MPI.COMM_SELF):
-    """The contact problem of a scene, solved once without shifts."""
-    d = discretise(scene.statement, load_mesh(scene, comm), Timings())
-    task = contact_task(d, History())
-    assert task.iterate.newton.solve(task.start.data, task.start.sets) is Status.CONVERGED
-    return task, d.boundary
-
-
 @pytest.mark.parametrize("gamma", [1e4, 1e7])
 def test_the_fixed_point_needs_no_help(gamma):
     """(ALM-FP) by itself ends at the limit of the natural gamma, in shear too."""
@@ -80,16 +67,6 @@ def in_space(walls=("bottom",), supports=(), **solver):
             "solver": solver,
         }
     )
-
-
-@pytest.mark.mpi
-def test_every_rank_judges_alike():
-    """The stiffest contact node is that of all ranks: the block's cells are of many sizes."""
-    scene = example1(bound=1.5, nx=9, ny=4, gamma=1e3, generator="block", layout="unstructured")
-    task, _ = begun(scene, MPI.COMM_WORLD)
-    augmentation = Augmentation(task.iterate.newton, 1e8, 1e-9)
-    augmentation.measure(task.start.data)
-    assert all(left == augmentation.left for left in MPI.COMM_WORLD.allgather(augmentation.left))
 
 
 def test_shear_along_a_wall_that_prescribes_the_slip():

@@ -1,14 +1,13 @@
 """Where full steps do not solve a problem, one fall-back after the other is tried; the history says which."""
 
 import sys
-from dataclasses import replace
 
 import numpy as np
 import pytest
 from mpi4py import MPI
 from scenes import PATCH, alone, energy, example1
 
-from signorini_fx.algebra.algorithms import fall_backs, ssn
+from signorini_fx.algebra.algorithms import ssn
 from signorini_fx.records import Status
 from signorini_fx.results.summary import render, summarise
 from signorini_fx.scenes import solver
@@ -101,19 +100,6 @@ def test_monolithic_where_the_fixed_point_does_not_contract():
     assert alone(pulled(5.0, fallbacks=False), check=False).status is Status.OUTER_MAX_ITERATIONS
 
 
-@pytest.fixture
-def no_fall_backs(monkeypatch):
-    """No help for single problems, so that what comes after is needed."""
-    monkeypatch.setattr(fall_backs.FallBack, "__call__", lambda self, newton, data, failed, measure: failed)
-
-
-@pytest.mark.usefixtures("no_fall_backs")
-def test_giving_up():
-    """At last the outcome is the one that the plain iteration had."""
-    ours = alone(jumping(), check=False)
-    assert ours.status is Status.CYCLING
-
-
 @pytest.mark.mpi
 @pytest.mark.parametrize("make", [jumping, flat])
 def test_the_same_solution_on_every_number_of_ranks(make):
@@ -175,25 +161,3 @@ def test_elements_that_lock(monkeypatch):
         assert solution.certificate.holds
         assert abs(solution.functionals.relative_gap) < 1e-8
     same(ours, proposed)
-
-
-def test_a_fall_back_that_fails_restores_the_start(monkeypatch):
-    """No half-way iterate is left for what comes after, nor the problem of the fall-back."""
-    seen, plain = [], fall_backs.FallBack.__call__
-
-    def failing(self, newton, data, failed, measure):
-        before, sets_before = newton.x.getArray().copy(), newton.problem.sets
-        status = plain(self, newton, data, failed, measure)
-        assert newton.problem.data is data
-        assert not newton.problem.sets.changed(sets_before).any()
-        seen.append((status, np.array_equal(before, newton.x.getArray())))
-        return status
-
-    def no_help(newton, data, measure):
-        newton.attempt(replace(data, gamma_n=1e-4 * data.gamma_n))
-        return Status.MAX_ITERATIONS
-
-    monkeypatch.setattr(fall_backs.FallBack, "__call__", failing)
-    monkeypatch.setattr("signorini_fx.algebra.algorithms.interior_point.interior_point", no_help)
-    alone(jumping(), check=False)
-    assert seen[0] == (Status.CYCLING, True)

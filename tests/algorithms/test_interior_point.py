@@ -2,39 +2,20 @@
 
 import numpy as np
 import pytest
-from mpi4py import MPI
-from scenes import alone, example1
+from scenes import alone
 from test_fall_backs import flat
 
 from benchmarks.stability.oracle.judge import RIGHT
 from benchmarks.stability.oracle.worker import TRIAL, examined, same_units
 from signorini_fx.algebra.algorithms.interior_point import interior_point
 from signorini_fx.algebra.algorithms.ssn import SemismoothNewton
-from signorini_fx.mechanics.body.discretisation import discretise
-from signorini_fx.records import History, Status, Timings
-from signorini_fx.scenes.mesh import load_mesh
-from signorini_fx.solving.solve_on_mesh import contact_task
+from signorini_fx.records import Status
 
 
 def test_a_body_that_friction_alone_holds():
     """No set of the solution holds it, each step does."""
     contact, friction = alone(flat()).contact.forces
     np.testing.assert_allclose(contact + friction, [0.0, 20.0], atol=1e-6)
-
-
-@pytest.mark.parametrize("kind", ["unilateral", "bilateral"])
-def test_from_anywhere(kind):
-    """The iterate at which it begins does not matter."""
-    scene = example1(bound=1.5, gamma="auto", nx=30, ny=10)
-    scene = scene.model_copy(update={"contact": (scene.contact[0].model_copy(update={"kind": kind, "gap": 1e-3}),)})
-    d = discretise(scene.statement, load_mesh(scene, MPI.COMM_SELF), Timings())
-    task = contact_task(d, History())
-    x, random = task.iterate.x.getArray(), np.random.default_rng(3)
-    x[:] = np.where(task.system.contact.fixed, x, random.standard_normal(x.size))
-    assert interior_point(task.iterate.newton, task.start.data, lambda: None) is Status.CONVERGED
-    assert task.history.linear_solves <= 40
-    ours = d.from_rest(task.rest, task.system.displacement(task.iterate.x)).x.array
-    np.testing.assert_allclose(ours, alone(scene).displacement.x.array, rtol=0, atol=1e-10)
 
 
 @pytest.mark.one_quick

@@ -1,13 +1,10 @@
 """Slender bodies that peel off: sets that an interior point proposes where full steps change few at a time."""
 
-import sys
-
 import numpy as np
 import pytest
 from mpi4py import MPI
 from scenes import alone
 
-from signorini_fx.algebra.algorithms import ssn, task
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve
 
@@ -56,38 +53,6 @@ def test_a_heavy_beam(h):
     assert ours.history.linear_solves <= 35
     # What shear and the stress across it change of a beam of 6.6 by h.
     np.testing.assert_allclose(ours.contact.forces[0][1], pressed(h), rtol=2 * (h / 6.6) ** 1.5)
-
-
-@pytest.mark.one_quick
-@pytest.mark.parametrize("law", [None, {"law": "tresca", "bound": 0.1}, {"law": "coulomb", "coefficient": 0.3}])
-def test_the_solution_of_full_steps(law, monkeypatch):
-    """Proposed sets change the way and not the answer."""
-    scene = heavy_beam(0.2, cells=100, friction=law)
-    ours = alone(scene)
-    assert proposals(ours) >= 1
-    monkeypatch.setattr(ssn, "SLOW_STEPS", sys.maxsize)
-    plain = alone(scene)
-    assert proposals(plain) == 0
-    assert ours.history.linear_solves < plain.history.linear_solves
-    size = np.abs(plain.displacement.x.array).max()
-    np.testing.assert_allclose(ours.displacement.x.array, plain.displacement.x.array, rtol=0, atol=1e-8 * size)
-    np.testing.assert_array_equal(ours.contact.pressure > 0, plain.contact.pressure > 0)
-
-
-def test_wrong_sets_are_corrected(monkeypatch):
-    """Whatever is proposed, full steps end at the solution."""
-    scene, random = heavy_beam(0.2, cells=60), np.random.default_rng(1)
-    sought = alone(scene)
-
-    def misled(newton, data):
-        sets = newton.problem.sets
-        return sets.of(random.random(sets.contact.size) < 0.5, np.zeros_like(sets.direction))
-
-    monkeypatch.setattr(task, "_proposed_sets", misled)
-    ours = alone(scene)
-    assert proposals(ours) == 1
-    size = np.abs(sought.displacement.x.array).max()
-    np.testing.assert_allclose(ours.displacement.x.array, sought.displacement.x.array, rtol=0, atol=1e-9 * size)
 
 
 @pytest.mark.mpi

@@ -75,63 +75,6 @@ def two_matrices(dimension, comm):
     return ours, theirs, space  # whose communicator is that of the matrices
 
 
-def difference(matrix, other):
-    """The largest entry of the difference of two sparse matrices, relative."""
-    change = matrix.copy()
-    change.axpy(-1.0, other, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
-    return change.norm(PETSc.NormType.NORM_INFINITY) / other.norm(PETSc.NormType.NORM_INFINITY)
-
-
-@pytest.mark.mpi
-@pytest.mark.parametrize("dimension", [2, 3])
-def test_a_stiffness_by_blocks(dimension):
-    """Products, diagonal, rows and entries are those of PETSc's matrix on any number of ranks; rounded to single
-    precision products differ by as much, and never more in other units.
-    """
-    ours, theirs, _space = two_matrices(dimension, WORLD)
-    assert blocks.is_by_blocks(ours)
-    assert not blocks.is_by_blocks(theirs)
-    assert ours.getSizes() == theirs.getSizes()
-    x, y = ours.createVecs()
-    wanted = y.duplicate()
-    x.getArray()[:] = np.random.default_rng(WORLD.rank).standard_normal(x.getLocalSize())
-    theirs.mult(x, wanted)
-    for matrix, share in ((ours, 1e-15), (blocks.rough(ours), 1e-7), (blocks.rough(theirs), 0.0)):
-        matrix.mult(x, y)
-        assert (y - wanted).norm() <= share * wanted.norm()
-    assert ours.getDiagonal().array == pytest.approx(theirs.getDiagonal().array, rel=1e-15)
-    assert difference(blocks.by_entries(ours), theirs) <= 1e-15
-    assert ours.norm(PETSc.NormType.NORM_INFINITY) == pytest.approx(theirs.norm(PETSc.NormType.NORM_INFINITY))
-    first, last = ours.getOwnershipRange()
-    places = PETSc.IS().createGeneral(np.arange(first, last, 3, dtype=PETSc.IntType), comm=WORLD)
-    for columns in (None, places):
-        assert difference(ours.createSubMatrix(places, columns), theirs.createSubMatrix(places, columns)) <= 1e-15
-    # C: random blocks on the diagonal, then others.
-    added = theirs.duplicate()
-    for scale in (1.0, 7.0):
-        added.zeroEntries()
-        for row in places.getIndices():
-            added.setValue(row, row, scale * (1 + row % 5))
-        added.assemble()
-        if scale == 1.0:
-            tangent = blocks.with_added(ours, added.copy())
-            rows = tangent.createSubMatrix(places, None)
-        else:
-            before = tangent.stateGet()
-            blocks.change_added(tangent, added)
-            assert tangent.stateGet() > before
-            tangent.createSubMatrix(places, None, rows)
-        both = theirs.copy()
-        both.axpy(1.0, added)
-        both.mult(x, wanted)
-        for matrix, share in ((tangent, 1e-15), (blocks.rough(tangent), 1e-7)):
-            matrix.mult(x, y)
-            assert (y - wanted).norm() <= share * wanted.norm()
-        assert tangent.getDiagonal().array == pytest.approx(both.getDiagonal().array, rel=1e-14)
-        assert difference(blocks.by_entries(tangent), both) <= 1e-15
-        assert difference(rows, both.createSubMatrix(places, None)) <= 1e-15
-
-
 @pytest.fixture
 def either(monkeypatch):
     """Solves a scene by blocks and with a sparse matrix; with each solution the Krylov steps of all solves."""

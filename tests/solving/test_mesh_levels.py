@@ -3,41 +3,15 @@
 import numpy as np
 import pytest
 from mpi4py import MPI
-from petsc4py import PETSc
 from scenes import example1
-from spaces import block, friction_of
+from spaces import block
 from test_krylov import LAWS, agree, set_ups, steps  # noqa: F401
 
-from signorini_fx.mechanics.body.discretisation import discretise
-from signorini_fx.records import History, Timings
-from signorini_fx.scenes.mesh import load_mesh
+from signorini_fx.records import History
 from signorini_fx.scenes.mesh_sequence import solve_scenes
-from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve
 
 WORLD, SELF = MPI.COMM_WORLD, MPI.COMM_SELF
-
-
-def level(scene, comm, coarser=None):
-    """The level of a scene's mesh over a coarser one."""
-    return discretise(scene.statement, load_mesh(scene, comm), Timings()).level(coarser)
-
-
-def generated(name, parameters, **solver):
-    """A body from a generator, moved down onto a foundation by its top."""
-    return parse_scene(
-        {
-            "mesh": {"generator": name, "parameters": parameters},
-            "material": {"young": 1000.0, "poisson": 0.3},
-            "displacement": {"boundary": "top", "x": 0.0, "y": 0.0, "z": -0.01},
-            "contact": {
-                "boundary": "bottom" if name != "half_sphere" else "sphere",
-                "gap": "x[2] - 1e-9",
-                "friction": friction_of(bound=0.5),
-            },
-            "solver": solver,
-        }
-    )
 
 
 def linear(x):
@@ -45,41 +19,6 @@ def linear(x):
     dim = x.shape[1]
     slope = np.arange(1.0, 1.0 + dim * dim).reshape(dim, dim)
     return x @ slope.T + np.arange(dim)
-
-
-MESHES = {
-    "rectangle": [lambda _, n=n: example1(nx=n, ny=n // 3) for n in (12, 24)],
-    "quadratic": [lambda _, n=n: example1(nx=n, ny=n // 3, degree=2, cell="triangle") for n in (6, 12)],
-    "hexahedra": [lambda comm, n=n: block(n, comm=comm) for n in (6, 12)],
-    "tetrahedra": [lambda comm, n=n: block(n, "tetrahedra", comm=comm) for n in (6, 12)],
-    # Neither is nested in the other.
-    "not nested": [lambda comm, n=n: block(n, comm=comm) for n in (6, 15)],
-    "other cells": [lambda comm, n=n, c=c: block(n, c, comm=comm) for n, c in ((6, "tetrahedra"), (12, "hexahedra"))],
-    # Nodes of the finer mesh are outside the coarser one.
-    "cylinder": [lambda _, k=k: generated("cylinder", {"nr": k, "nt": k, "nz": k}) for k in (2, 4)],
-    "half a sphere": [lambda _, h=h: generated("half_sphere", {"contact_size": h, "size": 4 * h}) for h in (1, 0.5)],
-}
-
-
-@pytest.mark.one_quick
-@pytest.mark.mpi
-@pytest.mark.parametrize("name", MESHES)
-def test_linear_functions_are_interpolated_exactly(name):
-    """At all unknowns that are free, wherever no coarse one is prescribed nearby; also on ranks that share no cells."""
-    coarse, fine = (level(scene(WORLD), WORLD) for scene in MESHES[name])
-    coarse.fixed[:] = False
-    fine.fixed[:] = False
-    fine.coarser = coarse
-    assert fine.interpolation is not None
-    vectors = []
-    for one in (coarse, fine):
-        x = one.space.tabulate_dof_coordinates()[: one.fixed.size // one.block, : one.block]
-        vectors.append(one.vector())
-        vectors[-1].getArray()[:] = linear(x).ravel()
-    found = vectors[1].duplicate()
-    fine.interpolation.mult(vectors[0], found)
-    wanted = vectors[1].getArray()
-    np.testing.assert_allclose(found.getArray(), wanted, rtol=0, atol=1e-9 * vectors[1].norm(PETSc.NormType.INF))
 
 
 # Whether all nodes are looked up on one rank.
