@@ -5,15 +5,9 @@ import pytest
 import ufl
 from dolfinx import fem
 from mpi4py import MPI
-from spaces import box
 from test_stresses import INNER, OUTER, PRESSURE, cylinder
 
-from signorini_fx.mechanics.body.discretisation import discretise
 from signorini_fx.mechanics.body.element_stress import element_stress
-from signorini_fx.mechanics.kinematics.cartesian import PLANE_STRAIN
-from signorini_fx.mechanics.materials.isotropic import elastic_forms
-from signorini_fx.records import Timings
-from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve
 
@@ -70,41 +64,6 @@ def test_nearly_incompressible_cylinder(degree, cell):
     assert fine[0] < {1: 0.6, 2: 0.4}[degree] * coarse[0]
     hoop = PRESSURE * (OUTER**2 + INNER**2) / (OUTER**2 - INNER**2)
     np.testing.assert_allclose(fine[2:], hoop, rtol={1: 0.18, 2: 0.03}[degree])
-
-
-def body_of(cell, degree):
-    """A box of straight cells with reduced integration, discretised."""
-    plane = {"generator": "rectangle", "parameters": {"nx": 2, "ny": 2, "cell": cell}}
-    scene = parse_scene(
-        {
-            "mesh": plane if cell in ("triangle", "quadrilateral") else box(cell, (2, 1, 1)),
-            "element": {"degree": degree, "volumetric": "reduced"},
-            "material": {"young": 10.0, "poisson": 0.499},
-            "displacement": [{"boundary": "left", "x": 0.0, "y": 0.0}],
-        }
-    )
-    return discretise(scene.statement, load_mesh(scene, MPI.COMM_SELF), Timings())
-
-
-@pytest.mark.parametrize(
-    ("cell", "degree"), [(c, k) for k, c in KINDS] + [("hexahedra", 1), ("hexahedra", 2), ("tetrahedra", 2)]
-)
-def test_it_is_the_stress_that_the_stiffness_works_with(cell, degree):
-    """Its energy is that of the stiffness, for any displacement; refreshed, it follows the displacement."""
-    d = body_of(cell, degree)
-    y = fem.Function(d.space)
-    stress = element_stress(d, y)
-    y.x.array[:] = np.random.default_rng(1).standard_normal(y.x.array.size)
-    stress.refresh(0)
-    lame, mu = d.statement.material[0].lame
-    dim = d.tagged.dimension
-    theta = (ufl.tr(stress.sigma) / dim - 2 * mu * ufl.tr(PLANE_STRAIN.strain(y)) / dim) / lame
-    dx = ufl.dx(metadata={"quadrature_degree": 8})
-    own = fem.assemble_scalar(
-        fem.form((2 * mu * ufl.inner(PLANE_STRAIN.strain(y), PLANE_STRAIN.strain(y)) + lame * theta**2) * dx)
-    )
-    terms = elastic_forms(y, y, lame, mu, 8, d.elastic.reduced)
-    assert own == pytest.approx(sum(fem.assemble_scalar(fem.form(term)) for term in terms), rel=1e-9)
 
 
 @pytest.mark.parametrize(("degree", "cell"), KINDS)

@@ -61,23 +61,6 @@ def friction_state(before, u_t, problem):
 
 
 @pytest.mark.parametrize(
-    ("u_n", "expected"),
-    [
-        (0.0, False),
-        (0.1875, False),  # lambda_hat + gamma_1 (u_n - d) is 0 exactly: the set has a strict inequality
-        (0.25, True),
-        (0.5, True),
-    ],
-)
-@pytest.mark.parametrize("before", [True, False])
-def test_contact_set(u_n, expected, before):
-    """A_c is where lambda_hat + gamma_1 (tau_N y - d) > 0, whatever the node was before."""
-    problem = data(gap=0.25, lambda_hat=1.0)
-    after = classify(sets(before, STICK), np.array([u_n]), column(0.0), problem)
-    assert after.contact.tolist() == [expected]
-
-
-@pytest.mark.parametrize(
     ("before", "u_t", "expected"),
     [
         (STICK, 0.5 / 64, STICK),
@@ -108,45 +91,11 @@ def test_friction_sets_jump_with_the_smallest_sigma(before, u_t, expected):
     assert friction_state(before, u_t, data(sigma=1 / GAMMA_T)) == expected
 
 
-@pytest.mark.parametrize(("mu_hat", "expected"), [(0.0, STICK), (0.75, PLUS), (-0.75, STICK), (-2.0, MINUS)])
-def test_shift_of_the_shear(mu_hat, expected):
-    """mu_hat moves the trial shear: mu_hat + 64 * (1/2)/64 against 1."""
-    assert friction_state(STICK, 0.5 / 64, data(mu_hat=mu_hat)) == expected
-
-
-def test_multipliers():
-    """lambda and mu of step 4 on each set."""
-    states = in_plane([True, False, True], [STICK, PLUS, MINUS])
-    problem = data(3, gap=0.25, lambda_hat=1.0, mu_hat=0.5, bound=3.0)
-    pressure, shear = multipliers(states, np.array([0.5, 9.0, 0.0]), column(0.25, 9.0, 9.0), problem)
-    assert pressure.tolist() == [1 + 16 * 0.25, 0.0, 1 - 16 * 0.25]
-    assert shear[:, 0].tolist() == [0.5 + 64 * 0.25, 3.0, -3.0]
-
-
 def test_nothing_slips_without_a_limit():
     """Slip that a start brings along from another problem sticks where the bound is infinite."""
     before = in_plane([True, False, True], [PLUS, MINUS, STICK])
     assert signs(release(before, data(3, bound=math.inf))) == [STICK] * 3
     assert signs(release(before, data(3))) == [PLUS, MINUS, STICK]
-
-
-def test_tangent():
-    """gamma_1 on A_c and gamma_2 on I_f, zero elsewhere."""
-    states = in_plane([True, False, True], [STICK, PLUS, MINUS])
-    blocks = tangent(states, data(3))
-    assert blocks[:, 0, 0].tolist() == [GAMMA_N, 0.0, GAMMA_N]
-    assert blocks[:, 1, 1].tolist() == [GAMMA_T, 0.0, 0.0]
-    assert not blocks[:, 0, 1].any()
-    assert not blocks[:, 1, 0].any()
-
-
-def test_without_friction():
-    """No bound: no friction set, no shear, no tangential stiffness."""
-    problem = data(bound=None)
-    after = classify(sets(True, PLUS), np.ones(1), column(1.0), problem)
-    assert (after.contact.tolist(), signs(after)) == ([True], [STICK])
-    assert multipliers(after, np.ones(1), column(1.0), problem)[1].tolist() == [[0.0]]
-    assert tangent(after, problem)[0].tolist() == [[GAMMA_N, 0.0], [0.0, 0.0]]
 
 
 @pytest.mark.parametrize("sigma", [math.inf, 1.0, 1 / GAMMA_T])
@@ -160,21 +109,6 @@ def test_a_node_with_bound_zero(before, u_t, side, sigma):
     assert multipliers(after, np.zeros(1), column(u_t), problem)[1].tolist() == [[0.0]]
     other = classify(after, np.zeros(1), column(-u_t), problem)
     assert not transmitting(after, problem.bound).changed(transmitting(other, problem.bound)).any()
-
-
-def test_changed():
-    """A node is another one if either set changed."""
-    one = in_plane([True, True, False, True], [0, 1, -1, 1])
-    two = in_plane([True, False, False, True], [0, 1, 0, -1])
-    assert one.changed(two).tolist() == [False, True, True, True]
-    assert ActiveSets.all_in_contact(2, 1).contact.tolist() == [True, True]
-    assert signs(ActiveSets.all_in_contact(2, 1)) == [0, 0]
-
-
-def test_friction_law():
-    """The bound is given + coefficient * lambda (6.1)."""
-    law = PointFriction(given=np.array([1.5, 0.0]), coefficient=np.array([0.0, 0.25]))
-    assert law.bound(np.array([8.0, 8.0])).tolist() == [1.5, 2.0]
 
 
 def test_friction_law_where_the_foundation_pulls():

@@ -1,16 +1,11 @@
 """Which loads admissible contact tractions balance: against linear programmes, and known limits of rigid bodies."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
-from mpi4py import MPI
 from scipy import sparse
 from scipy.optimize import linprog
 
-from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.algebra.contact.reactions import Reactions, escape, largest_multiple, nearest, separable, squeezed
-from signorini_fx.algebra.contact.reactions import reactions as reactions_at
 from signorini_fx.mechanics.rigid.rigid_motions import rigid_modes
 from signorini_fx.records import Status
 
@@ -165,21 +160,3 @@ def test_separable(friction):
     groove = np.where(FOOT[:, :1] > 0, [[0.8, -0.6]], [[-0.8, -0.6]])
     assert separable(reactions(FOOT, groove, **friction)) is ("given" not in friction)
     assert not separable(reactions(FOOT, groove, coefficient=0.8))
-
-
-def test_the_most_that_capped_friction_can_do():
-    """Against a motion that lifts each node, by the pressure that friction is worth most with; nodes have areas."""
-    chance = np.random.default_rng(5)
-    for _ in range(20):
-        count, tangents, k = 4, 2, 5
-        rows, motion = chance.normal(size=(count, 1 + tangents, k)), chance.normal(size=k)
-        rows[:, 0] *= -np.sign(rows[:, 0] @ motion)[:, None]
-        given, coefficient, cap, weight = chance.uniform(0.1, 1.0, (4, count))
-        points = SimpleNamespace(size=count, dimension=1 + tangents, weight=weight, comm=MPI.COMM_SELF)
-        motions = SimpleNamespace(points=points, count=k, relative=rows, of_point=np.zeros(count))
-        found = reactions_at(motions, PointFriction(given, coefficient, cap), np.zeros(given.size, dtype=bool))
-        *_, resultant = found.against(motion, 2.0)
-        away, slip = rows[:, 0] @ motion, np.linalg.norm(rows[:, 1:] @ motion, axis=1)
-        least, most = np.minimum(given, cap), np.maximum(cap - given, 0.0) / coefficient
-        wanted = weight * np.maximum(least * slip, most * away + np.where(most > 0, cap, least) * slip)
-        assert 2.0 * resultant @ motion == pytest.approx(wanted.sum(), rel=1e-12)

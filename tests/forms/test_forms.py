@@ -1,7 +1,5 @@
 """The nodal arithmetic of the solver against the assembled weak forms, and the nodal rule itself."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 import ufl
@@ -11,7 +9,6 @@ from scenes import on_mesh, rectangle
 from shifted_problems import shifted
 
 from signorini_fx.algebra.contact.active_sets import ActiveSets
-from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.algebra.linalg.full import FullSystem
 from signorini_fx.algebra.problem.regularised import RegularisedProblem
 from signorini_fx.mechanics.assembly import contact_forms
@@ -137,65 +134,3 @@ def test_residual_and_jacobian_are_those_of_the_weak_form(cell, degree):
     assert np.abs(residual - reference.residual)[free].max() <= 1e-12 * np.abs(reference.residual).max()
     difference = (jacobian - reference.jacobian)[np.ix_(free, free)]
     assert np.abs(difference).max() <= 1e-12 * np.abs(reference.jacobian).max()
-
-
-@pytest.mark.parametrize("friction", ["given", "none", "of the pressure"])
-@pytest.mark.parametrize(("cell", "degree"), ELEMENTS)
-def test_taylor(cell, degree, friction):
-    """While no node changes its set the residual is affine: R(y + v) - R(y) = R'(y) v, prescribed dofs included."""
-    discretisation = body(cell, degree)
-    problem, y = problem_at_random_state(discretisation, seed=7)
-    if friction == "none":
-        problem.set_data(replace(problem.data, bound=None))
-    if friction == "of the pressure":
-        problem.set_data(replace(problem.data, follows=PointFriction(problem.data.bound, 0.3 + 0 * problem.data.bound)))
-    step = 1e-7 * np.random.default_rng(8).standard_normal(y.x.array.size)
-    residual, jacobian = evaluate(problem, y.x.array)
-    sets = problem.sets
-    moved, _ = evaluate(problem, y.x.array + step)
-    assert not sets.changed(problem.sets).any()
-    np.testing.assert_allclose(moved - residual, jacobian @ step, rtol=0, atol=1e-10 * np.abs(jacobian @ step).max())
-
-
-@pytest.mark.parametrize("degree", [1, 2])
-def test_nodal_rule(degree):
-    """One positive weight per node, and the weights of a boundary add up to its length."""
-    boundary = body("triangle", degree).boundary
-    assert (boundary.weight > 0).all()
-    lengths = [boundary.weight[boundary.part == part].sum() for part in (0, 1)]
-    assert lengths == pytest.approx([3.0, 1.0], rel=1e-13)
-    assert np.bincount(boundary.part).tolist() == [12 * degree + 1, 8 * degree + 1]
-
-
-@pytest.mark.parametrize("degree", [1, 2])
-def test_simpson(degree):
-    """The rule integrates what it must: the trapezoidal rule on 12 facets, Simpson's rule for degree 2."""
-    boundary = body("quadrilateral", degree, angle=0.0).boundary
-    bottom = boundary.part == 0
-    integral = np.dot(boundary.weight[bottom], boundary.x[bottom, 0] ** 2)
-    trapezoidal = 9.0 + 3.0 * 0.25**2 / 6
-    assert integral == pytest.approx({1: trapezoidal, 2: 9.0}[degree], rel=1e-13)
-
-
-@pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
-@pytest.mark.parametrize("angle", [0.0, 0.4, np.pi])
-def test_normals_and_tangents(cell, angle):
-    """Normals point outward and have length 1; t = (-n_2, n_1), so that n = (0, -1) gives t = (1, 0)."""
-    boundary = body(cell, 1, angle).boundary
-    c, s = np.cos(angle), np.sin(angle)
-    outward = np.array([[s, -c], [c, s]])[boundary.part]
-    np.testing.assert_allclose(boundary.normal, outward, atol=1e-13)
-    np.testing.assert_allclose(boundary.tangents[:, :, 0], np.array([[c, s], [-s, c]])[boundary.part], atol=1e-13)
-    u_n, u_t = boundary.traces(boundary.x)
-    parts = u_n[:, None] * boundary.normal + u_t * boundary.tangents[:, :, 0]
-    np.testing.assert_allclose(parts, boundary.x, atol=1e-13)
-
-
-def test_nodal_forces_do_the_work_of_the_multipliers():
-    """Sum of nodal forces times y is (lambda, tau_N y) + (mu, tau_T y)."""
-    boundary = body("quadrilateral", 2).boundary
-    rng = np.random.default_rng(1)
-    pressure, shear, y = rng.random(boundary.size), rng.random((boundary.size, 1)), rng.random((boundary.size, 2))
-    u_n, u_t = boundary.traces(y)
-    work = np.sum(boundary.nodal_forces(pressure, shear) * y)
-    assert work == pytest.approx(np.dot(boundary.weight, pressure * u_n + (shear * u_t)[:, 0]), rel=1e-13)

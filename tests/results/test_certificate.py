@@ -116,20 +116,6 @@ def test_wrong_displacements(name, algorithm):
         refused(judged(solution, at(dof, lambda value: value - 5e-6 * largest)))
 
 
-@pytest.mark.slow
-@each
-def test_wrong_tractions(name, algorithm):
-    """Pressure or shear off at one node, in whatever direction."""
-    solution = solved(name, algorithm)
-    largest = solution.contact.pressure.max()
-    for row in range(solution.contact.boundary.size):
-        if not solution.contact.boundary.free[row].all():
-            continue  # what is added there a support may take; that is another test
-        for change in (-1e-4 * largest, 1e-4 * largest):
-            for name_ in ("pressure", "shear"):
-                refused(judged(solution, **{name_: at(row, lambda value, by=change: value + by)}), "equilibrium")
-
-
 @pytest.mark.parametrize("algorithm", METHODS)
 def test_one_node_of_many(algorithm):
     """A wrong pressure that is lost among the forces on all nodes is seen at its own."""
@@ -375,14 +361,6 @@ def test_load_steps_build_on_the_step_before():
     farther.x.array[:] *= 1.01
     wrong = replace(before, displacement=farther)
     refused(certify(solution.statement, tagged, solution.displacement, tractions, before=wrong, **given))
-
-
-def test_tractions_of_other_nodes():
-    """Nodes that are not those of the contact boundary are a mistake of the caller."""
-    solution = solved("Coulomb", "ssn")
-    tractions = replace(Tractions.of(solution.contact), nodes=solution.contact.boundary.nodes[::-1] + 1)
-    with pytest.raises(ValueError, match="contact nodes"):
-        certify(solution.statement, solution.model.tagged, solution.displacement, tractions)
 
 
 # --- faults in the solver ---------------------------------------------------------------------------------------------
