@@ -11,8 +11,6 @@ from support.nonlinear_bodies import Killed, held, neo_hooke, rectangle, residua
 from support.nonlinear_scenes import block, indented, material
 
 from signorini_fx import (
-    ConvergenceError,
-    Coulomb,
     FormError,
     Foundation,
     NonlinearContactProblem,
@@ -171,37 +169,6 @@ def test_what_pulls_away():
     assert 1.4 < ends[1].last_step.time <= 1.5  # when it has no force, and stays where it is
     assert ends[1].last_step.certificate.holds
     assert "body not held" in ends[2].findings[0].message
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("unit", [1.0, pytest.param(1e3, marks=pytest.mark.slow)])
-def test_ramps(unit):
-    """Up, and down to where the tool lifts off: what has no solution leaves problem and tool at the last step; then a
-    placed circle goes where the tool was, in any unit of length.
-    """
-    space, side = rectangle([2.0 * unit, unit], [8, 4], MPI.COMM_SELF)
-
-    def problem(**driven):
-        u = fem.Function(space)
-        circle = {"shape": "circle", "centre": (0.9 * unit, 1.5 * unit), "radius": 0.5 * unit} | driven
-        contact = Foundation(side(1, unit), shape=circle, friction=Coulomb(0.5))
-        return NonlinearContactProblem(residual(u), u, bcs=[held(space, side(1, 0.0))], contact=contact)
-
-    driven = problem(force=(0.0, 0.0), prescribed=UPRIGHT)
-    driven.ramp(lambda load: driven.place(0, force=(0.0, -10.0 * unit * load)), first=0.5)
-    assert sum(driven.state.forces) == pytest.approx([0.0, -10.0 * unit], abs=1e-6 * unit)
-    deep = driven.tools[0].translation.copy()
-    with pytest.raises(ConvergenceError, match="there is a solution at"):
-        driven.ramp(lambda load: driven.place(0, force=(0.0, -10.0 * unit * (1 - 2 * load))), first=0.25, smallest=0.05)
-    force = np.array(driven.shapes[0].shape.force)
-    assert -2.0 * unit <= force[1] <= 0.0
-    assert sum(driven.state.forces) == pytest.approx(force, abs=1e-6 * unit)
-    assert deep[1] < driven.tools[0].translation[1] < 0.0
-    assert tuple(driven.tools[0].translation) == driven.shapes[0].shape.shift
-    placed = problem()
-    placed.place(0, shift=tuple(deep))
-    placed.solve()
-    assert sum(placed.state.forces)[1] == pytest.approx(-10.0 * unit, rel=1e-3)
 
 
 @pytest.mark.slow

@@ -318,14 +318,3 @@ def test_faults_of_the_map_are_refused(fault, monkeypatch):
     spoil(monkeypatch)
     with pytest.raises(ConvergenceError, match="certificate does not hold"):
         scene()
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("fault", ["weights", "normals", "gaps", "forces of pressures", "forces of shears"])
-def test_faults_of_sides_in_space_are_refused(fault, monkeypatch):
-    """Likewise, in one step, and without the fault the solve is certified."""
-    spoil = FAULTS[fault][1]
-    assert pressed(punch(3)).problem.certificate.coupling < 1e-9
-    spoil(monkeypatch)
-    with pytest.raises(ConvergenceError, match="certificate does not hold"):
-        pressed(punch(3))

@@ -58,20 +58,6 @@ def test_work_on_a_closed_boundary_is_that_of_its_volume(kind, degree):
     assert forces == pytest.approx(expected, abs=1e-12)
 
 
-@pytest.mark.parametrize(("kind", "degree"), [case for case in CASES if case[0] != "axisymmetric"])
-def test_forces_turn_with_the_body(kind, degree):
-    """A deformed body that is turned as a whole is pressed by turned forces."""
-    _, u = domain(kind, degree)
-    v, dim = ufl.TestFunction(u.function_space), len(u)
-    turn = np.linalg.qr(np.array([[1.0, -2.0, 0.5], [0.3, 1.0, 0.7], [0.2, -0.4, 1.0]])[:dim, :dim])[0]
-    turn[:, 0] *= np.linalg.det(turn)
-    form = fem.form(ufl.inner(follower_pressure(2.0, u), v) * ufl.ds)
-    before = assemble(form).reshape(-1, dim)
-    x = u.function_space.tabulate_dof_coordinates()[:, :dim]
-    u.x.array[:] = ((x + u.x.array.reshape(-1, dim)) @ turn.T - x).ravel()
-    assert assemble(form).reshape(-1, dim) == pytest.approx(before @ turn.T, abs=1e-13)
-
-
 def tube(pressure, law, comm, **further):
     """The wall of a tube whose length does not change, pressed from inside; a wall around it is far away."""
     mesh = dmesh.create_rectangle(comm, [[1.0, 0.0], [2.0, 0.1]], [16, 1], dmesh.CellType.quadrilateral)

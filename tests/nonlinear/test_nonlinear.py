@@ -22,7 +22,6 @@ from support.nonlinear_bodies import (
 )
 
 from signorini_fx import (
-    ContactProblem,
     ConvergenceError,
     Coulomb,
     FormError,
@@ -137,64 +136,6 @@ def test_energy_minimised_by_a_library(seeds):
         assert u.x.array.reshape(-1, 2) == pytest.approx(expected, abs=5e-6), seed
         touching += int((np.abs(distances) < 1e-9).sum())
     assert touching >= 1.5 * len(seeds)
-
-
-def test_linear_bodies():
-    """A linear residual has the answer and the linear solves of ``ContactProblem``."""
-    space, side = rectangle([3.0, 1.0], [12, 4])
-    w, z = ufl.TrialFunction(space), ufl.TestFunction(space)
-    a = 5000.0 * ufl.inner(ufl.sym(ufl.grad(w)), ufl.sym(ufl.grad(z))) * ufl.dx
-    L = ufl.inner(fem.Constant(space.mesh, (5.0, -10.0)), z) * ufl.dx
-    contact = Foundation(side(1, 0.0), gap=lambda x: 1e-3 * (x[0] - 1.0) ** 2, friction=Coulomb(0.3))
-    bcs = [held(space, side(0, 0.0))]
-    linear = ContactProblem(a, L, bcs, contact)
-    linear.solve()
-    u = fem.Function(space)
-    problem = NonlinearContactProblem(ufl.action(a, u) - L, u, bcs=bcs, contact=contact)
-    problem.solve()
-    size = np.abs(linear.u.x.array).max()
-    assert u.x.array == pytest.approx(linear.u.x.array, abs=1e-10 * size)
-    assert problem.iterations == 1  # a second one could find nothing to change
-    assert len(problem.history.iterations) == len(linear.history.iterations)
-
-
-def circle_on_block(comm=MPI.COMM_WORLD, turn=0.0, unit=1.0):
-    """A circle pressed into a block with friction and slid, in a scene that is turned, and lengths and stresses in
-    other units: the force of each step along the axes of the block.
-    """
-    space, side = rectangle([2.0, 1.0], [8, 4], comm)
-    rotation = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
-    top, bottom = side(1, 1.0), side(1, 0.0)
-    geometry = space.mesh.geometry.x
-    geometry[:, :2] = unit * geometry[:, :2] @ rotation.T
-    u = fem.Function(space)
-    circle = {"shape": "circle", "centre": tuple(unit * rotation @ [0.8, 1.5]), "radius": 0.5 * unit}
-    contact = Foundation(top, shape=circle, friction=Coulomb(0.3))
-    problem = NonlinearContactProblem(residual(u), u, bcs=[held(space, bottom)], contact=contact, algorithm="alm")
-    forces = []
-    for shift in ((0.0, -0.1), (0.0, -0.2), (0.1, -0.2), (0.2, -0.2)):
-        problem.place(0, shift=tuple(unit * rotation @ shift))
-        problem.solve()
-        problem.advance()
-        assert problem.certificate.holds
-        forces.append(rotation.T @ sum(problem.state.forces) / unit)
-    return np.array(forces)
-
-
-@pytest.mark.slow
-def test_objectivity_and_units():
-    """A scene that is turned as a whole, or measured in other units, has the same forces."""
-    forces = circle_on_block()
-    assert forces[-1, 0] > 1.0  # friction pulls the body along
-    assert circle_on_block(turn=0.7) == pytest.approx(forces, rel=1e-7, abs=1e-7)
-    assert circle_on_block(unit=1e3) == pytest.approx(forces, rel=1e-7, abs=1e-7)
-
-
-@pytest.mark.slow
-@pytest.mark.mpi
-def test_ranks():
-    """The same forces on all ranks as on one."""
-    assert circle_on_block() == pytest.approx(circle_on_block(MPI.COMM_SELF), rel=1e-7, abs=1e-8)
 
 
 def test_state_of_the_material():

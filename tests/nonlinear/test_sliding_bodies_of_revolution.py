@@ -4,7 +4,6 @@ certificate refuses.
 
 import numpy as np
 import pytest
-from mpi4py import MPI
 from support.nonlinear_bodies import stress_of_block
 from support.sliding_bodies import as_linear_bodies, cylinders, dome, ring_on_cone
 
@@ -78,18 +77,3 @@ def test_ring_over_a_cone(friction):
     assert force[1] / force[0] == pytest.approx(np.tan(angle), rel=0.01)
     assert np.abs(scene.u.x.array).max() > 0.35
     assert ends[1] == pytest.approx(ends[0], rel=1e-5)
-
-
-@pytest.mark.slow
-@pytest.mark.mpi
-def test_on_ranks():
-    """The same on any number of ranks."""
-    forces = []
-    for comm in (MPI.COMM_WORLD, MPI.COMM_SELF):
-        scene = ring_on_cone(ratio=0.02, slave=1, cells=(24, 3), around=8, friction=Coulomb(0.3), comm=comm)
-        for way in (-0.1, -0.2):
-            force = scene.move(0.0, way)
-        assert scene.problem.certificate.holds
-        forces.append(force)
-    assert np.abs(forces[0]).min() > 0.01
-    assert forces[0] == pytest.approx(forces[1], rel=1e-8)

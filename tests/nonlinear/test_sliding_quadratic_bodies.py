@@ -2,9 +2,8 @@
 
 import numpy as np
 import pytest
-from mpi4py import MPI
 from support.nonlinear_bodies import stress_of_block
-from support.sliding_bodies import as_linear_bodies, blocks, bump, cylinders, dome, ring_on_cone, roller
+from support.sliding_bodies import as_linear_bodies, blocks, bump, cylinders, dome, roller
 
 from signorini_fx import ConvergenceError, Coulomb, Status
 
@@ -47,46 +46,6 @@ def test_linear_limit(scene_of):
     assert force == pytest.approx(expected, abs=1e-6 * np.abs(expected).max())
     far = np.abs(linear.u.x.array).max()
     assert scene.u.x.array == pytest.approx(linear.u.x.array, abs=1e-6 * far)
-
-
-@pytest.mark.slow
-def test_over_facets():
-    """Over three facets of a block, in three and in five steps: the same force; without friction hardly any of it is
-    along the block, and triangles and quadrilaterals have the same to a fifth of a per cent.
-    """
-    ends = []
-    for kind, steps in (("quadrilateral", 3), ("quadrilateral", 5), ("triangle", 3)):
-        scene = roller(kind, ratio=10.0, cells=(28, 7), around=14, degree=2)
-        ways = [(0, -0.1), (0, -0.2), *((3 / 7 * share, -0.2) for share in np.arange(1, steps + 1) / steps)]
-        force = [scene.move(*way) for way in ways][-1]
-        assert scene.problem.certificate.holds
-        ends.append(force)
-    largest = abs(ends[0][1])
-    assert ends[1] == pytest.approx(ends[0], abs=1e-6 * largest)
-    assert ends[2] == pytest.approx(ends[0], abs=2e-3 * largest)
-    assert abs(ends[0][0]) < 3e-3 * largest
-
-
-@pytest.mark.slow
-@pytest.mark.mpi
-@pytest.mark.parametrize("revolved", [False, pytest.param(True, marks=pytest.mark.slow)])
-def test_on_ranks(revolved):
-    """The same on any number of ranks."""
-    forces = []
-    for comm in (MPI.COMM_WORLD, MPI.COMM_SELF):
-        more = {"friction": Coulomb(0.3), "degree": 2, "comm": comm}
-        if revolved:
-            scene = ring_on_cone(ratio=0.02, slave=1, cells=(16, 2), around=6, **more)
-            ways = (0.0, -0.1), (0.0, -0.2)
-        else:
-            scene = roller(ratio=10.0, cells=(8, 2), around=6, **more)
-            ways = (0.0, -0.1), (0.2, -0.1)
-        for way in ways:
-            force = scene.move(*way)
-        assert scene.problem.certificate.holds
-        forces.append(force)
-    assert np.abs(forces[0]).min() > 0.01 * np.abs(forces[0]).max()
-    assert forces[0] == pytest.approx(forces[1], rel=1e-7)
 
 
 def test_a_body_inside_another_one():
