@@ -1,24 +1,15 @@
 """Random scenes, valid and invalid: an outcome with a name, or an error with a path; never a traceback."""
 
-import contextlib
-import copy
-import tomllib
-from pathlib import Path
-
 import pytest
-from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from mpi4py import MPI
 
-from signorini_fx.errors import MeshError, SceneError
+from signorini_fx.errors import SceneError
 from signorini_fx.records import Status
 from signorini_fx.scenes.checks import check_scene
-from signorini_fx.scenes.reading import parse_scene, parse_scene_text
+from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve
-from signorini_fx.scenes.template import starting_scene
 
-FEW = settings(max_examples=150, suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large])
-MANY = settings(FEW, max_examples=3000)
 SIDES = ("left", "right", "bottom", "top")
 
 
@@ -149,86 +140,6 @@ def ends_well(data):
         assert solution.status is Status.NOT_HELD
     if any("no static equilibrium" in message for message in said):
         assert not solution.converged
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("count", [150, 60])
-def test_random_scenes(count):
-    """Effects of all kinds, thrown together."""
-    settings(FEW, max_examples=count)(given(scenes)(ends_well))()
-
-
-@pytest.mark.long
-@pytest.mark.timeout(3600)
-@MANY
-@given(scenes)
-def test_many_random_scenes(data):
-    """The same, for minutes."""
-    ends_well(data)
-
-
-def places(node, path=()):
-    """Paths of everything in nested data."""
-    yield path
-    if isinstance(node, dict | list):
-        for key, value in node.items() if isinstance(node, dict) else enumerate(node):
-            yield from places(value, (*path, key))
-
-
-junk = st.recursive(
-    st.one_of(
-        st.none(),
-        st.booleans(),
-        st.integers(),
-        st.floats(),
-        st.text(max_size=5),
-        st.sampled_from(("auto", "x[0]", "1/0", "x[2]", "1e400", "__import__('os')", "exit()", "nan")),
-    ),
-    lambda inner: st.one_of(st.lists(inner, max_size=3), st.dictionaries(st.text(max_size=5), inner, max_size=3)),
-    max_leaves=4,
-)
-GOOD = tomllib.loads(starting_scene())
-
-
-def spoilt(data, path, value):
-    """A copy with something else at a path; an unknown key where the value is a table."""
-    data = copy.deepcopy(data)
-    node = data
-    for part in path[:-1]:
-        node = node[part]
-    if not path:
-        return value if isinstance(value, dict) else {"surprise": value}
-    node[path[-1]] = value
-    return data
-
-
-@pytest.mark.slow
-@settings(FEW, max_examples=200)
-@given(st.sampled_from(list(places(GOOD))), junk)
-def test_spoilt_scenes(path, value):
-    """Anything in the place of anything: a scene, or mistakes with their paths."""
-    attempt(parse_scene, spoilt(GOOD, path, value))
-
-
-@pytest.mark.slow
-@settings(FEW, max_examples=200)
-@given(st.sampled_from(starting_scene().splitlines()), st.text(max_size=20))
-def test_spoilt_text(line, text):
-    """A line of the file replaced by any text."""
-    attempt(parse_scene_text, starting_scene().replace(line, text, 1), Path("scene.toml"))
-
-
-@settings(FEW, max_examples=30)
-@given(st.dictionaries(st.sampled_from(("length", "height", "nx", "ny", "cell", "diagonal", "x")), junk, max_size=3))
-def test_spoilt_meshes(parameters):
-    """A generator refuses its parameters by their paths, or makes a mesh of them."""
-    parameters = {"nx": 4, "ny": 3, **parameters}
-    data = {**GOOD, "mesh": {"generator": "rectangle", "parameters": parameters}}
-    scene, problems = attempt(parse_scene, data)
-    if problems:
-        return
-    with contextlib.suppress(MeshError):
-        attempt(lambda: solve(scene, MPI.COMM_SELF, check=False))
 
 
 @pytest.mark.one_quick
