@@ -14,25 +14,14 @@ sys.path.insert(0, str(ROOT))
 from benchmarks.stability.oracle import mortar  # noqa: E402
 from benchmarks.stability.oracle.body import Body  # noqa: E402
 from benchmarks.stability.oracle.conditions import Origin, Tractions, violations  # noqa: E402
-from benchmarks.stability.oracle.judge import FAILURES, RIGHT, WRONG, _rows, _solution_exists, judge  # noqa: E402
+from benchmarks.stability.oracle.judge import RIGHT, WRONG, _rows, _solution_exists, judge  # noqa: E402
 from benchmarks.stability.oracle.mortar import contacts_of  # noqa: E402
 from benchmarks.stability.oracle.package import answer_of, solution_of  # noqa: E402
 from benchmarks.stability.oracle.scenes_of_bodies import trial  # noqa: E402
 from benchmarks.stability.oracle.worker import row_of  # noqa: E402
 
-SHORT = {"first": range(2), "others": range(2, 5)}
 # With Coulomb friction, in 2D and in 3D.
 SPOILT = (40, 9)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("seeds", SHORT.values(), ids=SHORT)
-def test_a_converged_answer_is_right(seeds):
-    """No answer of a short run is wrong."""
-    rows = [row_of(seed, "bodies") for seed in seeds]
-    wrong = {row.seed: (row.kind, row.figure, row.value, row.note) for row in rows if row.kind in FAILURES}
-    assert not wrong
-    assert sum(row.kind == RIGHT for row in rows) > len(rows) / 3
 
 
 @pytest.fixture(scope="module")
