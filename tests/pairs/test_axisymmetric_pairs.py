@@ -262,19 +262,6 @@ def test_forms_with_a_measure(measured):
         assert pressure == pytest.approx(3.0, rel=1e-7)
 
 
-def cone(slope, degree=1):
-    """A cone, the tip of which on its axis is pressed into a rigid foundation, in which it sticks or slides."""
-    box = Box("b", (5, 3), (0.0, 0.0), (2.0, 1.0))
-    tip = Bodies(
-        "quadrilateral",
-        [box],
-        lambda x: np.column_stack((x[:, 0], x[:, 1] + slope * x[:, 0] * (1.0 - x[:, 1]))),
-        held=[("b.top", {"y": -0.05})],
-    )
-    friction = {"law": "coulomb", "coefficient": 0.2}
-    return tip.scene(contact=[{"boundary": "b.bottom", "gap": 0.0, "friction": friction}], **EXACT)
-
-
 # --- spheres ---------------------------------------------------------------------------------------------------------
 
 

@@ -77,15 +77,6 @@ def test_nodes_that_cannot_carry_a_point(dimension, element, other):
         coupled(slave, master, unable=np.ones(len(slave.x), dtype=bool))
 
 
-def test_facets_out_of_reach():
-    """Facets are partners where their mean distance is within reach, which does not depend on points of quadrature: six
-    of the master.  Rays half-way between both normals, with half of the slope's angle, widen what is under these.
-    """
-    slave = curve("P1", 10, lambda s: [s, 0.0], (0, -1))
-    master = curve("P1", 10, lambda s: [s, -0.1 - 0.5 * s], (0, 1))
-    assert coupled(slave, master, reach=0.41).covered == pytest.approx(0.6 * (1.0 + 0.5 * np.tan(np.arctan(0.5) / 2)))
-
-
 def test_sides_that_do_not_fit():
     """They overlap nowhere, are far apart, face the same way, or lie over each other twice: each is said."""
     slave, master = both("P1", "P1", False)
