@@ -2,24 +2,11 @@
 
 import numpy as np
 import pytest
-from mpi4py import MPI
 from scenes import alone, example1
 
 from signorini_fx.algebra.algorithms.ssn import SemismoothNewton
-from signorini_fx.algebra.algorithms.strategy import solve_task
-from signorini_fx.mechanics.body.discretisation import discretise
 from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
-from signorini_fx.records import History, Status, Timings
-from signorini_fx.scenes.mesh import load_mesh
-from signorini_fx.solving.solve_on_mesh import contact_task
-
-
-def solved_task(scene):
-    """A task that has been run, for a look inside, and its contact boundary."""
-    d = discretise(scene.statement, load_mesh(scene, MPI.COMM_SELF), Timings())
-    task = contact_task(d, History())
-    assert solve_task(task, task.start).status is Status.CONVERGED
-    return task, d.boundary
+from signorini_fx.records import Status
 
 
 @pytest.mark.parametrize("law", [{"bound": 1.5}, {"coefficient": 0.3}])

@@ -82,15 +82,6 @@ def test_friction_sets_pass_through_stick(before, u_t, expected, sigma):
     assert friction_state(before, u_t, data(sigma=sigma)) == expected
 
 
-@pytest.mark.parametrize("before", [STICK, PLUS, MINUS])
-@pytest.mark.parametrize(
-    ("u_t", "expected"), [(9.0, PLUS), (2 / 64, PLUS), (0.5 / 64, STICK), (-2 / 64, MINUS), (-9.0, MINUS)]
-)
-def test_friction_sets_jump_with_the_smallest_sigma(before, u_t, expected):
-    """With sigma = 1 / gamma_2 the sets follow from y alone: |mu_hat + gamma_2 tau_T y| against the bound (3.4)."""
-    assert friction_state(before, u_t, data(sigma=1 / GAMMA_T)) == expected
-
-
 def test_nothing_slips_without_a_limit():
     """Slip that a start brings along from another problem sticks where the bound is infinite."""
     before = in_plane([True, False, True], [PLUS, MINUS, STICK])

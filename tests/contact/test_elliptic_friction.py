@@ -1,22 +1,16 @@
 """Friction that depends on the direction: limits and slip by hand, the disc, a cone programme, products, errors."""
 
 import sys
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
 from mpi4py import MPI
 from scenes import alone
-from scipy.optimize import minimize_scalar
-from shifted_problems import shifted
 from spaces import block, box
 from test_space_statics import PRESS, brick
 
 from signorini_fx import SceneError
-from signorini_fx.algebra.contact.active_sets import multipliers, natural_sets, tangent
-from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
-from signorini_fx.mechanics.laws.directed import FrictionAxes
 from signorini_fx.records import Status
 from signorini_fx.scenes.checks import check_scene
 from signorini_fx.scenes.reading import parse_scene
@@ -104,57 +98,6 @@ def test_driven(law):
     drive = {"boundary": "top", "x": 5 * float(np.cos(1.0)), "y": 5 * float(np.sin(1.0)), "z": -0.01}
     scene = brick({}, contact={"boundary": "bottom", "friction": LAWS[law]}, traction=(), displacement=drive)
     slips_normal_to_the_ellipse(scene, law)
-
-
-def test_law_and_its_derivative():
-    """The shear of any displacement is nearest to what the springs of the law want, and D its derivative."""
-    rng = np.random.default_rng(3)
-    count, gamma, bound = 12, 40.0, rng.uniform(0.5, 2.0, 12)
-    normal, along = (rng.normal(size=(count, 3)) for _ in range(2))
-    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-    ratio = rng.uniform(0.2, 3.0, count)
-    nodes = np.arange(count, dtype=np.int32)
-    boundary = ContactBoundary(
-        MPI.COMM_SELF, nodes, np.zeros((count, 3)), np.ones(count), normal, 0 * nodes, np.ones((count, 3), bool),
-        np.zeros((0, 5), np.int64), nodes.astype(np.int64), friction_axes=FrictionAxes(along, ratio),
-    )  # fmt: skip
-    data = shifted(np.zeros(count), 10.0, gamma, np.inf, np.zeros(count), np.zeros((count, 2)), bound)
-
-    def force(y):
-        u_n, u_t = boundary.traces(y)
-        return boundary.nodal_forces(*multipliers(natural_sets(u_n, u_t, data), u_n, u_t, data))
-
-    y = rng.normal(scale=0.1, size=(count, 3))
-    sets = natural_sets(*boundary.traces(y), data)
-    assert sets.slip.sum() > 3
-    derivative = np.einsum("nij,njk,nlk->nil", boundary.frames, tangent(sets, data), boundary.frames)
-    for k in range(3):
-        step = np.zeros((count, 3))
-        step[:, k] = 1e-6
-        np.testing.assert_allclose(
-            (force(y + step) - force(y - step)) / 2e-6, derivative[:, :, k], rtol=1e-6, atol=1e-6
-        )
-    # Of the admissible shears it is the one that minimises |mu|^2 / (2 gamma) - mu . s in the metric of its springs.
-    first = along - (along * normal).sum(axis=1)[:, None] * normal
-    first /= np.linalg.norm(first, axis=1)[:, None]
-    second = np.cross(normal, first)
-    found = force(y)
-    for n in range(count):
-        s = np.array([y[n] @ first[n], y[n] @ second[n]])
-        want = gamma * s * np.array([1.0, ratio[n] ** 2])
-        if np.hypot(want[0], want[1] / ratio[n]) > bound[n]:
-
-            def missed(t, n=n, want=want):
-                mu = bound[n] * np.array([np.cos(t), ratio[n] * np.sin(t)])
-                return ((mu - want) ** 2 / np.array([1.0, ratio[n] ** 2])).sum()
-
-            at = min(
-                (minimize_scalar(missed, bounds=ends, method="bounded", options={"xatol": 1e-12})
-                 for ends in pairwise(np.linspace(0, 2 * np.pi, 9))),
-                key=lambda one: one.fun,
-            ).x  # fmt: skip
-            want = bound[n] * np.array([np.cos(at), ratio[n] * np.sin(at)])
-        np.testing.assert_allclose([found[n] @ first[n], found[n] @ second[n]], want, rtol=1e-6, atol=1e-7)
 
 
 # --- the disc, and the same ellipse by its other axis ----------------------------------------------------------------

@@ -16,7 +16,6 @@ from signorini_fx.results.certificate.law_of_method import Tractions
 from signorini_fx.scenes.reading import parse_scene
 
 COMM = MPI.COMM_WORLD
-GAMMAS = {"gamma_n": 1e9, "gamma_t": 1e9}
 LAWS = {
     "none": {"law": "none"},
     "tresca": {"law": "tresca", "bound": 4.0},
@@ -194,25 +193,6 @@ def on_posts(force=(0.0, -3.0), at=2.5, law=None, algebra="full", **solver):
             "displacement": {"boundary": "bottoms", "x": 0.0, "y": 0.0},
             "contact": {"boundary": "tops", "foundation": tool, "friction": law or LAWS["coulomb"]},
             "solver": {"linear_algebra": algebra, **solver},
-        }
-    )
-
-
-def on_named_posts(others=None, **driving):
-    """The same with a contact for each post, and one plate."""
-    both = [Box("1", -0.05, 0.0, 0.1, 1.0, 4, 6), Box("2", 9.95, 0.0, 0.1, 1.0, 4, 6)]
-    plate = {"shape": "plane", "point": [0.0, 1.0], "normal": [0.0, -1.0], "rigid": "plate"}
-    driving = {"pivot": [2.5, 1.0], "force": [0.3, -3.0], **driving}
-    return parse_scene(
-        {
-            "mesh": boxes_mesh(COMM, both),
-            "material": {"young": 1e5, "poisson": 0.0},
-            "displacement": [{"boundary": f"bottom {k}", "x": 0.0, "y": 0.0} for k in "12"],
-            "contact": [
-                {"boundary": f"top {k}", "foundation": {**plate, **keys}, "friction": LAWS["coulomb"]}
-                for k, keys in (("1", others or {}), ("2", driving))
-            ],
-            "solver": GAMMAS,
         }
     )
 

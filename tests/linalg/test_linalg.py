@@ -5,15 +5,9 @@ import pytest
 from mpi4py import MPI
 from scenes import alone, example1, table_of
 
-from signorini_fx.algebra.linalg import full
-from signorini_fx.mechanics.body.discretisation import discretise
 from signorini_fx.mechanics.statement.expressions import Expression
-from signorini_fx.records import Timings
-from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.sweep import sweep
-
-COMM = MPI.COMM_SELF
 
 
 def turned(**solver):
@@ -37,22 +31,6 @@ def test_condensed_with_turned_nodes(algorithm):
     for name in ("pressure", "shear"):
         close = 1e-7 * theirs.columns["pressure"].max()
         np.testing.assert_allclose(ours.columns[name], theirs.columns[name], rtol=0, atol=close)
-
-
-def test_prescribed_displacements_of_a_load_step():
-    """They have the factor of the step and that of the loads."""
-    scene = example1(bound=1.5, nx=6, ny=2)
-    left, right = scene.displacement
-    moved = left.model_copy(update={"x": 0.001, "factors": (1.0, -3.0)})
-    d = discretise(
-        scene.model_copy(update={"displacement": (moved, right)}).statement, load_mesh(scene, COMM), Timings()
-    )
-    system = full.FullSystem.of(d.elasticity(d.cases))
-    for step, factor in ((0, 1.0), (1, -3.0)):
-        for scale in (1.0, 0.5):
-            system.set_load(scale * d.factors(step))
-            values = system.start.getArray()
-            assert values[np.abs(values).argmax()] == pytest.approx(0.001 * factor * scale)
 
 
 @pytest.mark.parametrize("kind", ["condensed", "full"])

@@ -8,8 +8,7 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from spaces import CELLS
 
-from signorini_fx.machine import compat
-from signorini_fx.mechanics.mesh.points import at_points, cells_of_points
+from signorini_fx.mechanics.mesh.points import at_points
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import parse_scene
 
@@ -24,23 +23,6 @@ def distorted(cell, n=3, comm=SELF):
     x = mesh.geometry.x
     x[:, :dim] += 0.05 * np.sin(7 * x[:, :dim] + 5 * np.roll(x[:, :dim], 1, axis=1))
     return mesh
-
-
-@pytest.mark.parametrize("cell", [*CELLS.values(), *PLANE])
-def test_points_of_distorted_cells(cell):
-    """The cells and places that points were taken from, to round-off; none for a point far away."""
-    mesh = distorted(cell)
-    dim = mesh.topology.dim
-    rng = np.random.default_rng(1)
-    cells = np.arange(mesh.topology.index_map(dim).size_local, dtype=np.int32)
-    wanted = 0.05 + 0.8 * rng.dirichlet(np.ones(dim + 1), len(cells))[:, :dim]
-    shares = compat.geometry_element(mesh).tabulate(0, wanted)[0, :, :, 0]
-    x = np.einsum("nk,nkc->nc", shares, mesh.geometry.x[compat.geometry_cells(mesh)])
-    found, place, gap = cells_of_points(mesh, np.vstack((x, [[9.0, 9.0, 0.0]])), 1.0)
-    np.testing.assert_array_equal(found, [*cells, -1])
-    np.testing.assert_allclose(place[:-1], wanted, rtol=0, atol=1e-12)
-    assert gap[:-1].max() < 1e-12
-    assert gap[-1] == np.inf
 
 
 @pytest.fixture(scope="module")

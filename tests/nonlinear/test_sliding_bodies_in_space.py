@@ -100,21 +100,6 @@ def test_on_a_rigid_plane(kind):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", ["tetrahedron", pytest.param("hexahedron", marks=pytest.mark.slow)])
-def test_a_block_over_a_larger_one(kind):
-    """A soft block by three facets of a stiff one in two steps, of at most eight iterations each: the force is F N
-    along the way, to one per cent, as the stiff one gives way a little, and both bodies balance.
-    """
-    law = {"friction": Coulomb(0.3), "ratio": 0.01, "slave": 1}
-    scene = stacked(kind, lower=(8, 4, 1), upper=(3, 3, 1), width=2.0, **law)
-    forces = slid(scene, [(-0.1, 0.0, -0.05), (0.3, 0.2, -0.05), (0.5, 0.3, -0.05)])
-    assert max(scene.iterations) <= 8
-    assert np.linalg.norm(forces[-1, :2]) == pytest.approx(0.3 * abs(forces[-1, 2]), rel=0.01)
-    assert -forces[-1, :2] @ [2.0, 1.0] == pytest.approx(np.sqrt(5.0) * np.linalg.norm(forces[-1, :2]), rel=0.01)
-    assert max(out_of_balance(scene)) < 1e-13
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["hexahedron", "tetrahedron"])
 @pytest.mark.parametrize("slave", [0, 1])
 def test_linear_limit(kind, slave):

@@ -8,7 +8,6 @@ from support.sliding_bodies import (
     blocks,
     bulge,
     bump,
-    out_of_balance,
     stacked,
 )
 
@@ -81,20 +80,3 @@ def test_on_a_rigid_plane(friction, kind, degree):
     largest = np.abs(forces[1]).max()
     assert forces[1][:3, 1].max() < 0 < forces[1][3:, 1].min()
     assert forces[0] == pytest.approx(forces[1], abs=3e-5 * largest)
-
-
-@pytest.mark.slow
-def test_friction_of_what_is_pulled():
-    """It is F times the size of the pressure, against the way, and forces and moments of both bodies balance."""
-    scene = blocks(slave=1, width=3.0, friction=Coulomb(0.3), **CLOSED)
-    for way in PULLED[:3]:
-        scene.move(*way)
-    state = scene.problem.state
-    assert state.pressure.max() < 0
-    assert state.in_contact.all()
-    slips = state.direction[:, 0] != 0
-    assert np.count_nonzero(slips) > 3
-    assert np.abs(state.shear[slips, 0]) == pytest.approx(0.3 * np.abs(state.pressure[slips]), rel=1e-6)
-    force, moment = out_of_balance(scene)
-    assert force < 1e-13
-    assert moment < 1e-12

@@ -72,33 +72,6 @@ def test_depth_of_a_ball(cell, degree, centre, radius):
         assert deep.depth <= depth + 1e-12
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("cell", ["quadrilateral", "hexahedron"])
-def test_on_the_way(cell):
-    """Through the block, over it, round it; and with it, where all moves together."""
-    cells = body(cell)
-    still = np.zeros(cells.x.shape[1])
-
-    def way(centre, x=cells.x, **placement):
-        shape = ball(cells, centre, 0.3)
-        return cells.passed((cells.x, shape), (x, ball(cells, centre, 0.3, **placement)))
-
-    def shift(*components):
-        moved = still.copy()
-        moved[[0, -1]] = components
-        return moved.tolist()
-
-    assert way((-4.0, 0.5), shift=shift(10.0, 0.0)) is not None
-    assert way((2.0, 1.4), shift=shift(0.0, -1.8)) is not None
-    assert way((-4.0, 1.31), shift=shift(10.0, 0.0)) is None
-    assert way((2.0, 1.31), shift=shift(0.0, -0.1)) is None  # a step of which the surface is to tell
-    assert way((-4.0, 0.5), x=cells.x + shift(10.0, 0.0), shift=shift(10.0, 0.0)) is None
-    turn, pivot = (180.0, [2.0, 2.0]) if still.size == 2 else ([0.0, -180.0, 0.0], [2.0, 0.53, 2.0])
-    assert way((1.0, 2.0), rotation=turn, pivot=pivot) is not None
-    back = -180.0 if still.size == 2 else [0.0, 180.0, 0.0]
-    assert way((1.0, 2.0), rotation=back, pivot=pivot) is None
-
-
 @pytest.mark.parametrize("unit", [1e-6, 1.0, 1e6])
 def test_a_linear_body_refuses_a_circle_in_it(unit):
     """The contact boundary does not see it; one that reaches in from outside is seen."""

@@ -4,10 +4,7 @@ import numpy as np
 import pytest
 import ufl
 from dolfinx import fem, mesh
-from hypothesis import given
-from hypothesis import strategies as st
 from mpi4py import MPI
-from ufl.algorithms.analysis import extract_constants
 
 from signorini_fx.machine.compat import interpolation_points
 from signorini_fx.mechanics.statement.expressions import Expression, sample
@@ -139,95 +136,6 @@ def test_undefined_values():
     assert np.isinf(Expression("1/0")(X)).all()
     assert np.isnan(Expression("(-1)**0.5")(X)).all()
     assert np.isnan(Expression("sqrt(x[0])")(X)).tolist() == [True, False, False, False, False]
-
-
-TOKENS = st.sampled_from(
-    [
-        "x[0]",
-        "x[1]",
-        "x",
-        "pi",
-        "1",
-        "2.5",
-        "0",
-        "-1",
-        "+",
-        "-",
-        "*",
-        "/",
-        "**",
-        "(",
-        ")",
-        "[",
-        "]",
-        ",",
-        "<",
-        "<=",
-        ">",
-        "==",
-        "&",
-        "|",
-        "and",
-        "or",
-        "not",
-        "if",
-        "else",
-        "sin",
-        "sqrt",
-        "abs",
-        "max",
-        "where",
-        "log",
-        "1.0",
-        "1e400",
-        ".",
-        "'",
-    ]
-)
-TEXTS = st.one_of(st.text(max_size=40), st.lists(TOKENS, max_size=12).map(" ".join))
-SQUARE = mesh.create_unit_square(MPI.COMM_SELF, 1, 1)
-
-
-@given(TEXTS)
-def test_random_text(text):
-    """Any text is refused with a ValueError, or is a scalar function in NumPy and in UFL."""
-    try:
-        expression = Expression(text)
-    except ValueError:
-        return
-    points = X.copy()
-    assert expression(points).shape == (5,)
-    np.testing.assert_array_equal(points, X)
-    assert ufl.as_vector([expression.ufl(SQUARE), 0.0]).ufl_shape == (2,)
-
-
-def deeper(inner):
-    """Larger expressions from smaller ones, all of them finite everywhere."""
-    condition = st.builds("{} {} {}".format, inner, st.sampled_from(["<", "<=", ">", ">="]), inner)
-    condition |= st.builds("(not {}) and ({}) or ({})".format, condition, condition, condition)
-    return st.one_of(
-        st.builds("({} {} {})".format, inner, st.sampled_from("+-*"), inner),
-        st.builds("(-{})".format, inner),
-        st.builds("({})**{}".format, inner, st.integers(0, 3)),
-        st.builds("{}({})".format, st.sampled_from(["sin", "cos", "tanh", "abs"]), inner),
-        st.builds("{}({}, {})".format, st.sampled_from(["min", "max"]), inner, inner),
-        st.builds("where({}, {}, {})".format, condition, inner, inner),
-        st.builds("({1} if {0} else {2})".format, condition, inner, inner),
-    )
-
-
-LEAVES = st.sampled_from(["x[0]", "x[1]", "pi"]) | st.integers(0, 3).map(str) | st.sampled_from(["0.25", "1e-3"])
-
-
-@pytest.mark.slow
-@given(st.recursive(LEAVES, deeper, max_leaves=8))
-def test_numpy_and_ufl_agree(text):
-    """Both backends walk the same tree: the same values (here UFL is evaluated by UFL itself)."""
-    expression = Expression(text)
-    symbolic = ufl.as_ufl(expression.ufl(SQUARE))
-    constants = {constant: float(constant.value) for constant in extract_constants(symbolic)}
-    values = [symbolic((a, b), constants) for a, b in X[:2].T]
-    np.testing.assert_allclose(values, expression(X), rtol=1e-12, atol=1e-12)
 
 
 def test_sample():

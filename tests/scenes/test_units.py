@@ -15,7 +15,6 @@ from scenes import alone
 from spaces import CELLS
 
 from signorini_fx.mechanics.mesh.tagged import tag_boundaries
-from signorini_fx.mechanics.scales import Scales
 from signorini_fx.results.certificate.certificate import certify
 from signorini_fx.results.certificate.law_of_method import Tractions
 from signorini_fx.scenes.reading import parse_scene
@@ -161,23 +160,6 @@ def test_the_covering_covers():
 
 
 # --- the formulas of dimension, and where they are used ---------------------------------------------------------------
-
-
-@pytest.mark.parametrize("dim", [2, 3])
-def test_formulas(dim):
-    """A body of the size 7 in one unit of length, and of the modulus 5 in one unit of force, in all others."""
-    for length, force in UNITS:
-        stress, energy, area = force / length**2, force * length ** (dim - 2), length ** (dim - 1)
-        here, there = Scales(dim, 5.0, 7.0), Scales(dim, 5.0 * stress, 7.0 * length)
-        for ours, theirs, unit in (
-            (there.gamma, here.gamma, stress / length),
-            (there.spacing(11), here.spacing(11), length),
-            (there.side(np.array(3.0 * area)), here.side(np.array(3.0)), length),
-            (there.stiffness(2.0 * length), here.stiffness(2.0), stress * area / length),
-            (there.stress(13.0 * energy), here.stress(13.0), stress),
-            (there.deflection(0.2 * stress), here.deflection(0.2), length),
-        ):
-            assert ours == pytest.approx(theirs * unit, rel=1e-12)
 
 
 SMALL = [("quadrilaterals", 1), ("tetrahedra", 1)]

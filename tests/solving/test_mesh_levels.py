@@ -14,18 +14,6 @@ from signorini_fx.scenes.solver import solve
 WORLD, SELF = MPI.COMM_WORLD, MPI.COMM_SELF
 
 
-def linear(x):
-    """A displacement that is linear in the place."""
-    dim = x.shape[1]
-    slope = np.arange(1.0, 1.0 + dim * dim).reshape(dim, dim)
-    return x @ slope.T + np.arange(dim)
-
-
-# Whether all nodes are looked up on one rank.
-LOOKED_UP = dict.fromkeys(("rectangle", "quadratic", "hexahedra", "tetrahedra"), True)
-LOOKED_UP |= dict.fromkeys(("not nested", "cylinder"), False)
-
-
 def nested(scenes, comm=SELF):
     """The solution on the last of some meshes."""
     return solve_scenes(scenes, comm, History())

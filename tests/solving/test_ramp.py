@@ -1,6 +1,5 @@
 """Load steps with names and times, and ramps that find their own increments."""
 
-import json
 from xml.etree import ElementTree
 
 import numpy as np
@@ -124,24 +123,6 @@ def test_the_limit_is_enclosed(limit):
     tried = walk(path, limit)
     assert 0.99 * limit <= path.reached <= limit < tried[-1] <= 1.01 * limit
     assert len(tried) < 60
-
-
-@pytest.mark.parametrize("seed", range(6))
-def test_a_path_goes_on_as_it_was(seed):
-    """From what is stored at any moment, it chooses what it would have chosen without a restart."""
-    rng, path = np.random.default_rng(seed), increments(ramp(1.0))
-    for _ in range(60):
-        again = increments(ramp(1.0))
-        again.resume(json.loads(json.dumps(path.stored())))
-        solved, solves, status = rng.random() < 0.6, int(rng.integers(1, 40)), rng.choice([Status.CYCLING, Status.TIPS])
-        for one in (path, again):
-            one.shortened = None if solved else one.shorten(status, solves)
-            if solved:
-                one.advance(solves)
-        for name in ("shortened", "at", "next", "allowed", "without_fall_backs", "bracket"):
-            assert getattr(again, name) == getattr(path, name), name
-        if path.ended or path.shortened is False:
-            return
 
 
 # --- names, times, counting -------------------------------------------------------------------------------------------

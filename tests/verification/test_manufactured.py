@@ -95,19 +95,6 @@ def test_regularisation_costs_no_accuracy(cell, degree, solver):
     assert regularised[0] < (1.3 if solver["algorithm"] == "path-following" else 1.01) * exact[0]
 
 
-@pytest.mark.long
-@each_law
-@each_element
-@pytest.mark.parametrize("counts", [(32, 64, 128, 256), (24, 48, 96, 192)])
-def test_rates_on_fine_meshes(cell, degree, law, counts):
-    """The same on finer meshes, with less to spare."""
-    slopes, _ = rates(counts, cell, degree, law)
-    at_nodes = counts[0] % 3 == 0
-    assert slopes["energy"] > (0.98 if degree == 1 else 1.9)
-    assert slopes["l2"] > (1.9 if degree == 1 else 2.9 if at_nodes else 2.1)
-    assert slopes["pressure"] > (1.95 if degree == 2 and at_nodes else 1.25)
-
-
 def sinking(poisson, cell, degree, volumetric, nx):
     """u_y at the middle of the top of Example 1."""
     scene = example1(poisson=poisson, bound=1.5, gamma="auto", nx=nx, ny=nx // 3, cell=cell, degree=degree)
