@@ -5,9 +5,8 @@ import pytest
 from scipy import sparse
 from scipy.optimize import linprog
 
-from signorini_fx.algebra.contact.reactions import Reactions, escape, largest_multiple, nearest, separable, squeezed
+from signorini_fx.algebra.contact.reactions import Reactions, largest_multiple, nearest, separable
 from signorini_fx.mechanics.rigid.rigid_motions import rigid_modes
-from signorini_fx.records import Status
 
 KINDS = ("coulomb", "tresca", "mixed", "capped")
 
@@ -110,45 +109,12 @@ FOOT = np.array([(x, -0.5) for x in np.linspace(-1.0, 1.0, 9)])
 DOWN = np.broadcast_to([0.0, -1.0], FOOT.shape)
 
 
-@pytest.mark.parametrize("units", [1e-12, 1.0, 1e12])
-@pytest.mark.parametrize(("friction", "factor", "status"), [(0.3, 0.3, Status.SLIDES), (5.0, 1.0, Status.TIPS)])
-def test_a_block_slides_or_tips(units, friction, factor, status):
-    """A weight and a horizontal force of the same size at height 1 above a foot of length 2."""
-    here = reactions(FOOT, DOWN, coefficient=friction)
-    dead, live = units * np.array([0.0, -1.0, 0.0]), units * np.array([1.0, 0.0, -0.5])
-    assert escape(here, dead + 0.9999 * factor * live) is None
-    how, motion = escape(here, dead + 1.0001 * factor * live)
-    assert how is status
-    expected = [1.0, 0.0, 0.0] if status is Status.SLIDES else [0.5, 1.0, -1.0]  # about the end of the foot
-    np.testing.assert_allclose(
-        motion / np.linalg.norm(motion), np.array(expected) / np.linalg.norm(expected), atol=1e-7
-    )
-
-
-def test_no_friction_no_push():
-    """Without friction no multiple of a push is balanced, and a given friction balances so many times the push."""
-    assert largest_multiple(reactions(FOOT, DOWN), np.array([1.0, -1.0, -0.5])) == 0.0
-    here = reactions(FOOT, DOWN, given=0.2)
-    assert largest_multiple(here, np.array([1.0, -2.0, -0.5])) == pytest.approx(9 * 0.2, rel=1e-6)
-    assert largest_multiple(here, np.array([0.0, -1.0, 0.0])) == np.inf
-
-
 @pytest.mark.parametrize(("slope", "balanced"), [(1e-3, True), (1e-5, False)])
 def test_walls_that_are_nearly_parallel(slope, balanced):
     """Forces beyond ten thousand times the load hold nothing."""
     points, normals = np.array([(-1.0, 0.0), (1.0, 0.0)]), np.array([(-1.0, -slope), (1.0, -slope)])
     here = reactions(points, normals / np.linalg.norm(normals, axis=1, keepdims=True))
     assert nearest(here, np.array([0.0, -1.0, 0.0])).balanced is balanced
-
-
-@pytest.mark.parametrize(("gap", "held"), [(-0.01, True), (0.0, False), (0.01, False)])
-def test_squeezed(gap, held):
-    """A body between two foundations is held without a load only where it overlaps with them."""
-    points = np.array([(-1.0, 0.0), (0.0, 0.0), (1.0, 0.0), (-1.0, 1.0), (1.0, 1.0)])
-    normals = np.where(points[:, 1:] > 0.5, [[0.0, 1.0]], [[0.0, -1.0]])
-    assert squeezed(reactions(points, normals), np.full(5, gap)) is held
-    assert squeezed(reactions(points, normals), gap + 0.3 * np.array([-1.0, 0.0, 1.0, 1.0, -1.0])) is held  # turned
-    assert not squeezed(reactions(points[:3], normals[:3]), np.full(3, gap))
 
 
 @pytest.mark.parametrize("friction", [{}, {"coefficient": 0.3}, {"given": 0.1}])

@@ -334,17 +334,6 @@ def test_meshes_that_are_refused(tmp_path, points, blocks, message):
     assert str(file) in str(caught.value)
 
 
-@pytest.mark.parametrize("suffix", ["inp", "med", "msh", "vtu", "xdmf"])
-@pytest.mark.parametrize("content", [b"", b"this is no mesh\n", b"\x00\xff" * 50, b"<VTKFile", b"*Node\n1, x"])
-def test_files_that_are_no_mesh(tmp_path, suffix, content, capfd):
-    """A MeshError with the name of the file, whatever it holds, and nothing printed."""
-    file = tmp_path / f"odd.{suffix}"
-    file.write_bytes(content)
-    with pytest.raises(MeshError, match=f"odd.{suffix}"):
-        read_file(file)
-    assert capfd.readouterr() == ("", "")
-
-
 @pytest.mark.parametrize(
     ("changes", "path", "message"),
     [

@@ -92,23 +92,6 @@ def test_frames_do_not_matter():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "friction", [None, pytest.param(Coulomb(0.3), marks=pytest.mark.slow)], ids=["smooth", "rough"]
-)
-def test_over_facets(friction):
-    """Five facets of a block, in three and in five steps: the same force, and at most seven iterations a step."""
-    ends = []
-    for steps in (3, 5):
-        scene = roller(ratio=10.0, cells=(28, 7), around=14, friction=friction)
-        ways = [(0, -0.1), (0, -0.2), *((5 / 7 * share, -0.2) for share in np.arange(1, steps + 1) / steps)]
-        ends.append(slid(scene, ways)[-1])
-        assert max(scene.iterations) <= 7
-    assert ends[1] == pytest.approx(ends[0], abs=1e-6 * np.abs(ends[0]).max())
-    if friction is None:
-        assert abs(ends[0][0]) < 0.01 * abs(ends[0][1])
-
-
-@pytest.mark.slow
 def test_force_is_even_over_an_edge_between_facets():
     """In steps of a sixth of a facet over two facets no force jumps by more than one per cent of the largest one."""
     scene = roller(ratio=10.0, cells=(48, 12), around=24)

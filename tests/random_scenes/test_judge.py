@@ -1,4 +1,4 @@
-"""The oracle of random scenes: it shares no code with the package, notices what is wrong, and finds nothing wrong."""
+"""The oracle of random scenes: it shares no code with the package, and notices what is wrong."""
 
 import ast
 import copy
@@ -29,7 +29,6 @@ from benchmarks.stability.oracle.judge import (  # noqa: E402
 )
 from benchmarks.stability.oracle.package import answer_of, solution_of  # noqa: E402
 from benchmarks.stability.oracle.scenes import Trial, grid, trial  # noqa: E402
-from benchmarks.stability.oracle.worker import row_of  # noqa: E402
 
 ORACLE = ROOT / "benchmarks" / "stability" / "oracle"
 # These two, and the command, start the package; nothing that judges imports them.
@@ -60,16 +59,6 @@ def test_the_oracle_shares_no_code_with_the_package():
                     assert name.startswith("benchmarks.stability.oracle"), name
                     assert not {f"{part}.py" for part in name.split(".")} & STARTERS, name
     assert {"elements.py", "body.py", "conditions.py", "convex.py", "statics.py", "judge.py", "scenes.py"} <= seen
-
-
-# The first of the random scenes of ``make oracle``.
-SHORT = range(60)
-
-
-@pytest.fixture(scope="module", params=[SHORT[:20], SHORT[20:40], SHORT[40:]], ids=["first", "second", "third"])
-def rows(request):
-    """A third of the short run."""
-    return [row_of(seed) for seed in request.param]
 
 
 # The image has CVXOPT if the Dockerfile says so; elsewhere it may be missing.

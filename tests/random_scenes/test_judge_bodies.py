@@ -1,4 +1,4 @@
-"""The oracle of random scenes of several bodies: it notices what is wrong, and finds nothing wrong in a few scenes."""
+"""The oracle of random scenes of several bodies: it notices what is wrong."""
 
 import copy
 import sys

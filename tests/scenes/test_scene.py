@@ -9,14 +9,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from signorini_fx.errors import SceneError
-from signorini_fx.mechanics.laws.coulomb import Coulomb
-from signorini_fx.mechanics.laws.none import NoFriction
 from signorini_fx.mechanics.laws.tresca import Tresca
 from signorini_fx.mechanics.statement.expressions import Expression
 from signorini_fx.scenes.reading import parse_scene, parse_scene_text, read_scene
 from signorini_fx.scenes.scene import Scene
 
-DEMOS = sorted((Path(__file__).parents[2] / "demos" / "scenes").glob("*.toml"))
 GOOD = {
     "title": "a block",
     "mesh": {"generator": "rectangle", "parameters": {"nx": 6, "ny": 2}},
@@ -64,40 +61,12 @@ def test_good_scene():
     assert scene.solver.gamma_t == "auto"
 
 
-@pytest.mark.parametrize("path", DEMOS, ids=lambda path: path.stem)
-def test_demo_scenes(path):
-    """Every demo scene is valid."""
-    assert read_scene(path).title
-
-
-def test_there_are_demo_scenes():
-    """The parameters above are not empty."""
-    assert len(DEMOS) >= 2
-
-
 def test_defaults():
     """What a scene does not mention is off."""
     scene = parse_scene({key: GOOD[key] for key in ("mesh", "material")})
     assert (scene.displacement, scene.traction, scene.body_force, scene.contact) == ((), (), None, ())
     assert not scene.statement.has_friction
     assert not scene.statement.has_coulomb
-
-
-@pytest.mark.parametrize(
-    ("friction", "acts", "coulomb"),
-    [
-        (NoFriction(), False, False),
-        (Tresca(bound=0), False, False),
-        (Tresca(bound=1), True, False),
-        (Coulomb(coefficient=0), False, False),
-        (Coulomb(coefficient=0.3), True, True),
-        (Coulomb(coefficient="0.3*x[0]"), True, True),
-    ],
-)
-def test_which_friction_acts(friction, acts, coulomb):
-    """F = 0 and g = 0 are frictionless contact."""
-    scene = parse_scene(changed(("contact.0.friction", friction)))
-    assert (scene.statement.has_friction, scene.statement.has_coulomb) == (acts, coulomb)
 
 
 def test_one_table_instead_of_a_list():
