@@ -1,4 +1,4 @@
-"""The interior-point method: where nothing else is tried, from anywhere, and judged by the second program's CVXOPT."""
+"""The interior-point method: where no set of the solution holds a body, and judged by the second program's CVXOPT."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""What the algorithms are given to start with, and in which order: answers alone would not tell."""
+"""Where the path of gamma begins and ends, and what is not taken for a solution at rest."""
 
 import numpy as np
 import pytest

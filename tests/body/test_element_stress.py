@@ -1,4 +1,4 @@
-"""The stress of elements with a reduced volumetric term: what their stiffness works with, and right near nu = 1/2."""
+"""The stress of elements with a reduced volumetric term: uniform where it must be, and right near nu = 1/2."""
 
 import numpy as np
 import pytest

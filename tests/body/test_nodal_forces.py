@@ -1,4 +1,4 @@
-"""The forces that the certificate computes by NumPy, against the compiled forms and the solver's contact boundary."""
+"""The contact boundary that the certificate computes by NumPy, against that of the solver."""
 
 import numpy as np
 import pytest

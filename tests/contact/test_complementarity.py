@@ -55,33 +55,6 @@ def signs(states):
     return states.direction[:, 0].tolist()
 
 
-def friction_state(before, u_t, problem):
-    """The friction set of one node after an iterate that was computed with the set ``before``."""
-    return signs(classify(sets(True, before), np.zeros(1), column(u_t), problem))[0]
-
-
-@pytest.mark.parametrize(
-    ("before", "u_t", "expected"),
-    [
-        (STICK, 0.5 / 64, STICK),
-        (STICK, 1 / 64, STICK),  # mu at its bound, xi = 0: strict inequality
-        (STICK, 2 / 64, PLUS),
-        (STICK, -1 / 64, STICK),
-        (STICK, -2 / 64, MINUS),
-        (PLUS, 2 / 64, PLUS),
-        (PLUS, 1 / 64, STICK),
-        (PLUS, -9.0, STICK),  # not to the other side at once
-        (MINUS, -2 / 64, MINUS),
-        (MINUS, -1 / 64, STICK),
-        (MINUS, 9.0, STICK),
-    ],
-)
-@pytest.mark.parametrize("sigma", [math.inf, 1e6])
-def test_friction_sets_pass_through_stick(before, u_t, expected, sigma):
-    """With sigma infinite, or large, mu decides, and xi where mu is at its bound (step 2)."""
-    assert friction_state(before, u_t, data(sigma=sigma)) == expected
-
-
 def test_nothing_slips_without_a_limit():
     """Slip that a start brings along from another problem sticks where the bound is infinite."""
     before = in_plane([True, False, True], [PLUS, MINUS, STICK])

@@ -1,4 +1,4 @@
-"""Friction that depends on the direction: limits and slip by hand, the disc, a cone programme, products, errors."""
+"""Friction that depends on the direction: limits and slip by hand, the disc, a cone programme, errors."""
 
 import sys
 from pathlib import Path
@@ -159,9 +159,6 @@ def test_cone_programme(seed, tmp_path):
     assert verdict.kind == RIGHT, (verdict.kind, verdict.figure, verdict.value)
     assert verdict.kind not in FAILURES
     assert verdict.compared >= 3
-
-
-# --- products --------------------------------------------------------------------------------------------------------
 
 
 # --- what is refused and said ----------------------------------------------------------------------------------------

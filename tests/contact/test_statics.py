@@ -1,4 +1,4 @@
-"""Which loads admissible contact tractions balance: against linear programmes, and known limits of rigid bodies."""
+"""Which loads admissible contact tractions balance: against linear programmes."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The nodal arithmetic of the solver against the assembled weak forms, and the nodal rule itself."""
+"""The nodal arithmetic of the solver against the assembled weak forms."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The order in which condensing eliminates the interior."""
+"""Factors for which the memory does not suffice at first."""
 
 import numpy as np
 import pytest

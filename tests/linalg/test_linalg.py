@@ -1,4 +1,4 @@
-"""Elastic systems of every kind give the same answer, and their parts do what they say."""
+"""Elastic systems of every kind give the same answer."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Two nonlinear bodies of degree 2 that slide on each other: what bodies of degree 1 are tested by, and accuracy."""
+"""Two nonlinear bodies of degree 2 that slide on each other: patches, the linear limit, and overlaps."""
 
 import numpy as np
 import pytest

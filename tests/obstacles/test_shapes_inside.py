@@ -1,4 +1,4 @@
-"""Rigid shapes inside a body: depths against dense sampling, shapes between nodes, ways that pass through, refusals."""
+"""Rigid shapes inside a body: depths against dense sampling, shapes between nodes, refusals."""
 
 import numpy as np
 import pytest

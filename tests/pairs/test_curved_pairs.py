@@ -1,4 +1,4 @@
-"""Two curved bodies: frames half-way between both, so that mirror images show no shear and sides can be exchanged."""
+"""Two curved bodies: frames half-way between both, so that mirror images show no shear."""
 
 import pytest
 from curved_pairs import mirrored

@@ -1,4 +1,4 @@
-"""The map of a pair of surfaces: identities that hold on any meshes, and functions against listed numbers."""
+"""The map of a pair of surfaces: identities that hold on any meshes, and sides that do not fit."""
 
 import numpy as np
 import pytest

@@ -142,42 +142,6 @@ def test_example_1_on_a_foundation_of_its_own_material(count, degree):
     assert state.forces[0][1] == pytest.approx(20.0, rel=1e-9)
 
 
-def ring(kind, counts, inner, outer):
-    """A quarter of a ring."""
-
-    def place(x):
-        return np.stack((x[:, 0] * np.cos(x[:, 1]), x[:, 0] * np.sin(x[:, 1])), axis=1)
-
-    return grid(kind, counts, (inner, 0.0), (outer, np.pi / 2), place)
-
-
-@pytest.mark.one_quick
-@pytest.mark.parametrize("exchanged", [False, True], ids=["", "exchanged"])
-@pytest.mark.parametrize("kind", ["triangle", "quadrilateral"])
-def test_fit_of_two_rings(kind, exchanged):
-    """Lame's pressure between rings with an interference; both sides nominally in contact, or slave and master
-    exchanged, within 2 % on facets of 4 degrees.
-    """
-    mesh = assembled(kind, ring(kind, (5, 24), 1.0, 2.0), ring(kind, (5, 33), 2.0, 3.0))
-
-    def inner(x):
-        return np.hypot(*x[:2]) < 2.0
-
-    young, poisson = (per_cell(mesh, lambda x, of=of: of[0] if inner(x) else of[1]) for of in ((100, 300), (0.3, 0.25)))
-    space, a, v = forms(mesh, 1, young, poisson)
-    sides = [
-        facets_of_piece(mesh, lambda x: np.isclose(np.hypot(*x), 2.0), lambda x, s=s: inner(x) == s)
-        for s in (True, False)
-    ]
-    bcs = [held(space, facets(mesh, lambda x, k=k: np.isclose(x[k], 0.0)), k) for k in (0, 1)]
-    pair = Pair(*(sides[::-1] if exchanged else sides), gap=-0.002)
-    problem = ContactProblem(a, nothing(mesh, v), bcs, contact=pair)
-    problem.solve()
-    weight = problem.state.boundary.weight
-    assert problem.state.pressure @ weight / weight.sum() == pytest.approx(0.048940, rel=0.02)
-    assert problem.certificate.coupling < 1e-9
-
-
 def block_on_block(friction=None, push=0.0, lift=0.0, on_both=False, **settings):
     """A block that nothing holds but another one, which is held at the bottom; ``on_both``: which nothing holds."""
     mesh, both = blocks("quadrilateral", np.eye(2), ((6, 4), (4, 4)))

@@ -1,4 +1,4 @@
-"""Nothing depends on the units of length and force: the formulas of ``scales``, and generated scenes in other units.
+"""Nothing depends on the units of length and force: generated scenes in other units.
 
 Lengths and forces are multiplied by powers of ten, each apart; every setting of the solver is a share of the scales of
 the scene, so that the same linear solves lead to the same result.

@@ -1,4 +1,4 @@
-"""Coarser meshes as levels of multigrid: interpolation is exact where it can be, and solves take few steps."""
+"""Coarser meshes as levels of multigrid: the answers of a factorisation, in few steps."""
 
 import numpy as np
 import pytest
