@@ -241,6 +241,13 @@ def refused_or_valid(make):
     assert all(path and message for path, message in problems)
 
 
+@pytest.mark.slow
+@given(st.dictionaries(WORDS | st.text(max_size=4), DATA, max_size=6))
+def test_random_data(data):
+    """Nested data of any shape never raises anything but SceneError."""
+    refused_or_valid(lambda: parse_scene(data))
+
+
 PATHS = st.sampled_from(
     [
         "title",
