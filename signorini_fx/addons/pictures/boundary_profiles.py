@@ -147,14 +147,12 @@ class Curve:
     """One quantity along a boundary.
 
     Attributes:
-        name: in words.
-        symbol: for mathtext.
+        name: in words; "": it has none in the legend.
         values: at the nodes, shape (n,).
         style: of the line.
     """
 
     name: str
-    symbol: str
     values: Floats
     style: Mapping[str, Any]
 
@@ -201,12 +199,12 @@ def panels_of(boundary: PlaneBoundary, side: str) -> list[Panel]:
         # The foundation is drawn where it is near, and its nearest point is always visible.
         nearest = float(np.abs(gap).min(initial=np.inf, where=np.isfinite(gap)))
         return [
-            Panel("stress", [Curve("contact pressure", r"\lambda", pressure, MULTIPLIER)]),
+            Panel("stress", [Curve("contact pressure", pressure, MULTIPLIER)]),
             Panel(
                 "length",
                 [
-                    Curve(f"{moves}normal displacement", r"\tau_N\,\mathbf{y}", motion, MOTION),
-                    Curve(opposite, "d", gap, LIMIT),
+                    Curve(f"{moves}normal displacement", motion, MOTION),
+                    Curve(opposite, gap, LIMIT),
                 ],
                 max(2.5 * largest_of(motion), 1.2 * nearest),
             ),
@@ -215,17 +213,17 @@ def panels_of(boundary: PlaneBoundary, side: str) -> list[Panel]:
     shear, bound, motion = boundary.along("shear"), boundary.floats("bound"), boundary.along("u_t")
     # A bound that is never reached, or that is practically infinite, should not flatten the shear.
     bounds = [
-        Curve("friction bound", r"\pm\,\mathfrak{F}\,g", bound, LIMIT),
-        Curve("friction bound, other direction", "", -bound, LIMIT),
+        Curve("friction bound", bound, LIMIT),
+        Curve("", -bound, LIMIT),
     ]
     if not np.isfinite(bound).any():  # a bond
         bounds = []
     inside = " in the section" if boundary.out_of_section else ""
-    shears = [Curve(f"shear stress{inside}", r"\mu", shear, MULTIPLIER)]
-    motions = [Curve(f"{moves}tangential displacement{inside}", r"\tau_T\,\mathbf{y}", motion, MOTION)]
+    shears = [Curve(f"shear stress{inside}", shear, MULTIPLIER)]
+    motions = [Curve(f"{moves}tangential displacement{inside}", motion, MOTION)]
     if boundary.out_of_section:
-        shears.append(Curve("around the axis", r"\mu_\theta", boundary.floats("shear_z"), AROUND))
-        motions.append(Curve("around the axis", r"\mathbf{y}_\theta", boundary.floats("u_t_z"), AROUND))
+        shears.append(Curve("around the axis", boundary.floats("shear_z"), AROUND))
+        motions.append(Curve("around the axis", boundary.floats("u_t_z"), AROUND))
     return [
         Panel("stress", [*shears, *bounds], 10 * largest_of(*(curve.values for curve in shears)) or math.inf),
         Panel(
@@ -297,7 +295,7 @@ def boundary_profiles(
 def _draw_panel(axes: Axes, boundary: PlaneBoundary, panel: Panel, name: str) -> None:
     power = panel.power
     for curve in reversed(panel.curves):
-        label = {"label": f"{curve.name} ${curve.symbol}$"} if curve.symbol else {}
+        label = {"label": curve.name} if curve.name else {}
         boundary.draw(axes, curve.values * 10.0**power, **curve.style, **label)
     finish_panel(axes, boundary, name, [curve.values for curve in panel.curves], panel.reach)
     low, high = panel.limits

@@ -288,7 +288,7 @@ def _pressure_panel(figure: Figure, axes: Axes, side: VisibleSide, low: Floats, 
             pad=0.02,
         )
         bar.ax.locator_params(nbins=6)
-        bar.set_label(rf"contact pressure $\lambda${unit_of(power, 'stress')}")
+        bar.set_label(f"contact pressure{unit_of(power, 'stress')}")
     axes.add_collection(_rim(side), autolim=False)
     text = heading if len(triangles) else f"{heading}: nothing in contact"
     if side.has_friction:
@@ -296,7 +296,7 @@ def _pressure_panel(figure: Figure, axes: Axes, side: VisibleSide, low: Floats, 
         longest = largest_of(side.floats("shear"))
         drawn = _arrows(axes, side, shear, side.shown & (side.floats("shear") > 1e-6 * longest), low, high)
         if drawn > 0:
-            text += f"\narrows: shear stress $\\mu$, the longest ${math_number(float(f'{drawn:.3g}'))}${_of_stress()}"
+            text += f"\narrows: shear stress, the longest ${math_number(float(f'{drawn:.3g}'))}${_of_stress()}"
     axes.set_title(text, loc="left", fontsize=8)
 
 
