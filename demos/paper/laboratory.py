@@ -1,4 +1,4 @@
-"""What is measured: solutions, iterates, distances in the norms of the paper, zones of contact and stick."""
+"""What is measured: solutions, iterates, and distances in the norms of the paper."""
 
 from __future__ import annotations
 
@@ -13,7 +13,6 @@ import numpy.typing as npt
 from signorini_fx import Scene, Status, solve
 from signorini_fx.algebra.contact.complementarity import project
 from signorini_fx.mechanics.body.discretisation import discretise
-from signorini_fx.mechanics.contact_points.contact_table import ContactTable, contact_table
 from signorini_fx.records import History, Timings
 from signorini_fx.results.certificate.nodal_forces import NodalForces
 from signorini_fx.results.solution import Solution
@@ -73,12 +72,6 @@ def energy_norm(solution: Solution, other: Solution | None = None) -> float:
     return float(np.sqrt(max(0.0, 2 * NodalForces(d.statement, d.tagged, d.space).strain_energy(difference))))
 
 
-def pressure_distance(solution: Solution, other: Solution) -> float:
-    """Distance of two contact pressures in L2(Gamma_c), relative to the norm of the other."""
-    norm = other.contact.points.norm
-    return norm(solution.contact.pressure - other.contact.pressure) / norm(other.contact.pressure)
-
-
 def multiplier_distances(solution: Solution, other: Solution) -> tuple[float, float]:
     """Distances of lambda and of mu to those of another solution in L2(Gamma_c)."""
     c, o = solution.contact, other.contact
@@ -88,31 +81,6 @@ def multiplier_distances(solution: Solution, other: Solution) -> tuple[float, fl
 def quotients(errors: list[Any]) -> list[Any]:
     """Each error divided by the one before."""
     return [np.asarray(b) / np.asarray(a) for a, b in pairwise(errors)]
-
-
-def table_of(solution: Solution) -> ContactTable:
-    """The contact nodes, in order along the boundary."""
-    return contact_table(solution.contact, [effect.boundary for effect in solution.statement.contact])
-
-
-@dataclass(frozen=True)
-class Zones:
-    """Where the nodes of Gamma_c are in contact, and where they stick in contact, as intervals of x_1."""
-
-    contact: list[tuple[float, float]]
-    stick: list[tuple[float, float]]
-
-
-def zones(solution: Solution) -> Zones:
-    """Contact and stick zone of a solution."""
-    table = table_of(solution)
-    touching = table.columns["state"] != "open"
-    sticking = table.columns["state"] == "stick"
-
-    def intervals(mask: npt.NDArray[np.bool_]) -> list[tuple[float, float]]:
-        return [(round(first[0], 6), round(last[0], 6)) for first, last in table.zones(mask)]
-
-    return Zones(intervals(touching), intervals(sticking))
 
 
 @dataclass(frozen=True)

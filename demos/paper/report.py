@@ -1,8 +1,7 @@
-"""How results are shown: tables as text and CSV with the printed numbers beside them, figures with their captions."""
+"""How results are shown: tables as text with the printed numbers beside them."""
 
 from __future__ import annotations
 
-import csv
 import math
 import sys
 import textwrap
@@ -136,20 +135,8 @@ class Table:
         return "\n".join(lines) + "\n"
 
     def write(self, folder: Path) -> None:
-        """Text and CSV; columns with printed numbers are followed by these."""
+        """As text."""
         (folder / f"{self.name}.txt").write_text(self.text(), encoding="utf-8")
-        printed = [any(row[k].printed is not None for row in self.entries) for k in range(len(self.columns) - 1)]
-        with (folder / f"{self.name}.csv").open("w", newline="", encoding="utf-8") as file:
-            writer = csv.writer(file)
-            heading = [self.columns[0]]
-            for name, also in zip(self.columns[1:], printed, strict=True):
-                heading += [name, f"{name} (printed)"] if also else [name]
-            writer.writerow(heading)
-            for label, row in zip(self.labels, self.entries, strict=True):
-                line = [label]
-                for entry, also in zip(row, printed, strict=True):
-                    line += [entry.computed, entry.printed] if also else [entry.computed]
-                writer.writerow(line)
 
 
 def _block(columns: Sequence[str], labels: list[str], cells: list[list[str]], heading: str) -> list[str]:
@@ -164,29 +151,3 @@ def _block(columns: Sequence[str], labels: list[str], cells: list[list[str]], he
     ]
     width = max(map(len, lines))
     return [*([heading.center(width)] if heading else []), *(line.ljust(width) for line in lines)]
-
-
-@dataclass(frozen=True)
-class Picture:
-    """A figure: its files are name.png and name.pdf.
-
-    Attributes:
-        name: stem of its files.
-        title: one line.
-        caption: what it shows.
-        notes: what is to be said of it beside the paper.
-        tables: tables that belong to it.
-    """
-
-    name: str
-    title: str
-    caption: str
-    notes: Sequence[str] = ()
-    tables: Sequence[Table] = ()
-
-    def write(self, folder: Path) -> None:
-        """The caption and the notes."""
-        lines = [self.title, *textwrap.wrap(self.caption, _WIDTH)]
-        for note in self.notes:
-            lines += textwrap.wrap(note, _WIDTH, initial_indent="- ", subsequent_indent="  ")
-        (folder / f"{self.name}.txt").write_text("\n".join(lines) + "\n", encoding="utf-8")

@@ -46,7 +46,7 @@ def table1() -> list[Table]:
             "Example 1, nu = 0.4, g = 1.5, start from contact on [1.25, 1.75].  An iteration is a linear solve.",
             [
                 "The text of the paper gives 9 iterations for gamma_1 = gamma_2 = 1e8 where its table has "
-                f"{printed['iterations'][4][4]}; see the study of starts."
+                f"{printed['iterations'][4][4]}."
             ],
             {"table1": {"gamma_1": printed["gamma_1"], "gamma_2": printed["gamma_2"], "iterations": found}},
         )
@@ -75,7 +75,7 @@ def table2() -> list[Table]:
                 f"gives {len(parts) + 1} iterations for this problem, hence {len(parts)} quotients, and the paper "
                 f"prints {len(printed)}: its iterates come from another start, or are counted from another one.  No "
                 "start, shift of k or choice of norms that we tried gives the printed values; a start from contact "
-                "on [1, 2] gives as many (see the study of starts).",
+                "on [1, 2] gives as many.",
             ],
             {"table2": {"q": q}},
         )
