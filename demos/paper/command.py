@@ -6,7 +6,7 @@ import argparse
 import json
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,7 @@ from signorini_fx import write_results
 
 from . import laboratory as lab
 from .figures import FIGURES
-from .report import Table, progress
+from .report import progress
 from .tables import TABLES
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -37,7 +37,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for number, tables in TABLES.items():
         if everything or number in (options.tables or []):
             for table in tables():
-                _show(table, folder)
+                (folder / f"{table.name}.txt").write_text(table.text(), encoding="utf-8")
+                progress("")
+                print(table.text(), flush=True)
                 for key, values in table.numbers.items():
                     numbers.setdefault(key, {}).update(values)
     for number, scenes in FIGURES.items():
@@ -60,31 +62,11 @@ def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
         description="Recompute the numerical results of Kunisch & Stadler (2005); without --tables and --figures all "
         "of them.",
     )
-    parser.add_argument("--tables", metavar="1,3", type=_choice(TABLES), help="only these tables")
-    parser.add_argument("--figures", metavar="2,4", type=_choice(FIGURES), help="only these figures")
+    parser.add_argument("--tables", type=int, nargs="+", choices=TABLES, help="only these tables")
+    parser.add_argument("--figures", type=int, nargs="+", choices=FIGURES, help="only these figures")
     parser.add_argument("--json", metavar="FILE", type=Path, help="write the numbers in the layout of printed.json")
     parser.add_argument("--out", metavar="DIR", type=Path, default=ROOT / "results" / "paper", help="where to write")
     return parser.parse_args(arguments)
-
-
-def _choice(known: dict[int, Any]) -> Callable[[str], list[int]]:
-    """Parses a list with commas of keys of ``known``."""
-    by_name = {str(key): key for key in known}
-
-    def parse(text: str) -> list[int]:
-        names = [name.strip() for name in text.split(",") if name.strip()]
-        unknown = [name for name in names if name not in by_name]
-        if unknown:
-            raise argparse.ArgumentTypeError(f"no {', '.join(unknown)}; there are {', '.join(by_name)}")
-        return [by_name[name] for name in names]
-
-    return parse
-
-
-def _show(table: Table, folder: Path) -> None:
-    table.write(folder)
-    progress("")
-    print(table.text(), flush=True)
 
 
 def _write_json(path: Path, numbers: dict[str, Any]) -> None:

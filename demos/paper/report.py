@@ -1,4 +1,4 @@
-"""How results are shown: tables as text with the printed numbers beside them."""
+"""How results are shown: tables as text with the printed numbers that differ."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ import sys
 import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 _WIDTH = 110
@@ -95,59 +94,20 @@ class Table:
         return [[item if isinstance(item, Entry) else Entry(item) for item in row[1:]] for row in self.rows]
 
     @property
-    def labels(self) -> list[str]:
-        """The labels of the rows."""
-        return [str(row[0]) for row in self.rows]
-
-    @property
     def comparable(self) -> list[Entry]:
         """The entries that the paper prints."""
         return [entry for row in self.entries for entry in row if entry.printed is not None]
 
-    @property
-    def verdict(self) -> str:
-        """How many of the printed entries we have, empty where nothing is printed."""
-        if not self.comparable:
-            return ""
-        equal = sum(not entry.differs for entry in self.comparable)
-        return f"{equal} of {len(self.comparable)} printed numbers equal"
-
-    def _printed(self) -> tuple[list[str], list[list[str]]]:
-        """Headings and entries of the columns in which the paper prints anything."""
-        columns = zip(*self.entries, strict=True)
-        kept = [k for k, column in enumerate(columns) if any(entry.printed is not None for entry in column)]
-        return [self.columns[k + 1] for k in kept], [[row[k].printed_text for k in kept] for row in self.entries]
-
     def text(self) -> str:
-        """The table for a terminal: computed on the left, printed on the right."""
-        computed = [[entry.text + "*" * entry.differs for entry in row] for row in self.entries]
-        blocks = [_block(self.columns, self.labels, computed, "computed" if self.comparable else "")]
-        if self.comparable:
-            columns, printed = self._printed()
-            blocks.append(_block(["", *columns], ["" for _ in self.rows], printed, "printed"))
-        body = ["   |".join(parts).rstrip() for parts in zip(*blocks, strict=True)]
+        """The table for a terminal; a printed number that is another one follows in parentheses."""
+        cells = [[f"{e.text} ({e.printed_text})" if e.differs else e.text for e in row] for row in self.entries]
+        rows = [list(self.columns), *([str(row[0]), *items] for row, items in zip(self.rows, cells, strict=True))]
+        widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+        body = ["  ".join(map(str.ljust, row, widths)).rstrip() for row in rows]
         lines = [self.title, *textwrap.wrap(self.caption, _WIDTH), "", *body]
         if self.comparable:
-            differing = "; * differs from the printed number" if any(e.differs for e in self.comparable) else ""
-            lines += ["", f"{self.verdict}{differing}"]
+            equal = sum(not entry.differs for entry in self.comparable)
+            lines += ["", f"{equal} of {len(self.comparable)} printed numbers equal; others follow in parentheses"]
         for note in self.notes:
             lines += textwrap.wrap(note, _WIDTH, initial_indent="- ", subsequent_indent="  ")
         return "\n".join(lines) + "\n"
-
-    def write(self, folder: Path) -> None:
-        """As text."""
-        (folder / f"{self.name}.txt").write_text(self.text(), encoding="utf-8")
-
-
-def _block(columns: Sequence[str], labels: list[str], cells: list[list[str]], heading: str) -> list[str]:
-    """A heading and right-aligned columns; the labels are left-aligned."""
-    rows = [list(columns), *([label, *row] for label, row in zip(labels, cells, strict=True))]
-    # A mark does not push the digits out of line.
-    rows = [[row[0], *(item if item.endswith("*") else item + " " for item in row[1:])] for row in rows]
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    lines = [
-        "  ".join([row[0].ljust(widths[0]), *(item.rjust(w) for item, w in zip(row[1:], widths[1:], strict=True))])
-        for row in rows
-    ]
-    width = max(map(len, lines))
-    return [*([heading.center(width)] if heading else []), *(line.ljust(width) for line in lines)]

@@ -1,33 +1,34 @@
 """The reference that other solutions are compared with: one of much higher accuracy, with an estimate of its own error.
 
-It is a solution without regularisation.  Bodies with straight sides get adaptively refined triangles of degree 2, many
-more than any run that is measured; others get a fine uniform mesh.
+It is a solution without regularisation on adaptively refined triangles of degree 2, many more than any run that is
+measured has.
 """
 
 from __future__ import annotations
 
 from typing import Any
 
-import mpi4py.MPI  # noqa: F401  # first: wheels of FEniCSx find the library of MPI where it is loaded
-
-# isort: split
 import basix
 import numpy as np
 import numpy.typing as npt
 import ufl
+from mpi4py import MPI
 from dolfinx import fem
 from scipy.spatial import cKDTree
-from varied import VariedProblem
 
 from signorini_fx.machine import compat
 from signorini_fx.mechanics.mesh.points import cells_of_points
 from signorini_fx.mechanics.mesh.refinement import mark, refine
-from signorini_fx.mechanics.statement.features import refuse
+from signorini_fx.mechanics.mesh.tagged import TaggedMesh
+from signorini_fx.mechanics.statement.mesh_sources import MeshGenerator
 from signorini_fx.mechanics.statement.settings import SolverSettings
-from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.results.accuracy.convergence_table import zone_change
 from signorini_fx.results.accuracy.pressure_error import places
 from signorini_fx.results.solution import Solution
+from signorini_fx.scenes.hierarchy import scene_on
+from signorini_fx.scenes.mesh import load_mesh
+from signorini_fx.scenes.scene import Scene
+from signorini_fx.scenes.solver import solve
 from signorini_fx.tuned import EXPECTED_RATES
 
 Floats = npt.NDArray[np.float64]
@@ -43,20 +44,29 @@ OUTSIDE_OTHER_MESH = 1.0
 _EXPECTED = {"energy": 1.0, **EXPECTED_RATES}
 
 
-# Features of a problem that a study does not know.
-REFUSES = {
-    "nonlinear material": "a study is not possible yet with a nonlinear material",
-    "mixed element": "a study compares elements without a pressure: leave 'mixed' out",
-    "mesh that no generator makes": "a study needs a mesh from a generator, which can make coarser and finer ones",
-    "several bodies": "a study is not possible yet with several [[body]]",
-}
+def varied(scene: Scene, cells: float | TaggedMesh, element: str, settings: dict[str, Any]) -> Scene:
+    """The scene with other cells, element and method.
 
+    Args:
+        scene: with a mesh from a generator.
+        cells: how many times as large as stated, or a mesh.
+        element: P1, Q1, P2 or Q2.
+        settings: of the method, which is measured by itself, without fall-backs.
 
-def studied_settings(statement: Statement, settings: dict[str, Any]) -> SolverSettings:
-    """The settings of a method, with the limits of a problem."""
-    inherited = {"max_iterations", "max_outer_iterations", "tolerance"}
-    # Each method is measured by itself, without fall-backs.
-    return SolverSettings(**statement.solver.model_dump(include=inherited), **settings, fallbacks=False)
+    Raises:
+        SceneError: the generator makes no such meshes.
+    """
+    scene = scene.model_copy(update={"mesh": cells}) if isinstance(cells, TaggedMesh) else scene_on(scene, cells)
+    inherited = scene.solver.model_dump(include={"max_iterations", "max_outer_iterations", "tolerance"})
+    changes: dict[str, Any] = {
+        "solver": SolverSettings(**inherited, **settings, fallbacks=False),
+        "accuracy": None,
+        "element": scene.element.model_copy(update={"degree": int(element[1])}),
+    }
+    if isinstance(mesh := scene.mesh, MeshGenerator):
+        cell = {"P": "triangle", "Q": "quadrilateral"}[element[0]]
+        changes["mesh"] = mesh.model_copy(update={"parameters": {**mesh.parameters, "cell": cell}})
+    return scene.model_copy(update=changes)
 
 
 class Reference:
@@ -68,7 +78,6 @@ class Reference:
 
     def __init__(self, solution: Solution) -> None:
         self.solution = solution
-        self._located: dict[Any, tuple[npt.NDArray[np.int32], Floats]] = {}
         stress, mesh = solution.stress.stress, solution.model.tagged.mesh
         points, weights = basix.make_quadrature(getattr(basix.CellType, mesh.topology.cell_name()), 2)
         cells = np.arange(mesh.topology.index_map(mesh.topology.dim).size_local, dtype=np.int32)
@@ -88,13 +97,8 @@ class Reference:
         self._compliance = at_points(twice / 2).reshape(-1, len(tau), len(tau))
         self._size = self._energy_norm(self._stress)
 
-    def errors(self, solution: Solution, mesh_key: Any = None) -> dict[str, float | None]:
-        """Relative errors of a solution; None where there is nothing to compare.
-
-        Args:
-            solution: the solution.
-            mesh_key: solutions with the same key are on the same mesh; None: on a separate mesh.
-        """
+    def errors(self, solution: Solution) -> dict[str, float | None]:
+        """Relative errors of a solution; None where there is nothing to compare."""
         table, fine = solution.table, self.solution.table
         weight, pressure = fine.columns["weight"], fine.columns["pressure"]
         difference = interpolated(table, fine, "pressure") - pressure
@@ -104,7 +108,7 @@ class Reference:
         force, true_force = (s.contact.forces_of_each for s in (solution, self.solution) if s.contact)
         peak = pressure.max()
         return {
-            "energy": self._energy_norm(self._stress_of(solution, mesh_key) - self._stress) / self._size,
+            "energy": self._energy_norm(self._stress_of(solution) - self._stress) / self._size,
             "pressure": float(np.sqrt(np.dot(weight, difference**2))) / size if size > 0 else None,
             "peak": float(abs(table.columns["pressure"].max() / peak - 1)) if peak > 0 else None,
             "zone": zone_change(table, fine),
@@ -116,18 +120,15 @@ class Reference:
         density = np.einsum("qi,qij,qj->q", tau, self._compliance, tau)
         return float(np.sqrt(max(0.0, np.dot(self._weights, density))))
 
-    def _stress_of(self, solution: Solution, key: Any) -> Floats:
+    def _stress_of(self, solution: Solution) -> Floats:
         """Stress of another solution at the points of the reference."""
         mesh = solution.model.tagged.mesh
         space = fem.functionspace(mesh, ("DG", solution.statement.element.degree, (self._stress.shape[1],)))
         function = fem.Function(space)
         points = compat.interpolation_points(space.element)
         function.interpolate(fem.Expression(solution.stress.stress.components, points))
-        if key is None or key not in self._located:
-            cells, places, _ = cells_of_points(mesh, self._points, OUTSIDE_OTHER_MESH)
-            assert (cells >= 0).all()  # the meshes are of one body
-            self._located[key] = cells, places
-        cells, places = self._located[key]
+        cells, places, _ = cells_of_points(mesh, self._points, OUTSIDE_OTHER_MESH)
+        assert (cells >= 0).all()  # the meshes are of one body
         shares = space.element.basix_element.tabulate(0, places)[0, :, :, 0]
         values = function.x.array.reshape(-1, self._stress.shape[1])
         return np.asarray(np.einsum("nk,nkc->nc", shares, values[space.dofmap.list[cells]]))
@@ -161,20 +162,14 @@ def interpolated(coarse: Any, fine: Any, name: str) -> Floats:
     return values
 
 
-def reference_solution(problem: VariedProblem, fine: float, unknowns: int) -> tuple[Reference, dict[str, float | None]]:
-    """A reference for a problem, and an estimate of its error.
+def reference_solution(scene: Scene, unknowns: int) -> tuple[Reference, dict[str, float | None]]:
+    """A reference for a scene with contact and one load step, and an estimate of its error.
 
     Args:
-        problem: with contact and one load step.
-        fine: cells of a uniform reference, relative to those of the problem.
-        unknowns: smallest number of unknowns of an adaptive reference.
-
-    Raises:
-        SceneError: the problem is not of that kind.
-        ConvergenceError: there is no solution.
+        scene: whose body has straight sides.
+        unknowns: smallest number of unknowns of the reference.
     """
-    refuse(problem.statement, REFUSES)
-    solutions = divided(problem, FIRST_CELLS, unknowns) if problem.divisible else uniform(problem, fine, "Q2")
+    solutions = divided(scene, FIRST_CELLS, unknowns)
     reference = Reference(solutions[-1])
     # Meshes with half and a quarter of the cells along a line; of the energy norm both differences see the same error.
     finest = solutions[-1].model.dofs
@@ -182,19 +177,13 @@ def reference_solution(problem: VariedProblem, fine: float, unknowns: int) -> tu
     return reference, reference_errors(reference.errors(near), reference.errors(far))
 
 
-def uniform(problem: VariedProblem, fine: float, element: str) -> list[Solution]:
-    """Solutions on uniform meshes with cells 4, 2 and 1 times ``fine`` times as large as those of the problem."""
-    settings = studied_settings(problem.statement, LIMIT)
-    return [problem.on(k * fine, element, settings, None)() for k in (4, 2, 1)]
-
-
-def divided(problem: VariedProblem, first: float, unknowns: int) -> list[Solution]:
+def divided(scene: Scene, first: float, unknowns: int) -> list[Solution]:
     """Solutions on triangles of degree 2, refined adaptively up to this number of unknowns."""
-    tagged, settings = problem.mesh(first, "P2"), studied_settings(problem.statement, LIMIT)
+    tagged = load_mesh(varied(scene, first, "P2", {}), MPI.COMM_SELF)
     solutions: list[Solution] = []
     while not solutions or solutions[-1].model.dofs < unknowns:
-        solutions.append(problem.on(tagged, "P2", settings, None)())
-        tagged = refine(tagged, mark(tagged.mesh.comm, solutions[-1].stress.squares))
+        solutions.append(solve(varied(scene, tagged, "P2", LIMIT), MPI.COMM_SELF, check=False))
+        tagged = refine(tagged, mark(MPI.COMM_SELF, solutions[-1].stress.squares))
     return solutions
 
 

@@ -5,9 +5,8 @@ from functools import partial
 import numpy as np
 import pytest
 from mpi4py import MPI
-from reference import Reference, studied_settings
+from reference import Reference, varied
 from scenes import example1
-from varied import varied
 
 from signorini_fx import LinearElastic, OrthotropicElastic
 from signorini_fx.scenes.solver import solve
@@ -39,8 +38,7 @@ def test_measured_energy_error(cell, degree, material):
     linear = linear.model_copy(update={"displacement": tuple(fixed), "contact": tuple(far)})
     kind = OrthotropicElastic if "orthotropic" in material else partial(LinearElastic, young=5000.0, poisson=0.4)
     linear = linear.model_copy(update={"material": (kind(**material),)})
-    settings = studied_settings(linear.statement, {})
-    reference = varied(linear, MPI.COMM_SELF).on(1 / 4, "Q2", settings, None)()
+    reference = solve(varied(linear, 1 / 4, "Q2", {}), MPI.COMM_SELF)
     coarse = solve(linear, MPI.COMM_SELF)
     energies = [s.steps[-1].strain_energy for s in (reference, coarse)]
     expected = np.sqrt((energies[0] - energies[1]) / energies[0])
