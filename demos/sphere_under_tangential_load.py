@@ -142,7 +142,6 @@ for poisson in (0.3, 0.49):
     rows = [measure(step, poisson) for step in solutions[poisson].steps]
     table[poisson] = {name: np.array([row[name] for row in rows]) for name in rows[0]}
 solution, found = solutions[0.49], table[0.49]
-profiles = [contact_table(step.contact, ["sphere"]).columns for step in solution.steps]
 write_results(solution, RESULTS)
 
 # %% [markdown]
@@ -180,31 +179,18 @@ if MPI.COMM_WORLD.rank == 0:
     print("displacement of the top: prescribed, by the formula")
     for row in zip(moved[1:], predicted[1:], strict=True):
         print("    {:.5f}   {:.5f}".format(*row))
-    figure, axes = plt.subplots(1, 3, figsize=(10, 3.3), layout="constrained")
+    figure, (left, right) = plt.subplots(1, 2, figsize=(7, 3.3), layout="constrained")
     at = np.linspace(0.0, 1.0, 400)
-    for k, style in zip((2, 4, 5), ("k.", "kx", "k+"), strict=True):
-        columns = profiles[k]
-        radius = np.hypot(columns["x"], columns["y"]) / found["a"][k]
-        shear = columns["shear_x"] / (FRICTION * found["p0"][k])
-        c = found["c/a"][k]
-        formula = np.sqrt(1 - at**2) - c * np.sqrt(np.maximum(1 - (at / c) ** 2, 0))
-        axes[0].plot(at, formula, color="0.75", linewidth=3)
-        axes[0].plot(radius, shear, style, markersize=4, label=f"Q = {share[k]:.2f} FP")
-    axes[0].set(xlabel="$r / a$", ylabel=r"$\mu_x / (F p_0)$", xlim=(0, 1.15), ylim=(0, 1.15))
-    axes[0].legend(frameon=False, loc="upper right")
-    at = np.linspace(0.0, 1.0, 400)
-    axes[1].plot(at, (1 - at) ** (1 / 3), color="0.75", linewidth=3, label="Cattaneo and Mindlin")
+    left.plot(at, (1 - at) ** (1 / 3), color="0.75", linewidth=3, label="Cattaneo and Mindlin")
     for poisson, style in ((0.49, "k."), (0.3, "kx")):
-        axes[1].plot(
-            table[poisson]["Q/FP"], table[poisson]["c/a by area"], style, label=rf"computed, $\nu$ = {poisson:g}"
-        )
-    axes[1].set(xlabel="$Q / (F P)$", ylabel="$c / a$", xlim=(0, 1), ylim=(0, 1.05))
-    axes[1].legend(frameon=False, loc="lower left")
-    axes[2].plot(predicted, push, color="0.75", linewidth=3, label="Cattaneo and Mindlin")
-    axes[2].plot(moved, push[1] / moved[1] * moved, "k:", linewidth=0.8, label="without slip")
-    axes[2].plot(moved, push, "k.", label="computed")
-    axes[2].set(xlabel="displacement of the top", ylabel="$Q$", xlim=(0, None), ylim=(0, None))
-    axes[2].legend(frameon=False, loc="lower right")
+        columns = table[poisson]
+        left.plot(columns["Q/FP"], columns["c/a by area"], style, label=rf"computed, $\nu$ = {poisson:g}")
+    left.set(xlabel="$Q / (F P)$", ylabel="$c / a$", xlim=(0, 1), ylim=(0, 1.05))
+    right.plot(predicted, push, color="0.75", linewidth=3, label="Cattaneo and Mindlin")
+    right.plot(moved, push, "k.", label="computed")
+    right.set(xlabel="displacement of the top", ylabel="$Q$", xlim=(0, None), ylim=(0, None))
+    left.legend(frameon=False, loc="lower left")
+    right.legend(frameon=False, loc="lower right")
     figure.savefig(RESULTS / "push.png", dpi=150)
     plt.close(figure)
     print(f"results: {RESULTS}/")

@@ -82,28 +82,16 @@ scene = Scene(
 )
 
 # %% [markdown]
-# ## Turn, and take torque, stick radius and twist from the steps
+# ## Turn, and take torque and stick radius from the steps
 #
 # The stick radius is that of a disc with the area of the nodes that stick, which is sharp to half a cell.
 
-
 # %%
-def around(y):
-    """Heights of the nodes of the side, and the mean displacement around the axis at each of them; collective."""
-    x, u = y.function_space.tabulate_dof_coordinates(), y.x.array.reshape(-1, 3)
-    side = np.isclose(np.hypot(x[:, 0], x[:, 1]), RADIUS)
-    turned = (x[side, 0] * u[side, 1] - x[side, 1] * u[side, 0]) / RADIUS
-    found = np.concatenate(MPI.COMM_WORLD.allgather(np.column_stack((x[side, 2].round(9), turned))))
-    heights = np.unique(found[:, 0])
-    return heights, np.array([found[found[:, 0] == z, 1].mean() for z in heights])
-
-
 solution = solve(scene)
 write_results(solution, RESULTS, pictures=["displacement"])
 force = np.array([step.contact.forces[0][2] for step in solution.steps])
 torque = np.array([-step.contact.moments[1][2] for step in solution.steps])
 stick = np.array([np.sqrt(step.contact.areas["stick"] / np.pi) for step in solution.steps])
-sides = [around(step.displacement) for step in (solution.steps[2], solution.steps[5])]
 shears = [contact_table(step.contact, ["bottom"]).columns for step in solution.steps]
 
 most = 2 / 3 * FRICTION * force * RADIUS
@@ -125,9 +113,7 @@ if MPI.COMM_WORLD.rank == 0:
     for k in range(1, len(turns)):
         shares = torque[k] / most[k], oracle[k] / most[k], elastic[k] / most[k]
         print(row.format(turns[k], *shares, 100 * off[k - 1], stick[k] / RADIUS, expected[k].stick))
-    figure, ((left, right), (held, slid)) = plt.subplots(
-        2, 2, figsize=(9, 6.2), height_ratios=(3.6, 2.4), layout="constrained"
-    )
+    figure, (left, right) = plt.subplots(1, 2, figsize=(9, 3.6), layout="constrained")
     fine = np.append(np.linspace(0.9, 2.4, 16), turns[-1])
     curve = np.array([torsion(modulus, HEIGHT, bound, turn * first, nr=30, nz=20).torque for turn in fine])
     left.axhline(1.0, color="0.7", linestyle=":")
@@ -144,24 +130,6 @@ if MPI.COMM_WORLD.rank == 0:
         right.plot(radius, columns["shear"] / bound, style, markersize=4, label=rf"{turns[k]:g} $\varphi_1$")
     right.set(xlabel="$r / a$", ylabel=r"$|\mu| / (F p)$", xlim=(0, 1), ylim=(0, 1.08))
     right.legend(frameon=False, loc="lower right")
-    # A strip of the side, unrolled: the grid of the undeformed body and what becomes of it.
-    magnified, lines = 40, np.arange(9) * 0.2 * RADIUS
-    for axes, (z, turned), words in zip(
-        (held, slid),
-        sides,
-        (f"{turns[2]:g} $\\varphi_1$: the base sticks", f"{turns[5]:g} $\\varphi_1$: its rim slips"),
-        strict=True,
-    ):
-        axes.plot(np.tile(lines, (2, 1)), [[0.0], [HEIGHT]] * np.ones(lines.size), color="0.75", linewidth=1)
-        axes.plot(lines + magnified * turned[:, None], np.tile(z[:, None], lines.size), color="k", linewidth=1)
-        for height, moved in zip(z[::2], magnified * turned[::2], strict=True):
-            axes.plot(lines[[0, -1]] + moved, (height, height), color="k", linewidth=0.5)
-        axes.set(
-            title=f"Side, unrolled, at {words}",
-            xlabel=rf"$a\,\theta$, displacement $\times\,{magnified}$",
-            ylabel="$z$",
-        )
-        axes.set(aspect="equal", xlim=(-0.1, 2.3), ylim=(-0.03, 1.03 * HEIGHT))
     figure.savefig(RESULTS / "torque.png", dpi=150)
     plt.close(figure)
     print(f"results: {RESULTS}/")

@@ -179,11 +179,6 @@ def test_torsion_of_a_pressed_cylinder(run):
     np.testing.assert_allclose(found["stick"], sticking, rtol=0, atol=0.5 / 5)
     assert (np.diff(found["stick"][2:5]) < -0.2).all()
     assert found["torque"][-1] == pytest.approx(2 / 3 * 0.3 * 10.0 * np.pi, rel=2e-3)
-    (z, held), (_, slid) = found["sides"]
-    np.testing.assert_allclose(held, 0.9 * found["first"] * z, rtol=0, atol=2e-3 * found["first"])
-    assert slid[-1] == pytest.approx(2.4 * found["first"])
-    # Its shear is F p at the base; far from there it grows with the radius, and 4/3 F p at the rim give that torque.
-    assert found["first"] < slid[-1] - slid[0] < 4 / 3 * found["first"]
     pictures("torsion_of_a_pressed_cylinder/torque")
 
 
