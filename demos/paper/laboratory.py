@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
@@ -63,11 +63,10 @@ def outer_iterates(scene: Scene, count: int) -> list[Solution]:
     return [solved(scene, check=False, max_outer_iterations=problems + 1) for problems in range(count)]
 
 
-def energy_norm(solution: Solution, other: Solution | None = None) -> float:
-    """a(e, e)^(1/2) of the displacement, or of its difference to another one on the same mesh."""
+def energy_norm(solution: Solution, other: Solution) -> float:
+    """a(e, e)^(1/2) of the difference of the displacements of two solutions on one mesh."""
     difference = solution.displacement.copy()
-    if other is not None:
-        difference.x.array[:] -= other.displacement.x.array
+    difference.x.array[:] -= other.displacement.x.array
     d = solution.model
     return float(np.sqrt(max(0.0, 2 * NodalForces(d.statement, d.tagged, d.space).strain_energy(difference))))
 
@@ -83,20 +82,14 @@ def quotients(errors: list[Any]) -> list[Any]:
     return [np.asarray(b) / np.asarray(a) for a, b in pairwise(errors)]
 
 
-@dataclass(frozen=True)
-class InexactStep:
-    """One regularised problem of inexact (ALM): linear solves spent on it, and its projected multipliers."""
-
-    linear_solves: int
-    pressure: Nodal
-    shear: Nodal
-
-
-def inexact_alm(scene: Scene, most_solves: int, growth: float) -> Iterator[InexactStep]:
+def inexact_alm(scene: Scene, most_solves: int, growth: float) -> Iterator[tuple[int, Nodal, Nodal]]:
     """(ALM) with at most ``most_solves`` linear solves for each problem, as section 7.1 describes it.
 
     The dual variables are projected before the update.  Where an inner iteration is cut off, it goes on in the next
     problem with the sets that follow from its last iterate.
+
+    Yields:
+        For each problem the number of linear solves, and the projected pressure and shear.
     """
     discretisation = discretise(scene.statement, load_mesh(scene, COMM), Timings())
     task = contact_task(discretisation, History())
@@ -104,7 +97,7 @@ def inexact_alm(scene: Scene, most_solves: int, growth: float) -> Iterator[Inexa
     while True:
         status = newton.solve(data, sets, max_iterations=most_solves)
         pressure, shear = project(*newton.multipliers(), data)
-        yield InexactStep(newton.history.outer[-1].linear_solves, pressure, shear)
+        yield newton.history.outer[-1].linear_solves, pressure, shear
         updated = replace(
             data, lambda_hat=pressure, mu_hat=shear, gamma_n=growth * data.gamma_n, gamma_t=growth * data.gamma_t
         )
