@@ -5,7 +5,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import random_scenes
+from corner_scenes import QUANTITIES, Block
+from corner_scenes import reference as corner_reference
 from dolfinx import mesh as dmesh
 from mesh_files import write_msh
 from mpi4py import MPI
@@ -288,10 +289,7 @@ TABLE = {
 @pytest.fixture(scope="module")
 def block_on_table():
     """A solution that resolves the corner of the block: 25 halvings there, and degree 2."""
-    body = random_scenes.Body(2.0, 1.0, 0.0, None, None, (8, 4))
-    plain = parse_scene({**TABLE, "traction": [{"boundary": "top", "x": 0.0, "y": -5.0}]})
-    one = random_scenes.RandomScene("block", plain, body, tuple(body.corners()), ())
-    return random_scenes.reference(one, 25, 20_000)
+    return corner_reference(parse_scene(TABLE), Block(2.0, 1.0, (8, 4)), 25, 20_000)
 
 
 @pytest.mark.slow
@@ -423,13 +421,60 @@ def test_load_steps(of):
         assert np.linalg.norm(forces[0] - forces[1]) <= 0.05 * np.linalg.norm(forces[1])
 
 
+RECTANGLE = {"length": 2.06, "height": 1.01, "nx": 10, "ny": 5}
+SINGULAR = {
+    "two materials": (
+        Block(2.1, 0.62, (10, 3), 0.27, ((0.651, 0.62), (1.471, 0.62))),
+        {
+            "material": [
+                {"region": "first", "young": 1000.0, "poisson": 0.37},
+                {"region": "second", "young": 308.0, "poisson": 0.3},
+            ],
+            "traction": {"boundary": "top", "y": "where(x[0] > 0.651 and x[0] < 1.471, -7.03, -1.41)"},
+            "contact": {"boundary": "bottom", "friction": {"law": "coulomb", "coefficient": 0.19}},
+        },
+    ),
+    "friction that jumps": (
+        Block(1.56, 1.04, (7, 5), 0.61, ((1.22, 0.0), (0.921, 1.04), (1.301, 1.04))),
+        {
+            "material": [
+                {"region": "first", "young": 1000.0, "poisson": 0.32},
+                {"region": "second", "young": 263.0, "poisson": 0.24},
+            ],
+            "traction": {"boundary": "top", "y": "where(x[0] > 0.921 and x[0] < 1.301, -12.77, -2.55)"},
+            "body_force": {"x": 0.0, "y": -0.2},
+            "contact": {
+                "boundary": "bottom",
+                "friction": {"law": "coulomb", "coefficient": "where(x[0] < 1.22, 0.18, 0.46)"},
+            },
+        },
+    ),
+    "curved gap": (
+        Block(2.06, 1.01, (10, 5), jumps=((0.45, 1.01), (1.447, 1.01))),
+        {
+            "mesh": {"generator": "rectangle", "parameters": RECTANGLE},
+            "material": {"young": 1000.0, "poisson": 0.39},
+            "traction": {"boundary": "top", "y": "where(x[0] > 0.45 and x[0] < 1.447, -10.11, -2.02)"},
+            "body_force": {"x": 0.0, "y": -4.1},
+            "contact": {
+                "boundary": "bottom",
+                "gap": "0.0352*(x[0] - 0.88)**2",
+                "direction": [0.0, -1.0],
+                "friction": {"law": "coulomb", "coefficient": 0.52},
+            },
+        },
+    ),
+}
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("number", [1, 2, 3])
-def test_random_scenes_meet_what_is_asked_for(number):
-    """A scene of the study, asked for 5 % of the displacement, the pressure and the force."""
-    one = random_scenes.scenes(1, 4)[number]
-    fine, _ = random_scenes.reference(one, 25, 15_000)
-    for of in random_scenes.QUANTITIES:
+@pytest.mark.parametrize("name", SINGULAR)
+def test_corners_interfaces_and_jumps(name):
+    """Where the stress is singular, 5 % of the displacement, the pressure and the force are met."""
+    block, data = SINGULAR[name]
+    scene = parse_scene({"mesh": block.mesh(), "displacement": {"boundary": "left", "x": 0.0}, **data})
+    fine, _ = corner_reference(scene, block, 25, 15_000)
+    for of in QUANTITIES:
         goal = Accuracy(target=0.05, of=of)
-        solution = solve(one.scene.model_copy(update={"accuracy": goal}), MPI.COMM_SELF)
+        solution = solve(scene.model_copy(update={"accuracy": goal}), MPI.COMM_SELF)
         assert fine.errors(solution)[of] <= 0.05
