@@ -98,6 +98,8 @@ NOTHING_DRAWN = ("--no-pictures", "--no-fields")
 
 def of_deck(path, folder):
     """The summary of a deck that the command line drafts and solves, with its exit code."""
+    from mpi4py import MPI
+
     scene = folder / "draft.toml"
     for command in (["new", scene, "--from", path], ["solve", scene, "--out", folder / "out", *NOTHING_DRAWN]):
         if command[0] == "solve" and not scene.exists():
@@ -107,6 +109,7 @@ def of_deck(path, folder):
             runpy.run_module("signorini_fx", run_name="__main__", alter_sys=True)
         except SystemExit as end:
             code = end.code
+        MPI.COMM_WORLD.barrier()  # the draft is written by one rank
     summary = folder / "out" / "summary.json"
     return (json.loads(summary.read_text(encoding="utf-8")) if summary.exists() else {}) | {"exit_code": code}
 
