@@ -6,8 +6,8 @@ describes a machine, and where a unit is given.
 
 *Choice* means that a value follows from reasoning alone; *no record* means that it is not recorded what the value was
 compared with, so that whoever changes it has to measure.  Unless it says otherwise a constant was tuned in 2D,
-on Examples 1 and 2 of Kunisch & Stadler (2005) and Hertz's problem (``demos/scenes``), and on the random scenes of
-``demos/studies/random_scenes.py``; those of Krylov methods were tuned in 3D.
+on Examples 1 and 2 of Kunisch & Stadler (2005) and Hertz's problem (``demos/scenes``), and on random scenes
+(``demos/studies/random_scenes.py`` at 3c905269); those of Krylov methods were tuned in 3D.
 """
 
 from __future__ import annotations
