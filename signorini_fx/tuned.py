@@ -197,6 +197,13 @@ STRAIGHT_ANGLE = 1e-7
 # Where the projection that recovers the stress ends, as a share of its right-hand side.  Choice: far below the error
 # that is estimated from it.
 PROJECTION_TOLERANCE = 1e-8
+# In 3D the pressure is looked at this many heights of the piece away from the rim of contact.  Choice.
+PLACES_BESIDE_RIM = (0.0, 1.0, 2.0, 3.0, 4.0, 6.0, 8.0)
+# So much of the factor by which the pressure falls over the first stretch from the rim may be missing over the second.
+# No record.
+SAME_POWER = 0.8
+# A place that is more than this many heights away from the surface is beyond it.  Choice.
+BEYOND_SURFACE = 0.1
 
 # --- convergence table: errors and costs from mesh to mesh ------------------------------------------------------------
 
@@ -258,6 +265,9 @@ SPACE_FIXED, SPACE_GROWTH = 5700.0, 2.0
 LOCAL_SPREAD, UNIFORM_SPREAD = 2.0, 3.5
 # Unknowns that no uniform mesh is foretold for: 60 times those of the largest mesh of the same runs.
 MOST_UNIFORM_UNKNOWNS = 2.5e6
+# The change from one uniform mesh to the next of a pressure that the mesh resolves is caused elsewhere in the body,
+# and decreases with this rate.  Source: the square of the first-order error in the energy norm.
+SMOOTH_RATE = 2.0
 
 # --- solution to a given accuracy ------------------------------------------------------------------------------------
 

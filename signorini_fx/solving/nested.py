@@ -61,7 +61,8 @@ def solve_nested(
         history.move(mesh=number + 1, meshes=count, dofs=0)
         if levels:
             last = levels[-1]
-            to_come = seconds_to_come(last.dofs, last.seconds, count - number, last.dimension, last.krylov_from)
+            solved_so_far = [(level.dofs, level.seconds) for level in levels]
+            to_come = seconds_to_come(solved_so_far, count - number, last.dimension, last.krylov_from)
             history.move(end=time.perf_counter() + to_come)
         name = f"mesh {number + 1} of {count}"
         try:

@@ -138,7 +138,7 @@ def solve_to_accuracy(
         allowed = goal.target * (1 - REGULARISATION_SHARE)
         if not enough or error > allowed:
             excess = error / (goal.target - min(regularisation, goal.target - allowed))
-            # Kinks of the pressure come and go with the nodes at which contact ends.
+            # That of the pressure is corrected by its change from mesh to mesh, which is extrapolated.
             compared, rate = goal.of not in LOCAL or goal.of == "pressure", rates.get(goal.of) or _seen_rate(levels)
             touching = level.table.touching if goal.of == "peak" else FEW_NODES
             jump = meshes.jump(excess, rate, compared=compared, dimension=level.dimension, touching=touching)

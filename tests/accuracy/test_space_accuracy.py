@@ -27,7 +27,8 @@ from signorini_fx.mechanics.statement.settings import Accuracy
 from signorini_fx.records import History, Status
 from signorini_fx.results.accuracy.contact_surface import ContactSurface
 from signorini_fx.results.accuracy.convergence_table import border_of, fineness_of, predict, zone_change
-from signorini_fx.results.accuracy.pressure_error import interval_squares, piece_squares, polygon_error
+from signorini_fx.results.accuracy.pressure_error import interval_squares, polygon_error
+from signorini_fx.results.accuracy.surface_pressure import piece_squares
 from signorini_fx.scenes.mesh_sequence import meshed_scene, plane_modulus, solve_scenes
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve
@@ -82,6 +83,34 @@ def test_a_pressure_that_is_convex_at_the_rim():
     assert not without[inner].any()
     np.testing.assert_allclose(without[convex < 1], convex[convex < 1])
     np.testing.assert_allclose(piece_squares(surface, 10 - 0.1 * (5 - x) ** 2, corners=False), concave)
+
+
+@pytest.mark.parametrize("a", [0.2, 0.4])
+def test_a_pressure_that_is_singular_at_the_rim(a):
+    """Of r^-a, averaged as a finite element solution averages it, the estimate is within a factor of two."""
+    n = 16
+    table = grid(np.arange(n + 1.0), np.arange(7.0), "squares")
+    surface, x = ContactSurface.of(table), table.columns["x"]
+    # The best piecewise linear function with mass lumping at the first node.
+    power = np.where(x > 0, np.maximum(x, 1.0) ** -a, 2 / ((1 - a) * (2 - a)))
+    squares = piece_squares(surface, power)
+    start, h = 2 / ((1 - a) * (2 - a)), np.linspace(0, 1, 200_001)[1:]
+    true = 1 / (1 - 2 * a) - 2 * np.mean(h**-a * (start + (1 - start) * h)) + np.mean((start + (1 - start) * h) ** 2)
+    row = np.abs(surface.x[surface.corners].mean(axis=1) - (0.5, 2.5, 0.0)).max(axis=1) < 0.1
+    assert 0.5 < np.sqrt(squares[row].sum() / true) < 2
+
+
+@CELLS
+def test_values_between_the_nodes(cells):
+    """Linear functions exactly, also above the surface; beside it a place on the rim counts."""
+    table = grid(np.linspace(0.0, 2.0, 7), np.linspace(0.0, 1.0, 4), cells)
+    surface, c = ContactSurface.of(table), table.columns
+    points = np.column_stack((*np.random.default_rng(1).uniform(0, 1, (2, 50)), np.full(50, 0.1)))
+    values = np.column_stack((c["x"], 3 * c["y"]))
+    np.testing.assert_allclose(surface.at(points, values, 0), points[:, :2] * (1, 3), atol=1e-12)
+    ((x, y),) = surface.at(np.array([[2.1, 0.5, 0.0]]), values, 0)
+    assert x == pytest.approx(2.0)
+    assert y == pytest.approx(1.5, abs=0.2)
 
 
 def test_a_facet_of_degree_2_is_four_pieces():

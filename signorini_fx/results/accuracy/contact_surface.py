@@ -11,6 +11,7 @@ from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
+from scipy.spatial import cKDTree
 
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
@@ -28,6 +29,8 @@ _PIECES = {
     6: [[0, 5, 4], [5, 1, 3], [4, 3, 2], [3, 4, 5]],
     9: [[0, 4, 8, 5], [4, 1, 6, 8], [5, 8, 7, 2], [8, 6, 3, 7]],
 }
+# Pieces near a point that are looked at for the one that it is in.
+_NEAR = 8
 
 
 @dataclass(frozen=True)
@@ -144,6 +147,43 @@ class ContactSurface:
         sine = np.linalg.norm(np.cross(self.normal[:, None, :], neighbour_normal), axis=2)
         return np.where(self.rim, 0.0, np.arctan2(sine, cosine))
 
+    def at(self, points: Floats, values: Floats, part: int) -> Floats:
+        """Values between the nodes of a boundary; beside the surface those at a place on its rim that is near.
+
+        Args:
+            points: positions, shape (n, 3).
+            values: at the nodes, shape (rows, m).
+            part: position of the boundary in ``statement.contact``; it has pieces.
+
+        Returns:
+            Shape (n, m).
+        """
+        pieces = np.flatnonzero(self.part == part)
+        count = min(_NEAR, pieces.size)
+        centres = self.x[self.corners[pieces]].mean(axis=1)
+        near = pieces[cKDTree(centres).query(points, count)[1].reshape(-1, count)]
+        weights = self._weights(near, points)
+        # The piece that holds the point is that whose nearest point is nearest.
+        nearest = np.einsum("nck,nckd->ncd", weights, self.x[self.corners[near]])
+        best = np.linalg.norm(nearest - points[:, None, :], axis=2).argmin(axis=1)
+        rows = np.arange(len(points))
+        return np.einsum("nk,nkm->nm", weights[rows, best], values[self.corners[near[rows, best]]])
+
+    def _weights(self, pieces: Ints, points: Floats) -> Floats:
+        """Weights of the corners at the place in each piece, shape (n, c), that is near a point, shape (n, c, k)."""
+        x = self.x[self.corners[pieces]]
+        if x.shape[2] == 3:
+            a, b = x[:, :, 1] - x[:, :, 0], x[:, :, 2] - x[:, :, 0]
+            s, t = _affine(a, b, points[:, None, :] - x[:, :, 0])
+            weights = np.maximum(np.stack((1 - s - t, s, t), axis=2), 0.0)
+            return np.asarray(weights / weights.sum(axis=2, keepdims=True))
+        a = (x[:, :, 1] + x[:, :, 2] - x[:, :, 0] - x[:, :, 3]) / 2
+        b = (x[:, :, 2] + x[:, :, 3] - x[:, :, 0] - x[:, :, 1]) / 2
+        s, t = (
+            np.clip(coordinate + 0.5, 0.0, 1.0) for coordinate in _affine(a, b, points[:, None, :] - x.mean(axis=2))
+        )
+        return np.stack(((1 - s) * (1 - t), s * (1 - t), s * t, (1 - s) * t), axis=2)
+
     def of_rank(self, boundary: ContactBoundary, values: Floats) -> Floats:
         """Sums of what the pieces have for each facet of this rank, as in ``boundary.segments``; collective.
 
@@ -155,3 +195,11 @@ class ContactSurface:
         facets = np.zeros(self.count)
         facets[self.facets] = values.reshape(-1, self.per_facet).sum(axis=1)
         return np.asarray(facets[first : first + len(boundary.segments)])
+
+
+def _affine(a: Floats, b: Floats, d: Floats) -> tuple[Floats, Floats]:
+    """S and t with s a + t b nearest to d, shapes (n, c, 3) -> (n, c)."""
+    aa, ab, bb = (np.einsum("nck,nck->nc", first, second) for first, second in ((a, a), (a, b), (b, b)))
+    ad, bd = (np.einsum("nck,nck->nc", first, d) for first in (a, b))
+    determinant = aa * bb - ab**2
+    return (bb * ad - ab * bd) / determinant, (aa * bd - ab * ad) / determinant

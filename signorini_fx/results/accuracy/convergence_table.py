@@ -19,11 +19,11 @@ import numpy.typing as npt
 
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable, is_closed
 from signorini_fx.results.accuracy.contact_surface import ContactSurface
+from signorini_fx.results.accuracy.contact_values import interpolated, places
 from signorini_fx.results.accuracy.force_error import force_error
 from signorini_fx.results.accuracy.forecast import grown, powers
 from signorini_fx.results.accuracy.mesh_level import LevelResult, MeshCost
 from signorini_fx.results.accuracy.peak_error import peak_error
-from signorini_fx.results.accuracy.pressure_error import places
 from signorini_fx.tuned import (
     CHANGES_USED,
     ENERGY_RATES,
@@ -34,6 +34,7 @@ from signorini_fx.tuned import (
     POLLUTION_OF_PEAK,
     POLYGON_ERRORS,
     POLYGON_PEAK,
+    SMOOTH_RATE,
 )
 
 
@@ -103,13 +104,15 @@ def convergence_table(
             the change from mesh to mesh is no error: where nothing was divided nothing changes.  Then the ends of the
             zones are told to one interval.
     """
-    changes = [zone_change(coarse.table, fine.table) for coarse, fine in pairwise(levels)]
+    changes = [_changes(coarse, fine) for coarse, fine in pairwise(levels)]
     rows = []
     for index, level in enumerate(levels):
         errors: dict[str, float | None] = dict.fromkeys(EXPECTED_RATES)
         if index > 0:
             fineness = [fineness_of(level.dofs, level.dimension) for level in levels[: index + 1]]
-            errors["zone"] = _error(rates["zone"], changes[:index], fineness)
+            errors = {
+                name: _error(rates[name], [c[name] for c in changes[:index]], fineness) for name in ("pressure", "zone")
+            }
             # In 3D and between two bodies a single change was seen to mislead.
             enough = index > 1 or not (level.dimension == 3 or level.paired)
             errors["force"] = force_error(levels[: index + 1], uniform=uniform) if enough else None
@@ -123,8 +126,9 @@ def convergence_table(
         elif not uniform:
             errors["zone"] = max(errors["zone"] or 0.0, ends_of_zones(level.table) or 0.0) or None
         errors["pressure"] = level.pressure
-        if not uniform and level.pressure is not None:
-            errors["pressure"] = float(np.hypot(level.pressure, POLLUTION * level.energy**2))
+        change = changes[index - 1]["pressure"] if index > 0 else None
+        if change is not None and level.pressure is not None:
+            errors["pressure"] = _confirmed(levels[index - 1], level, change, uniform=uniform)
         level_fields = (*(field.name for field in fields(MeshCost)), "energy", "regularisation", "iteration")
         row: dict[str, Any] = {name: getattr(level, name) for name in level_fields} | errors
         rows.append(Price(**row))
@@ -136,6 +140,35 @@ def convergence_table(
 def fineness_of(dofs: float, dimension: int) -> float:
     """1 / h of a mesh with so many unknowns, but for a factor; of a quotient of unknowns, how many times finer."""
     return float(np.sqrt(dofs) if dimension == 2 else np.cbrt(dofs))
+
+
+def _confirmed(coarse: LevelResult, fine: LevelResult, change: float, *, uniform: bool) -> float:
+    """The error of the pressure, corrected by its change from the previous mesh.
+
+    A change that is larger than the estimated error of the coarse mesh shows by how much the estimate is too small.  On
+    uniform meshes the change of a pressure that the mesh resolves is caused elsewhere in the body.
+    """
+    estimate = fine.pressure or 0.0
+    if uniform and fine.dofs <= coarse.dofs:
+        return estimate
+    if uniform:
+        return max(estimate, float(change / ((fine.dofs / coarse.dofs) ** (SMOOTH_RATE / fine.dimension) - 1)))
+    times = max(1.0, change / coarse.pressure) if coarse.pressure else 1.0
+    return float(np.hypot(estimate * times, POLLUTION * fine.energy**2))
+
+
+def _changes(coarse: LevelResult, fine: LevelResult) -> dict[str, float | None]:
+    """Relative change of every quantity from one mesh to the next; None where it cannot be compared."""
+    f = fine.table.columns
+    weight, pressure = f["weight"], f["pressure"]
+    size = float(np.sqrt(np.dot(weight, pressure**2)))
+    difference = pressure - interpolated(coarse.table, fine.table, "pressure")
+    force = float(np.linalg.norm(fine.force))
+    return {
+        "pressure": float(np.sqrt(np.dot(weight, difference**2))) / size if size > 0 else None,
+        "force": float(np.linalg.norm(fine.force - coarse.force)) / force if force > 0 else None,
+        "zone": zone_change(coarse.table, fine.table),
+    }
 
 
 def zone_change(coarse: ContactTable, fine: ContactTable) -> float | None:

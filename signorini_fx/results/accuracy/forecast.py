@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from signorini_fx.tuned import MEMORY_POWER, TIME_POWER
+from signorini_fx.tuned import LEAST_GROWING_TIME, MEMORY_POWER, TIME_POWER
 
 
 def grown(
@@ -37,15 +39,22 @@ def powers(dofs: float, dimension: int, krylov_from: float) -> tuple[float, floa
     return (1.0, 1.0) if dofs >= krylov_from else (TIME_POWER[dimension], MEMORY_POWER[dimension])
 
 
-def seconds_to_come(dofs: int, seconds: float, meshes: int, dimension: int, krylov_from: float) -> float:
+def seconds_to_come(solved: Sequence[tuple[int, float]], meshes: int, dimension: int, krylov_from: float) -> float:
     """The time that more meshes will take, each with cells half as large as the previous one.
 
     Args:
-        dofs: unknowns of the last mesh.
-        seconds: that it took.
+        solved: unknowns and seconds of the solved meshes, at least one; all of the time of a single one grows.
         meshes: how many are to come.
         dimension: of the body.
         krylov_from: as for ``powers``.
     """
-    growths = [2.0 ** (dimension * number) for number in range(1, meshes + 1)]
-    return sum(seconds * growth ** powers(dofs * growth, dimension, krylov_from)[0] for growth in growths)
+    (earlier_dofs, earlier), (dofs, seconds) = solved[-2] if len(solved) > 1 else solved[-1], solved[-1]
+    total = 0.0
+    for number in range(1, meshes + 1):
+        growth = 2.0 ** (dimension * number)
+        power, _ = powers(dofs * growth, dimension, krylov_from)
+        if earlier_dofs < dofs:
+            total += grown(seconds, earlier, dofs / earlier_dofs, growth, power, least=LEAST_GROWING_TIME)
+        else:
+            total += seconds * growth**power
+    return total

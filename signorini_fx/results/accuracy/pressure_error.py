@@ -1,4 +1,4 @@
-"""The error of the contact pressure in L2(Gamma_c), where it is, estimated from its kinks at the nodes.
+"""The error of the contact pressure along a curve in L2(Gamma_c), where it is, estimated from its kinks at the nodes.
 
 Between the nodes the pressure is linear.  The change of its slope at the nodes indicates its error, in smooth parts as
 well as at the ends of the contact zones.  At a corner of the body the stress may be singular,
@@ -210,30 +210,6 @@ def _corners(table: ContactTable, rows: Ints, s: Floats, blur: float = 0.0) -> l
     return corners
 
 
-def piece_squares(surface: ContactSurface, pressure: Floats, *, corners: bool = True) -> Floats:
-    """The same on a surface, on each of its pieces, stress^2 times area, shape (pieces,).
-
-    A pressure that changes along one direction only has the error that it has along a curve.
-
-    Args:
-        surface: the contact surface.
-        pressure: at its nodes, shape (rows,).
-        corners: whether to include the pieces at the rim where the pressure may be singular.
-    """
-    jumps = surface.jumps(pressure)
-    kinks = surface.sides * surface.heights**3 * jumps**2
-    squares = KINK_SHARE / 2 * kinks.sum(axis=1)
-    on_rim = surface.rim_nodes & (pressure != 0)
-    ends, next_ends = on_rim[surface.corners], np.roll(on_rim[surface.corners], -1, axis=1)
-    # A pressure that is convex towards the rim may be singular there; at a plane of symmetry it is concave.
-    pressed = (pressure != 0)[surface.corners].all(axis=1)  # the end of a contact zone is another matter
-    both_pressed = pressed[:, None] & pressed[np.maximum(surface.across, 0) // surface.corners.shape[1]]
-    convex = np.where(both_pressed & ~(ends | next_ends) & (jumps < 0), kinks, 0.0).sum(axis=1) * ends.any(axis=1)
-    if not corners:
-        return np.where(CORNER_SHARE * convex > squares, 0.0, squares)
-    return np.maximum(squares, CORNER_SHARE * convex)
-
-
 def corners_of_error(table: ContactTable, kinematics: Kinematics = PLANE_STRAIN) -> Floats:
     """Positions of the corners with a large share of the error of the pressure beside them, shape (n, 2)."""
     squares = interval_squares(table, kinematics)
@@ -245,11 +221,6 @@ def corners_of_error(table: ContactTable, kinematics: Kinematics = PLANE_STRAIN)
             if part.start <= interval < part.stop and of_path[interval - part.start] > much:
                 nodes.append(int(rows[node]))
     return np.column_stack((table.columns["x"][nodes], table.columns["y"][nodes]))
-
-
-def places(table: ContactTable) -> Floats:
-    """The positions of the nodes in 2D, length, shape (rows, 2)."""
-    return np.column_stack((table.columns["x"], table.columns["y"]))
 
 
 def turning(x: Floats, y: Floats) -> Floats:
