@@ -40,6 +40,7 @@ class ContactSurface:
     Attributes:
         x: position of the nodes, length, shape (rows, 3).
         corners: the rows of the contact table at the corners of each piece, around it, shape (pieces, k).
+        part: position in ``statement.contact`` of the boundary that each piece is of, shape (pieces,).
         per_facet: how many pieces a facet has; those of one facet follow each other.
         facets: which facets of the table have pieces: between two bodies those whose nodes all carry a point.
         count: of all facets of the table.
@@ -47,6 +48,7 @@ class ContactSurface:
 
     x: Floats
     corners: Ints
+    part: Ints
     per_facet: int
     facets: Ints
     count: int
@@ -55,6 +57,7 @@ class ContactSurface:
     def of(cls, table: ContactTable) -> ContactSurface:
         """The contact surface of a table in 3D."""
         assert table.facets is not None
+        assert table.nodes is not None
         facets = table.facets
         vertices = {6: 3, 9: 4}.get(facets.shape[1], facets.shape[1])
         if (facets[:, vertices:] < 0).all():  # no contact nodes but the vertices
@@ -63,7 +66,7 @@ class ContactSurface:
         pieces = np.array(_PIECES[facets.shape[1]])
         corners = facets[complete][:, pieces].reshape(-1, pieces.shape[1])
         x = np.column_stack([table.columns[axis] for axis in "xyz"])
-        return cls(x, corners, len(pieces), complete, len(facets))
+        return cls(x, corners, table.nodes[corners[:, 0], 0], len(pieces), complete, len(facets))
 
     @cached_property
     def _normal_area(self) -> Floats:

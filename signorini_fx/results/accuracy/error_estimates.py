@@ -22,10 +22,10 @@ from signorini_fx.results.accuracy.pressure_error import (
     beside,
     interval_squares,
     on_facets,
-    piece_squares,
     pressure_square,
 )
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery
+from signorini_fx.results.accuracy.surface_pressure import piece_squares
 from signorini_fx.tuned import POLLUTION
 
 Floats = npt.NDArray[np.float64]
