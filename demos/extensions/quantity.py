@@ -21,4 +21,5 @@ class MeanPressureRight(Quantity):
 register("signorini_fx.quantities", MeanPressureRight.key, MeanPressureRight)
 if __name__ == "__main__":
     scene = read_scene(Path(__file__).parents[1] / "scenes" / "example1_coulomb.toml")
-    write_results(solve(scene), "results/demos/quantity")
+    summary = write_results(solve(scene), "results/demos/quantity")
+    print(f"{summary['status']}, mean pressure {summary['mean_pressure_right']:.4g}")

@@ -27,7 +27,11 @@ SPOILED = {
     "law": ("return self.coefficient /", "return -self.coefficient /", "limit of Smooth exceeds"),
     "linear_solver": ("self.pc.apply(b, x)", "x.set(0.0)", "the linear solver 'block-low-rank' of another package"),
     "material": ("s = 2 * self.p * e", "s = -2 * self.p * e", "stress of Fibres does no work on some strain"),
-    "quantity": ("comm.allreduce(self.by_", "comm.allreduce(-self.by_", "derivatives of OverHalf are not those of its"),
+    "quantity": (
+        '= "mean_pressure_right", "',
+        '= "max_pressure", "',
+        "needs a key that is its name, an",
+    ),
     "shape": ("np.where(away < 0, -1, 1)", "np.where(away < 0, 1, -1)", "distance of RoundedBox"),
 }
 
@@ -73,7 +77,7 @@ def test_is_refused(name, tmp_path):
     (tmp_path / "scenes").symlink_to(ROOT / "demos" / "scenes")
     spoiled = tmp_path / "extensions" / f"{name}.py"
     spoiled.write_text(text.replace(old, new), encoding="utf-8")
-    with pytest.raises((SceneError, ConvergenceError), match=message):
+    with pytest.raises((SceneError, ConvergenceError, InstallationError), match=message):
         runpy.run_path(str(spoiled), run_name="__main__")
 
 
