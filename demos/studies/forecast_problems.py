@@ -76,19 +76,7 @@ def _plane() -> Problems:
         ("rubber mount, four load steps", _scene(scene_of("rubber_mount"))),
         *((name, _scene(scene)) for name, scene in standing.items()),
     ]
-    return problems + _drawn(7, 3, 3)
-
-
-def _drawn(seed: int, linear: int, quadratic: int) -> Problems:
-    """Random scenes: so many with elements of degree 1, then so many with degree 2."""
-    import random_scenes
-
-    drawn = enumerate(random_scenes.scenes(seed, linear + quadratic))
-    scenes = [(scene, 1 if number < linear else 2) for number, scene in drawn]
-    return [
-        (f"random {scene.name} of {seed}, degree {degree}", random_scenes.on(scene, 0.5 * degree, degree))
-        for scene, degree in scenes
-    ]
+    return problems
 
 
 def _no_friction() -> Any:
@@ -216,7 +204,6 @@ def _other_plane() -> Problems:
             _scene(parsed(*coarse, contact=_on(0.0, COULOMB), **base, **rubber, **quadratic)),
         ),
         ("braked wheel, three load steps", _scene(wheel, 4)),
-        *_drawn(19, 4, 4),
     ]
 
 

@@ -14,7 +14,6 @@ import numpy.typing as npt
 import ufl
 from mpi4py import MPI
 from dolfinx import fem
-from scipy.spatial import cKDTree
 
 from signorini_fx.machine import compat
 from signorini_fx.mechanics.mesh.points import cells_of_points
@@ -22,8 +21,8 @@ from signorini_fx.mechanics.mesh.refinement import mark, refine
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.statement.mesh_sources import MeshGenerator
 from signorini_fx.mechanics.statement.settings import SolverSettings
+from signorini_fx.results.accuracy.contact_values import interpolated
 from signorini_fx.results.accuracy.convergence_table import zone_change
-from signorini_fx.results.accuracy.pressure_error import places
 from signorini_fx.results.solution import Solution
 from signorini_fx.scenes.hierarchy import scene_on
 from signorini_fx.scenes.mesh import load_mesh
@@ -132,34 +131,6 @@ class Reference:
         shares = space.element.basix_element.tabulate(0, places)[0, :, :, 0]
         values = function.x.array.reshape(-1, self._stress.shape[1])
         return np.asarray(np.einsum("nk,nkc->nc", shares, values[space.dofmap.list[cells]]))
-
-
-def interpolated(coarse: Any, fine: Any, name: str) -> Floats:
-    """A column of the coarse table at the nodes of the fine one in 2D, interpolated on the facet that is nearest there.
-
-    Arc lengths would not do: that of a curve grows with the facets.
-    """
-    x, old, column = places(fine), places(coarse), coarse.columns[name]
-    previous_node, next_node = np.arange(len(old)), np.arange(len(old))
-    for path in coarse.paths:
-        next_node[path[:-1]], previous_node[path[1:]] = path[1:], path[:-1]
-    values, nearest = np.zeros(len(x)), np.full(len(x), np.inf)
-    of_fine, of_coarse = fine.columns["boundary"], coarse.columns["boundary"]
-    for boundary in np.unique(of_fine):
-        fine_rows, coarse_rows = np.flatnonzero(of_fine == boundary), np.flatnonzero(of_coarse == boundary)
-        if not coarse_rows.size:
-            continue
-        node = coarse_rows[cKDTree(old[coarse_rows]).query(x[fine_rows])[1]]
-        for neighbour in (previous_node[node], next_node[node]):
-            side, away = old[neighbour] - old[node], x[fine_rows] - old[node]
-            square = (side**2).sum(axis=1)
-            share = np.divide((side * away).sum(axis=1), square, out=np.zeros(fine_rows.size), where=square > 0)
-            share = np.clip(share, 0.0, 1.0)
-            distance = np.linalg.norm(share[:, None] * side - away, axis=1)
-            candidate = column[node] + share * (column[neighbour] - column[node])
-            values[fine_rows] = np.where(distance < nearest[fine_rows], candidate, values[fine_rows])
-            nearest[fine_rows] = np.minimum(distance, nearest[fine_rows])
-    return values
 
 
 def reference_solution(scene: Scene, unknowns: int) -> tuple[Reference, dict[str, float | None]]:
