@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.stability.oracle.effects import listed
+from benchmarks.stability.oracle.elements import Array
 from benchmarks.stability.oracle.scenes import SIDES, Dice, Trial, drawn_units, trial
 from benchmarks.stability.oracle.units import Units
 
@@ -139,20 +140,45 @@ def _cohesion(dice: Dice, scene: dict[str, Any], sides: list[str], scale: float,
 
 def _shape(dice: Dice, scene: dict[str, Any], sides: list[str], scale: float, stepped: Any, drawn: Trial) -> int:
     """A plane or a circle under the lowest node of the contact boundary, seen along its mean normal."""
+
+    def along(down: Array) -> Array:
+        turn = dice.between(-0.2, 0.2)
+        turned = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]]) @ down
+        return np.asarray(turned / np.linalg.norm(down))
+
+    return stands(dice, scene, scale, drawn, along, ("circle", -0.3))
+
+
+def stands(
+    dice: Dice,
+    scene: dict[str, Any],
+    scale: float,
+    drawn: Trial,
+    along: Callable[[Array], Array],
+    round_one: tuple[str, float],
+) -> int:
+    """Whether the first contact boundary stands on a shape that is not inside the body.
+
+    Args:
+        dice: draws.
+        scene: is changed.
+        scale: of gaps, length.
+        drawn: has the mesh.
+        along: from the way from the middle of the body to the middle of the boundary to the unit vector downwards.
+        round_one: name of a round shape, and the logarithm of its smallest radius.
+    """
     effect, mesh = scene["contact"][0], drawn.mesh
     if mesh is None or "kind" in effect:
         return 0
-    ends = mesh.points[mesh.boundaries[effect["boundary"]]]
-    down = ends.reshape(-1, 2).mean(axis=0) - mesh.points.mean(axis=0)
-    turn = dice.between(-0.2, 0.2)
-    down = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]]) @ down / np.linalg.norm(down)
-    x = ends.reshape(-1, 2)
+    x = mesh.points[mesh.boundaries[effect["boundary"]]].reshape(-1, mesh.points.shape[1])
+    down = along(x.mean(axis=0) - mesh.points.mean(axis=0))
     lowest = x[np.argmax(x @ down)]
     if dice.chance(0.5):
         shape = {"shape": "plane", "point": lowest.tolist(), "normal": (-down).tolist()}
     else:
-        radius = dice.power(-0.3, 1)
-        shape = {"shape": "circle", "centre": (lowest + radius * down).tolist(), "radius": radius}
+        name, least = round_one
+        radius = dice.power(least, 1)
+        shape = {"shape": name, "centre": (lowest + radius * down).tolist(), "radius": radius}
         if (np.linalg.norm(mesh.points - np.array(shape["centre"]), axis=1) < radius - 0.05).any():
             return 0
     kept = {key: value for key, value in effect.items() if key != "direction"}

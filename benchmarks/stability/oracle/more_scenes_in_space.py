@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 
 from benchmarks.stability.oracle.effects import listed
-from benchmarks.stability.oracle.more_scenes import FIRST, all_have, with_more
+from benchmarks.stability.oracle.elements import Array
+from benchmarks.stability.oracle.more_scenes import FIRST, all_have, stands, with_more
 from benchmarks.stability.oracle.scenes import Dice, Trial
 from benchmarks.stability.oracle.scenes_in_space import SIDES, trial
 from benchmarks.stability.oracle.units import Units
@@ -114,21 +115,9 @@ def _cohesion(dice: Dice, scene: dict[str, Any], sides: list[str], scale: float,
 
 def _shape(dice: Dice, scene: dict[str, Any], sides: list[str], scale: float, stepped: Any, drawn: Trial) -> int:
     """A plane or a sphere under the lowest node of the contact boundary, seen nearly along its mean normal."""
-    effect, mesh = scene["contact"][0], drawn.mesh
-    if mesh is None or "kind" in effect:
-        return 0
-    x = mesh.points[mesh.boundaries[effect["boundary"]]].reshape(-1, 3)
-    down = x.mean(axis=0) - mesh.points.mean(axis=0)
-    down = down / np.linalg.norm(down) + 0.1 * np.array(_vector(dice))
-    down /= np.linalg.norm(down)
-    lowest = x[np.argmax(x @ down)]
-    if dice.chance(0.5):
-        shape = {"shape": "plane", "point": lowest.tolist(), "normal": (-down).tolist()}
-    else:
-        radius = dice.power(0, 1)
-        shape = {"shape": "sphere", "centre": (lowest + radius * down).tolist(), "radius": radius}
-        if (np.linalg.norm(mesh.points - np.array(shape["centre"]), axis=1) < radius - 0.05).any():
-            return 0
-    kept = {key: value for key, value in effect.items() if key != "direction"}
-    scene["contact"][0] = kept | {"foundation": shape, "gap": dice.one_of(0.0, scale * dice.between(-0.5, 0.5))}
-    return 1
+
+    def along(down: Array) -> Array:
+        aside = down / np.linalg.norm(down) + 0.1 * np.array(_vector(dice))
+        return np.asarray(aside / np.linalg.norm(aside))
+
+    return stands(dice, scene, scale, drawn, along, ("sphere", 0.0))

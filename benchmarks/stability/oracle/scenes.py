@@ -464,27 +464,43 @@ def _hold_and_load(dice: Dice, turn: _Turn, scene: dict[str, Any], names: dict[s
     scene["_size"] = size
 
 
+def drawn_friction(dice: Dice, size: float, first: str, second: str) -> dict[str, Any]:
+    """A law of friction whose values may vary along one of two directions, as expressions of the position."""
+    kind = dice.one_of("none", "tresca", "tresca", "tresca", "coulomb", "coulomb", "coulomb", "coulomb")
+    if kind == "none":
+        return {"law": "none"}
+    if kind == "tresca":
+        bound = size * dice.power(-2, 1)
+        if dice.chance(0.3):
+            return {"law": "tresca", "bound": f"{bound!r}*abs(sin({dice.between(1, 9)!r}*{first}))"}
+        return {"law": "tresca", "bound": bound}
+    coefficient: Any = dice.one_of(dice.power(-2, 0), dice.power(-0.7, 0.3))
+    if dice.chance(0.25):
+        coefficient = f"{coefficient!r} if {second} < {dice.between(-0.5, 0.5)!r} else {dice.power(-2, 0)!r}"
+    law = {"law": "coulomb", "coefficient": coefficient}
+    if dice.chance(0.15):
+        law["cap"] = size * dice.power(-1, 1)
+    return law
+
+
+def drawn_limits(dice: Dice, algorithm: str, gamma: float) -> dict[str, Any]:
+    """Settings of an algorithm that say when it ends; ``gamma``: the largest one."""
+    found: dict[str, Any] = {}
+    if algorithm == "path-following" and dice.chance(0.4):
+        found["regularisation_error"] = dice.power(-6, -1)
+    if algorithm == "continuation" and dice.chance(0.3):
+        found["gamma_first"] = gamma * dice.power(-5, -1)
+    if dice.chance(0.08):
+        found["tolerance"] = dice.power(-10, -7)
+    if dice.chance(0.05):
+        found["fallbacks"] = False
+    return found
+
+
 def _contacts(
     dice: Dice, turn: _Turn, scene: dict[str, Any], names: dict[str, str], mesh: Mesh | None
 ) -> list[dict[str, Any]]:
     size = scene.pop("_size")
-
-    def friction() -> dict[str, Any]:
-        kind = dice.one_of("none", "tresca", "tresca", "tresca", "coulomb", "coulomb", "coulomb", "coulomb")
-        if kind == "none":
-            return {"law": "none"}
-        if kind == "tresca":
-            bound = size * dice.power(-2, 1)
-            if dice.chance(0.3):
-                return {"law": "tresca", "bound": f"{bound!r}*abs(sin({dice.between(1, 9)!r}*{turn.along}))"}
-            return {"law": "tresca", "bound": bound}
-        coefficient: Any = dice.one_of(dice.power(-2, 0), dice.power(-0.7, 0.3))
-        if dice.chance(0.25):
-            coefficient = f"{coefficient!r} if {turn.along} < {dice.between(-0.5, 0.5)!r} else {dice.power(-2, 0)!r}"
-        law = {"law": "coulomb", "coefficient": coefficient}
-        if dice.chance(0.15):
-            law["cap"] = size * dice.power(-1, 1)
-        return law
 
     def gap() -> Any:
         return dice.one_of(
@@ -498,7 +514,7 @@ def _contacts(
         )
 
     def contact(boundary: str) -> dict[str, Any]:
-        found = {"boundary": boundary, "gap": gap(), "friction": friction()}
+        found = {"boundary": boundary, "gap": gap(), "friction": drawn_friction(dice, size, turn.along, turn.along)}
         if dice.chance(0.08):
             found["kind"] = "bilateral"
         if boundary == names["bottom"] and dice.chance(0.2):
@@ -537,12 +553,4 @@ def _solver(dice: Dice, turn: _Turn, scene: dict[str, Any]) -> dict[str, Any]:
         found["gamma_factor"] = dice.between(1.0, 4.0)
     if algorithm == "alm" and dice.chance(0.15):
         found["inner_iterations"] = dice.whole(1, 3)
-    if algorithm == "path-following" and dice.chance(0.4):
-        found["regularisation_error"] = dice.power(-6, -1)
-    if algorithm == "continuation" and dice.chance(0.3):
-        found["gamma_first"] = found.get("gamma_n", natural) * dice.power(-5, -1)
-    if dice.chance(0.08):
-        found["tolerance"] = dice.power(-10, -7)
-    if dice.chance(0.05):
-        found["fallbacks"] = False
-    return found
+    return found | drawn_limits(dice, algorithm, found.get("gamma_n", natural))

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from benchmarks.stability.oracle import elements
 from benchmarks.stability.oracle.body import Mesh
 from benchmarks.stability.oracle.elements import Array, Ints
-from benchmarks.stability.oracle.scenes import Dice, Trial, drawn_units
+from benchmarks.stability.oracle.scenes import Dice, Trial, drawn_friction, drawn_limits, drawn_units
 from benchmarks.stability.oracle.units import Units
 
 SIDES = ("left", "right", "front", "back", "bottom", "top")
@@ -339,25 +339,7 @@ def _hold_and_load(
 def _contacts(
     dice: Dice, turn: _Turn, scene: dict[str, Any], names: dict[str, str], size: float
 ) -> list[dict[str, Any]]:
-    def place(axis: int) -> str:
-        return turn.along(axis)
-
-    def friction() -> dict[str, Any]:
-        kind = dice.one_of("none", "tresca", "tresca", "tresca", "coulomb", "coulomb", "coulomb", "coulomb")
-        if kind == "none":
-            return {"law": "none"}
-        if kind == "tresca":
-            bound = size * dice.power(-2, 1)
-            if dice.chance(0.3):
-                return {"law": "tresca", "bound": f"{bound!r}*abs(sin({dice.between(1, 9)!r}*{place(0)}))"}
-            return {"law": "tresca", "bound": bound}
-        coefficient: Any = dice.one_of(dice.power(-2, 0), dice.power(-0.7, 0.3))
-        if dice.chance(0.25):
-            coefficient = f"{coefficient!r} if {place(1)} < {dice.between(-0.5, 0.5)!r} else {dice.power(-2, 0)!r}"
-        law = {"law": "coulomb", "coefficient": coefficient}
-        if dice.chance(0.15):
-            law["cap"] = size * dice.power(-1, 1)
-        return law
+    first, second = turn.along(0), turn.along(1)
 
     def gap() -> Any:
         a, b = dice.between(-0.5, 0.5), dice.between(-0.5, 0.5)
@@ -365,14 +347,14 @@ def _contacts(
             0.0,
             0.0,
             size * dice.between(-0.5, 1.0),
-            f"{size * dice.power(-1, 1)!r}*(({place(0)} - {a!r})**2 + ({place(1)} - {b!r})**2)",
-            f"{size * dice.power(-1, 0.5)!r}*abs(sin({dice.between(1, 9)!r}*{place(1)}))",
-            f"{size!r} if {place(0)} < {a!r} else 0.0",
-            f"{size * dice.between(-1, 1)!r}*{place(0)} + {size * dice.between(-1, 1)!r}*{place(1)}",
+            f"{size * dice.power(-1, 1)!r}*(({first} - {a!r})**2 + ({second} - {b!r})**2)",
+            f"{size * dice.power(-1, 0.5)!r}*abs(sin({dice.between(1, 9)!r}*{second}))",
+            f"{size!r} if {first} < {a!r} else 0.0",
+            f"{size * dice.between(-1, 1)!r}*{first} + {size * dice.between(-1, 1)!r}*{second}",
         )
 
     def contact(boundary: str) -> dict[str, Any]:
-        found = {"boundary": boundary, "gap": gap(), "friction": friction()}
+        found = {"boundary": boundary, "gap": gap(), "friction": drawn_friction(dice, size, first, second)}
         if dice.chance(0.08):
             found["kind"] = "bilateral"
         if boundary == names["bottom"] and dice.chance(0.2):
@@ -409,12 +391,4 @@ def _solver(dice: Dice, turn: _Turn, scene: dict[str, Any]) -> dict[str, Any]:
         found["levels"] = 2
     if algorithm == "alm" and dice.chance(0.2):
         found["gamma_factor"] = dice.between(1.0, 4.0)
-    if algorithm == "path-following" and dice.chance(0.4):
-        found["regularisation_error"] = dice.power(-6, -1)
-    if algorithm == "continuation" and dice.chance(0.3):
-        found["gamma_first"] = found.get("gamma_n", natural) * dice.power(-5, -1)
-    if dice.chance(0.08):
-        found["tolerance"] = dice.power(-10, -7)
-    if dice.chance(0.05):
-        found["fallbacks"] = False
-    return found
+    return found | drawn_limits(dice, algorithm, found.get("gamma_n", natural))
