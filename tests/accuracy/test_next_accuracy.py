@@ -36,9 +36,9 @@ def test_all_cells_smaller():
     """A tenth of the error by the rate; of a nonlinear body nothing can be asked for."""
     scene = example1(coefficient=0.3, gamma="auto", nx=30, ny=10)
     tagged = alone(scene).model.tagged
-    way = next_accuracy.way_of(scene.statement, tagged, "energy", 682, linear=False)
-    assert way.unknowns == pytest.approx(682 * 10 ** (2 / UNIFORM_RATE))
-    assert way.times[1] / way.times[0] == pytest.approx(UNIFORM_SPREAD**2)
+    refinement = next_accuracy.next_refinement(scene.statement, tagged, "energy", 682, linear=False)
+    assert refinement.unknowns == pytest.approx(682 * 10 ** (2 / UNIFORM_RATE))
+    assert refinement.times[1] / refinement.times[0] == pytest.approx(UNIFORM_SPREAD**2)
     cost = next_accuracy.next_cost(scene.statement, tagged, "energy", 0.5, [(682, 1.0)], 0.0, linear=False)
     assert not cost.local
     assert "with" not in str(cost)
@@ -93,6 +93,6 @@ def test_check_foretells_what_it_costs():
     scene = example1(coefficient=0.3, gamma="auto", nx=30, ny=10)
     cost = check_scene(scene).cost
     assert cost.next_local
-    factor = next_accuracy.way_of(scene.statement, alone(scene).model.tagged, "energy", cost.unknowns).times[1]
+    factor = next_accuracy.next_refinement(scene.statement, alone(scene).model.tagged, "energy", cost.unknowns).times[1]
     assert cost.next_seconds[1] == pytest.approx(factor * cost.seconds[1])
     assert cost.next_seconds[0] < cost.next_seconds[1]

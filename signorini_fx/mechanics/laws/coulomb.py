@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
@@ -47,10 +47,6 @@ class Coulomb(DirectedLaw):
     @property
     def ends_open(self) -> bool:
         return self.cohesion is not None
-
-    @property
-    def bound_per_pressure(self) -> Any:
-        return self.coefficient
 
     @property
     def exceptions(self) -> dict[str, str]:

@@ -123,15 +123,6 @@ class FrictionLaw(Table):
         return lambda x: self.sampled(x).limit(np.zeros(x.shape[1]))
 
     @property
-    def bound_per_pressure(self) -> Any:
-        """What multiplies the pressure, for estimates of what meshes miss of it between nodes; ``given_bound`` of a law
-        that does not follow the pressure.
-        """
-        if not self.follows_pressure:
-            return self.given_bound
-        return lambda x: self.sampled(x).derivative(np.zeros(x.shape[1]))
-
-    @property
     def acts(self) -> bool:
         """Whether it can transmit shear."""
         return True

@@ -121,11 +121,11 @@ def divides_cells(statement: Statement, tagged: TaggedMesh, of: str) -> bool:
 
 
 @dataclass(frozen=True)
-class Way:
-    """How the next error is reached.
+class NextRefinement:
+    """The meshes that lead to the next error.
 
     Attributes:
-        unknowns: of its last mesh, the most likely number.
+        unknowns: of the last mesh, the most likely number.
         times: how many times as long as the mesh that was solved all meshes take, from and to.
         degree: of the elements.
         local: whether cells are divided where the error is; otherwise all become smaller.
@@ -137,18 +137,20 @@ class Way:
     local: bool
 
 
-def way_of(statement: Statement, tagged: TaggedMesh, of: str, dofs: float, *, linear: bool = True) -> Way:
-    """That of a requested accuracy; of nonlinear bodies, which cannot request one, smaller cells; collective."""
+def next_refinement(
+    statement: Statement, tagged: TaggedMesh, of: str, dofs: float, *, linear: bool = True
+) -> NextRefinement:
+    """What a requested accuracy does; nonlinear bodies, which cannot request one, get smaller cells; collective."""
     dimension, degree = tagged.dimension, statement.element.degree
     if linear and divides_cells(statement, tagged, of):
         unknowns, middle = _divided(statement, dimension, dofs)
-        return Way(unknowns, (middle / LOCAL_SPREAD, middle * LOCAL_SPREAD), 2, local=True)
+        return NextRefinement(unknowns, (middle / LOCAL_SPREAD, middle * LOCAL_SPREAD), 2, local=True)
     times, first = NEXT_ERROR[dimension], dofs
     if linear and dimension == 2 and degree == 1 and of in LOCAL and statement.units is not None:
         times, degree, first = 2 * times, 2, 4 * dofs  # as in ``local_meshes``
     unknowns = first * times ** (-dimension / UNIFORM_RATE)
     middle = times_of([unknowns], dofs, dimension)
-    return Way(unknowns, (middle / UNIFORM_SPREAD, middle * UNIFORM_SPREAD), degree, local=False)
+    return NextRefinement(unknowns, (middle / UNIFORM_SPREAD, middle * UNIFORM_SPREAD), degree, local=False)
 
 
 def next_cost(
@@ -173,17 +175,19 @@ def next_cost(
         linear: whether the body is, so that an accuracy can be requested.
     """
     (dofs, last), following = solved[-1], NEXT_ERROR[tagged.dimension] * error
-    way = way_of(statement, tagged, of, dofs, linear=linear)
-    target = f"{min(following * MARGIN.get((of, way.degree), MARGIN_OF_OTHERS), 0.99):.2g}"
+    refinement = next_refinement(statement, tagged, of, dofs, linear=linear)
+    target = f"{min(following * MARGIN.get((of, refinement.degree), MARGIN_OF_OTHERS), 0.99):.2g}"
     command = f"--accuracy {target}" + (f" --of {of}" if of != "energy" else "")
     if statement.units is None:  # of forms
         more = {"of": of} if of != "energy" else {}
-        more |= {"refinement": "adaptive"} if way.local else {}
+        more |= {"refinement": "adaptive"} if refinement.local else {}
         command = f"Accuracy(target={target}{''.join(f', {key}={value!r}' for key, value in more.items())})"
     command = command if linear else ""
-    low, high = (starting + times * (last - starting) for times in way.times)
+    low, high = (starting + times * (last - starting) for times in refinement.times)
     seconds = sum(seconds for _, seconds in solved)
-    return CostOfAccuracy(of, error, seconds, dofs, following, (low, high), way.unknowns, command, way.local)
+    return CostOfAccuracy(
+        of, error, seconds, dofs, following, (low, high), refinement.unknowns, command, refinement.local
+    )
 
 
 def local_meshes(dofs: float, degree: int, *, generated: bool, divided: bool = False) -> list[float]:

@@ -16,7 +16,7 @@ from signorini_fx.mechanics.effects.contact import Contact
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.records import Finding
-from signorini_fx.results.accuracy.next_accuracy import way_of
+from signorini_fx.results.accuracy.next_accuracy import next_refinement
 from signorini_fx.tuned import (
     BACK_SUBSTITUTION,
     BASE_BYTES,
@@ -132,7 +132,7 @@ def estimated_cost(model: Model, *, linear: bool = True) -> Cost:
         free += int(np.count_nonzero(~model.boundary.moving.fixed))
     seconds = once + solves[0] * per_solve, once + solves[1] * per_solve
     of = "energy" if model.statement.accuracy is None else model.statement.accuracy.of
-    way = way_of(model.statement, model.tagged, of, free, linear=linear)
+    refinement = next_refinement(model.statement, model.tagged, of, free, linear=linear)
     paired = PAIRED_BYTES[dim] * nodes if any(contact.against for contact in model.statement.contact) else 0.0
     return Cost(
         unknowns=free,
@@ -144,8 +144,8 @@ def estimated_cost(model: Model, *, linear: bool = True) -> Cost:
         seconds=seconds,
         memory_bytes=BASE_BYTES * comm.size + BYTES_PER_DOF * n + 2 * matrix + held + 24.0 * dense**2 + paired,
         next_error=NEXT_ERROR[dim],
-        next_seconds=(seconds[0] * way.times[0], seconds[1] * way.times[1]),
-        next_local=way.local,
+        next_seconds=(seconds[0] * refinement.times[0], seconds[1] * refinement.times[1]),
+        next_local=refinement.local,
     )
 
 
