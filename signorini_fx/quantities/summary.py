@@ -49,9 +49,7 @@ Setting = Number | Literal["infinite"]
 Runs = list[Annotated[list[Point], Field(min_length=2, max_length=2)]]
 _RUNS = "Runs of neighbouring nodes, each from its first to its last point."
 # Columns of the load steps by axis, and by boundary if there are several contacts between bodies.
-COMPONENTS = (
-    *("contact_force", "friction_force", "friction_moment", "mean_tangential_displacement", "pressure_integral"),
-)
+COMPONENTS = "contact_force", "friction_force", "friction_moment", "mean_tangential_displacement", "pressure_integral"
 
 
 class UsedParameters(Row):
