@@ -39,11 +39,8 @@ def held_between(state: ContactState, pairs: Sequence[int], sticks: npt.NDArray[
     total = sp.csr_array((nodes.size, nodes.size))
     for flags, directions in ((state.in_contact, boundary.normal[:, :, None]), (sticks, boundary.tangents)):
         points = np.flatnonzero(flags & of_pair)
-        of_points = operator[(dim * points[:, None] + np.arange(dim)).ravel()]
-        rows = (
-            sp.block_diag([along.T for along in directions[points]], format="csr") @ of_points if points.size else None
-        )
-        total = total if rows is None else total + sp.csr_array(rows.T @ rows)
+        rows = along_vectors(directions[points]) @ operator[(dim * points[:, None] + np.arange(dim)).ravel()]
+        total = total + sp.csr_array(rows.T @ rows)
     entries = total.tocoo()
     return _joint(boundary.comm, dim, (nodes[entries.row], nodes[entries.col], entries.data))
 

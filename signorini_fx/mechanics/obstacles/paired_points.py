@@ -22,7 +22,7 @@ from signorini_fx.mechanics.interfaces.pair import Pair
 from signorini_fx.mechanics.obstacles.held_pairs import HeldPairs, held_along
 from signorini_fx.mechanics.obstacles.mirrored_points import mirrored
 from signorini_fx.mechanics.pairs.dual_functions import HeldSides
-from signorini_fx.mechanics.pairs.mean_rotation import turned_normals
+from signorini_fx.mechanics.pairs.mean_rotation import of_blocks, turned_normals
 from signorini_fx.mechanics.pairs.mortar_coupling import (
     Coupling,
     NobodyCarriesError,
@@ -295,12 +295,8 @@ class PairedSides:
 
         Between the vertices of quadratic triangles normals are means, whose turning is left out.
         """
-        return self.turning_at(from_owners(displacement, self.master.nodes, space.mesh.comm))
-
-    def turning_at(self, displacement: Array) -> sp.csr_array:
-        """See ``turning``; ``displacement``: of the nodes of the master, length, shape (M, d)."""
         coupling, start = self.coupling, self.master.surface
-        master = start.displaced(displacement)
+        master = start.displaced(from_owners(displacement, self.master.nodes, space.mesh.comm))
         initial, present = (self._at_partners(side) for side in (start, master))
         initial = initial / np.linalg.norm(initial, axis=1, keepdims=True)
         size = np.linalg.norm(present, axis=1)[:, None, None]
@@ -350,9 +346,7 @@ class PairedSides:
         if self.followed:
             turning = 0.0 * turning
         if self.across.any():
-            at = np.arange(len(self.across) + 1)
-            across = sp.bsr_array((self.across, at[:-1], at))
-            turning = turning - across @ (sp.kron(slave - master, identity) + turning)
+            turning = turning - of_blocks(self.across) @ (sp.kron(slave - master, identity) + turning)
         return slave, master, sp.csr_array(turning)
 
     def boundary(
