@@ -151,7 +151,8 @@ def _of_contact_in_step(solution: Any) -> dict[str, Any]:
     closed = [(name, boundary) for name, boundary in figures if boundary.friction_moment is not None]
     for name, boundary in closed:
         columns |= _by_axis("pressure_integral", [boundary.pressure_integral], [name])
-    columns["max_pressure"] = parallel.largest(contact.boundary.comm, contact.pressure)
+    # A rank without contact nodes has none, and where contact only pulls the largest pressure is below zero.
+    columns["max_pressure"] = parallel.largest(contact.boundary.comm, contact.pressure, -np.inf)
     for name, boundary in closed:
         columns |= _by_axis("friction_moment", [boundary.friction_moment], [name])
     if contact.boundary.kinematics.out_of_section:
