@@ -1,7 +1,7 @@
 # Everything runs through ./env: on this machine if it has dolfinx, otherwise in the image of the Dockerfile.
 # DEBIAN=sid make TARGET uses the image of that release.
 .DEFAULT_GOAL := help
-.PHONY: help demo test golden nightly test-core test-slow test-long test-wheel test-report test-sid golden-two lint format paper bench oracle mutants-drawn docs dist clean
+.PHONY: help demo test golden nightly test-core test-slow test-wheel test-report test-sid golden-two lint format paper bench oracle mutants-drawn docs dist clean
 DEMOS := example1_tresca example1_coulomb
 REPORTS := $(addprefix demos/scenes/,example1_coulomb press_and_slide bracket) tests/data/three_feet
 SIDE_BY_SIDE := ./env python3 -m pytest -q -n auto --maxprocesses 8 --dist worksteal
@@ -23,7 +23,7 @@ demo:       ## solve Example 1 of the paper with Tresca and with Coulomb frictio
 
 test:       ## run the quick tests on one rank, side by side, and those marked mpi also on two
 	$(SIDE_BY_SIDE) tests
-	n=2; $(ON_RANKS) -m "mpi and not slow and not long"
+	n=2; $(ON_RANKS) -m "mpi and not slow"
 
 golden:     ## compare the answers of hundreds of problems with those recorded, on one rank (tests/golden)
 	./env python3 -m tests.golden
@@ -38,18 +38,15 @@ test-sid:   ## run the quick tests in the image of Debian sid
 	DEBIAN=sid $(MAKE) test
 
 test-slow:  ## run the slow tests, and on three ranks the quick ones as well
-	$(SIDE_BY_SIDE) -m "slow and not long" tests
-	n=2; $(ON_RANKS) -m "mpi and slow and not long"
-	n=3; $(ON_RANKS) -m "mpi and not long"
+	$(SIDE_BY_SIDE) -m "slow" tests
+	n=2; $(ON_RANKS) -m "mpi and slow"
+	n=3; $(ON_RANKS) -m "mpi"
 
 test-core:  ## run the quick tests with no add-on installed; those that ask for one are skipped
 	SFX_WITHOUT_ADD_ONS=1 $(SIDE_BY_SIDE) tests
 
-test-long:  ## run the tests marked long
-	$(SIDE_BY_SIDE) -m long tests
-
 test-wheel: ## run the tests of one rank with wheels of FEniCSx from PyPI, in a virtual environment
-	SFX_WHEELS=1 $(SIDE_BY_SIDE) -m "not long" tests
+	SFX_WHEELS=1 $(SIDE_BY_SIDE) -m "slow or not slow" tests
 
 test-report:  ## open reports in Chromium at two widths and print them (results/report); installs it where it may
 	for d in $(REPORTS); do out=results/report/$${d##*/}; \

@@ -61,7 +61,7 @@ class Copy:
         """
         cpu, wall = _LIMITS[limit]
         quiet = ["-x", "-q", "--no-header", "--color=no", "--tb=line", "-p", "no:cacheprovider", "--timeout=300"]
-        command = [sys.executable, "-m", "pytest", *quiet, "-m", "not long"]
+        command = [sys.executable, "-m", "pytest", *quiet, "-m", "slow or not slow"]
         limited = f'ulimit -t {cpu} && ulimit -v {_MEMORY} && exec "$@"'
         environment = {
             **os.environ,

@@ -178,7 +178,7 @@ def survivors(original: Copy, mutants: Sequence[Drawn], tests: Sequence[str]) ->
         SystemExit: the tests do not pass on the code as it is.
     """
     record = original.folder / "lines"
-    quick = ["-p", "benchmarks.stability.lines", "--lines", str(record), "-m", "not slow and not long"]
+    quick = ["-p", "benchmarks.stability.lines", "--lines", str(record), "-m", "not slow"]
     code, text = original.pytest([*quick, *tests], "suite")
     if code != 0:
         raise SystemExit(f"the tests do not pass on the code as it is:\n{text}")

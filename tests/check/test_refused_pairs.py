@@ -4,13 +4,11 @@ from functools import cache
 from itertools import combinations
 
 import declared_refusals as refusals
-import numpy as np
 import pytest
 from mpi4py import MPI
 
 from signorini_fx import SceneError, sensitivity
 from signorini_fx.mechanics.statement.features import features
-from signorini_fx.scenes.checks import check_scene
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import parse_scene
 
@@ -217,19 +215,3 @@ def test_what_is_computed(what, name):
     if name == "friction axes":
         data = {key: value for key, value in data.items() if key not in BASE or key in ("material", "contact")} | SPACE
     assert refusals.COMPUTED[what][name] in COMPUTED[what](parse_scene(data))
-
-
-DRAWN = np.random.default_rng(42)
-
-
-@pytest.mark.long
-def test_pairs_that_are_not_refused():
-    """``check`` accepts those drawn at random."""
-    flat = [pair for pair in PAIRS if "friction axes" not in pair and not refused(pair)]
-    impossible = {}
-    for number in DRAWN.choice(len(flat), 60, replace=False):
-        try:
-            check_scene(parse_scene(scene_of(*flat[number])), COMM)
-        except SceneError as error:
-            impossible[flat[number]] = str(error)
-    assert impossible == {}

@@ -51,12 +51,6 @@ def test_numbers_are_found_in_quantities():
     assert numbers_in(value) == [2.0, 1.0, 3.5]
 
 
-@pytest.mark.long
-def test_two_hundred_problems():
-    """That of ``python3 -m benchmarks.stability.fronts 200``."""
-    assert {seed: found for seed in range(200) if (found := compared(RandomProblem.drawn(seed))[1])} == {}
-
-
 def test_differences_are_seen():
     """Of values, and of shapes."""
     differences = Differences(MPI.COMM_SELF, [])

@@ -98,12 +98,10 @@ def least_energy(space, apart):
     return whole(found.x), distances(found.x)
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("seeds", [range(4), pytest.param(range(4, 104), marks=pytest.mark.long)], ids=["few", "many"])
-def test_energy_minimised_by_a_library(seeds):
+def test_energy_minimised_by_a_library():
     """Circles and oblique planes pressed into a block, frictionless: the displacement of a minimiser of the energy."""
     touching = 0
-    for seed in seeds:
+    for seed in range(4):
         chance = np.random.default_rng(seed)
         cells = [int(chance.integers(4, 8)), int(chance.integers(2, 5))]
         space, side = rectangle([2.0, 1.0], cells, MPI.COMM_SELF, "triangle")
@@ -135,7 +133,7 @@ def test_energy_minimised_by_a_library(seeds):
         assert problem.certificate.holds
         assert u.x.array.reshape(-1, 2) == pytest.approx(expected, abs=5e-6), seed
         touching += int((np.abs(distances) < 1e-9).sum())
-    assert touching >= 1.5 * len(seeds)
+    assert touching >= 6
 
 
 def test_state_of_the_material():

@@ -124,7 +124,7 @@ def test_a_disk_of_rubber():
         assert solution.displacement.x.array.max() == pytest.approx(0.3205, abs=1e-4)
 
 
-@pytest.mark.long
+@pytest.mark.slow
 def test_a_disk_that_yields():
     """Forces of another return mapping and of CalculiX, with steps of 0.005 and of 0.0025, and of its unloading."""
     law = {"law": "j2", "young": 1000.0, "poisson": 0.3, "yield_stress": 5.0, "hardening": 10.0}

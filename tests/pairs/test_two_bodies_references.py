@@ -260,7 +260,7 @@ def cap(radius, sign, along, through, size=3.0, power=1.7):
     return cells, np.column_stack((x[:, :2], sign * (face + (size - face) * x[:, 2] / size)))
 
 
-@pytest.mark.long
+@pytest.mark.slow
 def test_hertz_of_two_bodies_in_space():
     """Paraboloids of radii 8 and 12 pressed together: the largest pressure and the radius of the contact are Hertz's
     for the force that is found.
@@ -331,7 +331,7 @@ def test_a_narrow_block_on_a_wide_one(kind, degree):
     np.testing.assert_allclose(problem.state.pressure, pressed, rtol=1e-8)
 
 
-@pytest.mark.long
+@pytest.mark.slow
 def test_cattaneo_and_mindlin_of_two_balls():
     """Paraboloids of one material, pressed and pushed: a circle of radius c = a (1 - Q / F P)^(1/3) sticks, and the
     shear is the difference of two of Hertz's distributions.  The surfaces are nearly flat, since the shear is that in

@@ -60,7 +60,7 @@ def test_inf_sup_numbers(kind, degree, counts):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("kind", "least"), [("hexahedron", 0.5), pytest.param("tetrahedron", 0.3, marks=pytest.mark.long)]
+    ("kind", "least"), [("hexahedron", 0.5), pytest.param("tetrahedron", 0.3, marks=pytest.mark.slow)]
 )
 def test_inf_sup_numbers_in_space(kind, least):
     """From 5:1 to 1:5, with a slave as stiff or 1000 times softer: bounded from below, on a finer mesh too."""

@@ -18,7 +18,6 @@ from signorini_fx.scenes.solver import solve
 from signorini_fx.scenes.template import starting_scene
 
 FEW = settings(max_examples=150, suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large])
-MANY = settings(FEW, max_examples=3000)
 SIDES = ("left", "right", "bottom", "top")
 
 
@@ -152,18 +151,10 @@ def ends_well(data):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("count", [150, 60])
-def test_random_scenes(count):
-    """Effects of all kinds, thrown together."""
-    settings(FEW, max_examples=count)(given(scenes)(ends_well))()
-
-
-@pytest.mark.long
-@pytest.mark.timeout(3600)
-@MANY
+@settings(FEW)
 @given(scenes)
-def test_many_random_scenes(data):
-    """The same, for minutes."""
+def test_random_scenes(data):
+    """Effects of all kinds, thrown together."""
     ends_well(data)
 
 

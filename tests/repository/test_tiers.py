@@ -1,4 +1,4 @@
-"""Quick, slow and long tests: nothing is lost between them."""
+"""Quick and slow tests: nothing is lost between them."""
 
 import re
 from pathlib import Path
@@ -40,7 +40,7 @@ def test_what_is_slow(pytestconfig, monkeypatch, ranks, slow):
     assert [item.nodeid for item in items if item.get_closest_marker("slow")] == slow
 
 
-def test_ci_and_nightly_run_all_but_the_long_ones():
+def test_ci_and_nightly_run_all():
     """Each test with any of the marks is run on one rank, and if it is marked mpi on two and three, once."""
     makefile, default = ((ROOT / name).read_text(encoding="utf-8") for name in ("Makefile", "pyproject.toml"))
     for name, value in re.findall(r"^(\w+) := (.*)", makefile, re.MULTILINE):
@@ -55,7 +55,5 @@ def test_ci_and_nightly_run_all_but_the_long_ones():
     for several, run in ((False, on_one), *((True, [line for line in lines if f"n={n};" in line]) for n in (2, 3))):
         marks = [(re.findall(r'-m "([^"]*)"', line) or [default])[0] for line in run]
         for slow in (False, True):
-            for long in (False, True):
-                has = {"mpi": several, "slow": slow, "long": long}
-                times = sum(Expression.compile(mark).evaluate(lambda name, has=has: has[name]) for mark in marks)
-                assert times == (not long), has
+            has = {"mpi": several, "slow": slow}
+            assert sum(Expression.compile(mark).evaluate(lambda name, has=has: has[name]) for mark in marks) == 1, has

@@ -149,26 +149,6 @@ def test_other_units(number):
         assert_same(alone(block(element, law, length, force, **settings(*rest))), here, length, force)
 
 
-@pytest.mark.long
-@pytest.mark.parametrize("combination", EVERY, ids=named)
-def test_every_combination_in_every_unit(combination):
-    """The whole product."""
-    element, law, *rest = combination
-    here = alone(block(element, law, **settings(*rest)))
-    for length, force in UNITS:
-        assert_same(alone(block(element, law, length, force, **settings(*rest))), here, length, force)
-
-
-def test_the_covering_covers():
-    """A few combinations, and among them every choice with every other one that it can be combined with."""
-    assert 10 * len(COVERING) < len(EVERY)
-    found, wanted = (
-        {(i, c[i], j, c[j]) for c in combinations for i in range(5) for j in range(5)}
-        for combinations in (COVERING, EVERY)
-    )
-    assert found == wanted
-
-
 # --- the formulas of dimension, and where they are used ---------------------------------------------------------------
 
 

@@ -3,10 +3,6 @@
 Mirror-equal bodies meet in the plane of symmetry between them: the force is that of one of them on a rigid plane, and
 as nothing moves along that plane relative to the other side, friction has nothing to take.  So the shear, as a share of
 F P, and the difference of the forces are errors, of the frames and of the discretisation.
-
-    ./env python3 tests/support/curved_pairs.py steps
-
-steps: what sticks after pressing in 1, 5 and 40 steps.
 """
 
 from typing import NamedTuple
@@ -14,12 +10,9 @@ from typing import NamedTuple
 import numpy as np
 import ufl
 from dolfinx import fem
-from dolfinx import mesh as dmesh
-from mpi4py import MPI
 from two_bodies import KINDS, assembled, facets, facets_of_piece, forms, grid, held
 
-from signorini_fx import ContactProblem, Coulomb, Foundation, Pair, solve, tag_boundaries
-from signorini_fx.scenes.reading import parse_scene
+from signorini_fx import ContactProblem, Coulomb, Foundation, Pair
 
 SIZE = 3.0
 
@@ -120,50 +113,3 @@ def mirrored(kind, cells, radius, depth, **given):
     one = figures(press(kind, cells[:1], (radius,), depth / 2, friction=0.0, **given))
     two = figures(press(kind, cells, (radius, radius), depth, **given))
     return two.force / one.force - 1.0, two.share, one.a / radius
-
-
-def pressed_in(count, hypothesis, cells=96):
-    """Press a block onto a circle of radius 8, or one of revolution onto a sphere, in some steps: a/R, and the half
-    width that sticks over a, both to a facet.
-    """
-    mesh = dmesh.create_rectangle(MPI.COMM_SELF, [[0.0, 0.0], [1.0, 1.0]], [cells, 24], dmesh.CellType.quadrilateral)
-    mesh.geometry.x[:] = 16.0 * (0.06 * mesh.geometry.x + 0.94 * mesh.geometry.x**4)
-    tagged = tag_boundaries(
-        mesh,
-        {
-            "bottom": lambda x: np.isclose(x[1], 0.0),
-            "top": lambda x: np.isclose(x[1], 16.0),
-            "axis": lambda x: np.isclose(x[0], 0.0),
-        },
-    )
-    scene = {
-        "mesh": tagged,
-        "material": {"young": 200.0, "poisson": 0.3, "hypothesis": hypothesis},
-        "displacement": [
-            {"boundary": "top", "y": -0.03, "factors": [(k + 1) / count for k in range(count)]},
-            {"boundary": "axis", "x": 0.0},
-        ],
-        "contact": {
-            "boundary": "bottom",
-            "foundation": {"shape": "circle", "centre": [0.0, -8.0], "radius": 8.0},
-            "friction": {"law": "coulomb", "coefficient": 0.3},
-        },
-    }
-    state = solve(parse_scene(scene)).contact
-    x, touching = state.boundary.x[:, 0], state.pressure > 0
-    sticks = touching & (np.abs(state.shear[:, 0]) < 0.99 * 0.3 * state.pressure)
-    return x[touching].max() / 8.0, x[sticks].max(initial=0.0) / x[touching].max()
-
-
-def steps():
-    """Print what sticks after pressing without a push, by the number of steps."""
-    print(f"{'':>8} {'cells':>5} {'steps':>5} {'a/R':>6} {'stick over a':>12}")
-    for what, hypothesis in (("circle", "plane strain"), ("sphere", "axisymmetric")):
-        for cells in (96, 192):
-            for count in (1, 5, 40):
-                ratio, stick = pressed_in(count, hypothesis, cells)
-                print(f"{what:>8} {cells:5} {count:5} {ratio:6.3f} {stick:12.3f}", flush=True)
-
-
-if __name__ == "__main__":
-    steps()

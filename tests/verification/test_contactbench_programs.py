@@ -116,7 +116,7 @@ def test_calculix_deck():
 INTERVALS = [name for name in NAMES if any(q.kind == "interval" for q in read_problem(name).quantities)]
 
 
-@pytest.mark.long
+@pytest.mark.slow
 @pytest.mark.parametrize("name", INTERVALS)
 def test_nothing_refutes_an_interval(name):
     """The value of the finest meshes that are affordable, and its limit by Richardson, lie within."""
