@@ -1,8 +1,5 @@
 """Friction that depends on the direction: limits and slip by hand, the disc, a cone programme, errors."""
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 from mpi4py import MPI
@@ -10,17 +7,15 @@ from scenes import alone
 from spaces import block, box
 from test_space_statics import PRESS, brick
 
-from signorini_fx import SceneError
-from signorini_fx.records import Status
-from signorini_fx.scenes.checks import check_scene
-from signorini_fx.scenes.reading import parse_scene
-
-sys.path.insert(0, str(Path(__file__).parents[2]))
 from benchmarks.stability.oracle import convex
 from benchmarks.stability.oracle.judge import FAILURES, RIGHT, judge
 from benchmarks.stability.oracle.package import answer_of, solution_of
 from benchmarks.stability.oracle.scenes import Trial
 from benchmarks.stability.oracle.units import same
+from signorini_fx import SceneError
+from signorini_fx.records import Status
+from signorini_fx.scenes.checks import check_scene
+from signorini_fx.scenes.reading import parse_scene
 
 F1, F2 = 0.4, 0.15
 AXIS = 0.5

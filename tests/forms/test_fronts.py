@@ -1,18 +1,14 @@
 """One problem, three fronts: as a scene, as forms, and as a residual it has one solution."""
 
-import sys
 from dataclasses import replace
 from itertools import pairwise
-from pathlib import Path
 
 import pytest
 from mpi4py import MPI
 
+from benchmarks.stability.fronts import SAME, Differences, RandomProblem, compared, iterations, numbers_in
 from signorini_fx import solve
 from signorini_fx.scenes.reading import parse_scene
-
-sys.path.insert(0, str(Path(__file__).parents[2]))
-from benchmarks.stability.fronts import SAME, Differences, RandomProblem, compared, iterations, numbers_in
 
 
 @pytest.mark.mpi

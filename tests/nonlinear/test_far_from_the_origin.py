@@ -1,21 +1,15 @@
 """Nonlinear scenes far from the origin: coordinates lose digits there, and answers and verdicts no more than these."""
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 from mpi4py import MPI
 from support.nonlinear_bodies import stress_of_block
 from support.nonlinear_scenes import material
 
+from benchmarks.stability.nonlinear_scenes import Judge, RandomScene, Step, gathered
 from signorini_fx import solve
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import parse_scene
-
-sys.path.insert(0, str(Path(__file__).parents[2]))
-
-from benchmarks.stability.nonlinear_scenes import Judge, RandomScene, Step, gathered
 
 COMM = MPI.COMM_SELF
 LAST_DIGITS = (

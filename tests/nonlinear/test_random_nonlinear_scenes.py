@@ -1,19 +1,14 @@
 """Random scenes with nonlinear materials: what is called converged is so for another program, which sees faults."""
 
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 from mpi4py import MPI
 
+from benchmarks.stability.nonlinear_scenes import RandomScene, judged, tried
 from signorini_fx import solve
 from signorini_fx.scenes.reading import parse_scene
-
-sys.path.insert(0, str(Path(__file__).parents[2]))
-
-from benchmarks.stability.nonlinear_scenes import RandomScene, judged, tried
 
 
 @pytest.mark.one_quick

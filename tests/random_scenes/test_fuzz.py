@@ -1,12 +1,9 @@
 """A few of the spoilt scenes and files of ``benchmarks.stability.fuzz``, and what these have found."""
 
-import sys
 from pathlib import Path
 
 import pytest
 from mpi4py import MPI
-
-sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from benchmarks.stability.fuzz import KINDS
 from signorini_fx.errors import MeshError, SceneError

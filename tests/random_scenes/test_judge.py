@@ -10,14 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-ROOT = Path(__file__).parents[2]
-sys.path.insert(0, str(ROOT))
-
-from benchmarks.stability.oracle import __main__ as command  # noqa: E402
-from benchmarks.stability.oracle import convex, statics  # noqa: E402
-from benchmarks.stability.oracle.body import Body, Mesh  # noqa: E402
-from benchmarks.stability.oracle.conditions import contact_of  # noqa: E402
-from benchmarks.stability.oracle.judge import (  # noqa: E402
+from benchmarks.stability.oracle import __main__ as command
+from benchmarks.stability.oracle import convex, statics
+from benchmarks.stability.oracle.body import Body, Mesh
+from benchmarks.stability.oracle.conditions import contact_of
+from benchmarks.stability.oracle.judge import (
     DENIED,
     NO_BALANCE,
     OPEN,
@@ -27,8 +24,10 @@ from benchmarks.stability.oracle.judge import (  # noqa: E402
     Step,
     judge,
 )
-from benchmarks.stability.oracle.package import answer_of, solution_of  # noqa: E402
-from benchmarks.stability.oracle.scenes import Trial, grid, trial  # noqa: E402
+from benchmarks.stability.oracle.package import answer_of, solution_of
+from benchmarks.stability.oracle.scenes import Trial, grid, trial
+
+ROOT = Path(__file__).parents[2]
 
 ORACLE = ROOT / "benchmarks" / "stability" / "oracle"
 # These two, and the command, start the package; nothing that judges imports them.

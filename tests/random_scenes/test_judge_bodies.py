@@ -1,24 +1,19 @@
 """The oracle of random scenes of several bodies: it notices what is wrong."""
 
 import copy
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-ROOT = Path(__file__).parents[2]
-sys.path.insert(0, str(ROOT))
-
-from benchmarks.stability.oracle import mortar  # noqa: E402
-from benchmarks.stability.oracle.body import Body  # noqa: E402
-from benchmarks.stability.oracle.conditions import Origin, Tractions, violations  # noqa: E402
-from benchmarks.stability.oracle.judge import RIGHT, WRONG, _rows, _solution_exists, judge  # noqa: E402
-from benchmarks.stability.oracle.mortar import contacts_of  # noqa: E402
-from benchmarks.stability.oracle.package import answer_of, solution_of  # noqa: E402
-from benchmarks.stability.oracle.scenes_of_bodies import trial  # noqa: E402
-from benchmarks.stability.oracle.worker import row_of  # noqa: E402
+from benchmarks.stability.oracle import mortar
+from benchmarks.stability.oracle.body import Body
+from benchmarks.stability.oracle.conditions import Origin, Tractions, violations
+from benchmarks.stability.oracle.judge import RIGHT, WRONG, _rows, _solution_exists, judge
+from benchmarks.stability.oracle.mortar import contacts_of
+from benchmarks.stability.oracle.package import answer_of, solution_of
+from benchmarks.stability.oracle.scenes_of_bodies import trial
+from benchmarks.stability.oracle.worker import row_of
 
 # With Coulomb friction, in 2D and in 3D.
 SPOILT = (40, 9)

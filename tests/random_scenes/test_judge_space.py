@@ -1,20 +1,15 @@
 """The oracle of random scenes in 3D: it notices what is wrong."""
 
 import copy
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-ROOT = Path(__file__).parents[2]
-sys.path.insert(0, str(ROOT))
-
-from benchmarks.stability.oracle import convex, statics  # noqa: E402
-from benchmarks.stability.oracle.body import Body, Mesh  # noqa: E402
-from benchmarks.stability.oracle.conditions import Origin, contact_of  # noqa: E402
-from benchmarks.stability.oracle.judge import (  # noqa: E402
+from benchmarks.stability.oracle import convex, statics
+from benchmarks.stability.oracle.body import Body, Mesh
+from benchmarks.stability.oracle.conditions import Origin, contact_of
+from benchmarks.stability.oracle.judge import (
     DENIED,
     NO_BALANCE,
     NOT_CERTIFIED,
@@ -25,10 +20,10 @@ from benchmarks.stability.oracle.judge import (  # noqa: E402
     Answer,
     judge,
 )
-from benchmarks.stability.oracle.package import answer_of, solution_of  # noqa: E402
-from benchmarks.stability.oracle.scenes import Trial  # noqa: E402
-from benchmarks.stability.oracle.scenes_in_space import grid  # noqa: E402
-from benchmarks.stability.oracle.units import Units, same  # noqa: E402
+from benchmarks.stability.oracle.package import answer_of, solution_of
+from benchmarks.stability.oracle.scenes import Trial
+from benchmarks.stability.oracle.scenes_in_space import grid
+from benchmarks.stability.oracle.units import Units, same
 
 needs_cvxopt = pytest.mark.skipif(convex.cvxopt is None, reason="CVXOPT (python3-cvxopt) is missing")
 

@@ -1,22 +1,16 @@
 """The benchmark: the hand-written program solves the same problem, and a run on tiny meshes writes its rows."""
 
 import csv
-import sys
-from pathlib import Path
 
+import example1
+import linear
 import pytest
+import rival
+import run
 from mpi4py import MPI
 
-BENCH = Path(__file__).parents[2] / "benchmarks" / "costs"
-sys.path.insert(0, str(BENCH))
-
-import example1  # noqa: E402
-import linear  # noqa: E402
-import rival  # noqa: E402
-import run  # noqa: E402
-
-from signorini_fx import solve  # noqa: E402
-from signorini_fx.algebra.linalg.factorisation import has_package  # noqa: E402
+from signorini_fx import solve
+from signorini_fx.algebra.linalg.factorisation import has_package
 
 
 @pytest.fixture(scope="module")

@@ -22,6 +22,7 @@ from pathlib import Path
 from typing import Literal, get_args, get_origin
 
 import pytest
+import words
 from deck_lines import stacked
 from pydantic import BaseModel
 from scenes import alone, example1
@@ -69,9 +70,6 @@ from signorini_fx.scenes.template import starting_scene
 
 ROOT = Path(__file__).parents[2]
 README, DOCS = ROOT / "README.md", ROOT / "docs"
-sys.path.insert(0, str(DOCS))
-
-import words  # noqa: E402
 
 THEORY = DOCS / "theory.md"
 OWN_BODY = DOCS / "own-body.md"

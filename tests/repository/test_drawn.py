@@ -1,10 +1,5 @@
 """Mutants are drawn on the lines of a change, and tried by the tests that run them."""
 
-import sys
-from pathlib import Path
-
-sys.path.insert(0, str(Path(__file__).parents[2]))
-
 from benchmarks.stability import drawn
 
 DIFF = """\

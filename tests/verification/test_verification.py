@@ -2,16 +2,10 @@
 
 import csv
 import re
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
-
-ROOT = Path(__file__).parents[2]
-sys.path.insert(0, str(ROOT / "demos" / "studies"))
-
-import verification  # noqa: E402
+import verification
 
 
 @pytest.fixture(scope="module")
