@@ -7,6 +7,8 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+import numpy.typing as npt
 from dolfinx import fem
 from mpi4py import MPI
 
@@ -362,15 +364,15 @@ class Solution:
         asked = "energy" if self.statement.accuracy is None else self.statement.accuracy.of
         prices = [price for price in self.convergence_table if not price.predicted]
         error = getattr(prices[-1], asked) if prices else None
-        linear = True
+        able = True
         if not error:
             if prices and asked != "energy":
                 return f"no error of {NAMES[asked]} is known"
             if self.last_step.strain_energy is None:
-                body: Any = self.model  # its residual says all of it
-                if isinstance(known := body.stress_error(), str):
+                if isinstance(known := self.error_shares, str):
                     return known
-                error, linear = known, False
+                error = float(np.sqrt(parallel.global_sum(self.comm, known.sum())))
+                able = self.statement.units is not None
             elif self.known_stress is None:
                 return "forms alone have no error estimate: give stress="
             elif not (error := self.known_stress.error):
@@ -378,7 +380,16 @@ class Solution:
         seconds = parallel.largest_timings(self.comm, self.timings.total)
         starting = seconds.get("compile", 0.0) + seconds.get("mesh", 0.0)
         solved = [(price.dofs, price.seconds) for price in prices] or [(self.model.dofs, sum(seconds.values()))]
-        return next_cost(self.statement, self.model.tagged, asked, error, solved, starting, linear=linear)
+        return next_cost(self.statement, self.model.tagged, asked, error, solved, starting, able=able)
+
+    @cached_property
+    def error_shares(self) -> npt.NDArray[np.float64] | str:
+        """Of a nonlinear body: what each owned cell has of the squared relative error of the stress, shape (cells,),
+        or why it is not known; collective.
+        """
+        body: Any = self.model  # its residual says all of it
+        found: npt.NDArray[np.float64] | str = body.stress_error()
+        return found
 
     def force_bounds(self, boundary: str, direction: tuple[float, ...]) -> Interval | str:
         """Guaranteed bounds of the force on a body at a boundary in contact, in 2D per thickness; or why there

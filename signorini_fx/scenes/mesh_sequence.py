@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 from functools import partial
-from math import isfinite, log2
+from math import log2
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,6 @@ from mpi4py import MPI
 
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.contact_points.contact_table import contact_table
-from signorini_fx.mechanics.materials.protocol import Material
 from signorini_fx.mechanics.mesh.files.size_field import SizeField
 from signorini_fx.mechanics.mesh.remeshing import moved_back, size_fields
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, generate_mesh, load_file
@@ -35,7 +34,7 @@ from signorini_fx.scenes.plan import Plan, planned, scene_with
 from signorini_fx.scenes.scene import Scene
 from signorini_fx.solving.checkpointed_steps import MeshCheckpoint
 from signorini_fx.solving.finer_meshes import Meshes
-from signorini_fx.solving.meshed_problem import MeshedProblem, SolvedMesh
+from signorini_fx.solving.meshed_problem import MeshedProblem, SolvedMesh, plane_modulus
 from signorini_fx.solving.nested import solve_nested
 from signorini_fx.solving.solve_on_mesh import solve_mesh
 from signorini_fx.solving.stepped_body import LoadStep
@@ -79,7 +78,12 @@ def meshed_scene(
     """A scene on one of several meshes; ``shown``: whether somebody may look at the result, else nothing is said about
     the scene on this mesh.
     """
-    return MeshedProblem(
+    kind: type[MeshedProblem[Scene]] = MeshedProblem
+    if scene.statement.nonlinear:
+        from signorini_fx.scenes.nonlinear_meshes import NonlinearMesh
+
+        kind = NonlinearMesh
+    return kind(
         source=scene,
         comm=comm,
         history=history,
@@ -118,14 +122,6 @@ def _solved(
         scene.statement, load, problem.history, state, estimate, coarser, checkpoint, with_findings=shown
     )
     return SolvedMesh(solution, solution.model.tagged, task, modulus, outcome)
-
-
-def plane_modulus(material: Material) -> float:
-    """Stress per strain along a line without lateral stress, or more: E / (1 - nu^2), in plane stress E."""
-    if not material.isotropic:
-        return material.stiffest(pressed=False)
-    first, second = material.lame
-    return 4 * second * ((first + second) / (first + 2 * second) if isfinite(first) else 1.0)
 
 
 def _with_points_kept(scene: Scene, solved: SolvedMesh) -> Scene:

@@ -92,13 +92,15 @@ class Meshes:
     def _solved(self, state: ContactState | None, number: int) -> SolvedMesh:
         """The current mesh, the first one as fine as it must be.
 
-        Straight facets of two bodies that fit each other may be so far apart on it that there is no solution.
+        Straight facets of two bodies that fit each other may be so far apart on it that there is no solution, and a
+        nonlinear body may be too coarse for one.
         """
         while True:
             try:
                 solved = self.problem.solved(number, state, self._coarser)
-                self._coarser = solved.solution.model.level(self._coarser)
-                apart = solved.level is None and self.problem.paired and not _used_up(solved)
+                self._coarser = solved.as_level(self._coarser)
+                retried = self.problem.paired or solved.task is None
+                apart = solved.level is None and retried and not _used_up(solved)
                 if number > 0 or not apart or not self.problem.coarsest > 1:
                     return solved
             except (SceneError, MeshError):

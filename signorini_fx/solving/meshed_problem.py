@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from math import isfinite
 from typing import Generic, Self, TypeVar
 
 import numpy as np
@@ -13,6 +14,7 @@ from mpi4py import MPI
 from signorini_fx.algebra.algorithms.task import Outcome, Task
 from signorini_fx.machine import parallel, signals
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
+from signorini_fx.mechanics.materials.protocol import Material
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.rigid.mesh_levels import MeshLevel
 from signorini_fx.mechanics.statement.settings import SolverSettings
@@ -35,7 +37,7 @@ class SolvedMesh:
     Attributes:
         solution: how it ended.
         tagged: the mesh.
-        task: the contact problem.
+        task: the contact problem; None of a nonlinear body.
         modulus: the largest one of the plane problem, stress.
         outcome: how it ended; None where it has no solution.
         level: errors and cost of the mesh; None where it has no solution, or no estimate.
@@ -44,11 +46,15 @@ class SolvedMesh:
 
     solution: Solution
     tagged: TaggedMesh
-    task: Task
+    task: Task | None
     modulus: float
     outcome: Outcome | None = None
     level: LevelResult | None = None
     errors: Errors | None = None
+
+    def as_level(self, coarser: MeshLevel | None) -> MeshLevel | None:
+        """This mesh as a level of multigrid for finer ones, above those that there are; collective."""
+        return None if self.task is None else self.solution.model.level(coarser)
 
     @property
     def state(self) -> ContactState | None:
@@ -154,7 +160,7 @@ class MeshedProblem(Generic[P]):
         checkpoint = None if self.stored is None else MeshCheckpoint(self.stored, number)
         solved = self.solve(self, state, coarser, checkpoint, step_errors)
         solution, task, outcome = solved.solution, solved.task, solved.outcome
-        if not solution.converged or outcome is None:
+        if not solution.converged or outcome is None or task is None:
             return replace(solved, outcome=None)
         if not step_errors:
             return solved
@@ -173,3 +179,11 @@ class MeshedProblem(Generic[P]):
             contacts=[step.contact for step in solution.steps if step.contact and step.place.is_integer()],
         )
         return replace(solved, level=level, errors=errors)
+
+
+def plane_modulus(material: Material) -> float:
+    """Stress per strain along a line without lateral stress, or more: E / (1 - nu^2), in plane stress E."""
+    if not material.isotropic:
+        return material.stiffest(pressed=False)
+    first, second = material.lame
+    return 4 * second * ((first + second) / (first + 2 * second) if isfinite(first) else 1.0)

@@ -91,7 +91,7 @@ def solve_to_accuracy(
             return Unsolved.by_error(failure, "the next mesh", comm).leaves(last, history)
         solution, task, outcome, level = solved.solution, solved.task, solved.outcome, solved.level
         late = history.overdue()
-        if level is None or outcome is None:
+        if level is None:
             ended = f"{goal.seconds:g} s have ended before mesh {len(levels) + 1} was solved" if late else ""
             if last is not None:
                 tiny = _is_tiny(levels[-1], solved.tagged.size)
@@ -134,7 +134,8 @@ def solve_to_accuracy(
             return replace(solution, status=Status.OUT_OF_REACH)
         if late:
             return replace(solution, status=Status.BUDGET)
-        meshes.raise_gamma(task, outcome, level.regularisation, regularisation / goal.target)
+        if task is not None and outcome is not None:
+            meshes.raise_gamma(task, outcome, level.regularisation, regularisation / goal.target)
         allowed = goal.target * (1 - REGULARISATION_SHARE)
         if not enough or error > allowed:
             excess = error / (goal.target - min(regularisation, goal.target - allowed))
@@ -164,7 +165,7 @@ def solve_to_accuracy(
                 notify(f"accuracy: the next mesh would take {beyond.reason}")
                 return replace(solution, status=beyond.status)
             on_level(solution)
-        elif outcome.data.gamma_n >= LARGEST_GAMMA * task.natural_gamma:
+        elif task is None or outcome is None or outcome.data.gamma_n >= LARGEST_GAMMA * task.natural_gamma:
             notify("accuracy: the regularisation leaves more, and gamma is as large as double precision allows")
             return replace(solution, status=Status.OUT_OF_REACH)
 

@@ -33,13 +33,13 @@ def test_meshes_take_as_long_as_they_have_unknowns():
 
 
 def test_all_cells_smaller():
-    """A tenth of the error by the rate; of a nonlinear body nothing can be asked for."""
+    """A tenth of the error by the rate; of a residual nothing can be asked for."""
     scene = example1(coefficient=0.3, gamma="auto", nx=30, ny=10)
     tagged = alone(scene).model.tagged
-    refinement = next_accuracy.next_refinement(scene.statement, tagged, "energy", 682, linear=False)
+    refinement = next_accuracy.next_refinement(scene.statement, tagged, "energy", 682, able=False)
     assert refinement.unknowns == pytest.approx(682 * 10 ** (2 / UNIFORM_RATE))
     assert refinement.times[1] / refinement.times[0] == pytest.approx(UNIFORM_SPREAD**2)
-    cost = next_accuracy.next_cost(scene.statement, tagged, "energy", 0.5, [(682, 1.0)], 0.0, linear=False)
+    cost = next_accuracy.next_cost(scene.statement, tagged, "energy", 0.5, [(682, 1.0)], 0.0, able=False)
     assert not cost.local
     assert "with" not in str(cost)
 

@@ -29,9 +29,10 @@ from signorini_fx.results.accuracy.contact_surface import ContactSurface
 from signorini_fx.results.accuracy.convergence_table import border_of, fineness_of, predict, zone_change
 from signorini_fx.results.accuracy.pressure_error import interval_squares, polygon_error
 from signorini_fx.results.accuracy.surface_pressure import piece_squares
-from signorini_fx.scenes.mesh_sequence import meshed_scene, plane_modulus, solve_scenes
+from signorini_fx.scenes.mesh_sequence import meshed_scene, solve_scenes
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve
+from signorini_fx.solving.meshed_problem import plane_modulus
 from signorini_fx.tuned import CORNER_SHARE, KINK_SHARE
 
 WORLD = MPI.COMM_WORLD

@@ -36,7 +36,7 @@ WITH = {
     "nested iteration": {"solver": {"levels": 2}},
     "requested accuracy": {"accuracy": {"target": 0.3}},
     "accuracy of the energy": {"accuracy": {"target": 0.3, "of": "energy"}},
-    "accuracy of the pressure": {"accuracy": {"target": 0.3, "of": "pressure"}},
+    "accuracy of something else": {"accuracy": {"target": 0.3, "of": "pressure"}},
     "local refinement": TRIANGLES | {"accuracy": {"target": 0.3, "refinement": "adaptive"}},
     "local refinement for contact": TRIANGLES
     | {"accuracy": {"target": 0.3, "refinement": "adaptive", "of": "pressure"}},

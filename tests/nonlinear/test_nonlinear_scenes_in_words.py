@@ -38,7 +38,9 @@ REFUSED = {
     "solver.levels: several meshes are not possible yet": {"solver": {"levels": 2}},
     "solver.error_bound: a nonlinear body has no guaranteed bound": {"solver": {"error_bound": True}},
     "solver.regularisation_error: must be a number": {"solver": {"algorithm": "path-following"}},
-    "accuracy: a nonlinear body has no estimate of its error": {"accuracy": {"target": 0.05}},
+    "accuracy.of: of a nonlinear body the error of the stress is known alone": {
+        "accuracy": {"target": 0.05, "of": "force"}
+    },
     "material.grading: is not possible yet": {"material": RUBBER | {"grading": "1/(1+x[0])"}},
     "contact[0].foundation.pivot: give the point where the force acts": {
         "contact": contact(foundation=CIRCLE | {"shift": [0.0, 0.0], "force": [0.0, -1.0]}),

@@ -78,12 +78,12 @@ class ResidualBody(SolidBody):
     Attributes:
         at_end: what it says at the last one.
         at_steps: the displacement of each load step with what it says there; none: there is the last one alone.
-        stress_error: gives the error of the stress at the last one, see ``stress_error``.
+        stress_error: gives what cells have of the error of the stress at the last one, see ``stress_error``.
     """
 
     at_end: ResidualMechanics
     at_steps: Sequence[tuple[fem.Function, ResidualMechanics]] = ()
-    stress_error: Callable[[], float | str] = lambda: "there is no estimate of the error"
+    stress_error: Callable[[], Array | str] = lambda: "there is no estimate of the error"
 
     def sides(self, y: fem.Function) -> list[ContactSide]:
         return list(self._at(y).contact_sides)

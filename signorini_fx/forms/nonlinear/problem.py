@@ -172,7 +172,7 @@ class NonlinearContactProblem(ProblemOfForms):
         ended, spent = (self.status or Status.CONVERGED, self.findings), (self.history, self._solver.timings)
         solution = solved.solution(self.linear.rigid, steps, continuation.mechanics, ended, spent, title)
 
-        def error() -> float | str:
+        def error() -> npt.NDArray[np.float64] | str:
             """Of the body as it is now."""
             from signorini_fx.forms.nonlinear.stress_error import stress_error
 

@@ -30,8 +30,10 @@ from signorini_fx.records import Inventory
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery
 
 
-def stress_error(residual: Any, u: fem.Function, parts: Sequence[npt.NDArray[np.int32]]) -> float | str:
-    """The relative error of the stress in L2, or why it is not known; collective.
+def stress_error(
+    residual: Any, u: fem.Function, parts: Sequence[npt.NDArray[np.int32]]
+) -> npt.NDArray[np.float64] | str:
+    """What each owned cell has of the squared relative error of the stress in L2, or why it is not known; collective.
 
     Args:
         residual: F in UFL.
@@ -40,8 +42,8 @@ def stress_error(residual: Any, u: fem.Function, parts: Sequence[npt.NDArray[np.
     """
     stress = _Stress(u, stress_of(residual, u), parts)
     recovery = StressRecovery(stress, lambda z: (lambda step: None, None), Inventory())
-    size = np.sqrt(parallel.global_sum(u.function_space.mesh.comm, np.array(stress.square())))
-    return float(recovery.error(u) / size) if size > 0 else "there is no stress, and no error of it"
+    size = float(parallel.global_sum(u.function_space.mesh.comm, np.array(stress.square())))
+    return recovery.squares(u) / size if size > 0 else "there is no stress, and no error of it"
 
 
 def stress_of(residual: Any, u: fem.Function) -> fem.Function:

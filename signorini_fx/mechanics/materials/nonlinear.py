@@ -54,7 +54,7 @@ class NonlinearMaterial(Material):
             "mixed element": "a pressure as an unknown is not possible yet with a nonlinear material: take 'reduced' "
             "or 'auto'",
             "nested iteration": "several meshes are not possible yet with a nonlinear material",
-            "requested accuracy": "a nonlinear body has no estimate of its error: compare solutions on two meshes",
+            "accuracy of something else": "of a nonlinear body the error of the stress is known alone: 'energy'",
             "statement of an error bound": "a nonlinear body has no guaranteed bound",
             "soft contact": "soft contact is for linear materials: leave 'overclosure' out",
             "fluid": "changes as the body moves, which is not possible yet with a nonlinear material",

@@ -37,7 +37,7 @@ def features(statement: Any) -> Iterator[tuple[str, Keys]]:
         ("nested iteration", ("solver", "levels"), solver.levels > 1),
         ("requested accuracy", ("accuracy",), accuracy is not None),
         ("accuracy of the energy", ("accuracy", "of"), accuracy is not None and accuracy.of == "energy"),
-        ("accuracy of the pressure", ("accuracy", "of"), accuracy is not None and accuracy.of == "pressure"),
+        ("accuracy of something else", ("accuracy", "of"), accuracy is not None and accuracy.of != "energy"),
         ("local refinement", ("accuracy", "refinement"), _divides_cells(statement)),
         (
             "local refinement for contact",
@@ -45,6 +45,7 @@ def features(statement: Any) -> Iterator[tuple[str, Keys]]:
             _divides_cells(statement) and accuracy.of != "energy",
         ),
         ("statement of an error bound", ("solver", "error_bound"), solver.error_bound),
+        ("statement of an error bound", ("accuracy", "certified"), accuracy is not None and accuracy.certified),
         ("several bodies", ("body",), bool(statement.bodies)),
         ("two bodies", ("body",), len(statement.bodies) > 1),
         ("mesh that no generator makes", ("mesh",), not statement.generated),

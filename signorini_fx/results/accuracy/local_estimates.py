@@ -24,6 +24,8 @@ def divides(statement: Statement, of: str, cell: str, *, straight: bool) -> bool
     """
     if of not in LOCAL or not straight or not divisible(statement, of):
         return False
+    if statement.nonlinear and cell == "tetrahedron":  # those of degree 2 meet planes alone
+        return False
     if statement.bodies:  # they become one mesh of triangles
         return of == "energy" and cell in ("triangle", "quadrilateral")
     return cell in ("triangle", "tetrahedron") or (statement.generated and cell == "quadrilateral")

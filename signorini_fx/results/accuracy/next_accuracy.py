@@ -57,7 +57,7 @@ class CostOfAccuracy:
         next_error: the smaller one.
         next_seconds: that it would take, from and to.
         next_dofs: unknowns that it would take, the most likely number.
-        command: what asks for it; "": nothing can, as of nonlinear bodies.
+        command: what asks for it; "": nothing can, as of residuals.
         local: whether cells are divided where the error is; otherwise all become smaller.
     """
 
@@ -138,15 +138,15 @@ class NextRefinement:
 
 
 def next_refinement(
-    statement: Statement, tagged: TaggedMesh, of: str, dofs: float, *, linear: bool = True
+    statement: Statement, tagged: TaggedMesh, of: str, dofs: float, *, able: bool = True
 ) -> NextRefinement:
-    """What a requested accuracy does; nonlinear bodies, which cannot request one, get smaller cells; collective."""
+    """What a requested accuracy does; residuals, which are not ``able`` to have one, get smaller cells; collective."""
     dimension, degree = tagged.dimension, statement.element.degree
-    if linear and divides_cells(statement, tagged, of):
+    if able and divides_cells(statement, tagged, of):
         unknowns, middle = _divided(statement, dimension, dofs)
         return NextRefinement(unknowns, (middle / LOCAL_SPREAD, middle * LOCAL_SPREAD), 2, local=True)
     times, first = NEXT_ERROR[dimension], dofs
-    if linear and dimension == 2 and degree == 1 and of in LOCAL and statement.units is not None:
+    if able and dimension == 2 and degree == 1 and of in LOCAL and statement.units is not None:
         times, degree, first = 2 * times, 2, 4 * dofs  # as in ``local_meshes``
     unknowns = first * times ** (-dimension / UNIFORM_RATE)
     middle = times_of([unknowns], dofs, dimension)
@@ -161,7 +161,7 @@ def next_cost(
     solved: Sequence[tuple[int, float]],
     starting: float,
     *,
-    linear: bool = True,
+    able: bool = True,
 ) -> CostOfAccuracy:
     """The forecast; collective.
 
@@ -172,17 +172,17 @@ def next_cost(
         error: likewise.
         solved: unknowns and seconds of each mesh.
         starting: the part of the last seconds that a finer mesh takes no more of, such as that of compilation.
-        linear: whether the body is, so that an accuracy can be requested.
+        able: whether an accuracy can be requested.
     """
     (dofs, last), following = solved[-1], NEXT_ERROR[tagged.dimension] * error
-    refinement = next_refinement(statement, tagged, of, dofs, linear=linear)
+    refinement = next_refinement(statement, tagged, of, dofs, able=able)
     target = f"{min(following * MARGIN.get((of, refinement.degree), MARGIN_OF_OTHERS), 0.99):.2g}"
     command = f"--accuracy {target}" + (f" --of {of}" if of != "energy" else "")
     if statement.units is None:  # of forms
         more = {"of": of} if of != "energy" else {}
         more |= {"refinement": "adaptive"} if refinement.local else {}
         command = f"Accuracy(target={target}{''.join(f', {key}={value!r}' for key, value in more.items())})"
-    command = command if linear else ""
+    command = command if able else ""
     low, high = (starting + times * (last - starting) for times in refinement.times)
     seconds = sum(seconds for _, seconds in solved)
     return CostOfAccuracy(

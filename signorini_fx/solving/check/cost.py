@@ -132,7 +132,7 @@ def estimated_cost(model: Model, *, linear: bool = True) -> Cost:
         free += int(np.count_nonzero(~model.boundary.moving.fixed))
     seconds = once + solves[0] * per_solve, once + solves[1] * per_solve
     of = "energy" if model.statement.accuracy is None else model.statement.accuracy.of
-    refinement = next_refinement(model.statement, model.tagged, of, free, linear=linear)
+    refinement = next_refinement(model.statement, model.tagged, of, free)
     paired = PAIRED_BYTES[dim] * nodes if any(contact.against for contact in model.statement.contact) else 0.0
     return Cost(
         unknowns=free,
