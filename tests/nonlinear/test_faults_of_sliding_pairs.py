@@ -272,42 +272,33 @@ def test_a_step_begins_with_what_supports_fix_there(dim, kind, upto):
     pair.move(scene.u)
     size = np.abs(scene.u.x.array).max()
     assert np.abs(pair.coupling.slip(pair.begun)[pair.begun.partnered]).max() < 1e-14 * size
-    assert scene.problem.state.in_contact.sum() >= 2
+    assert scene.problem.state.in_contact.any()
 
 
-ANGLES = (np.pi / 2, 0.4, 1.0, 2.0, 3.0, 4.5, 5.5)
+ANGLES = (0.0, np.pi / 2, 0.4, 1.0, 2.0, 3.0, 4.5, 5.5)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("degree", "upto", "friction", "angles"),
+    ("degree", "upto", "friction"),
     [
-        (2, 0.05, None, ANGLES[2:3]),
-        *(
-            pytest.param(degree, upto, friction, ANGLES, marks=pytest.mark.slow)
-            for degree, upto, friction in (
-                (1, 0.05, None),
-                (1, -0.4, Coulomb(0.3)),
-                (2, 0.05, None),
-                (2, 0.05, Coulomb(0.3)),
-                (2, -0.4, None),
-                (2, -0.4, Coulomb(0.3)),
-            )
-        ),
+        (1, 0.05, None),
+        (1, -0.4, Coulomb(0.3)),
+        (2, 0.05, Coulomb(0.3)),
+        (2, -0.4, None),
+        (2, -0.4, Coulomb(0.3)),
     ],
 )
-def test_nodes_over_each_other_that_are_held(degree, upto, friction, angles):
+def test_nodes_over_each_other_that_are_held(degree, upto, friction):
     """A node of the one side lies exactly over the last held one of the other side, and both are held along the axes
     of space: forces are those of any other rotation of the scene, as no plane of symmetry is there.
     """
     forces = []
-    for angle in (0.0, *angles):
+    for angle in ANGLES:
         scene = punch(2, degree=degree, clamped=upto, slave=1, friction=friction, angle=angle, algorithm="alm")
         forces.append(scene.move(0.0, -DEPTH))
     assert np.abs(forces[0][1]) > 0.1
-    assert np.array(forces[1:]) == pytest.approx(
-        np.tile(forces[0], (len(angles), 1)), abs=1e-9 * np.abs(forces[0]).max()
-    )
+    assert np.array(forces) == pytest.approx(np.tile(forces[0], (len(ANGLES), 1)), abs=1e-9 * np.abs(forces[0]).max())
 
 
 @pytest.mark.one_quick
