@@ -15,7 +15,6 @@ from mpi4py import MPI
 
 from signorini_fx import MeshGenerator, read_scene, sweep
 from signorini_fx.addons.pictures.style import STYLE
-from signorini_fx.mechanics.contact_points.contact_table import contact_table
 
 plt.rcParams.update(STYLE)
 CELLS = int(os.environ.get("CELLS", "120"))
@@ -33,9 +32,9 @@ scene = scene.model_copy(update={"mesh": MeshGenerator(generator=scene.mesh.gene
 # %%
 coefficients = np.linspace(0.05, 1.0, 20)
 stick, drag, peak, solves = [], [], [], []
-for point in sweep(scene, coefficients=list(coefficients)):
-    assert point.status.value == "converged", point
-    columns = contact_table(point.contact, ["bottom"]).columns
+for solution in sweep(scene, "contact.friction.coefficient", coefficients):
+    assert solution.converged, solution.status
+    columns = solution.table.columns
     touching = columns["pressure"] > 0
     sticking = touching & (columns["state"] == "stick")
     weight = columns["weight"]
@@ -43,7 +42,7 @@ for point in sweep(scene, coefficients=list(coefficients)):
     right = columns["x"] > 1.5
     drag.append(abs(np.dot(weight[right], columns["shear"][right])))
     peak.append(columns["pressure"].max())
-    solves.append(point.linear_solves)
+    solves.append(solution.history.linear_solves)
 
 # %% [markdown]
 # The stick zone grows with $F$, and with it the friction force. Beyond some $F$ nothing changes any more except at the

@@ -123,8 +123,10 @@ for state in ("stick", "slip+", "slip-"):
 # Many values of one parameter cost little more than one, because the body is assembled and factorised once:
 
 # %%
-for point in sfx.sweep(scene, coefficients=[0.05, 0.1, 0.2, 0.4, 0.8]):
-    print(f"F = {point.value:4.2f}: {point.linear_solves} linear solves, pressure {point.contact.pressure.max():.4f}")
+values = [0.05, 0.1, 0.2, 0.4, 0.8]
+for value, point in zip(values, sfx.sweep(scene, "contact.friction.coefficient", values), strict=True):
+    largest = point.contact.pressure.max()
+    print(f"F = {value:4.2f}: {point.history.linear_solves} linear solves, pressure {largest:.4f}")
 
 # %% [markdown]
 # ## When there is no solution

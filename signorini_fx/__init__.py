@@ -73,7 +73,7 @@ _PUBLIC = {
     "mechanics.statement.settings": ("Accuracy", "Box", "Discretised", "SolverSettings", "TitleBlock", "Units"),
     "scenes.reading": ("read_scene",),
     "scenes.solver": ("solve",),
-    "scenes.sweep": ("SweepPoint", "sweep"),
+    "scenes.sweep": ("sweep",),
 }
 # Those of add-ons.
 _ADDED = ("judge", "plot", "pyvista_grid", "sensitivity")

@@ -19,6 +19,7 @@ INSTEAD: dict[str, str] = {
         f"{load}.live": "leave it out: friction_used is of all loads, and a ramp (load_steps.steps) finds the limit"
         for load in ("traction", "force", "point_force", "fluid", "body_force", "gravity", "rotation")
     },
+    "SweepPoint": "sweep gives a Solution for each value",
     "links": "tie bodies by a contact with kind = 'bonded'; MPCs of forms of your own are those of dolfinx_mpc",
     "Links": "tie bodies by BondedContact",
     "periodic_sides": "model several periods, of which the one in the middle counts",

@@ -113,8 +113,8 @@ def swept(tagged: TaggedMesh) -> None:
     Raises:
         RuntimeError: one has no certificate.
     """
-    points = sweep(example1.scene("coulomb", tagged), MPI.COMM_SELF, coefficients=COEFFICIENTS)
-    if not all(point.certificate().holds for point in points):
+    points = sweep(example1.scene("coulomb", tagged), "contact.friction.coefficient", COEFFICIENTS, MPI.COMM_SELF)
+    if not all(point.certificate.holds for point in points):
         raise RuntimeError("a point of the sweep has no certificate")
 
 

@@ -83,13 +83,6 @@ def solve(
     return solution
 
 
-def solves(scene: Scene, comm: MPI.Comm) -> Callable[..., Solution]:
-    """What solves a scene with other entries of the keys that it is called with, all validated anew, to the last
-    iterate if there is no solution; collective: for those that solve without a knowledge of scenes.
-    """
-    return lambda **entries: solve(scene.remade(**entries) if entries else scene, comm, check=False)
-
-
 def _solved(
     scene: Scene,
     comm: MPI.Comm,

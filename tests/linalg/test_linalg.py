@@ -2,12 +2,9 @@
 
 import numpy as np
 import pytest
-from mpi4py import MPI
-from scenes import alone, example1, table_of
+from scenes import alone, table_of
 
-from signorini_fx.mechanics.statement.expressions import Expression
 from signorini_fx.scenes.reading import parse_scene
-from signorini_fx.scenes.sweep import sweep
 
 
 def turned(**solver):
@@ -31,21 +28,3 @@ def test_condensed_with_turned_nodes(algorithm):
     for name in ("pressure", "shear"):
         close = 1e-7 * theirs.columns["pressure"].max()
         np.testing.assert_allclose(ours.columns[name], theirs.columns[name], rtol=0, atol=close)
-
-
-@pytest.mark.parametrize("kind", ["condensed", "full"])
-def test_scaled_loads(kind):
-    """Half and twice the loads, in the interior of the body too; prescribed displacements are loads."""
-
-    def scaled(factor, kind):
-        scene = example1(bound=1.5, nx=12, ny=4, gamma=1e6, linear_algebra=kind)
-        left, right = scene.displacement
-        pressed = scene.traction[0].model_copy(update={"y": Expression(f"{-20 * factor} if 1 <= x[0] <= 2 else 0")})
-        moved = left.model_copy(update={"x": 0.001 * factor})
-        return scene.model_copy(update={"displacement": (moved, right), "traction": (pressed,)})
-
-    for point in sweep(scaled(1.0, kind), MPI.COMM_SELF, loads=[1.0, 0.5, 2.0]):
-        wanted = alone(scaled(point.value, "full")).displacement.x.array
-        found = point.displacement().x.array
-        np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-9 * np.abs(wanted).max())
-        assert point.certificate().holds

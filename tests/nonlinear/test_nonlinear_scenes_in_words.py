@@ -9,7 +9,7 @@ import pytest
 from mpi4py import MPI
 from support.nonlinear_scenes import block, indented, material
 
-from signorini_fx import SceneError, extensions, read_results, solve, sweep, write_results
+from signorini_fx import SceneError, extensions, read_results, solve, write_results
 from signorini_fx.extensions import KINEMATICS
 from signorini_fx.mechanics.kinematics import PLANE_STRAIN
 from signorini_fx.records import Status
@@ -101,14 +101,6 @@ def test_ogden_in_space_is_refused():
     scene = indented(material("ogden"), mesh=cube, contact={"boundary": "top", "foundation": plate}, load_steps={})
     with pytest.raises(SceneError, match=r"material\[0\].law: 'ogden' is not possible in 3D yet"):
         solve(scene, MPI.COMM_SELF)
-
-
-def test_what_else_scenes_are_used_for():
-    """A sweep says that it does not know the material: it does not take it for a linear one."""
-    rough = {"friction": {"law": "coulomb", "coefficient": 0.3}, "foundation": CIRCLE | {"shift": [0.0, -0.1]}}
-    scene = indented(RUBBER, contact=contact(**rough), load_steps={})
-    with pytest.raises(SceneError, match="is not possible here yet"):
-        sweep(scene, MPI.COMM_SELF, coefficients=[0.1, 0.2])
 
 
 def test_check():

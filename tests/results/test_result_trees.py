@@ -16,7 +16,7 @@ from signorini_fx.errors import OutputError, ResultError
 from signorini_fx.machine import manifest
 from signorini_fx.results import files
 from signorini_fx.results.folder import ResultFolder
-from signorini_fx.scenes import parameter_study
+from signorini_fx.scenes import sweep
 from signorini_fx.scenes.cli import main
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve
@@ -173,8 +173,9 @@ def test_what_is_not_of_this_run_stays(solution, killed, tmp_path, monkeypatch, 
     scene = tmp_path / "scene.toml"
     scene.write_text(SCENE)
     # Sweeps write their files as always; what is in them does not matter here.
-    monkeypatch.setattr(parameter_study, "run", lambda *_: None)
-    monkeypatch.setattr(parameter_study, "write", lambda _, part: (part / "sweep.csv").write_text("s"))
+    monkeypatch.setattr(sweep, "sweep", lambda scene, path, values, comm: iter(values))
+    monkeypatch.setattr(sweep, "row_of", lambda value, solution: {"value": value, "status": "converged"})
+    monkeypatch.setattr(sweep, "line_of", str)
     monkeypatch.setattr("signorini_fx.scenes.cli.commands.EXIT_NO_SOLUTION", 0)
     refusals = runs = 0
     for seed in range(6):

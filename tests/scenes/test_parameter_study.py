@@ -2,21 +2,15 @@
 
 import csv
 import math
-from functools import partial
+import tomllib
 
-import numpy as np
 import pytest
-import ufl
-from dolfinx import fem
-from mpi4py import MPI
 
-from signorini_fx import ContactProblem, Coulomb, Foundation, NonlinearContactProblem, generate_mesh, solve
+from signorini_fx import Coulomb, UnilateralContact
 from signorini_fx.errors import SceneError
 from signorini_fx.mechanics.statement.changes import changed, parsed_change
 from signorini_fx.scenes import cli
-from signorini_fx.scenes.parameter_study import FIGURES, run
 from signorini_fx.scenes.reading import parse_scene
-from tests.support.forms import hooke
 
 PUSHED = """
 [mesh]
@@ -71,6 +65,15 @@ def test_entries_are_changed_and_the_others_are_not():
     }
     assert repr(data) == before
     assert changed({"contact": [{"gap": 0.0}]}, {"contact.gap": 1.0}) == {"contact": [{"gap": 1.0}]}
+
+
+def test_a_table_of_python_keeps_its_law():
+    """It is not among the keys that were given."""
+    made = parse_scene(
+        {**tomllib.loads(PUSHED), "contact": [UnilateralContact(boundary="bottom", friction=Coulomb(coefficient=0.1))]}
+    )
+    found = parse_scene(changed(made, {"contact[0].friction.coefficient": 0.2}))
+    assert found.contact[0].friction == Coulomb(coefficient=0.2)
 
 
 @pytest.mark.parametrize(
@@ -128,63 +131,6 @@ def test_bodies_without_contact(tmp_path, capsys):
         assert float(first[end - 12 : end]) == pytest.approx(energy, rel=1e-5, nan_ok=True)
         assert math.isfinite(energy) is known
         assert int(row["linear_solves"]) > 0
-
-
-@pytest.mark.slow
-def test_forms_and_residuals_have_parameter_studies():
-    """A block that is pushed down and aside, for several coefficients: a scene, forms and a residual have one table."""
-    sides = {"generator": "rectangle", "parameters": {"nx": 12, "ny": 4}}
-    coefficients = (0.1, 0.3, 0.9)
-
-    def scene(coefficient):
-        friction = {"law": "coulomb", "coefficient": coefficient}
-        return parse_scene(
-            {
-                "mesh": sides,
-                "material": [{"young": 5000.0, "poisson": 0.3}],
-                "displacement": [{"boundary": "top", "x": 0.01, "y": -0.02}],
-                "contact": [{"boundary": "bottom", "friction": friction}],
-                "solver": {"algorithm": "alm", "coulomb": "newton"},
-            }
-        )
-
-    tagged = generate_mesh(sides["generator"], sides["parameters"], MPI.COMM_SELF)
-    space = fem.functionspace(tagged.mesh, ("Lagrange", 1, (2,)))
-    u, v, shared = fem.Function(space), ufl.TestFunction(space), fem.Constant(tagged.mesh, 0.0)
-    moved = [
-        fem.dirichletbc(np.array([0.01, -0.02]), fem.locate_dofs_topological(space, 1, tagged.facets("top")), space)
-    ]
-    floor = Foundation(tagged.facets("bottom"), friction=Coulomb(shared))
-    none = ufl.inner(fem.Constant(tagged.mesh, (0.0, 0.0)), v) * ufl.dx
-    a = hooke(ufl.TrialFunction(space), v, 5000.0)
-    forms = ContactProblem(a, none, moved, floor, algorithm="alm", coulomb="newton")
-    residual = NonlinearContactProblem(
-        hooke(u, v, 5000.0), u, bcs=moved, contact=floor, algorithm="alm", coulomb="newton"
-    )
-
-    def solved(problem, coefficient):
-        shared.value = coefficient
-        problem.solve()
-        return problem.solution
-
-    def table_of(front):
-        return run("friction", [(value, partial(front, value)) for value in coefficients], printed.append)
-
-    printed = []
-    of_scene, *further = (
-        table_of(lambda value: solve(scene(value), MPI.COMM_SELF)),
-        table_of(partial(solved, forms)),
-        table_of(partial(solved, residual)),
-    )
-    assert of_scene.rows[0]["stick_area"] < of_scene.rows[2]["stick_area"]
-    # Newton's method of a residual ends where its increments are small.
-    for table, digits in zip(further, (1e-8, 1e-6), strict=True):
-        assert table.solved
-        assert [row["value"] for row in table.rows] == [*coefficients]
-        for row, row_of_scene in zip(table.rows, of_scene.rows, strict=True):
-            for name in set(FIGURES) - {"strain_energy"}:
-                assert row[name] == pytest.approx(row_of_scene[name], rel=digits), name
-    assert len(printed) == 3 * (1 + len(coefficients))
 
 
 @pytest.mark.parametrize(

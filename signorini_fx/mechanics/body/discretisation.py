@@ -46,7 +46,7 @@ from signorini_fx.mechanics.obstacles.foundations_on_points import Foundations, 
 from signorini_fx.mechanics.obstacles.scene_contact import foundations_of
 from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodies
 from signorini_fx.mechanics.scales import Scales
-from signorini_fx.mechanics.statement.effect import Force, Load, Resistance
+from signorini_fx.mechanics.statement.effect import Load, Resistance
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.records import Inventory, Timings
 from signorini_fx.tuned import LARGEST_MULTIGRID_POISSON, SAME_NUMBER
@@ -300,55 +300,6 @@ def with_gap_and_friction(model: M, statement: Statement) -> M:
     scales = Scales(model.tagged.dimension, statement.young, model.tagged.size)
     data, law = foundations.problem(model.boundary, values, Settings.of(statement.solver), scales)
     return replace(model, statement=statement, data=data, law=law)
-
-
-def with_forces(model: M, statement: Statement) -> M | None:
-    """The same body with the forces of another statement that differs in nothing else but gaps and friction, and has no
-    expressions of the time; None: its forces are multiplied by other factors, or by those of other loads; collective.
-
-    Raises:
-        SceneError: a boundary or region of a force is not there, or a force is not finite.
-    """
-    assert model.coefficients is not None
-    boundary_facets(statement, model.tagged)
-    earlier, groups = load_groups(model.statement), load_groups(statement)
-    if list(earlier) != list(groups):
-        return None
-    on, applied = replace(model.coefficients, statement=statement), list(model.applied)
-    for number, (group, loads) in enumerate(groups.items()):
-        if loads == earlier[group]:
-            continue
-        stay = [load for load in earlier[group] if not isinstance(load, Force)]  # supports are known by identity
-        if len(stay) + sum(isinstance(load, Force) for load in loads) != len(loads):
-            return None
-        rest = iter(stay)
-        loads = [load if isinstance(load, Force) else next(rest) for load in loads]
-        test = ufl.TestFunction(model.space)
-        applied[number] = applied_load(group, loads, on, test, lambda _: (model.supports, model.turned))
-    check_finite(model.tagged.mesh.comm, applied)
-    of_body = {name: value for name, value in model.of_body.items() if name != "cases"}
-    return replace(model, statement=statement, coefficients=on, applied=tuple(applied), of_body=of_body)
-
-
-def with_moduli(model: M, statement: Statement) -> M | None:
-    """The same body with Young's moduli and Poisson's ratios of another statement that differs in nothing else, and
-    whose loads do not depend on them; None: its terms are others; collective.
-    """
-    assert model.coefficients is not None
-    check_materials(statement.material)
-    space, inventory, resists = model.space, model.inventory, tuple(model.resists or ())
-    elastic = elastic_law(statement, model.tagged, space, inventory, model.pieces)
-    if elastic.names != model.elastic.names or elastic.pressed or model.elastic.pressed:
-        return None
-    changed = replace(
-        model,
-        terms=partial(_terms, elastic, space, inventory, resists),
-        elastic=elastic,
-        coefficients=replace(model.coefficients, statement=statement),
-        compressible=_compressible(statement),
-        of_body={name: value for name, value in model.of_body.items() if name in ("_supported", "_free")},
-    )
-    return with_gap_and_friction(changed, statement)
 
 
 def moved_since(model: Model, earlier: Statement) -> npt.NDArray[np.float64]:

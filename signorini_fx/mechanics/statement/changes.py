@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import tomllib
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Literal, get_origin
 
 from pydantic import BaseModel
 
@@ -73,7 +73,11 @@ def _with(entry: Any, way: list[str | int], value: Any, at: str) -> Any:
 
 
 def _opened(entry: Any) -> Any:
-    """A validated table as plain data, with the keys that it has been given, and a tuple of tables as a list."""
+    """A validated table as plain data, with the keys that it has been given and those that say which table it is, and a
+    tuple of tables as a list.
+    """
     if isinstance(entry, BaseModel):
-        return {key: getattr(entry, key) for key in type(entry).model_fields if key in entry.model_fields_set}
+        fields, given = type(entry).model_fields, entry.model_fields_set
+        kept = [key for key, field in fields.items() if key in given or get_origin(field.annotation) is Literal]
+        return {key: getattr(entry, key) for key in kept}
     return list(entry) if isinstance(entry, tuple) else entry

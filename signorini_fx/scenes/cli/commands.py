@@ -15,24 +15,16 @@ from signorini_fx.errors import OutputError, SceneError, SignoriniError, cannot_
 from signorini_fx.extensions import add_on
 from signorini_fx.machine import terminal
 from signorini_fx.scenes.cli.exit_codes import EXIT_INCOMPLETE, EXIT_NO_SOLUTION, EXIT_OK, of_solve
-from signorini_fx.scenes.cli.grammar import changes
+from signorini_fx.scenes.cli.grammar import changes, several_values
 
 if TYPE_CHECKING:
     from signorini_fx.results.solution import Solution
     from signorini_fx.scenes.scene import Scene
 
 
-def _read_scene(options: argparse.Namespace) -> Scene:
-    """The scene on every rank, with what the command line changes; PETSc is started with the options of the user."""
-    ((_, scene),) = _read_scenes(options, lambda changed: [("", changed)])
-    return scene
-
-
-def _read_scenes(
-    options: argparse.Namespace, several: Callable[[dict[str, Any]], list[tuple[Any, dict[str, Any]]]]
-) -> list[tuple[Any, Scene]]:
-    """Several scenes from one file, each with its name and changes of its own, which ``several`` makes of those that
-    the command line gives.
+def _read_scene(options: argparse.Namespace, leave_out: str = "") -> Scene:
+    """The scene on every rank, with what the command line changes but one entry; PETSc is started with the options of
+    the user.
     """
     from mpi4py import MPI
 
@@ -41,12 +33,10 @@ def _read_scenes(
     from signorini_fx.scenes.reading import parse_scene_text, read_scene_text
 
     text = parallel.on_root(MPI.COMM_WORLD, lambda: read_scene_text(options.scene))
-    scenes = [
-        (name, parse_scene_text(text, options.scene, scene_changes))
-        for name, scene_changes in several(changes(options))
-    ]
+    entries = {path: value for path, value in changes(options).items() if path != leave_out}
+    scene = parse_scene_text(text, options.scene, entries)
     start_petsc(MPI.COMM_WORLD, options.petsc_options)
-    return scenes
+    return scene
 
 
 def solve(options: argparse.Namespace) -> int:
@@ -157,22 +147,25 @@ def sweep(options: argparse.Namespace) -> int:
     from mpi4py import MPI
 
     from signorini_fx.machine import parallel
+    from signorini_fx.machine.csv_text import write_csv
+    from signorini_fx.records import Status
     from signorini_fx.results.folder import ResultFolder
-    from signorini_fx.scenes import parameter_study as study
-    from signorini_fx.scenes import solver
+    from signorini_fx.scenes import sweep as study
 
     comm = MPI.COMM_WORLD
     path = options.out or Path("results") / f"sweep_{options.scene.stem}"
-    entry, values = study.several(changes(options))
-    scenes = _read_scenes(options, lambda changed: [(value, {**changed, entry: value}) for value in values])
-    report = partial(parallel.log_on_root, comm)
-    problems = [(value, solver.solves(scene, comm)) for value, scene in scenes]
-    with ResultFolder(comm, path, study.FILES) as folder:
-        outcome = study.run(entry, problems, report)
-        parallel.on_root(comm, lambda: study.write(outcome, folder.part))
+    entry, values = several_values(changes(options))
+    solutions = study.sweep(_read_scene(options, leave_out=entry), entry, values, comm)
+    rows = []
+    with ResultFolder(comm, path, ("sweep.csv",)) as folder:
+        parallel.log_on_root(comm, study.heading(entry))
+        for value, solution in zip(values, solutions, strict=True):
+            rows.append(study.row_of(value, solution))
+            parallel.log_on_root(comm, study.line_of(rows[-1]))
+        parallel.on_root(comm, lambda: write_csv(folder.part / "sweep.csv", rows))
         folder.commit()
-    report(f"results: {path}/")
-    return EXIT_OK if outcome.solved else EXIT_NO_SOLUTION
+    parallel.log_on_root(comm, f"results: {path}/")
+    return EXIT_OK if all(row["status"] == Status.CONVERGED.value for row in rows) else EXIT_NO_SOLUTION
 
 
 def check(options: argparse.Namespace) -> int:

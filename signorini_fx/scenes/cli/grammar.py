@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from signorini_fx import __version__
-from signorini_fx.errors import shortened
+from signorini_fx.errors import SceneError, shortened
 from signorini_fx.machine import terminal
 from signorini_fx.machine.launcher import started_as_root
 from signorini_fx.mechanics.statement.changes import parsed_change
@@ -226,3 +226,34 @@ def changes(options: argparse.Namespace) -> dict[str, Any]:
         **dict(getattr(options, "set", None) or ()),
     }
     return {path: value for path, value in entries.items() if value is not None}
+
+
+_COMMA = re.compile(r",(?![^()]*\))")  # between values, and not between the arguments of a function
+_RANGE = re.compile(r"\s*([-+.\deE]+)\s*:\s*([-+.\deE]+)\s*:\s*(\d{1,5})\s*")
+
+
+def several_values(entries: dict[str, Any]) -> tuple[str, list[Any]]:
+    """The one entry that has several values, its path and the values: ``0.1:0.8:8``, from, to, and how many of them at
+    equal distances, or ``0.1,0.2,0.4``.
+
+    Raises:
+        SceneError: none has, or more than one, or a range is wrong.
+    """
+    ranges = {path: values for path, value in entries.items() if len(values := _values(path, value)) > 1}
+    if len(ranges) != 1:
+        reason = f"these have: {', '.join(ranges)}" if ranges else "none has"
+        example = "such as --set contact[0].friction.coefficient=0.1:0.8:8 or 0.1,0.2,0.4"
+        raise SceneError([("sweep", f"one entry must have several values, {example}; {reason}")])
+    return ranges.popitem()
+
+
+def _values(path: str, value: Any) -> list[Any]:
+    if not isinstance(value, str):
+        return [value]
+    if match := _RANGE.fullmatch(value):
+        try:
+            first, last, count = float(match[1]), float(match[2]), int(match[3])
+        except ValueError:
+            raise SceneError([(path, f"{value!r} is no range: FROM:TO:COUNT is expected, such as 0.1:0.8:8")]) from None
+        return [float(f"{first + k / max(count - 1, 1) * (last - first):.12g}") for k in range(count)]
+    return [parsed_change(f"value={entry}")[1] for entry in _COMMA.split(value)]
