@@ -145,17 +145,6 @@ class ResultFiles:
             raise ValueError(f"{name} has {count} rows, {rows} are expected")
         return columns
 
-    def facets(self, rows: int) -> npt.NDArray[np.int64]:
-        """The facets of the contact surface, see ``read_facets``, for a table with this number of rows.
-
-        Raises:
-            ValueError: they belong to another table.
-        """
-        facets = read_facets(self.path / "contact.vtu")
-        if facets.size and not 0 <= facets.min() <= facets.max() < rows:
-            raise ValueError(f"contact.vtu is of other nodes than contact.csv with its {rows} rows")
-        return facets
-
     def picture(self, name: str) -> bytes | None:
         """A picture that solve drew; None if it drew none."""
         file = self.path / name

@@ -3,7 +3,7 @@
 import pytest
 
 from signorini_fx.addons.pictures.style import plain
-from signorini_fx.addons.report.templating import part
+from signorini_fx.addons.report.markup import part
 from signorini_fx.machine import terminal
 from signorini_fx.machine.display import html_table
 from signorini_fx.machine.terminal import TerminalLine, printable

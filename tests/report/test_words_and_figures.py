@@ -4,11 +4,10 @@ import math
 import re
 from types import SimpleNamespace
 
-import numpy as np
 import pytest
 
 from signorini_fx.addons.pictures.fields import FIELDS
-from signorini_fx.addons.report import evidence, sections, sections_in_space
+from signorini_fx.addons.report import evidence, sections
 from signorini_fx.mechanics.statement.units import labelled
 from signorini_fx.quantities.digits import between, figure
 from signorini_fx.quantities.shown import shown_cards, table
@@ -60,27 +59,29 @@ def test_captions_have_no_signs_of_formulas():
 @pytest.mark.parametrize(("law", "rubs"), [("none", False), ("coulomb", True)])
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_no_friction_no_figures_of_it(law, rubs, dimension):
-    """And areas in one table alone."""
+    """Neither in the table of boundaries nor among the figures."""
     row = {"boundary": "bottom", "area": 3.0, "contact_area": 1.3, "pressure_integral": 20.0, "mean_pressure": 15.4}
-    row |= {"tangential_force": 0.0, "friction_limit": 6.0 * rubs, "friction_moment": None, "moment_limit": None}
+    row |= {
+        "contact_force": [0.0, 20.0],
+        "friction_force": [0.0, 0.0],
+        "friction_limit": 6.0 * rubs,
+        "friction_moment": None,
+        "moment_limit": None,
+    }
     summary = {"dimension": dimension, "contact_boundaries": [row], "max_shear": 0.0}
     summary |= {"contact_force": [0.0, 20.0], "friction_force": [0.0, 0.0]}
     summary["scene"] = {"material": [{}], "contact": [{"boundary": "bottom", "friction": {"law": law}}]}
     shown = heads(sections.forces(summary))
-    assert ("tangential force" in shown) == ("friction limit" in shown) == rubs
-    assert ("length" in shown, "area" in shown) == (dimension == 2, False)
+    assert ("friction force" in shown) == ("friction limit" in shown) == rubs
+    assert ("length" in shown, "area" in shown) == (dimension == 2, dimension == 3)
     assert bool(card_of("friction_force", summary)) == bool(card_of("max_shear", summary)) == rubs
 
 
 def test_areas_have_a_unit():
     """In 3D, as all other columns have."""
-    names = ("contact_force", "friction_force", "contact_moment", "friction_moment")
-    summary = {name: [0.0, 0.0, 1.0] for name in names} | {"contact_force_through": None, "contact_boundaries": []}
-    summary["scene"] = {"material": [{}], "contact": [{"boundary": "foot", "friction": {"law": "none"}}]}
-    contact = {name: np.array(["foot"]) for name in ("boundary", "friction", "state")} | {"weight": np.array([2.0])}
+    summary = {"areas": {"contact": 2.0, "stick": 1.0, "slip": 1.0}, "contact_boundaries": [], "scene": {}}
     with labelled(MEGAPASCAL):
-        shown = heads(sections_in_space.resultants(summary, contact))
-    assert shown[-5:] == ["area of", "whole (mm²)", "in contact (mm²)", "sticks (mm²)", "slips (mm²)"]
+        assert heads(sections.forces(summary)) == ["all boundaries", "area (mm²)"]
 
 
 def test_the_place_of_the_share_has_a_unit():
@@ -110,7 +111,7 @@ def test_a_figure_that_is_no_number_is_called_so():
 def test_what_happened_is_in_the_report():
     """Once each; the advice of *slides at the contact pressures found* refers to the share that friction carries."""
     summary = {"algorithm": "fp", "linear_solves": 3, "events": ["friction carries at most 0.99 of the loads"] * 2}
-    shown = texts_of(evidence.history(summary, SimpleNamespace(columns=lambda name: {}), {}))
+    shown = texts_of(evidence.history(summary, SimpleNamespace(picture=lambda name: None)))
     assert shown.count("friction carries at most 0.99 of the loads") == 1
 
 

@@ -38,7 +38,6 @@ from signorini_fx.machine.csv_text import Table
 from signorini_fx.mechanics.statement.units import bracketed
 from signorini_fx.tuned import SMALL_PART
 
-SIDES = ("contact", "friction")
 AROUND = {"color": ORANGE, "linewidth": 1.5, "linestyle": (0, (6.0, 1.2, 1.2, 1.2))}
 # Lightness decreases from open to stick, so that the order of the states is visible in a gray print.
 STATES = {
@@ -239,7 +238,6 @@ def boundary_profiles(
     table: Table,
     *,
     title: str = "",
-    sides: Sequence[str] = SIDES,
     suffixes: Sequence[str] = SCREEN,
 ) -> None:
     """Draw the curves along the contact boundary, one block per boundary.
@@ -256,7 +254,6 @@ def boundary_profiles(
         table: columns of ``contact.csv``, each of shape (n,), nodes in order along each boundary: s, x, y, gap, u_n,
             u_t, pressure, shear, bound as floats, state, friction, boundary as strings.
         title: title of the picture.
-        sides: which of the two columns to draw.
         suffixes: of the files to write.
 
     Raises:
@@ -265,8 +262,8 @@ def boundary_profiles(
     boundaries = [boundary.near() for boundary in boundaries_of(table)]
     if not boundaries:
         raise ValueError("the contact table has no rows")
-    if not any(boundary.has_friction for boundary in boundaries):
-        sides = ["contact"]
+    rubs = any(boundary.has_friction for boundary in boundaries)
+    sides = ("contact", "friction") if rubs else ("contact",)
     with mpl.rc_context(STYLE):
         size = (7.2 if len(sides) == 2 else 4.2, 3.9 * len(boundaries) + 0.4)
         figure = Figure(figsize=size, layout=ConstrainedLayoutEngine(hspace=0.0, h_pad=0.03, wspace=0.05))

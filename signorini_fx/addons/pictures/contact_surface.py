@@ -41,7 +41,6 @@ from signorini_fx.mechanics.statement.units import bracketed, unit
 from signorini_fx.tuned import CLOSED_IN_PICTURE, LONGEST_ARROW, STACKED_PANELS, SURFACE_MARGIN
 
 Rows = npt.NDArray[np.int64]
-PANELS = ("pressure", "state")
 
 # The rows of a facet in the order of VTK, as polygons of vertices.
 _POLYGONS = {
@@ -135,9 +134,7 @@ def contact_surface(
     facets: Rows,
     *,
     title: str = "",
-    panels: Sequence[str] = PANELS,
     suffixes: Sequence[str] = SCREEN,
-    boundary: str | None = None,
 ) -> None:
     """Draw each contact boundary of a body in 3D, seen along its outward normal through the body.
 
@@ -153,29 +150,21 @@ def contact_surface(
         table: columns of ``contact.csv`` of a scene in 3D, each of shape (n,).
         facets: its rows at each facet in the order of VTK, shape (m, 3), (m, 4) or (m, 9).
         title: title of the picture.
-        panels: which of the two to draw.
         suffixes: of the files to write.
-        boundary: the only one to draw; None: all.
 
     Raises:
         ValueError: the table has no rows.
     """
     with mpl.rc_context(STYLE):
-        finish(contact_figure(table, facets, panels, boundary), path_stem, title, suffixes)
+        finish(contact_figure(table, facets), path_stem, title, suffixes)
 
 
-def boundaries_shown(table: Table, facets: Rows) -> list[str]:
-    """The contact boundaries that have a picture: one whose nodes belong to facets of others alone has none to show."""
-    return list(dict.fromkeys(side.name for side in sides_of(table, facets) if side.polygons.size))
-
-
-def contact_figure(table: Table, facets: Rows, shown: Sequence[str] = PANELS, boundary: str | None = None) -> Figure:
+def contact_figure(table: Table, facets: Rows) -> Figure:
     """The figure that ``contact_surface`` writes."""
-    sides = [side for side in sides_of(table, facets) if side.polygons.size and boundary in (None, side.name)]
+    sides = [side for side in sides_of(table, facets) if side.polygons.size]
     if not sides:
         raise ValueError("the contact table has no rows")
-    friction = any(side.has_friction for side in sides)
-    shown = shown if friction else PANELS[:1]
+    shown = ("pressure", "state") if any(side.has_friction for side in sides) else ("pressure",)
     windows = [_window(side) for side in sides]
     wide = max((high[0] - low[0]) / (high[1] - low[1]) for low, high, _ in windows) > STACKED_PANELS
     columns = 1 if wide else len(shown)

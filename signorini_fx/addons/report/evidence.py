@@ -4,26 +4,13 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
 from typing import Any
 
-from signorini_fx.addons.report.markup import (
-    drawn_by,
-    folded,
-    in_text,
-    is_number,
-    joined,
-    long_table,
-    shown,
-    table,
-)
-from signorini_fx.addons.report.templating import Markup, part
+from signorini_fx.addons.report.markup import Markup, folded, in_text, is_number, joined, part, picture, shown, table
 from signorini_fx.machine.result_files import ResultFiles
 from signorini_fx.mechanics.statement.units import unit
 from signorini_fx.quantities.validity import was_solved
 from signorini_fx.tuned import CERTIFICATE_TOLERANCE
-
-_MOST_FACTORS = 8  # are listed in the table of the scene
 
 # Every figure of the certificate: its limit, None if it is only reported, and its meaning.
 JUDGED: dict[str, tuple[float | None, str]] = {
@@ -55,7 +42,7 @@ def certificate(summary: dict[str, Any]) -> Markup:
         verdict = "reported" if limit is None else "violated" if missed else "holds"
         judged = "" if limit is None else f"<= {limit:g}"
         digits = _two_digits(value) if math.isfinite(value) else "not finite"
-        rows.append((_named(name.replace("_", " "), meaning), digits, verdict, judged))
+        rows.append((part("named", name.replace("_", " "), meaning), digits, verdict, judged))
         classes.append("missed" if missed else "")
     law = f" The law is {summary['certificate']['law']}." if "law" in summary["certificate"] else ""
     figures = {name: value for name, value in summary["certificate"].items() if is_number(value) and value is not None}
@@ -67,7 +54,7 @@ def certificate(summary: dict[str, Any]) -> Markup:
     missed = "missed" in classes
     verdict = "The certificate does NOT hold."
     if not missed:
-        largest = f"{figures[worst]:.1e} ({worst.replace('_', ' ')})"
+        largest = f"{figures[worst]:.1e} ({worst.replace('_', ' ')})" if figures[worst] else "round-off"
         verdict = f"The certificate holds: no figure is above {largest}, the limit is {CERTIFICATE_TOLERANCE:g}."
     full_table = table(["figure", "value", "", "limit"], rows, classes)
     parts = [part("paragraph", in_text(verdict)), part("note", in_text(note))]
@@ -88,88 +75,27 @@ def certificate(summary: dict[str, Any]) -> Markup:
     return joined(parts)
 
 
-# What a scene holds besides effects that have a row each.
-_TOLD_APART = (
-    *(
-        "title",
-        "incomplete",
-        "forms",
-        "mesh",
-        "body",
-        "element",
-        "contact",
-        "load_steps",
-        "solver",
-        "accuracy",
-        "units",
-        "title_block",
-    ),
-)
+# What the page says elsewhere.
+_ELSEWHERE = {"title", "title_block", "incomplete", "units", "solver", "accuracy"}
 
 
 def scene(summary: dict[str, Any]) -> Markup:
-    """The effects of the scene, the method, and the scene as JSON."""
-    scene = summary["scene"]
-    rows: list[tuple[str, str]] = [("forms", ", ".join(scene["forms"]))] if "forms" in scene else []
-    bodies = scene.get("body") or ()
-    for body in bodies:
-        generator, data = _mesh(body["mesh"])
-        moved = _data(body, "name", "mesh")
-        rows.append((_named("body", body["name"]), "; ".join(filter(None, (f"{generator} {data}".strip(), moved)))))
-    if not bodies:
-        generator, data = _mesh(scene["mesh"])
-        rows.append((_named("mesh", generator), data))
-    rows.append(("element", shown(scene["element"])))
-    for kind, section in scene.items():
-        nothing = None if kind in ("material", "displacement") else 0.0
-        name_key = "region" if kind == "material" else "boundary"
-        for entry in (
-            [] if kind in _TOLD_APART else section if isinstance(section, list) else [section] if section else []
-        ):
-            name = _named(kind.replace("_", " "), entry.get(name_key) or "")
-            rows.append((name, _data(entry, name_key, nothing=nothing)))
-    for entry in scene["contact"]:
-        friction = entry.get("friction") or {"law": "none"}
-        without_friction = {key: value for key, value in entry.items() if key != "friction"}
-        rows.append(
-            (_named(f"{entry['kind']} contact", entry["boundary"]), _data(without_friction, "boundary", "kind"))
-        )
-        rows.append((_named(f"friction: {friction['law']}", entry["boundary"]), _data(friction, "law")))
-    steps = {key: value for key, value in (scene.get("load_steps") or {}).items() if value}
-    if steps:
-        rows.append(("load steps", shown(steps)))
+    """The tables of the scene, the method, and the scene as JSON."""
+    scene, rows = summary["scene"], list[tuple[str, str]]()
+    for key, section in scene.items():
+        entries = section if section and isinstance(section, list) and isinstance(section[0], dict) else [section]
+        texts = [] if key in _ELSEWHERE else [shown(entry) for entry in entries]
+        if key == "mesh" and isinstance(section, str):  # the name of a type
+            texts = ["made in Python"]
+        rows += [(key.replace("_", " "), text) for text in texts if text and text != "()"]
     method = {"algorithm": summary["algorithm"], **summary["parameters"], "linear algebra": summary["linear_algebra"]}
-    full_scene = part("source", json.dumps(scene, indent=1))
     return joined(
         [
             table(["effect", "data"], rows),
             part("paragraph", in_text(f"Method: {shown(method)}.")),
-            folded("The whole scene with all defaults", full_scene),
+            folded("The whole scene with all defaults", part("source", json.dumps(scene, indent=1))),
         ]
     )
-
-
-def _mesh(mesh: Any) -> tuple[str, str]:
-    """The generator of a mesh, "" for another one, and the data of the mesh."""
-    if isinstance(mesh, dict) and "generator" in mesh:
-        return mesh["generator"], shown(mesh["parameters"]) + ", then divided" * bool(mesh.get("refined"))
-    entries = {key: value for key, value in mesh.items() if value} if isinstance(mesh, dict) else {}
-    return "", shown(entries) or "made in Python"
-
-
-def _named(name: str, remark: str) -> Markup:
-    """A name with a remark below it."""
-    return part("named", name, remark)
-
-
-def _data(entry: Mapping[str, Any], *leave_out: str, nothing: float | None = None) -> str:
-    """The text for an effect; ``nothing`` is the text for an absent load."""
-    entries = {key: value for key, value in entry.items() if key not in leave_out and value not in (None, nothing)}
-    factors = entries.pop("factors", None)
-    if not factors:
-        return shown(entries)
-    listed = ", ".join(map(shown, factors)) if len(factors) <= _MOST_FACTORS else f"{len(factors)} of them"
-    return f"{shown(entries)}, times the factors {listed}"
 
 
 def convergence_table(rows: list[dict[str, Any]]) -> Markup:
@@ -187,42 +113,23 @@ def convergence_table(rows: list[dict[str, Any]]) -> Markup:
     return joined([table([*(name.replace("_", " ") for name in names), ""], shorter, classes), part("note", note)])
 
 
-def cost(summary: dict[str, Any]) -> Markup:
-    """The picture of errors against what they took, which belongs to the answer how sure a result is."""
-    from signorini_fx.addons.pictures.convergence import errors_and_costs
-
-    if "convergence_table" not in summary:
-        return Markup("")
-    caption = "Estimated relative errors against unknowns and time; open: the next mesh, predicted."
-    return drawn_by(errors_and_costs, summary["convergence_table"], caption=caption)
-
-
 def _two_digits(value: float | None) -> Any:
     """An estimate with the digits that it has."""
     return float(f"{value:.2g}") if isinstance(value, float) else value
 
 
-def history(summary: dict[str, Any], folder: ResultFiles, history: dict[str, Any], *, dimension: int = 2) -> Markup:
-    """How many linear solves it took; the convergence history and its tables on demand."""
-    from signorini_fx.addons.pictures.convergence import iteration_history
-
+def history(summary: dict[str, Any], folder: ResultFiles) -> Markup:
+    """How many linear solves it took; the picture of the convergence and what happened on demand."""
     solves, factorised = summary["linear_solves"], summary.get("factorisations")
     text = f"{summary['algorithm']}: {solves} linear solve{'s' * (solves != 1)}"
     if factorised is not None:
         text += f" with {factorised} factorisation{'s' * (factorised != 1)}"
-    parts = [part("paragraph", f"{text}.")]
-    if history:
+    parts = [part("paragraph", f"{text}; history.csv has a row for each.")]
+    if (data := folder.picture("history.png")) is not None:
         caption = "Sizes of the active sets and nodes that change, and residual, against the linear solves."
-        drawn = drawn_by(iteration_history, history, caption=caption, dimension=dimension)
-        if dimension == 3:  # slip has no sign
-            history = {{"slip_plus": "slip"}.get(key, key): c for key, c in history.items() if key != "slip_minus"}
-        parts += [folded("Convergence history", drawn), long_table("Every linear solve", history, "history.csv")]
-    events = list(dict.fromkeys(summary.get("events", ())))
-    if events:
+        parts.append(folded("Convergence history", picture(data, "convergence of the iteration", caption)))
+    if events := list(dict.fromkeys(summary.get("events", ()))):
         parts.append(folded("What happened", part("items", list(map(in_text, events)))))
-    outer = folder.columns("outer.csv")
-    if outer:
-        parts.append(long_table("Every regularised problem", outer, "outer.csv"))
     return joined(parts)
 
 

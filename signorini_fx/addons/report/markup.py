@@ -1,4 +1,4 @@
-"""Parts of the page: every text passes through a template, which escapes what is not markup."""
+"""Parts of the page, from the templates: what is no markup is escaped, and loses its control characters."""
 
 from __future__ import annotations
 
@@ -6,19 +6,51 @@ import base64
 import math
 import re
 import struct
-import tempfile
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from pathlib import Path
+from collections.abc import Iterable, Mapping, Sequence
+from functools import cache
+from importlib import resources
 from typing import Any
 
 import numpy as np
 
-from signorini_fx.addons.report.templating import Markup, part
+from signorini_fx.errors import InstallationError
+from signorini_fx.machine.terminal import printable
 from signorini_fx.tuned import BROAD_PICTURE
+
+try:
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined
+    from markupsafe import Markup as Markup
+except ImportError:
+    raise InstallationError("a report needs Jinja (pip install jinja2; on Debian: python3-jinja2)") from None
 
 _WIDE_TABLE = 8  # columns from which on the print uses small letters
 _WIDE_CELL = 16  # letters from which on a cell is broken into lines
 _MOST_ROWS = 400  # of a table; the CSV file has all rows
+_MOST_ENTRIES = 8  # of a list in a cell
+_NOTHING: tuple[Any, ...] = (None, "", [], {}, ())
+
+
+@cache
+def _templates() -> Environment:
+    def safe(value: Any) -> Any:
+        return printable(value) if isinstance(value, str) and not isinstance(value, Markup) else value
+
+    folder = str(resources.files(__package__).joinpath("templates"))
+    environment = Environment(
+        loader=FileSystemLoader(folder), autoescape=True, undefined=StrictUndefined, finalize=safe
+    )
+    environment.filters["anchor"] = lambda heading: heading.lower().replace(" ", "-")
+    return environment
+
+
+def rendered(name: str, /, **values: Any) -> Markup:
+    """A template with its values."""
+    return Markup(_templates().get_template(f"{name}.html").render(values).strip())
+
+
+def part(name: str, *values: Any) -> Markup:
+    """A macro of ``parts.html`` with its arguments."""
+    return Markup(getattr(_templates().get_template("parts.html").module, name)(*values))
 
 
 def joined(parts: Iterable[Markup]) -> Markup:
@@ -30,20 +62,18 @@ def shown(value: Any) -> str:
     """A value of a table."""
     if value is None or (isinstance(value, float) and math.isnan(value)):
         return ""
-    if isinstance(value, str):
-        return value
     if isinstance(value, bool | np.bool_):
         return "yes" if value else "no"
     if isinstance(value, float | np.floating):
         return f"{value + 0.0:.6g}"
     if isinstance(value, list | tuple):
-        return f"({', '.join(map(shown, value))})"
+        return f"({', '.join(map(shown, value))})" if len(value) <= _MOST_ENTRIES else f"{len(value)} entries"
     if isinstance(value, Mapping):
-        texts = {key: shown(item) for key, item in value.items() if item is not None}
+        texts = {key: shown(item) for key, item in value.items() if item not in _NOTHING}
         # What belongs to an inner table stands in braces, as in the scene file.
         inner = {key: f"{{{texts[key]}}}" for key in texts if isinstance(value[key], Mapping)}
         return ", ".join(f"{key} = {text}" for key, text in {**texts, **inner}.items())
-    return str(value)
+    return value if isinstance(value, str) else str(value)
 
 
 _NUMBER = re.compile(r"-?\d+(\.\d+)?(e[+-]\d+)?|")  # as ``digits.figure`` writes it, or nothing
@@ -83,25 +113,21 @@ def table(columns: Sequence[str], rows: Sequence[Sequence[Any]], classes: Sequen
 
 def _breakable(text: str) -> Markup:
     """Words of which a long one may be broken behind its underscores, as names of boundaries may be of any length."""
-    if isinstance(text, Markup):
-        return text
-    return part("breakable", re.split(r"(?<=_)(?=[^_])", text))
+    return text if isinstance(text, Markup) else part("breakable", re.split(r"(?<=_)(?=[^_])", text))
 
 
 def long_table(title: str, columns: Mapping[str, Any], file: str) -> Markup:
     """Columns of a CSV file; folded; a very long one shows its two ends."""
     rows = list(zip(*columns.values(), strict=True))
-    remark: list[Markup] = []
-    if len(rows) > _MOST_ROWS:
+    count, remark = len(rows), list[Markup]()
+    if count > _MOST_ROWS:
         half = _MOST_ROWS // 2
-        text = f"The first and the last {half} of {len(rows)} rows; {file} has all of them."
-        remark, rows = [part("note", text)], [*rows[:half], *rows[-half:]]
+        remark, rows = [part("note", f"The first and the last {half} rows; {file} has all of them.")], rows[:half]
+        rows += list(zip(*(column[-half:] for column in columns.values()), strict=True))
     # Behind a blank there is the name of a boundary, which stays as it is.
-    names = [
-        " ".join([first.replace("_", " "), *boundary_name])
-        for first, *boundary_name in (name.split(" ", 1) for name in columns)
-    ]
-    return folded(f"{title}, {len(rows)} row{'s' * (len(rows) != 1)}", *remark, table(names, rows))
+    split = [name.partition(" ") for name in columns]
+    names = [f"{first.replace('_', ' ')}{blank}{boundary}" for first, blank, boundary in split]
+    return folded(f"{title}, {count} row{'s' * (count != 1)}", *remark, table(names, rows))
 
 
 def folded(title: str, *parts: str) -> Markup:
@@ -109,18 +135,9 @@ def folded(title: str, *parts: str) -> Markup:
     return part("folded", title, parts)
 
 
-def picture(data: bytes, kind: str, alternative: str, caption: str, class_: str = "still") -> Markup:
-    """A figure with its data in the page itself; a broad one is scrolled on a narrow screen, so that it can be read."""
-    if kind == "png":
-        width, height = struct.unpack(">II", data[16:24])
-        class_ += " broad" if width > BROAD_PICTURE * height else ""
-    source = f"data:image/{kind};base64,{base64.b64encode(data).decode('ascii')}"
+def picture(data: bytes, alternative: str, caption: str, class_: str = "still") -> Markup:
+    """A PNG file in the page itself; a broad one is scrolled on a narrow screen, so that it can be read."""
+    width, height = struct.unpack(">II", data[16:24])
+    class_ += " broad" if width > BROAD_PICTURE * height else ""
+    source = f"data:image/png;base64,{base64.b64encode(data).decode('ascii')}"
     return part("picture", source, alternative, caption, class_)
-
-
-def drawn_by(draw: Callable[..., None], *arguments: Any, caption: str, class_: str = "still", **options: Any) -> Markup:
-    """A figure with what a drawing function writes: ``draw(path, *arguments, **options)``."""
-    with tempfile.TemporaryDirectory() as folder:
-        draw(Path(folder) / "picture", *arguments, suffixes=[".svg"], **options)
-        data = (Path(folder) / "picture.svg").read_bytes()
-    return picture(data, "svg+xml", caption, caption, class_)

@@ -1,7 +1,7 @@
 """A result folder as one page of HTML that needs no network and no other file; it can be read without scripts too.
 
-It is made from the files of ``solve``, without dolfinx: curves are drawn again from the CSV files as SVG, and the
-deformed body is the picture that ``solve`` drew.  What was found comes first, what stands behind it after that.
+It is made from the files of ``solve``, without dolfinx, and has the pictures that ``solve`` drew.  What was found comes
+first, what stands behind it after that.
 """
 
 from __future__ import annotations
@@ -14,20 +14,17 @@ from typing import Any
 
 from signorini_fx import __version__
 from signorini_fx.addons.report import evidence, sections
-from signorini_fx.addons.report.advice import next_steps
-from signorini_fx.addons.report.markup import joined
-from signorini_fx.addons.report.templating import Markup, part, rendered
+from signorini_fx.addons.report.markup import Markup, joined, part, rendered
 from signorini_fx.errors import OutputError, ResultError, cannot_be_written
 from signorini_fx.machine import manifest
 from signorini_fx.machine.display import status_in_words
 from signorini_fx.machine.result_files import ResultFiles, in_space, read_summary
 from signorini_fx.mechanics.statement.units import labelled, names_of
-from signorini_fx.quantities.text import marked_stress
-from signorini_fx.quantities.validity import validity_of, was_solved
+from signorini_fx.quantities.validity import was_solved
 
 PAGE = "report.html"
 # The chapters that consist of figures, which say of what they are where there is no solution.
-_OF_FIGURES = {"Contact surface", "Contact boundary", "Forces and areas", "Forces and zones", "Forces", "Load steps"}
+_OF_FIGURES = ("Contact", "Forces", "Load steps")
 # By this a page is known to be one of these.
 _MADE_BY = '<meta name="generator" content="signorini_fx'
 
@@ -53,54 +50,35 @@ def page(folder: Path) -> str:
 
 
 def _page(summary: dict[str, Any], folder: ResultFiles, name: str) -> str:
-    solid = in_space(summary)
-    solved = was_solved(summary)
-    contact = folder.columns("contact.csv", summary["contact_nodes"]) if solved and "contact_nodes" in summary else {}
-    stressed = "stress" in summary["scene"].get("forms", ["stress"])
-    no_result = "" if validity_of(summary).solved else sections.no_result(summary)
-    marked = marked_stress(summary) is not None
-    grounded = any(not entry.get("against") for entry in summary["scene"].get("contact", ()))
-    overview = sections.overview(
-        folder, solid=solid, stressed=stressed, marked=marked, grounded=grounded, no_result=no_result
-    )
+    solved, contact = was_solved(summary), "contact_nodes" in summary
+    no_result = sections.no_result(summary)
     # First what is asked first, then what was found, then why it may be trusted, last how it was computed.
     chapters: dict[str, Markup] = {
-        "Outcome": sections.outcome(summary, overview, evidence.cost(summary)),
-        "Figures": sections.figures(summary) if validity_of(summary).solved else Markup(""),
+        "Outcome": sections.outcome(summary, folder),
+        "Figures": Markup("") if no_result else sections.figures(summary),
         "Further pictures": sections.further_pictures(folder),
     }
-    if contact and solid:
-        from signorini_fx.addons.report import sections_in_space
-
-        facets = folder.facets(summary["contact_nodes"])
-        if facets.size:  # all nodes of a facet may be those of other boundaries
-            chapters["Contact surface"] = sections_in_space.surface(contact, facets)
-        chapters["Forces and areas"] = joined(
-            [sections_in_space.resultants(summary, contact), sections.forces(summary)],
-        )
-    elif contact:
-        chapters["Contact boundary"] = sections.profiles(contact)
-        chapters["Forces and zones"] = sections.forces(summary)
-    elif solved and summary.get("resultants"):
+    if solved and contact:
+        chapters["Contact"] = sections.contact(summary, folder)
+    if solved:
         chapters["Forces"] = sections.forces(summary)
     if solved and "steps" in summary:
         table = folder.columns("steps.csv", len(summary["steps"]))
-        chapters["Load steps"] = sections.steps(table, contact, around=sections.is_around(summary))
-    if lines := next_steps(summary, contact):
+        chapters["Load steps"] = sections.steps(table, summary, folder)
+    if lines := sections.next_steps(summary):
         chapters["What to do next"] = part("items", lines)
     if "convergence_table" in summary:
         chapters["Convergence table"] = evidence.convergence_table(summary["convergence_table"])
     chapters["Certificate"] = evidence.certificate(summary) if solved else Markup("")
     chapters["Scene and effects"] = evidence.scene(summary)
-    if contact:
-        columns = folder.columns("history.csv", summary["linear_solves"])
-        chapters["Iteration"] = evidence.history(summary, folder, columns, dimension=3 if "shear_z" in contact else 2)
-    if no_result:
-        for heading in chapters.keys() & _OF_FIGURES:
+    if solved and contact:
+        chapters["Iteration"] = evidence.history(summary, folder)
+    for heading in _OF_FIGURES:
+        if no_result and chapters.get(heading):
             chapters[heading] = joined([part("note", no_result), chapters[heading]])
     chapters["Made with"] = evidence.made_with(summary, sections.size(summary))
-    files = resources.files("signorini_fx.addons.report")
     block = summary["scene"].get("title_block", {})
+    style = resources.files("signorini_fx.addons.report").joinpath("report.css")
     text = rendered(
         "page",
         version=__version__,
@@ -109,7 +87,7 @@ def _page(summary: dict[str, Any], folder: ResultFiles, name: str) -> str:
         name=name,
         day=f"{sections.done(summary)} on {summary['finished'].partition('T')[0]}" if "finished" in summary else "",
         block={key: entry for key, entry in block.items() if entry},
-        style=Markup(files.joinpath("report.css").read_text(encoding="utf-8")),
+        style=Markup(style.read_text(encoding="utf-8")),
         chapters={heading: text for heading, text in chapters.items() if text},
     )
     return f"{text}\n"

@@ -1,4 +1,4 @@
-"""The sections that come first on the page: outcome, pictures, curves, forces, load steps."""
+"""The sections that come first on the page: outcome, pictures, figures, forces, load steps, advice."""
 
 from __future__ import annotations
 
@@ -10,18 +10,24 @@ from typing import Any
 import numpy as np
 
 from signorini_fx.addons.pictures.fields import FIELDS
-from signorini_fx.addons.report.markup import drawn_by, in_text, joined, long_table, picture, table
-from signorini_fx.addons.report.templating import Markup, part, rendered
+from signorini_fx.addons.report.markup import Markup, in_text, joined, long_table, part, picture, rendered, table
 from signorini_fx.errors import PYVISTA
 from signorini_fx.machine.display import clean, results_of, status_in_words
 from signorini_fx.machine.result_files import ResultFiles, in_space, seconds_of
-from signorini_fx.mechanics.statement.units import bracketed, unit
+from signorini_fx.mechanics.statement.units import bracketed
 from signorini_fx.quantities.answers import answers
 from signorini_fx.quantities.digits import components, figure, percent
 from signorini_fx.quantities.shown import Card, shown_cards
 from signorini_fx.quantities.shown import table as table_of_results
-from signorini_fx.quantities.text import has_friction, kinematics_of, named_components
+from signorini_fx.quantities.text import (
+    boundaries_touched_by,
+    has_friction,
+    kinematics_of,
+    marked_stress,
+    named_components,
+)
 from signorini_fx.quantities.validity import Validity, validity_of, was_solved
+from signorini_fx.tuned import FEW_NODES
 
 _TONES = {Validity.SOLUTION: "good", Validity.LESS_ACCURATE: "short"}
 _TONES |= dict.fromkeys((Validity.EARLIER_STEP, Validity.NO_SOLUTION), "bad")
@@ -29,7 +35,7 @@ _TONES |= dict.fromkeys((Validity.EARLIER_STEP, Validity.NO_SOLUTION), "bad")
 _COUNTS = {"dofs": "unknowns", "contact_nodes": "contact nodes"}
 
 
-def outcome(summary: dict[str, Any], overview: str = "", cost: str = "") -> Markup:
+def outcome(summary: dict[str, Any], folder: ResultFiles) -> Markup:
     """Status, verdict of the certificate, four answers beside the picture of the body, with what accuracy costs below
     them, and warnings.
     """
@@ -45,6 +51,7 @@ def outcome(summary: dict[str, Any], overview: str = "", cost: str = "") -> Mark
     elif validity is Validity.LESS_ACCURATE:
         verdict = f"{verdict} All figures are of the last mesh."
     lacking = summary.get("incomplete", ())
+    cost = "Estimated relative errors against unknowns and time; open: the next mesh, predicted."
     return rendered(
         "outcome",
         tone="bad" if lacking else _TONES[validity],
@@ -53,8 +60,8 @@ def outcome(summary: dict[str, Any], overview: str = "", cost: str = "") -> Mark
         lacking=lacking,
         advice="" if validity is Validity.SOLUTION else summary["advice"],
         answers=[replace(answer, details=tuple(map(in_text, answer.details))) for answer in answers(summary)],
-        overview=overview,
-        cost=cost,
+        overview=_overview(summary, folder),
+        cost=_drawn(folder, "convergence_table.png", "errors and costs of the meshes", cost),
         warnings=_warnings(summary),
     )
 
@@ -65,7 +72,9 @@ def done(summary: dict[str, Any]) -> str:
 
 
 def no_result(summary: dict[str, Any]) -> str:
-    """Of what figures and pictures are that are none of a solution."""
+    """Of what figures and pictures are that are none of a solution; "": they are of one."""
+    if validity_of(summary).solved:
+        return ""
     holds = summary["certificate"]["holds"]
     return "Of the state that was found, which is no result." if holds else "Of the last iterate, which is no solution."
 
@@ -74,8 +83,7 @@ def figures(summary: dict[str, Any]) -> Markup:
     """The figures of all quantities by their names, with units, and what is to be known of each."""
     cards = [card for shown in table_of_results() for card in shown_cards(shown, summary)]
     rows = [(card.label, card.text, card.remark or _estimate(card)) for card in cards]
-    who, body = _sides(entry.get("against") for entry in summary["scene"].get("contact", []))
-    return joined([table(["figure", "value", ""], rows), part("note", _note(summary, who, body))])
+    return joined([table(["figure", "value", ""], rows), part("note", _note(summary))])
 
 
 def size(summary: dict[str, Any]) -> str:
@@ -84,19 +92,15 @@ def size(summary: dict[str, Any]) -> str:
     return ", ".join([*counts, f"{seconds_of(summary):.3g} seconds"])
 
 
-def _note(summary: dict[str, Any], who: str, body: str) -> str:
+def _note(summary: dict[str, Any]) -> str:
     """What the forces are, and how many digits are shown."""
+    who, body = _sides(entry.get("against") for entry in summary["scene"].get("contact", []))
     forms = "forms" in summary["scene"]  # their measure says what is integrated
     measure = "what" if forms or kinematics_of(summary).whole else "per unit thickness, and what"
     integrated = ", integrated by the measure of the forms" if forms else ""
     named = "" if summary["scene"].get("units", {}).get("length") else "; units are those of the scene"
     digits = "Figures with an estimated error are rounded to it, others to four digits; all digits are in summary.json."
     return f"Forces are {measure} {who} exerts on {body}{integrated}{named}. {digits}"
-
-
-def is_around(summary: dict[str, Any]) -> bool:
-    """Whether the body is one of revolution."""
-    return not kinematics_of(summary).uniform
 
 
 def _sides(against: Iterable[str | None]) -> tuple[str, str]:
@@ -129,87 +133,66 @@ _SOLID_BODY = "Gray lines: undeformed body; arrows: how long the body is. "
 _FOUNDATION = {False: "Hatched: the foundation. ", True: "Gray surface: the foundation. "}  # in 3D?
 
 
-def overview(
-    folder: ResultFiles,
-    *,
-    solid: bool = False,
-    stressed: bool = True,
-    marked: bool = False,
-    grounded: bool = True,
-    no_result: str = "",
-) -> Markup:
-    """The picture of the deformed body, or why there is none.
+def _drawn(folder: ResultFiles, file: str, alternative: str, caption: str, class_: str = "still") -> Markup:
+    """A picture that solve drew; nothing if it drew none."""
+    data = folder.picture(file)
+    return Markup("") if data is None else picture(data, alternative, caption, class_)
 
-    Args:
-        folder: of the result.
-        solid: whether the body is in 3D.
-        stressed: whether its stress is known.
-        marked: whether a circle is at the largest stress.
-        grounded: whether there is a rigid foundation.
-        no_result: of what it is where there is no solution; "": it is one.
-    """
-    data = folder.picture("setup.png")
-    if data is not None:
-        return picture(data, "png", "body, supports, loads and contact", _SETUP, "still overview")
-    data = folder.picture("deformed.png")
-    if data is None:
-        reason = "this was solved with --no-pictures"
-        if solid:
-            reason += f", or has too many facets to be drawn, or without {PYVISTA}"
-        return part("note", f"No picture: {reason}.")
-    colours = f"{_COLOURS}{_CIRCLE if marked else '. '}" if stressed else _DISPLACEMENT
-    caption = (
-        f"{no_result}{' ' * bool(no_result)}{colours}{_SOLID_BODY * solid}{_FOUNDATION[solid] * grounded}{_MAGNIFIED}"
+
+def _overview(summary: dict[str, Any], folder: ResultFiles) -> Markup:
+    """The picture of the deformed body, or why there is none."""
+    scene, solid, iterate = summary["scene"], in_space(summary), no_result(summary)
+    marked = _CIRCLE if marked_stress(summary) is not None else ". "
+    colours = f"{_COLOURS}{marked}" if "stress" in scene.get("forms", ["stress"]) else _DISPLACEMENT
+    grounded = any(not entry.get("against") for entry in scene.get("contact", ()))
+    caption = f"{iterate} {colours}{_SOLID_BODY * solid}{_FOUNDATION[solid] * grounded}{_MAGNIFIED}".lstrip()
+    reason = "this was solved with --no-pictures"
+    if solid:
+        reason += f", or has too many facets to be drawn, or without {PYVISTA}"
+    return (
+        _drawn(folder, "setup.png", "body, supports, loads and contact", _SETUP, "still overview")
+        or _drawn(folder, "deformed.png", "deformed body on its foundation", caption, "still overview")
+        or part("note", f"No picture: {reason}.")
     )
-    return picture(data, "png", "deformed body on its foundation", caption, "still overview")
 
 
 def further_pictures(folder: ResultFiles) -> Markup:
     """A section, and the pictures of other fields that were asked for."""
-    cut = folder.picture("section.png")
-    inside = [] if cut is None else [picture(cut, "png", "section through the body", _SECTION)]
-    further = inside + [
-        picture(data, "png", field.in_words, f"{field.in_words[0].upper()}{field.in_words[1:]}{field.remark}.")
-        for name, field in FIELDS.items()
-        if (data := folder.picture(f"field_{name}.png")) is not None
-    ]
-    return part("beside", further) if further else Markup("")
+    further = [_drawn(folder, "section.png", "section through the body", _SECTION)]
+    for name, field in FIELDS.items():
+        caption = f"{field.in_words[0].upper()}{field.in_words[1:]}{field.remark}."
+        further.append(_drawn(folder, f"field_{name}.png", field.in_words, caption))
+    return part("beside", further) if any(further) else Markup("")
 
 
-def profiles(contact: dict[str, Any]) -> Markup:
-    """Curves along the contact boundary; contact and friction beside each other."""
-    from signorini_fx.addons.pictures.boundary_profiles import boundary_profiles
-
-    frictional = bool(np.any(contact["bound"] != 0) or np.any(contact["friction"] != "none"))
-    opposite, _ = _sides(contact.get("against", ()))
-    beside = opposite.replace("the ", "")
-    sides = {"contact": f"Contact pressure; normal displacement and {beside}; below, what is in contact."}
-    if frictional:
-        sides["friction"] = "Shear and its bounds; tangential displacement; below, where the contact sticks and slips."
-    drawn = [
-        drawn_by(boundary_profiles, contact, sides=[side], caption=caption, class_="still curves")
-        for side, caption in sides.items()
-    ]
-    signs = f"Normal displacement above {opposite} is penetration{'; shear has the sign of the slip' * frictional}."
-    if "shear_z" in contact:
-        signs += " Friction acts along the section and around the axis: both parts together are bounded."
-    apart = contact["state"] == "open"
-    if np.any(np.abs(contact["shear"][apart]) > 1e-9 * np.abs(contact["shear"]).max(initial=0.0)):
-        signs += " Tresca friction acts where nothing is in contact too, as its bound does not depend on the pressure."
-    return joined([part("beside", drawn), part("note", signs)])
+def contact(summary: dict[str, Any], folder: ResultFiles) -> Markup:
+    """The picture of the contact boundary: curves in 2D, the surface in 3D, and its signs."""
+    if in_space(summary):
+        caption = (
+            "Contact pressure, shear and slip as arrows, seen along the outward normal, through the body. Arrows of "
+            "shear point where the body slips or would slip; the traction on the body is opposite."
+        )
+        return _drawn(folder, "contact_surface.png", "contact surface", caption)
+    contacts, rubs = summary["scene"].get("contact", ()), has_friction(summary)
+    opposite, _ = _sides(entry.get("against") for entry in contacts)
+    caption = f"Normal displacement above {opposite} is penetration{'; shear has the sign of the slip' * rubs}."
+    if kinematics_of(summary).out_of_section:
+        caption += " Friction acts along the section and around the axis: both parts together are bounded."
+    if any((entry.get("friction") or {}).get("law") == "tresca" for entry in contacts):
+        caption += " Tresca friction also acts where nothing is in contact: its bound does not depend on the pressure."
+    return _drawn(folder, "profiles.png", "curves along the contact boundary", caption)
 
 
 def forces(summary: dict[str, Any]) -> Markup:
-    """Resultants of all boundaries, figures of each contact boundary and zones, as far as the summary has them."""
-    parts = [_resultants(summary), _contact_boundaries(summary), _zones(summary)]
-    return joined([section for section in parts if section is not None])
+    """Resultants of all boundaries, figures of each contact boundary, zones and areas, as far as there are any."""
+    return joined([_resultants(summary), _contact_boundaries(summary), _zones(summary), _areas(summary)])
 
 
-def _resultants(summary: dict[str, Any]) -> Markup | None:
+def _resultants(summary: dict[str, Any]) -> Markup:
     """Force, moment and point of action through each boundary, component by component."""
     entries = summary.get("resultants", [])
     if not entries:
-        return None
+        return Markup("")
     kinematics = kinematics_of(summary)
     axes = named_components(kinematics, len(entries[0]["force"]))
     moments = [list(entry["moment"]) if isinstance(entry["moment"], list) else [entry["moment"]] for entry in entries]
@@ -244,38 +227,35 @@ def _place_of_action(summary: dict[str, Any], point: list[float] | None) -> list
     return point if np.linalg.norm(away) <= np.linalg.norm(high - low) else None
 
 
-def _contact_boundaries(summary: dict[str, Any]) -> Markup | None:
-    """Area, mean pressure and friction of each contact boundary."""
+def _contact_boundaries(summary: dict[str, Any]) -> Markup:
+    """Area, mean pressure and forces of each contact boundary."""
     entries = summary.get("contact_boundaries", [])
     if not entries:
-        return None
-    length = unit("length")
-    solid = kinematics_of(summary).whole
-    area = f"area{f' ({length}²)' if length else ''}" if solid else f"length{bracketed('length')}"
+        return Markup("")
+    area = f"area{bracketed('area')}" if kinematics_of(summary).whole else f"length{bracketed('length')}"
     names = {
         "boundary": "contact boundary",
         "area": area,
         "contact_area": f"in contact, {area}",
-        "pressure_integral": f"integral of pressure{bracketed('force')}",
         "mean_pressure": f"mean pressure{bracketed('stress')}",
-        "tangential_force": f"tangential force{bracketed('force')}",
+        "pressure_integral": f"integral of pressure{bracketed('force')}",
+        "contact_force": f"contact force{bracketed('force')}",
+        "friction_force": f"friction force{bracketed('force')}",
         "friction_limit": f"friction limit{bracketed('force')}",
         "friction_moment": f"moment of friction about its middle{bracketed('moment')}",
         "moment_limit": f"moment limit{bracketed('moment')}",
     }
     used = [key for key in names if any(entry.get(key) is not None for entry in entries)]
     if not has_friction(summary):
-        used = [key for key in used if key not in ("tangential_force", "friction_limit")]
-    if in_space(summary):  # the table of areas has them
-        used = [key for key in used if key not in ("area", "contact_area")]
+        used = [key for key in used if not key.startswith("friction")]
     rows = [tuple(figure(entry.get(key)) if key != "boundary" else entry[key] for key in used) for entry in entries]
     return table([names[key] for key in used], rows)
 
 
-def _zones(summary: dict[str, Any]) -> Markup | None:
-    """The zones of contact, stick and slip."""
+def _zones(summary: dict[str, Any]) -> Markup:
+    """The zones of contact, stick and slip in 2D."""
     if "zones" not in summary:
-        return None
+        return Markup("")
     size = max((abs(c) for runs in summary["zones"].values() for run in runs for end in run for c in end), default=0.0)
     rows = []
     for name, runs in summary["zones"].items():
@@ -291,23 +271,36 @@ def _zones(summary: dict[str, Any]) -> Markup | None:
     return joined([table(["zone", *names, f"chord{bracketed('length')}"], rows), part("note", note)])
 
 
-def steps(steps: dict[str, Any], contact: dict[str, Any], *, around: bool = False) -> Markup:
-    """Forces step by step, and the table of the steps.
+def _areas(summary: dict[str, Any]) -> Markup:
+    """The areas of contact, stick and slip in 3D."""
+    if "areas" not in summary:
+        return Markup("")
+    rows = [(name, figure(area)) for name, area in summary["areas"].items()]
+    note = "Sums of weights of nodes, stick and slip where friction can act."
+    return joined([table(["all boundaries", f"area{bracketed('area')}"], rows), part("note", note)])
 
-    Args:
-        steps: columns of ``steps.csv``.
-        contact: columns of ``contact.csv``.
-        around: whether the body is one of revolution.
-    """
-    from signorini_fx.addons.pictures.load_steps import load_steps
 
-    parts = []
-    if any(name.startswith("contact_force_x") for name in steps):
-        resisting = "torque of friction" if "torque" in steps else "friction force"
-        who, whom = _sides(contact.get("against", ()))
-        caption = f"Above: forces of {who} on {whom}. Below: {resisting} over displacement."
-        if any(name.startswith("friction_moment") for name in steps):
-            caption = f"Forces of {who} on {whom}, and of friction; where they balance each other, pressure and moment."
-        drawn = drawn_by(load_steps, steps, caption=caption, around=around)
-        parts.append(part("beside", [drawn]))
-    return joined([*parts, long_table("Every load step", steps, "steps.csv")])
+def steps(steps: dict[str, Any], summary: dict[str, Any], folder: ResultFiles) -> Markup:
+    """Forces step by step, and the table of the steps, the columns of ``steps.csv``."""
+    who, whom = _sides(entry.get("against") for entry in summary["scene"].get("contact", ()))
+    caption = f"Forces of {who} on {whom}, and of friction; where they balance each other, pressure and moment."
+    drawn = _drawn(folder, "load_steps.png", "forces of the load steps", caption)
+    return joined([drawn, long_table("Every load step", steps, "steps.csv")])
+
+
+def next_steps(summary: dict[str, Any]) -> list[str]:
+    """What to do with this result, most urgent first."""
+    if not validity_of(summary).solved:
+        return [
+            "The first thing to do is stated at the top. Before the next solve, signorini-fx check SCENE reports what "
+            "may go wrong, and why."
+        ]
+    advice = []
+    if coarse := boundaries_touched_by(range(1, FEW_NODES), summary):
+        advice.append(
+            f"Too few nodes are in contact on {', '.join(coarse)}: refine there before the ends of the zone or the "
+            "largest pressure are used."
+        )
+    if summary.get("fields"):
+        advice.append(f"Look at the fields in ParaView: {', '.join(summary['fields'])}.")
+    return advice
