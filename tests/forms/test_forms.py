@@ -77,9 +77,18 @@ class Assembled:
         for name in ("bottom", "right"):
             nodal = ds(tagged.boundaries[name], metadata=contact_forms.nodal_rule(degree))
             gammas = {"gamma_n": GAMMA_N, "gamma_t": GAMMA_T}
-            terms.append(contact_forms.regularised_contact_form(y, z, n, nodal, **gammas, **fields))
+            terms.append(regularised_contact_form(y, z, n, nodal, **gammas, **fields))
         self.residual = sum(fem_petsc.assemble_vector(fem.form(term)).getArray() for term in terms)
         self.jacobian = sum(jacobian(term, y) for term in terms)
+
+
+def regularised_contact_form(y, z, n, ds, *, gap, gamma_n, gamma_t, bound, lambda_hat, mu_hat):
+    """Contact and friction terms of (3.3a) with (3.3b) and (3.4) inserted: the max/min form of textbooks."""
+    t = ufl.as_vector((-n[1], n[0]))
+    pressure = ufl.max_value(0, lambda_hat + gamma_n * (ufl.inner(y, n) - gap))
+    trial = mu_hat + gamma_t * ufl.inner(y, t)
+    shear = trial - ufl.max_value(0, trial - bound) - ufl.min_value(0, trial + bound)
+    return contact_forms.contact_form(pressure, z, n, ds) + shear * ufl.inner(z, t) * ds
 
 
 def jacobian(residual, y):

@@ -147,7 +147,7 @@ def averaging_forms(
     numbers = [np.flatnonzero(entities[:, 1] == number) for number in range(dim + 1)]
     measures = [measure(mesh, [facets[rows]], rule)(1) for rows in numbers]
     products = inventory.compile(
-        f"{name}, averages", lambda: [fem.form(contact_forms.average_form(weighted, phi, ds)) for ds in measures]
+        f"{name}, averages", lambda: [fem.form(ufl.inner(weighted, phi) * ds) for ds in measures]
     )
     ds = measure(mesh, [facets], rule)(1)
     moment = contact_forms.contact_form(pressure, z, ufl.FacetNormal(mesh), ds)

@@ -372,19 +372,12 @@ class Expression:
         Args:
             x: points, shape (dim or 3, n).
         """
-        return np.array([self.switch(k, x) for k in range(self.switch_count)]).reshape(self.switch_count, x.shape[1])
-
-    def switch(self, number: int, x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-        """One of the rows of ``switches``, shape (n,)."""
-        evaluator = _Evaluator(_NUMPY, x, self._present_time)
+        evaluator, rows = _Evaluator(_NUMPY, x, self._present_time), np.empty((len(self._switches), x.shape[1]))
         with np.errstate(all="ignore"):
-            first, *second = (np.asarray(evaluator.value(node), dtype=float) for node in self._switches[number])
-            return np.broadcast_to(first - second[0] if second else first, x.shape[1:])
-
-    @property
-    def switch_count(self) -> int:
-        """Number of rows of ``switches``."""
-        return len(self._switches)
+            for row, nodes in zip(rows, self._switches, strict=True):
+                first, *second = (np.asarray(evaluator.value(node), dtype=float) for node in nodes)
+                row[:] = first - second[0] if second else first
+        return rows
 
     @cached_property
     def _switches(self) -> list[tuple[ast.expr, ...]]:
