@@ -2,8 +2,6 @@
 
 from pathlib import Path
 
-import numpy as np
-
 from signorini_fx import read_scene, solve
 from signorini_fx.extensions import register
 from signorini_fx.mechanics.statement.effect import Force
@@ -26,10 +24,6 @@ class Magnet(Force):
     def density(self, on):
         way = [c - x for c, x in zip(self.centre, on.position, strict=True)]
         return on.value(self.strength) / (1 + sum(w * w for w in way) / self.radius**2) * on.vector((0.0, -1.0, 0.0))
-
-    def density_at(self, at):
-        far = np.linalg.norm(at.position - np.array(self.centre), axis=2) / self.radius
-        return (-at.value(self.strength) / (1 + far**2))[..., None] * np.eye(at.position.shape[2])[1]
 
 
 register("signorini_fx.effects", "magnet", Magnet)

@@ -21,8 +21,6 @@ class Suction(Force):
     def density(self, on):  # integrated by the certificate, where the interface takes the weights of contact points
         return self.tension * on.normal
 
-    density_at = density
-
 
 class AtContactPoints(Interface):
     def loads(self, tagged, space, boundary):

@@ -21,7 +21,7 @@ DEMOS = ROOT / "demos" / "extensions"
 # Of each file what is changed to what, and what the refusal says.
 SPOILED = {
     "body": ("J=tangent", "J=-tangent", "give the derivative of F as J"),
-    "effect": ("(-at.value", "(at.value", r"magnet\[0\]: density_at of Magnet is not its density"),
+    "effect": ("* on.vector((0.0, -1.0, 0.0))", "", r"magnet\[0\]: density of Magnet has the shape \(\), not \(2,\)"),
     "interface": ("pull = effect.tension", "pull = -effect.tension", "Suction or AtContactPoints contradicts itself"),
     "kinematics": ("return self.angle * x[0]", "return -self.angle * x[0]", "measure of 'slice' is not positive"),
     "law": ("return self.coefficient /", "return -self.coefficient /", "limit of Smooth exceeds"),

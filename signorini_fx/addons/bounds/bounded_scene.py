@@ -7,10 +7,15 @@ from typing import Any
 
 import numpy as np
 
-from signorini_fx.extensions import is_of_package
 from signorini_fx.machine import compat
+from signorini_fx.mechanics.effects.body_force import BodyForce
 from signorini_fx.mechanics.effects.contact import Contact, UnilateralContact
 from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
+from signorini_fx.mechanics.effects.fluid import Fluid
+from signorini_fx.mechanics.effects.force import TotalForce
+from signorini_fx.mechanics.effects.gravity import Gravity
+from signorini_fx.mechanics.effects.rotation import Rotation
+from signorini_fx.mechanics.effects.traction import SurfaceTraction
 from signorini_fx.mechanics.laws.tresca import Tresca
 from signorini_fx.mechanics.materials.protocol import Material
 from signorini_fx.mechanics.model import Model
@@ -47,9 +52,12 @@ def _is_polynomial(value: Any, degree: int) -> bool:
     return isinstance(value, float) or (isinstance(value, Expression) and value.is_smooth and value.degree <= degree)
 
 
-def _is_linear_between(value: Any) -> bool:
-    """Whether it is linear between places, which are known, where it jumps or has a kink: these may be at nodes."""
-    return isinstance(value, float) or (isinstance(value, Expression) and value.cuts_exactly and value.degree <= 1)
+def _is_linear_between(*values: Any) -> bool:
+    """Whether a product is linear between known places where it jumps or has a kink, which may be at nodes."""
+    expressions = [value for value in values if isinstance(value, Expression)]
+    if not all(isinstance(value, float | Expression) for value in values):
+        return False
+    return all(value.cuts_exactly for value in expressions) and sum(value.degree for value in expressions) <= 1
 
 
 def _unbounded(model: Model) -> Iterator[str]:
@@ -76,8 +84,8 @@ def _unbounded(model: Model) -> Iterator[str]:
         elif isinstance(entry, PrescribedDisplacement):
             yield from _of_support(entry, model)
         elif isinstance(entry, Force):
-            by_density = entry.density_tells_all and not (entry.strains or entry.nodal or entry.interface)
-            if not (by_density and all(map(_is_linear_between, profile_of(entry, model.tagged.dimension)))):
+            factors = factors_of(entry, model.tagged.dimension)
+            if factors is None or not all(_is_linear_between(*values) for values in factors):
                 yield f"a {entry.label} that is not linear"
             elif not isinstance(entry.weighting, float | None):
                 yield f"a {entry.label} that is not spread evenly"
@@ -118,9 +126,19 @@ def _of_support(entry: PrescribedDisplacement, model: Model) -> Iterator[str]:
         yield f"a displacement of {entry.boundary!r} that is no polynomial of the elements"
 
 
-def profile_of(load: Force, dimension: int) -> tuple[Any, ...]:
-    """``Force.profile``, if the class that says it is not an older one than that which says the density."""
-    first, second = (
-        next(base for base in type(load).__mro__ if name in vars(base)) for name in ("profile", "density_at")
-    )
-    return load.profile(dimension) if is_of_package(second) or issubclass(first, second) else (load.density_at,)
+def factors_of(load: Force, dimension: int) -> list[tuple[Any, ...]] | None:
+    """The factors of the values that the density of a load follows, whose products have its jumps and kinks, and its
+    degree at least; None: it is not known, as of loads of other packages.
+    """
+    values = load.given.values()
+    if type(load) is Fluid:
+        if not isinstance(load.level, float | Expression):
+            return [(load.level,)]
+        text = getattr(load.level, "text", repr(load.level))
+        depth = f"max(0, ({text}) - x[{load.axis_in(dimension)}])"
+        return [(Expression(depth, getattr(load.level, "time", None), allows_time=True, longest=len(depth)),)]
+    if type(load) is Rotation:
+        return [(load.speed, load.speed, Expression("x[0]"))]
+    if type(load) in (BodyForce, Gravity, SurfaceTraction, TotalForce):
+        return [(value,) if load.weighting is None else (value, load.weighting) for value in values]
+    return None

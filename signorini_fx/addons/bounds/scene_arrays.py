@@ -6,7 +6,8 @@ Each rank gives what is of its own cells: corners by their global numbers, and a
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from itertools import chain
 from typing import Any, TypeVar
 
 import basix
@@ -15,65 +16,22 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from signorini_fx.addons.bounds.arrays import Array, Ints
-from signorini_fx.addons.bounds.bounded_scene import profile_of, refused
+from signorini_fx.addons.bounds.bounded_scene import factors_of, refused
 from signorini_fx.addons.bounds.simplices import COLUMNS, EDGES, EDGES_OF_FACET, ROWS
 from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.assembly.mesh_entities import facet_entities
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.effects.contact import Contact
 from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
+from signorini_fx.mechanics.loads.sampled_points import SampledPoints
 from signorini_fx.mechanics.model import Model
-from signorini_fx.mechanics.statement.effect import Effect, Force
+from signorini_fx.mechanics.statement.effect import Force
 from signorini_fx.mechanics.statement.expressions import Expression, in_space, sample
 from signorini_fx.tuned import SAME_LENGTH
 
 T = TypeVar("T")
 # Arrays by their names, with the rows of one rank or of all of them.
 Rows = dict[str, npt.NDArray[Any]]
-
-
-@dataclass(frozen=True)
-class DensityPoints:
-    """Points at which a load is asked for its density, ``statement.effect.Points``.
-
-    Attributes:
-        x: shape (f, q, d).
-        normal: outward, shape (f, q, d).
-        mass: of the material, mass per volume, shape (f,).
-        area: of the boundary that the load acts on.
-    """
-
-    x: Array
-    normal: Array
-    mass: Array
-    area: float
-
-    @property
-    def displacement(self) -> Array:
-        """That at rest, on which no linear load depends, shape (f, q, d)."""
-        return np.zeros_like(self.x)
-
-    @property
-    def position(self) -> Array:
-        """Of the points, shape (f, q, d)."""
-        return self.x
-
-    @property
-    def density(self) -> Array:
-        """Of the material, shape (f, 1)."""
-        return self.mass[:, None]
-
-    def total(self, effect: Effect) -> float:
-        """The integral of a constant weighting."""
-        return self.area * float(effect.weighting)
-
-    def value(self, value: Any) -> Array:
-        """Of a number or an expression, shape (f, q)."""
-        return sample(value, in_space(self.x.reshape(-1, self.x.shape[2]))).reshape(self.x.shape[:2])
-
-    def vector(self, values: tuple[Any, ...]) -> Array:
-        """Values along the axes, shape (f, q, d)."""
-        return np.stack([self.value(value) for value in values[: self.x.shape[2]]], axis=2)
 
 
 def on_first_rank(
@@ -243,20 +201,30 @@ class _SceneRows:
             if factor == 0:
                 continue
             if load.where is None:
-                body = body + factor * self._density(load, DensityPoints(self._x, np.zeros_like(self._x), mass, area))
+                body = body + factor * self._density(load, self._x, np.zeros((len(self._x), self._d)), mass, area)
                 continue
             facets = _Facets.of(self._model, self._model.tagged.facets(load.where))
-            across = np.broadcast_to(facets.normal[:, None], facets.x.shape)
             vertices.append(facets.vertices)
-            tractions.append(factor * self._density(load, DensityPoints(facets.x, across, mass[facets.cell], area)))
+            density = self._density(load, facets.x, facets.normal, mass[facets.cell], area)
+            tractions.append(factor * density)
         return {"body": body, "loaded": np.concatenate(vertices), "traction": np.concatenate(tractions)}
 
-    def _density(self, load: Force, at: DensityPoints) -> Array:
-        """Of a load at the vertices of cells or facets, seen from their inside, shape (m, k, d)."""
-        for value in profile_of(load, self._d):
-            _refuse_jumps(value, at.x, load.label)
-        inside = replace(at, x=_inside(at.x))
-        return _from_inside(np.broadcast_to(load.density_at(inside), at.x.shape))
+    def _density(self, load: Force, x: Array, normal: Array, mass: Array, area: float) -> Array:
+        """Of a load at the vertices of cells or facets, seen from their inside, shape (m, k, d).
+
+        Args:
+            load: at its time.
+            x: the vertices, shape (m, k, d).
+            normal: outward, shape (m, d).
+            mass: of the material, mass per volume, shape (m,).
+            area: of the boundary that the load acts on.
+        """
+        for value in chain.from_iterable(factors_of(load, self._d) or ()):
+            _refuse_jumps(value, x, load.label)
+        each = x.shape[1]
+        places, across = _inside(x).reshape(-1, self._d).T, np.repeat(normal, each, axis=0).T
+        at = SampledPoints(places, across, lambda effect: area * float(effect.weighting), np.repeat(mass, each))
+        return _from_inside(np.broadcast_to(load.density(at), places.shape).T.reshape(x.shape))
 
     def _supports(self) -> Rows:
         """Facets with the direction that is held, and the prescribed component at vertices and middles of edges."""

@@ -134,9 +134,9 @@ def _boundary(tagged: TaggedMesh, name: str, acting: list[Effect], time: float) 
         sizes = np.linalg.norm(first if corners.shape[1] == 2 else np.cross(first, last), axis=1)
         if corners.shape[1] == 3:
             sizes = sizes / 2
-        return float(parallel.global_sum(tagged.mesh.comm, np.array(sizes @ on.value(effect.weighting)[:, 0])))
+        return float(parallel.global_sum(tagged.mesh.comm, np.array(sizes @ on.value(effect.weighting))))
 
-    on = SampledPoints(middles, normals[:, None], whole)
+    on = SampledPoints(middles.T, normals.T, whole)
     load, moved = np.zeros_like(middles), np.zeros_like(middles)
     held: dict[str, None] = {}
     grounded = False
@@ -144,19 +144,27 @@ def _boundary(tagged: TaggedMesh, name: str, acting: list[Effect], time: float) 
         if isinstance(acting_effect, ContactEffect):
             grounded |= acting_effect.against is None
         elif isinstance(acting_effect, Force):
-            load += acting_effect.density_at(on)[:, 0]
+            load += _density(acting_effect, on).T
         elif isinstance(acting_effect, PrescribedDisplacement):
             along = (*acting_effect.components, acting_effect.normal)
             held |= {
                 key: None for key, value in zip(("x", "y", "z", "normal"), along, strict=True) if value is not None
             }
-            moved += on.vector(tuple(value or 0.0 for value in acting_effect.components))[:, 0]
-            moved += on.value(acting_effect.normal or 0.0) * normals
+            moved += on.vector(tuple(value or 0.0 for value in acting_effect.components)).T
+            moved += on.value(acting_effect.normal or 0.0)[:, None] * normals
     kinds = tuple(dict.fromkeys(acting_effect.label for acting_effect in acting))
     corners, normals, load, moved = (
         parallel.rows_on_root(tagged.mesh.comm, rows) for rows in (corners, normals, load, moved)
     )
     return NamedBoundary(name, kinds, corners, normals, load, moved, tuple(held), grounded)
+
+
+def _density(load: Force, on: SampledPoints) -> Floats:
+    """Shape (d, n); zero where another package says it by functions of UFL, which have no value at points."""
+    try:
+        return np.broadcast_to(load.density(on), on.position.shape)
+    except (TypeError, ValueError):
+        return np.zeros_like(on.position)
 
 
 def _sides(tagged: TaggedMesh, facets: npt.NDArray[np.int32]) -> tuple[Floats, Floats]:

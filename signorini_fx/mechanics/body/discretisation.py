@@ -30,7 +30,6 @@ from signorini_fx.mechanics.loads.load_vectors import (
     AppliedLoad,
     FormCoefficients,
     applied_load,
-    check_effects,
     check_finite,
     check_resistances,
     compile_resistance,
@@ -171,7 +170,6 @@ def _prepared(statement: Statement, tagged: TaggedMesh, timings: Timings) -> Mod
     together(
         partial(check_finite, tagged.mesh.comm, applied),
         partial(check_resistances, statement, tagged),
-        partial(check_effects, statement, tagged),
         lambda: None if boundary is None else check_overlap(statement, boundary, facets, tagged),
     )
     data = law = None

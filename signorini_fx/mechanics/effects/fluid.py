@@ -5,10 +5,7 @@ from __future__ import annotations
 from functools import cached_property
 from typing import Any, Literal
 
-import numpy as np
-
-from signorini_fx.mechanics.statement.effect import Array, Coefficients, Contradictions, Force, Points
-from signorini_fx.mechanics.statement.expressions import Expression, product_of
+from signorini_fx.mechanics.statement.effect import Coefficients, Contradictions, Force
 from signorini_fx.mechanics.statement.values import NonNegative, TimedSampledValue
 
 
@@ -46,28 +43,13 @@ class Fluid(Force):
     def varies(self) -> bool:
         return True
 
-    def profile(self, dimension: int) -> tuple[Any, ...]:
-        """See ``Force``: its depth, which has a kink where it is zero."""
-        depth = product_of(self.level, Expression("1"))
-        if not isinstance(depth, Expression):
-            return (depth,)
-        up = range(dimension)[self._axis]
-        text = f"max(0, {depth.text} - x[{up}])"
-        return (Expression(text, depth.time, depth.allows_time, len(text)),)
-
-    @property
-    def _axis(self) -> int:
-        return -1 if self.up is None else "xyz".index(self.up)
-
     def density(self, on: Coefficients) -> Any:
-        import ufl
+        depth = on.value(self.level) - on.position[self.axis_in(len(on.position))]
+        return -on.value(self.weight) * (depth + abs(depth)) / 2 * on.normal
 
-        depth = on.value(self.level) - on.position[len(on.position) - 1 if self.up is None else self._axis]
-        return -on.value(self.weight) * ufl.max_value(0, depth) * on.normal
-
-    def density_at(self, at: Points) -> Array:
-        depth = at.value(self.level) - at.position[..., self._axis]
-        return np.asarray(-self.weight * np.maximum(depth, 0.0)[..., None] * at.normal)
+    def axis_in(self, dimension: int) -> int:
+        """The number of the axis along which it rises."""
+        return dimension - 1 if self.up is None else "xyz".index(self.up)
 
 
 Entry = Fluid

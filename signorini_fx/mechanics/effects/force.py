@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import cached_property
 from typing import Any
 
-from signorini_fx.mechanics.statement.effect import Array, Coefficients, Points, VectorForce
+from signorini_fx.mechanics.statement.effect import Coefficients, VectorForce
 from signorini_fx.mechanics.statement.values import SampledValue
 
 
@@ -36,9 +36,6 @@ class TotalForce(VectorForce):
     def density(self, on: Coefficients) -> Any:
         """F s over the integral of s, see ``Force``."""
         return super().density(on) * on.value(self.spread) / on.total(self)
-
-    def density_at(self, at: Points) -> Array:
-        return super().density_at(at) * at.value(self.spread)[..., None] / at.total(self)
 
 
 Entry = TotalForce

@@ -4,16 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
-from signorini_fx.mechanics.statement.effect import (
-    Array,
-    Coefficients,
-    Contradictions,
-    Points,
-    VectorForce,
-    without_density,
-)
+from signorini_fx.mechanics.statement.effect import Coefficients, Contradictions, VectorForce, without_density
 
 
 class Gravity(VectorForce):
@@ -31,9 +22,6 @@ class Gravity(VectorForce):
 
     def density(self, on: Coefficients) -> Any:
         return on.density * super().density(on)
-
-    def density_at(self, at: Points) -> Array:
-        return np.asarray(at.density[..., None] * super().density_at(at))
 
 
 Entry = Gravity

@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from signorini_fx.mechanics.statement.effect import Array, Coefficients, Features, Points, VectorForce
+from signorini_fx.mechanics.statement.effect import Coefficients, Features, VectorForce
 from signorini_fx.mechanics.statement.nodal_table import NodalTable
 from signorini_fx.mechanics.statement.values import Vector
 
@@ -33,7 +33,6 @@ class PointForce(VectorForce):
     }
     nodal: ClassVar[bool] = True
     vectors: ClassVar[tuple[str, ...]] = ("at",)
-    density_tells_all: ClassVar[bool] = False
 
     at: Vector
     region: str | None = None
@@ -58,10 +57,6 @@ class PointForce(VectorForce):
     def density(self, on: Coefficients) -> Any:
         """Zero: it has none, see ``Force``."""
         return on.vector((0.0, 0.0, 0.0))
-
-    def density_at(self, at: Points) -> Array:
-        """Zero: it has none, see ``Force``."""
-        return at.vector((0.0, 0.0, 0.0))
 
 
 Entry = PointForce

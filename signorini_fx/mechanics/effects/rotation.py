@@ -6,8 +6,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from signorini_fx.mechanics.statement.effect import Array, Coefficients, Contradictions, Force, Points, without_density
-from signorini_fx.mechanics.statement.expressions import Expression, product_of
+from signorini_fx.mechanics.statement.effect import Coefficients, Contradictions, Force, without_density
 from signorini_fx.mechanics.statement.values import Direction, TimedValue, Vector
 
 
@@ -33,39 +32,20 @@ class Rotation(Force):
     def given(self) -> dict[str, Any]:
         return {"speed": self.speed}
 
-    def profile(self, dimension: int) -> tuple[Any, ...]:
-        """See ``Force``: the square of the speed times a distance."""
-        return (product_of(self.speed, self.speed, Expression("x[0]")),)
-
     def contradictions(self, statement: Any, number: int) -> Contradictions:
         yield from without_density(statement, "rotation") if self.acts else ()
         if reason := statement.kinematics.refused_axis(self.axis, self.about):
             yield ("rotation", number, "axis"), reason
 
-    def _about(self, dimension: int) -> tuple[float, ...]:
-        """A point of the axis, shape (d,)."""
-        return tuple(self.about or ()) + (0.0,) * (dimension - len(self.about or ()))
-
-    def _across(self, dimension: int) -> Array:
-        """The projection across the axis, shape (d, d)."""
-        if self.axis is None:
-            return np.diag([1.0, 1.0, 0.0][:dimension])
-        along = np.zeros(dimension)  # displacements out of a section have one more
-        along[: len(self.axis)] = np.array(self.axis) / np.linalg.norm(self.axis)
-        return np.asarray(np.eye(dimension) - np.outer(along, along))
-
     def density(self, on: Coefficients) -> Any:
-        import ufl
-
-        dim = len(on.position)
-        arm = on.position - on.vector(self._about(dim))
-        across = [on.vector(tuple(map(float, row))) for row in self._across(dim)]
-        return on.density * on.value(self.speed) ** 2 * ufl.as_vector([ufl.inner(row, arm) for row in across])
-
-    def density_at(self, at: Points) -> Array:
-        dim = at.position.shape[-1]
-        arm = (at.position - np.array(self._about(dim))) @ self._across(dim)
-        return np.asarray((at.density * at.value(self.speed) ** 2)[..., None] * arm)
+        dimension = len(on.position)  # displacements out of a section have one more than its point and axis
+        about, axis = np.zeros(dimension), np.zeros(dimension)
+        about[: len(self.about or ())] = self.about or ()
+        given = (0.0, 0.0, 1.0)[:dimension] if self.axis is None else self.axis / np.linalg.norm(self.axis)
+        axis[: len(given)] = given
+        arm = on.position - on.vector(tuple(about.tolist()))
+        along = sum(component * part for component, part in zip(axis.tolist(), arm, strict=True))
+        return on.density * on.value(self.speed) ** 2 * (arm - along * on.vector(tuple(axis.tolist())))
 
 
 Entry = Rotation

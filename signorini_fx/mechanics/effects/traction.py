@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from signorini_fx.mechanics.statement.effect import Array, Coefficients, Features, Points, VectorForce, is_zero
+from signorini_fx.mechanics.statement.effect import Coefficients, Features, VectorForce, is_zero
 from signorini_fx.mechanics.statement.values import TimedValue
 
 
@@ -40,9 +40,6 @@ class SurfaceTraction(VectorForce):
     def density(self, on: Coefficients) -> Any:
         traction = super().density(on)
         return traction if is_zero(self.pressure) else traction - on.value(self.pressure) * on.normal
-
-    def density_at(self, at: Points) -> Array:
-        return super().density_at(at) - at.value(self.pressure)[..., None] * at.normal
 
 
 Entry = SurfaceTraction

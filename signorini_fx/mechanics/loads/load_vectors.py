@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from itertools import count
 from typing import Any, NamedTuple
@@ -33,7 +33,7 @@ from signorini_fx.mechanics.statement.expressions import Expression, sample
 from signorini_fx.mechanics.statement.load_path import factor_at
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.records import Inventory
-from signorini_fx.tuned import LARGEST_NUMBER, ZERO_SUM
+from signorini_fx.tuned import CERTIFICATE_TOLERANCE, LARGEST_NUMBER, ZERO_SUM
 
 
 @dataclass(frozen=True)
@@ -197,12 +197,14 @@ class FormCoefficients:
             size = self.tagged.size
             scales = Scales(self.tagged.dimension, self.statement.young, size, self.kinematics.depth(size))
             if not abs(integral) > ZERO_SUM * largest * scales.surface:
-                path = next(path for path, candidate in self.statement.listed() if candidate is effect)
-                raise SceneError(
-                    [(f"{path}.spread", f"its integral over {boundary!r} is {integral:g}: it must not be 0")]
-                )
+                wrong = f"its integral over {boundary!r} is {integral:g}: it must not be 0"
+                raise SceneError([(f"{self.path(effect)}.spread", wrong)])
             self._totals[boundary, spread] = fem.Constant(mesh, default_scalar_type(integral))
         return self._totals[boundary, spread]
+
+    def path(self, effect: Effect) -> str:
+        """Where the scene has an effect."""
+        return next((path for path, entry in self.statement.listed() if entry is effect), effect.label)
 
     def value(self, value: Any, cells: npt.NDArray[np.int32] | None = None) -> Any:
         """A value as a coefficient; a callable is interpolated in some cells, without them in all."""
@@ -326,11 +328,9 @@ def _assembled(
     forces, pressure_load = (
         on.elastic.work(forms, owned) if balanced else (sum(map(assemble, forms), np.zeros(owned)), None)
     )
-    paths = {id(effect): path for path, effect in on.statement.listed()}
     for load in loads:
         if load.nodal:
-            path = paths.get(id(load), load.label)
-            forces = forces + forces_at_nodes(at_step[id(load)], path, space, on.tagged)
+            forces = forces + forces_at_nodes(at_step[id(load)], on.path(load), space, on.tagged)
     # No function that refers to itself: such a cycle keeps the mesh until the garbage collector comes.
     reassemble = partial(_assembled, group, loads, on, z, supports, compiled) if timed else None
     return AppliedLoad(
@@ -362,14 +362,15 @@ def compile_loads(loads: Sequence[Load], on: FormCoefficients, z: Any) -> tuple[
         return _compiled_strains(strains, on, z)
     formed = (load for load in loads if isinstance(load, Force) and not load.nodal)
     forces = sorted(formed, key=lambda load: load.where is not None)
-    name, form = _compiled(forces, lambda load: ufl.inner(load.density(on), z), on)
+    name, form = _compiled(forces, lambda load: ufl.inner(_asked(load, "density", on), z), on)
     return ((), ()) if form is None else ((name,), (form,))
 
 
 def _compiled_strains(
     strains: Sequence[InitialStrain], on: FormCoefficients, z: Any
 ) -> tuple[tuple[str, ...], tuple[fem.Form, ...]]:
-    name, total_strain = " + ".join(strain.name for strain in strains), sum(strain.strain(on) for strain in strains)
+    name = " + ".join(strain.name for strain in strains)
+    total_strain = sum(_asked(strain, "strain", on) for strain in strains)
     terms = on.elastic.strain_terms(z, total_strain, strains[0].degree(on.space.element.basix_element.degree))
     names = on.elastic.names_of(name)[: len(terms)]
     return names, tuple(
@@ -379,7 +380,57 @@ def _compiled_strains(
 
 def compile_resistance(acting: Sequence[Resistance], on: FormCoefficients, y: Any, z: Any) -> fem.Form | None:
     """The terms of a(y, z) by which some effects resist the displacement on the boundary, compiled together."""
-    return _compiled(acting, lambda effect: ufl.inner(effect.reaction(y, on), z), on)[1]
+    for effect in acting:
+        if not is_of_package(type(effect)):
+            _check_reaction(effect, on)
+    return _compiled(acting, lambda effect: ufl.inner(_asked(effect, "reaction", on, y), z), on)[1]
+
+
+def _check_reaction(effect: Resistance, on: FormCoefficients) -> None:
+    """Refuse a reaction that is not linear, symmetric and against the displacement, from its work; collective.
+
+    Raises:
+        SceneError: it is none of these.
+    """
+    y, z, random = fem.Function(on.space), fem.Function(on.space), np.random.default_rng(0)
+    a, b = random.standard_normal((2, y.x.array.size))
+    of_trial = replace(on, inventory=Inventory())
+    _, form = _compiled([effect], lambda entry: ufl.inner(_asked(entry, "reaction", on, y), z), of_trial)
+
+    def work(displacement: npt.NDArray[np.float64], at: npt.NDArray[np.float64]) -> float:
+        y.x.array[:], z.x.array[:] = displacement, at
+        return float(parallel.global_sum(on.space.mesh.comm, np.array(fem.assemble_scalar(form))))
+
+    own, name = work(a, a), f"reaction of {type(effect).__name__}"
+    least = CERTIFICATE_TOLERANCE * abs(own)
+    if abs(work(a + b, b) - work(a, b) - work(b, b)) > least:
+        raise SceneError([(on.path(effect), f"{name} is not linear in the displacement")])
+    if abs(work(a, b) - work(b, a)) > least:
+        raise SceneError([(on.path(effect), f"{name} has no energy: it is not symmetric")])
+    if own < 0:
+        raise SceneError([(on.path(effect), f"{name} pushes the body along its displacement")])
+
+
+def _asked(effect: Any, method: str, on: FormCoefficients, *arguments: Any) -> Any:
+    """What a method of an effect gives, UFL.
+
+    Raises:
+        SceneError: it is of another package, and gives nothing of the kind.
+    """
+    if is_of_package(type(effect)):
+        return getattr(effect, method)(*arguments, on)
+    name, wanted = type(effect).__name__, () if method == "strain" else (len(on.position),)
+    try:
+        value = ufl.as_ufl(getattr(effect, method)(*arguments, on))
+    except NotImplementedError:
+        reason = f"{name} does not say its {method}"
+    except Exception as error:
+        reason = f"{method} of {name} fails: {type(error).__name__}: {error}"
+    else:
+        if value.ufl_shape == wanted:
+            return value
+        reason = f"{method} of {name} has the shape {value.ufl_shape}, not {wanted}"
+    raise SceneError([(on.path(effect), reason)])
 
 
 def _compiled(
@@ -415,28 +466,6 @@ def check_resistances(statement: Statement, tagged: TaggedMesh) -> None:
             if parallel.any_rank(tagged.mesh.comm, not ((values >= 0) & (values <= LARGEST_NUMBER)).all()):
                 wanted = f"a number from 0 to {LARGEST_NUMBER:g} everywhere on {effect.where!r}"
                 problems.append((f"{path}.{key}", f"must be {wanted}"))
-    if problems:
-        raise SceneError(problems)
-
-
-def check_effects(statement: Statement, tagged: TaggedMesh) -> None:
-    """Whether effects of other packages are what they say, see ``effect_trial``; collective.
-
-    Raises:
-        SceneError: one is not.
-    """
-    problems, comm = [], tagged.mesh.comm
-    for path, effect in statement.listed():
-        if is_of_package(type(effect)) or not effect.acts:
-            continue
-        from signorini_fx.mechanics.statement.effect_trial import fault_of
-
-        x = tagged.mesh.geometry.x
-        if effect.where is not None:
-            x = facet_vertices(tagged.mesh, tagged.facets(effect.where)).reshape(-1, 3)
-        now = effect.at_time(statement.time_at(0))
-        fault = fault_of(now, x[:, : tagged.mesh.geometry.dim].astype(np.float64))
-        problems += [(path, other) for other in sorted({other for other in comm.allgather(fault) if other})[:1]]
     if problems:
         raise SceneError(problems)
 

@@ -1,4 +1,4 @@
-"""Single points on facets at which the values of a scene are looked at."""
+"""Points at which the values of a scene are arrays, and no forms."""
 
 from __future__ import annotations
 
@@ -15,47 +15,26 @@ from signorini_fx.mechanics.statement.expressions import in_space, sample
 
 @dataclass(frozen=True)
 class SampledPoints:
-    """Single points on facets, for pictures and corners, ``statement.effect.Points``.
-
-    UFL expressions, which only a compiled form could evaluate, are not known there.
+    """Points for pictures and bounds, ``statement.effect.Coefficients`` as arrays.
 
     Attributes:
-        at: the points, shape (f, d).
-        normal: outward unit normals, shape (f, 1, d), or zero, which leaves pressures out.
-        whole: from an effect to the integral of its ``spread``.
-        unknown: what a UFL expression counts as.
+        position: length, shape (d, n).
+        normal: outward unit normals, shape (d, n), or zero, which leaves pressures out.
+        total: from an effect to the integral of its ``weighting``.
+        density: of the material, mass per volume, shape (n,), or one for all.
     """
 
-    at: npt.NDArray[np.float64]
+    position: npt.NDArray[np.float64]
     normal: npt.NDArray[np.float64]
-    whole: Callable[[Effect], float]
-    unknown: float = 0.0
-
-    @property
-    def position(self) -> npt.NDArray[np.float64]:
-        """Shape (f, 1, d)."""
-        return self.at[:, None]
-
-    @property
-    def displacement(self) -> npt.NDArray[np.float64]:
-        """None, shape (f, 1, d)."""
-        return np.zeros_like(self.position)
-
-    @property
-    def density(self) -> npt.NDArray[np.float64]:
-        """Of no meaning on facets."""
-        return np.zeros((len(self.at), 1))
-
-    def total(self, effect: Effect) -> float:
-        """See ``Coefficients``."""
-        return self.whole(effect)
+    total: Callable[[Effect], float]
+    density: Any = 0.0
 
     def value(self, value: Any) -> npt.NDArray[np.float64]:
-        """Shape (f, 1)."""
+        """Shape (n,); zero of expressions of UFL, which only a compiled form could evaluate."""
         if hasattr(value, "ufl_shape"):
-            return np.full((len(self.at), 1), self.unknown)
-        return sample(value, in_space(self.at))[:, None]
+            return np.zeros(self.position.shape[1])
+        return sample(value, in_space(self.position.T))
 
     def vector(self, values: tuple[Any, ...]) -> npt.NDArray[np.float64]:
-        """Shape (f, 1, d)."""
-        return np.stack([self.value(value) for value in values[: self.at.shape[1]]], axis=2)
+        """Shape (d, n)."""
+        return np.stack([self.value(value) for value in values[: len(self.position)]])

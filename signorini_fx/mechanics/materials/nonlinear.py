@@ -174,7 +174,7 @@ class Hyperelastic(NonlinearMaterial):
                 reason = "follows the body at finite strains: give a number, an expression or a callable, not UFL"
                 yield ("traction", row, "pressure"), reason
         for row, rotation in enumerate(statement.effects.get("rotation", ())):
-            if rotation.jumps:
+            if getattr(rotation.speed, "jumps", False):
                 yield ("rotation", row, "speed"), f"that jumps from place to place {_NOT_YET} at finite strains"
         for other, beside in enumerate(statement.material):
             if not beside.finite:

@@ -29,7 +29,6 @@ from pydantic.fields import FieldInfo
 
 from signorini_fx.extensions import EFFECTS, is_of_package, load_class, modules_of, names_of, on_registered
 from signorini_fx.mechanics.statement.base import Table
-from signorini_fx.mechanics.statement.expressions import Expression, product_of
 from signorini_fx.mechanics.statement.values import Finite, TimedValue
 
 Array = npt.NDArray[np.float64]
@@ -39,9 +38,9 @@ Features = tuple[tuple[str, Keys], ...]
 
 
 class Coefficients(Protocol):
-    """Values of a scene in the body or on a boundary: as UFL, or at q points of quadrature in each of f cells.
+    """Values of a scene in the body or on a boundary: as UFL, or as arrays of n points.
 
-    Vectors have the shape (d,) as UFL and (f, q, d) at points, values () and (f, q).
+    As UFL vectors have the shape (d,) and values (), as arrays (d, n) and (n,): what arithmetic says is said of both.
     """
 
     @property
@@ -64,10 +63,6 @@ class Coefficients(Protocol):
 
     def vector(self, values: tuple[Any, ...]) -> Any:
         """Values along x[0], x[1] and x[2], which is not used in 2D."""
-
-
-class Points(Coefficients, Protocol):
-    """Points of quadrature."""
 
 
 class BodyCoefficients(Coefficients, Protocol):
@@ -113,8 +108,6 @@ class Effect(Table):
     vectors: ClassVar[tuple[str, ...]] = ()
     # The value that its forces are proportional to, where their sum is given; None: they are given themselves.
     weighting: ClassVar[Any] = None
-    # Whether ``Force.density_at`` tells all that it does to the body, so that proofs may read it there.
-    density_tells_all: ClassVar[bool] = False
 
     @property
     def label(self) -> str:
@@ -246,32 +239,11 @@ class Load(Effect):
 class Force(Load):
     """Force per volume or area."""
 
-    density_tells_all: ClassVar[bool] = True
     # Whether at finite strains its density is that of the place to which a point has moved.
     carried: ClassVar[bool] = False
 
-    @cached_property
-    def jumps(self) -> tuple[Expression, ...]:
-        """Its expressions that may jump; none if a value is neither a number nor an expression."""
-        values = [value for value in (*self.given.values(), self.weighting) if value is not None]
-        known = all(isinstance(value, float | Expression) for value in values)
-        return tuple(value for value in values if isinstance(value, Expression) and value.jumps) if known else ()
-
-    def profile(self, dimension: int) -> tuple[Any, ...]:
-        """Numbers and expressions that jump and have kinks wherever its density does in a cell or on a straight facet,
-        and between are polynomials of which one has its degree at least; anything else: it is known at points alone.
-
-        Args:
-            dimension: of the body, 2 or 3.
-        """
-        return (self.density_at,)
-
     def density(self, on: Coefficients) -> Any:
-        """Force per volume or area, UFL, shape (d,)."""
-        raise NotImplementedError
-
-    def density_at(self, at: Points) -> Array:
-        """The same for the independent check, shape (f, q, d)."""
+        """Force per volume or area, a vector; pictures ask for it at points, where functions of UFL have no value."""
         raise NotImplementedError
 
     def traction(self, y: Any, factor: Any, on: Coefficients) -> Any:
@@ -294,15 +266,8 @@ class VectorForce(Force):
     def given(self) -> dict[str, Any]:
         return dict(zip("xyz", self.components, strict=True))
 
-    def profile(self, dimension: int) -> tuple[Any, ...]:
-        values = self.given.values()
-        return tuple(values if self.weighting is None else (product_of(value, self.weighting) for value in values))
-
     def density(self, on: Coefficients) -> Any:
         return on.vector(self.components)
-
-    def density_at(self, at: Points) -> Array:
-        return at.vector(self.components)
 
 
 class InitialStrain(Load):

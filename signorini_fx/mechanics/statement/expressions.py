@@ -421,20 +421,6 @@ class Expression:
         return ufl.conditional(value, 1.0, 0.0) if _check(self._tree) == "condition" else ufl.as_ufl(value)
 
 
-def product_of(*values: Any) -> Any:
-    """The product of numbers and expressions, one of them where any is; the first value that is neither as it is."""
-    unknown = [value for value in values if not isinstance(value, float | Expression)]
-    if unknown:
-        return unknown[0]
-    expressions = [value for value in values if isinstance(value, Expression)]
-    if not expressions:
-        return math.prod(values)
-    texts = (value.text if isinstance(value, Expression) else repr(float(value)) for value in values)
-    time = next((value.time for value in expressions if value.timed), None)
-    text = "*".join(f"({text})" for text in texts)
-    return Expression(text, time, any(value.timed for value in expressions), len(text))
-
-
 def sample(value: Any, x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
     """Values of a number, an ``Expression`` or a callable at points ``x`` of shape (3, n), shape (n,).
 
