@@ -23,11 +23,6 @@ class Fibres(DirectedMaterial):
         s = 2 * self.p * e + ((self.n - 2 * self.p) * fibre + self.c * around) * (ufl.Identity(3) - across)
         return s + (self.c * fibre + (self.k - self.m) * around) * across + 2 * (self.m - self.p) * across * e * across
 
-    @property
-    def moduli(self):
-        normal = np.linalg.eigvalsh([[self.n, 2**0.5 * self.c], [2**0.5 * self.c, 2 * self.k]])
-        return min(*normal, 2 * self.m, 2 * self.p), max(*normal, 2 * self.m, 2 * self.p)
-
 
 register("signorini_fx.materials", "fibres", Fibres)
 if __name__ == "__main__":

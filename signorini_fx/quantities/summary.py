@@ -249,7 +249,6 @@ class CertificateFigures(Row):
     pressure_at_distance: Number
     slip_below_bound: Number
     coupling: Number
-    moduli: Number
     displacement: Number = described("Largest displacement, relative to the size of the body.")
     penetration: Number
     complementarity: Number

@@ -58,7 +58,6 @@ def test_as_the_orthotropic_one(hypothesis):
         for material in (own(dimension, **more, expansion=1e-4), orthotropic(dimension, **more, expansion=1e-4))
     )
     assert first.certificate.holds
-    assert first.certificate.moduli <= 1e-12
     assert len(first.history.iterations) == len(second.history.iterations)
     size = np.abs(second.displacement.x.array).max()
     np.testing.assert_allclose(first.displacement.x.array, second.displacement.x.array, atol=1e-9 * size)
@@ -91,24 +90,14 @@ def doubled(self, strain):
 @pytest.mark.parametrize(
     ("methods", "message"),
     [
-        (
-            {"moduli": constant((-1.0, 1e5))},
-            r"moduli of Lying are -1 and 100000, not bounds of its eigenvalues 1200 to",
-        ),
-        ({"moduli": constant((np.nan, 1e5))}, "moduli of Lying are nan"),
-        ({"moduli": constant((1e-3, np.nan))}, "moduli of Lying are 0.001 and nan"),
-        ({"moduli": constant((1e5, 1e-3))}, "moduli of Lying are 100000"),
-        ({"moduli": constant((1300.0, 1e5))}, "moduli of Lying are 1300"),
-        ({"moduli": constant((1.0, 9000.0))}, "moduli of Lying are 1 and 9000"),
-        ({"moduli": constant(1.0)}, "moduli of Lying are no two numbers: TypeError"),
         ({"stress": lambda law, e: law.p * e * np.nan}, "stress of Lying is not finite"),
         ({"stress": lambda law, e: -law.p * e}, "does no work on some strain"),
         ({"stress": lambda law, e: law.p * e * (2 + e[0, 0])}, "no linear function of the strain"),
-        ({"stress": lambda law, e: law.p * e + law.m}, "no linear function of the strain"),
+        ({"stress": lambda law, e: law.p * e + law.m}, "Lying fails: ValueError"),
         ({"stress": Material.stress}, "Lying does not say its stress"),
         ({"isotropic": constant(True)}, "Lying is not isotropic, as it says"),
         (
-            {"isotropic": True, "stress": doubled, "moduli": constant((2.0, 2.0))},
+            {"isotropic": True, "stress": doubled},
             "derive it from LinearElastic",
         ),
         ({"free_strain": constant((1.0, np.inf, 1.0))}, "free_strain of Lying"),
@@ -117,7 +106,7 @@ def doubled(self, strain):
     ],
 )
 def test_materials_that_are_not_what_they_say(methods, message):
-    """Are refused by name before anything is assembled: no proof rests on them."""
+    """Are refused by name before anything is assembled."""
     scene = pressed(body("triangle", comm=MPI.COMM_SELF), own(2, lying(**methods)))
     with pytest.raises(SceneError, match=message):
         solve(scene, MPI.COMM_SELF)

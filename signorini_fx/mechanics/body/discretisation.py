@@ -23,7 +23,7 @@ from signorini_fx.mechanics.assembly.pieces import find_pieces
 from signorini_fx.mechanics.assembly.tried_functions import try_functions
 from signorini_fx.mechanics.elasticity.choice_of_law import elastic_law, moduli_of
 from signorini_fx.mechanics.elasticity.elastic_law import SceneLaw
-from signorini_fx.mechanics.kinematics.trial import fault_of as fault_of_kinematics
+from signorini_fx.mechanics.kinematics.protocol import Kinematics
 from signorini_fx.mechanics.loads.initial_strains import check_strains
 from signorini_fx.mechanics.loads.jumps import holds, jump_loads, jumps_in
 from signorini_fx.mechanics.loads.load_vectors import (
@@ -119,8 +119,7 @@ def _refuse_missing_files(statement: Statement, comm: MPI.Comm) -> None:
 
 def _prepared(statement: Statement, tagged: TaggedMesh, timings: Timings) -> Model:
     check_materials(statement.material)
-    if fault := fault_of_kinematics(statement.kinematics_in(tagged.dimension)):
-        raise SceneError([("material.hypothesis", fault)])
+    _check_measure(statement.kinematics_in(tagged.dimension), tagged)
     facets, moduli, *_ = together(
         partial(boundary_facets, statement, tagged),
         partial(moduli_of, statement, tagged),
@@ -205,6 +204,15 @@ def _prepared(statement: Statement, tagged: TaggedMesh, timings: Timings) -> Mod
         pairs=foundations.pairs,
         rigid=rigid,
     )
+
+
+def _check_measure(kinematics: Kinematics, tagged: TaggedMesh) -> None:
+    """Refuse kinematics of another package in which part of the body has no volume; collective."""
+    x = tagged.mesh.geometry.x[:, : tagged.dimension].astype(np.float64)
+    measures = np.broadcast_to(kinematics.measure(x.T), len(x))
+    most = parallel.largest(tagged.mesh.comm, measures, 0.0)
+    if parallel.any_rank(tagged.mesh.comm, bool((measures < -SAME_NUMBER * most).any())) or most <= 0:
+        raise SceneError([("material.hypothesis", f"measure of {kinematics.words!r} is not positive")])
 
 
 def _compressible(statement: Statement) -> bool:

@@ -6,9 +6,8 @@ and know no kind.  Other packages have more for plane meshes, objects with the b
     [project.entry-points."signorini_fx.kinematics"]
     sector = "its.module:SECTOR"
 
-which materials ask for by ``hypothesis = "sector"``.  Each kind says the same twice, in UFL for the solver and in NumPy
-for the certificate; what others say is tried, see ``trial``.  This package knows neither scenes nor meshes; UFL is
-imported where it is needed.
+which materials ask for by ``hypothesis = "sector"``.  This package knows neither scenes nor meshes; UFL is imported
+where it is needed.
 """
 
 from __future__ import annotations

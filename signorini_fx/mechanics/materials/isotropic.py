@@ -41,11 +41,6 @@ class LinearElastic(Material):
         return 2 * mu * strain + lame * ufl.tr(strain) * ufl.Identity(3)
 
     @property
-    def moduli(self) -> tuple[float, float]:
-        bulk = self.young / (1 - 2 * self.poisson) if self.poisson < 0.5 else math.inf
-        return min(bulk, self.young / (1 + self.poisson)), max(bulk, self.young / (1 + self.poisson))
-
-    @property
     def features(self) -> Features:
         graded = self.poisson_grading is not None
         return (*super().features, *((("graded Poisson's ratio", ("poisson_grading",)),) if graded else ()))
@@ -80,20 +75,9 @@ class LinearElastic(Material):
             return young * poisson / (1 - poisson**2), mu
         return young * poisson / ((1 + poisson) * (1 - 2 * poisson)), mu
 
-    @property
-    def hooke(self) -> tuple[float, float]:
-        """(a, b) of Hooke's law sigma = a epsilon + b tr(epsilon) I, stresses, for the independent check."""
-        squeezed = 1 - self.poisson if self.hypothesis == "plane stress" else 1 - 2 * self.poisson
-        return self.hooke_of(self.young, self.poisson) if squeezed > 0 else (self.young / (1 + self.poisson), math.inf)
-
-    def hooke_of(self, young: Any, poisson: Any) -> tuple[Any, Any]:
-        """The same for other numbers, or arrays of them."""
-        a = young / (1 + poisson)
-        squeezed = 1 - poisson if self.hypothesis == "plane stress" else 1 - 2 * poisson
-        return a, a * poisson / squeezed
-
     def stiffest(self, *, pressed: bool) -> float:
-        return sum(self.hooke[: 1 if pressed else 2])
+        first, second = self.lame
+        return 2 * second if pressed else 2 * second + first
 
     @property
     def locks(self) -> bool:

@@ -116,11 +116,6 @@ class NonlinearMaterial(Material):
         return self.at_rest.stress(strain)
 
     @property
-    def moduli(self) -> tuple[float, float]:
-        """See ``Material``: at small strains."""
-        return self.at_rest.moduli
-
-    @property
     def natural_modulus(self) -> float:
         """See ``Material``: at small strains."""
         return self.at_rest.natural_modulus

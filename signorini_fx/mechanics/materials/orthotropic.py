@@ -83,11 +83,6 @@ class OrthotropicElastic(Material):
         at = {frozenset(pair): component for pair, component in zip(PAIRS, stress, strict=True)}
         return ufl.as_matrix([[at[frozenset((i, j))] for j in range(3)] for i in range(3)])
 
-    @property
-    def moduli(self) -> tuple[float, float]:
-        normal, shear = np.linalg.eigvalsh(self.stiffness[:3, :3]), 2 * np.array(self.orthotropic.shear)
-        return float(min(normal.min(), shear.min())), float(max(normal.max(), shear.max()))
-
     def axes(self, x: Array) -> Array:
         return self.orthotropic.axes(x)
 

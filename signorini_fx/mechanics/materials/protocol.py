@@ -9,10 +9,6 @@ of space unless it has others, see ``directed``.  ``stress`` is linear, and UFL:
 
         def stress(self, strain):
             return self.modulus * strain
-
-        @property
-        def moduli(self):
-            return self.modulus, self.modulus
 """
 
 from __future__ import annotations
@@ -94,11 +90,6 @@ class Material(Effect):
 
     def stress(self, strain: Any) -> Any:
         """The stress of a strain, UFL, both with shape (3, 3)."""
-        raise NotImplementedError
-
-    @property
-    def moduli(self) -> tuple[float, float]:
-        """Bounds of stress : strain over strain : strain, stresses; both are positive."""
         raise NotImplementedError
 
     # --- what it may say ---
@@ -204,28 +195,6 @@ class Material(Effect):
     def words(self) -> str:
         """What it is called."""
         return f"the material {getattr(self, 'law', '')!r}"
-
-    @property
-    def eigenvalues(self) -> tuple[float, float]:
-        """The least and the largest one of stress : strain over strain : strain."""
-        matrix = self._products
-        least, *_, most = np.linalg.eigvalsh((matrix + matrix.T) / 2)
-        return float(least), float(most)
-
-    @property
-    def _products(self) -> Array:
-        """Those of unit strains ``PAIRS`` with the stresses of others, stresses, shape (6, 6)."""
-        scale = np.sqrt([1.0, 1.0, 1.0, 2.0, 2.0, 2.0])
-        return np.asarray(scale[:, None] * self.stiffness * scale)
-
-    def missed(self) -> float:
-        """By how much ``stress`` leaves the bounds ``moduli``, and is not that of an energy, relative; infinite where
-        they bound nothing.
-        """
-        matrix, (least, most), (low, high) = self._products, self.eigenvalues, self.moduli
-        if not (least > 0 and 0 < low <= high):  # of what is no number, neither
-            return math.inf
-        return float(max(low / least - 1, most / high - 1, np.abs(matrix - matrix.T).max() / most, 0.0))
 
 
 @cache

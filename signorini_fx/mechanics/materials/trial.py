@@ -1,8 +1,9 @@
-"""What a material of a user's own says of itself, tried before anything is assembled with it."""
+"""What is asked of a material of a user's own before anything is assembled with it."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
 
@@ -28,60 +29,59 @@ def check_materials(materials: Iterable[Material]) -> None:
         raise SceneError(problems)
 
 
-def fault_of(material: Material) -> str:
-    """What a material says of itself and does not keep; "": nothing was found."""
-    if not material.linear:
-        from signorini_fx.mechanics.materials.nonlinear_trial import fault_of_nonlinear
-
-        return fault_of_nonlinear(material)
+def fault_of(material: Any) -> str:
+    """Why a solution with a material means nothing; "": nothing was found."""
     name = type(material).__name__
     try:
-        stiffness = material.stiffness
-        together = stress_of(material, np.ones(len(PAIRS)))
+        return _fault_of_linear(material, name) if material.linear else _fault_of_nonlinear(material, name)
     except NotImplementedError:
-        return f"{name} does not say its stress"
+        return f"{name} does not say {'its stress' if material.linear else 'all that a nonlinear material says'}"
     except Exception as error:
-        return f"stress of {name} is no linear function of the strain: {type(error).__name__}: {error}"
+        return f"{name} fails: {type(error).__name__}: {error}"
+
+
+def _fault_of_linear(material: Material, name: str) -> str:
+    """Its stress is taken from unit strains, by a matrix that must have an energy."""
+    stiffness = material.stiffness
+    together = stress_of(material, np.ones(len(PAIRS)))
     if not np.isfinite(stiffness).all():
         return f"stress of {name} is not finite"
-    scale = np.abs(stiffness).max()
-    if not np.abs(together - stiffness.sum(axis=1)).max() <= CERTIFICATE_TOLERANCE * scale:
+    tiny = CERTIFICATE_TOLERANCE * np.abs(stiffness).max()
+    if not np.abs(together - stiffness.sum(axis=1)).max() <= tiny:
         return f"stress of {name} is no linear function of the strain"
-    least, most = np.linalg.eigvalsh((stiffness + stiffness.T) / 2)[[0, -1]]
-    if np.abs(stiffness - stiffness.T).max() > CERTIFICATE_TOLERANCE * scale:
+    if np.abs(stiffness - stiffness.T).max() > tiny:
         return f"stress of {name} has no energy: its stiffness is not symmetric"
-    if not least > 0:
+    if not (least := np.linalg.eigvalsh((stiffness + stiffness.T) / 2)[0]) > 0:
         return f"stress of {name} does no work on some strain: its stiffness has the eigenvalue {least:g}"
-    return _fault_of_moduli(material) or _fault_of_constants(material, most)
-
-
-def _fault_of_moduli(material: Material) -> str:
-    """They are positive, and bound the eigenvalues of the elasticity."""
-    name = type(material).__name__
-    try:
-        low, high = map(float, material.moduli)
-        missed = material.missed()
-    except NotImplementedError:
-        return f"{name} does not say its moduli"
-    except Exception as error:
-        return f"moduli of {name} are no two numbers: {type(error).__name__}: {error}"
-    if missed > CERTIFICATE_TOLERANCE:
-        least, most = material.eigenvalues
-        return f"moduli of {name} are {low:g} and {high:g}, not bounds of its eigenvalues {least:g} to {most:g}"
-    return ""
-
-
-def _fault_of_constants(material: Material, most: float) -> str:
-    """What it says of its expansion, and of its directions."""
-    name, free = type(material).__name__, np.asarray(material.free_strain, dtype=np.float64)
-    if free.shape != (3,) or not np.isfinite(free).all():
+    if np.shape(material.free_strain) != (3,) or not np.isfinite(material.free_strain).all():
         return f"free_strain of {name} must be three finite numbers"
-    if material.isotropic:
-        first, second = material.lame
-        expected = np.diag([2 * second] * 3 + [second] * 3)
-        expected[:3, :3] += first
-        if np.abs(material.stiffness - expected).max() > CERTIFICATE_TOLERANCE * most:
-            return f"{name} is not isotropic, as it says: its stress follows the direction of the strain"
-        if not isinstance(material, LinearElastic):
-            return f"{name} has isotropic = True: derive it from LinearElastic, or leave that out"
-    return ""
+    if not material.isotropic:
+        return ""
+    first, second = material.lame
+    expected = np.diag([2 * second] * 3 + [second] * 3)
+    expected[:3, :3] += first
+    if np.abs(stiffness - expected).max() > tiny:
+        return f"{name} is not isotropic, as it says: its stress follows the direction of the strain"
+    derived = isinstance(material, LinearElastic)
+    return "" if derived else f"{name} has isotropic = True: derive it from LinearElastic, or leave that out"
+
+
+def _fault_of_nonlinear(material: Any, name: str) -> str:
+    """What scales and Newton's method begin with: moduli, and what it gives without strain."""
+    from signorini_fx.mechanics.materials.nonlinear import Hyperelastic, PathDependent
+
+    if not all(0 < modulus < np.inf for modulus in material.constants_at_rest):
+        return f"constants_at_rest of {name} are {material.constants_at_rest}: both must be positive"
+    if isinstance(material, Hyperelastic):
+        import ufl
+        from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering
+
+        at_rest = material.shape_energy_by_change(ufl.as_matrix(np.zeros((3, 3)).tolist()))
+        energies = apply_algebra_lowering(at_rest), material.volume_energy_by_change(ufl.as_ufl(0.0))
+        finite = np.isfinite([float(ufl.as_ufl(energy)(())) for energy in energies]).all()
+        return "" if finite else f"the energy of {name} is not finite without strain"
+    if not isinstance(material, PathDependent):
+        return f"{name} is neither Hyperelastic nor PathDependent"
+    shapes = [np.shape(part) for part in material.respond(np.zeros((1, 3, 3)), np.zeros((1, material.state_size)))]
+    wanted = [(1, 3, 3), (1, 6, 6), (1, material.state_size)]
+    return "" if shapes == wanted else f"respond of {name} gives the shapes {shapes}, not {wanted}"

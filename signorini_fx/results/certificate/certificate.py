@@ -74,8 +74,6 @@ class Certificate:
         slip_below_bound: the complementarity (3.3c): the smaller of the slip and the distance of the shear from its
             bound.
         coupling: largest error of the map that joins pairs of bodies, in its identities.
-        moduli: by how much the stress of a material leaves the bounds of its moduli, or has no energy; isotropic ones
-            are not asked.
         displacement: largest displacement, relative to the size of the body.
         penetration: largest tau_N y - d; lambda / gamma by the regularisation.
         complementarity: largest |lambda (tau_N y - d)|.
@@ -98,7 +96,6 @@ class Certificate:
     pressure_at_distance: float = 0.0
     slip_below_bound: float = 0.0
     coupling: float = 0.0
-    moduli: float = 0.0
     displacement: float = 0.0
     penetration: float = 0.0
     complementarity: float = 0.0
@@ -177,9 +174,7 @@ def certify(
     sides = sides_of(statement, tagged, space, pairs)
     drives = [*zip(rigid, statement.drives(tagged.dimension, step, scale), strict=bool(rigid))]
     law = replace(law, overclosures=overclosures_of(statement))
-    certificate = judged(displacement, balance, sides, tractions, law=law, before=before, rigid=drives)
-    missed = [material.missed() for material in statement.material if not material.isotropic]
-    return replace(certificate, moduli=max(missed)) if missed else certificate
+    return judged(displacement, balance, sides, tractions, law=law, before=before, rigid=drives)
 
 
 def balance_of(forces: NodalForces, displacement: fem.Function, step: float, scale: float = 1.0) -> Balance:
