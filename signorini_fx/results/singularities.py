@@ -133,10 +133,9 @@ def _at_a_single_node(body: Model, point: Array, step: float) -> str | None:
     statement, dim = body.statement, body.tagged.dimension
     held = [np.array([support.at]) for support in statement.displacement if support.at is not None]
     loads: list[Any] = [effect for effect in statement.of(Force) if effect.nodal and effect.acts]
-    acting = [load.table(dim) for factor, load in (statement.now(load, step) for load in loads) if factor]
     nodes = {
         "held alone": held,
-        "loaded alone": [table.points[np.any(table.vectors, axis=1)] for table in acting],
+        "loaded alone": [np.array([load.at]) for load in loads if statement.now(load, step)[0]],
     }
     if not any(nodes.values()):
         return None

@@ -5,10 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, ClassVar
 
-import numpy as np
-
 from signorini_fx.mechanics.statement.effect import Coefficients, Features, VectorForce
-from signorini_fx.mechanics.statement.nodal_table import NodalTable
 from signorini_fx.mechanics.statement.values import Vector
 
 
@@ -38,21 +35,18 @@ class PointForce(VectorForce):
     region: str | None = None
 
     @property
-    def name(self) -> str:
+    def place(self) -> str:
+        """Where it acts, in words."""
         point = f"({', '.join(f'{x:g}' for x in self.at)})"
-        return f"{self.label} {point}" if self.region is None else f"{self.label} {point} of {self.region}"
+        return point if self.region is None else f"{point} of {self.region}"
+
+    @property
+    def name(self) -> str:
+        return f"{self.label} {self.place}"
 
     @property
     def features(self) -> Features:
         return super().features if self.acts else ()
-
-    def table(self, dimension: int) -> NodalTable:
-        """The node and the force at it, in a space of a given dimension."""
-        from signorini_fx.mechanics.statement.expressions import in_space, sample
-
-        point = np.array([self.at], dtype=np.float64)
-        components = [sample(value, in_space(point)) for value in self.components[:dimension]]
-        return NodalTable(point, (self.region or "",), np.column_stack(components))
 
     def density(self, on: Coefficients) -> Any:
         """Zero: it has none, see ``Force``."""

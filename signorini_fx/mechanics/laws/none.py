@@ -28,10 +28,6 @@ class NoFriction(FrictionLaw):
         return Envelope(zero, zero)
 
     @property
-    def given_bound(self) -> float:
-        return 0.0
-
-    @property
     def unknown(self) -> str:
         return ""
 

@@ -118,11 +118,6 @@ class FrictionLaw(Table):
         return True
 
     @property
-    def given_bound(self) -> Any:
-        """The bound of a law that does not follow the pressure, stress, a value of the kinds of its parameters."""
-        return lambda x: self.sampled(x).limit(np.zeros(x.shape[1]))
-
-    @property
     def acts(self) -> bool:
         """Whether it can transmit shear."""
         return True

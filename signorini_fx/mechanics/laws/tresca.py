@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 
@@ -34,10 +34,6 @@ class Tresca(DirectedLaw):
 
     def envelope(self, zero: Array) -> Envelope:
         return Envelope(self.bound, zero)
-
-    @property
-    def given_bound(self) -> Any:
-        return self.bound
 
     @property
     def unknown(self) -> str:

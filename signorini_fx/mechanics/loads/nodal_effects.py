@@ -1,7 +1,8 @@
-"""Forces at single nodes, beside what forms say."""
+"""What acts at single nodes: which node a point is, and the forces at it beside what forms say."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -12,67 +13,73 @@ from signorini_fx.errors import SceneError
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import node_positions
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
-from signorini_fx.mechanics.statement.nodal_table import NodalTable
+from signorini_fx.mechanics.statement.expressions import in_space, sample
 from signorini_fx.tuned import SAME_POSITION
 
-Array = npt.NDArray[np.float64]
-Ints = npt.NDArray[np.int64]
 
+def node_at(
+    space: fem.FunctionSpace, effect: Any, path: str, tagged: TaggedMesh, bodies: Sequence[str] = ()
+) -> npt.NDArray[np.int64]:
+    """The node of this rank at the point ``at`` of an effect, ghosts included, shape (1,) or (0,); collective.
 
-def nodes_of(table: NodalTable, path: str, space: fem.FunctionSpace, tagged: TaggedMesh) -> Ints:
-    """The global numbers of the nodes that a table lists, shape (n,); the same on every rank; collective.
+    Args:
+        space: the displacements.
+        effect: acts at a point, of a region if it names one.
+        path: of the effect in the scene, for errors.
+        tagged: the mesh.
+        bodies: regions that are bodies with meshes of their own, for errors.
 
     Raises:
-        SceneError: there is no node at one of its places, or several are, or its mesh has another dimension.
+        SceneError: there is none on any rank, or there are several.
     """
-    from scipy.spatial import cKDTree
+    point, x = np.array(effect.at), node_positions(space)[:, : tagged.dimension]
+    away = np.linalg.norm(x - point, axis=1)
+    near = away <= SAME_POSITION * tagged.size
+    if effect.region is not None:
+        near &= _of_region(space, tagged, effect.region)
+    candidates = np.flatnonzero(near)
+    if not parallel.any_rank(tagged.mesh.comm, candidates.size > 0):
+        nearest = parallel.gather_rows(tagged.mesh.comm, np.column_stack((away, x))[np.argsort(away)[:1]])
+        nearest_point = np.round(nearest[np.argmin(nearest[:, 0]), 1:] / tagged.size, 9) * tagged.size
+        at = ", ".join(f"{value:.6g}" for value in nearest_point)
+        raise SceneError([(f"{path}.at", f"no node of the mesh is at {effect.place}; near is ({at})")])
+    owned = candidates[candidates < space.dofmap.index_map.size_local]
+    count = int(parallel.global_sum(tagged.mesh.comm, np.array(owned.size)))
+    if count > 1:
+        nodes = {body: np.isin(owned, space.dofmap.list[tagged.cells(body)]).any() for body in bodies}
+        touching_bodies = [
+            body for body, has_node in nodes.items() if parallel.any_rank(tagged.mesh.comm, bool(has_node))
+        ]
+        of = (
+            f" of the bodies {' and '.join(map(repr, touching_bodies))}"
+            if touching_bodies
+            else " of parts that do not share their nodes"
+        )
+        message = (
+            f"{count} nodes of the mesh are at {effect.place},{of}: which one is meant is not known; name its region, "
+            "or choose a point at which there is one node, or a boundary of one of them"
+        )
+        raise SceneError([(f"{path}.at", message)])
+    return candidates
 
-    comm, owned = tagged.mesh.comm, space.dofmap.index_map.size_local
-    if table.points.shape[1] != tagged.dimension:
-        raise SceneError([(path, f"has {table.points.shape[1]} coordinates, the mesh has {tagged.dimension}")])
-    x = node_positions(space)[:owned, : tagged.dimension]
-    inside = {region: _marked(space, tagged, region, path) for region in {*table.regions} - {""}}
-    near = cKDTree(table.points).query_ball_point(x, SAME_POSITION * tagged.size) if len(x) else []
-    count, number = np.zeros(len(table)), np.zeros(len(table))
-    first = space.dofmap.index_map.local_range[0]
-    for node, rows in enumerate(near):
-        for row in rows:
-            region = table.regions[row]
-            if not region or inside[region][node]:
-                count[row] += 1
-                number[row] = first + node
-    count, number = parallel.global_sum(comm, np.array([count, number]))
-    if (wrong := np.flatnonzero(count != 1)).size:
-        row = int(wrong[0])
-        point = f"({', '.join(f'{value:g}' for value in table.points[row])})"
-        where = f"{point} of {table.regions[row]!r}" if table.regions[row] else point
-        several = f"{int(count[row])} nodes of the mesh are at {where}: name the region of the one that is meant"
-        raise SceneError([(path, several if count[row] else f"no node of the mesh is at {where}")])
-    return number.astype(np.int64)
 
-
-def _marked(space: fem.FunctionSpace, tagged: TaggedMesh, region: str, path: str) -> npt.NDArray[np.bool_]:
-    """Which owned nodes belong to cells of a region, shape (owned nodes,); collective."""
-    if region not in tagged.regions:
-        listed = ", ".join(sorted(tagged.regions)) or "none"
-        raise SceneError([(path, f"the mesh has no region {region!r}; it has: {listed}")])
+def _of_region(space: fem.FunctionSpace, tagged: TaggedMesh, region: str) -> npt.NDArray[np.bool_]:
+    """Which nodes of this rank, ghosts included, belong to cells of a region, shape (nodes,); collective."""
     mark = fem.Function(space)
     at = mark.x.array.reshape(-1, space.dofmap.index_map_bs)
     at[space.dofmap.list[tagged.cells(region)].ravel()] = 1.0
     mark.x.scatter_reverse(la.InsertMode.add)
-    return np.asarray(at[: space.dofmap.index_map.size_local, 0] > 0)
+    mark.x.scatter_forward()
+    return np.asarray(mark.x.array.reshape(at.shape)[:, 0] > 0)
 
 
-def forces_at_nodes(load: Any, path: str, space: fem.FunctionSpace, tagged: TaggedMesh) -> Array:
+def forces_at_nodes(load: Any, path: str, space: fem.FunctionSpace, tagged: TaggedMesh) -> npt.NDArray[np.float64]:
     """A ``PointForce`` as the part of L that it is, shape (owned dofs,); collective.
 
     Raises:
-        SceneError: see ``nodes_of``.
+        SceneError: see ``node_at``.
     """
-    table = load.table(tagged.dimension)
-    nodes, index_map = nodes_of(table, path, space, tagged), space.dofmap.index_map
-    first, last = index_map.local_range
-    mine = (nodes >= first) & (nodes < last)
-    forces = np.zeros((index_map.size_local, space.dofmap.index_map_bs))
-    np.add.at(forces[:, : tagged.dimension], nodes[mine] - first, table.vectors[mine])
+    node, owned = node_at(space, load, path, tagged), space.dofmap.index_map.size_local
+    at, forces = in_space(np.array([load.at])), np.zeros((owned, space.dofmap.index_map_bs))
+    forces[node[node < owned], : tagged.dimension] = [sample(c, at)[0] for c in load.components[: tagged.dimension]]
     return forces.ravel()

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
-from dolfinx import default_scalar_type, fem, la
+from dolfinx import default_scalar_type, fem
 from dolfinx import mesh as dmesh
 
 from signorini_fx.errors import SceneError
@@ -17,6 +17,7 @@ from signorini_fx.mechanics.assembly.mesh_entities import facet_entities, facet_
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
 from signorini_fx.mechanics.kinematics import KINDS
+from signorini_fx.mechanics.loads.nodal_effects import node_at
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.statement.expressions import in_space, sample
 from signorini_fx.tuned import SAME_POSITION
@@ -90,7 +91,7 @@ def dirichlet_conditions(
         for component, value in components(effect, index, tagged):
             subspace = space.sub(component)
             if effect.at is not None:
-                node = node_at(space, effect, index, tagged, statement.bodies)
+                node = node_at(space, effect, f"displacement[{index}]", tagged, statement.bodies)
                 dofs = (space.mesh.geometry.dim * node + component).astype(np.int32)
                 at = in_space(np.array([effect.at]))
                 support = fem.dirichletbc(default_scalar_type(sample(value, at)[0]), dofs, subspace)
@@ -125,66 +126,6 @@ _ON_AXIS = {
 def on_axis(x: npt.NDArray[np.float64], tagged: TaggedMesh) -> npt.NDArray[np.bool_]:
     """Which of some points of shape (n, 3) or (n, 2) are on the axis of revolution, shape (n,)."""
     return np.asarray(np.abs(x[:, 0]) <= SAME_POSITION * tagged.size)
-
-
-def node_at(
-    space: fem.FunctionSpace,
-    effect: PrescribedDisplacement,
-    index: int,
-    tagged: TaggedMesh,
-    bodies: Sequence[str] = (),
-) -> Any:
-    """The node of this rank at the point of an effect, ghosts included, shape (1,) or (0,); collective.
-
-    Args:
-        space: the displacements.
-        effect: is prescribed at a point.
-        index: of the effect in the scene, for errors.
-        tagged: the mesh.
-        bodies: regions that are bodies with meshes of their own, for errors.
-
-    Raises:
-        SceneError: there is none on any rank, or there are several.
-    """
-    point, x = np.array(effect.at), node_positions(space)[:, : tagged.dimension]
-    away = np.linalg.norm(x - point, axis=1)
-    near = away <= SAME_POSITION * tagged.size
-    if effect.region is not None:
-        near &= _of_region(space, tagged, effect.region)
-    candidates = np.flatnonzero(near)
-    if not parallel.any_rank(tagged.mesh.comm, candidates.size > 0):
-        nearest = parallel.gather_rows(tagged.mesh.comm, np.column_stack((away, x))[np.argsort(away)[:1]])
-        nearest_point = np.round(nearest[np.argmin(nearest[:, 0]), 1:] / tagged.size, 9) * tagged.size
-        at = ", ".join(f"{value:.6g}" for value in nearest_point)
-        raise SceneError([(f"displacement[{index}].at", f"no node of the mesh is at {effect.place}; near is ({at})")])
-    owned = candidates[candidates < space.dofmap.index_map.size_local]
-    count = int(parallel.global_sum(tagged.mesh.comm, np.array(owned.size)))
-    if count > 1:
-        nodes = {body: np.isin(owned, space.dofmap.list[tagged.cells(body)]).any() for body in bodies}
-        touching_bodies = [
-            body for body, has_node in nodes.items() if parallel.any_rank(tagged.mesh.comm, bool(has_node))
-        ]
-        of = (
-            f" of the bodies {' and '.join(map(repr, touching_bodies))}"
-            if touching_bodies
-            else " of parts that do not share their nodes"
-        )
-        message = (
-            f"{count} nodes of the mesh are at {effect.place},{of}: which one is meant is not known; name its region, "
-            "or choose a point at which there is one node, or a boundary of one of them"
-        )
-        raise SceneError([(f"displacement[{index}].at", message)])
-    return candidates
-
-
-def _of_region(space: fem.FunctionSpace, tagged: TaggedMesh, region: str) -> npt.NDArray[np.bool_]:
-    """Which nodes of this rank, ghosts included, belong to cells of a region, shape (nodes,); collective."""
-    mark = fem.Function(space)
-    at = mark.x.array.reshape(-1, space.dofmap.index_map_bs)
-    at[space.dofmap.list[tagged.cells(region)].ravel()] = 1.0
-    mark.x.scatter_reverse(la.InsertMode.add)
-    mark.x.scatter_forward()
-    return np.asarray(mark.x.array.reshape(at.shape)[:, 0] > 0)
 
 
 def components(effect: PrescribedDisplacement, index: int, tagged: TaggedMesh) -> list[tuple[int, Any]]:
