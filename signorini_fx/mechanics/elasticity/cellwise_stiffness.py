@@ -1,11 +1,11 @@
-"""Elasticity of materials that are not isotropic: the stiffness in each cell, and its form.
+"""Elasticity of materials that are not isotropic: the stiffness in each cell, and its law.
 
 Stress and strain are vectors of the components ``Kinematics.pairs``, of shear strains twice epsilon_ij.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -14,8 +14,8 @@ from dolfinx import fem
 
 from signorini_fx.errors import SceneError
 from signorini_fx.machine import parallel
+from signorini_fx.mechanics.elasticity.elastic_law import LawStress, SceneLaw, cellwise_stress
 from signorini_fx.mechanics.elasticity.moduli import graded, middles
-from signorini_fx.mechanics.kinematics.protocol import Kinematics, position
 from signorini_fx.mechanics.materials.protocol import PAIRS, Array
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.statement.statement import Statement
@@ -127,23 +127,48 @@ def _turned(axes: Array) -> Array:
     return bond_matrices
 
 
-def strain_components(y: Any, kinematics: Kinematics, *, on_axis: bool = False) -> Any:
-    """The components of the strain as a vector, UFL; ``on_axis``: see ``Kinematics.strain``."""
-    epsilon = kinematics.strain(y, on_axis=on_axis)
-    return ufl.as_vector([epsilon[i, j] * (1 if i == j else 2) for i, j in kinematics.pairs])
+@dataclass(frozen=True)
+class CellwiseLaw(SceneLaw):
+    """By the stiffness of each cell."""
 
+    stiffness: CellwiseStiffness = field(kw_only=True)
 
-def cellwise_form(y: Any, z: Any, moduli: CellwiseStiffness, degree: int, kinematics: Kinematics) -> Any:
-    """a(y, z) with the stiffness of each cell; the arguments are those of ``materials.isotropic.elastic_forms``."""
-    first, second = strain_components(y, kinematics), strain_components(z, kinematics)
-    stress = ufl.as_vector(moduli.stress(first)[: len(first)])
-    around = kinematics.measure(position(z))
-    return ufl.inner(stress, second) * around * ufl.dx(metadata={"quadrature_degree": degree})
+    def terms(self, y: Any, z: Any) -> tuple[Any, ...]:
+        first, second = self._components(y), self._components(z)
+        stress = ufl.as_vector(self.stiffness.stress(first)[: len(first)])
+        return (self._integral(ufl.inner(stress, second), self.degree),)
 
+    def strain_terms(self, z: Any, strain: Any, degree: int) -> tuple[Any, ...]:
+        test = self._components(z)
+        stress = ufl.as_vector([self.stiffness.of_free_strain[k] for k in range(len(test))])
+        return (self._integral(strain * ufl.inner(stress, test), degree),)
 
-def free_strain_form(z: Any, strain: Any, moduli: CellwiseStiffness, degree: int, kinematics: Kinematics) -> Any:
-    """The work of the stress of an initial strain; see ``materials.isotropic.initial_strain_forms``."""
-    test = strain_components(z, kinematics)
-    stress = ufl.as_vector([moduli.of_free_strain[k] for k in range(len(test))])
-    around = kinematics.measure(position(z))
-    return strain * ufl.inner(stress, test) * around * ufl.dx(metadata={"quadrature_degree": degree})
+    def free_terms(self, strain: Any, degree: int) -> tuple[Any, ...]:
+        return (self._integral(self.stiffness.free_energy * strain**2, degree),)
+
+    def _components(self, y: Any, *, on_axis: bool = False) -> Any:
+        """The components of the strain as a vector, UFL; ``on_axis``: see ``Kinematics.strain``."""
+        epsilon = self.kinematics.strain(y, on_axis=on_axis)
+        return ufl.as_vector([epsilon[i, j] * (1 if i == j else 2) for i, j in self.kinematics.pairs])
+
+    def stress(self, y: fem.Function, moved: Any, initial: Any) -> LawStress:
+        kinematics, moduli, dim = self.kinematics, self.stiffness, len(y)
+        components = moduli.stress(self._components(moved, on_axis=True), initial)
+        at = {pair: k for k, (i, j) in enumerate(kinematics.stressed) for pair in ((i, j), (j, i))}
+        sigma = ufl.as_matrix([[components[at[i, j]] for j in range(dim)] for i in range(dim)])
+        outward, prevented, at_cells = (
+            components[at[2, 2]] if dim == 2 and (2, 2) in at else None,
+            None,
+            moduli.at_cells,
+        )
+        if initial is not None and kinematics.prevented:
+            m, free = len(kinematics.pairs), moduli.of_free_strain
+            values = free.x.array.reshape(-1, m + 1)[free.function_space.dofmap.list[:, 0]]
+            ratios = at_cells[:, m:] @ np.linalg.inv(at_cells[:, :m])
+            share = fem.Function(fem.functionspace(self.tagged.mesh, ("DG", 0)))
+            share.x.array[share.function_space.dofmap.list[:, 0]] = values[:, m] - np.einsum(
+                "ck,ck->c", ratios[:, 0], values[:, :m]
+            )
+            prevented = self.prevented(share, initial)
+        of_cells = np.arange(len(at_cells), dtype=np.int32)
+        return cellwise_stress(y, sigma, outward, (at_cells, of_cells), shear_modulus=self.lame[1], prevented=prevented)

@@ -9,8 +9,8 @@ from dolfinx import fem
 
 from signorini_fx.errors import together
 from signorini_fx.mechanics.assembly.pieces import BodyPieces
-from signorini_fx.mechanics.elasticity.cellwise_stiffness import CellwiseStiffness, cellwise_stiffness
-from signorini_fx.mechanics.elasticity.elastic_law import CellwiseLaw, IsotropicLaw, SceneLaw
+from signorini_fx.mechanics.elasticity.cellwise_stiffness import CellwiseLaw, CellwiseStiffness, cellwise_stiffness
+from signorini_fx.mechanics.elasticity.elastic_law import IsotropicLaw, SceneLaw
 from signorini_fx.mechanics.elasticity.moduli import check_covers, lame_coefficients, reduced_degree
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.statement.statement import Statement

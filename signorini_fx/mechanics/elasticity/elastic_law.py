@@ -22,6 +22,7 @@ from petsc4py import PETSc
 from signorini_fx.machine import compat, parallel
 from signorini_fx.machine.compilation import compiling
 from signorini_fx.mechanics.assembly.mesh_entities import assemble, stiffness_form
+from signorini_fx.mechanics.assembly.quadrature import strain_degree
 from signorini_fx.mechanics.kinematics.protocol import Kinematics
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.records import Inventory
@@ -196,8 +197,6 @@ class SceneLaw(ElasticLaw):
     @property
     def degree(self) -> int:
         """Of the quadrature of a(., .); collective."""
-        from signorini_fx.mechanics.assembly.quadrature import strain_degree
-
         return strain_degree(self.space, self.kinematics)
 
     # --- forces at a displacement, for results ---
@@ -237,6 +236,11 @@ class SceneLaw(ElasticLaw):
         """
         raise NotImplementedError
 
+    def _integral(self, density: Any, degree: int) -> Any:
+        """Over the body, with a quadrature of this degree."""
+        around = self.kinematics.measure(ufl.SpatialCoordinate(self.tagged.mesh))
+        return density * around * ufl.dx(domain=self.tagged.mesh, metadata={"quadrature_degree": degree})
+
     # --- stress ---
 
     def prevented(self, stress: Any, initial: Any) -> Interpolation | None:
@@ -272,23 +276,26 @@ class IsotropicLaw(SceneLaw):
         return ("elasticity", "reduced volumetric elasticity")[: 1 if self.reduced is None else 2]
 
     def terms(self, y: Any, z: Any) -> tuple[Any, ...]:
-        from signorini_fx.mechanics.materials.isotropic import elastic_forms
-
-        return elastic_forms(y, z, *self.lame, self.degree, self.reduced, kinematics=self.kinematics)
+        first, second = self.kinematics.strain(y), self.kinematics.strain(z)
+        return self._integrals(ufl.inner(first, second), ufl.tr(first) * ufl.tr(second), self.degree)
 
     def strain_terms(self, z: Any, strain: Any, degree: int) -> tuple[Any, ...]:
-        from signorini_fx.mechanics.materials.isotropic import initial_strain_forms
-
-        return initial_strain_forms(z, strain, *self.lame, degree, self.reduced, kinematics=self.kinematics)
+        work = strain * ufl.tr(self.kinematics.strain(z))
+        return self._integrals(work, self.kinematics.directions * work, degree)
 
     def free_terms(self, strain: Any, degree: int) -> tuple[Any, ...]:
-        (lame, mu), directions, mesh = self.lame, self.kinematics.directions, self.tagged.mesh
-        half = directions * strain**2 / 2 * self.kinematics.measure(ufl.SpatialCoordinate(mesh))
-        dx = ufl.dx(domain=mesh, metadata={"quadrature_degree": degree})
+        directions = self.kinematics.directions
+        half = directions * strain**2 / 2
+        return self._integrals(half, directions * half, degree)
+
+    def _integrals(self, shearing: Any, volumetric: Any, degree: int) -> tuple[Any, ...]:
+        """2 mu times one product of strains and lambda times another, with a quadrature of this degree; the second one
+        by itself where it is reduced: FFCx 0.9 compiles a rule of one point beside another one wrongly.
+        """
+        lame, mu = self.lame
         if self.reduced is None:
-            return ((2 * mu + directions * lame) * half * dx,)
-        fewer = ufl.dx(domain=mesh, metadata={"quadrature_degree": self.reduced})
-        return 2 * mu * half * dx, directions * lame * half * fewer
+            return (self._integral(2 * mu * shearing + lame * volumetric, degree),)
+        return self._integral(2 * mu * shearing, degree), self._integral(lame * volumetric, self.reduced)
 
     def stress(self, y: fem.Function, moved: Any, initial: Any) -> LawStress:
         (lame, mu), kinematics, mesh = self.lame, self.kinematics, self.tagged.mesh
@@ -319,52 +326,6 @@ class IsotropicLaw(SceneLaw):
             interpolated,
             prevented,
         )
-
-
-@dataclass(frozen=True)
-class CellwiseLaw(SceneLaw):
-    """By the stiffness of each cell."""
-
-    stiffness: CellwiseStiffness = field(kw_only=True)
-
-    def terms(self, y: Any, z: Any) -> tuple[Any, ...]:
-        from signorini_fx.mechanics.elasticity.cellwise_stiffness import cellwise_form
-
-        return (cellwise_form(y, z, self.stiffness, self.degree, self.kinematics),)
-
-    def strain_terms(self, z: Any, strain: Any, degree: int) -> tuple[Any, ...]:
-        from signorini_fx.mechanics.elasticity.cellwise_stiffness import free_strain_form
-
-        return (free_strain_form(z, strain, self.stiffness, degree, self.kinematics),)
-
-    def free_terms(self, strain: Any, degree: int) -> tuple[Any, ...]:
-        mesh = self.tagged.mesh
-        density = self.stiffness.free_energy * strain**2 * self.kinematics.measure(ufl.SpatialCoordinate(mesh))
-        return (density * ufl.dx(domain=mesh, metadata={"quadrature_degree": degree}),)
-
-    def stress(self, y: fem.Function, moved: Any, initial: Any) -> LawStress:
-        from signorini_fx.mechanics.elasticity.cellwise_stiffness import strain_components
-
-        kinematics, moduli, dim = self.kinematics, self.stiffness, len(y)
-        components = moduli.stress(strain_components(moved, kinematics, on_axis=True), initial)
-        at = {pair: k for k, (i, j) in enumerate(kinematics.stressed) for pair in ((i, j), (j, i))}
-        sigma = ufl.as_matrix([[components[at[i, j]] for j in range(dim)] for i in range(dim)])
-        outward, prevented, at_cells = (
-            components[at[2, 2]] if dim == 2 and (2, 2) in at else None,
-            None,
-            moduli.at_cells,
-        )
-        if initial is not None and kinematics.prevented:
-            m, free = len(kinematics.pairs), moduli.of_free_strain
-            values = free.x.array.reshape(-1, m + 1)[free.function_space.dofmap.list[:, 0]]
-            ratios = at_cells[:, m:] @ np.linalg.inv(at_cells[:, :m])
-            share = fem.Function(fem.functionspace(self.tagged.mesh, ("DG", 0)))
-            share.x.array[share.function_space.dofmap.list[:, 0]] = values[:, m] - np.einsum(
-                "ck,ck->c", ratios[:, 0], values[:, :m]
-            )
-            prevented = self.prevented(share, initial)
-        of_cells = np.arange(len(at_cells), dtype=np.int32)
-        return cellwise_stress(y, sigma, outward, (at_cells, of_cells), shear_modulus=self.lame[1], prevented=prevented)
 
 
 def cellwise_stress(

@@ -36,7 +36,6 @@ from signorini_fx.mechanics.assembly.mesh_entities import assemble
 from signorini_fx.mechanics.assembly.pieces import BodyPieces
 from signorini_fx.mechanics.elasticity.elastic_law import LawStress, SceneLaw, compliance
 from signorini_fx.mechanics.elasticity.moduli import isotropic
-from signorini_fx.mechanics.kinematics.protocol import position
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.scales import Scales
 from signorini_fx.mechanics.statement.statement import Statement
@@ -234,11 +233,10 @@ class MixedLaw(SceneLaw):
         p, q = self.pressures.scalar(p), self.pressures.scalar(ufl.TestFunction(self.own))
         (mu, compressibility), kinematics = self.moduli, self.kinematics
         unit = fem.Constant(self.space.mesh, default_scalar_type(self.unit))
-        trial_strain, around = kinematics.strain(y), kinematics.measure(position(z))
+        trial_strain = kinematics.strain(y)
         shearing, dilation = ufl.inner(trial_strain, kinematics.strain(z)), ufl.tr(trial_strain)
-        dx = ufl.dx(metadata={"quadrature_degree": self.degree})
         densities = 2 * mu * shearing, -unit * dilation * q, -(unit**2) * compressibility * p * q
-        return tuple(density * around * dx for density in densities)
+        return tuple(self._integral(density, self.degree) for density in densities)
 
     def strain_terms(self, z: Any, strain: Any, degree: int) -> tuple[Any, ...]:
         """See ``ElasticLaw``: the work of e I in the constraint, ((3 + 2 mu / lambda) e, q).
@@ -298,11 +296,6 @@ class MixedLaw(SceneLaw):
         """By how much an initial strain of one changes the volume in the constraint, (1 + nu) / nu."""
         (swelling,) = isotropic(self.statement, self.tagged, lambda _, poisson: ((1 + poisson) / poisson,))
         return swelling
-
-    def _integral(self, density: Any, degree: int) -> Any:
-        """Over the body, with a quadrature of this degree."""
-        around = self.kinematics.measure(ufl.SpatialCoordinate(self.tagged.mesh))
-        return density * around * ufl.dx(domain=self.tagged.mesh, metadata={"quadrature_degree": degree})
 
     def stress(self, y: fem.Function, moved: Any, initial: Any) -> LawStress:
         (_, mu), kinematics, pressure = self.lame, self.kinematics, hydrostatic_of(y)

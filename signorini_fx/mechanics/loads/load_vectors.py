@@ -356,7 +356,7 @@ def driving_load(
 
 def compile_loads(loads: Sequence[Load], on: FormCoefficients, z: Any) -> tuple[tuple[str, ...], tuple[fem.Form, ...]]:
     """The terms of L of section 2.1 that the loads list, (f, z) and (h, z), compiled together, or those of initial
-    strains, see ``materials.isotropic.initial_strain_forms``, and their names.
+    strains, and their names.
     """
     if strains := [load for load in loads if isinstance(load, InitialStrain)]:
         return _compiled_strains(strains, on, z)

@@ -1,4 +1,4 @@
-"""Isotropic linear elasticity in two and three dimensions, and its forms."""
+"""Isotropic linear elasticity in two and three dimensions."""
 
 from __future__ import annotations
 
@@ -7,8 +7,6 @@ from typing import Annotated, Any, ClassVar
 
 from pydantic import Field
 
-from signorini_fx.mechanics.kinematics.cartesian import SPACE
-from signorini_fx.mechanics.kinematics.protocol import Kinematics, position
 from signorini_fx.mechanics.materials.protocol import Material
 from signorini_fx.mechanics.statement.effect import Contradictions, Features
 from signorini_fx.mechanics.statement.values import Positive, SampledValue
@@ -99,88 +97,3 @@ class LinearElastic(Material):
         elif self.poisson == 0.5 and (apart or self.hypothesis != "plane stress"):
             cure = 'element = { degree = 2, volumetric = "mixed" }, whose pressure is an unknown of its own'
             yield ("material", number, "poisson"), f"must be below 0.5: an incompressible body needs {cure}"
-
-
-# --- its form --------------------------------------------------------------------------------------------------------
-
-
-def elastic_degree(cell: str, degree: int, geometry: int) -> int:
-    """Quadrature degree of a(., .) for elements of ``degree`` on cells whose geometry has degree ``geometry``, which is
-    0 for quadrilaterals and hexahedra if their maps are affine (``assembly.quadrature``); see also
-    ``Kinematics.further_degrees``.
-
-    The degree of epsilon(y) : epsilon(z) times the Jacobian's determinant on simplices and along each axis of
-    parallelepipeds; on other quadrilaterals and hexahedra, where the integrand is rational, that of the products of all
-    polynomials in it.  UFL estimates the same on these in 2D.
-    """
-    if cell in ("triangle", "tetrahedron"):
-        return 2 * (degree - 1) + (2 if cell == "triangle" else 3) * (geometry - 1)
-    return 2 * (degree + geometry)
-
-
-def elastic_forms(
-    y: Any, z: Any, lame: Any, mu: Any, degree: int, reduced: int | None = None, *, kinematics: Kinematics = SPACE
-) -> tuple[Any, ...]:
-    """a(y, z) of section 2.1, as terms to be compiled one by one.
-
-    Args:
-        y: trial function.
-        z: test function.
-        lame: first Lame parameter.
-        mu: second Lame parameter.
-        degree: quadrature degree.
-        reduced: quadrature degree of the volumetric term lambda tr(epsilon y) tr(epsilon z); None: as exact as the
-            rest.
-        kinematics: give strain and measure.
-
-    Returns:
-        One term, or two if the volumetric one is reduced: FFCx 0.9 compiles a form wrongly that contains a one-point
-        rule and another rule on quadrilaterals.
-    """
-    import ufl
-
-    dx = ufl.dx(metadata={"quadrature_degree": degree})
-    trial_strain, test_strain = kinematics.strain(y), kinematics.strain(z)
-    around = kinematics.measure(position(z))
-    if reduced is None:
-        stress = lame * ufl.tr(trial_strain) * ufl.Identity(trial_strain.ufl_shape[0]) + 2 * mu * trial_strain
-        return (ufl.inner(stress, test_strain) * around * dx,)
-    shearing = ufl.inner(trial_strain, test_strain)
-    volumetric = lame * ufl.tr(trial_strain) * ufl.tr(test_strain)
-    return (
-        2 * mu * shearing * around * dx,
-        volumetric * around * ufl.dx(metadata={"quadrature_degree": reduced}),
-    )
-
-
-def initial_strain_forms(
-    z: Any,
-    strain: Any,
-    lame: Any,
-    mu: Any,
-    degree: int,
-    reduced: int | None = None,
-    *,
-    kinematics: Kinematics = SPACE,
-) -> tuple[Any, ...]:
-    """The work of the stress of an initial strain, a(strain I, z), as terms to be compiled one by one.
-
-    Its stress is (2 mu + k lambda) strain I, with k ``kinematics.directions``.
-
-    Args:
-        z: test function.
-        strain: in each direction, a number.
-        lame: see ``elastic_forms``.
-        mu: see ``elastic_forms``.
-        degree: quadrature degree.
-        reduced: see ``elastic_forms``: free expansion is without stress only if both are integrated alike.
-        kinematics: see ``elastic_forms``.
-    """
-    import ufl
-
-    dilation, around = ufl.tr(kinematics.strain(z)), kinematics.measure(position(z))
-    dx = ufl.dx(metadata={"quadrature_degree": degree})
-    density, directions = strain * dilation * around, kinematics.directions
-    if reduced is None:
-        return ((2 * mu + directions * lame) * density * dx,)
-    return 2 * mu * density * dx, directions * lame * density * ufl.dx(metadata={"quadrature_degree": reduced})
