@@ -822,6 +822,9 @@ EQUAL_STRETCHES = 0.01
 # Below this distance from one a series takes the place of powers and logarithms less their tangents, up to this power
 # of the distance: their difference loses as many digits as the series leaves out.  Choice, from both errors.
 NEAR_ONE, TERMS_NEAR_ONE = 1e-3, 6
+# The strain over which the energy of a material is differentiated to try its stress, and the share of its modulus up to
+# which both agree.  Choice: the difference errs by its square and by round-off over it.
+ENERGY_DIFFERENCE, SAME_STRESS = 1e-5, 1e-6
 # Relative error of the eigenvalue whose vector shows where an instability begins.  Choice: it is shown in words.
 UNSTABLE_DIRECTION = 0.01
 # What holds a contact point where the inertia of the tangent is looked at, in units of the largest entry on the
@@ -865,6 +868,8 @@ ELONGATED = 4.0
 # Along a normal of a shape of a user's own its distance may grow by so much less than a distance does: normals that are
 # smoothed where facets meet.  Choice: eight degrees.
 WRONG_NORMAL = 1e-2
+# Strains at which a material is tried before it is used.  Choice: none, small, and those of rubber.
+TRIED_STRAINS = (0.0, 1e-3, 0.02, 0.2)
 
 # --- judge: thresholds for results of other programs -----------------------------------------------------------------
 

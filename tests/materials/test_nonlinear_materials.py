@@ -1,6 +1,6 @@
 """Nonlinear materials at points: their energies and stresses, and what is found of materials of a user's own."""
 
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 import pytest
@@ -10,10 +10,10 @@ from pydantic import TypeAdapter
 from support.nonlinear_scenes import LAWS, block, force, material
 from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering
 
-from signorini_fx import Hyperelastic, SceneError, extensions, solve
+from signorini_fx import Hyperelastic, PathDependent, SceneError, extensions, solve
 from signorini_fx.extensions import MATERIALS
-from signorini_fx.mechanics.materials.protocol import PAIRS
 from signorini_fx.mechanics.materials.registry import OneMaterial
+from signorini_fx.mechanics.materials.trial import fault_of
 
 
 def named(name, **changes):
@@ -21,52 +21,14 @@ def named(name, **changes):
     return TypeAdapter(OneMaterial).validate_python(material(name, **changes))
 
 
-def energy_of(made, change):
-    """The stored energy of a displacement gradient."""
-    growth = float(np.linalg.det(np.eye(3) + change)) - 1
-    energy = apply_algebra_lowering(made.shape_energy_by_change(ufl.as_matrix(change.tolist())))(())
-    return energy + apply_algebra_lowering(ufl.as_ufl(made.volume_energy_by_change(ufl.as_ufl(growth))))(())
-
-
 @pytest.mark.one_quick
-@pytest.mark.parametrize("name", [name for name in LAWS if name != "j2"])
-def test_moduli_at_rest(name):
-    """Are those of the energy: of a small shear gamma it is mu gamma^2 / 2, of a small dilation e kappa e^2 / 2."""
-    made, small = named(name), 1e-4
-    shear = small / 2 * np.array([[0, 1, 0], [1, 0, 0], [0, 0, 0]])
-    for change, modulus in zip((shear, small / 3 * np.eye(3)), made.constants_at_rest, strict=True):
-        second = (energy_of(made, change) + energy_of(made, -change)) / small**2
-        assert second == pytest.approx(modulus, rel=1e-6)
-
-
-@pytest.mark.one_quick
-@pytest.mark.parametrize(
-    "made",
-    [
-        named("j2", yield_stress=0.1, hardening=[[0.001, 0.3], [0.05, 0.5]]),
-        TypeAdapter(OneMaterial).validate_python(
-            {"law": "maxwell", "young": 100.0, "poisson": 0.3, "branches": [[30.0, 0.5], [10.0, 4.0]]}
-        ),
-    ],
-    ids=lambda made: made.law,
-)
-def test_tangents_are_derivatives(made):
-    """Of a deviatoric stress, by central differences, as it is loaded, loaded further and turned back."""
-    strain = np.random.default_rng(0).standard_normal((64, 3, 3)) * np.geomspace(1e-5, 1e-1, 64)[:, None, None]
-    strain = (strain + strain.swapaxes(1, 2)) / 2
-    state, small = np.zeros((64, made.state_size)), 1e-7
-    for time, factor in ((1.0, 1.0), (2.0, 2.0), (4.0, -0.5)):
-        made = made.at_time(time)
-        stress, tangent, after = made.respond(factor * strain, state)
-        assert np.abs(np.trace(stress, axis1=1, axis2=2)).max() <= 1e-9
-        for column, (i, j) in enumerate(PAIRS):
-            unit = np.zeros((3, 3))
-            unit[i, j] = unit[j, i] = small if i == j else small / 2
-            ahead, behind = (made.respond(factor * strain + sign * unit, state)[0] for sign in (1, -1))
-            change = ((ahead - behind) / (2 * small)).transpose(1, 2, 0)
-            wrong = np.abs([change[pair] for pair in PAIRS] - tangent[:, :, column].T).max(axis=0)
-            assert np.median(wrong) <= 1e-4  # some may yield in between
-        state = after
+@pytest.mark.parametrize("name", LAWS)
+def test_what_they_say_of_themselves(name):
+    """The energy does not change when the body turns, and has the moduli at rest; the stress of metal has its
+    derivative.
+    """
+    assert fault_of(named(name)) == ""
+    assert fault_of(named("j2", yield_stress=0.1, hardening=[[0.001, 0.3], [0.05, 0.5]])) == ""
 
 
 def test_flow_that_ends_at_a_row():
@@ -129,7 +91,9 @@ def test_energies_of_stretches(law, stretches):
     first, second = ([[np.cos(a), -np.sin(a), 0], [np.sin(a), np.cos(a), 0], [0, 0, 1]] for a in (0.4, -1.1))
     change = np.array(first) @ np.diag(stretches) @ np.array(second) - np.eye(3)
     J = float(np.prod(stretches))
-    assert energy_of(made, change) == pytest.approx(formula(np.array(stretches), J), rel=1e-9)
+    energy = apply_algebra_lowering(made.shape_energy_by_change(ufl.as_matrix(change.tolist())))(())
+    energy += apply_algebra_lowering(ufl.as_ufl(made.volume_energy_by_change(ufl.as_ufl(J - 1))))(())
+    assert energy == pytest.approx(formula(np.array(stretches), J), rel=1e-9)
 
 
 class Soft(Hyperelastic):
@@ -158,7 +122,12 @@ class Soft(Hyperelastic):
 
 
 WRONG = {
+    "is not objective": {"shape_energy": lambda self, gradient: self.shear * (gradient[0, 0] - 1) ** 2},
+    "has a stress without strain": {"volume_energy": lambda self, volume: self.bulk * volume},
     "is not finite": {"volume_energy": lambda self, volume: self.bulk * (volume - 1) ** 2 + float("nan")},
+    "constants_at_rest of Wrong are not those of its energy": {
+        "constants_at_rest": property(lambda self: (self.shear, 1.1 * self.bulk))
+    },
     "both must be positive": {"constants_at_rest": property(lambda self: (self.shear, -self.bulk))},
     "does not say all": {"shape_energy": Hyperelastic.shape_energy},
     "fails: ZeroDivisionError": {"volume_energy": lambda self, volume: 1 / 0},
@@ -181,3 +150,24 @@ def test_what_is_found_of_it(message, monkeypatch):
     monkeypatch.setattr(extensions, "_registered", {MATERIALS: {"soft": wrong}})
     with pytest.raises(SceneError, match="material.*" + message):
         solve(block({"law": "soft", "shear": 3.0, "bulk": 10.0}, "0.1*t"), MPI.COMM_SELF)
+
+
+def test_a_path_dependent_one_of_ones_own():
+    """A tangent that is not the derivative, and a stress that has a mean."""
+    metal = named("j2", yield_stress=0.5)
+
+    class Wrong(type(metal)):
+        fault: ClassVar[str] = ""
+
+        def respond(self, strain, state):
+            stress, tangent, after = super().respond(strain, state)
+            if self.fault == "mean":
+                stress = stress + 1e-3 * np.eye(3)
+            return stress, tangent * (1.1 if self.fault == "tangent" else 1.0), after
+
+    constants = metal.model_dump(exclude={"poisson_grading"}, exclude_unset=True)
+    assert issubclass(Wrong, PathDependent)
+    for fault, words in (("", ""), ("mean", "not deviatoric"), ("tangent", "is not that of its stress")):
+        Wrong.fault = fault
+        assert words in fault_of(Wrong(**constants))
+        assert bool(fault_of(Wrong(**constants))) == bool(fault)

@@ -32,10 +32,14 @@ def check_materials(materials: Iterable[Material]) -> None:
 def fault_of(material: Any) -> str:
     """Why a solution with a material means nothing; "": nothing was found."""
     name = type(material).__name__
+    if not material.linear:
+        from signorini_fx.mechanics.materials.nonlinear_trial import fault_of_nonlinear
+
+        return fault_of_nonlinear(material)
     try:
-        return _fault_of_linear(material, name) if material.linear else _fault_of_nonlinear(material, name)
+        return _fault_of_linear(material, name)
     except NotImplementedError:
-        return f"{name} does not say {'its stress' if material.linear else 'all that a nonlinear material says'}"
+        return f"{name} does not say its stress"
     except Exception as error:
         return f"{name} fails: {type(error).__name__}: {error}"
 
@@ -64,24 +68,3 @@ def _fault_of_linear(material: Material, name: str) -> str:
         return f"{name} is not isotropic, as it says: its stress follows the direction of the strain"
     derived = isinstance(material, LinearElastic)
     return "" if derived else f"{name} has isotropic = True: derive it from LinearElastic, or leave that out"
-
-
-def _fault_of_nonlinear(material: Any, name: str) -> str:
-    """What scales and Newton's method begin with: moduli, and what it gives without strain."""
-    from signorini_fx.mechanics.materials.nonlinear import Hyperelastic, PathDependent
-
-    if not all(0 < modulus < np.inf for modulus in material.constants_at_rest):
-        return f"constants_at_rest of {name} are {material.constants_at_rest}: both must be positive"
-    if isinstance(material, Hyperelastic):
-        import ufl
-        from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering
-
-        at_rest = material.shape_energy_by_change(ufl.as_matrix(np.zeros((3, 3)).tolist()))
-        energies = apply_algebra_lowering(at_rest), material.volume_energy_by_change(ufl.as_ufl(0.0))
-        finite = np.isfinite([float(ufl.as_ufl(energy)(())) for energy in energies]).all()
-        return "" if finite else f"the energy of {name} is not finite without strain"
-    if not isinstance(material, PathDependent):
-        return f"{name} is neither Hyperelastic nor PathDependent"
-    shapes = [np.shape(part) for part in material.respond(np.zeros((1, 3, 3)), np.zeros((1, material.state_size)))]
-    wanted = [(1, 3, 3), (1, 6, 6), (1, material.state_size)]
-    return "" if shapes == wanted else f"respond of {name} gives the shapes {shapes}, not {wanted}"
