@@ -17,6 +17,7 @@ from mpi4py import MPI
 from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.algebra.method import Settings
 from signorini_fx.errors import FormError, MeshError, SceneError, together
+from signorini_fx.extensions import is_of_package
 from signorini_fx.machine import parallel
 from signorini_fx.machine.petsc_objects import free_unused
 from signorini_fx.mechanics.assembly.pieces import find_pieces
@@ -208,6 +209,8 @@ def _prepared(statement: Statement, tagged: TaggedMesh, timings: Timings) -> Mod
 
 def _check_measure(kinematics: Kinematics, tagged: TaggedMesh) -> None:
     """Refuse kinematics of another package in which part of the body has no volume; collective."""
+    if is_of_package(type(kinematics)):
+        return
     x = tagged.mesh.geometry.x[:, : tagged.dimension].astype(np.float64)
     measures = np.broadcast_to(kinematics.measure(x.T), len(x))
     most = parallel.largest(tagged.mesh.comm, measures, 0.0)
