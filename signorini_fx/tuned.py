@@ -542,8 +542,6 @@ NO_CURVED_SIDE = 0.6
 TOO_STIFF = 0.1
 # A gap is far if it is this many times larger than prescribed displacements.  Choice.
 FAR_GAP = 10.0
-# Normals of a boundary turn if they are off their mean by more than these degrees.  Choice.
-TURNED_NORMALS = 5.0
 # A body that is strained by less than this carries next to nothing: steel, less than 2 kPa.  Choice.
 HARDLY_MOVED = 1e-8
 # --- derivatives and friction laws of users --------------------------------------------------------------------------

@@ -29,7 +29,6 @@ from signorini_fx.results.summary import render, summarise
 from signorini_fx.scenes import cli, scene, template
 from signorini_fx.scenes.checks import check_scene
 from signorini_fx.scenes.reading import parse_scene, read_scene
-from signorini_fx.solving.check.findings import friction_indication
 
 DEMOS = sorted((Path(__file__).parents[2] / "demos" / "scenes").glob("*.toml"))
 BLOCK = {
@@ -118,7 +117,7 @@ def test_the_unknowns_are_those_of_the_solve(variant):
 @pytest.mark.parametrize("demo", DEMOS, ids=lambda demo: demo.stem)
 def test_the_demos_are_fine(demo):
     """Nothing hurts there, but what the paper itself chose."""
-    of_the_paper = {"example2_tresca": ["material[0].poisson"]}  # nu = 0.45 with linear elements
+    of_the_paper = {"example2_tresca": ["material[0]"]}  # nu = 0.45 with linear elements
     assert [warning.path for warning in check(read_scene(demo)).warnings] == of_the_paper.get(demo.stem, [])
 
 
@@ -278,12 +277,7 @@ def test_tipping():
         assert (alone(data, check=False).status is not Status.CONVERGED) == tips
 
 
-LOCKING = {"young": 5000.0, "poisson": 0.49}
-
-
 HURTING = [
-    (coulomb(1.5), "contact[0].friction.coefficient", "F = 1.5 is above 0.958"),
-    (coulomb("0.5 + x[0]"), "contact[0].friction.coefficient", "F = 3.5 is above 0.958"),
     (contact(gap=1e3), "contact.gap", "contact is unlikely to close"),
     (
         {"displacement": {"boundary": "top", "x": 0.0, "y": 0.0}, **contact(gap=-1.0)},
@@ -310,7 +304,6 @@ HURTING = [
     ({"solver": {"gamma_t": 1e14}, **tresca(1.0)}, "solver.gamma_t", "round-off"),
     ({"solver": {"gamma_n": 1e4}}, "solver.gamma_n", "penetration of about 16%"),
     ({"solver": {"gamma_t": 1e4}, **tresca(1.0)}, "solver.gamma_t", "an elastic slip of about 16%"),
-    ({"solver": {"gamma_t": 1e7, "sigma": 1e-7}, **tresca(1.0)}, "solver.sigma", "cycle"),
 ]
 
 
@@ -320,16 +313,6 @@ def test_warnings(changes, path, words):
     found = said(block(**changes))
     assert list(found) == [path]
     assert words in found[path]
-
-
-@pytest.mark.parametrize("poisson", [-0.5, 0.0, 0.25, 0.4, 0.49])
-def test_friction_indication(poisson):
-    """1 / sqrt(S_NN C_TT) of the half-plane, from its surface compliance C for a wave of tractions (Johnson, 2.1)."""
-    coupling = 1j * (1 - 2 * poisson) / 2
-    compliance = np.array([[1 - poisson, coupling], [-coupling, 1 - poisson]])
-    stiffness = np.linalg.inv(compliance)
-    expected = 1 / np.sqrt((stiffness[0, 0] * compliance[1, 1]).real)
-    assert friction_indication(LinearElastic(young=1.0, poisson=poisson)) == pytest.approx(expected)
 
 
 # --- the commands ----------------------------------------------------------------------------------------------------

@@ -193,21 +193,6 @@ def test_no_false_alarm(name):
 # --- directions -----------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("options", "noted"), [({}, True), ({"direction": [0.0, -1.0]}, False)])
-def test_a_gap_along_normals_that_turn(options, noted):
-    """The lower half of a disk that stands on the origin: where a height is meant, a direction is missing."""
-    disk = {
-        "mesh": {"generator": "half_disk", "parameters": {"contact_size": 0.2, "size": 2.0}},
-        "material": {"young": 1000.0, "poisson": 0.3},
-        "displacement": {"boundary": "top", "x": 0.0},
-        "traction": {"boundary": "top", "y": -1.0},
-        "contact": {"boundary": "arc", "gap": "x[1]", **options},
-    }
-    notes = [found.message for found in check(parse_scene(disk)).findings if found.path == "contact[0].gap"]
-    assert any("it is measured along the normals" in note for note in notes) == noted
-    assert not any("normals" in found.message for found in check(block(**contact(gap="x[1]"))).findings)
-
-
 @pytest.mark.parametrize(
     ("direction", "opposite"),
     [([0.0, 1.0], "[0, -1]"), ([0.5, 2.0], "[-0.5, -2]"), ([0.0, -1.0], None), ([1.0, -0.1], None)],

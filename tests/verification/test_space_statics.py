@@ -96,7 +96,6 @@ def test_the_limit_is_that_of_the_disc(law):
     middle = np.pi / 32
     held = pushed(FRICTION[law], middle, 0.9999)
     assert held.status is Status.CONVERGED
-    assert not any("only the iteration can say" in found.message for found in held.findings)
     over = pushed(FRICTION[law], middle, 1.0001)
     assert over.status is Status.SLIDES
     assert over.history.linear_solves == 0

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from signorini_fx.algebra.contact.motions import total_work
-from signorini_fx.algebra.contact.reactions import Reactions, escape, nearest, null_space, reactions, squeezed
+from signorini_fx.algebra.contact.reactions import Reactions, escape, null_space, reactions, squeezed
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.rigid.motion_names import names_of
@@ -53,15 +53,8 @@ def _equilibrium_of(
     *,
     without_load: bool,
 ) -> Finding:
-    """Whether one assembly is in equilibrium.
-
-    Args:
-        body: the model.
-        number: of the assembly.
-        columns: its free motions, k of them.
-        contact: reactions of its contact nodes; None for a scene without contact.
-        loads: for each load step its work on these motions, shape (k,).
-        without_load: whether its foundation holds it without a load.
+    """Whether one assembly is in equilibrium, from its columns of free motions and the work of each load step on them;
+    ``without_load``: whether its foundation holds it without a load.
     """
     motions, statement = body.motions, body.statement
     free = motions.of_all[:, columns]
@@ -98,29 +91,13 @@ def _equilibrium_of(
             f"{when}there is no static equilibrium{of_it}: the loads {drives} {names}, {cannot}: "
             f"{cure}, or prescribe a displacement{_provided(body)}",
         )
-    bonds = contact.bilateral & np.isinf(contact.given)
-    bonded = np.concatenate((contact.normal[bonds], contact.tangential[bonds].reshape(-1, free.shape[1])))
-    unbonded = null_space(bonded) if bonds.any() else np.eye(free.shape[1])
-    if not unbonded.shape[1]:
-        return Finding("note", "displacement", f"the supports do not hold {names_of(free, motions, members)}: bonds do")
-    alone = "friction" if null_space(contact.normal @ unbonded).shape[1] else "the contact alone"
-    who = "the supports and bonds" if bonds.any() else "the supports"
-    text = f"{who} do not hold {names_of(free @ unbonded, motions, members)}: {alone} must"
-    if several:
-        text = f"{subject}: {text}"
     with_base_bound = contact.given[:, None, None] > 0
     stuck = np.linalg.matrix_rank((with_base_bound * contact.tangential).reshape(-1, free.shape[1])) == free.shape[1]
-    if not any(load.any() for load in loads) and not (stuck or without_load or contact.bilateral.any()):
-        if imposed(body):
-            text += "; no load presses it on, and whether prescribed displacements do only the iteration can say"
-            return Finding("note", "displacement", text)
-        message = f"{text}, but no load presses {subject} on its foundation: its position is not determined"
-        return Finding("warning", statement.forces_at, message)
-    pressed = "it is squeezed without a load" if without_load else "the loads press the body on"
-    text = f"{text}, and {pressed}"
-    if not all(nearest(contact, load).balanced for load in loads if load.any()):
-        text = f"{text}; friction is so close to its limit that only the iteration can say whether it holds"
-    return Finding("note", "displacement", text)
+    text = f"the supports do not hold {names_of(free, motions, members)}: contact must"
+    if any(load.any() for load in loads) or stuck or without_load or contact.bilateral.any() or imposed(body):
+        return Finding("note", "displacement", f"{subject}: {text}" if several else text)
+    message = f"{text}, but no load presses {subject} on its foundation: its position is not determined"
+    return Finding("warning", statement.forces_at, message)
 
 
 def _provided(body: Model) -> str:

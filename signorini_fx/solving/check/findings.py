@@ -6,7 +6,6 @@ with data that they have anyway.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import Literal
 
@@ -14,12 +13,9 @@ import numpy as np
 from dolfinx import mesh as dmesh
 
 from signorini_fx.algebra.contact.complementarity import RegularisedData
-from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import facet_entities, facet_vertices
 from signorini_fx.mechanics.body.deformation import Deformation
-from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
-from signorini_fx.mechanics.materials.protocol import Material
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.rigid.motion_names import MOST_LISTED
 from signorini_fx.mechanics.statement.effect import Force, Resistance, is_zero
@@ -34,7 +30,6 @@ from signorini_fx.tuned import (
     NO_FORCE,
     SMALL_DEFORMATION,
     START_GAMMA,
-    TURNED_NORMALS,
 )
 
 
@@ -45,7 +40,7 @@ def scene_findings(body: Model) -> list[Finding]:
     findings = [Finding("warning", "incomplete", f"not in the scene: {lost}") for lost in statement.incomplete]
     findings += [
         *_pieces(body),
-        *_locking(body),
+        *_locking(body, reduced=body.elastic.reduced is not None or statement.element.degree > 1),
         *_idle(body),
         *equilibrium(body),
         *_units(body, prescribed, force),
@@ -54,10 +49,7 @@ def scene_findings(body: Model) -> list[Finding]:
         findings += [
             *_gaps(body, data, FAR_GAP * prescribed + (body.tagged.size if force > 0 else 0.0)),
             *_inwards(body),
-            *_along_normals(body),
-            *_uniqueness(statement, body.boundary, body.law),
             *_regularisation(statement, data, body.scales.gamma),
-            *_monolithic(statement),
         ]
     return findings
 
@@ -76,34 +68,19 @@ def nonlinear_findings(statement: Statement, body: Model) -> list[Finding]:
         if statement.finite_strains and contact.foundation is None and contact.against is None:
             text = "gap and direction are those of the undeformed boundary: a foundation is met anywhere"
             findings.append(Finding("note", f"contact[{number}]", text))
-    nearly = [number for number, material in enumerate(statement.material) if material.locks]
-    if nearly and volume_degree(statement, body.tagged) is None:
-        simplices = body.tagged.mesh.topology.cell_name() in ("triangle", "tetrahedron")
-        cells = "quadrilaterals or hexahedra, or degree 2, with " if simplices and statement.element.degree == 1 else ""
-        text = f"is nearly incompressible, and its cells lock: take {cells}element.volumetric = 'auto'"
-        findings.append(Finding("warning", f"material[{nearly[0]}]", text))
+    findings += _locking(body, reduced=volume_degree(statement, body.tagged) is not None)
     if body.data is not None:
         findings += _regularisation(body.statement, body.data, body.scales.gamma)
     return [*findings, *_idle(body)]
 
 
-def _locking(body: Model) -> list[Finding]:
-    statement = body.statement
-    if body.elastic.reduced is not None or statement.element.degree > 1:
-        return []
-    cure = {
-        "triangle": "set element.degree = 2, or use quadrilaterals with element.volumetric = 'reduced'",
-        "tetrahedron": "use hexahedra with element.volumetric = 'reduced'",
-    }.get(body.tagged.mesh.topology.cell_name(), "set element.volumetric = 'auto', or element.degree = 2")
-    return [
-        Finding(
-            "warning",
-            f"material[{index}].poisson",
-            f"linear elements lock as nu -> 0.5 (nu = {material.poisson:g}): the body comes out too stiff; {cure}",
-        )
-        for index, material in enumerate(statement.material)
-        if material.locks
-    ]
+def _locking(body: Model, *, reduced: bool) -> list[Finding]:
+    simplices = body.tagged.mesh.topology.cell_name() in ("triangle", "tetrahedron")
+    other = "quadrilaterals or hexahedra, or degree 2, with "
+    cure = f"take {other if simplices else ''}element.volumetric = 'auto'"
+    message = f"it is nearly incompressible, and its cells lock: the body comes out too stiff; {cure}"
+    materials = () if reduced else enumerate(body.statement.material)
+    return [Finding("warning", f"material[{index}]", message) for index, material in materials if material.locks]
 
 
 def _idle(body: Model) -> list[Finding]:
@@ -288,27 +265,6 @@ def _units(body: Model, prescribed: float, force: float) -> list[Finding]:
     return []
 
 
-def _along_normals(body: Model) -> list[Finding]:
-    """Gaps that are expressions along normals that turn, where a height may be meant."""
-    boundary = body.boundary
-    assert boundary is not None
-    findings = []
-    for index, effect in enumerate(body.statement.contact):
-        if effect.direction is not None or effect.foundation is not None or not isinstance(effect.gap, Expression):
-            continue
-        normals = boundary.normal[boundary.part == index]
-        mean = parallel.global_sum(boundary.comm, normals.sum(axis=0))
-        cosine = -parallel.largest(boundary.comm, -normals @ mean / max(float(np.linalg.norm(mean)), NO_FORCE), -1.0)
-        turned = math.degrees(math.acos(min(1.0, max(-1.0, cosine))))
-        if turned > TURNED_NORMALS:
-            message = (
-                f"it is measured along the normals, which turn by up to {turned:.0f} degrees from their mean: a height "
-                "above a foundation needs a direction, the one from the body to the foundation"
-            )
-            findings.append(Finding("note", f"contact[{index}].gap", message))
-    return findings
-
-
 def _acts(body: Model) -> bool:
     """Whether there is a load or a prescribed displacement in any load step; collective."""
     steps = range(body.statement.steps)
@@ -329,47 +285,8 @@ def _largest_loads(body: Model) -> tuple[float, float]:
     return prescribed, force
 
 
-# --- friction and gamma -----------------------------------------------------------------------------------------------
-
-
-def friction_indication(material: Material) -> float:
-    """The friction coefficient above which several solutions are to be expected: sqrt(3 - 4 nu) / (2 - 2 nu) of an
-    isotropic linear material; infinite: it is not known.
-
-    This is an indication, not a theorem.  On a half-plane a wave exp(i k s) of the pressure changes the tangential
-    displacement, and this the pressure; for every k, the fixed-point iteration contracts below this coefficient
-    (1 / sqrt(S_NN C_TT), with the stiffness S and the compliance C of the surface, does not depend on k).  A bound
-    for uniqueness that is both proved and independent of the mesh is not known: a solution exists for every
-    coefficient in two dimensions (Ballard and Iurlano, arXiv:2303.16298), the discrete one is unique below a bound
-    that decreases to zero with the mesh size (Hild, Int. J. Appl. Math. Comput. Sci. 12 (2002) 41-50), and examples
-    with several solutions are known.
-    """
-    if not (material.isotropic and material.linear):
-        return math.inf
-    return math.sqrt(3 - 4 * material.mean_poisson) / (2 - 2 * material.mean_poisson)
-
-
-def _uniqueness(statement: Statement, boundary: ContactBoundary, law: PointFriction | None) -> list[Finding]:
-    limit = min(map(friction_indication, statement.material))
-    findings = []
-    for index, _ in enumerate(statement.contact):
-        coefficients = np.zeros(0) if law is None else law.coefficient[boundary.part == index]
-        largest = parallel.largest(boundary.comm, coefficients)
-        if largest > limit:
-            findings.append(
-                Finding(
-                    "warning",
-                    f"contact[{index}].friction.coefficient",
-                    f"F = {largest:g} is above {limit:.3g} (an indication from the half-plane, no proven bound): the "
-                    "problem may have several solutions and the fixed-point iteration may not contract; compare "
-                    "solutions from different solver.initial_contact, and try solver.coulomb = 'newton'",
-                )
-            )
-    return findings
-
-
 def _regularisation(statement: Statement, data: RegularisedData, natural: float) -> list[Finding]:
-    """Gamma and sigma compared with E over the size of the body."""
+    """Gamma compared with E over the size of the body."""
     settings, findings = statement.solver, []
     # The pressures of the softest body are the smallest, and the round-off of gamma is as large at each.
     softest = min(material.natural_modulus for material in statement.material) / statement.young
@@ -393,25 +310,4 @@ def _regularisation(statement: Statement, data: RegularisedData, natural: float)
                 "'auto', or algorithm = 'alm'"
             )
             findings.append(Finding("warning", f"solver.{name}", message))
-    if statement.has_friction and data.sigma * data.gamma_t <= 1.0 + 1e-9 and data.gamma_t > START_GAMMA * natural:
-        message = f"{data.sigma:g} is not above 1 / gamma_t: the slip sets cycle where gamma_t is large; set 'auto'"
-        findings.append(Finding("warning", "solver.sigma", message))
     return findings
-
-
-def _monolithic(statement: Statement) -> list[Finding]:
-    """A note if coulomb = newton cannot be used."""
-    if statement.solver.coulomb != "newton" or not statement.has_coulomb:
-        return []
-    laws = [contact.friction for contact in statement.contact if not contact.friction.has_derivative]
-    obstacles = sorted({name for law in laws for name in law.exceptions})
-    obstacles += ["bilateral contact"] if any(contact.kind == "bilateral" for contact in statement.contact) else []
-    if not obstacles:
-        return []
-    return [
-        Finding(
-            "note",
-            "solver.coulomb",
-            f"newton cannot be combined with {' and '.join(obstacles)}: the fixed point is used",
-        )
-    ]
