@@ -184,16 +184,8 @@ def prescribed_nodes(fixed: npt.NDArray[np.bool_], values: Nodal, space: fem.Fun
         space: of the displacement.
     """
     dim, owned = space.mesh.geometry.dim, space.dofmap.index_map.size_local
-    prescribed, nowhere = fixed.reshape(-1, dim)[:owned], np.zeros(0, dtype=np.int64)
-    return PrescribedNodes(
-        prescribed,
-        values.reshape(-1, dim)[:owned],
-        nowhere,
-        np.zeros((0, dim)),
-        np.zeros(0),
-        np.where(prescribed, 0, -1),
-        nowhere,
-    )
+    here = fixed.reshape(-1, dim)[:owned]
+    return PrescribedNodes(here, values.reshape(-1, dim)[:owned], np.where(here, 0, -1))
 
 
 def sides_of(
