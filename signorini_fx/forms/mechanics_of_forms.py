@@ -27,10 +27,11 @@ from signorini_fx.mechanics.interfaces.pair import Pair
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.obstacles.foundations_on_points import FoundationData
 from signorini_fx.mechanics.scales import Scales
+from signorini_fx.results.certificate.body_nodes import BodyNodes
 from signorini_fx.results.certificate.contact_nodes import ContactSide
+from signorini_fx.results.certificate.contact_sides import paired_side, rigid_side
 from signorini_fx.results.certificate.equilibrium import Balance
 from signorini_fx.results.certificate.supports import PrescribedNodes
-from signorini_fx.results.certificate.surface_quadrature import SurfaceQuadrature
 from signorini_fx.results.mechanics import SolidBody, StatedBody
 
 if TYPE_CHECKING:
@@ -50,6 +51,7 @@ class FormBody(SolidBody):
     Attributes:
         user_forms: what is assembled.
         foundation_data: of the contacts, at the nodes.
+        unit_forms: see ``Foundations.forms``.
         prescribed_dofs: which dofs of this rank are prescribed, ghosts included, and to what, shapes (dofs,).
         form_scales: of lengths and stresses.
         settled: whether the forms are those of the results, and not those of a later load step that has failed.
@@ -57,6 +59,7 @@ class FormBody(SolidBody):
 
     user_forms: GivenForms
     foundation_data: Sequence[FoundationData]
+    unit_forms: Sequence[Any]
     prescribed_dofs: tuple[npt.NDArray[np.bool_], Nodal]
     form_scales: Scales
     settled: bool = True
@@ -68,7 +71,7 @@ class FormBody(SolidBody):
 
     def sides(self, y: fem.Function) -> list[ContactSide]:
         forms = self.user_forms
-        return sides_of(self.foundation_data, forms.contact, forms.facets, forms.masters, forms.space)
+        return sides_of(self.foundation_data, self.unit_forms, forms.contact, forms.masters, BodyNodes(forms.space))
 
     def balance(self, y: fem.Function, step: float) -> Balance:
         """See ``SolidBody``: of the present values of the forms, wherever ``step`` is."""
@@ -76,7 +79,7 @@ class FormBody(SolidBody):
         dim = self.dimension
         nodes = np.arange(values.size // dim, dtype=np.int32)
         internal = action((a,), y, nodes).reshape(-1, dim)
-        surface = SurfaceQuadrature(y.function_space)
+        surface = BodyNodes(y.function_space)
         supports = prescribed_nodes(fixed, values, y.function_space)
         external, nothing = assemble(L).reshape(-1, dim), np.zeros_like(internal)
         return Balance(surface, internal, external, supports, scales, scales, nothing)
@@ -190,65 +193,46 @@ def prescribed_nodes(fixed: npt.NDArray[np.bool_], values: Nodal, space: fem.Fun
 
 def sides_of(
     data: Sequence[FoundationData],
+    unit_forms: Sequence[Any],
     contact: Sequence[Foundation | Pair],
-    facets: Sequence[Facets],
     masters: Mapping[int, Facets],
-    space: fem.FunctionSpace,
+    body: BodyNodes,
     sliding: Mapping[int, PairPoints] | None = None,
     moved: Nodal | None = None,
 ) -> list[ContactSide]:
-    """The parts of the boundary with contact.
+    """The parts of the boundary with contact; collective.
 
     Args:
         data: of the foundations at the nodes.
-        contact: the foundations and pairs as the user gave them.
-        facets: of each of them.
+        unit_forms: see ``Foundations.forms``.
+        contact: the foundations and pairs as the user gave them, which decide which facets meet, and up to which
+            distance.
         masters: of the other side of each pair, by its number.
-        space: the displacements.
+        body: the nodes.
         sliding: the points of pairs that slide, by their numbers; None: there are none.
         moved: displacements of the nodes of this rank, that normals of other pairs follow, length, shape (nodes, d);
             None: they are those of the undeformed sides.
     """
-    return [
-        _side(contact_data, entry, of_entry, masters.get(k), space, (sliding or {}).get(k), moved)
-        for k, (contact_data, entry, of_entry) in enumerate(zip(data, contact, facets, strict=True))
-    ]
+    sides = []
+    for k, (at, form, entry) in enumerate(zip(data, unit_forms, contact, strict=True)):
 
+        def bound(nodes: npt.NDArray[Any], pressure: Nodal, at: FoundationData = at) -> Nodal:
+            if at.bonded:
+                return np.full(nodes.size, np.inf)
+            return np.zeros(nodes.size) if at.law is None else at.law.at(nodes).limit(np.abs(pressure))
 
-def _side(
-    data: FoundationData,
-    entry: Foundation | Pair,
-    facets: Facets,
-    master: Facets | None,
-    space: fem.FunctionSpace,
-    sliding: PairPoints | None,
-    moved: Nodal | None,
-) -> ContactSide:
-    """One foundation or pair; what the user named decides which facets meet, and up to which distance."""
+        axes = None if at.shape.axes is None else (at.shape.axes.along, at.shape.axes.ratio)
+        if entry.against is None:
+            sides.append(rigid_side(body, form, at.facets, at.shape, at.gap, bound, bilateral=at.bilateral, axes=axes))
+            continue
+        points = (sliding or {}).get(k)
+        by_geometry = points is None and entry.by_geometry
+        if points is None:
+            from signorini_fx.results.certificate.pair_points import FrozenPoints
 
-    def bound(nodes: npt.NDArray[Any], pressure: Nodal) -> Nodal:
-        if data.bonded:
-            return np.full(nodes.size, np.inf)
-        return np.zeros(nodes.size) if data.law is None else data.law.at(nodes).limit(np.abs(pressure))
-
-    points = sliding
-    factor, along, axes = data.shape.factor, data.shape.direction, data.shape.axes
-    if entry.against is not None and sliding is None:
-        from signorini_fx.results.certificate.pair_points import FrozenPoints
-
-        assert data.pair is not None
-        assert master is not None
-        followed = None if entry.bonded or moved is None else moved[: space.dofmap.index_map.size_local]
-        points = FrozenPoints.of(data.pair, space, (facets, master), followed)
-    return ContactSide(
-        facets,
-        lambda nodes: (data.gap if data.allowance is None else data.allowance)[nodes],
-        bound,
-        data.bilateral,
-        None if along is None else lambda nodes: along[nodes],
-        factor,
-        points,
-        sliding is None and entry.by_geometry,
-        None if axes is None else lambda nodes: (axes.along[nodes], axes.ratio[nodes]),
-        entry.adjust,
-    )
+            assert at.pair is not None
+            followed = None if entry.bonded or moved is None else moved[: body.owned]
+            points = FrozenPoints.of(at.pair, body.space, (at.facets, masters[k]), followed)
+        gap, said = at.gap if at.allowance is None else at.allowance, {"bilateral": at.bilateral, "axes": axes}
+        sides.append(paired_side(points, gap, bound, by_geometry=by_geometry, adjust=entry.adjust, **said))
+    return sides

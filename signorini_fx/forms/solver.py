@@ -450,7 +450,7 @@ class FormSolver:
         parts = self._parts.along(counted_path(self.begun.step) if path is None else path, title)
         model = parts.model(self.elastic, self.begun.law, self.foundations.pairs, self.rigid)
         attributes = {"foundation_data": self.data, "prescribed_dofs": self.prescribed, "form_scales": self.scales}
-        return FormBody.of(model, user_forms=self.forms, **attributes)
+        return FormBody.of(model, user_forms=self.forms, unit_forms=self.foundations.forms, **attributes)
 
     def law_now(self) -> PointFriction | None:
         """Friction at the contact points with the values that Constants have now; collective."""

@@ -101,8 +101,9 @@ class StatedBody(SolidBody):
 
     def sides(self, y: fem.Function) -> list[ContactSide]:
         from signorini_fx.results.certificate.contact_sides import sides_of
+        from signorini_fx.results.certificate.nodal_forces import NodalForces
 
-        return sides_of(self.statement, self.tagged, self.space, self.pairs)
+        return sides_of(NodalForces.on(self), self.pairs)
 
     def stress(self, y: fem.Function, step: float, shared: dict[str, StressRecovery]) -> Stresses:
         from signorini_fx.results.stresses import Stresses

@@ -8,11 +8,13 @@ from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
+import ufl
 from dolfinx import fem
 
 from signorini_fx.machine import parallel
 from signorini_fx.machine.display import clean, html_table
-from signorini_fx.mechanics.assembly.mesh_entities import node_positions
+from signorini_fx.mechanics.assembly.mesh_entities import assemble, node_positions
+from signorini_fx.mechanics.contact_points.contact_boundary import unit_contact_form
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.kinematics import CARTESIAN
 from signorini_fx.mechanics.kinematics.protocol import Kinematics
@@ -307,7 +309,9 @@ class Resultants:
         """The middle of a boundary, and its normal if it is flat, as no displaced one is; a point itself."""
         if boundary in self._points:
             return np.array(self._points[boundary]), None
-        areas = self.acting.balance.surface.moments(self.tagged.facets(boundary))
+        space = self.displacement.function_space
+        form = unit_contact_form(space, ufl.TestFunction(space), self.tagged.facets(boundary))
+        areas = assemble(form).reshape(self._x.shape)
         weights = np.linalg.norm(areas, axis=1)
         sums = np.concatenate((weights @ self._x, areas.sum(axis=0), [weights.sum()]))
         sums = parallel.global_sum(self.tagged.mesh.comm, sums)

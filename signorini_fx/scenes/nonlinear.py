@@ -39,7 +39,7 @@ from signorini_fx.mechanics.mesh.tagged import check_fits
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.obstacles.scene_contact import foundations_of
 from signorini_fx.mechanics.statement.effect import Force, Resistance
-from signorini_fx.mechanics.statement.expressions import in_space, sample
+from signorini_fx.mechanics.statement.expressions import sample
 from signorini_fx.mechanics.statement.rigid_motion import COMPONENTS, Prescribed
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.records import Finding, History, Inventory, Status, Timings
@@ -394,13 +394,18 @@ class OpinionOfScene(IndependentCheck):
         """See ``IndependentCheck``: with friction, gaps and foundations of this load step, as the scene says them, but
         for tools that forces move and gaps of pairs.
         """
-        x, problem = self.anew.at_nodes[:, : self.anew.dimension], self.problem
-        displacement = problem.u.x.array.reshape(x.shape).copy()
-        entries = problem.statement.placed(problem.path_step).contact
-        sides = []
+        anew, entries = self.anew, self.problem.statement.placed(self.problem.path_step).contact
+        x = anew.at_nodes[:, : anew.dimension]
+        displacement, sides = self.problem.u.x.array.reshape(x.shape).copy(), []
         for side, entry in zip(claimed_sides, entries, strict=True):
-            found = {} if entry.against is not None or entry.tool is not None else _rigid_side(entry, x, displacement)
-            sides.append(replace(side, bound=friction_bound(entry, x), **found))
+            changed = replace(side, bound=friction_bound(entry, anew))
+            if entry.against is None and entry.tool is None:
+                gap = anew.on_boundary(entry.boundary, partial(sample, entry.gap))
+                if entry.surface is not None:
+                    gap, normal = _about(entry, gap, x, displacement)
+                    changed = replace(changed, normal=normal[side.nodes])
+                changed = changed.with_gap(gap, anew)
+            sides.append(changed)
         return sides
 
     def loaded(self, mechanics: ResidualMechanics) -> ResidualMechanics:
@@ -433,23 +438,21 @@ class OpinionOfScene(IndependentCheck):
         return replace(says, place=problem.path_step)
 
 
-def _rigid_side(entry: Any, x: Array, displacement: Array) -> dict[str, Any]:
-    """Gap and, of a shape, direction of a rigid foundation as ``ContactSide`` has them, linear about a displacement.
+def _about(entry: Any, gap: Array, x: Array, displacement: Array) -> tuple[Array, Array]:
+    """Gap and direction of a shape as ``ContactSide`` has them, linear about a displacement, at all nodes.
 
     Args:
         entry: of a scene, at a time.
+        gap: that is added to the distance, nan where no facet is, length, shape (nodes,).
         x: of all nodes, length, shape (nodes, d).
         displacement: of them, likewise.
     """
-    if entry.surface is None:
-        return {"gap": lambda nodes: sample(entry.gap, in_space(x[nodes]))}
-
-    def distance(nodes: npt.NDArray[Any]) -> tuple[Array, Array]:
-        signed, normal = entry.surface.distance(x[nodes] + displacement[nodes])
-        along = np.einsum("ni,ni->n", normal, displacement[nodes])
-        return signed - along + sample(entry.gap, in_space(x[nodes])), -normal
-
-    return {"gap": lambda nodes: distance(nodes)[0], "direction": lambda nodes: distance(nodes)[1]}
+    on, normal = np.isfinite(gap), np.full_like(displacement, np.nan)
+    signed, outward = entry.surface.distance((x + displacement)[on])
+    normal[on], along = -outward, np.einsum("ni,ni->n", outward, displacement[on])
+    total = gap.copy()
+    total[on] += signed - along
+    return total, normal
 
 
 def _with_sides_of(statement: Statement, body: Statement) -> Statement:

@@ -26,13 +26,13 @@ from signorini_fx.mechanics.obstacles.foundations_on_points import ShapeDistance
 from signorini_fx.mechanics.rigid.rigid_bodies import Drive, RigidBodyMotion
 from signorini_fx.quantities.proved_statements import Refused
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery
+from signorini_fx.results.certificate.body_nodes import BodyNodes
 from signorini_fx.results.certificate.certificate import Certificate, judged
 from signorini_fx.results.certificate.contact_nodes import ContactSide
 from signorini_fx.results.certificate.equilibrium import Balance
 from signorini_fx.results.certificate.law_of_method import Law, PreviousStep, Tractions
 from signorini_fx.results.certificate.pair_points import SlidingPoints
 from signorini_fx.results.certificate.supports import PrescribedNodes
-from signorini_fx.results.certificate.surface_quadrature import SurfaceQuadrature
 from signorini_fx.results.mechanics import SolidBody
 from signorini_fx.results.resultants import ActingForces, NamedForces
 from signorini_fx.results.stresses import RawStresses
@@ -155,8 +155,9 @@ def mechanics_at(
     nothing = np.zeros_like(forces)
     known = nothing if lost is None else lost.reshape(-1, dim)
     supports = prescribed_nodes(fixed, values, space)
+    body = BodyNodes(space)
     balance = Balance(
-        SurfaceQuadrature(space),
+        body,
         forces,
         nothing,
         supports,
@@ -170,7 +171,7 @@ def mechanics_at(
     )
     return ResidualMechanics(
         balance,
-        sides_of(data, linear.stated, linear.forms.facets, linear.forms.masters, space, sliding, places),
+        sides_of(data, linear.foundations.forms, linear.stated, linear.forms.masters, body, sliding, places),
         linear.forms.boundaries,
         fixed,
     )

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 import ufl
 from dolfinx import fem
+from mpi4py import MPI
 
 from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.contact.friction import PointFriction, joined, stuck
@@ -277,21 +278,13 @@ class Foundations:
         """The unit contact form of each foundation, and the coefficient in it that is the factor of its measure; a pair
         has none.
         """
-        space, compiled = self._space, list[tuple[Any, fem.Function | None]]()
-        z = ufl.TestFunction(space)
-        for contact, facets, name in zip(self._contact, self.facets, self._names, strict=True):
-            if contact.against is not None:
-                compiled.append((None, None))
-                continue
-            function = None if contact.measure is None else fem.Function(space)
-            factor = None if function is None else function[0]
-            form: Any
-            if averaging(space):
-                form = averaging_forms(space, facets, self._inventory, name, factor)
-            else:
-                form = self._inventory.compile(name, partial(unit_contact_form, space, z, facets, factor))
-            compiled.append((form, function))
-        return compiled
+        given = zip(self._contact, self.facets, self._names, strict=True)
+        return [
+            (None, None)
+            if contact.against is not None
+            else unit_form(self._space, facets, self._inventory, name, measured=contact.measure is not None)
+            for contact, facets, name in given
+        ]
 
     def factor_of(self, number: int) -> Array | None:
         """The factor of the measure of one contact at all nodes of this rank, shape (nodes,); None: 1; collective.
@@ -302,10 +295,8 @@ class Foundations:
         measure = self._contact[number].measure
         if measure is None:
             return None
-        factor: Array = self._values[number](measure, f"contact[{number}].measure", minimum=0.0)
-        largest = parallel.largest(self._space.mesh.comm, np.nan_to_num(factor))
-        factor[factor <= ZERO_SUM * largest] = 0.0
-        return factor
+        factor = self._values[number](measure, f"contact[{number}].measure", minimum=0.0)
+        return without_small(factor, self._space.mesh.comm)
 
     def shapes(self) -> list[ShapeDistances]:
         """What decides about the points, as it is now.
@@ -344,18 +335,11 @@ class Foundations:
             at_rest: see ``at_rest``, ghosts may be included; None: none.
         """
         parts = []
-        for k, (shape, (form, function)) in enumerate(zip(shapes, self.forms, strict=True)):
+        for k, (shape, compiled) in enumerate(zip(shapes, self.forms, strict=True)):
             if k in self._masters:
-                parts.append(self._along(k, shape, self._paired(k, shape.factor, fixed, turned, at_rest)))
-                continue
-            if function is not None and shape.factor is not None:
-                function.x.array.reshape(-1, self._dimension)[:, 0] = np.nan_to_num(shape.factor)
-            least = 0.0 if shape.factor is None else ZERO_SUM
-            part = contact_part(self._space, form, self.facets[k], k, fixed, turned, least)
-            if shape.direction is not None:
-                part = replace(part, normal=shape.direction[part.nodes])
-            elif shape.factor is not None:
-                part = replace(part, normal=_axial(part.normal, shape.factor[part.nodes] == 0))
+                part = self._paired(k, shape.factor, fixed, turned, at_rest)
+            else:
+                part = rigid_points(self._space, compiled, self.facets[k], k, shape, fixed, turned)
             parts.append(self._along(k, shape, part))
         return join(parts) if parts else no_points(self._space)
 
@@ -560,6 +544,47 @@ class Foundations:
             reached = from_owners(owned_gap, boundary.averages.nodes, boundary.comm)[:, 0]
             gap[on_part] = boundary.averages.shares[on_part] @ reached
         return gap
+
+
+def unit_form(
+    space: fem.FunctionSpace, facets: npt.NDArray[np.int32], inventory: Inventory, name: str, *, measured: bool
+) -> tuple[Any, fem.Function | None]:
+    """The unit contact form of a rigid foundation, and the coefficient in it that is the factor of its measure."""
+    function = fem.Function(space) if measured else None
+    factor = None if function is None else function[0]
+    if averaging(space):
+        return averaging_forms(space, facets, inventory, name, factor), function
+    z = ufl.TestFunction(space)
+    return inventory.compile(name, partial(unit_contact_form, space, z, facets, factor)), function
+
+
+def rigid_points(
+    space: fem.FunctionSpace,
+    compiled: tuple[Any, fem.Function | None],
+    facets: npt.NDArray[np.int32],
+    number: int,
+    shape: ShapeDistances,
+    fixed: npt.NDArray[np.bool_],
+    turned: TurnedNodes | None = None,
+) -> ContactBoundary:
+    """The points of a rigid foundation from its assembled ``unit_form``; for the other arguments see ``boundary``;
+    collective.
+    """
+    form, function = compiled
+    if function is not None and shape.factor is not None:
+        function.x.array.reshape(-1, function.function_space.dofmap.bs)[:, 0] = np.nan_to_num(shape.factor)
+    least = 0.0 if shape.factor is None else ZERO_SUM
+    part = contact_part(space, form, facets, number, fixed, turned, least)
+    if shape.direction is not None:
+        return replace(part, normal=shape.direction[part.nodes])
+    if shape.factor is not None:
+        return replace(part, normal=_axial(part.normal, shape.factor[part.nodes] == 0))
+    return part
+
+
+def without_small(factor: Array, comm: MPI.Comm) -> Array:
+    """Factors of a measure, of which those that are round-off of the largest one are zero; collective."""
+    return np.where(factor <= ZERO_SUM * parallel.largest(comm, np.nan_to_num(factor)), 0.0, factor)
 
 
 def _axial(normal: Array, on_axis: npt.NDArray[np.bool_]) -> Array:

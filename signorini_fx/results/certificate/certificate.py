@@ -171,7 +171,7 @@ def certify(
     space = displacement.function_space
     forces = NodalForces(statement, tagged, space) if like is None else like.of(statement)
     balance = balance_of(forces, displacement, step, scale)
-    sides = sides_of(statement, tagged, space, pairs)
+    sides = sides_of(forces, pairs)
     drives = [*zip(rigid, statement.drives(tagged.dimension, step, scale), strict=bool(rigid))]
     law = replace(law, overclosures=overclosures_of(statement))
     return judged(displacement, balance, sides, tractions, law=law, before=before, rigid=drives)
@@ -229,7 +229,7 @@ def _faint_forces(
         penalty: see ``PieceScales``, of each piece.
         rigid: how they have moved.
     """
-    comm, forces = nodes.evaluation.space.mesh.comm, []
+    comm, forces = nodes.body.comm, []
     for motion in rigid:
         points = nodes.part(*motion.body.parts)
         stress, lost = (parallel.largest(comm, values[piece[points]]) for values in (mean, penalty))
@@ -385,7 +385,7 @@ def contact_conditions(
         units: what stresses and lengths are relative to.
     """
     pressure, shear, bilateral = nodes.pressure, nodes.rounded(nodes.shear, -1), nodes.bilateral
-    comm, length, far, stress = nodes.evaluation.space.mesh.comm, units.length, units.far, units.stress
+    comm, length, far, stress = nodes.body.comm, units.length, units.far, units.stress
     unity = np.ones_like(stress)
     overlap, sheared = u_n - nodes.gap, np.linalg.norm(shear, axis=1)
     entered = overlap - pressure / law.gamma_n

@@ -1,9 +1,9 @@
-"""The contact points as the certificate sees them: from the scene and the mesh, with the tractions that are claimed."""
+"""The contact points as the certificate sees them: evaluated anew, with the tractions that are claimed."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
@@ -12,11 +12,12 @@ import numpy as np
 import numpy.typing as npt
 
 from signorini_fx.machine import parallel
+from signorini_fx.mechanics.assembly.averages import Averages, from_owners, to_owners
 from signorini_fx.mechanics.rigid.rigid_bodies import Drive, RigidBodyMotion
+from signorini_fx.results.certificate.body_nodes import BodyNodes
 from signorini_fx.results.certificate.law_of_method import Tractions
 from signorini_fx.results.certificate.supports import PrescribedNodes
-from signorini_fx.results.certificate.surface_quadrature import SurfaceQuadrature
-from signorini_fx.tuned import SAME_DIRECTION, ZERO_SUM
+from signorini_fx.tuned import SAME_DIRECTION
 
 if TYPE_CHECKING:
     from signorini_fx.results.certificate.pair_points import PairPoints
@@ -26,40 +27,76 @@ Nodal = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class ContactSide:
-    """What a problem says of one part of its boundary; values are those at local numbers of nodes, ghosts included.
+    """One part of the boundary with contact at its n points on this rank, evaluated anew.
 
     Attributes:
-        boundary: the part, see ``SurfaceQuadrature.facets``.
-        gap: nodes -> d, length, shape (n,).
+        nodes: local number of the node at the point, shape (n,).
+        weight: area (in 2D: length) that the point stands for, shape (n,).
+        normal: outward unit normal, or the direction that the problem gives, shape (n, d).
+        gap: d, length, shape (n,).
         bound: (nodes, pressure at them) -> F g, stress, shape (n,).
         bilateral: whether contact cannot open.
-        direction: nodes -> the direction of contact, of length one, shape (n, d); None: the outward normal.
-        factor: of the measure, see ``SurfaceQuadrature.moments``.
+        averages: how the points average; None: they are nodes, or those of a pair.
         pair: the points of a pair; None: the foundation is rigid.
-        by_geometry: whether the distance of both sides of a pair along the normal is added to the gap.
-        adjust: the distance of both sides, length, that is taken for none, and all below it; None: there is none.
-        directions: nodes -> the vector along which friction is that of ``bound``, shape (n, d), and the ratio of that
-            across it, shape (n,); None: friction has no direction.
+        axes: vectors along which friction is that of ``bound``, shape (n, d), and the ratio of that across them, shape
+            (n,); None: friction has no direction.
     """
 
-    boundary: Any
-    gap: Callable[[npt.NDArray[np.integer[Any]]], Nodal]
-    bound: Callable[[npt.NDArray[np.integer[Any]], Nodal], Nodal]
+    nodes: npt.NDArray[Any]
+    weight: Nodal
+    normal: Nodal
+    gap: Nodal
+    bound: Callable[[npt.NDArray[Any], Nodal], Nodal]
     bilateral: bool
-    direction: Callable[[npt.NDArray[np.integer[Any]]], Nodal] | None = None
-    factor: Nodal | None = None
+    averages: Averages | None = None
     pair: PairPoints | None = None
-    by_geometry: bool = False
-    directions: Callable[[npt.NDArray[np.integer[Any]]], tuple[Nodal, Nodal]] | None = None
-    adjust: float | None = None
+    axes: tuple[Nodal, Nodal] | None = None
+
+    def at(self, values: Nodal, body: BodyNodes) -> Nodal:
+        """Values at the nodes of this rank, ghosts included, shape (nodes, k), at the points of one body, shape
+        (n, k); collective.
+        """
+        if self.averages is None:
+            return np.asarray(values[self.nodes])
+        reached = from_owners(np.nan_to_num(values[: body.owned]), self.averages.nodes, body.comm)
+        return np.asarray(self.averages.shares @ reached)
+
+    def with_gap(self, gap: Nodal, body: BodyNodes) -> ContactSide:
+        """The same with a gap at all nodes of this rank, length, shape (nodes,); collective."""
+        return replace(self, gap=self.at(gap[:, None], body)[:, 0])
+
+    def movable(self, vectors: Nodal, supports: PrescribedNodes, body: BodyNodes) -> Nodal:
+        """The part of vectors at the points that is along directions in which something can move, shape (n, d);
+        collective.
+        """
+        if self.pair is not None:
+            return np.asarray(vectors * self.pair.moved(supports.movable()))
+        if self.averages is None:
+            return supports.left(vectors, self.nodes)
+        reached = from_owners(supports.movable().astype(np.float64), self.averages.nodes, body.comm)
+        return np.asarray(vectors * self.averages.any_of(reached > 0))
+
+    def forces(self, traction: Nodal, body: BodyNodes) -> tuple[npt.NDArray[Any], Nodal, Nodal]:
+        """See ``ContactNodes.forces``."""
+        if self.pair is not None:
+            return self.pair.forces(traction, body.owned)
+        force = self.weight[:, None] * traction
+        if self.averages is None:
+            return self.nodes, force, self.weight
+        shares, nodes = self.averages.shares, self.averages.nodes
+        values = np.column_stack((shares.T @ force, abs(shares).T @ self.weight))
+        rows = to_owners(values, nodes, body.comm, body.owned)
+        reached = np.flatnonzero(rows[:, -1] > 0)
+        return reached, rows[reached, :-1], rows[reached, -1]
 
 
 @dataclass(frozen=True)
 class ContactNodes:
-    """The contact points of this rank with the tractions at them; where they average, all methods are collective.
+    """The contact points of this rank with the tractions at them; methods are collective.
 
     Attributes:
-        evaluation: weights and forces by quadrature.
+        body: its nodes.
+        sides: the parts of the boundary, whose points follow each other.
         nodes: local number of the node at the point.
         weight: area (in 2D: length) that the point stands for.
         normal: outward unit normal, or the direction that the scene gives.
@@ -68,15 +105,12 @@ class ContactNodes:
         bilateral: whether contact cannot open.
         pressure: lambda.
         shear: mu, shape (n, d).
-        spread: of each contact boundary, how its test functions meet the shape functions, ``NodalForces.products``,
-            None for a pair; None where points do not average.
-        counts: number of points of each contact boundary.
-        pairs: of bodies, by the numbers of their contact boundaries, see ``ContactSide``.
         across: e, the unit vector across which friction has a ratio to that along, shape (n, d); None: it has none.
         ratio: r, of the friction along e, shape (n,).
     """
 
-    evaluation: SurfaceQuadrature
+    body: BodyNodes
+    sides: Sequence[ContactSide]
     nodes: npt.NDArray[np.int64]
     weight: Nodal
     normal: Nodal
@@ -85,83 +119,55 @@ class ContactNodes:
     bilateral: npt.NDArray[np.bool_]
     pressure: Nodal
     shear: Nodal
-    spread: list[Any] | None
-    counts: list[int]
-    pairs: Mapping[int, PairPoints] = field(default_factory=dict)
     across: Nodal | None = None
     ratio: Nodal | None = None
 
     @classmethod
-    def of(cls, forces: SurfaceQuadrature, sides: Sequence[ContactSide], tractions: Tractions) -> ContactNodes:
+    def of(cls, body: BodyNodes, sides: Sequence[ContactSide], tractions: Tractions) -> ContactNodes:
         """The contact points of a problem; collective.
 
         Args:
-            forces: weights and forces of its space.
+            body: its nodes.
             sides: the parts of its boundary with contact.
             tractions: what is claimed.
 
         Raises:
             ValueError: the tractions are not those of the contact points of the problem.
         """
-        columns: list[tuple[Any, ...]] = []
-        spread: list[Any] = []
-        unmatched = False
+        rows, unmatched = [], False
         for part, side in enumerate(sides):
-            moment = forces.moments(side.boundary, side.factor)
-            weight = np.linalg.norm(moment, axis=1)
-            outward = moment / np.maximum(weight, 1e-300)[:, None]
-            if side.pair is not None:
-                weight = np.zeros_like(weight)
-                weight[side.pair.points] = side.pair.weight
-            if forces.averaging:
-                spread.append(None if side.pair is not None else forces.products(side.boundary, side.factor))
-                weight = weight if spread[-1] is None else _sums(forces, spread[-1].sum(axis=1))
-            least = 0.0
-            if side.factor is not None:  # which may be zero at a node: on the axis of a body of revolution
-                least = ZERO_SUM * parallel.largest(forces.space.mesh.comm, weight)
-            nodes = np.flatnonzero(weight > least)
-            normal = outward[nodes] if side.direction is None else side.direction(nodes)
-            if side.factor is not None and side.direction is None and side.pair is None:
-                of_measure = np.nan_to_num(side.factor)
-                tips = of_measure[nodes] <= ZERO_SUM * parallel.largest(forces.space.mesh.comm, of_measure)
-                tips &= np.linalg.norm(normal[:, 1:], axis=1) > SAME_DIRECTION
-                # On the axis of a body of revolution x[0] is the radius: all around, the mean is along the axis.
-                normal[tips, 0] = 0.0
-                normal[tips] /= np.linalg.norm(normal[tips], axis=1, keepdims=True)
-            rows = np.flatnonzero(np.asarray(tractions.part) == part)
-            rows = rows[np.argsort(np.asarray(tractions.nodes)[rows], kind="stable")]
-            unmatched |= not np.array_equal(np.asarray(tractions.nodes)[rows], nodes)
-            pressure, shear = (
-                (values[rows] if not unmatched else np.zeros((nodes.size, *values.shape[1:])))
-                for values in (tractions.pressure, tractions.shear)
-            )
-            if side.pair is None and spread:
-                gap = _averaged(forces, spread[-1], side.gap)[nodes] / weight[nodes]
+            claimed = np.flatnonzero(np.asarray(tractions.part) == part)
+            claimed = claimed[np.argsort(np.asarray(tractions.nodes)[claimed], kind="stable")]
+            order = np.argsort(side.nodes, kind="stable")
+            if np.array_equal(np.asarray(tractions.nodes)[claimed], side.nodes[order]):
+                rows.append(claimed[np.argsort(order)])
             else:
-                gap = side.gap(nodes)
-            bound, bilateral = side.bound(nodes, pressure), np.full(nodes.size, side.bilateral)
-            if side.pair is not None:
-                normal, bound = side.pair.normal, np.where(side.pair.facing, bound, 0.0)
-                if side.by_geometry:
-                    gap = gap + side.pair.gap(side.adjust)
-            columns.append((nodes, weight[nodes], normal, gap, bound, bilateral, pressure, shear))
-        if parallel.any_rank(forces.space.mesh.comm, unmatched):
+                unmatched = True
+        if parallel.any_rank(body.comm, unmatched):
             raise ValueError("the tractions are not those of the contact nodes of the scene")
-        counts = [len(column[0]) for column in columns]
-        nodes, *remaining = (np.concatenate(column) for column in zip(*columns, strict=True))
-        weight, normal, gap, bound, bilateral, pressure, shear = remaining
-        held = spread or None
-        pairs = {number: side.pair for number, side in enumerate(sides) if side.pair is not None}
-        contact_nodes = cls(forces, nodes, weight, normal, gap, bound, bilateral, pressure, shear, held, counts, pairs)
-        if all(side.directions is None for side in sides):
-            return contact_nodes
-        across, ratio = np.zeros_like(normal), np.ones(nodes.size)
-        for side, points in zip(sides, contact_nodes.parts(), strict=True):
-            if side.directions is not None:
-                along, ratio[points] = side.directions(nodes[points])
-                across[points] = np.cross(normal[points], along)
-                across[points] /= np.linalg.norm(across[points], axis=1, keepdims=True)
-        return replace(contact_nodes, across=across, ratio=ratio)
+        names = ("nodes", "weight", "normal", "gap")
+        given = {name: np.concatenate([getattr(side, name) for side in sides]) for name in names}
+        across = ratio = None
+        if any(side.axes is not None for side in sides):
+            across, ratio = np.zeros_like(given["normal"]), np.ones(len(given["nodes"]))
+            at = np.cumsum([0, *(len(side.nodes) for side in sides)])
+            for side, first, last in zip(sides, at[:-1], at[1:], strict=True):
+                if side.axes is not None:
+                    along, ratio[first:last] = side.axes
+                    crossed = np.cross(side.normal, along)
+                    across[first:last] = crossed / np.linalg.norm(crossed, axis=1, keepdims=True)
+        pressures = [tractions.pressure[of_side] for of_side in rows]
+        return cls(
+            body,
+            sides,
+            **given,
+            bound=np.concatenate([side.bound(side.nodes, p) for side, p in zip(sides, pressures, strict=True)]),
+            bilateral=np.concatenate([np.full(len(side.nodes), side.bilateral) for side in sides]),
+            pressure=np.concatenate(pressures),
+            shear=np.concatenate([tractions.shear[of_side] for of_side in rows]),
+            across=across,
+            ratio=ratio,
+        )
 
     def rounded(self, vectors: Nodal, power: int) -> Nodal:
         """Tangential vectors, shape (n, d), with their part across the direction of friction times r^power: with -1
@@ -187,7 +193,7 @@ class ContactNodes:
         """
         relative = self._at(displacements)
         for pair, part in self._paired:
-            relative[part] = pair.relative(displacements[: self.evaluation.owned])
+            relative[part] = pair.relative(displacements[: self.body.owned])
         for motion in rigid:
             points = self.part(*motion.body.parts)
             relative[points] -= self._at(motion.at(self._x))[points]
@@ -196,17 +202,11 @@ class ContactNodes:
     @property
     def _x(self) -> Nodal:
         """Positions of the nodes with ghosts, length, shape (nodes, d)."""
-        return np.asarray(self.evaluation.at_nodes[:, : self.normal.shape[1]])
+        return np.asarray(self.body.at_nodes[:, : self.normal.shape[1]])
 
     def _at(self, nodal_values: Nodal) -> Nodal:
         """Values of nodes with ghosts, shape (nodes, d), at the points of one body, shape (n, d)."""
-        if self.spread is None:
-            return np.array(nodal_values[self.nodes])
-        sums = [
-            nodal_values if products is None else self.evaluation.over_ranks(products @ nodal_values)
-            for products in self.spread
-        ]
-        return np.asarray(self._at_points(sums) / self.weight[:, None])
+        return np.concatenate([side.at(nodal_values, self.body) for side in self.sides])
 
     def pieces(self, of_node: npt.NDArray[np.int64]) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
         """The piece of the body at each point, and that on the other side, -1 where the foundation is rigid, shape
@@ -227,7 +227,7 @@ class ContactNodes:
     @property
     def area(self) -> float:
         """Of all contact boundaries; collective."""
-        return float(parallel.global_sum(self.evaluation.space.mesh.comm, np.array(self.weight.sum())))
+        return float(parallel.global_sum(self.body.comm, np.array(self.weight.sum())))
 
     def resultant(self, motion: RigidBodyMotion, displacements: Nodal) -> tuple[Nodal, float, float]:
         """What the tractions of its contact boundaries do to a rigid body: force and moment about its pivot, shape
@@ -237,7 +237,7 @@ class ContactNodes:
             motion: of the rigid body.
             displacements: of nodes with ghosts, shape (nodes, d).
         """
-        numbers, comm = motion.body.parts, self.evaluation.space.mesh.comm
+        numbers, comm = motion.body.parts, self.body.comm
         part = self.part(*numbers)
         force = self.weight[part, None] * self.traction[part]
         arm = motion.lever(self._at(self._x)[part], self._at(displacements)[part])
@@ -261,20 +261,8 @@ class ContactNodes:
         """What the tractions do to the body: the local nodes that they act on, shape (m,), the forces on them, shape
         (m, d), and the area that a node stands for, shape (m,); a node of two boundaries is there twice.
         """
-        traction = self.traction
-        groups = [pair.forces(traction[part], self.evaluation.owned) for pair, part in self._paired]
-        if self.spread is None:
-            alone = self._of_one_body()
-            groups.append((self.nodes[alone], (self.weight[:, None] * traction)[alone], self.weight[alone]))
-        for products, points in zip(self.spread or [], self.parts() if self.spread else [], strict=True):
-            if products is None:
-                continue
-            at_nodes = np.zeros((self.evaluation.owned, traction.shape[1]))
-            at_nodes[self.nodes[points]] = traction[points]
-            force = self.evaluation.over_ranks(products.T @ self.evaluation.with_ghosts(at_nodes))
-            area = _sums(self.evaluation, abs(products).sum(axis=0))
-            reached = np.flatnonzero(area > 0)
-            groups.append((reached, force[reached], area[reached]))
+        of_sides = zip(self.sides, self.parts(), strict=True)
+        groups = [side.forces(self.traction[part], self.body) for side, part in of_sides]
         nodes, forces, area = (np.concatenate(column) for column in zip(*groups, strict=True))
         return nodes, forces, area
 
@@ -310,17 +298,12 @@ class ContactNodes:
         return ~movable
 
     def _movable(self, vectors: Nodal, supports: PrescribedNodes) -> Nodal:
-        """The part of vectors at the points that is along directions in which something can move, shape (n, d)."""
-        movable = (
-            supports.left(vectors, self.nodes) if self.spread is None else vectors * self._any_of(supports.movable())
-        )
-        for pair, part in self._paired:
-            movable[part] = vectors[part] * pair.moved(supports.movable())
-        return movable
+        of_sides = zip(self.sides, self.parts(), strict=True)
+        return np.concatenate([side.movable(vectors[part], supports, self.body) for side, part in of_sides])
 
     def coupling_error(self) -> float:
         """The largest error of the maps of pairs of bodies."""
-        return max((pair.error() for pair in self.pairs.values()), default=0.0)
+        return max((pair.error() for pair, _ in self._paired), default=0.0)
 
     @property
     def shear_across(self) -> Nodal:
@@ -333,48 +316,10 @@ class ContactNodes:
     @cached_property
     def _paired(self) -> list[tuple[PairPoints, slice]]:
         """The pairs of bodies, and which points are theirs."""
-        parts = self.parts()
-        return [(pair, parts[number]) for number, pair in self.pairs.items()]
-
-    def _of_one_body(self) -> npt.NDArray[np.bool_]:
-        """The points on a rigid foundation, shape (n,)."""
-        on_rigid = np.ones(self.nodes.size, dtype=bool)
-        for _, part in self._paired:
-            on_rigid[part] = False
-        return on_rigid
-
-    def _any_of(self, flags: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
-        """Whether a node that a point averages over has a flag, shape (n, d)."""
-        if self.spread is None:
-            return flags[self.nodes]
-        nodal_flags = self.evaluation.with_ghosts(flags.astype(np.float64))
-        shares = [
-            nodal_flags if products is None else self.evaluation.over_ranks(abs(products) @ nodal_flags)
-            for products in self.spread
-        ]
-        share = self._at_points(shares)
-        return np.asarray(share > ZERO_SUM * self.weight[:, None])
-
-    def _at_points(self, of_parts: list[Nodal]) -> Nodal:
-        """What each contact boundary has at its own points."""
-        return np.concatenate(
-            [values[self.nodes[points]] for values, points in zip(of_parts, self.parts(), strict=True)]
-        )
+        of_sides = zip(self.sides, self.parts(), strict=True)
+        return [(side.pair, part) for side, part in of_sides if side.pair is not None]
 
     def parts(self) -> list[slice]:
         """Which rows each part of the boundary has, one after the other."""
-        ends = np.cumsum([0, *self.counts])
+        ends = np.cumsum([0, *(len(side.nodes) for side in self.sides)])
         return [slice(int(a), int(b)) for a, b in pairwise(ends)]
-
-
-def _sums(forces: SurfaceQuadrature, values: Any) -> Nodal:
-    """One number per node of this rank and its ghosts, summed over the ranks, shape (owned nodes,)."""
-    return forces.over_ranks(np.repeat(np.ravel(values)[:, None], forces.dimension, axis=1))[:, 0]
-
-
-def _averaged(forces: SurfaceQuadrature, products: Any, gap: Callable[[npt.NDArray[Any]], Nodal]) -> Nodal:
-    """The gap times the test functions, shape (owned nodes,)."""
-    values = np.zeros(products.shape[0])
-    reached = np.unique(products.indices)
-    values[reached] = gap(reached)
-    return _sums(forces, products @ values)

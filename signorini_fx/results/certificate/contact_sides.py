@@ -1,93 +1,145 @@
-"""The parts of the boundary with contact as a scene describes them, for its certificate."""
+"""The parts of the boundary with contact, evaluated anew for the certificate."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
-from dolfinx import fem
 
-from signorini_fx.mechanics.assembly.mesh_entities import node_positions
-from signorini_fx.mechanics.mesh.tagged import TaggedMesh
+from signorini_fx.mechanics.obstacles.foundations_on_points import ShapeDistances, rigid_points, without_small
 from signorini_fx.mechanics.statement.expressions import in_space, sample
-from signorini_fx.mechanics.statement.statement import Statement
+from signorini_fx.results.certificate.body_nodes import BodyNodes
 from signorini_fx.results.certificate.contact_nodes import ContactSide
 
 if TYPE_CHECKING:
     from signorini_fx.mechanics.obstacles.paired_points import PairedSides
-    from signorini_fx.results.certificate.pair_points import FrozenPoints
+    from signorini_fx.results.certificate.nodal_forces import NodalForces
+    from signorini_fx.results.certificate.pair_points import PairPoints
 
 Nodal = npt.NDArray[np.float64]
+Bound = Callable[[npt.NDArray[Any], Nodal], Nodal]
 
 
-def sides_of(
-    statement: Statement, tagged: TaggedMesh, space: fem.FunctionSpace, pairs: Mapping[int, PairedSides] | None = None
-) -> list[ContactSide]:
-    """The parts of the boundary with contact as a scene describes them.
+def rigid_side(
+    body: BodyNodes,
+    unit_form: Any,
+    facets: npt.NDArray[np.int32],
+    shape: ShapeDistances,
+    gap: Nodal,
+    bound: Bound,
+    *,
+    bilateral: bool,
+    axes: tuple[Nodal, Nodal] | None = None,
+) -> ContactSide:
+    """The points of a rigid foundation; collective.
 
     Args:
-        statement: what is stated of the problem.
-        tagged: its mesh.
-        space: the displacements.
+        body: its nodes.
+        unit_form: see ``foundations_on_points.unit_form``; it is assembled here.
+        facets: of the part of the boundary.
+        shape: of the foundation.
+        gap: d at all nodes of this rank, length, shape (nodes,).
+        bound: see ``ContactSide``.
+        bilateral: likewise.
+        axes: likewise, at all nodes.
+    """
+    free = np.zeros(body.owned * body.dimension, dtype=bool)
+    part = rigid_points(body.space, unit_form, facets, 0, shape, free)
+    at = part.nodes
+    side = ContactSide(at, part.weight, part.normal, gap[at], bound, bilateral, part.averages, None, _at(axes, at))
+    return side if part.averages is None else side.with_gap(gap, body)
+
+
+def paired_side(
+    pair: PairPoints,
+    gap: Nodal,
+    bound: Bound,
+    *,
+    bilateral: bool,
+    by_geometry: bool,
+    adjust: float | None,
+    axes: tuple[Nodal, Nodal] | None = None,
+) -> ContactSide:
+    """The points of two bodies; ``by_geometry``: whether their distance is added to the gap, see ``rigid_side``."""
+    at = pair.points
+    own = gap[at] + pair.gap(adjust) if by_geometry else gap[at]
+
+    def facing(nodes: npt.NDArray[Any], pressure: Nodal) -> Nodal:
+        return np.where(pair.facing, bound(nodes, pressure), 0.0)
+
+    return ContactSide(at, pair.weight, pair.normal, own, facing, bilateral, None, pair, _at(axes, at))
+
+
+def _at(axes: tuple[Nodal, Nodal] | None, nodes: npt.NDArray[Any]) -> tuple[Nodal, Nodal] | None:
+    return None if axes is None else (axes[0][nodes], axes[1][nodes])
+
+
+def sides_of(forces: NodalForces, pairs: Mapping[int, PairedSides] | None = None) -> list[ContactSide]:
+    """The parts of the boundary with contact as a scene describes them; collective.
+
+    Args:
+        forces: of the scene.
         pairs: bodies in contact as the solver has paired them, by their places in ``statement.contact``; None: they are
             paired anew.
     """
-    x = node_positions(space)[:, : space.mesh.geometry.dim]
-    factor = statement.kinematics.measure_at(x)
-    points: dict[int, FrozenPoints] = {}
-    if any(effect.against is not None for effect in statement.contact):
+    statement, tagged, space = forces.statement, forces.tagged, forces.space
+    if pairs is None and any(effect.against is not None for effect in statement.contact):
         from signorini_fx.mechanics.body.discretisation import pairs_of
+
+        pairs = pairs_of(statement, tagged, space)
+    sides = []
+    for part, effect in enumerate(statement.contact):
+        gap = forces.on_boundary(effect.boundary, partial(sample, effect.gap_in(tagged.dimension)))
+        bound, said = friction_bound(effect, forces), dict[str, Any](bilateral=not effect.opens)
+        if effect.friction.directed:
+            axes = forces.on_boundary(
+                effect.boundary, lambda x, law=effect.friction: np.column_stack(law.directions(x))
+            )
+            said["axes"] = axes[:, :-1], axes[:, -1]
+        if effect.against is None:
+            form, facets = forces.unit_form(effect.boundary), tagged.facets(effect.boundary)
+            sides.append(rigid_side(forces, form, facets, _shape(effect, forces), gap, bound, **said))
+            continue
         from signorini_fx.results.certificate.pair_points import FrozenPoints
 
-        paired = pairs_of(statement, tagged, space) if pairs is None else pairs
-        for part, pair in paired.items():
-            effect = statement.contact[part]
-            slave, master = map(tagged.facets, (effect.boundary, str(effect.against)))
-            points[part] = FrozenPoints.of(pair, space, (slave, master))
-
-    def side(part: int, effect: Any) -> ContactSide:
-        gap = effect.gap_in(tagged.dimension)
-
-        def along(nodes: npt.NDArray[Any]) -> Nodal:
-            directions = np.zeros((nodes.size, x.shape[1]))  # the rest is around the axis
-            directions[:, : tagged.dimension] = (
-                np.asarray(effect.direction) / np.linalg.norm(effect.direction)
-                if effect.surface is None
-                else gap.direction(in_space(x[nodes])).T
-            )
-            return directions
-
-        return ContactSide(
-            effect.boundary,
-            lambda nodes: sample(gap, in_space(x[nodes])),
-            friction_bound(effect, x),
-            not effect.opens,
-            None if effect.direction is None and effect.surface is None else along,
-            factor,
-            pair=points.get(part),
-            by_geometry=_by_geometry(effect),
-            adjust=effect.adjust,
-            directions=(lambda nodes: effect.friction.directions(in_space(x[nodes])))
-            if effect.friction.directed
-            else None,
-        )
-
-    return [side(part, effect) for part, effect in enumerate(statement.contact)]
+        assert pairs is not None
+        named = tagged.facets(effect.boundary), tagged.facets(effect.against)
+        points = FrozenPoints.of(pairs[part], space, named)
+        by_geometry = not effect.bonded and effect.distance == "geometry"
+        sides.append(paired_side(points, gap, bound, by_geometry=by_geometry, adjust=effect.adjust, **said))
+    return sides
 
 
-def friction_bound(effect: Any, x: Nodal) -> Callable[[npt.NDArray[Any], Nodal], Nodal]:
-    """The bound of a contact of a scene, see ``ContactSide``; ``x``: of all nodes, length, shape (nodes, d)."""
+def friction_bound(effect: Any, forces: NodalForces) -> Bound:
+    """The bound of a contact of a scene, see ``ContactSide``."""
 
     def bound(nodes: npt.NDArray[Any], pressure: Nodal) -> Nodal:
         if effect.bonded:
             return np.full(nodes.size, np.inf)
-        return np.asarray(effect.friction.sampled(in_space(x[nodes])).limit(np.abs(pressure)))
+        return np.asarray(effect.friction.sampled(in_space(forces.at_nodes[nodes])).limit(np.abs(pressure)))
 
     return bound
 
 
-def _by_geometry(effect: Any) -> bool:
-    """Whether the gap of a contact is the distance of both sides."""
-    return not effect.bonded and effect.distance == "geometry"
+def _shape(effect: Any, forces: NodalForces) -> ShapeDistances:
+    """Direction and measure of a rigid foundation of a scene."""
+    dimension, components = forces.tagged.dimension, forces.dimension
+
+    def along(x: Nodal) -> Nodal:
+        directions = np.zeros((x.shape[1], components))  # the rest is around the axis
+        given = effect.direction
+        directions[:, :dimension] = (
+            effect.gap_in(dimension).direction(x).T if given is None else np.asarray(given) / np.linalg.norm(given)
+        )
+        return directions
+
+    factor = direction = None
+    if not forces.kinematics.uniform:
+        measure = forces.on_boundary(effect.boundary, lambda x: forces.kinematics.measure_at(x[:components].T))
+        factor = without_small(measure, forces.comm)
+    if effect.direction is not None or effect.surface is not None:
+        direction = forces.on_boundary(effect.boundary, along)
+    return ShapeDistances(factor, direction)

@@ -11,10 +11,10 @@ from mpi4py import MPI
 
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.scales import Scales
+from signorini_fx.results.certificate.body_nodes import BodyNodes
 from signorini_fx.results.certificate.contact_nodes import ContactNodes
 from signorini_fx.results.certificate.rigid_part import RigidPart
 from signorini_fx.results.certificate.supports import PrescribedNodes
-from signorini_fx.results.certificate.surface_quadrature import SurfaceQuadrature
 from signorini_fx.tuned import CERTIFICATE_TOLERANCE, LOST_UNITS, NEGLIGIBLE, NO_FORCE, UNITS_OF_PLACES, ZERO_SUM
 
 Nodal = npt.NDArray[np.float64]
@@ -44,7 +44,7 @@ class Balance:
             ``internal``: nothing but contact acts.
     """
 
-    surface: SurfaceQuadrature
+    surface: BodyNodes
     internal: Nodal
     external: Nodal
     supports: PrescribedNodes

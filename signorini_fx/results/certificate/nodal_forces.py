@@ -20,6 +20,7 @@ from dolfinx import default_scalar_type, fem
 from signorini_fx.machine import parallel
 from signorini_fx.machine.compilation import compiling
 from signorini_fx.mechanics.assembly.mesh_entities import assemble
+from signorini_fx.mechanics.assembly.nodal_values import NodalValues
 from signorini_fx.mechanics.elasticity.elastic_law import fields_of
 from signorini_fx.mechanics.loads.initial_strains import initial_strain
 from signorini_fx.mechanics.loads.jumps import Jump, jumps_in, total_jump
@@ -27,14 +28,15 @@ from signorini_fx.mechanics.loads.load_vectors import FormCoefficients, compile_
 from signorini_fx.mechanics.loads.nodal_effects import forces_at_nodes
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.model import Model
+from signorini_fx.mechanics.obstacles.foundations_on_points import unit_form
 from signorini_fx.mechanics.statement.effect import Force, InitialStrain, Resistance
+from signorini_fx.mechanics.statement.expressions import in_space
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.mechanics.statement.volumetric import treatment_of
 from signorini_fx.records import Inventory
-from signorini_fx.results.certificate.surface_quadrature import SurfaceQuadrature
+from signorini_fx.results.certificate.body_nodes import BodyNodes
 
 Array = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.int32]
 
 
 class CompiledForms:
@@ -120,7 +122,7 @@ class CompiledForms:
         return self.kept(name, make)
 
 
-class NodalForces(SurfaceQuadrature):
+class NodalForces(BodyNodes):
     """Forces on the nodes of a Lagrange space, from a scene and its mesh alone; all methods are collective.
 
     Args:
@@ -159,9 +161,24 @@ class NodalForces(SurfaceQuadrature):
             other._forms = CompiledForms(statement, self.tagged, self.space)
         return other
 
-    def facets(self, boundary: Any) -> Indices:
-        """Those of a boundary of the mesh, by its name; of another part of it see ``SurfaceQuadrature``."""
-        return self.tagged.facets(boundary) if isinstance(boundary, str) else super().facets(boundary)
+    def unit_form(self, boundary: str) -> Any:
+        """The compiled unit contact form of a part of the boundary."""
+        key = "unit form", boundary, self.kinematics.uniform
+        if key not in self._of_mesh:
+            about = self.space, self.tagged.facets(boundary), Inventory(), boundary
+            self._of_mesh[key] = unit_form(*about, measured=not self.kinematics.uniform)
+        return self._of_mesh[key]
+
+    def on_boundary(self, boundary: str, values: Callable[[Array], Array]) -> Array:
+        """Values of points x, shape (3, n), at the nodes of a part of the boundary, nan at all others; collective."""
+        key = "nodes", boundary
+        if key not in self._of_mesh:
+            self._of_mesh[key] = NodalValues(self.space, self.tagged.facets(boundary)).nodes
+        nodes = self._of_mesh[key]
+        at_nodes = values(in_space(self.at_nodes[nodes]))
+        nodal_values = np.full((len(self.at_nodes), *at_nodes.shape[1:]), np.nan)
+        nodal_values[nodes] = at_nodes
+        return nodal_values
 
     @property
     def pressed(self) -> bool:

@@ -14,6 +14,7 @@ from typing import Any
 import basix
 import numpy as np
 import numpy.typing as npt
+import ufl
 from dolfinx import fem
 
 from signorini_fx.machine.compilation import compiling
@@ -141,7 +142,7 @@ class NonlinearForces(NodalForces):
 
     @property
     def _owned_cells(self) -> int:
-        return int(self.space.mesh.topology.index_map(self.across).size_local)
+        return int(self.space.mesh.topology.index_map(self.space.mesh.topology.dim).size_local)
 
     def cauchy(self, displacement: fem.Function, states: States, step: float) -> PointStress:
         """The Cauchy stress at the points of quadrature; for the arguments see ``residual``.
@@ -150,8 +151,12 @@ class NonlinearForces(NodalForces):
         """
         self._move_to(displacement, states, step)
         degree = max(1, strain_degree(self.space, self.kinematics))
-        points, weights = basix.make_quadrature(self.cell_type, degree)
-        x = np.asarray(self._table(points).place @ self._x[self._corners[: self._owned_cells]])
+        cell_type = getattr(basix.CellType, self.space.mesh.topology.cell_name())
+        points, weights = basix.make_quadrature(cell_type, degree)
+        mesh, cells = self.space.mesh, np.arange(self._owned_cells, dtype=np.int32)
+        with compiling():
+            places = fem.Expression(ufl.SpatialCoordinate(mesh), points)
+        x = np.asarray(places.eval(mesh, cells)).reshape(cells.size, len(points), -1)[:, :, : points.shape[1]]
         reduced = volume_degree(self._nonlinear, self.tagged)
         parts = [stress_parts(material, self._u, self.kinematics, self._body.free) for material in self.materials]
         shape, volume = ([part[k] for part in parts] for k in range(2))
@@ -160,9 +165,9 @@ class NonlinearForces(NodalForces):
             stress[state.cells] = state.response()[0].reshape(*state.begun.shape[:2], 3, 3)
         if reduced is None:
             return PointStress(points, weights, x, stress + self._evaluated(volume, points, (3, 3)))
-        fewer, their_weights = basix.make_quadrature(self.cell_type, reduced)
+        fewer, their_weights = basix.make_quadrature(cell_type, reduced)
         mean = self._evaluated(volume, fewer, (3, 3))
-        between = _between(self.cell_type, self._shapes.degree - 1, fewer, their_weights, points)
+        between = _between(cell_type, self.space.element.basix_element.degree - 1, fewer, their_weights, points)
         return PointStress(points, weights, x, stress + np.einsum("pq,cqij->cpij", between, mean))
 
     def _evaluated(self, expressions: Sequence[Any], points: Array, shape: tuple[int, ...]) -> Array:
