@@ -12,7 +12,7 @@ from dolfinx import fem
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.model import Model
 from signorini_fx.records import Finding, Status
-from signorini_fx.results.certificate.certificate import evaluated_balance
+from signorini_fx.results.certificate.certificate import balance_of
 from signorini_fx.results.certificate.nodal_forces import NodalForces
 from signorini_fx.tuned import LAST_DIGITS, ROUNDINGS
 
@@ -43,7 +43,7 @@ def left_by_last_digits(model: Model, displacement: fem.Function, step: float) -
         step: the place of the load step.
     """
     forces, comm, changed = NodalForces.on(model), model.comm, displacement.copy()
-    balance = evaluated_balance(forces, displacement, step)
+    balance = balance_of(forces, displacement, step)
     supports, loads = balance.supports, balance.supports.left(balance.external + balance.initial)
     rng, squares = np.random.default_rng(comm.rank), 0.0
     for _ in range(ROUNDINGS):

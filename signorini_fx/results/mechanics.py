@@ -11,7 +11,7 @@ from dolfinx import fem
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodyMotion
 from signorini_fx.mechanics.statement.effect import Force, Resistance
-from signorini_fx.results.certificate.certificate import Certificate, certify, evaluated_balance, judged
+from signorini_fx.results.certificate.certificate import Certificate, balance_of, certify, judged
 from signorini_fx.results.certificate.contact_nodes import ContactSide
 from signorini_fx.results.certificate.equilibrium import Balance
 from signorini_fx.results.certificate.law_of_method import Law, PreviousStep, Tractions
@@ -118,7 +118,7 @@ class StatedBody(SolidBody):
     def balance(self, y: fem.Function, step: float) -> Balance:
         from signorini_fx.results.certificate.nodal_forces import NodalForces
 
-        return evaluated_balance(NodalForces.on(self), y, step)
+        return balance_of(NodalForces.on(self), y, step)
 
     def acting(self, y: fem.Function, step: float) -> ActingForces:
         from signorini_fx.results.certificate.nodal_forces import NodalForces

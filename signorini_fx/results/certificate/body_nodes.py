@@ -1,7 +1,8 @@
-"""The nodes of a body as certificates see them."""
+"""The nodes of a body, and its pieces, as certificates see them."""
 
 from __future__ import annotations
 
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -9,11 +10,92 @@ import numpy.typing as npt
 from dolfinx import fem
 from mpi4py import MPI
 
+from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import node_positions
+from signorini_fx.mechanics.assembly.pieces import find_pieces
 from signorini_fx.mechanics.assembly.shared_cache import shared_in
-from signorini_fx.results.certificate.rigid_part import RigidPart
 
 Array = npt.NDArray[np.float64]
+
+
+class RigidPart:
+    """The pieces of a mesh and their nearest rigid motions; pieces that can touch move independently of each other.
+
+    A bond between two pieces is contact, too: each is in equilibrium with its traction.
+
+    Args:
+        space: of the displacement; collective.
+        x: positions of the owned nodes, length, shape (owned nodes, d).
+
+    Attributes:
+        count: number of pieces.
+        of_cell: number of the piece that each cell of this rank is in.
+        piece: number of the piece that each owned node is in.
+        size: diameters, length, shape (pieces,).
+    """
+
+    def __init__(self, space: fem.FunctionSpace, x: Array) -> None:
+        pieces, self._comm, dim = find_pieces(space.mesh), space.mesh.comm, x.shape[1]
+        self.count, self.of_cell, nodes = pieces.count, pieces.of_cell, space.dofmap.index_map
+        of_node = np.zeros(nodes.size_local + nodes.num_ghosts, dtype=np.int64)
+        of_node[space.dofmap.list] = pieces.of_cell[:, None]  # at a hinge either of both, which move there alike
+        self.piece = of_node[: len(x)]
+        self.size = np.linalg.norm(np.ptp(pieces.bounds, axis=1), axis=1)
+        arm = self._without_mean(x)
+        turns = dim * (dim - 1) // 2
+        self._turned = np.zeros((*x.shape, turns))
+        for k, (i, j) in enumerate(combinations(range(dim), 2)):
+            self._turned[:, i, k], self._turned[:, j, k] = -arm[:, j], arm[:, i]
+        gram = self._sums(np.einsum("nik,nil->nkl", self._turned, self._turned).reshape(-1, turns**2))
+        self._inverse = np.linalg.pinv(gram.reshape(-1, turns, turns), hermitian=True)
+
+    def largest_beside(self, y: Array) -> Array:
+        """The largest displacement of a node of each piece after the nearest rigid motion of the piece is subtracted,
+        shape (pieces,); collective.
+
+        Args:
+            y: displacements of the owned nodes, length, shape (owned nodes, d).
+        """
+        motion = self._without_mean(y)
+        moment = self._sums(np.einsum("nik,ni->nk", self._turned, motion))
+        angles = np.einsum("pkl,pl->pk", self._inverse, moment)
+        return self.largest(np.linalg.norm(motion - np.einsum("nik,nk->ni", self._turned, angles[self.piece]), axis=1))
+
+    def largest(self, values: Array, piece: npt.NDArray[Any] | None = None) -> Array:
+        """The largest of values of each piece, not below zero, inf where one is nan, shape (pieces,); collective.
+
+        Args:
+            values: shape (n,).
+            piece: which piece each belongs to, -1: to none; None: values are those of the owned nodes.
+        """
+        piece = self.piece if piece is None else piece
+        local_largest, inside = np.zeros(self.count), piece >= 0
+        if self.count == 1:
+            local_largest[:] = np.max(values, where=inside, initial=0.0)
+        else:
+            np.maximum.at(local_largest, piece[inside], values[inside])
+        return parallel.largest_of_each(self._comm, np.where(np.isnan(local_largest), np.inf, local_largest))
+
+    def norms(self, vectors: Array, piece: npt.NDArray[Any] | None = None) -> Array:
+        """The norms of vectors at the owned nodes of each piece, or at others, shape (pieces,); collective."""
+        rows = vectors[:, None] if vectors.ndim == 1 else vectors
+        squares = np.einsum("ni,ni->n", rows, rows)[:, None]
+        pieces = self.piece if piece is None else piece
+        return np.asarray(np.sqrt(parallel.sums_by(self._comm, pieces, squares, self.count)[:, 0]))
+
+    def works(self, *products: Array) -> Array:
+        """The sums of products of forces and displacements at the owned nodes, shape (pieces, number of products);
+        collective.
+        """
+        return self._sums(np.column_stack([np.sum(product, axis=1) for product in products]))
+
+    def _without_mean(self, values: Array) -> Array:
+        sums = self._sums(np.column_stack((np.ones(len(values)), values)))
+        return np.asarray(values - (sums[:, 1:] / np.maximum(sums[:, :1], 1.0))[self.piece])
+
+    def _sums(self, values: Array) -> Array:
+        """Sums over the nodes of each piece, shape (pieces, ...)."""
+        return parallel.sums_by(self._comm, self.piece, values, self.count)
 
 
 class BodyNodes:

@@ -180,14 +180,12 @@ def certify(
 def balance_of(forces: NodalForces, displacement: fem.Function, step: float, scale: float = 1.0) -> Balance:
     """The forces on a body without contact at a place in the lists of factors, for the arguments see ``certify``;
     collective.
-
-    They are evaluated anew, and the last ones are kept for results, see ``evaluated_balance``.
     """
     statement, tagged = forces.statement, forces.tagged
     scales = Scales(tagged.dimension, statement.young, tagged.size, forces.kinematics.depth(tagged.size))
     pressed = forces.pressed  # then forces are not those of a change of volume
     stiffest = replace(scales, modulus=max(material.stiffest(pressed=pressed) for material in statement.material))
-    balance = Balance(
+    return Balance(
         forces,
         forces.internal(displacement),
         forces.external(step, scale),
@@ -198,22 +196,6 @@ def balance_of(forces: NodalForces, displacement: fem.Function, step: float, sca
         *forces.initial(step, scale, displacement),
         dilation=forces.dilation(displacement, step, scale),
     )
-    values = {name: value for name, value in vars(balance).items() if name != "surface"}  # which would be a circle
-    of = {"displacement": displacement, "y": displacement.x.array.copy(), "at": (step, scale)}
-    forces.latest.update(of, statement=statement, values=values)
-    return balance
-
-
-def evaluated_balance(forces: NodalForces, displacement: fem.Function, step: float) -> Balance:
-    """The same for results: what the certificate has evaluated where it was the last to do so for this displacement and
-    place; collective.
-    """
-    of = {"displacement": displacement, "statement": forces.statement}
-    known = all(forces.latest.get(name) is value for name, value in of.items()) and forces.latest["at"] == (step, 1.0)
-    known = known and np.array_equal(forces.latest["y"], displacement.x.array)
-    if parallel.any_rank(displacement.function_space.mesh.comm, not known):
-        return balance_of(forces, displacement, step)
-    return Balance(forces, **forces.latest["values"])
 
 
 def _faint_forces(

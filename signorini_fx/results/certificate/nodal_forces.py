@@ -129,9 +129,6 @@ class NodalForces(BodyNodes):
         statement: what is stated of the problem.
         tagged: its mesh.
         space: the vector Lagrange space of the displacement.
-
-    Attributes:
-        latest: what the last certificate has evaluated, see ``balance_of``; empty: there is none.
     """
 
     def __init__(self, statement: Statement, tagged: TaggedMesh, space: fem.FunctionSpace) -> None:
@@ -139,7 +136,6 @@ class NodalForces(BodyNodes):
         self.statement = statement
         self.tagged = tagged
         self.kinematics = statement.kinematics_in(tagged.dimension)
-        self.latest: dict[str, Any] = {}
         self._forms = CompiledForms(statement, tagged, space)
 
     @classmethod
