@@ -21,7 +21,7 @@ from signorini_fx.mechanics.mesh.refinement import mark, refine
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.statement.mesh_sources import MeshGenerator
 from signorini_fx.mechanics.statement.settings import SolverSettings
-from signorini_fx.results.accuracy.contact_values import interpolated
+from signorini_fx.results.accuracy.contact_surface import interpolated
 from signorini_fx.results.accuracy.convergence_table import zone_change
 from signorini_fx.results.solution import Solution
 from signorini_fx.scenes.hierarchy import scene_on

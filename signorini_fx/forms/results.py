@@ -18,8 +18,7 @@ from signorini_fx.results.accuracy.mesh_level import LevelResult
 from signorini_fx.results.requested_law import requested_law
 from signorini_fx.results.solution import Solution
 from signorini_fx.results.stresses import RawStresses
-from signorini_fx.solving.check.pushed_nodes import held_in_result, pushed_nodes
-from signorini_fx.solving.check.shapes_in_results import shapes_in_results
+from signorini_fx.solving.check.result_findings import held_in_result, pushed_nodes, shapes_in_results
 from signorini_fx.solving.load_steps import StepProgress
 from signorini_fx.solving.solve_on_mesh import contact_solution, findings_of_steps, used_parameters
 

@@ -13,7 +13,7 @@ import numpy.typing as npt
 import ufl
 from dolfinx import __version__, cpp, fem, mesh
 
-from signorini_fx.machine.fenicsx import needs_fenicsx
+from signorini_fx.machine.requirements import needs_fenicsx
 
 VERSION = tuple(int(part) for part in __version__.split(".")[:2])
 if VERSION < (0, 9):

@@ -5,8 +5,7 @@ from __future__ import annotations
 import resource
 from importlib.util import find_spec
 
-from signorini_fx.errors import MachineError
-from signorini_fx.machine.fenicsx import needs_fenicsx
+from signorini_fx.errors import InstallationError, MachineError
 from signorini_fx.tuned import ADDRESS_SPACE, DATA_SEGMENT
 
 FENICSX = ("mpi4py", "petsc4py", "ufl", "basix", "dolfinx")
@@ -31,3 +30,15 @@ def check_machine() -> None:
                 f"the memory of each process is limited to {allowed / 1e6:.0f} MB (ulimit {option}): "
                 f"at least {needed / 1e6:.0f} MB are needed, raise the limit"
             )
+
+
+_WAYS = """\
+    apt install python3-dolfinx python3-gmsh                              (Debian 13 or later, Python of the system)
+    pip install '.[fenicsx]'                    (checkout, Python 3.12 or later on Linux, x86-64; not by FEniCS)
+    conda install -c conda-forge fenics-dolfinx mpich python-gmsh         (not tried)
+    docker build -t signorini-fx .                                        (in the checkout, or use its ./env)"""
+
+
+def needs_fenicsx(message: str) -> InstallationError:
+    """The error of an installation whose FEniCSx is missing, too old, or lacks something; it says where to get it."""
+    return InstallationError(f"{message}: FEniCSx with dolfinx >= 0.9 is needed. Install it by one of\n{_WAYS}")

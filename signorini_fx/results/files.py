@@ -209,7 +209,7 @@ class _Written:
         facets = None if solution.model.tagged.dimension == 2 else _contact_facets(solution)
         other = None
         if solution.contact is not None and solution.statement.sides[1] is not None:
-            from signorini_fx.results.side_without_points import other_side
+            from signorini_fx.results.surface_file import other_side
 
             other = other_side(solution)
 

@@ -22,10 +22,9 @@ from signorini_fx.scenes.hierarchy import coarser_scenes, scene_on
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.plan import planned
 from signorini_fx.scenes.scene import Scene
-from signorini_fx.solving.check.cost import Cost, estimated_cost, memory_finding
+from signorini_fx.solving.check.cost import Cost, attempts_for, estimated_cost, memory_finding
 from signorini_fx.solving.check.findings import nonlinear_findings, scene_findings
 from signorini_fx.solving.check.petsc_options import refuse_mistyped
-from signorini_fx.solving.check.planned import attempts_for
 from signorini_fx.solving.check.refusals import refuse_beforehand
 from signorini_fx.solving.check.uniqueness import uniqueness_findings
 from signorini_fx.tuned import NO_FORCE

@@ -53,8 +53,9 @@ from signorini_fx.results.solution import ConvergenceError, Solution, advice_on_
 from signorini_fx.results.step_result import StepResult
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.scene import Scene
-from signorini_fx.solving.check.findings import nonlinear_findings, untouched
+from signorini_fx.solving.check.findings import nonlinear_findings
 from signorini_fx.solving.check.refusals import refuse_beforehand
+from signorini_fx.solving.check.result_findings import untouched
 from signorini_fx.solving.checkpointed_steps import MeshCheckpoint
 
 Array = npt.NDArray[np.float64]

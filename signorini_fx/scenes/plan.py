@@ -26,7 +26,7 @@ from signorini_fx.mechanics.statement.contact_sizes import contact_sizes
 from signorini_fx.mechanics.statement.features import divisible
 from signorini_fx.mechanics.statement.mesh_sources import DRAWN, MeshFile, MeshGenerator
 from signorini_fx.mechanics.statement.settings import Accuracy
-from signorini_fx.results.accuracy.local_estimates import LOCAL, divides
+from signorini_fx.results.accuracy.next_accuracy import LOCAL, divides
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.scene import Scene
 from signorini_fx.tuned import SAME_LENGTH

@@ -20,7 +20,7 @@ from signorini_fx.mechanics.rigid.mesh_levels import MeshLevel
 from signorini_fx.mechanics.statement.settings import Accuracy, SolverSettings
 from signorini_fx.records import Status
 from signorini_fx.results.accuracy.convergence_table import fineness_of
-from signorini_fx.results.accuracy.local_estimates import DIVIDED_FOR
+from signorini_fx.results.accuracy.next_accuracy import DIVIDED_FOR
 from signorini_fx.results.accuracy.pressure_error import corners_of_error
 from signorini_fx.solving.meshed_problem import MeshedProblem, SolvedMesh
 from signorini_fx.tuned import (

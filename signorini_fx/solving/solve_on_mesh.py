@@ -32,12 +32,16 @@ from signorini_fx.results.functionals import functionals
 from signorini_fx.results.mechanics import SolidBody, StatedBody
 from signorini_fx.results.solution import Solution
 from signorini_fx.results.step_result import StepResult
-from signorini_fx.solving.check.bodies import facets_in_result
 from signorini_fx.solving.check.cost import estimated_cost
-from signorini_fx.solving.check.findings import result_findings, scene_findings
-from signorini_fx.solving.check.pushed_nodes import held_in_result, pushed_nodes
+from signorini_fx.solving.check.findings import scene_findings
 from signorini_fx.solving.check.refusals import refuse_beforehand
-from signorini_fx.solving.check.shapes_in_results import shapes_in_results
+from signorini_fx.solving.check.result_findings import (
+    facets_in_result,
+    held_in_result,
+    pushed_nodes,
+    result_findings,
+    shapes_in_results,
+)
 from signorini_fx.solving.data_at_times import stated_body
 from signorini_fx.solving.first_start import first_start
 from signorini_fx.solving.load_steps import all_load_steps

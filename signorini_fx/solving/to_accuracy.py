@@ -29,8 +29,8 @@ from signorini_fx.results.accuracy.convergence_table import (
     predict,
     with_polygon,
 )
-from signorini_fx.results.accuracy.local_estimates import LOCAL
 from signorini_fx.results.accuracy.mesh_level import LevelResult
+from signorini_fx.results.accuracy.next_accuracy import LOCAL
 from signorini_fx.results.accuracy.peak_error import diverging_row
 from signorini_fx.results.deferred_quantities import failure_in_words
 from signorini_fx.results.solution import Solution

@@ -12,7 +12,7 @@ from two_bodies import facets, forms, held, per_cell
 from signorini_fx import MeshError, SceneError, Status, solve
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable
 from signorini_fx.mechanics.mesh.tagged import generate_mesh
-from signorini_fx.results.accuracy.contact_values import interpolated
+from signorini_fx.results.accuracy.contact_surface import interpolated
 from signorini_fx.results.accuracy.convergence_table import zone_change
 from signorini_fx.scenes.reading import parse_scene
 

@@ -10,8 +10,7 @@ from signorini_fx.mechanics.body.discretisation import discretise
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable
 from signorini_fx.mechanics.kinematics import AXISYMMETRIC
 from signorini_fx.records import Timings
-from signorini_fx.results.accuracy.error_estimates import estimate_errors
-from signorini_fx.results.accuracy.missed_loads import missed_loads
+from signorini_fx.results.accuracy.error_estimates import estimate_errors, missed_loads
 from signorini_fx.results.accuracy.pressure_error import bends, beside, interval_squares, on_facets
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import parse_scene

@@ -5,7 +5,7 @@ import pytest
 from scenes import alone, table_of
 
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable, is_closed
-from signorini_fx.results.accuracy.contact_values import interpolated
+from signorini_fx.results.accuracy.contact_surface import interpolated
 from signorini_fx.results.accuracy.convergence_table import zone_ends
 from signorini_fx.results.accuracy.pressure_error import on_facets
 from signorini_fx.scenes.reading import parse_scene

@@ -18,7 +18,7 @@ from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.obstacles.sliding_sides import SlidingSides
 from signorini_fx.mechanics.pairs.sliding import Frames, SlidingCoupling
 from signorini_fx.records import Finding
-from signorini_fx.solving.check.pushed_nodes import HeldNodes
+from signorini_fx.solving.check.result_findings import HeldNodes
 from signorini_fx.tuned import LEAST_SEEN, PAST_THE_END
 
 Array = npt.NDArray[np.float64]

@@ -31,7 +31,7 @@ from petsc4py import PETSc
 
 from signorini_fx.algebra.linalg.factorisation import has_package
 from signorini_fx.machine import compat, parallel
-from signorini_fx.machine.fenicsx import needs_fenicsx
+from signorini_fx.machine.requirements import needs_fenicsx
 from signorini_fx.mechanics.assembly.mesh_entities import assemble
 from signorini_fx.mechanics.assembly.pieces import BodyPieces
 from signorini_fx.mechanics.elasticity.elastic_law import LawStress, SceneLaw, compliance

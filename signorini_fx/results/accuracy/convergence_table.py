@@ -18,8 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable, is_closed
-from signorini_fx.results.accuracy.contact_surface import ContactSurface
-from signorini_fx.results.accuracy.contact_values import interpolated, places
+from signorini_fx.results.accuracy.contact_surface import ContactSurface, interpolated, places
 from signorini_fx.results.accuracy.force_error import force_error
 from signorini_fx.results.accuracy.forecast import grown, powers
 from signorini_fx.results.accuracy.mesh_level import LevelResult, MeshCost

@@ -17,8 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable, is_closed
-from signorini_fx.results.accuracy.contact_surface import ContactSurface
-from signorini_fx.results.accuracy.contact_values import places
+from signorini_fx.results.accuracy.contact_surface import ContactSurface, places
 from signorini_fx.results.accuracy.pressure_error import turning
 from signorini_fx.tuned import (
     CHANGES_USED,

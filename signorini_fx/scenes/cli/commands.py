@@ -201,7 +201,7 @@ def info(_: argparse.Namespace) -> int:
 
     from signorini_fx.algebra.linalg.factorisation import factorisation_package
     from signorini_fx.machine import parallel
-    from signorini_fx.results.versions import versions
+    from signorini_fx.results.summary import versions
 
     comm = MPI.COMM_WORLD
     lines = [f"{name:14s} {version}" for name, version in versions().items()]

@@ -1,12 +1,7 @@
-"""Findings about a scene and its result: what may go wrong, and what to do about it.
-
-``checks`` reports them before a scene is solved, ``solver`` with the solution; both call the functions of this module
-with data that they have anyway.
-"""
+"""Findings about a scene: what may go wrong, and what to do about it; told before and with its solution."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
@@ -15,7 +10,6 @@ from dolfinx import mesh as dmesh
 from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import facet_entities, facet_vertices
-from signorini_fx.mechanics.body.deformation import Deformation
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.rigid.motion_names import MOST_LISTED
 from signorini_fx.mechanics.statement.effect import Force, Resistance, is_zero
@@ -28,7 +22,6 @@ from signorini_fx.tuned import (
     HARDLY_MOVED,
     LARGEST_GAMMA,
     NO_FORCE,
-    SMALL_DEFORMATION,
     START_GAMMA,
 )
 
@@ -101,48 +94,6 @@ def _idle(body: Model) -> list[Finding]:
             )
             findings.append(Finding("warning", path, message))
     return findings
-
-
-def result_findings(
-    deformations: Sequence[Deformation], *, touching: bool | None, unjudged: Sequence[str] = ()
-) -> list[Finding]:
-    """Findings about a result.
-
-    Args:
-        deformations: that of each load step.
-        touching: whether there is contact anywhere; None for a scene without contact.
-        unjudged: names of bodies whose forces are round-off of those of others.
-    """
-    findings = []
-    if unjudged:
-        message = (
-            f"the forces on {', '.join(unjudged)} are round-off of the largest ones of the scene: its results mean "
-            "nothing, and the certificate does not judge it; solve it in a scene of its own"
-        )
-        findings.append(Finding("warning", "body, traction, displacement", message))
-    worst = max(deformations, key=lambda deformation: deformation.largest)
-    far = f"displacements of up to {worst.displacement:.2g} times the size of the body"
-    if worst.gradient > SMALL_DEFORMATION:
-        message = (
-            f"strains and rotations of {worst.gradient:.2g} on average, {far}: the deformation is not small, as "
-            "linear elasticity assumes; check the units of E, of the loads and of the lengths"
-        )
-        findings.append(Finding("warning", "material, traction, body_force, displacement", message))
-    elif worst.displacement > SMALL_DEFORMATION:
-        message = (
-            f"{far}, by strains and rotations of {worst.gradient:.2g} on average: the body moves far, while gap and "
-            "normals are those of its initial position; check the gap and the unit of lengths"
-        )
-        findings.append(Finding("warning", "contact.gap, displacement", message))
-    return [*findings, *untouched(touching=touching)]
-
-
-def untouched(*, touching: bool | None) -> list[Finding]:
-    """A finding where contact touches nothing in any load step, see ``result_findings``."""
-    if touching is not False:
-        return []
-    message = "nothing is in contact; where contact was expected, check the gap, the loads and their units"
-    return [Finding("warning", "contact.gap", message)]
 
 
 def _pieces(body: Model) -> list[Finding]:

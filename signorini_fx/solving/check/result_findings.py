@@ -1,0 +1,268 @@
+"""Findings about a result: what is odd about it, and what to do about it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+from dolfinx import fem
+from dolfinx import mesh as dmesh
+from mpi4py import MPI
+from scipy.spatial import cKDTree
+
+from signorini_fx.algebra.contact.points import pushed
+from signorini_fx.machine import compat, parallel
+from signorini_fx.mechanics.assembly.mesh_entities import facet_entities, facet_vertices
+from signorini_fx.mechanics.body.deformation import Deformation
+from signorini_fx.mechanics.contact_points.contact_state import ContactState
+from signorini_fx.mechanics.contact_points.contact_table import contact_table
+from signorini_fx.mechanics.model import Model
+from signorini_fx.mechanics.obstacles.shapes_inside import BodyCells
+from signorini_fx.mechanics.rigid.motion_names import rounded
+from signorini_fx.records import Finding
+from signorini_fx.tuned import FACETS_OFF, NO_CURVED_SIDE, SAME_LENGTH, SMALL_DEFORMATION
+
+if TYPE_CHECKING:
+    from signorini_fx.mechanics.obstacles.paired_points import PairedSides
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class HeldNodes:
+    """Contact nodes of this rank, of which supports hold those with a depth inside, n of them.
+
+    No displacement is admissible there, so that no contact pressure keeps the node outside: the supports take whatever
+    it would be.  The node transmits nothing in contact (``complementarity.trial_pressure``), and the result must say
+    so.  Of two bodies it is a node that supports hold on both sides, and that has no contact point.
+
+    Attributes:
+        part: the contact, from 0, shape (n,).
+        depth: how far they are inside the foundation or the other body, length, shape (n,).
+        off: whether contact cannot open there, so that they may be off it, shape (n,).
+        paired: whether it is another body, shape (n,).
+        x: position, length, shape (n, d).
+    """
+
+    part: npt.NDArray[np.int32]
+    depth: Array
+    off: npt.NDArray[np.bool_]
+    paired: npt.NDArray[np.bool_]
+    x: Array
+
+    @property
+    def rows(self) -> Array:
+        """All of it as one array, shape (n, 4 + d)."""
+        return np.column_stack((self.part, self.depth, self.off, self.paired, self.x)).astype(np.float64)
+
+
+def held_in_result(
+    contact: ContactState | None, displacement: fem.Function, pairs: Mapping[int, PairedSides]
+) -> list[HeldNodes]:
+    """Those of a load step; collective."""
+    if contact is None:
+        return []
+    boundary = contact.boundary
+    single = np.zeros(boundary.size, dtype=bool)
+    points = HeldNodes(boundary.part, contact.held_inside, contact.bilateral, single, boundary.x)
+    owned = displacement.function_space.dofmap.index_map.size_local
+    y = displacement.x.array.reshape(-1, boundary.x.shape[1])[:owned]
+    return [points, *_held_pairs(y, pairs, boundary.comm)]
+
+
+def _held_pairs(y: Array, pairs: Mapping[int, PairedSides], comm: MPI.Comm) -> list[HeldNodes]:
+    """Those of pairs."""
+    nodes = []
+    for part, pair in pairs.items():
+        if (held := pair.held) is not None:
+            count = len(held.nodes)
+            off, paired = np.full(count, held.bilateral), np.ones(count, dtype=bool)
+            nodes.append(HeldNodes(np.full(count, part, np.int32), held.inside(y, comm), off, paired, held.x))
+    return nodes
+
+
+def pushed_nodes(comm: MPI.Comm, steps: Sequence[Sequence[HeldNodes]], size: float) -> list[Finding]:
+    """One finding for each contact with such nodes, from the load step where one lies deepest; collective.
+
+    Args:
+        comm: the ranks.
+        steps: the nodes of each load step.
+        size: of the body, length.
+    """
+    deepest: dict[int, tuple[float, str]] = {}
+    for nodes in steps:
+        for held in nodes:
+            rows = np.unique(parallel.gather_rows(comm, held.rows[pushed(held.depth, size)]), axis=0)
+            for part in np.unique(rows[:, 0]).astype(int):
+                of_part = rows[rows[:, 0] == part, 1:]
+                depth = float(of_part[:, 0].max())
+                if depth > deepest.get(part, (0.0, ""))[0]:
+                    deepest[part] = depth, _message(of_part, depth, size)
+    return [Finding("warning", f"contact[{part}], displacement", deepest[part][1]) for part in sorted(deepest)]
+
+
+def _message(rows: Array, depth: float, size: float) -> str:
+    """Of the nodes of one contact, ``HeldNodes.rows`` without the part."""
+    # The first of those that are as deep, whatever the number of ranks.
+    most = rows[rows[:, 0] >= depth - SAME_LENGTH * size]
+    length, bilateral, paired, *place = most[np.lexsort(most[:, 3:].T[::-1])[0]]
+    at = ", ".join(rounded(c, size) for c in place)
+    where = f"{'off' if bilateral else 'inside'} {'the other body' if paired else 'the foundation'}"
+    nodes, they = ("node", "it transmits") if len(rows) == 1 else ("nodes", "they transmit")
+    beside = ", and forces beside grow without limit on finer meshes" if paired and not bilateral else ""
+    return (
+        f"supports hold {len(rows)} contact {nodes} {where}, by {length:.3g} at ({at}): {they} nothing, the "
+        f"supports carry what acts there{beside}; check the gap beside them, or end the contact boundary before them"
+    )
+
+
+def facets_in_result(body: Model, contact: ContactState) -> list[Finding]:
+    """Contacts of two bodies whose pressure is that of the distances between the chords of their curved sides.
+
+    The slopes of both sides differ by the angles between facets; slope times modulus is a pressure.
+
+    Args:
+        body: the model.
+        contact: its contact points in a result; collective.
+    """
+    from signorini_fx.results.accuracy.pressure_error import polygon_error
+
+    table = contact_table(contact, *body.statement.sides)
+    assert table.nodes is not None
+    assert body.data is not None
+    findings = []
+    for index, effect in enumerate(body.statement.contact):
+        if effect.against is None or effect.distance != "geometry" or effect.kind == "bonded":
+            continue
+        pressure = np.where(table.nodes[:, 0] == index, table.columns["pressure"], 0.0)
+        own = replace(table, columns={**table.columns, "pressure": pressure})
+        if polygon_error(own, body.scales.modulus) < 1:
+            continue
+        names, on_part = (effect.boundary, effect.against), contact.boundary.part == index
+        off = sum(_off(body, name, contact.boundary.x[on_part]) for name in names)
+        gap = body.data.gap[on_part]
+        gap = gap + parallel.largest(body.comm, -gap, -np.inf)
+        if parallel.largest(body.comm, gap[gap <= off]) > FACETS_OFF * off > 0:  # else the nodes of both sides match
+            text = (
+                f"straight facets of {names[0]!r} and {names[1]!r} are up to {off:.2g} off the curved sides that they "
+                "are chords of, and the distances between them change the pressure as much as the loads do: take "
+                'smaller facets, curved cells, or distance = "nominal"'
+            )
+            findings.append(Finding("warning", f"contact[{index}].distance", text))
+    return findings
+
+
+def _off(body: Model, name: str, near: Array) -> float:
+    """How far facets near the contact are off the curved side that they are chords of, at most, length.
+
+    Args:
+        body: the model.
+        name: of the side.
+        near: points, shape (n, d), beside which its facets may be in contact.
+    """
+    mesh, facets = body.tagged.mesh, body.tagged.facets(name)
+    corners, cells = facet_vertices(mesh, facets), facet_entities(mesh, facets)[:, 0]
+    extent = np.linalg.norm(np.ptp(corners, axis=1), axis=1)
+    off = 0.0
+    if compat.geometry_degree(mesh) == 1 and len(facets) and len(near):
+        inside = dmesh.compute_midpoints(mesh, mesh.topology.dim, cells)
+        away, _ = cKDTree(near).query(corners.mean(axis=1)[:, : near.shape[1]])
+        off = _sagitta(corners, extent, inside, body.tagged.dimension, away <= extent)
+    return parallel.global_max(body.comm, off)
+
+
+def _sagitta(corners: Array, extent: Array, inside: Array, dimension: int, selected: npt.NDArray[np.bool_]) -> float:
+    """How far the middle of a facet is off an arc through its corners, at most: a facet that is the chord of an arc
+    meets its neighbours at the angle that it spans.
+
+    Args:
+        corners: of the facets, length, shape (f, k, 3).
+        extent: of each facet, length, shape (f,).
+        inside: a point of the cell behind each, shape (f, 3).
+        dimension: of the body.
+        selected: the facets that matter, shape (f,).
+    """
+    along = corners[:, 1] - corners[:, 0]
+    normal = np.stack((along[:, 1], -along[:, 0], 0 * along[:, 0]), axis=1)
+    if dimension == 3:
+        normal = np.asarray(np.cross(along, corners[:, 2] - corners[:, 0]))
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    normal *= np.sign(np.einsum("fi,fi->f", normal, corners.mean(axis=1) - inside))[:, None]
+    _, vertices = np.unique(np.round(corners.reshape(-1, 3) / extent.max(), 6), axis=0, return_inverse=True)
+    vertices = vertices.reshape(corners.shape[:2])
+    means: Array = np.zeros((vertices.max() + 1, 3))
+    np.add.at(means, vertices, normal[:, None])
+    means /= np.linalg.norm(means, axis=1, keepdims=True)
+    # Half of the angle between neighbours.
+    half = np.arccos(np.clip(np.einsum("fi,fki->fk", normal, means[vertices]), -1.0, 1.0))
+    smooth = np.where(half < NO_CURVED_SIDE / 2, half, 0.0).max(axis=1)
+    return float((extent * smooth)[selected].max(initial=0.0)) / 4
+
+
+def shapes_in_results(foundations: Iterable[tuple[str, Any, Any]], displacement: fem.Function) -> list[Finding]:
+    """Foundations between the nodes of a result, or in parts of the body that are in no contact; collective.
+
+    Args:
+        foundations: the name of each, its shape where it is in the result, None: it has none, and what is added to its
+            distance; with other than a number it is not looked at.
+        displacement: the result.
+    """
+    findings, cells = [], None
+    for name, shape, added in foundations:
+        if shape is None or getattr(shape, "driven", False) or not isinstance(added, int | float):
+            continue
+        space = displacement.function_space
+        cells = cells or BodyCells.of(space, space.mesh.geometry.dim)
+        deep = cells.inside(cells.placed(displacement.x.array), shape, float(added))
+        if deep is not None:
+            message = (
+                f"a part of the foundation lies inside the deformed body, {deep}: between two nodes, or where there is "
+                "no contact boundary; take facets that are not wider than the foundation, and more of the boundary"
+            )
+            findings.append(Finding("warning", name, message))
+    return findings
+
+
+def result_findings(
+    deformations: Sequence[Deformation], *, touching: bool | None, unjudged: Sequence[str] = ()
+) -> list[Finding]:
+    """Findings about a result.
+
+    Args:
+        deformations: that of each load step.
+        touching: whether there is contact anywhere; None for a scene without contact.
+        unjudged: names of bodies whose forces are round-off of those of others.
+    """
+    findings = []
+    if unjudged:
+        message = (
+            f"the forces on {', '.join(unjudged)} are round-off of the largest ones of the scene: its results mean "
+            "nothing, and the certificate does not judge it; solve it in a scene of its own"
+        )
+        findings.append(Finding("warning", "body, traction, displacement", message))
+    worst = max(deformations, key=lambda deformation: deformation.largest)
+    far = f"displacements of up to {worst.displacement:.2g} times the size of the body"
+    if worst.gradient > SMALL_DEFORMATION:
+        message = (
+            f"strains and rotations of {worst.gradient:.2g} on average, {far}: the deformation is not small, as "
+            "linear elasticity assumes; check the units of E, of the loads and of the lengths"
+        )
+        findings.append(Finding("warning", "material, traction, body_force, displacement", message))
+    elif worst.displacement > SMALL_DEFORMATION:
+        message = (
+            f"{far}, by strains and rotations of {worst.gradient:.2g} on average: the body moves far, while gap and "
+            "normals are those of its initial position; check the gap and the unit of lengths"
+        )
+        findings.append(Finding("warning", "contact.gap, displacement", message))
+    return [*findings, *untouched(touching=touching)]
+
+
+def untouched(*, touching: bool | None) -> list[Finding]:
+    """A finding where contact touches nothing in any load step, see ``result_findings``."""
+    if touching is not False:
+        return []
+    message = "nothing is in contact; where contact was expected, check the gap, the loads and their units"
+    return [Finding("warning", "contact.gap", message)]
