@@ -223,7 +223,7 @@ class Effect(Table):
         return []
 
 
-# Ten points on a facet: the error for a jump within it is part of the error estimate (``error_estimates.missed_loads``).
+# Ten points on a facet: the error for a jump within it is part of the error estimate (``missed_loads``).
 _VARYING_DEGREE = 20
 
 
