@@ -43,6 +43,23 @@ class AdjointError(SignoriniError):
 
 
 @dataclass(frozen=True)
+class Explicit:
+    """What of a load step depends on a datum explicitly, for fixed displacement and tractions, or its derivatives.
+
+    Attributes:
+        values: of the quantities.
+        residual: R at the unknowns of the stiffness; None: the datum does not change it.
+        relative: B x - d, length, shape (n, d); None: the datum does not change it.
+        bound: the friction bound, stress, shape (n,); None: the datum does not change it.
+    """
+
+    values: Sequence[float]
+    residual: PETSc.Vec | None = None
+    relative: Nodal | None = None
+    bound: Nodal | None = None
+
+
+@dataclass(frozen=True)
 class Adjoint:
     """The adjoint state of one quantity.
 
@@ -62,24 +79,15 @@ class Adjoint:
     weight: Nodal
     solves: int
 
-    def derivative(
-        self, direct: float, residual: PETSc.Vec | None, relative: Nodal | None, bound: Nodal | None
-    ) -> float:
-        """dJ/dp; collective.
-
-        Args:
-            direct: J_p.
-            residual: R_p, shape of the unknowns of the stiffness; None: zero.
-            relative: (B x - d)_p, shape (n, d); None: zero.
-            bound: that of the friction bound at the pressure of the solution, shape (n,); None: zero.
-        """
+    def derivative(self, by: Explicit, direct: float) -> float:
+        """dJ/dp from what depends on p explicitly, and J_p; collective."""
         changes = np.zeros_like(self.tied)
-        if relative is not None:
-            changes += self.tied * relative
-        if bound is not None:
-            changes += self.untied * self.law.by_bound(bound)
+        if by.relative is not None:
+            changes += self.tied * by.relative
+        if by.bound is not None:
+            changes += self.untied * self.law.by_bound(by.bound)
         points = parallel.global_sum(self.psi.comm.tompi4py(), np.array(self.weight @ changes.sum(axis=1)))
-        return float(direct - (0.0 if residual is None else self.psi.dot(residual)) - points)
+        return float(direct - (0.0 if by.residual is None else self.psi.dot(by.residual)) - points)
 
 
 class TransposedTangent:

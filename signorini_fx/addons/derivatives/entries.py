@@ -96,17 +96,6 @@ def varied(statement: Statement, path: str, change: float, dimension: int) -> di
     return {str(key): entries if isinstance(entries, tuple) else (entries,)}
 
 
-def load_of(statement: Statement, path: str) -> Load | None:
-    """The load that an entry belongs to, or that it is; None: none."""
-    value: Any = statement.tables
-    for key in _way(path):
-        value = _single_entry(value, key)
-        only = value[0] if isinstance(value, tuple) and len(value) == 1 else value
-        if isinstance(only, Load):
-            return only
-    return None
-
-
 def _way(path: str) -> list[str | int]:
     if not PATH.fullmatch(path):
         raise SceneError([(path, f"is no path of an entry, {_EXAMPLE}")])

@@ -14,13 +14,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
 from petsc4py import PETSc
 
-from signorini_fx.addons.derivatives.adjoint import Adjoint, TransposedTangent
+from signorini_fx.addons.derivatives.adjoint import Adjoint, Explicit, TransposedTangent
 from signorini_fx.addons.derivatives.law import LinearisedLaw, linearised
 from signorini_fx.algebra.algorithms.ssn import SemismoothNewton
 from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
@@ -43,8 +44,8 @@ from signorini_fx.results.step_frames import turned
 from signorini_fx.tuned import QUANTITY_CHANGE, ROUND_OFF_OF_DIFFERENCE, WRONG_DERIVATIVE
 
 Array = npt.NDArray[np.float64]
-# What of a load step, by its number, depends on a datum explicitly.
-By = Callable[[int], "Explicit"]
+# The derivatives by a datum of what of a load step depends on it explicitly, with those of some quantities.
+By = Callable[[Any, Sequence[Functional]], Explicit]
 
 
 @dataclass(frozen=True)
@@ -186,8 +187,18 @@ class SolvedStep:
                 ]
             )
 
-    def handed_back(self, adjoint: Adjoint, earlier: SolvedStep) -> tuple[PETSc.Vec, Nodal]:
-        """What a quantity with this adjoint state owes to the load step before, as ``quantity``; collective."""
+    def value(self, of: Functional) -> float:
+        """That of a quantity; collective."""
+        return of.value(self.displacement, self.state.boundary, self.state.pressure, self.state.shear)
+
+    def handed_back(self, adjoint: Adjoint | None, earlier: SolvedStep | None) -> tuple[PETSc.Vec, Nodal] | None:
+        """What a quantity with this adjoint state owes to the load step before, as ``quantity``; None: nothing;
+        collective.
+        """
+        if adjoint is None or earlier is None:
+            return None
+        if not parallel.any_rank(self.body.comm, bool(adjoint.tied[:, 1:].any())):
+            return None
         body, boundary, slips = earlier.body, self.state.boundary, adjoint.tied[:, 1:]
         contact = _map_to(boundary, body)
         vector = body.vector(np.zeros(body.fixed.size))
@@ -206,34 +217,66 @@ def _wave(x: Array, length: float) -> Array:
     return np.asarray(1.0 + np.sin(x @ np.array([1.0, 2.0, 3.0])[: x.shape[1]] / length) / 2)
 
 
-def adjoints_of(
-    steps: Sequence[SolvedStep], quantities: Sequence[tuple[int, Functional]]
-) -> list[list[Adjoint | None]]:
-    """The adjoint states of quantities, at each load step those of all of them; collective.
+@dataclass
+class Columns:
+    """Derivatives of some quantities by some data.
+
+    Attributes:
+        slopes: the derivatives, shape (quantities, data).
+        values: of the quantities, shape (quantities,).
+        solves: linear solves that each took, shape (quantities,).
+        between: contact points of each load step that stand between two sets.
+    """
+
+    slopes: Array
+    values: Array
+    solves: npt.NDArray[np.int64]
+    between: list[int]
+
+
+def columns(
+    count: int, step_at: Callable[[int], Any], quantities: Sequence[tuple[int, Functional]], data: Sequence[By]
+) -> Columns:
+    """The derivatives; collective.
 
     Args:
-        steps: the load steps, from the first one.
+        count: of load steps.
+        step_at: gives one of them: its ``SolvedStep`` as ``solved``, and as ``earlier`` that of the one before, or
+            None.
         quantities: each with the number of its load step.
-
-    Returns:
-        None where a quantity owes nothing to a load step.
+        data: by which they are derivatives.
     """
-    adjoints: list[list[Adjoint | None]] = [[None] * len(quantities) for _ in steps]
+    totals = Columns(
+        np.zeros((len(quantities), len(data))),
+        np.zeros(len(quantities)),
+        np.zeros(len(quantities), dtype=np.int64),
+        [0] * count,
+    )
     owed: list[tuple[PETSc.Vec, Nodal] | None] = [None] * len(quantities)
     tangent = None
-    for k in range(len(steps) - 1, -1, -1):
-        step = steps[k]
-        owed = [step.quantity(of) if at == k else debt for (at, of), debt in zip(quantities, owed, strict=True)]
-        if not any(debt is not None for debt in owed):
+    for number in range(count - 1, -1, -1):
+        asked = [(k, of) for k, (at, of) in enumerate(quantities) if at == number]
+        if not asked and all(debt is None for debt in owed):
             continue
-        tangent = TransposedTangent(step.system, step.law, step.methods, tangent, symmetric=step.body.symmetric)
-        for number, debt in enumerate(owed):
-            if debt is None:
-                continue
-            adjoint = adjoints[k][number] = tangent.adjoint(*debt)
-            matters = parallel.any_rank(step.body.comm, bool(adjoint.tied[:, 1:].any()))
-            owed[number] = step.handed_back(adjoint, steps[k - 1]) if k and matters else None
-    return adjoints
+        step = step_at(number)
+        solved: SolvedStep = step.solved
+        for k, of in asked:
+            totals.values[k] = solved.value(of)
+            owed[k] = solved.quantity(of)
+        totals.between[number] = solved.law.between
+        if not data:
+            continue
+        tangent = TransposedTangent(solved.system, solved.law, solved.methods, tangent, symmetric=solved.body.symmetric)
+        adjoints = [None if debt is None else tangent.adjoint(*debt) for debt in owed]
+        for column, by in enumerate(data):
+            change = by(step, [of for _, of in asked])
+            direct = dict(zip([k for k, _ in asked], change.values, strict=True))
+            for k, adjoint in enumerate(adjoints):
+                if adjoint is not None:
+                    totals.slopes[k, column] += adjoint.derivative(change, direct.get(k, 0.0))
+        owed = [solved.handed_back(adjoint, step.earlier) for adjoint in adjoints]
+        totals.solves += [0 if adjoint is None else adjoint.solves for adjoint in adjoints]
+    return totals
 
 
 def _map_to(boundary: ContactBoundary, body: ElasticBody) -> ContactMap:
@@ -283,23 +326,6 @@ class ChangedStep:
         return usual is None or any(getattr(self, name) is not getattr(usual, name) for name in names)
 
 
-@dataclass(frozen=True)
-class Explicit:
-    """What of a load step depends on a datum explicitly, for fixed displacement and tractions, or its derivatives.
-
-    Attributes:
-        values: of the quantities.
-        residual: R at the unknowns of the stiffness; None: the datum does not change it.
-        relative: B x - d, length, shape (n, d); None: the datum does not change it.
-        bound: the friction bound, stress, shape (n,); None: the datum does not change it.
-    """
-
-    values: Sequence[float]
-    residual: PETSc.Vec | None = None
-    relative: Nodal | None = None
-    bound: Nodal | None = None
-
-
 def explicit(
     solved: SolvedStep,
     data: ChangedStep,
@@ -334,23 +360,14 @@ def _residual(solved: SolvedStep, data: ChangedStep) -> PETSc.Vec:
     body, state = solved.body, solved.state
     residual = body.vector(-data.forces)
     if data.forms:
-        residual.axpy(1.0, elastic_forces(body, data.forms, body.function(_displaced(solved, data, body))))
+        y = body.function(_displaced(solved, data, body))
+        nodes = np.arange(y.x.array.size // body.dimension, dtype=np.int32)
+        residual.axpy(1.0, body.vector(action(tuple(data.forms), y, nodes)))
     if data.driven is not None:
         body.begin_driven(residual, -data.driven.forces, None)
     _map_to(data.boundary, body).add_forces(state.pressure, state.shear, residual)
     residual.getArray()[body.prescribed] = 0.0
     return residual
-
-
-def elastic_forces(body: ElasticBody, forms: Sequence[fem.Form] | PETSc.Mat, y: fem.Function) -> PETSc.Vec:
-    """A(y, .) of forms, or of their matrix without supports, at the unknowns of the stiffness; collective."""
-    if not isinstance(forms, PETSc.Mat):
-        nodes = np.arange(y.x.array.size // body.dimension, dtype=np.int32)
-        return body.vector(action(tuple(forms), y, nodes))
-    values, forces = forms.createVecs()
-    values.getArray()[:] = y.x.array[: values.getLocalSize()]
-    forms.mult(values, forces)
-    return body.vector(forces.getArray(readonly=True))
 
 
 def _relative(solved: SolvedStep, data: ChangedStep, previous: tuple[SolvedStep, ChangedStep] | None) -> Nodal:
@@ -386,11 +403,6 @@ def _displaced(solved: SolvedStep, data: ChangedStep, body: ElasticBody) -> PETS
     return displacement
 
 
-def central(above: By, below: By, step: float) -> By:
-    """The derivatives of what depends on a datum, from what it is where the datum is larger and smaller by a step."""
-    return lambda k: difference(above(k), below(k), step)
-
-
 def difference(high: Explicit, low: Explicit, step: float) -> Explicit:
     """The derivatives of a load step by a datum, from those where it is larger and smaller by a step."""
     residual = None
@@ -402,26 +414,3 @@ def difference(high: Explicit, low: Explicit, step: float) -> Explicit:
     ]
     direct = [(upper - lower) / (2 * step) for upper, lower in zip(high.values, low.values, strict=True)]
     return Explicit(direct, residual, *slopes)
-
-
-def derivatives(
-    adjoints: Sequence[Sequence[Adjoint | None]], quantities: Sequence[tuple[int, Functional]], by: By
-) -> list[float]:
-    """The derivative of each quantity by one datum; collective.
-
-    Args:
-        adjoints: see ``adjoints_of``.
-        quantities: each with the number of its load step.
-        by: the derivatives by the datum of a load step, with its quantities.
-    """
-    slopes = np.zeros(len(quantities))
-    for k, step_adjoints in enumerate(adjoints):
-        if not any(state is not None for state in step_adjoints):
-            continue
-        change = by(k)
-        direct = iter(change.values)
-        for number, ((at_step, _), adjoint) in enumerate(zip(quantities, step_adjoints, strict=True)):
-            by_itself = next(direct) if at_step == k else 0.0
-            if adjoint is not None:
-                slopes[number] += adjoint.derivative(by_itself, change.residual, change.relative, change.bound)
-    return slopes.tolist()

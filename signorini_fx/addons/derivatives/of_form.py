@@ -12,15 +12,8 @@ import numpy.typing as npt
 import ufl
 from dolfinx import fem
 
-from signorini_fx.addons.derivatives.gradient import (
-    By,
-    ChangedStep,
-    SolvedStep,
-    adjoints_of,
-    central,
-    derivatives,
-    explicit,
-)
+from signorini_fx.addons.derivatives.adjoint import Explicit, TransposedTangent
+from signorini_fx.addons.derivatives.gradient import ChangedStep, SolvedStep, difference, explicit
 from signorini_fx.algebra.contact.nodal_vectors import Nodal, length
 from signorini_fx.errors import FormError, SceneError, SignoriniError
 from signorini_fx.machine import parallel
@@ -168,12 +161,12 @@ def gradient(
     """
     begun, u = step[3], step[5]
     quantity, constants = _quantity_of(of, u, body), _checked(by)
-    solved, quantities = SolvedStep.of(*step), [(0, quantity)]
-    adjoints, state = adjoints_of([solved], quantities), solved.state
-    value = quantity.value(solved.displacement, state.boundary, state.pressure, state.shear)
+    solved = SolvedStep.of(*step)
+    tangent = TransposedTangent(solved.system, solved.law, solved.methods, symmetric=solved.body.symmetric)
+    adjoint, state, value = tangent.adjoint(*solved.quantity(quantity)), solved.state, solved.value(quantity)
     moved = state.points.weight * (length(state.u_t) + length(state.slip_length))
-    owed = [np.sum(moved * length(adjoint.tied[:, 1:])) for adjoint in adjoints[0] if adjoint is not None]
-    if begun.step > 0 and parallel.global_sum(solved.body.comm, np.sum(owed)) > ZERO_IN_SOLUTION * abs(value):
+    owed = np.sum(moved * length(adjoint.tied[:, 1:]))
+    if begun.step > 0 and parallel.global_sum(solved.body.comm, owed) > ZERO_IN_SOLUTION * abs(value):
         raise RuntimeError(
             "after advance() the result depends on the slip and the shear of the step before, by points that stick or, "
             "in 3D, turn, and what that step was solved with is not kept: take a scene with load steps"
@@ -182,17 +175,16 @@ def gradient(
     for constant in constants:
         kept = constant.value.copy()
 
-        def at(change: float, constant: fem.Constant = constant, initial: Array = kept) -> By:
+        def at(change: float, constant: fem.Constant = constant, initial: Array = kept) -> Explicit:
             try:
                 constant.value[...] = initial + change
-                evaluated = explicit(solved, ChangedStep(*data()), [quantity])
+                return explicit(solved, ChangedStep(*data()), [quantity])
             finally:
                 constant.value[...] = initial
-            return lambda k: evaluated
 
-        def slope(width: float, at: Callable[[float], By] = at) -> float:
-            return derivatives(adjoints, quantities, central(at(width), at(-width), width))[0]
+        def slope(width: float, at: Callable[[float], Explicit] = at) -> float:
+            change = difference(at(width), at(-width), width)
+            return adjoint.derivative(change, change.values[0])
 
         slopes.append(extrapolated(slope, abs(float(kept.ravel()[0]))))
-    solves = sum(adjoint.solves for adjoint in adjoints[0] if adjoint is not None)
-    return Gradient(value, np.array(slopes), solved.law.between, solves)
+    return Gradient(value, np.array(slopes), solved.law.between, adjoint.solves)

@@ -12,14 +12,13 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from signorini_fx.addons.derivatives.adjoint import Adjoint, TransposedTangent
+from signorini_fx.addons.derivatives.adjoint import Explicit
 from signorini_fx.addons.derivatives.entries import varied
-from signorini_fx.addons.derivatives.gradient import ChangedStep, Explicit, SolvedStep, difference, explicit
+from signorini_fx.addons.derivatives.gradient import By, ChangedStep, SolvedStep, difference, explicit
 from signorini_fx.errors import SceneError
 from signorini_fx.forms.nonlinear.moving_shapes import spin_at
 from signorini_fx.machine import parallel
@@ -72,12 +71,31 @@ class NonlinearSteps:
         seconds = parallel.global_max(problem.model.comm, time.perf_counter() - begin)
         return cls(problem, reached, solution, seconds)
 
+    def by(self, path: str, change: float) -> By:
+        """The derivatives by the number at a path, from its change for a difference; collective."""
+        statement, dimension = self.statement, self.problem.model.dimension
+        above, below = (
+            ChangedScene(self, statement.changed(**varied(statement, path, sign * change, dimension)), path)
+            for sign in (1.0, -1.0)
+        )
+
+        def evaluated(step: LinearisedStep, quantities: Sequence[Functional]) -> Explicit:
+            high, low = (step.explicit(scene.at(step), quantities, scene.values) for scene in (above, below))
+            return difference(high, low, change)
+
+        return evaluated
+
+    @property
+    def models(self) -> list[Model]:
+        """Of the load steps, which is the same."""
+        return [self.problem.model] * len(self.reached)
+
     @property
     def statement(self) -> Statement:
         """The scene, with contact points on the sides that were chosen."""
         return self.problem.statement
 
-    def linearised(self, number: int) -> LinearisedStep:
+    def at(self, number: int) -> LinearisedStep:
         """A load step as it was solved; collective.
 
         Raises:
@@ -207,80 +225,3 @@ def refuse_on_bodies(statement: Statement) -> None:
             problems.append((f"contact[{number}].foundation", reason))
     if problems:
         raise SceneError(problems)
-
-
-@dataclass
-class Columns:
-    """Derivatives of some quantities by some data.
-
-    Attributes:
-        slopes: the derivatives, shape (quantities, data).
-        values: of the quantities, shape (quantities,).
-        solves: linear solves that each took.
-        between: contact points of each load step that stand between two sets.
-    """
-
-    slopes: Array
-    values: Array
-    solves: npt.NDArray[np.int64]
-    between: list[int]
-
-
-def columns(
-    steps: NonlinearSteps, quantities: Sequence[tuple[int, Functional]], data: Sequence[tuple[str, float]]
-) -> Columns:
-    """The derivatives; collective.
-
-    Args:
-        steps: the load steps of the scene.
-        quantities: each with the number of its load step.
-        data: the path of each number, and by how much it is changed for a difference.
-    """
-    dimension, count = steps.problem.model.dimension, len(quantities)
-    totals = Columns(
-        np.zeros((count, len(data))), np.zeros(count), np.zeros(count, dtype=np.int64), [0] * len(steps.reached)
-    )
-    scenes = [
-        tuple(
-            ChangedScene(
-                steps, steps.statement.changed(**varied(steps.statement, path, sign * change, dimension)), path
-            )
-            for sign in (1.0, -1.0)
-        )
-        for path, change in data
-    ]
-    owed: list[Any] = [None] * count
-    for number in range(len(steps.reached) - 1, -1, -1):
-        asked = [(k, of) for k, (at, of) in enumerate(quantities) if at == number]
-        if not asked and all(debt is None for debt in owed):
-            continue
-        step = steps.linearised(number)
-        state, solved = step.solved.state, step.solved
-        for k, of in asked:
-            totals.values[k] = of.value(solved.displacement, state.boundary, state.pressure, state.shear)
-            owed[k] = solved.quantity(of)
-        totals.between[number] = solved.law.between
-        if not data:
-            continue
-        tangent = TransposedTangent(solved.system, solved.law, symmetric=solved.body.symmetric)
-        adjoints = [None if debt is None else tangent.adjoint(*debt) for debt in owed]
-        for column, ((_, change), changed) in enumerate(zip(data, scenes, strict=True)):
-            above, below = (step.explicit(entry.at(step), [of for _, of in asked], entry.values) for entry in changed)
-            by = difference(above, below, change)
-            direct = dict(zip([k for k, _ in asked], by.values, strict=True))
-            for k, adjoint in enumerate(adjoints):
-                if adjoint is not None:
-                    by_datum = by.residual, by.relative, by.bound
-                    totals.slopes[k, column] += adjoint.derivative(direct.get(k, 0.0), *by_datum)
-        owed = [_debt_before(step, adjoint) for adjoint in adjoints]
-        totals.solves += [0 if adjoint is None else adjoint.solves for adjoint in adjoints]
-    return totals
-
-
-def _debt_before(step: LinearisedStep, adjoint: Adjoint | None) -> Any:
-    """What a quantity owes to the load step before, see ``SolvedStep.handed_back``; None: nothing; collective."""
-    if adjoint is None or step.earlier is None:
-        return None
-    if not parallel.any_rank(step.solved.body.comm, bool(adjoint.tied[:, 1:].any())):
-        return None
-    return step.solved.handed_back(adjoint, step.earlier)

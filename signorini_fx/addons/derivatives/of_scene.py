@@ -4,39 +4,25 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property, partial
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from dolfinx import fem
 from mpi4py import MPI
-from petsc4py import PETSc
 
-from signorini_fx.addons.derivatives.entries import default_entries, entry_of, load_of, varied
-from signorini_fx.addons.derivatives.gradient import (
-    By,
-    ChangedStep,
-    Explicit,
-    SolvedStep,
-    adjoints_of,
-    central,
-    derivatives,
-    elastic_forces,
-    explicit,
-)
-from signorini_fx.addons.derivatives.of_nonlinear_scene import NonlinearSteps, columns
+from signorini_fx.addons.derivatives.adjoint import Explicit
+from signorini_fx.addons.derivatives.entries import default_entries, entry_of, varied
+from signorini_fx.addons.derivatives.gradient import By, ChangedStep, SolvedStep, columns, difference, explicit
+from signorini_fx.addons.derivatives.of_nonlinear_scene import NonlinearSteps
 from signorini_fx.errors import SceneError
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.body.discretisation import alone, contact_of, law_of, moved_since, placed, prepare
-from signorini_fx.mechanics.body.elastic_body import sum_of
-from signorini_fx.mechanics.elasticity.moduli import lame_coefficients
+from signorini_fx.mechanics.body.discretisation import contact_of, law_of, moved_since, placed, prepare
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.rigid.rigid_bodies import Driven
-from signorini_fx.mechanics.statement.effect import Force, InitialStrain, Resistance
+from signorini_fx.mechanics.statement.effect import Resistance
 from signorini_fx.mechanics.statement.features import refuse
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.quantities.differentiable import functional_of
@@ -44,8 +30,9 @@ from signorini_fx.quantities.functional import Functional
 from signorini_fx.records import History, Timings
 from signorini_fx.results.solution import ConvergenceError, Solution
 from signorini_fx.scenes.mesh import load_mesh
-from signorini_fx.scenes.nonlinear import ProblemOfScene, problem_of
+from signorini_fx.scenes.nonlinear import problem_of
 from signorini_fx.scenes.reading import as_scene
+from signorini_fx.scenes.scene import Scene
 from signorini_fx.solving.solve_on_mesh import solve_mesh
 from signorini_fx.solving.stepped_body import LoadStep
 
@@ -59,8 +46,6 @@ REFUSES = {
     "requested accuracy": "derivatives are those of one mesh, and meshes of a requested accuracy jump with the data: "
     "leave it out",
 }
-# Assembling a matrix takes as long as applying its form to the displacements of so many load steps.
-_FEW = 2
 
 
 @dataclass(frozen=True)
@@ -138,25 +123,10 @@ def sensitivity(
     _check(scene.statement)
     wanted = [of] if isinstance(of, str) else list(of)
     if scene.statement.nonlinear:
-        of_bodies = _of_nonlinear(scene.statement, partial(problem_of, scene, comm, History()), wanted, by)
-        return of_bodies[0] if isinstance(of, str) else of_bodies
-    # Coarser meshes give a start, and change nothing of the solution.
-    scene = scene.model_copy(update={"solver": scene.solver.model_copy(update={"levels": 1})})
-    solved: list[_Step] = []
-
-    def keep(step: LoadStep) -> None:
-        if step.result.step == 1:  # a ramp may begin again
-            solved.clear()
-        solved.append(_Step.of(step))
-
-    begin = time.perf_counter()
-    solution, *_ = solve_mesh(scene.statement, partial(load_mesh, scene, comm), History(), None, keep)
-    seconds = parallel.global_max(comm, time.perf_counter() - begin)
-    if not solution.converged:
-        raise ConvergenceError(solution)
-    # Contact points may be on the other side than the scene says.
-    statement = scene.statement.changed(contact=solution.statement.contact)
-    sensitivities = _sensitivities(statement, solved, wanted, by, solution, seconds)
+        problem = partial(problem_of, scene, comm, History())
+        sensitivities = _sensitivities(NonlinearSteps.solved(scene.statement, problem), wanted, by)
+    else:
+        sensitivities = _sensitivities(_Steps.solved(scene, comm), wanted, by)
     return sensitivities[0] if isinstance(of, str) else sensitivities
 
 
@@ -168,11 +138,15 @@ class _Step:
         model: the scene with its foundations where they are in this step.
         place: in the lists of factors.
         solved: its solution.
+        number: of it, from 0.
+        earlier: the solution of the one before it; None: there is none.
     """
 
     model: Model
     place: float
     solved: SolvedStep
+    number: int
+    earlier: SolvedStep | None
 
     @cached_property
     def data(self) -> ChangedStep:
@@ -184,13 +158,73 @@ class _Step:
             forms=(), boundary=model.boundary, gap=model.data.gap, law=model.law, **_loads(model, self.place)
         )
 
+
+@dataclass(frozen=True)
+class _Steps:
+    """The load steps of a scene.
+
+    Attributes:
+        steps: all of them.
+        statement: the scene, with contact points on the sides that were chosen.
+        solution: the results.
+        seconds: wall seconds of the solve.
+    """
+
+    steps: list[_Step]
+    statement: Statement
+    solution: Solution
+    seconds: float
+
     @classmethod
-    def of(cls, step: LoadStep) -> _Step:
-        """One that has just been solved; collective."""
-        model, state = step.body.model, step.result.contact
-        assert state is not None
-        of = model, step.task, step.outcome, step.start, state, step.result.displacement, step.start.law
-        return cls(model, step.result.place, SolvedStep.of(*of))
+    def solved(cls, scene: Scene, comm: MPI.Comm) -> _Steps:
+        """Solve a scene; collective.
+
+        Raises:
+            ConvergenceError: it has no solution.
+        """
+        # Coarser meshes give a start, and change nothing of the solution.
+        scene = scene.model_copy(update={"solver": scene.solver.model_copy(update={"levels": 1})})
+        solved: list[_Step] = []
+
+        def keep(step: LoadStep) -> None:
+            if step.result.step == 1:  # a ramp may begin again
+                solved.clear()
+            model, state = step.body.model, step.result.contact
+            assert state is not None
+            of = model, step.task, step.outcome, step.start, state, step.result.displacement, step.start.law
+            earlier = solved[-1].solved if solved else None
+            solved.append(_Step(model, step.result.place, SolvedStep.of(*of), len(solved), earlier))
+
+        begin = time.perf_counter()
+        solution, *_ = solve_mesh(scene.statement, partial(load_mesh, scene, comm), History(), None, keep)
+        seconds = parallel.global_max(comm, time.perf_counter() - begin)
+        if not solution.converged:
+            raise ConvergenceError(solution)
+        return cls(solved, scene.statement.changed(contact=solution.statement.contact), solution, seconds)
+
+    @property
+    def models(self) -> list[Model]:
+        """Of the load steps."""
+        return [step.model for step in self.steps]
+
+    def at(self, number: int) -> _Step:
+        """One of them."""
+        return self.steps[number]
+
+    def by(self, path: str, change: float) -> By:
+        """The derivatives by the number at a path, from its change for a difference; collective."""
+        changes = (varied(self.statement, path, sign * change, self.steps[0].model.dimension) for sign in (1.0, -1.0))
+        above, below = (cache(_data(self.statement.changed(**entries), self.steps, path)) for entries in changes)
+
+        def evaluated(step: _Step, quantities: Sequence[Functional]) -> Explicit:
+            k, earlier = step.number, step.earlier
+            high, low = (
+                explicit(step.solved, data(k), quantities, None if earlier is None else (earlier, data(k - 1)))
+                for data in (above, below)
+            )
+            return difference(high, low, change)
+
+        return evaluated
 
 
 def _check(statement: Statement) -> None:
@@ -202,66 +236,21 @@ def _check(statement: Statement) -> None:
     refuse(statement, REFUSES)
 
 
-def _sensitivities(
-    statement: Statement,
-    steps: list[_Step],
-    of: list[str],
-    by: Sequence[str] | None,
-    solution: Solution,
-    seconds: float,
-) -> list[Sensitivity]:
-    model = steps[-1].model
+def _sensitivities(steps: _Steps | NonlinearSteps, of: list[str], by: Sequence[str] | None) -> list[Sensitivity]:
+    statement, model = steps.statement, steps.models[-1]
     paths = tuple(default_entries(statement) if by is None else by)
     entries = [entry_of(statement, path, model.tagged.size, model.dimension) for path in paths]
     begin = time.perf_counter()
-    quantities = [_at_step([step.model for step in steps], text) for text in of]
-    adjoints = adjoints_of([step.solved for step in steps], quantities if paths else [])
-    columns = [
-        derivatives(adjoints, quantities, _by(statement, steps, path, step, quantities))
-        for path, (_, step) in zip(paths, entries, strict=True)
-    ]
-    end = time.perf_counter()
-    return [
-        Sensitivity(
-            text,
-            _value(steps[at].solved, quantity),
-            paths,
-            tuple(value for value, _ in entries),
-            tuple(column[k] for column in columns),
-            sum(step.solved.law.between for step in steps[: at + 1]),
-            sum(
-                adjoint.solves
-                for step_adjoints in adjoints
-                for adjoint in step_adjoints[k : k + 1]
-                if adjoint is not None
-            ),
-            parallel.global_max(model.comm, (end - begin)),
-            solution,
-            seconds,
-        )
-        for k, (text, (at, quantity)) in enumerate(zip(of, quantities, strict=True))
-    ]
-
-
-def _of_nonlinear(
-    statement: Statement, problem: Callable[[Timings], ProblemOfScene], of: list[str], by: Sequence[str] | None
-) -> list[Sensitivity]:
-    """Those of a scene with a nonlinear material; ``problem``: makes its problem; collective."""
-    steps = NonlinearSteps.solved(statement, problem)
-    statement, model = steps.statement, steps.solution.model
-    paths = tuple(default_entries(statement) if by is None else by)
-    entries = [entry_of(statement, path, model.tagged.size, model.dimension) for path in paths]
-    begin = time.perf_counter()
-    quantities = [_at_step([model] * len(steps.reached), text) for text in of]
-    totals = columns(steps, quantities, [(path, step) for path, (_, step) in zip(paths, entries, strict=True)])
+    quantities = [_at_step(steps.models, text) for text in of]
+    data = [steps.by(path, change) for path, (_, change) in zip(paths, entries, strict=True)]
+    totals = columns(len(steps.models), steps.at, quantities, data)
     seconds = parallel.global_max(model.comm, time.perf_counter() - begin)
-    data = tuple(value for value, _ in entries)
     return [
         Sensitivity(
             text,
             float(totals.values[k]),
             paths,
-            data,
+            tuple(value for value, _ in entries),
             tuple(totals.slopes[k].tolist()),
             sum(totals.between[: at + 1]),
             int(totals.solves[k]),
@@ -271,11 +260,6 @@ def _of_nonlinear(
         )
         for k, (text, (at, _)) in enumerate(zip(of, quantities, strict=True))
     ]
-
-
-def _value(solved: SolvedStep, quantity: Functional) -> float:
-    state = solved.state
-    return quantity.value(solved.displacement, state.boundary, state.pressure, state.shear)
 
 
 def _at_step(models: Sequence[Model], text: str) -> tuple[int, Functional]:
@@ -289,91 +273,8 @@ def _at_step(models: Sequence[Model], text: str) -> tuple[int, Functional]:
     return number - 1, functional_of(models[number - 1], words[0])
 
 
-def _by(
-    statement: Statement, steps: list[_Step], path: str, step: float, quantities: Sequence[tuple[int, Functional]]
-) -> By:
-    """The derivatives of what depends on a number of the problem; collective.
-
-    Args:
-        statement: what is stated of it.
-        steps: its load steps.
-        path: of the number.
-        step: by how much it is changed.
-        quantities: each with the number of its load step.
-    """
-    changes = (varied(statement, path, change, steps[0].model.dimension) for change in (step, -step))
-    above, below = (statement.changed(**entries) for entries in changes)
-    load = load_of(statement, path)
-    step_quantities = [[quantity for number, quantity in quantities if number == k] for k in range(len(steps))]
-    if path.startswith("material") and path.rpartition(".")[2] in ("young", "poisson"):
-        residual = _by_modulus(above, below, step, steps)
-    elif isinstance(load, Force | InitialStrain) and load.acts:
-        residual = _by_load(above, below, step, steps, path)
-    else:
-
-        def at(changed: Statement) -> By:
-            data = cache(_data(changed, steps, path))
-
-            def evaluated(k: int) -> Explicit:
-                previous = (steps[k - 1].solved, data(k - 1)) if k else None
-                return explicit(steps[k].solved, data(k), step_quantities[k], previous)
-
-            return evaluated
-
-        return central(at(above), at(below), step)
-    return lambda k: Explicit([0.0] * len(step_quantities[k]), residual(k))
-
-
-def _by_modulus(above: Statement, below: Statement, step: float, steps: list[_Step]) -> Callable[[int], PETSc.Vec]:
-    """R_p of each load step, where p is a modulus: the forms of the body are linear in the Lame parameters, and are
-    assembled with the derivatives of these in their place.
-    """
-    model, twice = steps[0].model, 2 * step
-    forms: Sequence[fem.Form] | PETSc.Mat = model.forms[: len(model.forms) - len(model.resists or ())]
-    high, low = (lame_coefficients(entry, model.tagged) for entry in (above, below))
-    slopes = [(_values(entry) - _values(lower)) / twice for entry, lower in zip(high, low, strict=True)]
-    if len(steps) > _FEW:
-        with _lame(model, slopes):
-            forms = sum_of(forms, [])
-    strained = any(entry.strains for _, entry in above.listed())
-    prepared = [prepare(entry, model.tagged, Timings()) for entry in (above, below)] if strained else []
-
-    def residual(k: int) -> PETSc.Vec:
-        body = steps[k].model
-        with _lame(body, slopes):
-            slope = elastic_forces(body, forms, steps[k].solved.displacement)
-        if prepared:
-            forces = [_loads(changed, steps[k].place)["forces"] for changed in prepared]
-            slope.axpy(-1 / twice, body.vector(forces[0] - forces[1]))
-        slope.getArray()[body.prescribed] = 0.0
-        return slope
-
-    return residual
-
-
-def _by_load(
-    above: Statement, below: Statement, step: float, steps: list[_Step], path: str
-) -> Callable[[int], PETSc.Vec]:
-    """R_p of each load step, where p belongs to a load that prescribes nothing: nothing else is assembled."""
-    loads = []
-    for statement in (above, below):
-        load = load_of(statement, path)
-        assert load is not None
-        loads.append(alone(steps[0].model, statement, load))
-
-    def residual(k: int) -> PETSc.Vec:
-        load_step, body = steps[k].place, steps[k].model
-        high, low = (load.factor(load_step) * load.at(load_step).forces for load in loads)
-        slope = body.vector(low - high)
-        slope.scale(0.5 / step)
-        slope.getArray()[body.prescribed] = 0.0
-        return slope
-
-    return residual
-
-
 def _data(statement: Statement, steps: list[_Step], path: str) -> Callable[[int], ChangedStep]:
-    """The data of each load step of a scene that differs in contact, loads, or supports."""
+    """The data of each load step of a scene in which the number at a path is another."""
     of_contact, of_friction = path.startswith("contact"), path.startswith("contact") and ".friction." in path
     changed = (
         None if of_contact and not statement.rigid_bodies else prepare(statement, steps[0].model.tagged, Timings())
@@ -406,9 +307,13 @@ def _data(statement: Statement, steps: list[_Step], path: str) -> Callable[[int]
         if changed is None:
             return step_data
         loads = _loads(changed, steps[k].place)
-        unchanged = not statement.of(Resistance) and np.array_equal(loads["prescribed"], step_data.prescribed)
-        if parallel.any_rank(model.comm, not unchanged) or step_data.driven is not None:
-            step_data = replace(step_data, forms=changed.forms if statement.of(Resistance) else model.forms)
+        moves = parallel.any_rank(model.comm, not np.array_equal(loads["prescribed"], step_data.prescribed))
+        if not moves:
+            loads["prescribed"] = step_data.prescribed
+        if statement.of(Resistance) or path.startswith("material"):
+            step_data = replace(step_data, forms=changed.forms)
+        elif moves or step_data.driven is not None:
+            step_data = replace(step_data, forms=model.forms)
         return replace(step_data, **loads)
 
     return data
@@ -422,20 +327,3 @@ def _loads(model: Model, load_step: float) -> dict[str, Any]:
         "forces": sum((factor * load.forces for factor, load in applied), zero),
         "prescribed": sum((factor * load.start for factor, load in applied), zero),
     }
-
-
-@contextmanager
-def _lame(model: Model, values: Sequence[Any]) -> Iterator[None]:
-    """The forms of the body have other numbers in the place of the Lame parameters."""
-    saved = [_values(part).copy() for part in model.elastic.lame]
-    try:
-        for mine, replacement in zip(model.elastic.lame, values, strict=True):
-            _values(mine)[...] = replacement
-        yield
-    finally:
-        for mine, usual in zip(model.elastic.lame, saved, strict=True):
-            _values(mine)[...] = usual
-
-
-def _values(coefficient: Any) -> Array:
-    return coefficient.x.array if isinstance(coefficient, fem.Function) else coefficient.value

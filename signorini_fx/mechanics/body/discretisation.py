@@ -28,14 +28,12 @@ from signorini_fx.mechanics.kinematics.protocol import Kinematics
 from signorini_fx.mechanics.loads.initial_strains import check_strains
 from signorini_fx.mechanics.loads.jumps import holds, jump_loads, jumps_in
 from signorini_fx.mechanics.loads.load_vectors import (
-    AppliedLoad,
     FormCoefficients,
     applied_load,
     check_finite,
     check_resistances,
     compile_resistance,
     driving_load,
-    group_of,
     load_groups,
 )
 from signorini_fx.mechanics.loads.supports import Conditions, Supports, at_rest, check_overlap
@@ -46,7 +44,7 @@ from signorini_fx.mechanics.obstacles.foundations_on_points import Foundations, 
 from signorini_fx.mechanics.obstacles.scene_contact import foundations_of
 from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodies
 from signorini_fx.mechanics.scales import Scales
-from signorini_fx.mechanics.statement.effect import Load, Resistance
+from signorini_fx.mechanics.statement.effect import Resistance
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.records import Inventory, Timings
 from signorini_fx.tuned import LARGEST_MULTIGRID_POISSON, SAME_NUMBER
@@ -323,13 +321,6 @@ def moved_since(model: Model, earlier: Statement) -> npt.NDArray[np.float64]:
             x = model.boundary.x[on_part, :dimension]
             moved[on_part, :dimension] = contact.foundation.moved_from(earlier_contact.foundation, x)
     return moved
-
-
-def alone(model: Model, statement: Statement, load: Load) -> AppliedLoad:
-    """A load of another statement on the same mesh, one that prescribes no displacement; collective."""
-    assert model.coefficients is not None
-    on = replace(model.coefficients, statement=statement.placed(0), inventory=Inventory())
-    return applied_load(group_of(statement, load), [load], on, ufl.TestFunction(model.space), _no_supports)
 
 
 def _foundations_on(model: Model, statement: Statement) -> Foundations:
