@@ -18,7 +18,6 @@ from signorini_fx.forms import options
 from signorini_fx.forms.solver import FormSolver, StepBeginning
 from signorini_fx.forms.stated_values import constants_of
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.load_path import LoadPath
 from signorini_fx.mechanics.statement.values import kind_of
 from signorini_fx.records import Timings
@@ -59,46 +58,42 @@ class Clock:
 
 
 @dataclass(frozen=True)
-class FormPlaces:
-    """The forms of a ``ContactProblem`` as they are at the places of a path, see ``Places``.
+class FormSteps(SteppedBody):
+    """The body of a ``ContactProblem``, whose forms are those of the places of a path.
 
     Attributes:
         solver: which is always at the last attempt.
-        path: the load steps.
         clock: changes the problem to what it is at a time.
         beginning: where the next load step begins.
     """
 
     solver: FormSolver
-    path: LoadPath
     clock: Clock
     beginning: StepBeginning
 
-    def at(self, body: SteppedBody, path_step: float, task: Task, first: Start, end: StepEnd | None) -> BegunStep:
-        """See ``Places``: from the end of the last load step, which the solver has kept."""
+    def begun(self, path_step: float, task: Task, first: Start, end: StepEnd | None) -> BegunStep:
+        """See ``SteppedBody``: from the end of the last load step, which the solver has kept."""
         solver = self.solver
         solver.return_to(self.beginning)
-        with body.timings.phase("assemble"):
+        with self.timings.phase("assemble"):
             self.clock.turn(self.path.time_at(path_step))
             start = solver.begin_step()
         if end is None:  # without contact nothing of the last step but its number counts
             start = replace(start, step=first.step)
         solver.begun = start
-        body = replace(body, model=solver.model(self.path))
-        return BegunStep(body, solver.task, start, solver.previous_step)
+        return BegunStep(replace(self, model=solver.model(self.path)), solver.task, start, solver.previous_step)
 
-    def load(self, model: Model, system: ElasticSystem, path_step: float) -> Nodal:
-        """Those of the time of the place; collective."""
+    def load(self, system: ElasticSystem, path_step: float) -> Nodal:
+        """See ``SteppedBody``: those of the time of the place."""
         self.clock.turn(self.path.time_at(path_step))
         self.solver.load()
         return np.ones(1)
 
     def show(self, outcome: Outcome, result: StepResult) -> None:
-        """See ``FormSolver``."""
         self.solver.show(outcome, result)
 
-    def ended(self, end: StepEnd) -> FormPlaces:
-        """The next load step begins as after ``advance``."""
+    def ended(self, end: StepEnd) -> FormSteps:
+        """See ``SteppedBody``: the next load step begins as after ``advance``."""
         self.solver.end_at(end)
         return replace(self, beginning=self.solver.beginning())
 
@@ -126,8 +121,7 @@ def solve_path(
         clock.turn(path.time_at(increments.next))
         with solver.timings.phase("assemble"):
             solver.begun = start = solver.begin_step()
-        places = FormPlaces(solver, path, clock, solver.beginning())
-        body = SteppedBody(solver.model(path), path, solver.timings, places)
+        body = FormSteps(solver.model(path), path, solver.timings, solver, clock, solver.beginning())
         progress = all_load_steps(body, solver.task, start, increments, lambda step: on_step(step.result), stored)
     solver.cost = time.perf_counter() - begin, parallel.peak_memory(comm)
     return progress

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Generic, Protocol, Self, TypeVar
+from typing import Any
 
 import numpy as np
 from dolfinx import fem
@@ -21,89 +21,12 @@ from signorini_fx.algebra.contact.active_sets import ActiveSets, bound_of_sets, 
 from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.algebra.contact.nodal_vectors import Nodal, unit
-from signorini_fx.algebra.linalg import ElasticSystem
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.elastic_body import ElasticBody
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary, no_points
 from signorini_fx.records import History, IterationRecord, OuterRecord, Status, Timings, as_rows
-from signorini_fx.results.restart_files import Checkpoint
+from signorini_fx.results.restart_files import Checkpoint, Figures
 from signorini_fx.results.step_result import StepResult
-
-K = TypeVar("K", bound="StoredBody")
-
-
-class StoredBody(Protocol):
-    """A body whose load steps a checkpoint takes; places as in ``statement.load_path``; all methods are collective."""
-
-    @property
-    def timings(self) -> Timings:
-        """Of its mesh."""
-        ...
-
-    @property
-    def model(self) -> ElasticBody:
-        """The elastic body, with contact points."""
-        ...
-
-    @property
-    def size(self) -> float:
-        """Of the body, length."""
-        ...
-
-    def load(self, system: ElasticSystem, path_step: float, /) -> Nodal:
-        """Give a system its loads at a place, and return their factors for ``system.set_load``."""
-        ...
-
-    def stored(self, path_step: float, result: StepResult, /) -> tuple[dict[str, Nodal], dict[str, Any]]:
-        """What else a checkpoint needs of a load step: values at the contact points, and plain data."""
-        ...
-
-    def recalled(self, task: Task, path_step: float, nodal: dict[str, Nodal], figures: dict[str, Any], /) -> Self:
-        """Take back what ``stored`` has returned."""
-        ...
-
-
-class Resumed(Protocol):
-    """The way through the load steps."""
-
-    def stored(self) -> dict[str, float]:
-        """What ``resume`` needs, as plain data."""
-
-    def resume(self, position: dict[str, float]) -> None:
-        """Go on from where an earlier run has come to."""
-
-
-@dataclass(frozen=True)
-class Recalled(Generic[K]):
-    """A load step of an earlier run.
-
-    Attributes:
-        body: as it was at the load step.
-        outcome: how it ended, with the iterate in place.
-        start: where it started, at its place.
-        path: the way through the load steps after it.
-        iterations: its linear solves.
-        outer: its regularised problems.
-        events: its events.
-        seconds: wall seconds by phase so far, the largest of all ranks.
-    """
-
-    body: K
-    outcome: Outcome
-    start: Start
-    path: dict[str, float]
-    iterations: list[IterationRecord]
-    outer: list[OuterRecord]
-    events: list[str]
-    seconds: dict[str, float]
-
-    def accept(self, history: History, timings: Timings, path: Resumed) -> None:
-        """Take it for a load step of this run."""
-        history.recall(self.iterations, self.outer, self.events)
-        # The seconds of the earlier run are counted once, with the last step that was recalled from it.
-        for phase, seconds in self.seconds.items():
-            timings.earlier[phase] = seconds
-        path.resume(self.path)
 
 
 @dataclass(frozen=True)
@@ -118,54 +41,56 @@ class MeshCheckpoint:
     checkpoint: Checkpoint
     level: int
 
-    def begun(self) -> bool:
-        """Whether the first load step on this mesh is there."""
-        return self.checkpoint.figures(self.level, 0) is not None
-
-    def place(self, step: int) -> float | None:
-        """The place of a load step of an earlier run, numbered from 0; None: it is not there."""
-        figures = self.checkpoint.figures(self.level, step) if self.checkpoint.found else None
-        return None if figures is None else float(figures["place"])
+    def figures(self, step: int) -> Figures | None:
+        """The plain data of a load step of an earlier run, numbered from 0; None: it is not there."""
+        return self.checkpoint.figures(self.level, step) if self.checkpoint.found else None
 
     def beside(self, step: int, space: fem.FunctionSpace, names: Sequence[str]) -> list[fem.Function] | None:
         """Further displacements of a load step, numbered from 0, by their names; None: they cannot be read."""
         functions = [self.checkpoint.read_beside(self.level, step, space, name) for name in names]
         return None if any(function is None for function in functions) else [f for f in functions if f is not None]
 
-    def figure(self, step: int, name: str) -> Any:
-        """One of the plain data of a load step, from 0, which is there."""
-        figures = self.checkpoint.figures(self.level, step)
-        assert figures is not None
-        return figures[name]
-
     def forget(self, step: int) -> None:
         """Remove a load step, from 0, that turned out to be no solution, and all later ones."""
         self.checkpoint.forget(self.level, step)
 
+    @staticmethod
+    def recall_history(figures: Figures, history: History, timings: Timings) -> None:
+        """Take the linear solves, problems and events of a load step of an earlier run for those of this one."""
+        history.recall(
+            [IterationRecord(**row) for row in figures["iterations"]],
+            [OuterRecord(**row) for row in figures["outer"]],
+            figures["events"],
+        )
+        # The seconds of the earlier run are counted once, with the last step that was recalled from it.
+        timings.earlier.update(figures["seconds"])
+
     def store(
         self,
-        stepped: K,
+        body: ElasticBody,
+        timings: Timings,
         task: Task,
         start: Start,
         outcome: Outcome,
         result: StepResult,
-        path: Resumed,
         marks: tuple[int, int, int],
+        more: Figures,
         beside: Mapping[str, fem.Function] | None = None,
     ) -> None:
         """Store a load step that has a solution.
 
         Args:
-            stepped: the body, as it is at the load step.
+            body: the elastic body, with contact points.
+            timings: of its mesh.
             task: the contact problem.
             start: where the load step started.
             outcome: how it ended.
             result: its result.
-            path: the way through the load steps, after it.
             marks: numbers of linear solves, regularised problems and events before it.
+            more: plain data, the way through the load steps after it among them.
             beside: further displacements, see ``Checkpoint.write``.
         """
-        problem, history, body = outcome.problem, task.history, stepped.model
+        problem, history = outcome.problem, task.history
         boundary = body.boundary or no_points(body.space)
         tangents, cotangents, sets = boundary.tangents, boundary.cotangents, problem.sets
         nodal: dict[str, Nodal] = {
@@ -173,8 +98,6 @@ class MeshCheckpoint:
             "direction": _in_space(sets.direction, tangents),
             "turning": sets.turning,
         }
-        more_nodal, more_figures = stepped.stored(start.place, result)
-        nodal |= more_nodal
         rest_t = 0.0 if task.rest is None else task.rest.u_t
         parameters = {}
         for name, data in (("given", outcome.data), ("solved", problem.data)):
@@ -190,7 +113,6 @@ class MeshCheckpoint:
         solves, problems, events = marks
         figures = {
             "place": start.place,
-            "path": path.stored(),
             "parameters": parameters,
             "monolithic": outcome.monolithic,
             "augmented": outcome.augmented,
@@ -198,33 +120,31 @@ class MeshCheckpoint:
             "iterations": as_rows(history.iterations[solves:]),
             "outer": as_rows(history.outer[problems:]),
             "events": history.events[events:],
-            "seconds": parallel.largest_timings(body.comm, stepped.timings.total),
-            **more_figures,
+            "seconds": parallel.largest_timings(body.comm, timings.total),
+            **more,
         }
         if boundary.moving is not None:
             figures["tools"] = body.driven(outcome.displacement(), task.rest).tolist()
         self.checkpoint.write(self.level, start.step, result.displacement, boundary, nodal, figures, beside)
 
-    def recall(self, stepped: K, task: Task, start: Start) -> Recalled[K] | None:
-        """Rebuild a load step; None if it is not there, or does not fit.
+    def recall(self, body: ElasticBody, size: float, task: Task, start: Start) -> Outcome | None:
+        """How a load step ended, with its iterate in place; None if it does not fit.
 
         Args:
-            stepped: the body, as it is at the load step.
+            body: the elastic body, as it is at the load step.
+            size: of it, length.
             task: the contact problem; its iterate becomes that of the load step.
-            start: where the load step starts; its place is that of the earlier run.
+            start: where the load step starts.
         """
         figures = self.checkpoint.figures(self.level, start.step)
         if figures is None:
             return None
-        body, boundary = stepped.model, stepped.model.boundary or no_points(stepped.model.space)
-        stored = self.checkpoint.read(self.level, start.step, body.space, boundary, stepped.size)
+        boundary = body.boundary or no_points(body.space)
+        stored = self.checkpoint.read(self.level, start.step, body.space, boundary, size)
         if stored is None:
             self.forget(start.step)
             return None
         displacement, nodal = stored
-        path_step = float(figures["place"])
-        stepped = stepped.recalled(task, path_step, nodal, figures)
-        start = replace(start, place=path_step, factors=stepped.load(task.system, path_step))
         task.iterate.begin_step(start)
         if task.rest is not None:
             displacement.x.array[:] -= body.motions.displacement(task.rest.motion).ravel()
@@ -243,23 +163,13 @@ class MeshCheckpoint:
         newton = task.iterate.newton
         newton.pose(solved, sets)
         newton.restore((x, sets, solved))
-        outcome = Outcome(
+        return Outcome(
             Status.CONVERGED,
             newton,
             posed,
             monolithic=figures["monolithic"],
             augmented=figures["augmented"],
             regularisation_error=figures["regularisation_error"],
-        )
-        return Recalled(
-            stepped,
-            outcome,
-            start,
-            figures["path"],
-            [IterationRecord(**row) for row in figures["iterations"]],
-            [OuterRecord(**row) for row in figures["outer"]],
-            figures["events"],
-            figures["seconds"],
         )
 
 
@@ -303,7 +213,6 @@ def _data(
 
     gamma_n, gamma_t, sigma = parameters
     bound, slope = values("bound"), values("coupling")
-    origin = nodal.get(f"{name}.slip_origin", np.zeros_like(boundary.normal))  # older ones have none in a first step
     rest_t = 0.0 if task.rest is None else task.rest.u_t
     return replace(
         start.data,
@@ -314,7 +223,7 @@ def _data(
         mu_hat=_along(nodal[f"{name}.mu_hat"], boundary.cotangents),
         bound=bound,
         follows=None if bound is None or slope is None else PointFriction(bound, slope),
-        slip_origin=_along(origin, boundary.tangents) - rest_t,
+        slip_origin=_along(nodal[f"{name}.slip_origin"], boundary.tangents) - rest_t,
     )
 
 

@@ -1,4 +1,4 @@
-"""The places of a stated problem: foundations, friction and loads are what its statement says of their time."""
+"""The load steps of a stated problem: foundations, friction and loads are what its statement says of their time."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from dolfinx import fem
 
-from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
+from signorini_fx.algebra.algorithms.task import Start, Task
 from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.algebra.linalg import ElasticSystem
 from signorini_fx.machine import parallel
@@ -17,17 +17,14 @@ from signorini_fx.mechanics.assembly.averages import from_owners
 from signorini_fx.mechanics.body.discretisation import moved_since, placed
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.model import Model
-from signorini_fx.records import Timings
 from signorini_fx.results.certificate.law_of_method import PreviousStep
-from signorini_fx.results.mechanics import SolidBody
 from signorini_fx.results.step_frames import StepEnd, carried, from_rest
-from signorini_fx.results.step_result import StepResult
 from signorini_fx.solving.stepped_body import BegunStep, SteppedBody
 
 
 @dataclass(frozen=True)
-class StatedPlaces:
-    """See ``Places``.
+class StatedSteps(SteppedBody):
+    """A body that a statement says all of.
 
     Attributes:
         renew: makes the contact problem of a model whose foundations have moved.
@@ -35,15 +32,14 @@ class StatedPlaces:
 
     renew: Callable[[Model], Task]
 
-    def at(self, body: SteppedBody, path_step: float, task: Task, first: Start, end: StepEnd | None) -> BegunStep:
-        """See ``Places``."""
-        earlier, start, last = body.model, first, None
+    def begun(self, path_step: float, task: Task, first: Start, end: StepEnd | None) -> BegunStep:
+        earlier, start, last = self.model, first, None
         if end is not None:
             start, last = end.start, end.before
         moved = placed(earlier, path_step)
         if moved is earlier:
-            return BegunStep(body, task, start, last)
-        stepped = replace(body, model=moved)
+            return BegunStep(self, task, start, last)
+        stepped = replace(self, model=moved)
         if moved.boundary is earlier.boundary:
             assert moved.law is not None
             bound = moved.law.given if start.multipliers is None else moved.law.bound(start.multipliers[0])
@@ -51,27 +47,8 @@ class StatedPlaces:
         task = self.renew(moved)
         return BegunStep(stepped, task, *on_moved_foundations(earlier, moved, task, start, end))
 
-    def load(self, model: Model, system: ElasticSystem, path_step: float) -> Nodal:
-        """See ``Model.load``."""
-        return model.load(system, path_step)
-
-    def show(self, outcome: Outcome, result: StepResult) -> None:
-        """Nothing: nothing outside the loop of load steps sees a result before the end."""
-
-    def ended(self, end: StepEnd) -> StatedPlaces:
-        """The next load step begins as this one has ended."""
-        return self
-
-
-def stated_body(model: SolidBody, timings: Timings, renew: Callable[[Model], Task]) -> SteppedBody:
-    """A model at its first load step.
-
-    Args:
-        model: with foundations, friction and shortenings of that load step.
-        timings: of the mesh.
-        renew: makes the contact problem of a model whose foundations have moved.
-    """
-    return SteppedBody(model, model.statement.path, timings, StatedPlaces(renew))
+    def load(self, system: ElasticSystem, path_step: float) -> Nodal:
+        return self.model.load(system, path_step)
 
 
 def on_moved_foundations(

@@ -1,7 +1,7 @@
 """The loop over load steps of every kind of body; of a linear one the attempts at each of them, and what the
 checkpoint has of it.
 
-It knows neither scenes nor forms: a ``SteppedBody`` asks either for the model of a place.
+It knows neither scenes nor forms: each has a ``SteppedBody`` of its own.
 """
 
 from __future__ import annotations
@@ -166,7 +166,10 @@ def all_load_steps(
         return step
 
     def store(checkpoint: MeshCheckpoint, step: LoadStep, marks: Marks) -> None:
-        checkpoint.store(step.body, step.task, step.start, step.outcome, step.result, path, marks)
+        figures = {"path": path.stored(), **step.stored()}
+        checkpoint.store(
+            step.body.model, step.body.timings, step.task, step.start, step.outcome, step.result, marks, figures
+        )
 
     stepping = Stepping[LoadStep](
         history,
@@ -202,12 +205,11 @@ def _attempt(progress: StepProgress, path: Increments) -> LoadStep:
         history.add(StepRecord(start.step + 1, steps.name_at(path_step), steps.time_at(path_step)))
     history.move(step=start.step + 1, steps=len(steps.times))
     with begun.body.timings.phase("iterate"):
-        solved = begun.body.solved(replace(begun, start=start), path.allowed)
-    begun, outcome, reason = solved.begun, solved.outcome, solved.reason
+        begun, outcome, reason = replace(begun, start=start).solved(path.allowed)
     if reason is None:
         when = f"load step {start.step + 1}: " if steps.several else ""
         reason = explained(begun.body.model, begun.task, outcome, when)
-    result = begun.body.certified(begun, outcome)
+    result = begun.certified(outcome)
     solves = result.linear_solves + history.linear_solves - solves_before
     return LoadStep.of(begun, outcome, replace(result, linear_solves=solves, reason=reason or result.reason))
 
@@ -234,24 +236,26 @@ def _load_at(begun: BegunStep, path_step: float, path: Increments) -> Nodal:
 
 def _recalled_step(progress: StepProgress, level_checkpoint: MeshCheckpoint, path: Increments) -> LoadStep | None:
     """The next load step as an earlier run has left it; None if it is not there, or is no solution."""
-    number, task, timings = progress.number, progress.task, progress.body.timings
-    path_step = level_checkpoint.place(number)
-    if path_step is None:
+    number, history, timings = progress.number, progress.task.history, progress.body.timings
+    figures = level_checkpoint.figures(number)
+    if figures is None:
         return None
-    checkpoint = task.iterate.newton.checkpoint()
+    newton = progress.task.iterate.newton
+    checkpoint = newton.checkpoint()
     with timings.phase("restart"):
-        begun = progress.begun(path_step)
-        recalled = level_checkpoint.recall(begun.body, begun.task, begun.start)
-    if recalled is None:
+        begun = progress.begun(float(figures["place"]))
+        begun = begun.recalled(float(figures["place"]), figures)
+        outcome = level_checkpoint.recall(begun.body.model, begun.body.model.tagged.size, begun.task, begun.start)
+    if outcome is None:
         return None
-    begun = replace(begun, body=recalled.body, start=recalled.start)
-    result = begun.body.certified(begun, recalled.outcome)
+    result = begun.certified(outcome)
     if result.status is not Status.CONVERGED:
-        task.history.add(f"restart: {result}: {result.status.value}: it is solved again")
+        history.add(f"restart: {result}: {result.status.value}: it is solved again")
         level_checkpoint.forget(number)
-        task.iterate.newton.restore(checkpoint)
+        newton.restore(checkpoint)
         return None
-    recalled.accept(task.history, timings, path)
-    step = LoadStep.of(begun, recalled.outcome, replace(result, linear_solves=path.at.last))
+    level_checkpoint.recall_history(figures, history, timings)
+    path.resume(figures["path"])
+    step = LoadStep.of(begun, outcome, replace(result, linear_solves=path.at.last))
     progress.take(step)
     return step

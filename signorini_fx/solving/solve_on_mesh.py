@@ -1,6 +1,7 @@
 """A scene on one mesh: sets up its contact problem, solves its load steps and certifies them."""
 
 from __future__ import annotations
+from signorini_fx.solving.data_at_times import StatedSteps
 
 import math
 import time
@@ -123,7 +124,7 @@ def solve_contact(
         with timings.phase("condense"):
             return contact_task(model, history)
 
-    body = stated_body(model, timings, renew)
+    body = StatedSteps(model, statement.path, timings, renew)
     increments = Increments(statement.path, statement.solver)
     progress = all_load_steps(body, task, start, increments, on_step, level_checkpoint)
     model, task = progress.body.model, progress.task

@@ -1,12 +1,12 @@
-"""A body that load steps lead through: its model at a place, how a load step of it is solved, and how it is certified.
+"""A body that load steps lead through, a load step of it from its beginning to its result, and how that is certified.
 
-Scenes and forms differ in one thing only: how the model of another place is made, see ``Places``.
+Scenes and forms differ in one thing only: how the model of another place is made.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Self
 
 from dolfinx import fem
 
@@ -15,7 +15,6 @@ from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.algebra.linalg import ElasticSystem
 from signorini_fx.mechanics.body.deformation import Deformation, deformation_of
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
-from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.load_path import LoadPath
 from signorini_fx.mechanics.statement.settings import SolverSettings
 from signorini_fx.records import Finding, Status, Timings
@@ -28,106 +27,46 @@ if TYPE_CHECKING:
     from signorini_fx.results.step_frames import StepEnd
 
 
-class Places(Protocol):
-    """From a place in the load steps, see ``statement.load_path``, to the model there; all methods are collective."""
-
-    def at(self, body: SteppedBody, path_step: float, task: Task, first: Start, end: StepEnd | None, /) -> BegunStep:
-        """The load step that begins at a place, with foundations and friction as they are there.
-
-        Args:
-            body: at the last load step.
-            path_step: the place.
-            task: the contact problem of the last load step.
-            first: where the first load step starts.
-            end: that of the last load step; None: there is none.
-        """
-        ...
-
-    def load(self, model: Model, system: ElasticSystem, path_step: float, /) -> Nodal:
-        """Give a system its loads at a place, and return their factors for ``system.set_load``."""
-        ...
-
-    def show(self, outcome: Outcome, result: StepResult, /) -> None:
-        """Show a result to whoever looks at the load steps from outside."""
-        ...
-
-    def ended(self, end: StepEnd, /) -> Places:
-        """Those of the next load step, which begins at the end of one with a solution."""
-        ...
-
-
 @dataclass(frozen=True)
 class SteppedBody:
-    """A body that load steps lead through; all methods are collective.
+    """A body that load steps lead through; places are those of ``statement.load_path``; all methods are collective.
 
     Attributes:
         model: of the present load step, which certifies its results.
         path: the load steps.
         timings: of its mesh.
-        places: gives the model of the next one.
     """
 
     model: SolidBody
     path: LoadPath
     timings: Timings
-    places: Places
-
-    @property
-    def size(self) -> float:
-        """Of the body, length."""
-        return self.model.tagged.size
 
     def begun(self, path_step: float, task: Task, first: Start, end: StepEnd | None) -> BegunStep:
-        """The load step that begins at a place, see ``Places``."""
-        return self.places.at(self, path_step, task, first, end)
-
-    def load(self, system: ElasticSystem, path_step: float) -> Nodal:
-        """See ``Places``."""
-        return self.places.load(self.model, system, path_step)
-
-    def solved(self, begun: BegunStep, allowed: int) -> UncertifiedStep:
-        """Solve a load step with so many linear solves for each contact problem."""
-        from signorini_fx.solving.iterated_interfaces.protocol import LoadStepStart, solve_step
-
-        end = solve_step(LoadStepStart(self.model, begun.task, begun.start, allowed))
-        begun = replace(begun, body=replace(self, model=end.model), start=end.start)
-        return UncertifiedStep(begun, end.outcome, end.reason)
-
-    def certified(self, begun: BegunStep, outcome: Outcome) -> StepResult:
-        """The result of a load step, with the certificate's verdict; recorded linear solves are not counted yet.
+        """The load step that begins at a place, with foundations and friction as they are there.
 
         Args:
-            begun: the load step.
-            outcome: how it ended.
+            path_step: the place.
+            task: the contact problem of the last load step.
+            first: where the first load step starts.
+            end: that of the last load step; None: there is none.
         """
-        with self.timings.phase("certify"):
-            result = certified_result(self.model, self.path, (begun.task, begun.start, begun.last), outcome)
-            self.places.show(outcome, result)
-        return result
+        raise NotImplementedError
 
-    def ended(self, end: StepEnd) -> SteppedBody:
+    def load(self, system: ElasticSystem, path_step: float) -> Nodal:
+        """Give a system its loads at a place, and return their factors for ``system.set_load``."""
+        raise NotImplementedError
+
+    def show(self, outcome: Outcome, result: StepResult) -> None:
+        """Show a result to whoever looks at the load steps from outside."""
+
+    def ended(self, end: StepEnd) -> Self:
         """The body at the end of a load step with a solution, from which the next one begins."""
-        return replace(self, places=self.places.ended(end))
-
-    def stored(self, path_step: float, result: StepResult) -> tuple[dict[str, Nodal], dict[str, Any]]:
-        """What else a checkpoint needs of a load step: values at the contact points, and plain data."""
-        nodal, figures = dict[str, Nodal](), dict[str, Any]()
-        for interface in self.model.statement.interfaces:
-            further = interface.stored(self.model, path_step, result.contact)
-            nodal, figures = nodal | further[0], figures | further[1]
-        return nodal, figures
-
-    def recalled(self, task: Task, path_step: float, nodal: dict[str, Nodal], figures: dict[str, Any]) -> SteppedBody:
-        """Take back what ``stored`` has returned."""
-        model = self.model
-        for interface in model.statement.interfaces:
-            model = interface.recalled(model, task, path_step, nodal, figures)
-        return replace(self, model=model)
+        return self
 
 
 @dataclass(frozen=True)
 class BegunStep:
-    """A load step that begins.
+    """A load step that begins; all methods are collective.
 
     Attributes:
         body: with its foundations where they are in this step.
@@ -141,20 +80,41 @@ class BegunStep:
     start: Start
     last: PreviousStep | None
 
+    def solved(self, allowed: int) -> tuple[BegunStep, Outcome, Finding | None]:
+        """Solve it with so many linear solves for each contact problem.
 
-@dataclass(frozen=True)
-class UncertifiedStep:
-    """A load step that is not certified yet.
+        Returns:
+            The load step with what was found of its loads, how it ended, and why it has no solution; None: that is not
+            known.
+        """
+        from signorini_fx.solving.iterated_interfaces.protocol import LoadStepStart, solve_step
 
-    Attributes:
-        begun: the load step, with what the solve has found of its loads.
-        outcome: how it ended.
-        reason: why there is no solution; None: it is not known.
-    """
+        end = solve_step(LoadStepStart(self.body.model, self.task, self.start, allowed))
+        return replace(self, body=replace(self.body, model=end.model), start=end.start), end.outcome, end.reason
 
-    begun: BegunStep
-    outcome: Outcome
-    reason: Finding | None = None
+    def certified(self, outcome: Outcome) -> StepResult:
+        """The result with the certificate's verdict; recorded linear solves are not counted yet."""
+        body = self.body
+        with body.timings.phase("certify"):
+            result = certified_result(body.model, body.path, (self.task, self.start, self.last), outcome)
+            body.show(outcome, result)
+        return result
+
+    def stored(self) -> dict[str, Any]:
+        """What else a checkpoint needs of it, plain data."""
+        model, figures = self.body.model, dict[str, Any]()
+        for interface in model.statement.interfaces:
+            figures |= interface.stored(model, self.start.place)
+        return figures
+
+    def recalled(self, path_step: float, figures: dict[str, Any]) -> BegunStep:
+        """It at its place, with what ``stored`` has returned."""
+        model = self.body.model
+        for interface in model.statement.interfaces:
+            model = interface.recalled(model, path_step, figures)
+        body = replace(self.body, model=model)
+        start = replace(self.start, place=path_step, factors=body.load(self.task.system, path_step))
+        return replace(self, body=body, start=start)
 
 
 @dataclass(frozen=True)
@@ -184,7 +144,7 @@ def certified_result(
     begun: tuple[Task, Start, PreviousStep | None],
     outcome: Outcome,
 ) -> StepResult:
-    """See ``SteppedBody.certified``; ``begun``: its task, start and last step; collective."""
+    """See ``BegunStep.certified``; ``begun``: its task, start and last step; collective."""
     (task, start, last), unknowns = begun, outcome.displacement()
     displacement = model.from_rest(task.rest, unknowns)
     contact = None if model.boundary is None else model.state(task, outcome, start)

@@ -9,10 +9,9 @@ from functools import partial
 from dolfinx import fem
 
 from signorini_fx.errors import FormError
-from signorini_fx.forms.nonlinear import outcomes
+from signorini_fx.forms.nonlinear import outcomes, restarted_body
 from signorini_fx.forms.nonlinear.displaced_certificate import ResidualMechanics
 from signorini_fx.forms.nonlinear.newton import EquilibriumSolver, NoEquilibrium
-from signorini_fx.forms.nonlinear.restarted_body import RestartedBody
 from signorini_fx.forms.nonlinear.snapshot import Snapshot
 from signorini_fx.forms.nonlinear.step_sizes import PathSizes, Way
 from signorini_fx.mechanics.statement.load_path import LoadPath
@@ -186,9 +185,8 @@ class Continuation:
 
     def _store(self, way: Way, checkpoint: MeshCheckpoint, step: StepResult, marks: Marks) -> None:
         """Store a step in a checkpoint; for the arguments see ``Stepping``; collective."""
-        figures = {"newton": self.solver.iterations}
-        body = RestartedBody(self.solver.linear, self.solver.timings, figures)
-        body.store(checkpoint, step, self.solver.tangent_at, way.sizes, marks)
+        solver, figures = self.solver, {"newton": self.solver.iterations, "path": way.sizes.stored()}
+        restarted_body.store(solver.linear, checkpoint, step, solver.tangent_at, solver.timings, marks, figures)
 
     def _recall(self, way: Way, checkpoint: MeshCheckpoint) -> StepResult | None:
         """Go to the next step as an earlier run has left it, and certify it anew; None: it is not there, or is solved
@@ -196,19 +194,20 @@ class Continuation:
         """
         solver, number = self.solver, self.solver.linear.step
         history, timings = solver.linear.history, solver.timings
-        end = checkpoint.place(number)
-        if end is None:
+        figures = checkpoint.figures(number)
+        if figures is None:
             return None
-        begun = solver.snapshot()
+        begun, end = solver.snapshot(), float(figures["place"])
         with timings.phase("restart"):
             way.apply(end)
-            recalled = RestartedBody(solver.linear, timings).recall(checkpoint, solver.residual)
-        if recalled is not None:
+            fits = restarted_body.recalled(solver.linear, checkpoint, figures, solver.residual)
+        if fits:
             if (status := solver.certify(begun)) is Status.CONVERGED:
-                newton, solves = (checkpoint.figure(number, name) for name in ("newton", "linear_solves"))
-                solver.status, solver.iterations, solver.linear_solves = status, newton, solves
+                solver.status, solver.iterations = status, figures["newton"]
+                solver.linear_solves = figures["linear_solves"]
                 solver.take()
-                recalled.accept(history, timings, way.sizes)
+                checkpoint.recall_history(figures, history, timings)
+                way.sizes.resume(figures["path"])
                 return self.end_step(way, end)
             history.add(f"restart: load step {number + 1}: {status.value}: it is solved again")
             checkpoint.forget(number)

@@ -19,12 +19,11 @@ import numpy.typing as npt
 from dolfinx import fem, la
 from dolfinx import mesh as dmesh
 
-from signorini_fx.algebra.algorithms.task import Start, Task
+from signorini_fx.algebra.algorithms.task import Start
 from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.errors import SceneError
 from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.assembly.mesh_entities import facet_nodes, node_positions
-from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.effects.preload import Preload
 from signorini_fx.mechanics.loads.jumps import Jump
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
@@ -108,15 +107,11 @@ class BoltPreloads(Interface):
             s = s + slope @ (wanted - force)
         return LoadStepEnd(model, start, replace(outcome, status=Status.OUTER_MAX_ITERATIONS))
 
-    def stored(
-        self, model: SolidBody, step: float, contact: ContactState | None
-    ) -> tuple[dict[str, Nodal], dict[str, Any]]:
+    def stored(self, model: SolidBody, step: float) -> dict[str, Any]:
         """See ``Interface``: the shortenings that forces have led to."""
-        return {}, {"shortenings": _shortenings(model, step)}
+        return {"shortenings": _shortenings(model, step)}
 
-    def recalled(
-        self, model: SolidBody, task: Task, step: float, nodal: Mapping[str, Nodal], figures: Mapping[str, Any]
-    ) -> SolidBody:
+    def recalled(self, model: SolidBody, step: float, figures: Mapping[str, Any]) -> SolidBody:
         return _with_shortenings(model, step, figures["shortenings"])
 
 

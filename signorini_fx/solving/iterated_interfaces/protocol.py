@@ -10,9 +10,7 @@ from dolfinx import fem
 
 from signorini_fx.algebra.algorithms.strategy import solve_task
 from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
-from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
-from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.loads.jumps import Jump
 from signorini_fx.mechanics.loads.load_vectors import AppliedLoad
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
@@ -93,15 +91,11 @@ class Interface:
         """Solve a load step at a place where an entry answers ``Effect.depends_on_solution_at``."""
         raise NotImplementedError
 
-    def stored(
-        self, model: SolidBody, step: float, contact: ContactState | None
-    ) -> tuple[dict[str, Nodal], dict[str, Any]]:
-        """What a checkpoint needs of a load step: values at the contact points, and plain data."""
-        return {}, {}
+    def stored(self, model: SolidBody, step: float) -> dict[str, Any]:
+        """What a checkpoint needs of a load step, plain data."""
+        return {}
 
-    def recalled(
-        self, model: SolidBody, task: Task, step: float, nodal: Mapping[str, Nodal], figures: Mapping[str, Any]
-    ) -> SolidBody:
+    def recalled(self, model: SolidBody, step: float, figures: Mapping[str, Any]) -> SolidBody:
         """The model with what ``stored`` has returned."""
         return model
 
