@@ -5,8 +5,7 @@
 The fronts share the core, and nothing else that is compared here is shared: a scene finds facets by names, integrates
 its loads and supports by effects and has its contact as entries; forms have UFL, DirichletBCs and Foundations; of a
 residual with a linear F there are a Newton iteration and a certificate of its own.  Status, load steps, sets, forces,
-displacements, pressures, states, the contact table, quantities, the estimated error, and the guaranteed bound have to
-agree.
+displacements, pressures, states, the contact table, quantities and the estimated error have to agree.
 """
 
 from __future__ import annotations
@@ -551,15 +550,6 @@ class Differences:
         """At the estimated error; collective."""
         self.look("estimated error", scene.stress.error or 0.0, forms.stress.error or 0.0, scene.stress.error or 1.0)
 
-    def look_at_bound(self, scene: Solution, forms: Solution) -> None:
-        """At the guaranteed bound; collective."""
-        ours, theirs = scene.error_bound, forms.error_bound
-        if isinstance(ours, str) or isinstance(theirs, str) or ours is None or theirs is None:
-            if type(ours) is not type(theirs):
-                self.found.append(f"guaranteed bound: {ours}; forms: {theirs}")
-        else:
-            self.look("guaranteed bound", ours.duality, theirs.duality, ours.error)  # without round-off
-
 
 def iterations(solution: Solution) -> list[tuple[int, ...]]:
     """What each linear solve has begun and ended with: load step, number, points in contact and slipping either way,
@@ -604,8 +594,6 @@ def compared(drawn: RandomProblem, comm: MPI.Comm = MPI.COMM_SELF) -> tuple[Stat
         differences.look_at_quantities(scene, other, keys, sizes)
     if scene.converged and forms.stress is not None:
         differences.look_at_estimate(scene, other)
-        if drawn.radius is None:  # of forms a bound is not for foundations with shapes
-            differences.look_at_bound(scene, other)
     # A residual does not say what its modulus is, the scale of gamma, and has shapes at the displaced points.
     alone = drawn.shape is None and drawn.below is None and drawn.kind != "axisymmetric"
     if alone and drawn.ramp is None and "gamma_n" in drawn.settings:

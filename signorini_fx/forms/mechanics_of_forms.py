@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 import numpy.typing as npt
@@ -32,6 +32,7 @@ from signorini_fx.results.certificate.contact_nodes import ContactSide
 from signorini_fx.results.certificate.contact_sides import paired_side, rigid_side
 from signorini_fx.results.certificate.equilibrium import Balance
 from signorini_fx.results.certificate.supports import PrescribedNodes
+from signorini_fx.quantities.proved_statements import Refused
 from signorini_fx.results.mechanics import SolidBody, StatedBody
 
 if TYPE_CHECKING:
@@ -104,13 +105,8 @@ class FormBody(SolidBody):
             return ActingForces(balance, (), (), ())
         return acting_on(balance, forms.boundaries, fixed, loads_of(forms, self.tagged, y))
 
-    def stated(self) -> StatedBody:
-        from signorini_fx.forms.stated_data import stated_body
-        from signorini_fx.quantities.proved_statements import Refused
-
-        if not self.settled:
-            raise Refused("the forms are those of a load step that has no solution")
-        return stated_body(self.user_forms, *self.prescribed_dofs, self)
+    def stated(self) -> NoReturn:
+        raise Refused("a guaranteed bound is for scenes, which state their loads and supports")
 
 
 def loads_of(forms: GivenForms, tagged: TaggedMesh, y: fem.Function) -> Iterator[NamedForces]:

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import ufl
 from dolfinx import fem
+from ufl.algorithms.analysis import extract_constants
 
 from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
 from signorini_fx.algebra.contact.nodal_vectors import Nodal
@@ -16,8 +19,7 @@ from signorini_fx.algebra.linalg import ElasticSystem
 from signorini_fx.errors import FormError, SceneError
 from signorini_fx.forms import options
 from signorini_fx.forms.solver import FormSolver, StepBeginning
-from signorini_fx.forms.stated_values import constants_of
-from signorini_fx.machine import parallel
+from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.statement.load_path import LoadPath
 from signorini_fx.mechanics.statement.values import kind_of
 from signorini_fx.records import Timings
@@ -177,7 +179,7 @@ def checkpoint_of(solver: FormSolver, folder: str | Path, path: LoadPath, *, res
         "path": asdict(path),
         "settings": solver.settings.model_dump(mode="json"),
         "contact": [type(contact).__name__ for contact in forms.contact],
-        "constants": constants_of(forms.compiled, forms.contact),
+        "constants": _constants_of(forms.compiled, forms.contact),
         "cells": mesh.topology.index_map(mesh.topology.dim).size_global,
         "unknowns": dofmap.index_map.size_global * dofmap.index_map_bs,
     }
@@ -189,3 +191,17 @@ def checkpoint_of(solver: FormSolver, folder: str | Path, path: LoadPath, *, res
         raise FormError(error.problems, "run") from None
     solver.folders.append(at)
     return stored
+
+
+def _constants_of(compiled: Iterable[fem.Form], entries: Any) -> list[float]:
+    """The values of all Constants of forms, and of contacts with what belongs to them."""
+    values = [float(number) for form in compiled for number in compat.packed_constants(form)]
+    if isinstance(entries, Mapping):
+        return values + _constants_of((), list(entries.values()))
+    if isinstance(entries, list | tuple):
+        return values + [number for entry in entries for number in _constants_of((), entry)]
+    if isinstance(entries, ufl.core.expr.Expr):
+        return values + [float(number) for node in extract_constants(entries) for number in np.ravel(node.value)]
+    if isinstance(getattr(entries, "__dict__", None), dict) and type(entries).__module__.startswith("signorini_fx."):
+        return values + _constants_of((), vars(entries))
+    return values

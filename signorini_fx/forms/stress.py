@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -12,8 +11,6 @@ import numpy.typing as npt
 import ufl
 from dolfinx import fem
 from dolfinx import mesh as dmesh
-from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering
-from ufl.algorithms.apply_derivatives import apply_derivatives
 
 from signorini_fx.errors import FormError
 from signorini_fx.machine import compat, parallel
@@ -115,31 +112,18 @@ def stress_of(law: Law, y: fem.Function, parts: Sequence[Cells]) -> ElementStres
     moduli = cellwise_moduli(law, y.function_space)
     sigma = ufl.as_matrix([[full_stress[i, j] for j in range(dim)] for i in range(dim)])
     try:
-        lame = isotropic_moduli(moduli.values, dim, mesh)
+        lame = isotropic_moduli(moduli[0], dim, mesh)
         shear_modulus = None if lame is None else lame[1]
-        of_law = cellwise_stress(y, sigma, outward, (moduli.values, moduli.cells), shear_modulus=shear_modulus)
+        of_law = cellwise_stress(y, sigma, outward, moduli, shear_modulus=shear_modulus)
         return stress_by(of_law, y, parts, kinematics)
     except np.linalg.LinAlgError:
         raise FormError([("stress", "is zero for some strain: nothing can be measured in its energy")]) from None
 
 
-@dataclass(frozen=True)
-class CellwiseModuli:
-    """The components of the stress over those of the strain, at the middle of each cell.
-
-    Attributes:
-        values: see ``cellwise_stress``, shape (cells, rows, m).
-        cells: the number of each cell among them.
-        varies: whether they, or a stress without a strain, may vary within a cell.
+def cellwise_moduli(law: Law, space: fem.FunctionSpace) -> tuple[npt.NDArray[np.float64], Cells]:
+    """The components of the stress over those of the strain, at the middle of each cell, see ``cellwise_stress``, shape
+    (cells, rows, m), and the number of each cell among them: from stresses of fields with one strain each; collective.
     """
-
-    values: npt.NDArray[np.float64]
-    cells: Cells
-    varies: bool
-
-
-def cellwise_moduli(law: Law, space: fem.FunctionSpace) -> CellwiseModuli:
-    """Those of a law on a space of displacements, from its stresses of fields with one strain each; collective."""
     mesh, kinematics = space.mesh, CARTESIAN[space.mesh.geometry.dim]
     dim, pairs, x = kinematics.dimension, kinematics.pairs, ufl.SpatialCoordinate(mesh)
     axes = [ufl.unit_vector(k, dim) for k in range(dim)]
@@ -150,9 +134,7 @@ def cellwise_moduli(law: Law, space: fem.FunctionSpace) -> CellwiseModuli:
     moduli = ufl.as_vector([(stress - at_rest)[i, j] for i, j in rows for stress in stresses])
     cellwise = interpolated(moduli, fem.functionspace(mesh, ("DG", 0, (len(moduli),))))
     values = cellwise.x.array.reshape(-1, len(rows), len(pairs))
-    lowered = (apply_derivatives(apply_algebra_lowering(stress)) for stress in stresses)
-    varies = any(ufl.algorithms.estimate_total_polynomial_degree(stress) > 0 for stress in lowered)
-    return CellwiseModuli(values, cellwise.function_space.dofmap.list[:, 0], varies)
+    return values, cellwise.function_space.dofmap.list[:, 0]
 
 
 def isotropic_moduli(
@@ -161,7 +143,7 @@ def isotropic_moduli(
     """Both parameters of Lame in each cell; None: some cell of some rank is not isotropic; collective.
 
     Args:
-        moduli: see ``CellwiseModuli.values``.
+        moduli: see ``cellwise_moduli``.
         dim: of the displacement.
         mesh: of the body.
     """
@@ -188,7 +170,7 @@ def natural_modulus(law: Law, space: fem.FunctionSpace) -> float | None:
     at_rest, dim = law(fem.Function(space)), space.mesh.geometry.dim
     if getattr(at_rest, "ufl_shape", None) not in ((dim, dim), (3, 3)) or _by_quadrature(at_rest):
         return None
-    return _stiffest(cellwise_moduli(law, space).values, space.mesh)
+    return _stiffest(cellwise_moduli(law, space)[0], space.mesh)
 
 
 def modulus_of_energy(a: Any, space: fem.FunctionSpace, measure: Any = None) -> float | None:
@@ -238,7 +220,7 @@ def _by_quadrature(expression: Any) -> bool:
 
 
 def _stiffest(moduli: npt.NDArray[np.float64], mesh: dmesh.Mesh) -> float | None:
-    """The largest of Young's moduli; ``moduli``: see ``CellwiseModuli.values``; None: some cell is not isotropic;
+    """The largest of Young's moduli; ``moduli``: see ``cellwise_moduli``; None: some cell is not isotropic;
     collective.
     """
     lame = isotropic_moduli(moduli, mesh.geometry.dim, mesh)

@@ -1,4 +1,4 @@
-"""Results of a ``ContactProblem``: the same problem as a scene and as UFL has the same folder, figures and proofs."""
+"""Results of a ``ContactProblem``: the same problem as a scene and as UFL has the same folder and figures."""
 
 import json
 from pathlib import Path
@@ -14,7 +14,6 @@ from scenes import example1
 from two_bodies import stress_of
 
 from signorini_fx import ContactProblem, Foundation, Pair, read_results, write_results
-from signorini_fx.quantities.proved_statements import ErrorBound
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve
 from signorini_fx.scenes.template import summary_schema
@@ -178,22 +177,6 @@ def test_a_problem_of_forms_has_the_results_of_its_scene(scene, tmp_path):
         np.testing.assert_allclose(ours["pressure"], theirs["pressure"], atol=1e-11 * theirs["pressure"].max(), rtol=0)
         summary = json.loads((folder / "forms/summary.json").read_text())
         jsonschema.Draft202012Validator(summary_schema()).validate(summary)
-
-
-@pytest.mark.one_quick
-@pytest.mark.parametrize("law", [{}, {"bound": 3.0}], ids=str)
-def test_bounds_are_those_of_the_scene(law):
-    """The loads are read off L, the supports off the prescribed dofs, the moduli off the stress."""
-    scene = example1(nx=12, ny=4, poisson=0.3, cell="triangle", error_bound=True, **law)
-    solution = solve(scene)
-    problem, _ = as_forms(scene.statement, solution.model.tagged)
-    problem.solve()
-    bound, expected = problem.solution.error_bound, solution.error_bound
-    assert isinstance(bound, ErrorBound)
-    assert bound.error == pytest.approx(expected.error, rel=1e-9)  # its share of round-off is one
-    assert bound.squares == pytest.approx(expected.squares, rel=1e-9, abs=1e-9 * expected.squares.max())
-    ours, theirs = (one.bounds("force bottom y") for one in (problem.solution, solution))
-    assert tuple(ours) == pytest.approx(tuple(theirs), rel=1e-9)
 
 
 def test_derivatives_of_quantities_of_scenes():
