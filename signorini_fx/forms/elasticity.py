@@ -45,16 +45,8 @@ def elastic_body(
     settings: SolverSettings,
     **more: Any,
 ) -> ElasticBody:
-    """The elastic body of a user's form, assembled, see ``ElasticBody``; collective.
-
-    Args:
-        space: of the displacement.
-        a: the form.
-        bcs: the supports.
-        fixed: see ``ElasticBody``.
-        boundary: the contact points; None: there are none.
-        settings: how it is to be solved.
-        more: ``beside``, ``definite`` and others; with a stiffness that is ``of_body`` nothing is assembled.
+    """The elastic body of a user's form, assembled, see ``ElasticBody``; with a stiffness that is ``of_body`` nothing
+    is; collective.
 
     Raises:
         FormError: the form is not symmetric, not positive, or not finite.
@@ -123,13 +115,8 @@ class MatrixError(FormError):
 
 
 def check_energy(matrix: PETSc.Mat, owned: int, *, definite: bool = True, symmetric: bool = True) -> None:
-    """Whether a(x, y) = a(y, x) for two random vectors, and a(z, z) > 0 for each basis function z; collective.
-
-    Args:
-        matrix: of the form.
-        owned: its unknowns on this rank, before those of rigid bodies.
-        definite: whether a(z, z) is looked at.
-        symmetric: whether the form must be.
+    """Whether a(x, y) = a(y, x) for two random vectors, and a(z, z) > 0 for each basis function z of the ``owned``
+    unknowns of the body; collective.
 
     Raises:
         MatrixError: the form is not symmetric, not positive, or not finite.
@@ -167,13 +154,6 @@ def scales_of(
 
     A point that moves alone strains the cells around it, which are of the size l along the boundary and h across it:
     per area it meets about E (1 / h + h / l^2).
-
-    Args:
-        body: its elastic system.
-        boundary: the contact points.
-        facets: of each foundation, in the order of ``boundary.segments``.
-        size: diameter of the body, length.
-        modulus: Young's modulus of the stiffest material; None: it is not known.
     """
     if modulus is not None:
         return Scales(body.space.mesh.topology.dim, modulus, size)

@@ -91,16 +91,6 @@ def given_forms(
 ) -> tuple[GivenForms, fem.Function]:
     """What a ``ContactProblem`` is given, and the Function that takes its solution; collective.
 
-    Args:
-        a: see ``ContactProblem``.
-        L: see ``ContactProblem``.
-        contact: see ``ContactProblem``.
-        u: see ``ContactProblem``.
-        stress: see ``ContactProblem``.
-        materials: see ``ContactProblem``.
-        boundaries: see ``ContactProblem``.
-        compiler_options: ``form_compiler_options`` and ``jit_options`` of ``dolfinx.fem.form``.
-
     Raises:
         FormError: an argument is wrong.
         MachineError: a form cannot be compiled.

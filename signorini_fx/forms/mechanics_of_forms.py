@@ -146,13 +146,6 @@ def acting_on(
 ) -> ActingForces:
     """What acts on a body whose supports are parts of its boundary: those at all of whose nodes the same components are
     prescribed; at a node of two of them a component belongs to the later one; collective.
-
-    Args:
-        balance: the forces.
-        boundaries: the facets of each part.
-        fixed: which dofs of this rank are prescribed, ghosts included, shape (dofs,).
-        loads: see ``ActingForces``.
-        displaced: likewise.
     """
     from signorini_fx.results.resultants import ActingForces
 
@@ -175,12 +168,8 @@ def acting_on(
 
 
 def prescribed_nodes(fixed: npt.NDArray[np.bool_], values: Nodal, space: fem.FunctionSpace) -> PrescribedNodes:
-    """What is prescribed component by component, as certificates take it.
-
-    Args:
-        fixed: which dofs of this rank are prescribed, ghosts included, shape (dofs,).
-        values: to what, shape (dofs,).
-        space: of the displacement.
+    """What is prescribed component by component, as certificates take it: which dofs of this rank, ghosts included, and
+    to what, shapes (dofs,).
     """
     dim, owned = space.mesh.geometry.dim, space.dofmap.index_map.size_local
     here = fixed.reshape(-1, dim)[:owned]
@@ -196,18 +185,9 @@ def sides_of(
     sliding: Mapping[int, PairPoints] | None = None,
     moved: Nodal | None = None,
 ) -> list[ContactSide]:
-    """The parts of the boundary with contact; collective.
-
-    Args:
-        data: of the foundations at the nodes.
-        unit_forms: see ``Foundations.forms``.
-        contact: the foundations and pairs as the user gave them, which decide which facets meet, and up to which
-            distance.
-        masters: of the other side of each pair, by its number.
-        body: the nodes.
-        sliding: the points of pairs that slide, by their numbers; None: there are none.
-        moved: displacements of the nodes of this rank, that normals of other pairs follow, length, shape (nodes, d);
-            None: they are those of the undeformed sides.
+    """The parts of the boundary with contact; collective.  ``sliding``: the points of pairs that slide, by their
+    numbers; ``moved``: displacements of the nodes of this rank, which normals of other pairs follow, length, shape
+    (nodes, d).
     """
     sides = []
     for k, (at, form, entry) in enumerate(zip(data, unit_forms, contact, strict=True)):

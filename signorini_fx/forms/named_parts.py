@@ -100,14 +100,7 @@ class NamedParts:
     def model(
         self, elastic: ElasticBody, law: PointFriction | None, pairs: Mapping[int, PairedSides], rigid: RigidBodies
     ) -> Model:
-        """An elastic body of these forms.
-
-        Args:
-            elastic: the body.
-            law: its friction at the contact points.
-            pairs: both sides of each contact of two bodies, by its number.
-            rigid: the rigid bodies.
-        """
+        """An elastic body of these forms."""
         return Model(
             **{field.name: getattr(elastic, field.name) for field in fields(elastic)},
             statement=replace(self.statement, solver=elastic.settings),
@@ -119,12 +112,8 @@ class NamedParts:
 
 
 def named_parts(forms: GivenForms, settings: SolverSettings, arguments: Sequence[str] = ()) -> NamedParts:
-    """What is known of forms by name, with a single load step; collective.
-
-    Args:
-        forms: what is assembled.
-        settings: how they are solved.
-        arguments: what they were stated by; none: the forms.
+    """What is known of forms by name, with a single load step; ``arguments``: what they were stated by, else the forms;
+    collective.
     """
     from signorini_fx.mechanics.statement.statement import Statement
 

@@ -14,11 +14,8 @@ from signorini_fx.solving.check.petsc_options import refuse_exchanged, refused
 
 @contextmanager
 def applied(prefix: str, problem_options: Mapping[str, Any]) -> Iterator[None]:
-    """Put the options of a problem where its solver objects read them; those of the database take precedence.
-
-    Args:
-        prefix: of the problem.
-        problem_options: options without the prefix.
+    """Put the options of a problem where its solver objects read them, without its prefix; those of the database take
+    precedence.
 
     Raises:
         OptionsError: PETSc fails with them, or would run another method than ours with one of them.

@@ -24,13 +24,8 @@ from signorini_fx.solving.solve_on_mesh import contact_solution, findings_of_ste
 
 
 def solution_of(solver: FormSolver, path: LoadPath | None, progress: StepProgress | None, title: str = "") -> Solution:
-    """The last solution, or the last iterate, with the values that the forms have now; collective.
-
-    Args:
-        solver: of the forms.
-        path: the load steps of the last run; None: the last solve was one of a loop of the user's own.
-        progress: how they have ended; None likewise.
-        title: of the results.
+    """The last solution, or the last iterate, with the values that the forms have now; of a run its path, and how its
+    load steps have ended; collective.
 
     Raises:
         RuntimeError: there is none so far.

@@ -439,11 +439,8 @@ class FormSolver:
         return self.foundations.problem(self.boundary, self.data, Settings.of(self.settings), self.scales)
 
     def model(self, path: LoadPath | None = None, title: str = "") -> FormBody:
-        """The body as the forms are now, with what is known of it by name; collective.
-
-        Args:
-            path: the load steps; None: those of a loop of the user's own so far.
-            title: of results.
+        """The body as the forms are now, with what is known of it by name; without a path the load steps are those of a
+        loop of the user's own so far; collective.
         """
         if self._parts is None:
             self._parts = named_parts(self.forms, self.settings)
@@ -457,10 +454,8 @@ class FormSolver:
         return self._point_data(self.foundations.shapes())[1]
 
     def data_now(self, solved: FormSolver | None = None) -> tuple[Any, ...]:
-        """The problem with the values that Constants have now, as derivatives take it; collective.
-
-        Args:
-            solved: a problem of the same body that has the solution; None: this one.
+        """The problem with the values that Constants have now, as derivatives take it; ``solved``: a problem of the
+        same body that has the solution, else this one; collective.
         """
         solved = self if solved is None else solved
         shapes, fixed, boundary = self.foundations.shapes(), solved.elastic.fixed, solved.boundary

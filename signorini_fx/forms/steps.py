@@ -107,15 +107,7 @@ def solve_path(
     on_step: Callable[[StepResult], object],
     stored: MeshCheckpoint | None = None,
 ) -> StepProgress:
-    """Solve the load steps of a path, which the solver is left at the last of; collective.
-
-    Args:
-        solver: of the forms.
-        path: the load steps.
-        clock: changes the problem to what it is at a time.
-        on_step: called with the result of each load step that has a solution.
-        stored: the checkpoint; None: there is none.
-    """
+    """Solve the load steps of a path, which the solver is left at the last of; collective."""
     begin, comm, solver.timings = time.perf_counter(), solver.space.mesh.comm, Timings()
     solver.solves_before = len(solver.history.iterations)
     increments = Increments(path, solver.settings)
@@ -137,14 +129,8 @@ def begun_path(
     *,
     restart: bool,
 ) -> tuple[LoadPath, Clock, MeshCheckpoint | None]:
-    """The load steps of a run, what goes through their times, and their checkpoint, if there is one; collective.
-
-    Args:
-        solver: of the forms.
-        path: see ``ContactProblem.run``.
-        at: see there.
-        folder: see there.
-        restart: see there.
+    """The load steps of a run, what goes through their times, and their checkpoint, if there is one, see
+    ``ContactProblem.run``; collective.
 
     Raises:
         FormError: an argument is wrong, or the folder is that of another problem, or of another run of this one.
@@ -159,13 +145,7 @@ def begun_path(
 
 
 def checkpoint_of(solver: FormSolver, folder: str | Path, path: LoadPath, *, restart: bool) -> Checkpoint:
-    """The checkpoint of a path in a folder; collective.
-
-    Args:
-        solver: with the Constants as they are at the first time.
-        folder: see ``ContactProblem.run``.
-        path: the load steps.
-        restart: whether to go on from what is there.
+    """The checkpoint of a path in a folder, with the Constants as they are at the first time; collective.
 
     Raises:
         FormError: the folder is that of another problem, or of another run of this one.

@@ -55,16 +55,8 @@ def stresses_of(
     fixed: npt.NDArray[np.bool_],
     shared: dict[str, StressRecovery] | None = None,
 ) -> RawStresses:
-    """The stress of a displacement, raw and recovered, with the estimate of its error; collective.
-
-    Args:
-        law: see ``stress_of``.
-        y: the displacement.
-        parts: see ``ElementStress``.
-        forms: a(., .) and L; of compiled ones the traction is not known.
-        contact: facets that are in contact, of pairs on both sides.
-        fixed: which dofs of this rank are prescribed, ghosts included, shape (dofs,).
-        shared: where what projects is kept for other displacements; None: nowhere else.
+    """The stress of a displacement, raw and recovered, with the estimate of its error, for which the traction of
+    compiled forms is not known; ``shared``: where what projects is kept for other displacements; collective.
     """
     from signorini_fx.results.accuracy.stress_recovery import StressRecovery
     from signorini_fx.results.stresses import RawStresses
@@ -86,14 +78,10 @@ def stresses_of(
 
 
 def stress_of(law: Law, y: fem.Function, parts: Sequence[Cells]) -> ElementStress:
-    """The stress of a displacement by a law that is linear in the strain, but for a stress without strain; collective.
+    """The stress of a displacement by a law that gives it as UFL, shape (d, d), or in 2D (3, 3), linear in the strain
+    but for a stress without strain; collective.
 
     The moduli are those at the middle of each cell.
-
-    Args:
-        law: gives the stress of a displacement as UFL, shape (d, d), or in 2D (3, 3).
-        y: the displacement.
-        parts: see ``ElementStress``.
 
     Raises:
         FormError: the law has another shape, is known at points of quadrature alone, or some strain has no stress.
@@ -140,12 +128,8 @@ def cellwise_moduli(law: Law, space: fem.FunctionSpace) -> tuple[npt.NDArray[np.
 def isotropic_moduli(
     moduli: npt.NDArray[np.float64], dim: int, mesh: dmesh.Mesh
 ) -> tuple[fem.Function, fem.Function] | None:
-    """Both parameters of Lame in each cell; None: some cell of some rank is not isotropic; collective.
-
-    Args:
-        moduli: see ``cellwise_moduli``.
-        dim: of the displacement.
-        mesh: of the body.
+    """Both parameters of Lame in each cell from ``cellwise_moduli``; None: some cell of some rank is not isotropic;
+    collective.
     """
     within = moduli[:, : moduli.shape[2]]
     mu, lame = within[:, -1, -1], within[:, 0, 1]
@@ -174,13 +158,9 @@ def natural_modulus(law: Law, space: fem.FunctionSpace) -> float | None:
 
 
 def modulus_of_energy(a: Any, space: fem.FunctionSpace, measure: Any = None) -> float | None:
-    """The same from an energy: from a(y, z) of fields with one strain each, which are zero in the middle of the cell
-    where they are taken, so that no hoop strain adds to theirs; collective.
-
-    Args:
-        a: a bilinear form; None comes of a compiled one, and of moduli that are known at points of quadrature alone.
-        space: of the displacements.
-        measure: UFL that the energy is multiplied by; None: nothing.
+    """The same from an energy, divided by the UFL that it is multiplied by: from a(y, z) of fields with one strain
+    each, which are zero in the middle of the cell where they are taken, so that no hoop strain adds to theirs; None: it
+    is compiled, or known at points of quadrature alone; collective.
     """
     integrals = a.integrals_by_type("cell") if isinstance(a, ufl.Form) else ()
     everywhere = all(integral.subdomain_id() == "everywhere" for integral in integrals)
@@ -236,16 +216,10 @@ def _stiffest(moduli: npt.NDArray[np.float64], mesh: dmesh.Mesh) -> float | None
 def residual_of(
     stress: ElementStress, forms: Sequence[Any], contact: Sequence[Facets], fixed: npt.NDArray[np.bool_], z: Any
 ) -> Any:
-    """The squared residual of the traction that UFL forms prescribe, see ``squared_residual``; collective.
+    """The squared residual of the traction that UFL forms prescribe, see ``squared_residual``; ``z``: a test function,
+    constant in each cell; collective.
 
     It is known off the contact in the components that are not prescribed.
-
-    Args:
-        stress: of the displacement that is estimated.
-        forms: a(., .) and L.
-        contact: facets that are in contact, of pairs on both sides.
-        fixed: which dofs of this rank are prescribed, ghosts included, shape (dofs,).
-        z: test function, constant in each cell.
     """
     from signorini_fx.results.accuracy.stress_recovery import squared_residual
 

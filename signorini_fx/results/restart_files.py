@@ -73,11 +73,8 @@ class Checkpoint:
         self.found = len(self._complete)
 
     def figures(self, level: int, step: int) -> Figures | None:
-        """The figures of a load step; None if it is not there, and then neither are later ones.
-
-        Args:
-            level: number of the mesh.
-            step: number of the load step, from 0.
+        """The figures of a load step, numbered from 0, on a mesh; None if it is not there, and then neither are later
+        ones.
         """
         figures = self._complete.get((level, step))
         if figures is None:
@@ -87,17 +84,8 @@ class Checkpoint:
     def read(
         self, level: int, step: int, space: fem.FunctionSpace, boundary: ContactBoundary, size: float
     ) -> tuple[fem.Function, dict[str, Nodal]] | None:
-        """The displacement of a load step, and the values at the contact nodes of this rank, as they were written.
-
-        Args:
-            level: number of the mesh.
-            step: number of the load step, from 0.
-            space: of the displacement, on the same mesh, which may be distributed in another way.
-            boundary: the contact nodes.
-            size: of the body, length.
-
-        Returns:
-            None if they cannot be read, or belong to other nodes.
+        """The displacement of a load step, and the values at the contact nodes of this rank, as they were written; None
+        if they cannot be read, or belong to other nodes.  The mesh may be distributed in another way.
         """
         folder = self._folder(level, step)
         displacement = fem.Function(space, name="displacement")
@@ -114,14 +102,7 @@ class Checkpoint:
         return displacement, contact_values
 
     def read_beside(self, level: int, step: int, space: fem.FunctionSpace, name: str) -> fem.Function | None:
-        """A further displacement of a load step; None: it cannot be read.
-
-        Args:
-            level: number of the mesh.
-            step: number of the load step, from 0.
-            space: of the displacement, see ``read``.
-            name: that it was stored under.
-        """
+        """A further displacement of a load step by its name; None: it cannot be read."""
         function, failed = fem.Function(space), False
         try:
             _read_field(self._folder(level, step) / f"{name}.bin", function)
@@ -139,16 +120,8 @@ class Checkpoint:
         figures: Figures,
         beside: Mapping[str, fem.Function] | None = None,
     ) -> None:
-        """Store a load step.
-
-        Args:
-            level: number of the mesh.
-            step: number of the load step, from 0.
-            displacement: y.
-            boundary: the contact nodes.
-            nodal: values at those of this rank, shape (n,) or (n, k); vectors in the axes of space.
-            figures: plain data for JSON.
-            beside: further displacements in the same space, by their names; None: there are none.
+        """Store a load step: the displacement, values at the contact nodes of this rank, shape (n,) or (n, k), vectors
+        in the axes of space, plain data for JSON, and further displacements by their names.
 
         Raises:
             OutputError: it cannot be written.
@@ -364,11 +337,8 @@ def _digest(path: Path) -> str:
 
 
 def _add_contents(scene_part: Any, description: Any) -> None:
-    """Add to every table that names a file, of a mesh, a shape or a temperature, what tells its content.
-
-    Args:
-        scene_part: the scene, or a part of it.
-        description: the same as JSON, where of a file there is the name alone.
+    """Add to every table of a scene as JSON that names a file, of a mesh, a shape or a temperature, what tells its
+    content.
     """
     if isinstance(description, list):
         for inner_part, entry in zip(scene_part, description, strict=True):

@@ -56,16 +56,8 @@ class StepEnd:
         before: PreviousStep | None,
         rigid: tuple[RigidBodyMotion, ...] = (),
     ) -> StepEnd:
-        """That of a step with a solution; collective.
-
-        Args:
-            task: its contact problem.
-            outcome: how it has ended.
-            start: where it has started.
-            contact: its contact points.
-            displacement: its solution, which nothing may change any more.
-            before: the end of the step before it; None: there is none.
-            rigid: how rigid bodies have moved.
+        """That of a step with a solution, a displacement that nothing may change any more; ``before``: the end of the
+        step before it; collective.
         """
         normal = outcome.problem.system.contact.traces(outcome.newton.x)[0]
         law = Law(*task.promised(outcome))
@@ -75,13 +67,8 @@ class StepEnd:
         return cls(following, task.rest, normal, contact.boundary, previous)
 
     def taken_up(self, task: Task, body: ElasticBody, rigid: RigidBodies) -> None:
-        """Begin the iterate of a contact problem that was made anew with the displacement with which this step has
-        ended, as that of one that has stayed does; collective.
-
-        Args:
-            task: the contact problem.
-            body: its elastic body, with the same points in the frames that they have now.
-            rigid: its rigid bodies.
+        """Begin the iterate of a contact problem that was made anew, with the same points, with the displacement with
+        which this step has ended; collective.
         """
         counted = self.before.displacement.copy()
         if task.rest is not None:
@@ -100,16 +87,9 @@ class StepEnd:
         start: Start | None = None,
         spin: Array | None = None,
     ) -> tuple[Start, PreviousStep]:
-        """Where the next step starts on foundations that may have moved, and this end as it begins from it: slip is
-        relative to them, and friction is that of the pressure with which this step has ended; collective.
-
-        Args:
-            boundary: the points as they are now.
-            first: the problem at them, whose gap counts, and which of them cannot open.
-            law: of friction now; None: there is none.
-            moved: by which the foundations have moved at the points, length, shape (n, d); None: they have not.
-            start: ``start`` in the frames of these points; None: ``projected_onto`` gives it.
-            spin: see ``turned``.
+        """Where the next step starts on foundations that have ``moved`` at the points, length, shape (n, d), and this
+        end as it begins from it: slip is relative to them, and friction is that of the pressure with which this step
+        has ended; ``start``: of it in the frames of these points; collective.
 
         Raises:
             FormError: see ``carried``.
@@ -130,13 +110,9 @@ class StepEnd:
     def projected_onto(
         self, boundary: ContactBoundary, *, held: bool, spin: Array | None = None
     ) -> tuple[Start, ReferenceMotion | None]:
-        """The start of the step and the reference motion, in the frames that the same points have now; collective.
-
-        Args:
-            boundary: the points as they are now.
-            held: whether what has fallen to the reference motion is held by now, so that slips count from the initial
-                one.
-            spin: see ``turned``.
+        """The start of the step and the reference motion, in the frames that the same points have now; ``held``:
+        whether what has fallen to the reference motion is held by now, so that slips count from the initial one;
+        collective.
 
         Raises:
             FormError: see ``carried``.
@@ -197,13 +173,8 @@ def from_rest(
     space: fem.FunctionSpace, boundary: ContactBoundary, start: Start, moved: Array
 ) -> tuple[Start, PreviousStep]:
     """The first step on foundations that move, which counts slip from the body without loads at time 0: where it
-    starts, and that body as the end of the step before it.
-
-    Args:
-        space: the displacements.
-        boundary: the contact points.
-        start: where it starts on foundations that stand still.
-        moved: by which the foundations have moved at the points since, length, shape (n, d).
+    starts, and that body as the end of the step before it; ``moved``: by which they have moved at the points since,
+    length, shape (n, d).
     """
     before = PreviousStep(fem.Function(space), Tractions.none(boundary), moved=moved)
     # That of a body that contact alone holds is not zero where it has come to rest.
@@ -270,15 +241,8 @@ def relative_to(
     moved: Array | None,
     spin: Array | None = None,
 ) -> PreviousStep:
-    """The end of the last step as one begins from it whose foundations may have turned and moved, with shears along
-    them.
-
-    Args:
-        previous: as it was.
-        earlier: the points as they were then.
-        boundary: the points as they are now.
-        moved: by which the foundations have moved at them, shape (n, d); None: they have not.
-        spin: see ``turned``.
+    """The end of the last step as one begins from it whose foundations have turned, and ``moved`` at the points,
+    length, shape (n, d), with shears along them.
     """
     rotation = rotations(earlier.normal, boundary.normal, spin)
 

@@ -77,18 +77,8 @@ class MeshCheckpoint:
         more: Figures,
         beside: Mapping[str, fem.Function] | None = None,
     ) -> None:
-        """Store a load step that has a solution.
-
-        Args:
-            body: the elastic body, with contact points.
-            timings: of its mesh.
-            task: the contact problem.
-            start: where the load step started.
-            outcome: how it ended.
-            result: its result.
-            marks: numbers of linear solves, regularised problems and events before it.
-            more: plain data, the way through the load steps after it among them.
-            beside: further displacements, see ``Checkpoint.write``.
+        """Store a load step that has a solution; ``marks``: numbers of linear solves, regularised problems and events
+        before it; ``more``: plain data, the way through the load steps after it among them.
         """
         problem, history = outcome.problem, task.history
         boundary = body.boundary or no_points(body.space)
@@ -128,14 +118,7 @@ class MeshCheckpoint:
         self.checkpoint.write(self.level, start.step, result.displacement, boundary, nodal, figures, beside)
 
     def recall(self, body: ElasticBody, size: float, task: Task, start: Start) -> Outcome | None:
-        """How a load step ended, with its iterate in place; None if it does not fit.
-
-        Args:
-            body: the elastic body, as it is at the load step.
-            size: of it, length.
-            task: the contact problem; its iterate becomes that of the load step.
-            start: where the load step starts.
-        """
+        """How a load step ended, with its iterate in place; None if it does not fit."""
         figures = self.checkpoint.figures(self.level, start.step)
         if figures is None:
             return None

@@ -32,13 +32,8 @@ class Unsolved:
 
     @classmethod
     def by_outcome(cls, status: Status, mesh: str, *, late: str = "", tiny: bool = False) -> Unsolved | None:
-        """Of a solve that ended without a solution; None where its outcome is what holds of the body.
-
-        Args:
-            status: how it ended.
-            mesh: the name of the mesh.
-            late: that the requested time has passed, in words; "": it has not.
-            tiny: whether the cells of the mesh before are so small that their coordinates have hardly any digits left.
+        """Of a solve that ended without a solution; ``late``: that the time has passed, in words; ``tiny``: whether the
+        coordinates of the mesh before have hardly any digits left.  None where its outcome is what holds of the body.
         """
         if status is Status.NO_MEMORY:
             return cls(Status.MEMORY, f"{mesh} has used up the memory")
@@ -53,12 +48,8 @@ class Unsolved:
 
     @classmethod
     def by_error(cls, error: Exception, mesh: str, comm: MPI.Comm) -> Unsolved:
-        """Of an error while a mesh was made or solved.
-
-        Args:
-            error: which all ranks have, as those that the package raises on purpose about scenes and meshes.
-            mesh: the name of the mesh.
-            comm: the ranks that share the work.
+        """Of an error while a mesh was made or solved, which all ranks have, as those that the package raises on
+        purpose.
 
         Raises:
             Exception: the error itself, where it is none of these, or memory of one of several ranks: the others wait.

@@ -56,13 +56,6 @@ def on_moved_foundations(
 ) -> tuple[Start, PreviousStep]:
     """A load step on foundations that have moved: where it starts, and the end of the last one as it begins from it;
     supports hold the body, see ``check.refusals``; collective.
-
-    Args:
-        earlier: the body at the end of the last load step.
-        moved: the body with its foundations where they are now.
-        task: its contact problem, which begins with the displacement of the last load step.
-        start: where the first load step starts on the foundations of ``earlier``.
-        end: that of the last load step; None: there is none.
     """
     assert earlier.boundary is not None
     assert moved.boundary is not None

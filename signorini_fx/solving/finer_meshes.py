@@ -182,12 +182,6 @@ class Meshes:
         """Make gamma so large that the regularisation error keeps to its share; it decreases like 1 / gamma.
 
         Path-following finds gamma itself: its allowed error is reduced.
-
-        Args:
-            task: the contact problem on the last mesh.
-            outcome: how it ended.
-            regularisation_error: its regularisation error, relative in the energy norm.
-            excess: the regularisation error of the requested quantity, relative to the target.
         """
         factor = excess / REGULARISATION_SHARE
         if factor <= 1:

@@ -28,14 +28,8 @@ class CoarserMesh:
 def first_start(
     task: Task, start: Start, body: ElasticBody, state: ContactState | None, coarser: MeshLevel | None
 ) -> Start:
-    """Where the first load step of a task starts; collective.
-
-    Args:
-        task: the contact problem.
-        start: where it starts without all this.
-        body: its elastic body.
-        state: the contact state of a coarser mesh; None: there is none.
-        coarser: the coarser mesh with the displacement to begin with; None: there is none.
+    """Where the first load step of a task starts, from the contact state and the displacement of a coarser mesh if
+    there are any; collective.
     """
     if state is None:
         return start

@@ -56,12 +56,7 @@ class Stepping(Generic[S]):
     go_on: Callable[[S], object] = lambda step: None
 
     def all(self, on_step: Callable[[S], object], checkpoint: MeshCheckpoint | None = None) -> None:
-        """Solve one load step after the other, until they have ended; collective.
-
-        Args:
-            on_step: called after each load step with a solution.
-            checkpoint: which load steps are taken from and stored in; None: there is none.
-        """
+        """Solve one load step after the other, or take it from the checkpoint, until they have ended; collective."""
         marks = _marks(self.history)
         while not self.ended():
             step = None if checkpoint is None else self.recalled(checkpoint)
@@ -135,16 +130,7 @@ def all_load_steps(
     on_step: Callable[[LoadStep], object],
     level_checkpoint: MeshCheckpoint | None = None,
 ) -> StepProgress:
-    """Solve one load step after the other, until one has no solution; collective.
-
-    Args:
-        body: at the first load step.
-        task: its contact problem.
-        start: where the first load step starts.
-        path: the places of the load steps.
-        on_step: called after each load step with a solution.
-        level_checkpoint: the checkpoint, which load steps are taken from and stored in; None: there is none.
-    """
+    """Solve one load step after the other, until one has no solution, from the body at the first one; collective."""
     history, progress = task.history, StepProgress(body, task, start)
 
     def solved() -> LoadStep | None:

@@ -17,13 +17,8 @@ from signorini_fx.results.step_result import StepResult
 
 
 def explained(body: Model, task: Task, outcome: Outcome, when: str) -> Finding | None:
-    """Which bodies lie loose where contact opens without a load that opens it; None: it is another outcome; collective.
-
-    Args:
-        body: the model.
-        task: its contact problem.
-        outcome: how a load step has ended.
-        when: the name of the load step, with a colon; "": there is one.
+    """Which bodies lie loose where contact opens without a load that opens it; ``when``: the name of the load step with
+    a colon, or ""; None: it is another outcome; collective.
     """
     if outcome.status is not Status.OPEN:
         return None
@@ -51,13 +46,8 @@ def loose_in(body: ElasticBody, step: StepResult) -> list[int]:
 def loose_at_rest(
     body: ElasticBody, steps: Sequence[StepResult], path: str, names: tuple[str, ...] = ()
 ) -> list[Finding]:
-    """Load steps that leave what the supports do not hold near to where it was, as nothing presses on it; collective.
-
-    Args:
-        body: at the last load step.
-        steps: results of load steps that have a solution.
-        path: what the finding is about.
-        names: of the bodies that its pieces are, see ``BodyPieces``; none: the pieces have them.
+    """Load steps that leave what the supports do not hold near to where it was, as nothing presses on it; ``names``: of
+    the bodies that its pieces are, if the pieces have none; collective.
     """
     loose = {step.step: numbers for step in steps if (numbers := loose_in(body, step))}
     if len(steps) == 1 or not loose:

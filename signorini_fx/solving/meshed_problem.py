@@ -133,25 +133,14 @@ class MeshedProblem(Generic[P]):
         return replace(self, source=self.on_cells(self.source, tagged))
 
     def polygon_error(self, solved: SolvedMesh, last: float | None) -> float:
-        """The effect of straight facets on a curved contact boundary, see ``pressure_error.polygon_error``.
-
-        Args:
-            solved: this mesh, with results.
-            last: that of the mesh before; None: there is none.
-        """
+        """The effect of straight facets on a curved contact boundary, see ``pressure_error.polygon_error``."""
         if not self.polygonal or (last is not None and not self.in_parts):
             return last or 0.0
         assert solved.level is not None
         return polygon_error(solved.level.table, solved.modulus)
 
     def solved(self, number: int, state: ContactState | None, coarser: MeshLevel | None) -> SolvedMesh:
-        """Solve it, with its errors and its cost; collective.
-
-        Args:
-            number: of the mesh.
-            state: the contact state of a coarser mesh, to begin with; None: there is none.
-            coarser: the coarser meshes as levels of multigrid; None: there are none.
-        """
+        """Solve it from the contact state of a coarser mesh, with its errors and its cost; collective."""
         history, comm = self.history, self.comm
         signals.agree(comm)
         history.add(f"level {number}")

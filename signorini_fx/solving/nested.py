@@ -41,13 +41,6 @@ def solve_nested(
     """Solve on one mesh after the other, each starting from the contact state of the previous one; collective.
 
     Where the last mesh has no solution that of the finest one with a solution is returned, see ``Unsolved``.
-
-    Args:
-        problems: on all meshes, the coarsest first.
-        count: how many there are.
-        comm: the ranks that share the work.
-        history: of all meshes.
-        on_level: called with the solution on each mesh but the last.
     """
     base_memory = parallel.peak_memory(comm)
     state: ContactState | None = None

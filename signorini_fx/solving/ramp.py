@@ -199,14 +199,8 @@ class Increments:
         return asdict(self.at)
 
     def shorten(self, status: Status, linear_solves: int = 0) -> bool:
-        """Halve the increment, because the next load step ended with ``status``, if a smaller one may be tried.
-
-        Args:
-            status: how it ended.
-            linear_solves: that it took.
-
-        Returns:
-            Whether it may: not where the load is enclosed, or no linear solves are left for another attempt.
+        """Halve the increment, because the next load step ended with ``status``; whether a smaller one may be tried:
+        not where the load is enclosed, or no linear solves are left for another attempt.
         """
         if not self._divisible:
             return False

@@ -108,15 +108,6 @@ def solve_contact(
 ) -> tuple[Solution, Task, Outcome]:
     """All load steps, until one has no solution, the contact problem of the last one, and how the last one with a
     solution ended.
-
-    Args:
-        model: of the scene.
-        task: its contact problem.
-        start: where the first load step starts.
-        timings: of the mesh.
-        on_step: called after each load step with a solution.
-        level_checkpoint: the checkpoint, which load steps are taken from and stored in; None: there is none.
-        with_findings: see ``solve_mesh``.
     """
     history, statement = task.history, model.statement
 
@@ -142,15 +133,8 @@ def contact_solution(
     timings: Timings,
     found: Callable[[], tuple[Finding, ...]],
 ) -> Solution:
-    """What load steps have come to; collective.
-
-    Args:
-        model: the body at the last load step.
-        steps: up to the last one that was tried.
-        task: the contact problem of the last load step.
-        ended: how the last load step with a solution ended, or the first one, and its data.
-        timings: of the mesh.
-        found: see ``Solution``.
+    """What load steps have come to; ``ended``: how the last one with a solution ended, or the first one, and its data;
+    collective.
     """
     (outcome, data), shown, values = ended, _shown(steps), None
     parameters = {} if shown.contact is None else used_parameters(outcome, data, shown.strain_energy)
@@ -206,13 +190,8 @@ def _findings(model: Model, steps: Sequence[StepResult]) -> list[Finding]:
 def findings_of_steps(
     model: Model, steps: Sequence[StepResult], further: Sequence[Finding], foundations: Iterable[tuple[str, Any, Any]]
 ) -> list[Finding]:
-    """What is odd about the results of load steps; where the last one has none, why there is none; collective.
-
-    Args:
-        model: the body.
-        steps: up to the last one that was tried.
-        further: what else is known.
-        foundations: see ``shapes_in_results``, as they are in the last result.
+    """What is odd about the results of load steps, beside what is known; where the last one has none, why there is
+    none; collective.
     """
     if not _solved(steps):
         return [*further, *(step.reason for step in steps if step.reason is not None)]

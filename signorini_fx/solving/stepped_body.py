@@ -42,13 +42,8 @@ class SteppedBody:
     timings: Timings
 
     def begun(self, path_step: float, task: Task, first: Start, end: StepEnd | None) -> BegunStep:
-        """The load step that begins at a place, with foundations and friction as they are there.
-
-        Args:
-            path_step: the place.
-            task: the contact problem of the last load step.
-            first: where the first load step starts.
-            end: that of the last load step; None: there is none.
+        """The load step that begins at a place, with foundations and friction as they are there: after the end of the
+        last one, whose task this is, or as the first one.
         """
         raise NotImplementedError
 

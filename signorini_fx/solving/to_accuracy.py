@@ -66,12 +66,6 @@ def solve_to_accuracy(
 
     A refinement that would exceed the budget is not begun, and one that takes longer than predicted is given up, after
     the linear solve in which the time ends.  If it ends on the first mesh there is no solution.
-
-    Args:
-        meshes: of the problem, with the gamma to begin from.
-        budget: with the requested accuracy.
-        history: of all meshes, which messages for the user are added to.
-        on_level: called with the solution on each mesh but the last.
     """
     goal, comm, notify = budget.goal, budget.comm, history.add
     degree = meshes.problem.degree
@@ -175,12 +169,6 @@ def _smaller_mesh(
 ) -> Exceeded | None:
     """Make the next mesh coarser, until the budget allows it; what it exceeds where none that is finer enough than the
     last one does, else None.
-
-    Args:
-        meshes: with the next mesh made.
-        exceeded: what a mesh exceeds that is so many times finer than the last one; None: nothing.
-        refine: makes the next mesh from the last one, at most so many times finer.
-        jump: how many times finer it was to be.
     """
     while (beyond := exceeded(meshes.finer)) is not None and meshes.remade:
         jump = float(np.sqrt(jump))

@@ -51,13 +51,8 @@ def _constants(material: Any) -> list[str]:
 
 
 def entry_of(statement: Statement, path: str, extent: float, dimension: int) -> tuple[float, float]:
-    """The number at a path, 1 for a load as a whole and nan for an expression, and the step for a difference.
-
-    Args:
-        statement: what is stated of the problem.
-        path: of the entry.
-        extent: of the body, length.
-        dimension: of space.
+    """The number at a path, 1 for a load as a whole and nan for an expression, and the step for a difference;
+    ``extent``: of the body, length.
 
     Raises:
         SceneError: there is no such entry, or none that a derivative can be taken by.

@@ -89,18 +89,8 @@ class SolvedStep:
         law: PointFriction | None,
         turning: tuple[Array, Array, Array | None] | None = None,
     ) -> SolvedStep:
-        """A load step that has just been solved; collective.
-
-        Args:
-            body: the elastic body.
-            task: its contact problem.
-            outcome: how that ended.
-            start: where it started.
-            state: the contact points.
-            displacement: y, from the initial position.
-            law: of friction; None: there is none.
-            turning: of points on shapes at finite displacements ``curvature``, ``LinearisedLaw.slips`` and ``spin``;
-                None: normals do not turn.
+        """A load step that has just been solved; ``turning``: of points on shapes at finite displacements
+        ``curvature``, ``LinearisedLaw.slips`` and ``spin``; collective.
         """
         exact = not all(np.isfinite(task.promised(outcome)[:2]))
         data = start.data if exact else outcome.problem.data
@@ -332,13 +322,8 @@ def explicit(
     quantities: Sequence[Functional],
     previous: tuple[SolvedStep, ChangedStep] | None = None,
 ) -> Explicit:
-    """A load step with some data at the displacement and the tractions of its solution; collective.
-
-    Args:
-        solved: the load step.
-        data: of it.
-        quantities: that are evaluated.
-        previous: the load step before it, with its data; None: there is none.
+    """A load step with some data at the displacement and the tractions of its solution; ``previous``: the one before it
+    with its data; collective.
     """
     state, values, residual, relative, bound = solved.state, [0.0] * len(quantities), None, None, None
     moved = data.changes("prescribed", "driven", "boundary")

@@ -68,12 +68,8 @@ class OfForm:
 
 
 def _quantity_of(wanted: Any, u: fem.Function, body: Callable[[], Model]) -> Functional:
-    """A result as ``ContactProblem.gradient`` takes it; collective.
-
-    Args:
-        wanted: a form, or a request of a quantity, with the name of a contact or its number.
-        u: the displacement.
-        body: gives the body.
+    """A result as ``ContactProblem.gradient`` takes it, a form, or words with a contact by its name or number;
+    collective.
 
     Raises:
         FormError: it is none.
@@ -112,12 +108,8 @@ def _checked(by: Sequence[Any]) -> list[fem.Constant]:
 
 
 def extrapolated(slope: Callable[[float], float], unit: float) -> float:
-    """A derivative from central differences over several widths, by Ridders' method: without the noise of a narrow one
-    where the data are smooth, and the narrow one elsewhere.
-
-    Args:
-        slope: the difference quotient over a half width.
-        unit: by which half widths are counted; 0: it is not known.
+    """A derivative from central differences over several half widths, counted by ``unit``, by Ridders' method: without
+    the noise of a narrow one where the data are smooth, and the narrow one elsewhere.
     """
     narrow = slope(DIFFERENCE_STEP * (unit or 1.0))
     best, error, rows = narrow, NOISE_OF_DIFFERENCE * abs(narrow), list[list[float]]()

@@ -54,10 +54,6 @@ class NonlinearSteps:
     def solved(cls, statement: Statement, problem_of: Callable[[Timings], ProblemOfScene]) -> NonlinearSteps:
         """Solve a scene; collective.
 
-        Args:
-            statement: the scene.
-            problem_of: makes its problem, and counts the seconds.
-
         Raises:
             SceneError: see ``sensitivity``.
             ConvergenceError: likewise.
@@ -146,12 +142,8 @@ class LinearisedStep:
     def explicit(
         self, data: ChangedStep, quantities: Sequence[Functional], earlier_values: Callable[[float], Array]
     ) -> Explicit:
-        """See ``explicit``.
-
-        Args:
-            data: of the step.
-            quantities: that are evaluated.
-            earlier_values: the prescribed displacements of a load step at the owned dofs by its place.
+        """See ``explicit``; ``earlier_values``: the prescribed displacements of a load step at the owned dofs by its
+        place.
         """
         if self.preceding is None or self.earlier is None:
             return explicit(self.solved, data, quantities)
