@@ -99,11 +99,7 @@ class MatrixFault(Enum):
 
 
 class MatrixError(FormError):
-    """The matrix of a form cannot be used.
-
-    Attributes:
-        fault: why.
-    """
+    """The matrix of a form cannot be used."""
 
     def __init__(self, fault: MatrixFault) -> None:
         super().__init__([("a", fault.value)])

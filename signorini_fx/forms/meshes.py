@@ -38,13 +38,8 @@ Make = Callable[[Any], Any]
 
 @dataclass(frozen=True)
 class FormsOnMesh:
-    """What makes a ``ContactProblem`` on a mesh.
-
-    Attributes:
-        make: makes it on a mesh; with load steps, and what changes it to what it is at a time.
-        tagged: the mesh.
-        plain: whether ``make`` takes a mesh of dolfinx.
-        path: the load steps.
+    """What makes a ``ContactProblem`` on a mesh, of dolfinx where that is ``plain``; with load steps it makes what
+    changes the problem to what it is at a time, too.
     """
 
     make: Make

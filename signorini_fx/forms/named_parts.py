@@ -81,11 +81,8 @@ def contact_entry(entry: Foundation | Pair, name: str, against: str | None) -> C
 
 @dataclass(frozen=True)
 class NamedParts:
-    """What is known of forms by name, whatever their Constants are.
-
-    Attributes:
-        statement: contact, load steps and settings.
-        tagged: the mesh with the names of its boundaries.
+    """What is known of forms by name, whatever their Constants are: contact, load steps and settings, and the mesh with
+    the names of its boundaries.
     """
 
     statement: Statement

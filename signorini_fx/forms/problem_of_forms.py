@@ -19,11 +19,7 @@ if TYPE_CHECKING:
 
 
 class ProblemOfForms:
-    """A problem with the results of a ``Solution``.
-
-    Attributes:
-        assembled: what it is solved with.
-    """
+    """A problem with the results of a ``Solution``."""
 
     assembled: FormSolver
 

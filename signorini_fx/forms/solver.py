@@ -82,13 +82,6 @@ class StepBeginning:
 class FormSolver:
     """The contact problem of forms as it is now, and the end of the last step.
 
-    Args:
-        forms: what is assembled.
-        u: the Function that takes the solution.
-        bcs: the Dirichlet conditions.
-        settings: algorithm and its parameters.
-        petsc_options: the prefix of options of this problem, and options without it.
-
     Attributes:
         u, bcs, settings, history, status, certificate, tools: see ``ContactProblem``.
         forms: what is assembled.
@@ -96,23 +89,14 @@ class FormSolver:
         deformation: of the last solution, beside the limit of the settings.
         result: the last solution as a load step of the user's own loop, or of a path; None: there is none, or none that
             this certifies.
-        fields: what contact does in it, as Functions.
-        foundations: with all that they need to be evaluated.
         data: of the foundations at the nodes, as they are now.
         prescribed: which dofs of this rank are prescribed, ghosts included, and to what, shapes (dofs,).
-        boundary: the contact points.
-        rigid: the rigid bodies.
-        elastic: the body.
-        scales: of lengths and stresses.
-        task: the contact problem.
         begun: where the last solve began.
         previous_step: the end of the last step, as the present foundations see it; None: there is none.
         outcome: how the last solve ended; None: what has been assembled since is another problem.
-        coarser: a coarser mesh, to begin with.
         solves_before: the number of linear solves before the last solve or run.
         cost: wall seconds of it, and the peak of memory.
         memory: the peak of memory before anything was assembled.
-        timings: of the last solve or run.
         folders: with the load steps of its runs.
     """
 

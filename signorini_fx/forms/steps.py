@@ -33,10 +33,7 @@ from signorini_fx.solving.stepped_body import BegunStep, SteppedBody
 
 
 class Clock:
-    """Changes a problem to what it is at a time.
-
-    Args:
-        at: a function of the time, or a Constant whose value is the time.
+    """Changes a problem to what it is at a time, by a function of the time, or a Constant whose value is the time.
 
     Raises:
         FormError: it is neither.
@@ -61,12 +58,8 @@ class Clock:
 
 @dataclass(frozen=True)
 class FormSteps(SteppedBody):
-    """The body of a ``ContactProblem``, whose forms are those of the places of a path.
-
-    Attributes:
-        solver: which is always at the last attempt.
-        clock: changes the problem to what it is at a time.
-        beginning: where the next load step begins.
+    """The body of a ``ContactProblem``, whose forms are those of the places of a path, and whose solver is always at
+    the last attempt.
     """
 
     solver: FormSolver

@@ -126,14 +126,7 @@ class StepEnd:
 
 @dataclass(frozen=True)
 class LastSolution:
-    """What the next solve of a loop may begin from: sets and multipliers of the last solution, in its frames.
-
-    Attributes:
-        sets: active sets.
-        multipliers: (lambda, mu).
-        step: number of its step.
-        boundary: the contact points.
-    """
+    """What the next solve of a loop may begin from: sets and multipliers of the last solution, in its frames."""
 
     sets: ActiveSets
     multipliers: tuple[Array, Array]

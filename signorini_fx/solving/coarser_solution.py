@@ -20,12 +20,7 @@ _TOO_FINE = (Status.NOT_CERTIFIED, Status.ROUND_OFF, Status.SINGULAR, Status.NOT
 
 @dataclass(frozen=True)
 class Unsolved:
-    """Why a finer mesh has no solution, and the outcome of the coarser one that stands in its place.
-
-    Attributes:
-        status: one of ``records.SHORT_OF_ACCURACY``.
-        reason: which mesh, and why.
-    """
+    """Why a finer mesh has no solution, and the outcome of the coarser one that stands in its place."""
 
     status: Status
     reason: str

@@ -24,10 +24,8 @@ from signorini_fx.solving.stepped_body import BegunStep, SteppedBody
 
 @dataclass(frozen=True)
 class StatedSteps(SteppedBody):
-    """A body that a statement says all of.
-
-    Attributes:
-        renew: makes the contact problem of a model whose foundations have moved.
+    """A body that a statement says all of; ``renew``: makes the contact problem of a model whose foundations have
+    moved.
     """
 
     renew: Callable[[Model], Task]

@@ -12,12 +12,8 @@ from signorini_fx.mechanics.rigid.mesh_levels import MeshLevel
 
 @dataclass(frozen=True)
 class CoarserMesh:
-    """What a coarser mesh gives to a finer one.
-
-    Attributes:
-        level: the coarser meshes as levels of multigrid; None: there are none.
-        state: the contact points of the coarser mesh; None: there is none.
-        displaced: the level with a displacement to begin with; None: there is none.
+    """What a coarser mesh gives to a finer one: the levels of multigrid, its contact points, and the level with a
+    displacement to begin with.
     """
 
     level: MeshLevel | None = None

@@ -32,16 +32,8 @@ P = TypeVar("P")
 
 @dataclass(frozen=True)
 class SolvedMesh:
-    """A problem on one mesh.
-
-    Attributes:
-        solution: how it ended.
-        tagged: the mesh.
-        task: the contact problem; None of a nonlinear body.
-        modulus: the largest one of the plane problem, stress.
-        outcome: how it ended; None where it has no solution.
-        level: errors and cost of the mesh; None where it has no solution, or no estimate.
-        errors: the estimates on the mesh; None likewise.
+    """A problem on one mesh, of a nonlinear body without a task; ``modulus``: the largest one of the plane problem,
+    stress; of a solution that is none, or has no estimate, the rest is None.
     """
 
     solution: Solution

@@ -29,12 +29,8 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class SteppedBody:
-    """A body that load steps lead through; places are those of ``statement.load_path``; all methods are collective.
-
-    Attributes:
-        model: of the present load step, which certifies its results.
-        path: the load steps.
-        timings: of its mesh.
+    """A body that load steps lead through, at the present one; places are those of ``statement.load_path``; all methods
+    are collective.
     """
 
     model: SolidBody
@@ -61,13 +57,8 @@ class SteppedBody:
 
 @dataclass(frozen=True)
 class BegunStep:
-    """A load step that begins; all methods are collective.
-
-    Attributes:
-        body: with its foundations where they are in this step.
-        task: its contact problem.
-        start: of it.
-        last: the end of the load step before it; None: there is none.
+    """A load step that begins, with foundations where they are in it; ``last``: the end of the one before it; all
+    methods are collective.
     """
 
     body: SteppedBody
@@ -114,12 +105,7 @@ class BegunStep:
 
 @dataclass(frozen=True)
 class LoadStep(BegunStep):
-    """A load step with its result.
-
-    Attributes:
-        result: of it.
-        outcome: how it ended.
-    """
+    """A load step with its result."""
 
     result: StepResult
     outcome: Outcome

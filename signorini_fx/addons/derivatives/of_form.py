@@ -37,13 +37,7 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class OfForm:
-    """A UFL form of the displacement u without arguments, see ``Functional``.
-
-    Attributes:
-        form: compiled.
-        derivative: by u, compiled.
-        u: the displacement that it is a form of.
-    """
+    """A UFL form of the displacement u without arguments, see ``Functional``."""
 
     form: fem.Form
     derivative: fem.Form

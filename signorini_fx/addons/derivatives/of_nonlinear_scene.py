@@ -36,14 +36,7 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class NonlinearSteps:
-    """The load steps of a scene.
-
-    Attributes:
-        problem: that has solved them.
-        reached: how each of them ended.
-        solution: the results.
-        seconds: wall seconds of the solve.
-    """
+    """The load steps of a scene, and the problem that has solved them."""
 
     problem: ProblemOfScene
     reached: list[ReachedStep]
@@ -105,14 +98,7 @@ class NonlinearSteps:
 
 @dataclass(frozen=True)
 class LinearisedStep:
-    """A load step of a scene with its linearised problem.
-
-    Attributes:
-        problem: that has solved it, which is there.
-        path_step: in the lists of factors, its place.
-        solved: its solution.
-        preceding: how the load step before it ended; None: there is none.
-    """
+    """A load step of a scene with its linearised problem; ``preceding``: how the load step before it ended."""
 
     problem: ProblemOfScene
     path_step: float
@@ -153,13 +139,7 @@ class LinearisedStep:
 
 
 class ChangedScene:
-    """A scene in which one number is another.
-
-    Args:
-        steps: of the scene as it is.
-        statement: with the other number.
-        path: of the number.
-    """
+    """A scene in which one number is another."""
 
     def __init__(self, steps: NonlinearSteps, statement: Statement, path: str) -> None:
         self._problem, self._statement = steps.problem, statement

@@ -132,15 +132,7 @@ def sensitivity(
 
 @dataclass(frozen=True)
 class _Step:
-    """A load step of a scene.
-
-    Attributes:
-        model: the scene with its foundations where they are in this step.
-        place: in the lists of factors.
-        solved: its solution.
-        number: of it, from 0.
-        earlier: the solution of the one before it; None: there is none.
-    """
+    """A load step of a scene with its solution; the model has its foundations where they are in this step."""
 
     model: Model
     place: float
@@ -161,14 +153,7 @@ class _Step:
 
 @dataclass(frozen=True)
 class _Steps:
-    """The load steps of a scene.
-
-    Attributes:
-        steps: all of them.
-        statement: the scene, with contact points on the sides that were chosen.
-        solution: the results.
-        seconds: wall seconds of the solve.
-    """
+    """The load steps of a scene, and the scene with contact points on the sides that were chosen."""
 
     steps: list[_Step]
     statement: Statement

@@ -21,15 +21,8 @@ from signorini_fx.results.mechanics import SolidBody
 
 @dataclass(frozen=True)
 class LoadStepStart:
-    """A load step that an interface is to solve.
-
-    Attributes:
-        model: the model.
-        task: its contact problem.
-        start: where the load step starts.
-        max_iterations: linear solves allowed for each contact problem; None: those of a load step.
-        scale: factor of all loads, those of the interface included.
-        inner: the interfaces that solve it within this one, the outer ones first.
+    """A load step that an interface is to solve; ``scale``: a factor of all loads, its own included; ``inner``: the
+    interfaces that solve it within this one, the outer ones first.
     """
 
     model: SolidBody
@@ -49,14 +42,7 @@ class LoadStepStart:
 
 @dataclass(frozen=True)
 class LoadStepEnd:
-    """What an interface has made of it.
-
-    Attributes:
-        model: the model with what was found.
-        start: where the load step starts with that.
-        outcome: how it ended.
-        reason: why there is no solution; None: it is not known.
-    """
+    """What an interface has made of it, with what was found; ``reason``: why there is no solution, if that is known."""
 
     model: SolidBody
     start: Start
@@ -66,12 +52,7 @@ class LoadStepEnd:
 
 @dataclass(frozen=True)
 class Interface:
-    """The interfaces of one kind in a scene; all methods are collective.
-
-    Attributes:
-        statement: what is stated of the problem.
-        entries: those of this kind by their paths.
-    """
+    """The interfaces of one kind in a scene, by their paths; all methods are collective."""
 
     statement: Statement
     entries: Mapping[str, Any]
