@@ -345,14 +345,18 @@ def _residual(solved: SolvedStep, data: ChangedStep) -> PETSc.Vec:
     body, state = solved.body, solved.state
     residual = body.vector(-data.forces)
     if data.forms:
-        y = body.function(_displaced(solved, data, body))
-        nodes = np.arange(y.x.array.size // body.dimension, dtype=np.int32)
-        residual.axpy(1.0, body.vector(action(tuple(data.forms), y, nodes)))
+        residual.axpy(1.0, elastic_forces(body, data.forms, body.function(_displaced(solved, data, body))))
     if data.driven is not None:
         body.begin_driven(residual, -data.driven.forces, None)
     _map_to(data.boundary, body).add_forces(state.pressure, state.shear, residual)
     residual.getArray()[body.prescribed] = 0.0
     return residual
+
+
+def elastic_forces(body: ElasticBody, forms: Sequence[fem.Form], y: fem.Function) -> PETSc.Vec:
+    """A(y, .) of forms at the unknowns of the stiffness; collective."""
+    nodes = np.arange(y.x.array.size // body.dimension, dtype=np.int32)
+    return body.vector(action(tuple(forms), y, nodes))
 
 
 def _relative(solved: SolvedStep, data: ChangedStep, previous: tuple[SolvedStep, ChangedStep] | None) -> Nodal:

@@ -11,15 +11,25 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from dolfinx import fem
 from mpi4py import MPI
 
 from signorini_fx.addons.derivatives.adjoint import Explicit
 from signorini_fx.addons.derivatives.entries import default_entries, entry_of, varied
-from signorini_fx.addons.derivatives.gradient import By, ChangedStep, SolvedStep, columns, difference, explicit
+from signorini_fx.addons.derivatives.gradient import (
+    By,
+    ChangedStep,
+    SolvedStep,
+    columns,
+    difference,
+    elastic_forces,
+    explicit,
+)
 from signorini_fx.addons.derivatives.of_nonlinear_scene import NonlinearSteps
 from signorini_fx.errors import SceneError
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.discretisation import contact_of, law_of, moved_since, placed, prepare
+from signorini_fx.mechanics.elasticity.moduli import lame_coefficients
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.rigid.rigid_bodies import Driven
 from signorini_fx.mechanics.statement.effect import Resistance
@@ -199,7 +209,10 @@ class _Steps:
     def by(self, path: str, change: float) -> By:
         """The derivatives by the number at a path, from its change for a difference; collective."""
         changes = (varied(self.statement, path, sign * change, self.steps[0].model.dimension) for sign in (1.0, -1.0))
-        above, below = (cache(_data(self.statement.changed(**entries), self.steps, path)) for entries in changes)
+        statements = [self.statement.changed(**entries) for entries in changes]
+        if path.startswith("material") and path.rpartition(".")[2] in ("young", "poisson"):
+            return _by_modulus(self.steps[0].model, statements, change)
+        above, below = (cache(_data(statement, self.steps, path)) for statement in statements)
 
         def evaluated(step: _Step, quantities: Sequence[Functional]) -> Explicit:
             k, earlier = step.number, step.earlier
@@ -258,6 +271,40 @@ def _at_step(models: Sequence[Model], text: str) -> tuple[int, Functional]:
     return number - 1, functional_of(models[number - 1], words[0])
 
 
+def _by_modulus(model: Model, statements: Sequence[Statement], change: float) -> By:
+    """The derivatives by a modulus, from both statements of its difference: the forms of the body are linear in the
+    Lame parameters, and have the derivatives of these in their place.  Differences of forces would be wrong by 1e-4
+    where a body is slender.
+    """
+    forms = model.forms[: len(model.forms) - len(model.resists or ())]
+    high, low = (lame_coefficients(statement, model.tagged) for statement in statements)
+    slopes = [(_values(upper) - _values(lower)) / (2 * change) for upper, lower in zip(high, low, strict=True)]
+    strained = any(entry.strains for _, entry in statements[0].listed())
+    prepared = [prepare(statement, model.tagged, Timings()) for statement in statements] if strained else []
+
+    def evaluated(step: _Step, quantities: Sequence[Functional]) -> Explicit:
+        body, lame = step.model, step.model.elastic.lame
+        kept = [_values(parameter).copy() for parameter in lame]
+        try:
+            for parameter, slope in zip(lame, slopes, strict=True):
+                _values(parameter)[...] = slope
+            residual = elastic_forces(body, forms, step.solved.displacement)
+        finally:
+            for parameter, values in zip(lame, kept, strict=True):
+                _values(parameter)[...] = values
+        if prepared:
+            above, below = (_loads(changed, step.place)["forces"] for changed in prepared)
+            residual.axpy(-0.5 / change, body.vector(above - below))
+        residual.getArray()[body.prescribed] = 0.0
+        return Explicit([0.0] * len(quantities), residual)
+
+    return evaluated
+
+
+def _values(coefficient: Any) -> Array:
+    return coefficient.x.array if isinstance(coefficient, fem.Function) else coefficient.value
+
+
 def _data(statement: Statement, steps: list[_Step], path: str) -> Callable[[int], ChangedStep]:
     """The data of each load step of a scene in which the number at a path is another."""
     of_contact, of_friction = path.startswith("contact"), path.startswith("contact") and ".friction." in path
@@ -295,7 +342,7 @@ def _data(statement: Statement, steps: list[_Step], path: str) -> Callable[[int]
         moves = parallel.any_rank(model.comm, not np.array_equal(loads["prescribed"], step_data.prescribed))
         if not moves:
             loads["prescribed"] = step_data.prescribed
-        if statement.of(Resistance) or path.startswith("material"):
+        if statement.of(Resistance):
             step_data = replace(step_data, forms=changed.forms)
         elif moves or step_data.driven is not None:
             step_data = replace(step_data, forms=model.forms)
