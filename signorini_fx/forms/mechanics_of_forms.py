@@ -27,13 +27,13 @@ from signorini_fx.mechanics.interfaces.pair import Pair
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.obstacles.foundations_on_points import FoundationData
 from signorini_fx.mechanics.scales import Scales
+from signorini_fx.quantities.proved_statements import Refused
 from signorini_fx.results.certificate.body_nodes import BodyNodes
 from signorini_fx.results.certificate.contact_nodes import ContactSide
 from signorini_fx.results.certificate.contact_sides import paired_side, rigid_side
 from signorini_fx.results.certificate.equilibrium import Balance
 from signorini_fx.results.certificate.supports import PrescribedNodes
-from signorini_fx.quantities.proved_statements import Refused
-from signorini_fx.results.mechanics import SolidBody, StatedBody
+from signorini_fx.results.mechanics import SolidBody
 
 if TYPE_CHECKING:
     from signorini_fx.results.accuracy.stress_recovery import StressRecovery

@@ -1,7 +1,6 @@
 """A scene on one mesh: sets up its contact problem, solves its load steps and certifies them."""
 
 from __future__ import annotations
-from signorini_fx.solving.data_at_times import StatedSteps
 
 import math
 import time
@@ -43,7 +42,7 @@ from signorini_fx.solving.check.result_findings import (
     result_findings,
     shapes_in_results,
 )
-from signorini_fx.solving.data_at_times import stated_body
+from signorini_fx.solving.data_at_times import StatedSteps
 from signorini_fx.solving.first_start import first_start
 from signorini_fx.solving.load_steps import all_load_steps
 from signorini_fx.solving.loose_bodies import loose_at_rest
