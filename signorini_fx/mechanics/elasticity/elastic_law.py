@@ -28,7 +28,6 @@ from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.records import Inventory
 
 if TYPE_CHECKING:
-    from signorini_fx.mechanics.elasticity.cellwise_stiffness import CellwiseStiffness
     from signorini_fx.mechanics.statement.statement import Statement
 
 _Floats = npt.NDArray[np.float64]
@@ -70,13 +69,13 @@ class ElasticLaw:
     Attributes:
         pressed: whether a pressure is an unknown too, so that the matrix is indefinite.
         lame: Lame parameters as coefficients, of other materials their means; None: they are not known.
-        stiffness: of each cell where a material is not isotropic; None: all are.
+        stiffness: a ``CellwiseStiffness`` where a material is not isotropic; None: all are.
     """
 
     pressed: ClassVar[bool] = False
 
     lame: tuple[Any, Any] = field(default=(None, None), kw_only=True)
-    stiffness: CellwiseStiffness | None = field(default=None, kw_only=True)
+    stiffness: Any = field(default=None, kw_only=True)
 
     @property
     def names(self) -> tuple[str, ...]:
