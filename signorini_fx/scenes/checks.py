@@ -16,7 +16,9 @@ from mpi4py import MPI
 
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.discretisation import prepare
+from signorini_fx.mechanics.materials.isotropic import LinearElastic
 from signorini_fx.mechanics.model import Model
+from signorini_fx.mechanics.statement.base import Table
 from signorini_fx.records import Finding, Timings
 from signorini_fx.scenes.hierarchy import coarser_scenes, scene_on
 from signorini_fx.scenes.mesh import load_mesh
@@ -28,6 +30,9 @@ from signorini_fx.solving.check.petsc_options import refuse_mistyped
 from signorini_fx.solving.check.refusals import refuse_beforehand
 from signorini_fx.solving.check.uniqueness import uniqueness_findings
 from signorini_fx.tuned import NO_FORCE
+
+# Entries of a list, and characters of an expression, that are shown.
+_MOST_SHOWN = 30
 
 
 @dataclass(frozen=True)
@@ -122,7 +127,9 @@ def _acting(model: Model, *, compared: bool) -> tuple[str, ...]:
     acting = [f"elasticity ({model.kinematics.words})"]
     if len(statement.material) > 1:
         acting.append(f"several materials ({', '.join(str(material.region) for material in statement.material)})")
-    acting += [f"{one.words} ({one.region or 'everywhere'}: {one.said})" for one in statement.material if one.said]
+    for one in statement.material:
+        if not isinstance(one, LinearElastic):
+            acting.append(f"{one.words} ({one.region or 'everywhere'}: {given_in_words(one)})")
     acting += ["reduced integration"] * (model.elastic.reduced is not None)
     acting += ["pressure of the mixed element"] * model.elastic.pressed
     acting += _contacts(model)
@@ -131,7 +138,7 @@ def _acting(model: Model, *, compared: bool) -> tuple[str, ...]:
         acting.append(f"{'about ' if automatic else ''}{statement.expected_steps} load steps")
     for key, entries in statement.effects.items():
         if key not in ("material", "contact"):
-            acting += [f"{effect.name} ({effect.said})" for effect in entries if effect.acts]
+            acting += [f"{effect.name} ({given_in_words(effect)})" for effect in entries if effect.acts]
     solver = statement.solver
     if model.boundary is not None:
         to_stop = solver.algorithm == "path-following" and solver.regularisation_error == "auto"
@@ -147,15 +154,43 @@ def _contacts(model: Model) -> list[str]:
     acting = []
     for index, effect in enumerate(model.statement.contact):
         count = int(parallel.global_sum(model.boundary.comm, np.array(np.count_nonzero(model.boundary.part == index))))
-        against = "" if effect.against is None else f"against {effect.against}, "
+        law, against = effect.friction, "" if effect.against is None else f"against {effect.against}, "
         description = f"{effect.kind}, {against}{count} nodes"
         if effect.foundation is not None:
-            description += f"; {effect.foundation.said}; at a distance from {_gaps(model, index)}"
+            shape = f"{effect.foundation.shape}, {given_in_words(effect.foundation)}"
+            description += f"; {shape}; at a distance from {_gaps(model, index)}"
         if effect.tool is not None:
             description += "; gap and normals stay where it is given"
         acting.append(f"contact {effect.boundary} ({description})")
-        acting += [f"friction {effect.boundary} ({effect.friction.said})"] * effect.friction.acts
+        acting += [f"friction {effect.boundary} ({law.law}, {given_in_words(law)})"] * law.acts
     return acting
+
+
+# The keys that tell entries apart, and those by which load steps follow each other.
+_NAMES = ("boundary", "at", "region", "section", "law", "shape", "hypothesis", "torsion", "factors")
+
+
+def given_in_words(table: Table) -> str:
+    """What has been given of an entry of a scene."""
+    keys = [key for key in type(table).model_fields if key in table.model_fields_set and key not in _NAMES]
+    return ", ".join(f"{key} = {_in_words(value)}" for key in keys if (value := getattr(table, key)) is not None)
+
+
+def _in_words(value: Any) -> str:
+    """A value, without its end where it is long."""
+    match value:
+        case bool():
+            return "yes" if value else "no"
+        case float():
+            return f"{value:g}"
+        case Table():
+            return f"{{{given_in_words(value)}}}"
+        case tuple() if len(value) > _MOST_SHOWN:
+            return f"{len(value)} entries"
+        case tuple():
+            return f"[{', '.join(map(_in_words, value))}]"
+    words = str(getattr(value, "text", f"<{type(value).__name__}>" if callable(value) else value))
+    return words if len(words) <= _MOST_SHOWN else f"{words[: _MOST_SHOWN - 3]}..."
 
 
 def _gaps(model: Model, index: int) -> str:

@@ -8,7 +8,7 @@ from typing import Annotated, Any, ClassVar, Self
 import numpy as np
 from pydantic import Field, PrivateAttr, model_validator
 
-from signorini_fx.mechanics.statement.effect import Array, Coefficients, Contradictions, Features, Load, text
+from signorini_fx.mechanics.statement.effect import Array, Coefficients, Contradictions, Features, Load
 from signorini_fx.mechanics.statement.expressions import sample
 from signorini_fx.mechanics.statement.values import Direction, TimedSampledValue, Vector
 
@@ -126,10 +126,6 @@ class PrescribedDisplacement(Load):
     def acts(self) -> bool:
         """A displacement that is zero acts as well."""
         return True
-
-    @property
-    def said(self) -> str:
-        return ", ".join(f"{key} = {text(value)}" for key, value in self.given.items())
 
     @property
     def features(self) -> Features:

@@ -7,7 +7,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from pydantic import PrivateAttr, model_validator
 
-from signorini_fx.mechanics.statement.effect import Contradictions, Features, Load, text
+from signorini_fx.mechanics.statement.effect import Contradictions, Features, Load
 from signorini_fx.mechanics.statement.expressions import sample
 from signorini_fx.mechanics.statement.rigid_motion import Timed
 from signorini_fx.mechanics.statement.values import Count, Direction, Vector
@@ -74,25 +74,12 @@ class Preload(Load):
         return {key: getattr(self, key)}
 
     @property
-    def said(self) -> str:
-        words = ", ".join(f"{key} = {text(value)}" for key, value in self.given.items())
-        return words if self.force is None else f"{words}, locked_after = {self.locked_after}"
-
-    @property
     def interface(self) -> str:
         return "bolt_preloads" if self.acts else ""
 
     @property
     def features(self) -> Features:
         return (*super().features, *((("shortening by force", ("force",)),) if self.force is not None else ()))
-
-    @property
-    def inner_facets(self) -> tuple[str, ...]:
-        return () if self.section is None else (self.section,)
-
-    @property
-    def assumed(self) -> str:
-        return "sections are shortened as they are"
 
     def depends_on_solution_at(self, statement: Any, step: float) -> str:
         return "" if self.force_at(statement, step) is None else "a force determines the shortening of a section"

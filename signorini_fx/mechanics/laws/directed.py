@@ -24,7 +24,6 @@ from pydantic import BeforeValidator, Field, WithJsonSchema, WrapValidator, mode
 from signorini_fx.errors import FormError
 from signorini_fx.mechanics.laws.protocol import Array, FrictionLaw
 from signorini_fx.mechanics.statement.base import refused
-from signorini_fx.mechanics.statement.effect import text
 from signorini_fx.mechanics.statement.expressions import sample
 from signorini_fx.mechanics.statement.values import SampledValue, value
 from signorini_fx.tuned import LARGEST_RATIO, NO_DIRECTION, SAME_DIRECTION
@@ -145,14 +144,3 @@ class DirectedLaw(FrictionLaw):
             raise FormError([(f"{path}.ratio", f"must be between {1 / LARGEST_RATIO:g} and {LARGEST_RATIO:g}")])
         form = hasattr(self.along, "ufl_shape")
         return FrictionAxes(at(self.along if form else self.vectors, f"{path}.along", 3), ratio)
-
-    @property
-    def said(self) -> str:
-        if self.ratio is None:
-            return super().said
-        named = (
-            self.along if isinstance(self.along, tuple) else (1.0, 0.0, 0.0) if self.along is None else (self.along,)
-        )
-        axis = f", ratio = {text(self.ratio)} across ({', '.join(map(text, named))})"
-        law, mark, end = super().said.partition(": frictionless")
-        return law + axis + mark + end

@@ -34,7 +34,3 @@ class NoFriction(FrictionLaw):
     @property
     def acts(self) -> bool:
         return False
-
-    @property
-    def said(self) -> str:
-        return "no friction"

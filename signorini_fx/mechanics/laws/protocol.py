@@ -25,7 +25,7 @@ from pydantic import BeforeValidator, WithJsonSchema
 from signorini_fx.errors import FormError, SceneError
 from signorini_fx.extensions import is_of_package
 from signorini_fx.mechanics.statement.base import Table
-from signorini_fx.mechanics.statement.effect import is_zero, text
+from signorini_fx.mechanics.statement.effect import is_zero
 from signorini_fx.mechanics.statement.expressions import sample
 from signorini_fx.mechanics.statement.values import not_negative, timed
 
@@ -157,12 +157,6 @@ class FrictionLaw(Table):
     def sampled(self, x: Array) -> Self:
         """The law at points, shape (3, n): its parameters are arrays."""
         return self.with_values(lambda _, value: sample(value, x))
-
-    @property
-    def said(self) -> str:
-        """The law in words."""
-        listed = "".join(f", {key} = {text(value)}" for key, value in self.parameters.items())
-        return self.law + listed + ("" if self.acts else ": frictionless")
 
     @property
     def timed(self) -> bool:

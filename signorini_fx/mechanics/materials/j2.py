@@ -103,12 +103,5 @@ class J2(PathDependent):
         """See ``PathDependent``: the integral of sqrt(2/3) |d epsilon_p|."""
         return state[:, 9]
 
-    @property
-    def said(self) -> str:
-        hardening = self.hardening
-        words = f"by {len(hardening)} rows" if isinstance(hardening, tuple) else f"= {hardening:g}"
-        constants = f"E = {self.young:g}, nu = {self.poisson:g}, yield_stress = {self.yield_stress:g}"
-        return f"{constants}, hardening {words}, small strains"
-
 
 Entry = J2

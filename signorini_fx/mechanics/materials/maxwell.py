@@ -85,10 +85,5 @@ class Maxwell(PathDependent):
         new = np.column_stack((*parts, strain_deviator.reshape(-1, 9), np.full(len(strain_deviator), self._time)))
         return stress, stiffness[:, None, None] * DEVIATORIC, new
 
-    @property
-    def said(self) -> str:
-        rows = ", ".join(f"{shear:g} for {relaxation:g}" for shear, relaxation in self.branches)
-        return f"E = {self.young:g}, nu = {self.poisson:g}, shear moduli that relax: {rows}, small strains"
-
 
 Entry = Maxwell

@@ -58,9 +58,5 @@ class MooneyRivlin(Hyperelastic):
     def volume_energy_by_change(self, growth: Any) -> Any:
         return self.bulk / 2 * growth**2
 
-    @property
-    def said(self) -> str:
-        return f"C10 = {self.c10:g}, C01 = {self.c01:g}, bulk = {self.bulk:g}, finite strains"
-
 
 Entry = MooneyRivlin

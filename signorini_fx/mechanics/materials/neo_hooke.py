@@ -56,9 +56,5 @@ class NeoHooke(Hyperelastic):
             return bulk / 2 * growth**2
         return (bulk - 2 * shear / 3) / 2 * (growth + logarithm_beyond_line(growth)) ** 2
 
-    @property
-    def said(self) -> str:
-        return f"E = {self.young:g}, nu = {self.poisson:g}{', isochoric' * self.isochoric}, finite strains"
-
 
 Entry = NeoHooke

@@ -83,11 +83,6 @@ class Ogden(Hyperelastic):
     def volume_energy_by_change(self, growth: Any) -> Any:
         return self.bulk / 2 * growth**2
 
-    @property
-    def said(self) -> str:
-        terms = "; ".join(f"mu = {mu:g}, alpha = {alpha:g}" for mu, alpha in self._terms)
-        return f"{terms}; bulk = {self.bulk:g}, finite strains"
-
 
 def _beyond_mean(ratio: Any, power: float) -> Any:
     """((1 + r)^p + (1 - r)^p)/2 - 1 with r^2 = ``ratio``, UFL: smooth in r^2, but r is not smooth where it vanishes.

@@ -91,13 +91,6 @@ class OrthotropicElastic(Material):
         return self.grading is not None or self.orthotropic.turns
 
     @property
-    def said(self) -> str:
-        constants = zip(
-            ("E", "nu", "G"), (self.orthotropic.young, self.orthotropic.poisson, self.orthotropic.shear), strict=True
-        )
-        return "; ".join(f"{name} = {', '.join(f'{number:g}' for number in values)}" for name, values in constants)
-
-    @property
     def words(self) -> str:
         return "an orthotropic material"
 

@@ -115,11 +115,6 @@ class Material(Effect):
         """The von Mises stress at which it yields; infinite: it is not known."""
         return math.inf
 
-    @property
-    def said(self) -> str:
-        """Its constants in words; "": ``check`` does not list it."""
-        return ""
-
     def dimension_problems(self, dimension: int) -> Contradictions:
         """What does not fit to a mesh of a dimension: the path of the key, and why."""
         yield from ()

@@ -39,9 +39,5 @@ class SaintVenantKirchhoff(Hyperelastic):
         (shear, bulk), strain = self.constants_at_rest, green_strain(change)
         return shear * ufl.inner(strain, strain) + (bulk - 2 * shear / 3) / 2 * ufl.tr(strain) ** 2
 
-    @property
-    def said(self) -> str:
-        return f"E = {self.young:g}, nu = {self.poisson:g}, finite strains"
-
 
 Entry = SaintVenantKirchhoff

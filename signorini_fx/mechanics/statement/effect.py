@@ -83,14 +83,6 @@ def is_zero(*values: Any) -> bool:
     return all(isinstance(value, float) and value == 0.0 for value in values)
 
 
-def text(value: Any) -> str:
-    """A value in a table, shortened if it is long."""
-    if isinstance(value, float):
-        return f"{value:g}"
-    words = str(getattr(value, "text", f"<{type(value).__name__}>"))
-    return words if len(words) <= 30 else words[:27] + "..."
-
-
 class Effect(Table):
     """An entry of a scene.
 
@@ -157,11 +149,6 @@ class Effect(Table):
         )
 
     @property
-    def said(self) -> str:
-        """Its values in words, as ``check`` lists them."""
-        return ", ".join(f"{key} = {text(value)}" for key, value in self.given.items() if not is_zero(value))
-
-    @property
     def interface(self) -> str:
         """The file of ``solving.iterated_interfaces`` that has what it contributes beside forms and contact points; "":
         none does.
@@ -172,16 +159,6 @@ class Effect(Table):
     def features(self) -> Features:
         """The names by which other objects refuse it, see ``statement.features``, with the keys that ask for them."""
         return ((self.label, ()),)
-
-    @property
-    def inner_facets(self) -> tuple[str, ...]:
-        """The names of facets inside the mesh that it uses."""
-        return ()
-
-    @property
-    def assumed(self) -> str:
-        """What stays as it is in statements about the solution, in words; "": nothing has to be said."""
-        return ""
 
     def depends_on_solution_at(self, statement: Any, step: float) -> str:
         """What of it is known only with the solution at a place in the lists of factors, as a clause, so that its

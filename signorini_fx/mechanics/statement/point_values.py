@@ -29,11 +29,6 @@ class PointValues:
     file: Path
     column: str
 
-    @property
-    def text(self) -> str:
-        """For tables of values."""
-        return self.file.name
-
     def __call__(self, x: Array) -> Array:
         """Values at points of shape (3, n), shape (n,).
 

@@ -30,8 +30,6 @@ from signorini_fx.extensions import SHAPES, is_of_package, load_class, modules_o
 from signorini_fx.mechanics.statement.expressions import Expression, sample
 from signorini_fx.mechanics.statement.rigid_motion import (
     COMPONENTS,
-    PivotSprings,
-    Prescribed,
     RigidMotion,
     TimedAngle,
     TimedVector,
@@ -152,14 +150,6 @@ class Shape(RigidMotion):
         rotation = self.rotation if isinstance(self.rotation, tuple) else (self.rotation,)
         return (*(self.shift or ()), *rotation)
 
-    @property
-    def said(self) -> str:
-        """Its kind, and what is given of it."""
-        entries = [(key, getattr(self, key)) for key in type(self).model_fields if key in self.model_fields_set]
-        return ", ".join(
-            (self.shape, *(f"{key} = {_text(value)}" for key, value in entries if key != "shape" and value is not None))
-        )
-
     def reference(self, dimension: int) -> Array:
         """Where its pivot is, length, shape (d,)."""
         return np.asarray(sum(self._translations(dimension)))
@@ -259,23 +249,6 @@ def turning(rotation: float | tuple[float, ...], dimension: int) -> Array:
 def _at_its_time(value: Any) -> float:
     """A number, or an expression at its time."""
     return value.at_its_time if isinstance(value, Expression) else float(value)
-
-
-def _text(value: Any) -> str:
-    """A value of a shape in words."""
-    if isinstance(value, Expression):
-        return value.text
-    if isinstance(value, tuple) and len(value) > 3:
-        return f"{len(value)} points"
-    if isinstance(value, tuple):
-        return f"[{', '.join(map(_text, value))}]"
-    if isinstance(value, Prescribed | PivotSprings):
-        return _text({key: inner for key in type(value).model_fields if (inner := getattr(value, key)) is not None})
-    if isinstance(value, dict):
-        return f"{{{', '.join(f'{key} = {_text(inner)}' for key, inner in value.items())}}}"
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    return f"{value:g}" if isinstance(value, float) else str(value)
 
 
 # --- as the data of a foundation --------------------------------------------------------------------------------------

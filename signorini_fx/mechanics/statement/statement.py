@@ -155,7 +155,8 @@ class Statement:
     @property
     def sections(self) -> tuple[str, ...]:
         """The names of facets inside its mesh that it uses."""
-        return tuple(name for _, effect in self.listed() for name in effect.inner_facets)
+        names = (getattr(effect, "section", None) for _, effect in self.listed())
+        return tuple(name for name in names if name is not None)
 
     @cached_property
     def interfaces(self) -> list[Any]:
@@ -172,11 +173,6 @@ class Statement:
         """What is known only with the solution at a place in the lists of factors: clauses by the paths of entries."""
         words = {path: effect.depends_on_solution_at(self, step) for path, effect in self.listed()}
         return {path: clause for path, clause in words.items() if clause}
-
-    @property
-    def assumed(self) -> list[str]:
-        """What stays as it is in statements about a solution, in words, each once."""
-        return [*dict.fromkeys(effect.assumed for _, effect in self.listed() if effect.assumed)]
 
     def drives(self, dimension: int, step: float, scale: float) -> list[tuple[Any, Any]]:
         """What drives each rigid body at a place in the lists of factors, see ``now``: forces and moments, and the

@@ -61,7 +61,8 @@ def uniqueness_findings(model: Model) -> list[Finding]:
     uniform = acting.size and np.ptp(acting) <= SINGULAR * acting[0]
     below = f"{multiple * acting[0]:.4g}" if uniform else f"{multiple:.4g} times the coefficients"
     sentence = f"with friction coefficients below {below} there is one solution on this mesh, whatever the loads are"
-    return [Finding("note", "contact", "; ".join((sentence, *model.statement.assumed)))]
+    assumed = "; sections are shortened as they are" if model.statement.effects.get("preload") else ""
+    return [Finding("note", "contact", f"{sentence}{assumed}")]
 
 
 def _contact_stiffness(model: Model) -> tuple[Nodal, Nodal] | str:
