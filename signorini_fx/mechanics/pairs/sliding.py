@@ -39,7 +39,7 @@ from signorini_fx.mechanics.pairs.mortar_coupling import projected
 from signorini_fx.mechanics.pairs.overlap_quadrature import Overlap
 from signorini_fx.mechanics.pairs.pair_side import PairSurface
 from signorini_fx.mechanics.pairs.sliding_pieces import SlidingPieces
-from signorini_fx.mechanics.pairs.sliding_space import rotations_at_nodes
+from signorini_fx.mechanics.pairs.sliding_places import rotations_at_nodes
 from signorini_fx.mechanics.pairs.sparse_scaling import of_components, placed_rows, scaled_rows
 
 Array = npt.NDArray[np.float64]

@@ -11,7 +11,7 @@ with nu the normal of the master at xi.  A displacement d changes
 
 and where a vertex of the master, in 3D an edge, passes by, the slope of its height over the slave jumps, see ``Kinks``.
 All rows of a piece of the overlap are of the vectors at the nodes of both of its facets and dN, which ``spread`` makes
-of displacements.  The places of points are in ``sliding_plane`` and ``sliding_space``.
+of displacements.  The places of points are in ``sliding_places``.
 """
 
 from __future__ import annotations
@@ -22,11 +22,16 @@ import numpy as np
 import numpy.typing as npt
 import scipy.sparse as sp
 
-from signorini_fx.mechanics.pairs.kinks import Kinks, Projection
 from signorini_fx.mechanics.pairs.mortar_coupling import Tested
 from signorini_fx.mechanics.pairs.pair_side import Lagrange, PairSurface
-from signorini_fx.mechanics.pairs.sliding_plane import seen_vertices, ways_in_plane
-from signorini_fx.mechanics.pairs.sliding_space import seen_edges, ways_in_space
+from signorini_fx.mechanics.pairs.sliding_places import (
+    Kinks,
+    Projection,
+    seen_edges,
+    seen_vertices,
+    ways_in_plane,
+    ways_in_space,
+)
 from signorini_fx.mechanics.pairs.sparse_scaling import of_vectors
 
 Array = npt.NDArray[np.float64]
