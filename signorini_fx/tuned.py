@@ -850,19 +850,16 @@ UNITS_OF_DIFFERENCE = 500.0
 SHAPE_INSIDE, SHAPE_STEP = 0.5, 0.25
 # Places on its way at most.  Choice: a search of all cells for each of them.
 MOST_PLACES = 400
-# Points of the body, those nearest to a shape of a user's own and as many of all, behind which a ball in it is sought,
-# and the radius of the smallest one, as a share of the size of the body.  Choice.
-SAMPLED_POINTS, SMALLEST_SHAPE = 100, 1e-6
 # Points along each axis of the grid on which the middle of the largest ball in a surface of a file is sought.  Choice:
 # an odd number, so that the middle of a ball is on it; in 3D its 729 distances take milliseconds.
 INRADIUS_GRID = 9
 # Share of the radius of the largest ball in a rigid shape at which its middle is.  Choice.
 SHAPE_MIDDLE = 0.9
-# Parts of cells that are smaller than this share of the depth allowed are not divided.  Choice.
-SMALLEST_PART = 1 / 16
-# A triangle or tetrahedron whose edges from one corner span so many times more in one direction than in another is
-# searched as part of a box.  Choice: regular ones are below 3, and are divided into similar parts.
-ELONGATED = 4.0
+# Projections onto a cell and a shape in turn, by which a point of both is sought.  Choice: where both share more than a
+# point few are needed.
+PROJECTIONS = 50
+# Points of a body, of all of them, at which an effect of a user's own is tried.  Choice.
+SAMPLED_POINTS = 100
 # Along a normal of a shape of a user's own its distance may grow by so much less than a distance does: normals that are
 # smoothed where facets meet.  Choice: eight degrees.
 WRONG_NORMAL = 1e-2

@@ -3,9 +3,9 @@ cannot see.
 
 The nodes of each side are looked for in the cells of other pieces of the mesh than their own.  In contact they may be
 there by what the chords of both sides leave: up to ``SHAPE_INSIDE`` of the nearest facet of the other side, and at the
-end of a step no farther than the points of the pair look for partners.  In 3D cells of degree 1 are divided into
-tetrahedra, and facets into triangles.  Two bodies have passed through each other if
-they lie inside each other on the straight way between two displacements.
+end of a step no farther than the points of the pair look for partners.  Facets are divided into chords, in 3D into
+triangles.  Two bodies have passed through each other if they lie inside each other on the straight way between two
+displacements.
 """
 
 from __future__ import annotations
@@ -27,11 +27,8 @@ from signorini_fx.tuned import MOST_PLACES, SHAPE_INSIDE
 
 Array = npt.NDArray[np.float64]
 
-# Parts of a cell in 3D, and of a facet, by how many nodes it has.
-_TETRAHEDRA = {4: [[0, 1, 2, 3]], 8: [[0, k, m, 7] for k, m in ((1, 3), (3, 2), (2, 6), (6, 4), (4, 5), (5, 1))]}
+# Parts of a facet in 3D by how many nodes it has.
 _TRIANGLES = {3: [[0, 1, 2]], 4: [[0, 1, 2], [1, 3, 2]]}
-# The nodes of a cell of the plane along its outline, by how many it has.
-_AROUND = {3: [0, 1, 2], 4: [0, 1, 3, 2], 6: [0, 5, 1, 3, 2, 4], 9: [0, 4, 1, 6, 3, 7, 2, 5]}
 
 
 @dataclass(frozen=True)
@@ -110,7 +107,7 @@ class PairedBodies:
             inner = nodes[within[nodes]]
             if not inner.size:
                 continue
-            apart, size = (_from_chords if surface.dimension == 2 else _from_triangles)(surface, at[first:], at[inner])
+            apart, size = _from_parts(surface, at[first:], at[inner])
             nearest = apart.argmin(axis=1)
             depth = apart[np.arange(inner.size), nearest]
             for k in np.flatnonzero(depth > np.minimum(SHAPE_INSIDE * size[nearest], at_most)):
@@ -124,12 +121,7 @@ class PairedBodies:
         if not len(cells):
             return within
         near_others = self._near_others(cells, _boxes(places, self.cells.nodes[cells]), at[None])
-        dim, piece, nodes = places.shape[1], self.piece[near_others], self.cells.nodes[near_others]
-        if dim == 2:
-            corners = places[nodes[:, _AROUND[nodes.shape[1]]]]
-        else:
-            parts = np.array(_TETRAHEDRA[nodes.shape[1]])
-            corners, piece = places[nodes[:, parts].reshape(-1, 4)], np.repeat(piece, len(parts))
+        corners, piece = self.cells.corners(places)[near_others], self.piece[near_others]
         if not len(corners):
             return within
         middles = corners.mean(axis=1)
@@ -139,13 +131,9 @@ class PairedBodies:
         point = np.array([number for points in near for number in points], dtype=np.int64)
         others = piece[cell] != self.of_node[point]
         cell, point = cell[others], point[others]
-        if dim == 3:
-            within[point[_in_tetrahedra(corners[cell], at[point])]] = True
-            return within
-        edges = np.roll(corners[cell], -1, axis=1) - corners[cell]
-        away = at[point, None] - corners[cell]
-        turns = edges[..., 0] * away[..., 1] - edges[..., 1] * away[..., 0]
-        within[point[(turns >= 0).all(axis=1) | (turns <= 0).all(axis=1)]] = True
+        on_planes, outward = self.cells.planes(corners)
+        beyond = np.einsum("kfd,kfd->kf", at[point, None] - on_planes[cell], outward[cell])
+        within[point[(beyond <= 0.0).all(axis=1)]] = True
         return within
 
     def _near_others(
@@ -184,39 +172,17 @@ def _boxes(places: Array, nodes: npt.NDArray[np.int32]) -> tuple[Array, Array]:
     return low, high
 
 
-def _in_tetrahedra(corners: Array, x: Array) -> npt.NDArray[np.bool_]:
-    """Which points, shape (k, 3), are in their tetrahedra, with corners of shape (k, 4, 3)."""
-    edges = (corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1)
-    flat = np.linalg.det(edges) == 0.0
-    shares = np.linalg.solve(np.where(flat[:, None, None], np.eye(3), edges), (x - corners[:, 0])[..., None])[..., 0]
-    return np.asarray(~flat & (shares >= 0).all(axis=1) & (shares.sum(axis=1) <= 1))
-
-
-def _from_chords(surface: PairSurface, places: Array, x: Array) -> tuple[Array, Array]:
-    """Distances of points, shape (n, 2), from the chords of a side of the plane, shape (n, f), and their lengths, shape
-    (f,); ``places``: of its nodes.
+def _from_parts(surface: PairSurface, places: Array, x: Array) -> tuple[Array, Array]:
+    """Distances of points, shape (n, d), from the chords of a side, in 3D from its triangles, shape (n, f), and their
+    sizes, shape (f,); ``places``: of its nodes.
     """
-    nodes_along = surface.nodes[:, np.argsort(surface.functions.places[:, 0])]
-    chords = np.stack((nodes_along[:, :-1], nodes_along[:, 1:]), axis=2).reshape(-1, 2)
-    start, end = places[chords].transpose(1, 0, 2)
-    return _from_lines(start, end, x), np.linalg.norm(end - start, axis=1)
-
-
-def _from_lines(start: Array, end: Array, x: Array) -> Array:
-    """Distances of points, shape (n, d), from lines between two ends, shape (f, d) each: shape (n, f)."""
-    along = end - start
-    share = np.clip(np.einsum("nfk,fk->nf", x[:, None] - start, along) / np.sum(along**2, axis=1), 0.0, 1.0)
-    return np.asarray(np.linalg.norm(x[:, None] - start - share[..., None] * along, axis=2))
-
-
-def _from_triangles(surface: PairSurface, places: Array, x: Array) -> tuple[Array, Array]:
-    """Distances of points, shape (n, 3), from the triangles of a side in 3D, shape (n, f), and their sizes, shape
-    (f,); ``places``: of its nodes.
-    """
-    parts = np.array(_TRIANGLES[surface.nodes.shape[1]])
-    corners = places[surface.nodes[:, parts].reshape(-1, 3)]
-    ends = corners, np.roll(corners, -1, axis=1)
-    apart = np.min([_from_lines(start, end, x) for start, end in zip(*np.swapaxes(ends, 1, 2), strict=True)], axis=0)
+    if surface.dimension == 2:
+        nodes_along = surface.nodes[:, np.argsort(surface.functions.places[:, 0])]
+        start, end = places[np.stack((nodes_along[:, :-1], nodes_along[:, 1:]), axis=2).reshape(-1, 2)].swapaxes(0, 1)
+        return _from_lines(start, end, x), np.linalg.norm(end - start, axis=1)
+    corners = places[surface.nodes[:, np.array(_TRIANGLES[surface.nodes.shape[1]])].reshape(-1, 3)]
+    edges = zip(*np.swapaxes((corners, np.roll(corners, -1, axis=1)), 1, 2), strict=True)
+    apart = np.min([_from_lines(start, end, x) for start, end in edges], axis=0)
     first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     normal = np.cross(first, second)
     square = np.sum(normal**2, axis=1)
@@ -230,3 +196,10 @@ def _from_triangles(surface: PairSurface, places: Array, x: Array) -> tuple[Arra
     over = (shares >= 0).all(axis=0) & (shares.sum(axis=0) <= 1)
     height = np.abs(np.einsum("nfk,fk->nf", away, normal)) / np.sqrt(square)
     return np.where(over, height, apart), square**0.25
+
+
+def _from_lines(start: Array, end: Array, x: Array) -> Array:
+    """Distances of points, shape (n, d), from lines between two ends, shape (f, d) each: shape (n, f)."""
+    along = end - start
+    share = np.clip(np.einsum("nfk,fk->nf", x[:, None] - start, along) / np.sum(along**2, axis=1), 0.0, 1.0)
+    return np.asarray(np.linalg.norm(x[:, None] - start - share[..., None] * along, axis=2))
