@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from surfaces import ELEMENTS, both, curve
+from surfaces import ELEMENTS, both, curve, nothing_held
 
 from signorini_fx.mechanics.pairs.mortar_coupling import PairingError, couple
 
@@ -17,7 +17,7 @@ PAIRS = [(2, a, b) for a in ELEMENTS[2] for b in ELEMENTS[2]] + [
 
 def coupled(slave, master, **settings):
     unable = settings.pop("unable", np.zeros(len(slave.x), dtype=bool))
-    return couple(slave, master, unable, **settings)
+    return couple(slave, master, unable, nothing_held(slave, master), **settings)
 
 
 def relative(coupling, slave, master):

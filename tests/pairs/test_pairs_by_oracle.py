@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from surfaces import nothing_held
 
 from benchmarks.stability.oracle.mortar import Side, points_of_moved
 from signorini_fx.mechanics.pairs import mortar_coupling
@@ -69,10 +70,10 @@ def differences(kind, seed, *, slides):
     able = np.zeros(count, dtype=bool)
     if slides:
         slave, master = slave.displaced(moved[:count]), master.displaced(moved[count:])
-        found = slide(slave, master, np.arange(count), able, 0.5)
+        found = slide(slave, master, np.arange(count), able, 0.5, nothing_held(slave, master))
         shares = found.frames.slave, found.frames.master
     else:
-        found = couple(slave, master, able, reach=0.5)
+        found = couple(slave, master, able, nothing_held(slave, master), reach=0.5)
         shares = found.slave, found.master
     sides = [
         Side(at, places + moved, sign, undeformed) for at, sign in zip((nodes, count + others), signs, strict=True)

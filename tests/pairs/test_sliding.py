@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from surfaces import nothing_held
 
 from signorini_fx.mechanics.pairs.pair_side import Lagrange, PairSurface
 from signorini_fx.mechanics.pairs.sliding import slide
@@ -32,7 +33,7 @@ class Dent:
         moved = displacement + self.uneven
         slave = self.block.displaced(self.dent + moved[:41])
         master = self.arc.displaced(moved[41:] + np.array([0.0, -0.26]))
-        return slide(slave, master, np.arange(41), np.zeros(41, dtype=bool), 0.3)
+        return slide(slave, master, np.arange(41), np.zeros(41, dtype=bool), 0.3, nothing_held(slave, master))
 
 
 def differences(scene, direction, step=1e-6):

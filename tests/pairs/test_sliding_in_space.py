@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from surfaces import nothing_held
 
 from signorini_fx.mechanics.pairs.pair_side import Lagrange, PairSurface
 from signorini_fx.mechanics.pairs.sliding import slide
@@ -45,7 +46,9 @@ class Dent:
         slave, master = (
             side.displaced(part) for side, part in zip(self.sides, np.split(moved, [self.count]), strict=True)
         )
-        return slide(slave, master, np.arange(self.count), np.zeros(self.count, dtype=bool), 0.5)
+        return slide(
+            slave, master, np.arange(self.count), np.zeros(self.count, dtype=bool), 0.5, nothing_held(slave, master)
+        )
 
     @property
     def x(self):

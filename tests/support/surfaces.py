@@ -3,6 +3,7 @@
 import numpy as np
 
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable
+from signorini_fx.mechanics.pairs.dual_functions import HeldSides
 from signorini_fx.mechanics.pairs.pair_side import Lagrange, PairSurface
 
 ELEMENTS = {2: ("P1", "P2"), 3: ("P1", "Q1", "P2", "Q2")}
@@ -97,3 +98,8 @@ def both(element, other, curved, counts=(5, 7), overhang=0.0, dimension=2, bent=
         slave = sheet(element, (counts[0], counts[0] - 1), upper, (0, -1, 0), 0.15, bent)
         master = sheet(other, (counts[1], counts[1] - 2), lower, (0, 1, 0), 0.15, bent)
     return slave, master
+
+
+def nothing_held(slave, master):
+    """No node of both sides."""
+    return HeldSides(*(np.zeros(len(side.x), dtype=bool) for side in (slave, master)))

@@ -272,11 +272,10 @@ class _SceneRows:
             f"bound {number}": _from_inside(_sampled(bound, _inside(facets.x))),
         }
         if pair is not None:
-            still = pair.coupling.still.weight.sum()
             first = parallel.is_root(self._model.comm)
             rows |= {
                 f"master {number}": _Facets.of(self._model, pair.master.facets).vertices,
-                f"covered {number}": np.array([still + first * pair.coupling.covered]),
+                f"covered {number}": np.array([first * pair.coupling.met]),
                 f"by geometry {number}": np.array([pair.by_geometry]),
             }
         return rows

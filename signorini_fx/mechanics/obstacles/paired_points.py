@@ -260,10 +260,9 @@ class PairedSides:
         except PairingError as error:
             raise FormError([(name, str(error))]) from None
         turns, held = None if turned is None else facing.frames[0][coupling.nodes], None
-        if (alone := coupling.constrained_slaves & ~facing.unable).any():
+        if coupling.constrained_slaves.size:
             sides, names = (slave.surface, master.surface), (slave.nodes, master.nodes)
-            axes, reached = facing.frames[1], facing.entries[1][:, : slave.surface.dimension]
-            held = HeldPairs.of(sides, names, alone, (axes, reached), coupling, pair.adjust)
+            held = HeldPairs.of(sides, names, coupling, pair.adjust)
         return cls(slave, master, coupling, pair.by_geometry, facing.unable, turns, held)
 
     @property

@@ -19,7 +19,7 @@ from scipy.sparse.linalg import splu
 
 from signorini_fx.mechanics.pairs.overlap_quadrature import Overlap
 from signorini_fx.mechanics.pairs.pair_side import PairSurface
-from signorini_fx.mechanics.pairs.sparse_scaling import scaled_columns
+from signorini_fx.mechanics.pairs.sparse_scaling import scaled_columns, scaled_rows
 from signorini_fx.tuned import DENSE_CHAIN, KEPT_WEIGHT, MOSTLY_HELD, PASSED_ON, SAME_NUMBER, SINGULAR, WHOLE_WEIGHT
 
 Array = npt.NDArray[np.float64]
@@ -62,6 +62,15 @@ class HeldSides:
         of_held, weight = (np.asarray(met @ flags).ravel() for flags in (self.master * 1.0, np.ones(self.master.size)))
         # On a part of a facet a quadratic function may have a negative weight, which says nothing.
         return np.asarray(self.slave & (weight > 0.0) & (of_held > (MOSTLY_HELD + SAME_NUMBER) * weight))
+
+    def opposite(self, met: Any, others: Indices) -> tuple[Indices, sp.csr_array]:
+        """``constrained_slaves`` but for some others, shape (h,), and of each the shares of the held nodes of the
+        master that it sees, rows with the sum one, sparse, shape (h, M).
+        """
+        constrained = self.constrained_slaves(met)
+        constrained[others] = False
+        rows = scaled_columns(met[np.flatnonzero(constrained)], self.master * 1.0)
+        return np.flatnonzero(constrained), scaled_rows(np.asarray(1.0 / rows.sum(axis=1)), rows)
 
     def movable(self, met: Any) -> Array:
         """By which share nodes of the slave are what can move, or see that, shape (N,); ``met``: see

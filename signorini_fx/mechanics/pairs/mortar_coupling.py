@@ -85,8 +85,10 @@ class Coupling:
         centre: where forces act: at the same place on both sides, length, shape (n, d).
         overlap: where both sides meet and one can move, as far as this rank has found it.
         covered: area (in 2D: length) of the slave there, times the measure, of all ranks.
-        still: where both sides meet and nothing can move, see ``HeldSides``, which is no part of ``overlap``.
-        helpless: nodes of the slave that carry no point because both sides are held there, shape (N,).
+        met: the same with where nothing can move, see ``HeldSides``.
+        constrained_slaves: nodes of the slave that carry no point because both sides are held there, shape (h,).
+        over: of each of them the shares of the held nodes of the master over it, sparse, shape (h, nodes of the
+            master).
     """
 
     nodes: Indices
@@ -100,8 +102,9 @@ class Coupling:
     centre: Array
     overlap: Overlap
     covered: float
-    still: Overlap
-    constrained_slaves: npt.NDArray[np.bool_]
+    met: float
+    constrained_slaves: Indices
+    over: sp.csr_array
 
     def lift(self, slave: PairSurface) -> sp.csr_array:
         """Displacements of slave nodes, all along one direction, that move the points by one each: D times them is
@@ -158,15 +161,12 @@ class Tested:
         psi = np.einsum("pij,pqj->pqi", coefficients[overlap.slave], slave.tests.values(overlap.at))
         return cls(overlap, area, psi * overlap.weight[..., None], uses_hats, coefficients)
 
-    def parted(
-        self, slave: PairSurface, master: PairSurface, held: HeldSides, comm: MPI.Comm
-    ) -> tuple[Tested, Overlap]:
-        """Where one side can move, and the rest, see ``HeldSides``; collective."""
+    def moving(self, slave: PairSurface, master: PairSurface, held: HeldSides, comm: MPI.Comm) -> Tested:
+        """Where one side can move, see ``HeldSides``; collective."""
         still = held.still(slave.nodes[self.overlap.slave], master.nodes[self.overlap.master])
-        moving = self
-        if parallel.any_rank(comm, bool(still.any())):
-            moving = Tested.of(slave, master, self.overlap.chosen(~still), comm, bonded=self.hats)
-        return moving, self.overlap.chosen(still)
+        if not parallel.any_rank(comm, bool(still.any())):
+            return self
+        return Tested.of(slave, master, self.overlap.chosen(~still), comm, bonded=self.hats)
 
     def without(self, facets: npt.NDArray[np.bool_]) -> Tested:
         """The same without some facets of the slave, shape (f,)."""
@@ -217,7 +217,7 @@ def couple(
     slave: PairSurface,
     master: PairSurface,
     unable: npt.NDArray[np.bool_],
-    held: HeldSides | None = None,
+    held: HeldSides,
     *,
     bonded: bool = False,
     nominal: bool = False,
@@ -231,7 +231,7 @@ def couple(
         slave: the side with the points.
         master: the other one.
         unable: nodes of the slave that cannot carry a point, because another contact owns them.
-        held: nodes that supports hold; None: there are none.
+        held: nodes that supports hold.
         bonded: whether the sides are tied, which on quadratic triangles takes the hats of the vertices.
         nominal: whether the sides are nominally in contact, so that their normals are the same but for their meshes.
         reach: distance beyond which facets are no partners, length; None: a default.
@@ -246,33 +246,24 @@ def couple(
     if reach is None:
         reach = default_reach(*used)
     whole, _ = projected(slave, master, reach, comm, bonded=bonded, nominal=nominal)
-    tested, still = whole, whole.overlap.chosen(np.zeros(len(whole.overlap.slave), dtype=bool))
-    if held is not None:
-        tested, still = whole.parted(slave, master, held, comm)
-    overlap = tested.overlap
+    tested = moving = whole.moving(slave, master, held, comm)
     weight = tested.areas(slave, comm)
-    distance = tested.moments(slave, overlap.distance(slave, master), comm)
+    distance = tested.moments(slave, tested.overlap.distance(slave, master), comm)
     sums, arms = (
         [over_ranks(comm, matrix) for matrix in matrices]
         for matrices in (tested.products(slave, master), tested.arms(slave, master))
     )
 
-    constrained_slaves = np.zeros(len(slave.x), dtype=bool) if held is None else held.constrained_slaves(sums[1])
-    nodes, shares = carried(slave, tested.covered, weight, unable | constrained_slaves)
+    constrained = held.constrained_slaves(sums[1])
+    nodes, shares = carried(slave, tested.covered, weight, unable | constrained)
     if not nodes.size:
         raise PairingError("supports of both sides, or other contacts, own all nodes of its covered part")
-    if held is not None:
-        # Facets apart from all points, of which all nodes are helpless: nobody takes over their functions.
-        carried_nodes = np.asarray(shares.sum(axis=0)).ravel() > 0.0
-        idle = np.asarray((constrained_slaves & ~carried_nodes)[slave.points].all(axis=1))
-        left_out = idle[overlap.slave]
-        still = still.joined(overlap.chosen(left_out))
-        tested = tested.without(idle)
-        overlap = tested.overlap
+    # Facets apart from all points, of which all nodes are constrained: nobody takes over their functions.
+    carried_nodes = np.asarray(shares.sum(axis=0)).ravel() > 0.0
+    tested = tested.without(np.asarray((constrained & ~carried_nodes)[slave.points].all(axis=1)))
     _refuse_bare(slave, tested, shares)
-    if held is not None and whole is not tested:
-        constrained_slaves = held.constrained_slaves(over_ranks(comm, whole.products(slave, master)[1]))
-        constrained_slaves[nodes] = False
+    met = sums[1] if moving is whole else over_ranks(comm, whole.products(slave, master)[1])
+    constrained_slaves, over = held.opposite(met, np.concatenate((nodes, np.flatnonzero(unable))))
     if mine is not None:
         nodes, shares = nodes[mine[nodes]], sp.csr_array(shares[mine[nodes]])
     weight = shares @ weight
@@ -295,10 +286,11 @@ def couple(
         slave_turning=turnings[0],
         master_turning=turnings[1],
         centre=slave_shares @ slave.x + half * distance,
-        overlap=overlap,
+        overlap=tested.overlap,
         covered=float(tested.area.sum()),
-        still=still,
+        met=float(whole.area.sum()),
         constrained_slaves=constrained_slaves,
+        over=over,
     )
     size = min(float(np.linalg.norm(np.ptp(x, axis=0))) for x in used)
     if (deepest := parallel.largest(comm, -coupling.gap, -np.inf)) > DEEPEST_OVERLAP * size:

@@ -50,10 +50,6 @@ class Overlap:
         near = np.linalg.norm(mean, axis=1) <= (1.0 + SAME_LENGTH) * reach * np.bincount(pair, self.weight.sum(axis=1))
         return self.chosen(near[pair])
 
-    def joined(self, other: Overlap) -> Overlap:
-        """The pieces of both, with the same number of points each."""
-        return Overlap(*(np.concatenate((getattr(self, name), getattr(other, name))) for name in vars(self)))
-
     def chosen(self, pieces: npt.NDArray[np.bool_]) -> Overlap:
         """Some of the pieces, shape (p,)."""
         return Overlap(self.slave[pieces], self.master[pieces], self.at[pieces], self.over[pieces], self.weight[pieces])

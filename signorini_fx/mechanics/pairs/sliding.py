@@ -79,8 +79,8 @@ class SlidingCoupling:
         gap: length, shape (n,); infinite without a partner.
         frames: of the points.
         covered: share of the area of each node that sees the master, shape (n,).
-        helpless: nodes that carry no point because both sides are held there, shape (h,).
-        constrained_gap: of their functions, length, shape (h,).
+        constrained_slaves: nodes that carry no point because both sides are held there, shape (h,).
+        constrained_gap: from them to the held nodes of the master over them, length, shape (h,).
         normal_rows: - dgap_i, from displacements of the nodes of both sides, those of the slave first, sparse, shape
             (n, d m).
         tangent_rows: the relative displacement along T_i, a row for each tangent of a point, shape (n (d - 1), d m).
@@ -197,7 +197,7 @@ def slide(
     points: Indices,
     unable: npt.NDArray[np.bool_],
     reach: float,
-    held: HeldSides | None = None,
+    held: HeldSides,
 ) -> SlidingCoupling:
     """The map of two deformed sides, in 3D of degree 1.
 
@@ -207,19 +207,17 @@ def slide(
         points: nodes of the slave that have a point, ascending, shape (n,).
         unable: nodes of the slave that cannot carry a point, shape (N,).
         reach: distance beyond which facets are no partners, length.
-        held: nodes that supports hold; None: there are none.
+        held: nodes that supports hold.
 
     Raises:
         PairingError: a facet sees two sheets of the master.
     """
     whole, directions = projected(slave, master, reach, apart=True)
     assert directions is not None
-    tested = whole if held is None else whole.parted(slave, master, held, MPI.COMM_SELF)[0]
+    tested = whole.moving(slave, master, held, MPI.COMM_SELF)
     weight, arms = tested.areas(slave, MPI.COMM_SELF), tested.arms(slave, master)
     sharing, opposite = tested.products(slave, master)
-    constrained_slaves = np.zeros(len(slave.x), dtype=bool) if held is None else held.constrained_slaves(opposite)
-    movable = None if held is None else held.movable(opposite)
-    carriers = EvenRedistribution.of(slave, tested.covered, weight, unable, movable)
+    carriers = EvenRedistribution.of(slave, tested.covered, weight, unable, held.movable(opposite))
     nodes, shares = carriers.nodes, carriers.shares
     at = np.searchsorted(points, nodes)  # rows of points that have a partner
     partnered = np.zeros(points.size, dtype=bool)
@@ -234,12 +232,11 @@ def slide(
     covered[at] = size / weights[at]
     weights[at] = size
     mean = placed_rows(scaled_rows(1.0 / size, shares), at, count)  # of moments of the functions
-    of_whole = weight, [sharing, opposite]
-    if held is not None and whole is not tested:
-        of_whole = whole.areas(slave, MPI.COMM_SELF), whole.products(slave, master)
-        constrained_slaves = held.constrained_slaves(of_whole[1][1])
-        constrained_slaves[nodes] = False
-    unpaired_gap = _gap_of_nodes(slave, master, of_whole, constrained_slaves)
+    met = opposite if whole is tested else whole.products(slave, master)[1]
+    moved = nodes[~held.constrained_slaves(opposite)[nodes]]
+    constrained, over = held.opposite(met, moved)
+    outwards = slave.nodal_normals[constrained]
+    constrained_gap = np.einsum("hd,hd->h", outwards, over @ master.x - slave.x[constrained])
     sharing, opposite = sp.csr_array(mean @ sharing + itself), sp.csr_array(mean @ opposite)
     normals, distance = _directed(slave, master, sharing, opposite), opposite @ master.x - sharing @ slave.x
     distance[unpaired] = 0.0
@@ -261,33 +258,9 @@ def slide(
     frames = Frames(sharing, opposite, tangents, way, partnered)
     centre = sharing @ slave.x + distance / 2
     rows = sp.csr_array(normal_rows), tangent_rows
-    idle = np.flatnonzero(constrained_slaves), unpaired_gap
+    idle = constrained, constrained_gap
     place = centre, tested.overlap
     return SlidingCoupling(slave, master, points, weights, normals, gap, frames, covered, *idle, *rows, *place, pieces)
-
-
-def _gap_of_nodes(
-    slave: PairSurface,
-    master: PairSurface,
-    integrals: tuple[Array, list[sp.csr_array]],
-    chosen: npt.NDArray[np.bool_],
-) -> Array:
-    """The distance of both sides along their mean normal, averaged by the functions of some nodes, length, shape (m,).
-
-    Args:
-        slave: the side with the nodes.
-        master: the other one.
-        integrals: of the functions of the nodes, and of these times those of both sides, over all that both have over
-            each other, see ``Tested``.
-        chosen: which nodes, shape (N,).
-    """
-    rows = np.flatnonzero(chosen)
-    if not rows.size:
-        return np.zeros(0)
-    areas, products = integrals
-    sharing, opposite = (scaled_rows(np.asarray(1.0 / areas[rows]), matrix[rows]) for matrix in products)
-    normals = _directed(slave, master, sharing, opposite)
-    return np.asarray(np.einsum("nd,nd->n", normals, opposite @ master.x - sharing @ slave.x))
 
 
 def _directed(slave: PairSurface, master: PairSurface, sharing: sp.csr_array, opposite: sp.csr_array) -> Array:
