@@ -130,7 +130,9 @@ def test_load_steps_of_metal_that_yields(driven):
     assert abs(ends[1] - ends[0]).max() <= 1e-9 * abs(ends[0]).max()
 
 
-@pytest.mark.parametrize(("cell", "degree"), [("hexahedron", 1), ("hexahedron", 2), ("tetrahedron", 1)])
+@pytest.mark.parametrize(
+    ("cell", "degree"), [("hexahedron", 1), ("hexahedron", 2), ("tetrahedron", 1), ("tetrahedron", 2)]
+)
 def test_a_sphere_that_touches_in_one_point(cell, degree):
     """A block that is held at its top, without a load: nothing is pressed, whatever its elements are."""
     sphere = {"shape": "sphere", "centre": [0.5, 0.5, -3.0], "radius": 3.0}

@@ -109,7 +109,8 @@ class BodyCells:
         at = corners[:, np.array(facets)]
         along = at[:, :, 1:, :] - at[:, :, :1, :]
         if along.shape[2] == 1:
-            normal = np.stack((along[:, :, 0, 1], -along[:, :, 0, 0]), axis=-1)
+            normal = np.zeros_like(along[:, :, 0])  # in the plane, also that of a section in 3D
+            normal[..., 0], normal[..., 1] = along[:, :, 0, 1], -along[:, :, 0, 0]
         else:
             normal = np.cross(along[:, :, 0], along[:, :, 1])
         normal *= np.sign(np.einsum("cfd,cfd->cf", normal, at[:, :, 0] - corners.mean(axis=1)[:, None]))[..., None]

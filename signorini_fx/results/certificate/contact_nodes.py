@@ -62,8 +62,12 @@ class ContactSide:
         return np.asarray(self.averages.shares @ reached)
 
     def with_gap(self, gap: Nodal, body: BodyNodes) -> ContactSide:
-        """The same with a gap at all nodes of this rank, length, shape (nodes,); collective."""
-        return replace(self, gap=self.at(gap[:, None], body)[:, 0])
+        """The same with a gap at all nodes of this rank, length, shape (nodes,); averages are not below the least one;
+        collective.
+        """
+        reached = from_owners(np.nan_to_num(gap[: body.owned, None]), self.averages.nodes, body.comm)[:, 0]
+        least = -parallel.largest(body.comm, -reached, -np.inf)
+        return replace(self, gap=np.maximum(self.averages.shares @ reached, least))
 
     def movable(self, vectors: Nodal, supports: PrescribedNodes, body: BodyNodes) -> Nodal:
         """The part of vectors at the points that is along directions in which something can move, shape (n, d);
