@@ -11,7 +11,9 @@ import numpy as np
 import numpy.typing as npt
 import scipy.sparse as sp
 from dolfinx import fem
+from mpi4py import MPI
 
+from signorini_fx.algebra.contact.points import inside
 from signorini_fx.errors import FormError
 from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.assembly.averages import Averages, from_owners
@@ -19,7 +21,6 @@ from signorini_fx.mechanics.assembly.mesh_entities import adjugates, facet_entit
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary, segments_of
 from signorini_fx.mechanics.contact_points.turned_supports import TurnedNodes
 from signorini_fx.mechanics.interfaces.pair import Pair
-from signorini_fx.mechanics.obstacles.held_pairs import HeldPairs, held_along
 from signorini_fx.mechanics.obstacles.mirrored_points import mirrored
 from signorini_fx.mechanics.pairs.dual_functions import HeldSides
 from signorini_fx.mechanics.pairs.mean_rotation import of_blocks, turned_normals
@@ -27,13 +28,14 @@ from signorini_fx.mechanics.pairs.mortar_coupling import (
     Coupling,
     NobodyCarriesError,
     PairingError,
+    closed_within,
     couple,
     normals_of_points,
 )
 from signorini_fx.mechanics.pairs.pair_side import Lagrange, PairSurface
 from signorini_fx.mechanics.pairs.sliding import along_vectors
 from signorini_fx.mechanics.pairs.sparse_scaling import of_components
-from signorini_fx.tuned import ZERO_SUM
+from signorini_fx.tuned import SAME_DIRECTION, ZERO_SUM
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int32]
@@ -96,6 +98,18 @@ class PairedSide:
         none = np.zeros((len(x), dim, dim))
         surface = PairSurface(numbers.reshape(names.shape).astype(np.int64), x, Lagrange(places), signs, none)
         return cls(surface, nodes.astype(np.int64), facets)
+
+
+def held_along(normal: Array, frames: Array, fixed: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+    """Which nodes supports hold along a direction: no component that is free has any of it, shape (n,).
+
+    Args:
+        normal: shape (n, d).
+        frames: that the components are told in, one direction per column, shape (n, d, d).
+        fixed: which of them are prescribed, shape (n, d).
+    """
+    sizes = np.abs(np.einsum("nij,ni->nj", frames, normal))
+    return np.asarray(np.where(fixed, 0.0, sizes).max(axis=1, initial=0.0) <= SAME_DIRECTION)
 
 
 @dataclass(frozen=True)
@@ -191,7 +205,10 @@ class PairedSides:
         by_geometry: whether the gap is the distance of both sides.
         unable: nodes of the slave that cannot carry a point, as another contact owns them, shape (N,).
         axes: the frame of each point that supports hold it in, shape (n, d, d); None: the axes of space.
-        held: where supports hold both sides, on this rank; None: nowhere.
+        adjust: up to which distance the sides count as closed, length; None: nowhere.
+        held_gap: of the nodes where supports hold both sides, see ``Coupling.constrained_slaves``, length, shape (h,);
+            None: not known yet.
+        bilateral: whether contact cannot open.
         followed: whether the normals are those of the deformed sides, with which distances turn; else it is the
             coupling that tells how distances turn.
     """
@@ -202,7 +219,9 @@ class PairedSides:
     by_geometry: bool
     unable: npt.NDArray[np.bool_]
     axes: Array | None = None
-    held: HeldPairs | None = None
+    adjust: float | None = None
+    held_gap: Array | None = None
+    bilateral: bool = False
     followed: bool = False
 
     @classmethod
@@ -259,11 +278,39 @@ class PairedSides:
             raise FormError([(name, f"{' or '.join(owners)} {error}")]) from None
         except PairingError as error:
             raise FormError([(name, str(error))]) from None
-        turns, held = None if turned is None else facing.frames[0][coupling.nodes], None
-        if coupling.constrained_slaves.size:
-            sides, names = (slave.surface, master.surface), (slave.nodes, master.nodes)
-            held = HeldPairs.of(sides, names, coupling, pair.adjust)
-        return cls(slave, master, coupling, pair.by_geometry, facing.unable, turns, held)
+        turns = None if turned is None else facing.frames[0][coupling.nodes]
+        return cls(slave, master, coupling, pair.by_geometry, facing.unable, turns, pair.adjust)
+
+    def with_gap(self, gap: Array, comm: MPI.Comm, *, bilateral: bool) -> PairedSides:
+        """The same with the gap of the nodes where supports hold both sides; collective.
+
+        Args:
+            gap: what is said of it at the owned nodes, length, shape (nodes,).
+            comm: the ranks.
+            bilateral: see ``PairedSides``.
+        """
+        coupling, surface = self.coupling, self.slave.surface
+        held = coupling.constrained_slaves
+        held_gap = from_owners(gap[:, None], self.slave.nodes[held], comm)[:, 0]
+        if self.by_geometry:
+            apart = coupling.over @ self.master.surface.x - surface.x[held]
+            held_gap += closed_within(np.einsum("hd,hd->h", surface.nodal_normals[held], apart), self.adjust)
+        return replace(self, held_gap=held_gap, bilateral=bilateral)
+
+    def held_inside(self, displacement: Array, comm: MPI.Comm) -> Array:
+        """How far these nodes are behind the other side, or, where contact cannot open, off it too, length, shape
+        (h,), otherwise negative where they are off it; collective.
+
+        Args:
+            displacement: of the owned nodes, length, shape (nodes, d).
+            comm: the ranks.
+        """
+        held, over = self.coupling.constrained_slaves, self.coupling.over
+        assert self.held_gap is not None
+        moved = from_owners(displacement, self.slave.nodes[held], comm)
+        moved = moved - over @ from_owners(displacement, self.master.nodes, comm)
+        along = np.einsum("hd,hd->h", self.slave.surface.nodal_normals[held], moved)
+        return inside(along - self.held_gap, self.bilateral)
 
     @property
     def undeformed_normals(self) -> Array:

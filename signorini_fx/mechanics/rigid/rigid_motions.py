@@ -8,8 +8,7 @@ where both must move together.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field, replace
-from functools import lru_cache
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -66,27 +65,6 @@ class RigidMotions:
     assembly: npt.NDArray[np.int64]
     foundations: _Floats | None = None
     moving: MovingFoundation | None = None
-    _at_supports: dict[str, Any] = field(default_factory=dict, repr=False, compare=False)  # see ``held_modes``
-
-    def held_modes(
-        self, fixed: npt.NDArray[np.bool_], turned: TurnedNodes | None
-    ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], _Floats]:
-        """The nodes and the numbers of their components that supports prescribe, and the motions of their pieces in
-        these, shapes (h,), (h,) and (h, m); those of the last supports are kept.
-
-        Args:
-            fixed: see ``nearest_motion``.
-            turned: likewise.
-        """
-        kept = self._at_supports
-        if not (kept and kept["turned"] is turned and np.array_equal(kept["fixed"], fixed)):
-            node, component = np.nonzero(fixed)
-            modes = self.modes(node)
-            if turned is not None:
-                modes = np.einsum("nij,nik->njk", turned.frames_at(node), modes)
-            modes = modes[np.arange(node.size), component]
-            kept.update(turned=turned, fixed=fixed.copy(), node=node, component=component, modes=modes)
-        return kept["node"], kept["component"], kept["modes"]
 
     @property
     def of_all(self) -> _Floats:
@@ -213,15 +191,7 @@ class RigidMotions:
 def _joined(links: npt.NDArray[np.int64], count: int, comm: MPI.Comm) -> npt.NDArray[np.int64]:
     """The number of the component that each of so many things is in, linked in pairs of all ranks; collective."""
     keys = parallel.gather_rows(comm, np.unique(links[:, 0] * count + links[:, 1]))
-    return _components_of(np.unique(keys).tobytes(), count).copy()
-
-
-@lru_cache(maxsize=8)
-def _components_of(keys: bytes, count: int) -> npt.NDArray[np.int64]:
-    """The component that each of so many things is in: in each iteration those of the same links are asked for; keys:
-    of links, their first number times the count plus the second one.
-    """
-    pairs = np.divmod(np.frombuffer(keys, dtype=np.int64), count)
+    pairs = np.divmod(np.unique(keys), count)
     graph = coo_array((np.ones(len(pairs[0])), pairs), shape=(count, count))
     return connected_components(graph, directed=False)[1].astype(np.int64)
 
@@ -375,15 +345,8 @@ def _nearest(motions: RigidMotions, supported: _Floats, moved: _Floats) -> _Floa
     """
     # Not by the assemblies: bodies in contact are one, and move on their own all the same.
     alone = ~np.isin(np.arange(motions.pieces.count), motions.pieces.pins)
-    nearest = np.einsum("pij,pj->pi", _inverse_of(supported.tobytes(), supported.shape), moved)
-    return np.where(alone[:, None], nearest, 0.0).ravel()
-
-
-@lru_cache(maxsize=8)
-def _inverse_of(entries: bytes, shape: tuple[int, ...]) -> _Floats:
-    """Pseudo-inverse matrices of symmetric ones: in each iteration those of the same supports are asked for."""
-    matrices = np.frombuffer(entries, dtype=np.float64).reshape(shape)
-    return np.asarray(np.linalg.pinv(matrices, rcond=NOT_HELD, hermitian=True), dtype=np.float64)
+    inverse = np.asarray(np.linalg.pinv(supported, rcond=NOT_HELD, hermitian=True), dtype=np.float64)
+    return np.where(alone[:, None], np.einsum("pij,pj->pi", inverse, moved), 0.0).ravel()
 
 
 def _at_supports(
@@ -396,11 +359,11 @@ def _at_supports(
     """Products of the motions of each piece with each other at its prescribed components, shape (p, m, m), and with
     what is prescribed there, shape (p, m); collective.  The arguments are those of ``nearest_motion``.
     """
-    node, component, modes = motions.held_modes(fixed, turned)
-    displacements = prescribed[node]
+    node, component = np.nonzero(fixed)
+    columns, piece = np.concatenate((motions.modes(node), prescribed[node][:, :, None]), axis=2), motions.piece[node]
     if turned is not None:
-        displacements = np.einsum("nij,ni->nj", turned.frames_at(node), displacements)
-    rows, piece = np.column_stack((modes, displacements[np.arange(node.size), component])), motions.piece[node]
+        columns = np.einsum("nij,nik->njk", turned.frames_at(node), columns)
+    rows = columns[np.arange(node.size), component]
     products: _Floats = np.zeros((motions.pieces.count, motions.each, motions.each + 1))
     for number in range(motions.pieces.count):
         mine = rows[piece == number]
