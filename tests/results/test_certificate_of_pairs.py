@@ -17,7 +17,7 @@ from signorini_fx.results.solution import ConvergenceError
 from signorini_fx.scenes.reading import parse_scene
 
 COMM = MPI.COMM_WORLD
-PAIRED = paired_points.PairedSides.of.__func__
+FACING = paired_points.FacingSides.of.__func__
 
 
 def scene():
@@ -51,16 +51,16 @@ def scene():
 def with_facets(change):
     """Pair other facets than those of the scene; ``change``: of the x[0] of their middles, which of them stay."""
 
-    def paired(cls, space, pair, facets, *rest):
+    def facing(cls, space, facets, *rest):
         from dolfinx.mesh import compute_midpoints
 
         sides = [
             side[change[k](compute_midpoints(space.mesh, 1, side)[:, 0])] if change[k] else side
             for k, side in enumerate(facets)
         ]
-        return PAIRED(cls, space, pair, tuple(sides), *rest)
+        return FACING(cls, space, tuple(sides), *rest)
 
-    return paired
+    return facing
 
 
 FACETS = {
@@ -81,7 +81,7 @@ def test_what_is_right_is_certified():
 @pytest.mark.parametrize("name", FACETS)
 def test_a_facet_is_missing(name, monkeypatch):
     """All balance forces and moments, but the facets are not those that the scene names."""
-    monkeypatch.setattr(paired_points.PairedSides, "of", classmethod(with_facets(FACETS[name])))
+    monkeypatch.setattr(paired_points.FacingSides, "of", classmethod(with_facets(FACETS[name])))
     found = solve(scene(), COMM, check=False)
     assert found.status is Status.NOT_CERTIFIED
     assert found.certificate.coupling == 1.0
@@ -112,7 +112,7 @@ def opening(reach=None):
 @pytest.mark.parametrize("name", FACETS)
 def test_facets_that_the_user_named_are_missing(name, monkeypatch):
     """The user's forms: the certificate takes both sides from ``Pair``, not from what the solver has paired."""
-    monkeypatch.setattr(paired_points.PairedSides, "of", classmethod(with_facets(FACETS[name])))
+    monkeypatch.setattr(paired_points.FacingSides, "of", classmethod(with_facets(FACETS[name])))
     problem = opening()
     with pytest.raises(ConvergenceError):
         problem.solve()

@@ -124,10 +124,8 @@ class MovingFoundations(Foundations):
         Raises:
             FormError: see ``SlidingSides``.
         """
-        flags, rests = (values.reshape(-1, self._dimension) for values in (fixed, at_rest))
-        facets = self.facets[number], self._masters[number]
-        reach, taken, factor = self._contact[number].reach, self._taken(number), self.factor_of(number)
-        return SlidingSides.of(self._space, reach, facets, number, flags, rests[: len(flags)], taken, factor)
+        facing = self.facing(number, self.factor_of(number), fixed, None, at_rest)
+        return SlidingSides.of(self._space, self._contact[number].reach, facing, number)
 
     def _paired(
         self,

@@ -45,7 +45,7 @@ from signorini_fx.tuned import SAME_DIRECTION, ZERO_SUM
 
 if TYPE_CHECKING:
     from signorini_fx.mechanics.contact_points.turned_supports import TurnedNodes
-    from signorini_fx.mechanics.obstacles.paired_points import PairedSides
+    from signorini_fx.mechanics.obstacles.paired_points import FacingSides, PairedSides
 
 Array = npt.NDArray[np.float64]
 
@@ -373,14 +373,31 @@ class Foundations:
         """The points of a pair, with a factor of its measure at all nodes of this rank."""
         from signorini_fx.mechanics.obstacles.paired_points import PairedSides
 
-        pair, space = self._contact[number], self._space
+        pair, facing = self._contact[number], self.facing(number, factor, fixed, turned, at_rest)
         assert isinstance(pair, Pair)
-        sides, taken = (self.facets[number], self._masters[number]), self._taken(number)
-        flags = fixed.reshape(-1, self._dimension)
-        rests = None if at_rest is None else at_rest.reshape(-1, self._dimension)[: len(flags)]
-        paired = PairedSides.of(space, pair, sides, f"contact[{number}]", flags, taken, turned, rests, factor)
+        paired = PairedSides.of(self._space, pair, facing, f"contact[{number}]", self._taken(number))
         self._pairs[number] = paired
-        return paired.boundary(space, self.facets[number], number, flags)
+        return paired.boundary(self._space, self.facets[number], number, fixed.reshape(-1, self._dimension))
+
+    def facing(
+        self,
+        number: int,
+        factor: Array | None,
+        fixed: npt.NDArray[np.bool_],
+        turned: TurnedNodes | None,
+        at_rest: npt.NDArray[np.bool_] | None,
+    ) -> FacingSides:
+        """Both sides of a pair before they are paired, for the arguments see ``boundary``; collective.
+
+        Raises:
+            FormError: see ``FacingSides``.
+        """
+        from signorini_fx.mechanics.obstacles.paired_points import FacingSides
+
+        sides, flags = (self.facets[number], self._masters[number]), fixed.reshape(-1, self._dimension)
+        rests = None if at_rest is None else at_rest.reshape(-1, self._dimension)[: len(flags)]
+        name, taken = f"contact[{number}]", self._taken(number)
+        return FacingSides.of(self._space, sides, name, flags, taken, turned, rests, factor)
 
     def _gap_of(self, number: int) -> tuple[Array, Array | None]:
         """The gap of one contact at all nodes of this rank, and what of it is no geometry of a pair; collective.

@@ -5,10 +5,9 @@ is even across it, whereas the relative displacement across the plane is odd, an
 half alone would meet what the other body moves beside the plane, and the point a shear that nothing determines, as the
 node of the slave cannot follow it.  So at such a point the relative displacement has no component across the plane,
 which leaves no traction across it, and the normal, the mean of those on both halves, is in 2D.  A model of one
-half is then that of both.  A plane beyond which a side goes on is none of symmetry, whatever supports hold there: what
-is found must not depend on whether nodes of both sides happen to be over each other.  On an axis of revolution the
-normal is the mean all around, and so along the axis, also at the tip of a cone.  Where one body alone is held, or is
-moved by its support, the point keeps all components.
+half is then that of both.  A plane beyond which a side goes on is none of symmetry, whatever supports hold there.  On
+an axis of revolution the normal is the mean all around, and so along the axis, also at the tip of a cone.  Where one
+body alone is held, or is moved by its support, the point keeps all components.
 (Multipliers where Dirichlet conditions meet a mortar interface: Wohlmuth, SIAM J. Numer. Anal. 38 (2000) 989-1012;
 Puso and Laursen, Comput. Methods Appl. Mech. Engrg. 193 (2004) 601-629.)
 """
@@ -24,7 +23,6 @@ from signorini_fx.tuned import ASKEW_NORMAL, DIGITS_OF_FILES, SAME_DIRECTION
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
-Numbers = npt.NDArray[np.int64]
 
 
 def mirrored(
@@ -44,55 +42,29 @@ def mirrored(
     """
     (frames, held), (axes, master_held) = at_rest
     slave_projectors = np.zeros_like(frames)
-    holding = np.flatnonzero(master_held.any(axis=1))
-    on_slave, on_master = (np.zeros(len(side.x), dtype=bool) for side in (slave, master))
-    on_slave[slave.points], on_master[master.nodes] = True, True
-    held = held & on_slave[:, None]
-    if not held.any() or not holding.size:
-        return slave_projectors
-    projectors = np.einsum("nik,nk,njk->nij", axes[holding], master_held[holding].astype(np.float64), axes[holding])
-    size = max(float(np.linalg.norm(np.ptp(side.corners, axis=1), axis=1).max()) for side in (slave, master))
-    within = DIGITS_OF_FILES * size
-    nodes, columns = np.nonzero(held)
+    on_slave, on_master = np.unique(slave.points), np.unique(master.nodes)
+    nodes, columns = np.nonzero(held[on_slave])
+    nodes = on_slave[nodes]
     across = frames[nodes, :, columns]
     along_side = np.abs(np.einsum("ni,ni->n", slave.nodal_normals[nodes], across)) <= ASKEW_NORMAL
     if on_axis is not None:
         along_side |= on_axis[nodes] & (np.abs(across[:, 1:]).max(axis=1) <= SAME_DIRECTION)
-    own_sides = _sides_of_planes(slave, nodes, across, within)
-    nodes, across, own_sides = (values[along_side & own_sides.any(axis=1)] for values in (nodes, across, own_sides))
-    reach = size + cKDTree(master.x[on_master]).query(slave.x[nodes])[0]
-    beside = cKDTree(master.x[holding]).query_ball_point(slave.x[nodes], reach)
-    rows = np.repeat(np.arange(len(nodes)), [len(numbers) for numbers in beside])
-    partners = np.concatenate([*beside, []]).astype(np.int64)
-    apart, normals = master.x[holding[partners]] - slave.x[nodes[rows]], across[rows]
-    left_over = np.einsum("nij,nj->ni", projectors[partners], normals) - normals
-    in_plane = np.abs(np.einsum("ni,ni->n", apart, normals)) < within
-    in_plane &= np.linalg.norm(left_over, axis=1) < DIGITS_OF_FILES
-    rows, partners = rows[in_plane], partners[in_plane]
-    both = own_sides[rows] & _sides_of_planes(master, holding[partners], across[rows], within)
-    ends = np.unique(rows[both.any(axis=1)])
-    np.add.at(slave_projectors, nodes[ends], np.einsum("ni,nj->nij", across[ends], across[ends]))
+    nodes, across = nodes[along_side], across[along_side]
+    if not nodes.size or not master_held.any():
+        return slave_projectors
+    size = max(float(np.linalg.norm(np.ptp(side.corners, axis=1), axis=1).max()) for side in (slave, master))
+    within, reach = DIGITS_OF_FILES * size, size + cKDTree(master.x[on_master]).query(slave.x[nodes])[0]
+    _, first, direction = np.unique(np.round(across, 9), axis=0, return_index=True, return_inverse=True)
+    for number, normal in enumerate(across[first]):
+        along = np.einsum("nik,i->nk", axes, normal)
+        held_across = np.linalg.norm(np.where(master_held, 0.0, along), axis=1) < DIGITS_OF_FILES
+        heights = slave.x @ normal, master.x @ normal
+        ends = np.zeros(nodes.size, dtype=bool)
+        for height, opposite in (heights, tuple(-values for values in heights)):  # both sides ahead, and both behind
+            plane = height[on_slave].min() + within
+            partners = np.flatnonzero(held_across & (opposite <= plane))
+            if partners.size and opposite[on_master].min() >= plane - 2 * within:
+                ends |= (height[nodes] <= plane) & (cKDTree(master.x[partners]).query(slave.x[nodes])[0] <= reach)
+        ends &= direction.ravel() == number
+        np.add.at(slave_projectors, nodes[ends], np.outer(normal, normal))
     return slave_projectors
-
-
-def _sides_of_planes(surface: PairSurface, nodes: Numbers, across: Array, within: float) -> Flags:
-    """Whether all facets around a node lie ahead of a plane through it, and whether all lie behind it: both where they
-    are in it, and neither where the plane cuts the surface; shape (n, 2).
-
-    Args:
-        surface: with the nodes.
-        nodes: their numbers, shape (n,).
-        across: the normals of the planes, of length one, shape (n, d).
-        within: how far facets may reach beyond a plane, length.
-    """
-    order = np.argsort(surface.nodes, axis=None, kind="stable")
-    sorted_nodes = surface.nodes.ravel()[order]
-    first, last = np.searchsorted(sorted_nodes, nodes), np.searchsorted(sorted_nodes, nodes, side="right")
-    rows = np.repeat(np.arange(len(nodes)), last - first)
-    at = np.arange(len(rows)) - np.repeat(np.cumsum(last - first) - last, last - first)
-    around = surface.nodes[order[at] // surface.nodes.shape[1]]
-    ahead = np.einsum("nki,ni->nk", surface.x[around] - surface.x[nodes[rows], None], across[rows])
-    sides = np.ones((len(nodes), 2), dtype=bool)
-    for column, sign in enumerate((1, -1)):
-        sides[rows[(sign * ahead < -within).any(axis=1)], column] = False
-    return sides

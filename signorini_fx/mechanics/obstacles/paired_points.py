@@ -123,6 +123,7 @@ class FacingSides:
         entries: at the nodes of both, which components are prescribed, which to zero at all times, and whether another
             contact or the other side owns the node, shape (N, 2 d + 1).
         held: nodes that are held along their normals.
+        turned: whether some frames are not the axes of space.
     """
 
     slave: PairedSide
@@ -130,6 +131,7 @@ class FacingSides:
     frames: tuple[Array, Array]
     entries: tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_]]
     held: HeldSides
+    turned: bool
 
     @property
     def unable(self) -> npt.NDArray[np.bool_]:
@@ -148,7 +150,17 @@ class FacingSides:
         at_rest: npt.NDArray[np.bool_] | None = None,
         factor: Array | None = None,
     ) -> FacingSides:
-        """Two parts of the boundary; collective.  For the arguments see ``PairedSides.of``.
+        """Two parts of the boundary; collective.
+
+        Args:
+            space: the displacements.
+            facets: of the slave and of the master, owned, local numbers.
+            name: of the pair, for errors.
+            fixed: which displacement components are prescribed at the owned nodes, shape (owned nodes, d).
+            taken: facets of other contacts by their numbers, whose nodes carry no points of this one.
+            turned: nodes for which ``fixed`` is told in their own frames; None: there are none.
+            at_rest: which of the components ``fixed`` are zero at all times, shape (owned nodes, d); None: none.
+            factor: of the measure, at all nodes of this rank, shape (nodes,); None: 1.
 
         Raises:
             FormError: the sides are curved and the displacement is linear.
@@ -191,7 +203,7 @@ class FacingSides:
         normals = slave.surface.directions
         supported = held_along(normals, frames, entries[:, :dim]) & normals.any(axis=1)
         held = HeldSides(supported, held_along(master.surface.directions, axes, reached[:, :dim]))
-        return cls(slave, master, (frames, axes), (entries, reached), held)
+        return cls(slave, master, (frames, axes), (entries, reached), held, turned is not None)
 
 
 @dataclass(frozen=True)
@@ -226,34 +238,13 @@ class PairedSides:
 
     @classmethod
     def of(
-        cls,
-        space: fem.FunctionSpace,
-        pair: Pair,
-        facets: tuple[Indices, Indices],
-        name: str,
-        fixed: npt.NDArray[np.bool_],
-        taken: Mapping[int, Indices],
-        turned: TurnedNodes | None = None,
-        at_rest: npt.NDArray[np.bool_] | None = None,
-        factor: Array | None = None,
+        cls, space: fem.FunctionSpace, pair: Pair, facing: FacingSides, name: str, taken: Mapping[int, Indices]
     ) -> PairedSides:
-        """Pair two parts of the boundary; collective.
-
-        Args:
-            space: the displacements.
-            pair: the pair.
-            facets: of the slave and of the master, owned, local numbers.
-            name: of the pair, for errors.
-            fixed: which displacement components are prescribed at the owned nodes, shape (owned nodes, d).
-            taken: facets of other contacts by their numbers, whose nodes carry no points of this one.
-            turned: nodes for which ``fixed`` is told in their own frames; None: there are none.
-            at_rest: which of the components ``fixed`` are zero at all times, shape (owned nodes, d); None: none.
-            factor: of the measure, at all nodes of this rank, shape (nodes,); None: 1.
+        """Pair two parts of the boundary, for the arguments see ``FacingSides.of``; collective.
 
         Raises:
-            FormError: the sides do not fit together, or are curved and the displacement is linear.
+            FormError: the sides do not fit together.
         """
-        facing = FacingSides.of(space, facets, name, fixed, taken, turned, at_rest, factor)
         slave, master, comm = facing.slave, facing.master, space.mesh.comm
         first, last = space.dofmap.index_map.local_range
         mine = (slave.nodes >= first) & (slave.nodes < last)
@@ -278,7 +269,7 @@ class PairedSides:
             raise FormError([(name, f"{' or '.join(owners)} {error}")]) from None
         except PairingError as error:
             raise FormError([(name, str(error))]) from None
-        turns = None if turned is None else facing.frames[0][coupling.nodes]
+        turns = facing.frames[0][coupling.nodes] if facing.turned else None
         return cls(slave, master, coupling, pair.by_geometry, facing.unable, turns, pair.adjust)
 
     def with_gap(self, gap: Array, comm: MPI.Comm, *, bilateral: bool) -> PairedSides:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -57,35 +56,20 @@ class SlidingSides:
     index: int
 
     @classmethod
-    def of(
-        cls,
-        space: fem.FunctionSpace,
-        reach: float | None,
-        facets: tuple[Indices, Indices],
-        index: int,
-        fixed: npt.NDArray[np.bool_],
-        at_rest: npt.NDArray[np.bool_],
-        taken: Mapping[int, Indices],
-        factor: Array | None = None,
-    ) -> SlidingSides:
+    def of(cls, space: fem.FunctionSpace, reach: float | None, facing: FacingSides, index: int) -> SlidingSides:
         """Two parts of the boundary; collective.
 
         Args:
             space: of the displacement.
             reach: distance beyond which facets are no partners, length; None: a default.
-            facets: of the slave and of the master, owned, local numbers.
+            facing: both sides.
             index: of the pair among the contacts.
-            fixed: which components are prescribed at the owned nodes, shape (owned nodes, d).
-            at_rest: which of them to zero, likewise.
-            taken: facets of other contacts by their numbers, whose nodes carry no points of this one.
-            factor: of the measure, at all nodes of this rank, shape (nodes,); None: 1.
 
         Raises:
             FormError: the sides share nodes, or no node can carry a point.
         """
         name = f"contact[{index}]"
-        facing = FacingSides.of(space, facets, name, fixed, taken, at_rest=at_rest, factor=factor)
-        slave, master = facing.slave, facing.master
+        slave, master, dim = facing.slave, facing.master, facing.slave.surface.dimension
         if np.intersect1d(slave.nodes, master.nodes).size:
             raise FormError([(name, "its sides share nodes, and slide on each other: give parts that do not meet")])
         points = np.flatnonzero(~facing.unable & (slave.surface.area > 0.0) & ~slave.surface.without_area)
@@ -93,9 +77,8 @@ class SlidingSides:
             raise FormError([(name, "other contacts own all nodes of its side: exchange facets and against")])
         if reach is None:
             reach = _default_reach(slave.surface.x, master.surface.x)
-        nodes = np.concatenate((slave.nodes, master.nodes))
-        prescribed = from_owners(fixed.astype(np.float64), nodes, space.mesh.comm) > 0
-        return cls(space, slave, master, points, facing.unable, facing.held, reach, prescribed, facets[0], index)
+        prescribed = np.concatenate([entries[:, :dim] for entries in facing.entries])
+        return cls(space, slave, master, points, facing.unable, facing.held, reach, prescribed, slave.facets, index)
 
     @cached_property
     def nodes(self) -> npt.NDArray[np.int64]:
