@@ -10,7 +10,6 @@ from signorini_fx.mechanics.pairs.pair_side import PairSurface
 from signorini_fx.tuned import NO_ARM, ZERO_COMPONENT
 
 Array = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.int64]
 
 
 def without_round_off(matrix: sp.csr_array) -> sp.csr_array:
@@ -22,18 +21,6 @@ def without_round_off(matrix: sp.csr_array) -> sp.csr_array:
 
 def turning_of(arms: sp.csr_array, x: Array, distance: Array) -> sp.csr_array:
     """Omega_i(u) x d_i as a matrix, see ``Coupling``; ``arms``: a_il, shape (n, nodes), ``distance``: d_i."""
-    row, blocks = turning_blocks(arms, x, distance)
-    count, dim = distance.shape
-    of_rows = row[:, None, None] * dim + np.arange(dim)[:, None]
-    of_columns = arms.indices[:, None, None] * dim + np.arange(dim)
-    at = tuple(np.broadcast_to(places, blocks.shape).ravel() for places in (of_rows, of_columns))
-    return without_round_off(sp.csr_array((blocks.ravel(), at), shape=(count * dim, len(x) * dim)))
-
-
-def turning_blocks(arms: sp.csr_array, x: Array, distance: Array) -> tuple[Indices, Array]:
-    """The point of each entry of ``arms``, in whose order they are, and what a displacement of its node adds to
-    omega_i(u) x d_i, shapes (e,) and (e, d, d); for the arguments see ``turning_of``.
-    """
     arms.sort_indices()
     count, dim = distance.shape
     row = np.repeat(np.arange(count), np.diff(arms.indptr))
@@ -46,12 +33,15 @@ def turning_blocks(arms: sp.csr_array, x: Array, distance: Array) -> tuple[Indic
     if dim == 2:
         polar = np.bincount(row, a * np.einsum("ld,ld->l", r, r), minlength=count)[row]
         omega = (a / polar)[:, None] * np.stack((-r[:, 1], r[:, 0]), axis=1)
-        return row, np.stack((-d[:, 1], d[:, 0]), axis=1)[:, :, None] * omega[:, None, :]
-    inertia: Array = np.zeros((count, 3, 3))
-    squares = np.einsum("ld,ld->l", r, r)[:, None, None] * np.eye(3) - r[:, :, None] * r[:, None, :]
-    np.add.at(inertia, row, a[:, None, None] * squares)
-    inverse = np.asarray(np.linalg.pinv(inertia, rcond=NO_ARM, hermitian=True), dtype=np.float64)
-    return row, -_crossing(d) @ inverse[row] @ (a[:, None, None] * _crossing(r))
+        blocks = np.stack((-d[:, 1], d[:, 0]), axis=1)[:, :, None] * omega[:, None, :]
+    else:
+        inertia: Array = np.zeros((count, 3, 3))
+        squares = np.einsum("ld,ld->l", r, r)[:, None, None] * np.eye(3) - r[:, :, None] * r[:, None, :]
+        np.add.at(inertia, row, a[:, None, None] * squares)
+        inverse = np.asarray(np.linalg.pinv(inertia, rcond=NO_ARM, hermitian=True), dtype=np.float64)
+        blocks = -_crossing(d) @ inverse[row] @ (a[:, None, None] * _crossing(r))
+    matrix = sp.bsr_array((blocks, arms.indices, arms.indptr), shape=(count * dim, len(x) * dim))
+    return without_round_off(sp.csr_array(matrix))
 
 
 def turned_normals(side: PairSurface) -> sp.csr_array:

@@ -34,13 +34,13 @@ import scipy.sparse as sp
 from mpi4py import MPI
 
 from signorini_fx.mechanics.pairs.dual_functions import EvenRedistribution, HeldSides
-from signorini_fx.mechanics.pairs.mean_rotation import of_blocks, turned_normals, turning_blocks
-from signorini_fx.mechanics.pairs.mortar_coupling import projected
+from signorini_fx.mechanics.pairs.mean_rotation import of_blocks, turned_normals, turning_of
+from signorini_fx.mechanics.pairs.mortar_coupling import normals_of_points, projected
 from signorini_fx.mechanics.pairs.overlap_quadrature import Overlap
 from signorini_fx.mechanics.pairs.pair_side import PairSurface
 from signorini_fx.mechanics.pairs.sliding_pieces import SlidingPieces
 from signorini_fx.mechanics.pairs.sliding_places import rotations_at_nodes
-from signorini_fx.mechanics.pairs.sparse_scaling import of_components, placed_rows, scaled_rows
+from signorini_fx.mechanics.pairs.sparse_scaling import beside, of_components, placed_rows, scaled_rows
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
@@ -103,7 +103,7 @@ class SlidingCoupling:
     tangent_rows: sp.csr_array
     centre: Array
     overlap: Overlap = field(repr=False)
-    pieces: _TurningPieces | None = field(repr=False)
+    pieces: SlidingPieces | None = field(repr=False)
 
     def slip(self, begun: Frames) -> Array:
         """How far the points have slid since a step has begun, along T_i, length, shape (n, d - 1); of a point that had
@@ -150,45 +150,25 @@ class SlidingCoupling:
         """
         if self.pieces is None:
             return sp.csr_array(self.normal_rows.shape[1:] * 2)
-        shearing = (self.weight[:, None] * shear).ravel()
-        return self.pieces.stiffness(self.weight * pressure, shearing, self.normal_rows)
-
-
-@dataclass(frozen=True)
-class _TurningPieces:
-    """What the second derivatives of the gaps, and of the way along T_i, are made of.
-
-    Attributes:
-        pieces: what pressures are made of.
-        sides: slave and master.
-        points: D, M and T_i.
-    """
-
-    pieces: SlidingPieces
-    sides: tuple[PairSurface, PairSurface]
-    points: tuple[sp.csr_array, sp.csr_array, Array]
-
-    def stiffness(self, pressing: Array, shearing: Array, normal_rows: sp.csr_array) -> sp.csr_array:
-        """See ``SlidingCoupling.stiffness``, with forces at the points, shapes (n,) and (n (d - 1),)."""
-        pressed = self.pieces.stiffness(pressing)
-        if not shearing.any():
+        pressed = self.pieces.stiffness(self.weight * pressure)
+        if not shear.any():
             return pressed
-        along = normal_rows
-        if shearing.size > pressing.size:
-            along = sp.kron(sp.eye_array(pressing.size), np.ones((2, 1))) @ normal_rows
-        turns = self._turning.T @ scaled_rows(shearing, along)
+        along = self.normal_rows
+        if shear.shape[1] > 1:
+            along = sp.kron(sp.eye_array(self.weight.size), np.ones((2, 1))) @ along
+        turns = self._turning(self.pieces).T @ scaled_rows((self.weight[:, None] * shear).ravel(), along)
         return sp.csr_array(pressed - turns - turns.T)
 
-    @property
-    def _turning(self) -> sp.csr_array:
+    def _turning(self, pieces: SlidingPieces) -> sp.csr_array:
         """What displacements of both sides turn n_i along T_i, sparse, shape (n (d - 1), d m)."""
-        (slave, master), (sharing, opposite, tangents) = self.sides, self.points
-        size = np.linalg.norm(sharing @ slave.directions - opposite @ master.directions, axis=1)
+        slave, master, shares = self.slave, self.master, (self.frames.slave, self.frames.master)
+        size = np.linalg.norm(shares[0] @ slave.directions - shares[1] @ master.directions, axis=1)
         parts = [
             of_components(matrix, slave.dimension) @ turned_normals(side)
-            for matrix, side in zip((sharing, -opposite), self.sides, strict=True)
+            for matrix, side in ((shares[0], slave), (-shares[1], master))
         ]
-        return sp.csr_array(along_vectors(tangents / size[:, None, None]) @ (sp.hstack(parts) - self.pieces.passing))
+        along = along_vectors(self.frames.tangents / size[:, None, None])
+        return sp.csr_array(along @ (sp.hstack(parts) - pieces.passing))
 
 
 def slide(
@@ -238,22 +218,26 @@ def slide(
     outwards = slave.nodal_normals[constrained]
     constrained_gap = np.einsum("hd,hd->h", outwards, over @ master.x - slave.x[constrained])
     sharing, opposite = sp.csr_array(mean @ sharing + itself), sp.csr_array(mean @ opposite)
-    normals, distance = _directed(slave, master, sharing, opposite), opposite @ master.x - sharing @ slave.x
+    normals = normals_of_points((slave, master), points, (sharing, opposite), nominal=False)
+    distance = opposite @ master.x - sharing @ slave.x
     distance[unpaired] = 0.0
-    normals = slave.in_planes(normals, points)
     tangents = tangents_of_points(slave, points, normals)
-    arms_of_points = [sp.csr_array(shares @ arm) for arm in arms]
-    tangent_rows = _tangent_rows((slave, master), tangents, (sharing, opposite), (arms_of_points, at, distance))
+    # Along T_i, with half of the rotations of both sides, see ``mortar_coupling``.
+    turned = [
+        turning_of(sp.csr_array(shares @ arm), side.x, 0.5 * distance[at])
+        for arm, side in zip(arms, (slave, master), strict=True)
+    ]
+    components = (dim * at[:, None] + np.arange(dim)).ravel()
+    relative = of_components(beside(sharing, -opposite), dim) + placed_rows(beside(*turned), components, dim * count)
+    tangent_rows = sp.csr_array(along_vectors(tangents) @ relative)
     components = (dim * points[unpaired])[:, None] + np.arange(dim)
     outward = normals[unpaired].ravel(), (np.repeat(unpaired, dim), components.ravel())
     normal_rows = sp.csr_array(outward, shape=(count, tangent_rows.shape[1]))
     gap = np.full(count, np.inf)
-    pieces: _TurningPieces | None = None
-    if at.size:
-        under = SlidingPieces.of(slave, master, tested, directions, mean)
-        pieces, gaps = _TurningPieces(under, (slave, master), (sharing, opposite, tangents)), under.gap
-        gap[at] = gaps[at]
-        normal_rows = normal_rows - under.rows
+    pieces = SlidingPieces.of(slave, master, tested, directions, mean) if at.size else None
+    if pieces is not None:
+        gap[at] = pieces.gap[at]
+        normal_rows = normal_rows - pieces.rows
     way = _way(tangents, sharing @ slave.x - opposite @ master.x)
     frames = Frames(sharing, opposite, tangents, way, partnered)
     centre = sharing @ slave.x + distance / 2
@@ -261,42 +245,6 @@ def slide(
     idle = constrained, constrained_gap
     place = centre, tested.overlap
     return SlidingCoupling(slave, master, points, weights, normals, gap, frames, covered, *idle, *rows, *place, pieces)
-
-
-def _directed(slave: PairSurface, master: PairSurface, sharing: sp.csr_array, opposite: sp.csr_array) -> Array:
-    """Mean normals of both sides at the points, of length one, shape (n, d)."""
-    normals = sharing @ slave.directions - opposite @ master.directions
-    return np.asarray(normals / np.linalg.norm(normals, axis=1, keepdims=True))
-
-
-def _tangent_rows(
-    sides: tuple[PairSurface, PairSurface],
-    tangents: Array,
-    functions: tuple[sp.csr_array, sp.csr_array],
-    turning: tuple[list[sp.csr_array], Indices, Array],
-) -> sp.csr_array:
-    """The relative displacement along T_i, with half of the rotations of both sides, see ``mortar_coupling``.
-
-    Args:
-        sides: slave and master.
-        tangents: T_i, shape (n, d, d - 1).
-        functions: D and M.
-        turning: a_il of both sides of the points that have a partner, which of the points these are, and d_i of all.
-    """
-    (count, dim, columns), (arms, partnered, distance) = tangents.shape, turning
-    along = tangents.swapaxes(1, 2)
-    entries, first = list[tuple[Array, Indices, Indices]](), 0
-    for side, shares, sign, areas in zip(sides, functions, (1.0, -1.0), arms, strict=True):
-        row = np.repeat(np.arange(count), np.diff(shares.indptr))
-        entries.append((sign * shares.data[:, None, None] * along[row], row, first + shares.indices))
-        row, blocks = turning_blocks(areas, side.x, 0.5 * distance[partnered])
-        row = partnered[row]
-        entries.append((along[row] @ blocks, row, first + areas.indices))
-        first += len(side.x)
-    values, row, node = (np.concatenate(parts) for parts in zip(*entries, strict=True))
-    at = columns * row[:, None, None] + np.arange(columns)[:, None], dim * node[:, None, None] + np.arange(dim)
-    places = tuple(np.broadcast_to(numbers, values.shape).ravel() for numbers in at)
-    return sp.csr_array((values.ravel(), places), shape=(columns * count, dim * first))
 
 
 def along_vectors(vectors: Array) -> sp.csr_array:
