@@ -77,10 +77,10 @@ def _held_pairs(y: Array, pairs: Mapping[int, PairedSides], comm: MPI.Comm) -> l
     """Those of pairs."""
     nodes = []
     for part, pair in pairs.items():
-        if (held := pair.held) is not None:
-            count = len(held.nodes)
-            off, paired = np.full(count, held.bilateral), np.ones(count, dtype=bool)
-            nodes.append(HeldNodes(np.full(count, part, np.int32), held.inside(y, comm), off, paired, held.x))
+        held = pair.coupling.constrained_slaves
+        off, paired = np.full(held.size, pair.bilateral), np.ones(held.size, dtype=bool)
+        x = pair.slave.surface.x[held]
+        nodes.append(HeldNodes(np.full(held.size, part, np.int32), pair.held_inside(y, comm), off, paired, x))
     return nodes
 
 
