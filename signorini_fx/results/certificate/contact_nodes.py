@@ -65,6 +65,8 @@ class ContactSide:
         """The same with a gap at all nodes of this rank, length, shape (nodes,); averages are not below the least one;
         collective.
         """
+        if self.averages is None:
+            return replace(self, gap=gap[self.nodes])
         reached = from_owners(np.nan_to_num(gap[: body.owned, None]), self.averages.nodes, body.comm)[:, 0]
         least = -parallel.largest(body.comm, -reached, -np.inf)
         return replace(self, gap=np.maximum(self.averages.shares @ reached, least))
