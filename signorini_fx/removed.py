@@ -34,6 +34,7 @@ INSTEAD: dict[str, str] = {
     "signorini-fx sensitivity": "call signorini_fx.sensitivity(scene, results, by) in Python",
     "signorini-fx convert": "signorini-fx new SCENE --from DECK drafts a deck; gmsh and meshio convert meshes",
     "signorini-fx completion": "signorini-fx --help lists the commands, signorini-fx COMMAND --help the options",
+    "signorini-fx solve --picture principal": "look at principal_stresses of fields.vtu in ParaView",
     "signorini-fx solve --fields": "leave it out: ParaView, PyVista and meshio open fields.vtu",
     "signorini-fx work-precision": "set accuracy.target in the scene, by which meshes and their number are chosen",
 }

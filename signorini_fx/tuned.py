@@ -743,9 +743,8 @@ PLANE_MARGIN, SURFACE_MARGIN = 0.12, 0.08
 SMALL_PART, SMALL_ZONE = 0.5, 0.2
 # Length of a mean normal below which a boundary is drawn as a closed one.
 CLOSED_IN_PICTURE = 0.3
-# Sizes from which on the edges of a cell are drawn, in 1/72 inch: in 2D, where colours vary within cells, which
-# they would otherwise hardly show, and of a facet in 3D.
-VISIBLE_CELL, VISIBLE_COLOURED_CELL, VISIBLE_FACET = 2.5, 5.0, 9.0
+# Sizes from which on the edges of a cell in 2D and of a facet in 3D are drawn, in 1/72 inch.
+VISIBLE_CELL, VISIBLE_FACET = 5.0, 9.0
 # A foundation whose direction the magnified gap turns by more than these degrees is another one; a gap that is
 # magnified to more than this share of the diagonal of the body leaves the picture.
 BENT_FOUNDATION, GAP_IN_PICTURE = 30.0, 0.5
@@ -757,9 +756,8 @@ LONGEST_ARROW, LONGEST_ARROW_OF_SETUP, SMALLEST_ARROW = 0.06, 0.13, 0.02
 ARROWS_ALONG, ARROWS_AROUND = 0.02, 0.05
 # At most so many arrows or supports, and strokes, along the larger side of a picture.
 MOST_ARROWS, MOST_STROKES = 22.0, 50.0
-# Colours are so far in front of the body, over its size, and strokes above them; facets that are seen under a smaller
-# cosine have no strokes.
-COLOURS_ABOVE, STROKES_ABOVE, SEEN_FROM_THE_SIDE = 5e-4, 1e-3, 0.2
+# Colours are so far in front of the body, over its size.
+COLOURS_ABOVE = 5e-4
 # Share of the light that comes from everywhere.  Directions to the lamps, right, up and towards the viewer, and how
 # bright they are: all see the same white.
 AMBIENT_LIGHT = 0.5
@@ -770,9 +768,8 @@ SHARP_EDGE = 40.0
 PREFERRED_GAIN = 1.15
 # Share of the area that has colours of its own: the extremes are those of the rest.
 USUAL_COLOURS = 0.99
-# Above the first cosine a direction is taken for that of the nearest coordinate axis, above the second it is upright;
-# distance of the viewer, over the diagonal of what is seen.
-ALONG_AXIS, UPRIGHT, VIEW_DISTANCE = 0.99, 0.9, 4.0
+# Above the first cosine a direction is taken for that of the nearest coordinate axis, above the second it is upright.
+ALONG_AXIS, UPRIGHT = 0.99, 0.9
 
 # --- nonlinear bodies -------------------------------------------------------------------------------------------------
 

@@ -37,7 +37,7 @@ T = TypeVar("T")
 # The result of the last completed mesh, while the next one is being solved.
 LAST_LEVEL = "last_level"
 # Fields drawn on demand: the von Mises stress always is, and the displacement around the axis where there is one.
-ON_DEMAND = ("pressure", "principal", "displacement", "density")
+ON_DEMAND = ("pressure", "displacement", "density")
 # Pictures that only some results have.
 _SELDOM = ("section", "setup")
 # All files of a result, although some are written by some runs only, and its report.
@@ -85,8 +85,7 @@ def write_results(
         folder: made if it does not exist, or claimed before.
         fields: write the fields for ParaView.
         pictures: draw the deformed body with the von Mises stress, the contact boundary and the iteration history; a
-            list of names, such as ``["principal", "displacement"]``: draw the deformed body with these fields too
-            (``pressure``, ``principal``, ``displacement``, ``density``).
+            list of names: draw the deformed body with these fields too (``pressure``, ``displacement``, ``density``).
         pdf: write each picture as a PDF, for print, beside the PNG.
 
     Returns:

@@ -16,7 +16,7 @@ from spaces import block
 
 import signorini_fx as sfx
 from signorini_fx import SceneError
-from signorini_fx.addons.picture_data import plot
+from signorini_fx.addons.pictures import plot
 from signorini_fx.mechanics import effects
 
 COMM = MPI.COMM_SELF

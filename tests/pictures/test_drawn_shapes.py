@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-from signorini_fx.addons.picture_data.rigid_shapes import drawn_shapes, lines_of, triangles_of
+from signorini_fx.addons.pictures.rigid_shapes import drawn_shapes, lines_of, triangles_of
 from signorini_fx.mechanics.statement.rigid_shape import distance_from
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import parse_scene

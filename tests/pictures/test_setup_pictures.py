@@ -7,8 +7,8 @@ from matplotlib.quiver import Quiver
 from mpi4py import MPI
 from scenes import example1
 
-from signorini_fx.addons.picture_data.of_setup import gather_setup
 from signorini_fx.addons.pictures import setup as setup_pictures
+from signorini_fx.addons.pictures.of_setup import gather_setup
 from signorini_fx.mechanics.mesh.tagged import generate_mesh, tag_boundaries
 from signorini_fx.scenes import cli
 from signorini_fx.scenes.mesh import load_mesh

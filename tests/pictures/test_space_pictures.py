@@ -23,13 +23,12 @@ from scipy.spatial import cKDTree
 from spaces import block, box, friction_of
 from test_report import Page, pictures, summary_of
 
-from signorini_fx.addons.picture_data import of_solution, outer_surface
-from signorini_fx.addons.pictures import contact_surface, load_steps, view
+from signorini_fx.addons.pictures import contact_surface, gather, load_steps, results, view
 from signorini_fx.addons.pictures import solid as drawing
+from signorini_fx.addons.pictures.body import DrawnBody, tiling
 from signorini_fx.addons.pictures.boundary_profiles import STATES
-from signorini_fx.addons.pictures.deformed_body import magnification
-from signorini_fx.addons.pictures.foundation import normals_of, plane_of
-from signorini_fx.addons.pictures.solid_body import Skin, solid_figure
+from signorini_fx.addons.pictures.foundation import plane_of
+from signorini_fx.addons.pictures.solid import solid_figure
 from signorini_fx.addons.pictures.style import VALUES, lay_out
 from signorini_fx.addons.report import page
 from signorini_fx.machine.result_files import read_csv, read_facets
@@ -223,8 +222,8 @@ def test_views(direction):
     assert -seen.toward @ direction >= 0.99 * np.linalg.norm(direction)
     if np.count_nonzero(np.abs(direction) > 0.1) == 1:
         assert np.abs(seen.toward).max() == 1
-    unit, label, falls = view.coordinate(seen.right)
-    assert unit @ seen.right == pytest.approx(-1 if falls else 1)
+    label, falls = view.coordinate(seen.right)
+    assert not falls or seen.right.min() == -1
     assert set("xyz") & set(label)
     assert label[1] != "-" or np.abs(seen.right).max() < 1
     assert view.combination(np.array([0.6, 0.0, -0.8])) == r"0.60\,x-0.80\,z"
@@ -295,12 +294,12 @@ def areas_of(surface):
 def test_outer_surface(cells):
     """It is closed, has the area and the volume of the body, and is the same on any number of ranks."""
     comm = MPI.COMM_WORLD
-    together = outer_surface.gather_outer_surface(solve(block(6, cells, bound=1.5, comm=comm)))
+    together = gather.gather_outer_surface(solve(block(6, cells, bound=1.5, comm=comm)), ["von_mises"])
     assert comm.rank == 0 or len(together.perimeters) == len(together.points) == 0  # the other ranks do not hold it
     together = comm.bcast(together)
     solution = alone(block(6, cells, bound=1.5))
-    single = outer_surface.gather_outer_surface(solution)
-    assert outer_surface.outer_facets(solution) == len(single.perimeters) == len(together.perimeters)
+    single = gather.gather_outer_surface(solution, ["von_mises"])
+    assert gather.outer_facets(solution) == len(single.perimeters) == len(together.perimeters)
     for surface in (together, single):
         areas = areas_of(surface)
         np.testing.assert_allclose(areas.sum(axis=0), 0.0, atol=1e-12)
@@ -313,7 +312,7 @@ def test_outer_surface(cells):
             (
                 s.points[s.perimeters].mean(axis=1),
                 s.displacement[s.perimeters].mean(axis=1) / scale,
-                s.values["von_mises"][:, None] / top,
+                s.values["von_mises"].mean(axis=1, keepdims=True) / top,
             )
         )
         for s in (together, single)
@@ -328,8 +327,8 @@ def test_volume(cells):
     """The cells of all ranks fill the body, points shared, with the recovered stress of the surface where that is."""
     comm = MPI.COMM_WORLD
     solution = solve(block(3, cells, bound=1.5, comm=comm))
-    found = outer_surface.gather_volume(solution)
-    surface = outer_surface.gather_outer_surface(solution, ("von_mises",), recovered=True)
+    found = gather.gather_volume(solution)
+    surface = gather.gather_outer_surface(solution, ("von_mises",))
     if comm.rank:
         assert len(found.cells) == 0
         return
@@ -347,25 +346,21 @@ def test_volume(cells):
 
 
 def test_the_body_is_drawn_with_its_stress(monkeypatch):
-    """Each facet with its value, where the displacement has moved it; the label says that there is one per cell."""
+    """Each triangle with the values at its corners, where the displacement has moved it; a label says which stress."""
     kept = []
     blank = np.full((4, 4, 3), 255, dtype=np.uint8)
     monkeypatch.setattr(drawing, "image", lambda *request: kept.append(request) or blank)
-    surface = outer_surface.gather_outer_surface(alone(block(3)))
-    figure, remark = solid_figure(Skin.of(surface, "von_mises"))
-    assert figure.axes[1].get_xlabel() == "von Mises stress, one value per cell"
-    factor = magnification(surface.points, surface.displacement)
+    surface = gather.gather_outer_surface(alone(block(3)), ["von_mises"])
+    figure, remark = solid_figure(surface, "von_mises", view.oblique())
+    assert figure.axes[1].get_xlabel() == "von Mises stress, recovered"
+    factor = surface.factor
     assert factor > 1
     assert remark == rf"displacement $\times\,{factor:g}$"
     ((solid, _, width),) = kept
-    moved = surface.points + factor * surface.displacement
-    np.testing.assert_allclose(solid.points, moved)
-    own = np.arange(len(surface.within)).repeat(len(surface.tiles.triangles))
-    np.testing.assert_array_equal(solid.values, surface.values["von_mises"][own][:, None].repeat(3, axis=1))
-    np.testing.assert_allclose(
-        solid.points[solid.triangles].mean(axis=1)[own == 7].mean(axis=0),
-        moved[surface.within[7][surface.tiles.triangles]].mean(axis=(0, 1)),
-    )
+    np.testing.assert_allclose(solid.points, surface.points + factor * surface.displacement)
+    nodal = np.zeros(len(surface.points))
+    nodal[surface.within] = surface.values["von_mises"]
+    np.testing.assert_allclose(solid.values, nodal[solid.triangles])
     assert width > 500
     assert len(solid.edges) == len(view.outline(surface.points, surface.perimeters)) + 2 * len(surface.perimeters)
 
@@ -377,7 +372,7 @@ def test_flat_foundations_only():
     turn = np.linalg.qr(rng.random((3, 3)))[0]
     for frame in (np.eye(3), turn):
         corners = plane_of(points @ frame)
-        (normal,) = normals_of(corners, np.arange(4)[None])
+        (normal,) = view.normals_of(corners, np.arange(4)[None])
         normal /= np.linalg.norm(normal)
         assert abs(normal @ frame[2]) == pytest.approx(1)
         np.testing.assert_allclose((corners - (points @ frame)[0]) @ normal, 0.0, atol=1e-12)
@@ -409,7 +404,7 @@ def test_too_many_facets(tmp_path, monkeypatch, capsys):
     """The body is left out with a line that says why and where to look, the rest is drawn; on any number of ranks."""
     comm = MPI.COMM_WORLD
     folder = comm.bcast(str(tmp_path / "out"))
-    monkeypatch.setattr(of_solution, "MOST_FACETS", 50)
+    monkeypatch.setattr(results, "MOST_FACETS", 50)
     solution = solve(block(6, bound=1.5, comm=comm))
     write_results(solution, folder, fields=False)
     comm.Barrier()
@@ -504,10 +499,10 @@ def test_pictures_of_what_failed(folders):
         table[name] = table[name].copy()
         table[name][::3] = np.nan
     contact_surface.contact_figure(table, facets).savefig(io.BytesIO())
-    surface = outer_surface.gather_outer_surface(alone(block(6)))
-    nothing = np.full_like(surface.displacement, np.nan)
-    nowhere = replace(surface, displacement=nothing, values={"von_mises": np.full(len(surface.within), np.nan)})
-    figure, remark = solid_figure(Skin.of(nowhere, "von_mises"))
+    surface = gather.gather_outer_surface(alone(block(6)), ["von_mises"])
+    nothing = {"von_mises": np.full(surface.within.shape, np.nan)}
+    nowhere = replace(surface, displacement=np.full_like(surface.displacement, np.nan), values=nothing)
+    figure, remark = solid_figure(nowhere, "von_mises", view.oblique())
     figure.savefig(io.BytesIO())
     assert remark == r"displacement $\times\,1$"
     assert isinstance(figure, Figure)
@@ -569,8 +564,9 @@ def test_lengths_are_within_the_picture(tmp_path):
     top = np.column_stack((np.arange(24) + 24, ahead + 24, np.full(24, 48)))
     side = np.column_stack((np.arange(24), ahead, ahead + 24))
     triangles = np.concatenate((top, side))
-    skin = Skin(points, np.zeros_like(points), triangles, np.ones(triangles.shape), triangles, at_points=False)
-    figure, _ = solid_figure(skin)
+    values = {"von_mises": np.ones(triangles.shape)}
+    body = DrawnBody(points, triangles, tiling(3, 1), np.zeros_like(points), values, recovered=True)
+    figure, _ = solid_figure(body, "von_mises", view.oblique())
     lay_out(figure)
     renderer = figure.canvas.get_renderer()
     for entry in figure.axes[0].texts:

@@ -35,7 +35,7 @@ def test_curves_along_a_boundary(drawn, size):
     numbers = dict.fromkeys(("gap", "u_n", "u_t", "pressure", "shear", "bound", "y"), np.zeros(5))
     table = numbers | {"x": s, "s": s, "pressure": size * np.array([0.0, 1.0, 2.0, 1.0, 0.0])}
     table |= {name: np.full(5, text) for name, text in (("state", "slip+"), ("friction", "slip+"), ("boundary", "a"))}
-    boundary_profiles.boundary_profiles("unused", table, sides=["contact"])
+    boundary_profiles.boundary_profiles("unused", table)
     axes = drawn[0].axes[0]
     curve = next(line for line in axes.lines if "contact pressure" in line.get_label())
     np.testing.assert_allclose(curve.get_ydata() * unit_in(axes.get_ylabel()), table["pressure"], rtol=1e-12)

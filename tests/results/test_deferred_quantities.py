@@ -6,7 +6,7 @@ import pytest
 from mpi4py import MPI
 from scenes import alone, example1
 
-from signorini_fx.addons.picture_data import of_solution
+from signorini_fx.addons.pictures import results
 from signorini_fx.addons.report.page import write_report
 from signorini_fx.errors import ResultError
 from signorini_fx.machine.manifest import MANIFEST, PART
@@ -85,7 +85,7 @@ def test_ctrl_c_during_an_afterthought(tmp_path, monkeypatch, capfd):
     def interrupted(*ignored, **options):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(of_solution, "gather_pictures", interrupted)
+    monkeypatch.setattr(results, "gather_pictures", interrupted)
     out = tmp_path / "out"
     assert cli.main(["solve", str(tmp_path / "scene.toml"), "--out", str(out), "--no-fields"]) == 130
     assert f"interrupted while statements or pictures were added: the results are in {out}/" in capfd.readouterr().err

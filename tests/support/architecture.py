@@ -18,7 +18,6 @@ ADD_ONS = (
     "addons.derivatives",
     "addons.bounds",
     "addons.report",
-    "addons.picture_data",
     "addons.pictures",
     "meshes",
     "addons.decks",

@@ -1,5 +1,5 @@
-"""Pictures of a result: matplotlib in 2D and for curves, PyVista for bodies in 3D.
+"""Pictures of a solution: matplotlib in 2D and for curves, PyVista for bodies in 3D.
 
-Its functions are given plain arrays and are called on one rank.  It must not import dolfinx or know where the arrays
-come from; what is not everywhere, PyVista, is imported by the process that draws with it.
+``results`` and ``of_setup`` gather plain arrays from all ranks; the others draw them on the first one, and do not know
+where they come from.  What is not everywhere, PyVista, is imported by the process that draws with it.
 """

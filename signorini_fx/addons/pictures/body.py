@@ -2,30 +2,87 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
 
 import numpy as np
 import numpy.typing as npt
+from scipy.spatial import Delaunay
 
-from signorini_fx.addons.pictures.tiling import Tiling
-from signorini_fx.tuned import SAME_LENGTH
+from signorini_fx.addons.pictures.style import readable
+from signorini_fx.tuned import SAME_LENGTH, SEEN_AS_IT_IS
 
 Floats = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.int64]
 
 
-def with_mirrored(vectors: Floats) -> Floats:
-    """Vectors in 2D, shape (n, 2), and behind them those with the other sign of x[0]."""
-    return np.concatenate((vectors, vectors * (-1.0, 1.0)))
+@dataclass(frozen=True, eq=False)
+class Tiling:
+    """Points of a triangle or a quadrilateral, and triangles between them, on each of which a field is linear.
+
+    Attributes:
+        points: in the unit triangle or the unit square, shape (p, 2); first those along the perimeter, in order.
+        corners: how many corners the cell has, 3 or 4.
+        count: how many pieces each side has.
+        triangles: their points, counterclockwise, shape (t, 3).
+    """
+
+    points: Floats
+    corners: int
+    count: int
+    triangles: Rows
+
+    @property
+    def rim(self) -> int:
+        """How many points are along the perimeter."""
+        return self.corners * self.count
+
+    @property
+    def vertices(self) -> Rows:
+        """The points that are corners of the cell, in order, shape (3,) or (4,)."""
+        return np.arange(self.corners) * self.count
+
+    @cached_property
+    def mirrored(self) -> Rows:
+        """For each point the one with both coordinates exchanged, shape (p,): the same cell seen from behind."""
+        forth, back = (np.lexsort(np.round(points, 9).T) for points in (self.points, self.points[:, ::-1]))
+        order = np.empty(len(forth), dtype=np.int64)
+        order[back] = forth
+        return order
+
+    def within(self, first: Floats, second: Floats, last: Floats) -> Floats:
+        """The points in a flat cell without curved sides, given by corners of shape (d,): shape (p, d)."""
+        s, t = self.points.T[:, :, None]
+        return np.asarray(first + s * (second - first) + t * (last - first))
 
 
-def _mirrored(field: Floats) -> Floats:
-    """Scalars as they are, and tensors with the other sign of what x[0] shears."""
-    if field.shape[-2:] != (3, 3):
-        return field
-    signs = np.array([-1.0, 1.0, 1.0])
-    return np.asarray(field * np.outer(signs, signs))
+@lru_cache
+def tiling(corners: int, count: int) -> Tiling:
+    """A triangle (3) or a quadrilateral (4) whose sides have ``count`` pieces each.
+
+    A quadrilateral is divided like a chessboard and each field cut at its middle: diagonals would make the picture of a
+    symmetric field unsymmetric.
+    """
+    base = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]][:corners] if corners == 4 else np.eye(3, 2, k=-1))
+    ahead = np.roll(base, -1, axis=0) - base
+    rim = (base[:, None] + (np.arange(count) / count)[:, None] * ahead[:, None]).reshape(-1, 2)
+    s, t = (axis.ravel() / count for axis in np.meshgrid(np.arange(1, count), np.arange(1, count)))
+    inner = np.column_stack((s, t))
+    if corners == 3:
+        inner = inner[s + t < 1 - 0.5 / count]
+    else:
+        middle = (np.arange(count) + 0.5) / count
+        inner = np.concatenate((inner, np.column_stack([axis.ravel() for axis in np.meshgrid(middle, middle)])))
+    points = np.concatenate((rim, inner))
+    # In the equilateral triangle no four points are on a circle without others in it, so that there is one answer.
+    flat = points @ np.array([[1.0, 0.0], [0.5, np.sqrt(0.75)]]) if corners == 3 else points
+    triangles = Delaunay(flat).simplices.astype(np.int64)
+    ends = points[triangles]
+    turn = np.linalg.det(ends[:, 1:] - ends[:, :1])
+    triangles[turn < 0] = triangles[turn < 0][:, ::-1]
+    return Tiling(points, corners, count, triangles)
 
 
 @dataclass(frozen=True)
@@ -38,13 +95,11 @@ class DrawnBody:
             outside.
         tiles: how a cell or facet is divided: its corners, more points along sides that may be curved, and some within.
         displacement: at the points, length, shape (n, d).
-        values: fields at the midpoint of each cell, or of the cell behind each facet, shape (m,), a stress (m, 3, 3);
-            or, if ``recovered``, at the points of each cell or facet, shape (m, p) or (m, p, 3, 3): those of two
-            materials may have different values at the points that they share.
-        recovered: whether the values are at points, the stress recovered.
+        values: fields at the points of each cell or facet, shape (m, p): those of two materials may have different
+            values at the points that they share.
+        recovered: whether the stress is the recovered one; else it has one value per cell.
         outline: in 2D pairs of points along the boundary of the body, shape (e, 2).
-        pieces: in 3D the connected piece that each point is of, shape (n,); None: there is one.
-        parted: in 3D the largest gap that has closed between two bodies, length, see ``magnification``.
+        parted: the largest gap that has closed between two bodies, length, see ``factor``.
     """
 
     points: Floats
@@ -54,23 +109,22 @@ class DrawnBody:
     values: Mapping[str, Floats]
     recovered: bool
     outline: Rows | None = None
-    pieces: Rows | None = None
     parted: float = 0.0
 
     def with_mirror_image(self) -> DrawnBody:
         """The section of an axisymmetric body with that on the other side of the axis, which is x[0] = 0."""
         assert self.outline is not None
-        values = {name: np.concatenate((field, _mirrored(field))) for name, field in self.values.items()}
         size = float(np.ptp(self.points, axis=0).max())
         on_axis = (np.abs(self.points[self.outline, 0]) <= SAME_LENGTH * size).all(axis=1)
-        outline = self.outline[~on_axis]
+        outline, count = self.outline[~on_axis], len(self.points)
+        points, moved = (np.concatenate((part, part * (-1.0, 1.0))) for part in (self.points, self.displacement))
         return replace(
             self,
-            points=with_mirrored(self.points),
-            within=np.concatenate((self.within, self.within + len(self.points))),
-            displacement=with_mirrored(self.displacement),
-            values=values,
-            outline=np.concatenate((outline, outline + len(self.points))),
+            points=points,
+            within=np.concatenate((self.within, self.within + count)),
+            displacement=moved,
+            values={name: np.concatenate((field, field)) for name, field in self.values.items()},
+            outline=np.concatenate((outline, outline + count)),
         )
 
     @property
@@ -79,19 +133,39 @@ class DrawnBody:
         return self.within[:, : self.tiles.rim]
 
     @property
-    def polygons(self) -> Rows:
-        """The points of each cell or facet that have values, along its perimeter if there is one value only."""
-        return self.within if self.recovered else self.perimeters
+    def triangles(self) -> Rows:
+        """The points of the triangles that all cells or facets are divided into, shape (t, 3)."""
+        return self.within[:, self.tiles.triangles].reshape(-1, 3)
+
+    def at_corners(self, field: str) -> Floats:
+        """A field at the corners of the triangles, shape (t, 3)."""
+        return self.values[field][:, self.tiles.triangles].reshape(-1, 3)
 
     @property
-    def divided(self) -> Tiling | None:
-        """How each cell or facet is divided; None: it has one value."""
-        return self.tiles if self.recovered else None
+    def size(self) -> float:
+        """Its diagonal, length."""
+        return float(np.linalg.norm(np.ptp(self.points, axis=0))) if len(self.points) else 0.0
 
-    def stress_in_the_middle(self) -> Floats:
-        """The stress at the midpoint of each cell or facet, shape (m, 3, 3)."""
-        stress = self.values["stress"]
-        return np.asarray(stress[:, self.tiles.vertices].mean(axis=1)) if self.recovered else stress
+    @property
+    def factor(self) -> float:
+        """A factor that makes the displacement visible: the largest becomes about 8 % of the diagonal.
+
+        Two bodies that touch seem to be apart, or to overlap, by at most 0.3 % of the diagonal.  It is 1, 2 or 5 times
+        a power of ten; 1 for a body that does not move but for round-off of its size, or whose displacement is seen as
+        it is, above 3 % of the diagonal.
+        """
+        largest = float(np.linalg.norm(self.displacement, axis=1).max(initial=0.0))
+        if not (math.isfinite(largest) and largest > np.finfo(np.float64).eps * self.size):
+            return 1.0
+        ideal = 0.08 * self.size / largest
+        if self.parted > 0:
+            ideal = min(ideal, 0.003 * self.size / self.parted)
+        return readable(ideal) if ideal > SEEN_AS_IT_IS else 1.0
+
+    def moved(self, factor: float) -> Floats:
+        """The points with the displacement times a factor; a failed solve may have left anything behind."""
+        moved = self.points + factor * self.displacement
+        return np.where(np.isfinite(moved), moved, self.points)
 
 
 @dataclass(frozen=True)

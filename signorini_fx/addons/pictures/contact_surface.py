@@ -236,7 +236,7 @@ def _frame(axes: Axes, side: VisibleSide, low: Floats, high: Floats) -> None:
     """Equal axes with the coordinates in 3D."""
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
     for kind, direction in (("x", side.view.right), ("y", side.view.up)):
-        _, label, falls = view.coordinate(direction)
+        label, falls = view.coordinate(direction)
         axis = axes.xaxis if kind == "x" else axes.yaxis
         axis.set_label_text(f"{label}{bracketed('length')}")
         if falls:  # the picture is drawn along the view, its numbers are those of the coordinate

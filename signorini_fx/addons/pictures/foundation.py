@@ -10,6 +10,7 @@ import numpy.typing as npt
 from signorini_fx.addons.pictures import view
 from signorini_fx.addons.pictures.deformed_body import keeps_shape
 from signorini_fx.addons.pictures.style import Floats
+from signorini_fx.addons.pictures.view import normals_of
 from signorini_fx.tuned import PLANE_MARGIN
 
 Rows = npt.NDArray[np.int64]
@@ -93,9 +94,3 @@ def plane_of(points: Floats) -> Floats | None:
     height = float(middle @ seen.toward)
     corners = [(left_edge, bottom), (right_edge, bottom), (right_edge, top), (left_edge, top)]
     return np.array([r * seen.right + u * seen.up + height * seen.toward for r, u in corners])
-
-
-def normals_of(points: Floats, facets: Rows) -> Floats:
-    """Normals of polygons by the order of their corners, as long as their areas, shape (m, 3)."""
-    corners = points[facets] - points[facets].mean(axis=1, keepdims=True)
-    return np.asarray(0.5 * np.cross(corners, np.roll(corners, -1, axis=1)).sum(axis=1))

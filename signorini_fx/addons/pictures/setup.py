@@ -16,6 +16,7 @@ from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from signorini_fx.addons.pictures import view
 from signorini_fx.addons.pictures.marks import draw_lengths
 from signorini_fx.addons.pictures.style import BLUE, INK, ORANGE, SCREEN, STYLE, Floats, finish, math_number, plain
 from signorini_fx.addons.pictures.tones import spaced
@@ -26,7 +27,6 @@ from signorini_fx.tuned import (
     LONGEST_ARROW_OF_SETUP,
     MOST_ARROWS,
     MOST_STROKES,
-    PIXELS_PER_INCH,
     SETUP_INCHES,
     SMALLEST_ARROW,
 )
@@ -167,9 +167,8 @@ class Setup:
         return figure, np.asarray, None
 
     def _space(self) -> tuple[Figure, Callable[[Any], Any], Floats]:
-        """In perspective; the colours of the boundaries are those of their facets."""
-        from signorini_fx.addons.pictures import view
-        from signorini_fx.addons.pictures.solid import Solid, image
+        """The colours of the boundaries are those of their facets."""
+        from signorini_fx.addons.pictures.solid import Solid, figure_of
 
         above = COLOURS_ABOVE * float(np.linalg.norm(np.ptp(self.polygons.reshape(-1, 3), axis=0)))
         patches = [self.polygons]
@@ -184,23 +183,14 @@ class Setup:
             points.reshape(-1, 3),
             fan,
             np.repeat(np.tile(number, k - 2)[:, None], 3, axis=1).astype(np.float64),
-            ListedColormap([_BODY, *(colour for _, colour in self._coloured)]),
             (-0.5, len(patches) - 0.5),
-            edges if len(polygons) <= _MOST_EDGES else edges[:0],
+            ListedColormap([_BODY, *(colour for _, colour in self._coloured)]),
+            edges if len(polygons) <= _MOST_EDGES else None,
         )
-        seen = view.oblique()
-        around = 0.1 * self._size
-        camera = view.Camera.on(
-            seen, np.concatenate([body.points + around * step for step in (*np.eye(3), *-np.eye(3))])
-        )
-        inch = SETUP_INCHES / (2 * float(camera.half.max()))
-        figure = Figure(figsize=(2 * inch * camera.half[0], 2 * inch * camera.half[1] + 0.5), layout="constrained")
-        axes = figure.subplots()
-        right, top = camera.half
-        picture = image(body, camera, round(2 * inch * float(right) * PIXELS_PER_INCH))
-        axes.imshow(picture, extent=(-right, right, -top, top), aspect="equal")
-        axes.set_axis_off()
-        draw_lengths(axes, self.polygons.reshape(-1, 3), camera.flat, inch=inch)
+        seen, steps = view.oblique(), 0.1 * self._size * np.concatenate((np.eye(3), -np.eye(3)))
+        camera = view.Camera.on(seen, np.concatenate([body.points + step for step in steps]))
+        figure, axes = figure_of(body, camera, SETUP_INCHES / (2 * float(camera.half.max())))
+        draw_lengths(axes, self.polygons.reshape(-1, 3), camera)
         return figure, camera.flat, seen.toward
 
     def _mark(self, axes: Axes, flat: Callable[[Any], Any], toward: Floats | None) -> None:

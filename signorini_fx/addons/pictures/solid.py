@@ -1,4 +1,4 @@
-"""Surfaces in 3D, drawn by PyVista without a window."""
+"""The deformed body in 3D on its foundation: its outer surface or a section, a field in colours, drawn by PyVista."""
 
 from __future__ import annotations
 
@@ -9,49 +9,82 @@ import shutil
 import subprocess
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
+import matplotlib as mpl
 import numpy as np
 import numpy.typing as npt
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
-from signorini_fx.addons.pictures.view import Camera
+from signorini_fx.addons.pictures import view
+from signorini_fx.addons.pictures.body import DrawnBody, Volume
+from signorini_fx.addons.pictures.fields import FIELDS
+from signorini_fx.addons.pictures.foundation import FoundationSurface
+from signorini_fx.addons.pictures.marks import Largest, draw_lengths, mark_largest
+from signorini_fx.addons.pictures.style import INK, MUTED, SCREEN, STYLE, VALUES, Floats, finish, math_number
+from signorini_fx.addons.pictures.tones import Tones
+from signorini_fx.addons.pictures.view import Camera, View, normals_of
 from signorini_fx.errors import PYVISTA, PictureError
-from signorini_fx.tuned import AMBIENT_LIGHT, LAMPS, SHARP_EDGE
+from signorini_fx.machine.display import clean
+from signorini_fx.tuned import (
+    AMBIENT_LIGHT,
+    LAMPS,
+    NARROWEST,
+    PIXELS_PER_INCH,
+    PREFERRED_GAIN,
+    SAME_LENGTH,
+    SHARP_EDGE,
+    SOLID_INCHES,
+    VISIBLE_FACET,
+)
 
-Floats = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.int64]
-
-# The first VTK that draws without a display.  An older one ends the process.
-_WITHOUT_DISPLAY = (9, 4)
-GROUND, INK, MUTED = "#dcdcdc", "#1a1a1a", "#6b6b6b"
-
-
-@dataclass(frozen=True)
-class Lines:
-    """Straight lines of one colour: their ends, shape (k, 2, 3), and their width in pixels."""
-
-    ends: Floats
-    colour: str
-    width: float
+GROUND = "#dcdcdc"
+_LABELS = 0.8  # inches beside the body
+_WITHOUT_DISPLAY = (9, 4)  # the first VTK that draws without a display; an older one ends the process
 
 
 @dataclass(frozen=True)
 class Cut:
-    """The cells of a body, of which what is before a plane is left out.
+    """A section of a body: what is before a plane is left out.
 
     Attributes:
-        points: where they are drawn, shape (n, 3).
-        values: the field at them, shape (n,).
-        cells: in the order of VTK, shape (m, 4) for tetrahedra, (m, 8) for hexahedra.
-        origin: a point of the plane, shape (3,).
-        normal: towards what is left out, shape (3,).
+        volume: the cells of the body.
+        origin: a point of the undeformed body that the plane goes through, shape (3,).
+        normal: of the plane, towards what is left out, a coordinate axis, shape (3,).
     """
 
-    points: Floats
-    values: Floats
-    cells: Rows
+    volume: Volume
     origin: Floats
     normal: Floats
+
+    @classmethod
+    def along(cls, volume: Volume, origin: Floats, direction: Floats, seen: View) -> Cut:
+        """Of the coordinate planes that contain a direction, as far as one does, that which the viewer sees best."""
+        facing = np.abs(seen.toward) * (1 - np.abs(direction) / (float(np.linalg.norm(direction)) or 1.0))
+        axis = int(np.argmax(facing))
+        return cls(volume, origin, math.copysign(1.0, seen.toward[axis]) * np.eye(3)[axis])
+
+    @property
+    def axis(self) -> int:
+        """Of the normal."""
+        return int(np.argmax(np.abs(self.normal)))
+
+    def surface(self, factor: float) -> tuple[Floats, Rows, Floats]:
+        """Points, triangles and values at their corners of what is left, with the displacement times a factor."""
+        import pyvista
+
+        volume = self.volume
+        nearest = np.argmin(np.linalg.norm(volume.points - self.origin, axis=1))
+        origin = self.origin + factor * volume.displacement[nearest]
+        kind = {4: pyvista.CellType.TETRA, 8: pyvista.CellType.HEXAHEDRON}[volume.cells.shape[1]]
+        grid = pyvista.UnstructuredGrid({kind: volume.cells}, volume.points + factor * volume.displacement)
+        grid.point_data["field"] = volume.values
+        left = grid.clip(normal=self.normal, origin=origin, invert=True).extract_surface().triangulate()
+        triangles = left.faces.reshape(-1, 4)[:, 1:]
+        return left.points, triangles, left.point_data["field"][triangles]
 
 
 @dataclass(frozen=True)
@@ -62,77 +95,154 @@ class Solid:
         points: where they are drawn, shape (n, 3).
         triangles: of the surface, counterclockwise as seen from outside, shape (t, 3).
         values: the field at their corners, shape (t, 3).
-        colours: a colour map of matplotlib, or its name.
-        limits: values of its first and its last colour.
+        limits: values of the first and the last colour.
+        colours: a colour map of matplotlib; None: that of all fields.
         edges: lines of the mesh to draw, pairs of points, shape (e, 2).
         at_rest: the undeformed points, shape (n, 3), whose outline is drawn; None: it is not.
         grounds: points and polygons of each foundation, seen from the side of the body only.
-        lines: more lines.
-        cut: drawn in place of the whole surface.
     """
 
     points: Floats
     triangles: Rows
     values: Floats
-    colours: Any
     limits: tuple[float, float]
-    edges: Rows
+    colours: Any = None
+    edges: Rows | None = None
     at_rest: Floats | None = None
     grounds: Sequence[tuple[Floats, Rows]] = ()
-    lines: Sequence[Lines] = ()
-    cut: Cut | None = None
 
 
-def draw(plotter: Any, solid: Solid, camera: Camera) -> None:
-    """Into a plotter of PyVista, with its light."""
-    import pyvista
+def deformed_solid(
+    path_stem: str | Path,
+    body: DrawnBody,
+    name: str,
+    *,
+    seen: View,
+    foundations: Sequence[FoundationSurface] = (),
+    largest: Largest | None = None,
+    cut: Cut | None = None,
+    title: str = "",
+    suffixes: Sequence[str] = SCREEN,
+) -> None:
+    """Write the picture that ``solid_figure`` draws.
 
-    if solid.cut is not None:
-        solid = _behind(solid, solid.cut)
-    skin = _surface(solid.points, solid.triangles)
-    # Points with a normal each where the surface turns smoothly; several at sharp edges, and at jumps of the field.
-    smooth = skin.compute_normals(
-        cell_normals=False,
-        split_vertices=True,
-        feature_angle=SHARP_EDGE,
-        consistent_normals=False,
-        non_manifold_traversal=False,
-    )
-    corners = smooth.faces.reshape(-1, 4)[:, 1:].ravel()
-    body = _surface(smooth.points[corners], np.arange(len(corners)).reshape(-1, 3))
-    body.point_data["field"] = solid.values.ravel()
-    body.point_data.active_normals = smooth.point_data["Normals"][corners]
-    actor = plotter.add_mesh(
-        body,
-        scalars="field",
-        cmap=solid.colours,
-        clim=solid.limits,
-        nan_color=GROUND,
-        show_scalar_bar=False,
-        ambient=AMBIENT_LIGHT,
-        diffuse=1 - AMBIENT_LIGHT,
-    )
-    actor.prop.interpolation = "Phong"
-    _draw_lines(plotter, solid.points[solid.edges], INK, 1.0, opacity=0.25)
-    plotter.add_silhouette(skin, color=INK, line_width=2.5, feature_angle=SHARP_EDGE)
-    if solid.at_rest is not None:
-        undeformed = _surface(solid.at_rest, solid.triangles)
-        plotter.add_silhouette(undeformed, color=MUTED, line_width=1.5, feature_angle=SHARP_EDGE, opacity=0.6)
-    for points, polygons in solid.grounds:
-        ground = _surface(points, polygons)
-        plotter.add_mesh(ground, color=GROUND, culling="back", ambient=AMBIENT_LIGHT, diffuse=1 - AMBIENT_LIGHT)
-        rim = ground.extract_feature_edges(boundary_edges=True, feature_edges=False, manifold_edges=False)
-        plotter.add_mesh(rim, color=MUTED, line_width=1.5)
-    for lines in solid.lines:
-        _draw_lines(plotter, lines.ends, lines.colour, lines.width)
-    plotter.remove_all_lights()
-    for position, bright in LAMPS:
-        plotter.add_light(pyvista.Light(position=position, intensity=bright, light_type="camera light"))
-    plotter.camera.position = camera.position
-    plotter.camera.focal_point = camera.centre
-    plotter.camera.up = camera.view.up
-    plotter.camera.view_angle = 2 * math.degrees(math.atan(camera.half[1] / camera.distance))
-    plotter.renderer.ResetCameraClippingRange()
+    Args:
+        path_stem: where to write, without suffix.
+        body: what is drawn.
+        name: of the field, in ``FIELDS``.
+        seen: the view.
+        foundations: of each contact boundary.
+        largest: what a circle marks; None: no circle.
+        cut: a section in place of the whole surface.
+        title: title of the picture.
+        suffixes: of the files to write.
+
+    Raises:
+        PictureError: PyVista is missing.
+    """
+    with mpl.rc_context(STYLE):
+        figure, remark = solid_figure(body, name, seen, foundations, largest, cut)
+        finish(figure, path_stem, f"{title}   ({remark})" if title else remark, suffixes)
+
+
+def solid_figure(
+    body: DrawnBody,
+    name: str,
+    seen: View,
+    foundations: Sequence[FoundationSurface] = (),
+    largest: Largest | None = None,
+    cut: Cut | None = None,
+) -> tuple[Figure, str]:
+    """Draw the outer surface of a deformed body in 3D on its foundation; returns the figure, and what it magnifies.
+
+    If a singular edge would leave the rest without colour, the scale ends at the value that is not exceeded on 99 % of
+    the visible area.  Dark lines on the body are its sharp edges, gray ones those of the undeformed body; the edges of
+    the facets are drawn if they are large enough to see them.  Arrows show the axes, and how long the undeformed body
+    is along each.  A circle marks the largest value; it is open where it is behind the surface that is seen.  A
+    foundation is gray, and seen from the side of the body only.  As in 2D the gap is magnified with the displacement,
+    and nothing is where that would bend the foundation visibly.
+
+    Raises:
+        ValueError: the body has no facets.
+        PictureError: PyVista is missing.
+    """
+    if not body.within.size:
+        raise ValueError("the body has no facets")
+    factor = body.factor
+    if not all(foundation.looks_like_itself(factor, body.size) for foundation in foundations):
+        factor = 1.0
+    remark = f"displacement{' and gap' if foundations and factor != 1 else ''} $\\times\\,{math_number(factor)}$"
+    area = normals_of(body.points, body.triangles) @ seen.toward
+    facing = area > 0
+    label, corners = FIELDS[name].labelled(recovered=body.recovered), body.at_corners(name)
+    tones = Tones(label, corners[facing].ravel(), area[facing].repeat(3) / 3)
+    if cut is not None:
+        tones = Tones(label, cut.volume.values, np.ones(len(cut.volume.values)))
+        place = math_number(float(f"{clean([float(cut.origin[cut.axis])], body.size)[0]:.4g}"))
+        remark = f"cut at ${'xyz'[cut.axis]} = {place}$, {remark}"
+    moved, grounds = body.moved(factor), [foundation.shape(factor) for foundation in foundations]
+    solid = Solid(moved, body.triangles, corners, (tones.low, tones.high), grounds=grounds)
+    ends = [entry.surface[0] for entry in foundations if entry.surface is not None and not entry.is_plane]
+    camera = Camera.on(seen, _extent(solid, body.points, ends if factor == 1 else []))
+    inch = SOLID_INCHES / (2 * float(camera.half.max()))
+    if cut is not None:
+        points, triangles, values = cut.surface(factor)
+        solid = replace(solid, points=points, triangles=triangles, values=values)
+    else:
+        facets = np.linalg.norm(normals_of(moved, body.perimeters), axis=1)
+        visible = math.sqrt(float(np.median(facets))) * 72 * inch >= VISIBLE_FACET
+        at_rest = None if factor == 1 else body.points
+        solid = replace(solid, at_rest=at_rest, edges=_edges(body) if visible else None)
+    figure, axes = figure_of(solid, camera, inch)
+    if cut is None:
+        draw_lengths(axes, body.points, camera)
+    if largest is not None:
+        point = largest.nearest(body, name)
+        inside = np.linalg.norm(largest.place - body.points[point]) > SAME_LENGTH * body.size
+        around = body.triangles[(body.triangles == point).any(axis=1)]
+        behind = bool(inside or (normals_of(body.points, around) @ seen.toward <= 0).all())
+        mark_largest(axes, camera.flat(largest.moved(body, name, factor)), largest.text, behind=behind)
+    tones.bar(figure, axes)
+    return figure, remark
+
+
+def telling_view(body: DrawnBody, name: str) -> View:
+    """Of the views from above onto the four corners the one that shows most of a field: the cut of a symmetric body
+    rather than its back; from the front and the right if that makes no difference.
+    """
+    area = normals_of(body.points, body.triangles)
+    size = np.abs(np.nan_to_num(body.at_corners(name))).mean(axis=1)
+    views = [view.oblique(azimuth) for azimuth in (-58.0, -122.0, 58.0, 122.0)]
+    shown = [float(np.maximum(area @ sight.toward, 0.0) @ size) for sight in views]
+    # Of sides that show as much but for round-off the first.
+    best = int(np.argmax(np.asarray(shown) >= (1 - 1e-6) * np.max(shown)))
+    return views[best] if shown[best] > PREFERRED_GAIN * shown[0] else views[0]
+
+
+def _edges(body: DrawnBody) -> Rows:
+    """Pairs of points along the perimeters of all facets, each once, shape (e, 2)."""
+    pairs = np.stack((body.perimeters, np.roll(body.perimeters, -1, axis=1)), axis=2).reshape(-1, 2)
+    return np.unique(np.sort(pairs, axis=1), axis=0)
+
+
+def _extent(solid: Solid, at_rest: Floats, ends: Sequence[Floats]) -> Floats:
+    """Points that a picture shows; of a foundation that runs far away only the part next to the body."""
+    body = np.concatenate((solid.points, at_rest, *ends))
+    low, high = body.min(axis=0), body.max(axis=0)
+    far = 0.4 * float(max(high - low))
+    return np.concatenate([body, *(np.clip(points, low - far, high + far) for points, _ in solid.grounds)])
+
+
+def figure_of(solid: Solid, camera: Camera, inch: float) -> tuple[Figure, Axes]:
+    """A figure with the picture of a body in axes without ticks; ``inch``: how many a unit of length is."""
+    right, top = camera.half
+    size = max(2 * inch * right + _LABELS, NARROWEST), 2 * inch * top + 0.9
+    figure = Figure(figsize=size, layout="constrained")
+    axes = figure.subplots()
+    picture = image(solid, camera, round(2 * inch * float(right) * PIXELS_PER_INCH))
+    axes.imshow(picture, extent=(-right, right, -top, top), aspect="equal")
+    axes.set_axis_off()
+    return figure, axes
 
 
 def image(solid: Solid, camera: Camera, width: int) -> npt.NDArray[np.uint8]:
@@ -156,10 +266,62 @@ def image(solid: Solid, camera: Camera, width: int) -> npt.NDArray[np.uint8]:
     try:
         plotter.set_background("white")
         plotter.enable_anti_aliasing("ssaa")
-        draw(plotter, solid, camera)
+        _draw(plotter, solid)
+        plotter.remove_all_lights()
+        for position, bright in LAMPS:
+            plotter.add_light(pyvista.Light(position=position, intensity=bright, light_type="camera light"))
+        plotter.camera.position = camera.centre + 4 * float(np.linalg.norm(camera.half)) * camera.view.toward
+        plotter.camera.focal_point = camera.centre
+        plotter.camera.up = camera.view.up
+        plotter.camera.parallel_projection = True
+        plotter.camera.parallel_scale = float(camera.half[1])
+        plotter.renderer.ResetCameraClippingRange()
         return np.array(plotter.screenshot(return_img=True))
     finally:
         plotter.close()
+
+
+def _draw(plotter: Any, solid: Solid) -> None:
+    """The body and what is around it."""
+    import pyvista
+
+    light = {"ambient": AMBIENT_LIGHT, "diffuse": 1 - AMBIENT_LIGHT}
+    skin = _surface(solid.points, solid.triangles)
+    # Points with a normal each where the surface turns smoothly; several at sharp edges, and at jumps of the field.
+    smooth = skin.compute_normals(
+        cell_normals=False,
+        split_vertices=True,
+        feature_angle=SHARP_EDGE,
+        consistent_normals=False,
+        non_manifold_traversal=False,
+    )
+    corners = smooth.faces.reshape(-1, 4)[:, 1:].ravel()
+    body = _surface(smooth.points[corners], np.arange(len(corners)).reshape(-1, 3))
+    body.point_data["field"] = solid.values.ravel()
+    body.point_data.active_normals = smooth.point_data["Normals"][corners]
+    colours = {"scalars": "field", "cmap": solid.colours or VALUES, "clim": solid.limits, "nan_color": GROUND}
+    actor = plotter.add_mesh(body, show_scalar_bar=False, **colours, **light)
+    actor.prop.interpolation = "Phong"
+    if solid.edges is not None and len(solid.edges):
+        lines = pyvista.line_segments_from_points(solid.points[solid.edges].reshape(-1, 3))
+        actor = plotter.add_mesh(lines, color=INK, line_width=1.0, opacity=0.25, lighting=False)
+        actor.mapper.SetResolveCoincidentTopologyToPolygonOffset()  # in front of the surface that they are on
+    plotter.add_silhouette(skin, color=INK, line_width=2.5, feature_angle=SHARP_EDGE)
+    if solid.at_rest is not None:
+        undeformed = _surface(solid.at_rest, solid.triangles)
+        plotter.add_silhouette(undeformed, color=MUTED, line_width=1.5, feature_angle=SHARP_EDGE, opacity=0.6)
+    for points, polygons in solid.grounds:
+        ground = _surface(points, polygons)
+        plotter.add_mesh(ground, color=GROUND, culling="back", **light)
+        rim = ground.extract_feature_edges(boundary_edges=True, feature_edges=False, manifold_edges=False)
+        plotter.add_mesh(rim, color=MUTED, line_width=1.5)
+
+
+def _surface(points: Floats, polygons: Rows) -> Any:
+    import pyvista
+
+    faces = np.column_stack((np.full(len(polygons), polygons.shape[1]), polygons))
+    return pyvista.PolyData(np.asarray(points, dtype=np.float64), faces.ravel())
 
 
 def can_draw() -> bool:
@@ -187,35 +349,3 @@ def can_draw() -> bool:
     if name:
         os.environ["DISPLAY"] = f":{name}"
     return bool(name)
-
-
-def _behind(solid: Solid, cut: Cut) -> Solid:
-    """The surface of what is left of a body."""
-    import pyvista
-    from vtkmodules.vtkFiltersGeometry import vtkGeometryFilter
-
-    kind = {4: pyvista.CellType.TETRA, 8: pyvista.CellType.HEXAHEDRON}[cut.cells.shape[1]]
-    grid = pyvista.UnstructuredGrid({kind: cut.cells}, cut.points)
-    grid.point_data["field"] = cut.values
-    surface = vtkGeometryFilter()  # PyVista calls it by other names in each of its versions
-    surface.SetInputData(grid.clip(normal=cut.normal, origin=cut.origin, invert=True))
-    surface.Update()
-    remaining = pyvista.wrap(surface.GetOutput()).triangulate()
-    triangles = remaining.faces.reshape(-1, 4)[:, 1:]
-    return replace(solid, points=remaining.points, triangles=triangles, values=remaining.point_data["field"][triangles])
-
-
-def _surface(points: Floats, polygons: Rows) -> Any:
-    import pyvista
-
-    faces = np.column_stack((np.full(len(polygons), polygons.shape[1]), polygons))
-    return pyvista.PolyData(np.asarray(points, dtype=np.float64), faces.ravel())
-
-
-def _draw_lines(plotter: Any, ends: Floats, colour: str, width: float, opacity: float = 1.0) -> None:
-    import pyvista
-
-    if len(ends):
-        lines = pyvista.line_segments_from_points(ends.reshape(-1, 3))
-        actor = plotter.add_mesh(lines, color=colour, line_width=width, opacity=opacity, lighting=False)
-        actor.mapper.SetResolveCoincidentTopologyToPolygonOffset()  # in front of the surface that they are on

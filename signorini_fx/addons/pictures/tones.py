@@ -1,4 +1,4 @@
-"""How a field becomes colours, and principal stresses strokes: the same in 2D and in 3D."""
+"""How a field becomes colours: the same in 2D and in 3D."""
 
 from __future__ import annotations
 
@@ -6,18 +6,14 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
-from matplotlib.collections import LineCollection
 from matplotlib.colorbar import Colorbar
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
-from signorini_fx.addons.pictures.fields import Field, principal
-from signorini_fx.addons.pictures.style import BLUE, ORANGE, VALUES, Floats, decimal_power, unit_of
+from signorini_fx.addons.pictures.fields import Field
+from signorini_fx.addons.pictures.style import VALUES, Floats, decimal_power, unit_of
 from signorini_fx.tuned import USUAL_COLOURS
-
-STROKES = 26  # side by side along the longer side of the picture
 
 
 def upper_tone(values: Floats, area: Floats) -> float:
@@ -73,11 +69,6 @@ class Tones:
         self.power = decimal_power(max(-self.low, self.high))
 
     @property
-    def colours(self) -> Any:
-        """The colour map."""
-        return VALUES if self.field.colours is None else self.field.colours
-
-    @property
     def norm(self) -> Normalize:
         """From values times the power of ten to [0, 1]."""
         return Normalize(self.low * 10.0**self.power, self.high * 10.0**self.power)
@@ -88,7 +79,7 @@ class Tones:
         below = self.field.signed and float(self._values.min(initial=self.low)) < self.low - margin
         above = float(self._values.max(initial=self.high)) > self.high + margin
         bar = figure.colorbar(
-            ScalarMappable(self.norm, self.colours),
+            ScalarMappable(self.norm, VALUES),
             ax=axes,
             orientation="horizontal",
             extend={(0, 0): "neither", (0, 1): "max", (1, 0): "min", (1, 1): "both"}[int(below), int(above)],
@@ -99,60 +90,6 @@ class Tones:
         bar.ax.locator_params(nbins=min(6, max(3, round(1.1 * figure.get_figwidth()))))  # numbers beside each other
         bar.set_label(f"{self.field.label}{unit_of(self.power, self.field.quantity)}")
         return bar
-
-
-def draw_principal(axes: Axes, points: Floats, stress: Floats, size: float) -> None:
-    """Strokes along the principal stresses at some of the points of a plane, as many as are readable.
-
-    Args:
-        axes: where to draw.
-        points: in the picture, shape (m, 2).
-        stress: tensors, shape (m, 3, 3).
-        size: of the longer side of the picture.
-    """
-    rows = thinned(points, size / STROKES)
-    flat = np.column_stack((points[rows], np.zeros(len(rows))))
-    pressed, drawn_out = strokes(flat, stress[rows], size / STROKES, plane=True)
-    # White rims keep both colours apart from any ground.
-    for lines, colour, width in ((pressed, BLUE, 1.7), (drawn_out, ORANGE, 1.1)):
-        for tone, rim in (("white", 1.0), (colour, 0.0)):
-            axes.add_collection(
-                LineCollection(list(lines[..., :2]), colors=tone, linewidths=width + rim, capstyle="butt", zorder=4),
-                autolim=False,
-            )
-
-
-def strokes(points: Floats, stress: Floats, spacing: float, *, plane: bool = False) -> tuple[Floats, Floats]:
-    """Lines along principal stresses, as long as these are large.
-
-    Args:
-        points: their middles, shape (m, 3).
-        stress: tensors, shape (m, 3, 3).
-        spacing: between the points; the lines are hardly longer.
-        plane: leave out what points along z.
-
-    Returns:
-        The ends of those of compression and of those of tension, each of shape (., 2, 3).
-    """
-    values, directions = principal(stress)
-    usual = float(np.nanquantile(np.abs(values).max(axis=1, initial=0.0), 0.95)) if len(values) else 0.0
-    if not usual > 0:
-        return np.empty((0, 2, 3)), np.empty((0, 2, 3))
-    along = directions.swapaxes(1, 2) * np.clip(values / usual, -1.2, 1.2)[..., None] * 0.42 * spacing
-    along = along * [1.0, 1.0, 0.0] if plane else along
-    ends = np.stack((points[:, None] - along, points[:, None] + along), axis=2)
-    long = np.linalg.norm(along, axis=2) > 0.02 * spacing
-    return ends[long & (values < 0)], ends[long & (values > 0)]
-
-
-def thinned(points: Floats, spacing: float) -> npt.NDArray[np.intp]:
-    """Rows of points of shape (m, 2), of each square of this size the one next to its middle."""
-    square = np.floor(points / spacing)
-    away = np.linalg.norm(points / spacing - square - 0.5, axis=1)
-    order = np.lexsort((away, square[:, 1], square[:, 0]))
-    first = np.ones(len(order), dtype=bool)
-    first[1:] = np.any(np.diff(square[order], axis=0) != 0, axis=1)
-    return order[first]
 
 
 def spaced(points: Floats, rows: npt.NDArray[np.intp], spacing: float) -> npt.NDArray[np.intp]:

@@ -1,4 +1,4 @@
-"""How surfaces in 3D are seen: directions, perspective, axes in the picture, and their names."""
+"""How surfaces in 3D are seen: directions, axes in the picture, and their names."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ import numpy as np
 import numpy.typing as npt
 
 from signorini_fx.addons.pictures.style import Floats
-from signorini_fx.tuned import ALONG_AXIS, UPRIGHT, VIEW_DISTANCE
+from signorini_fx.tuned import ALONG_AXIS, UPRIGHT
 
-_CENTRING = 6  # steps that move what is seen to the middle of the window
+_MARGIN = 0.06  # around what is seen, of the longer side of the window
 
 
 @dataclass(frozen=True)
@@ -26,56 +26,43 @@ class View:
     up: Floats
     toward: Floats
 
-    @property
-    def axes(self) -> Floats:
-        """Its three directions, shape (3, 3)."""
-        return np.stack((self.right, self.up, self.toward))
-
     def flat(self, points: Floats) -> Floats:
         """Points of shape (..., 3) in the picture, shape (..., 2)."""
         return np.stack((points @ self.right, points @ self.up), axis=-1)
 
+    @classmethod
+    def against(cls, sight: Floats, up: Floats) -> View:
+        """Along a unit vector, with another one upwards as far as possible."""
+        up = up - (up @ sight) * sight
+        up = up / np.linalg.norm(up)
+        return cls(np.cross(sight, up), up, -sight)
+
 
 @dataclass(frozen=True)
 class Camera:
-    """A view in perspective, of the part of space that is seen in a window.
+    """A view in parallel projection, of the part of space that is seen in a window.
 
     Attributes:
         view: its directions.
-        centre: the point in the middle of the window, in whose distance lengths in the picture are those in 3D;
-            shape (3,).
-        distance: from there to the viewer.
-        half: half the width and height of the window, shape (2,).
+        centre: the point in the middle of the window, shape (3,).
+        half: half the width and height of the window, length, shape (2,).
     """
 
     view: View
     centre: Floats
-    distance: float
     half: Floats
 
     @classmethod
-    def on(cls, view: View, points: Floats, margin: float = 0.06) -> Camera:
-        """One that sees all points, shape (n, 3), with a margin over the longer side of the window."""
-        low, high = (np.array([bound(points @ axis) for axis in view.axes]) for bound in (np.min, np.max))
-        centre = 0.5 * (low + high) @ view.axes
-        distance = VIEW_DISTANCE * (float(np.linalg.norm(high - low)) or 1.0)
-        camera = cls(view, centre, distance, np.ones(2))
-        for _ in range(_CENTRING):
-            flat = camera.flat(points)
-            middle = 0.5 * (flat.min(axis=0) + flat.max(axis=0))
-            camera = cls(view, camera.centre + middle @ view.axes[:2], distance, np.ones(2))
-        half = np.abs(camera.flat(points)).max(axis=0)
-        return cls(view, camera.centre, distance, half + margin * (float(half.max()) or 1.0))
+    def on(cls, view: View, points: Floats) -> Camera:
+        """One that sees all points, shape (n, 3)."""
+        axes = np.stack((view.right, view.up, view.toward))
+        low, high = (points @ axes.T).min(axis=0), (points @ axes.T).max(axis=0)
+        half = 0.5 * (high - low)[:2]
+        return cls(view, 0.5 * (low + high) @ axes, half + _MARGIN * (float(half.max()) or 1.0))
 
     def flat(self, points: Floats) -> Floats:
         """Points of shape (..., 3) in the picture, shape (..., 2)."""
-        away = points - self.centre
-        return np.asarray(self.view.flat(away) / (1 - away @ self.view.toward / self.distance)[..., None])
-
-    @property
-    def position(self) -> Floats:
-        """Of the viewer, shape (3,)."""
-        return self.centre + self.distance * self.view.toward
+        return self.view.flat(points - self.centre)
 
 
 def along(direction: Floats) -> View:
@@ -87,33 +74,24 @@ def along(direction: Floats) -> View:
     axis = int(np.argmax(np.abs(sight)))
     if abs(sight[axis]) > ALONG_AXIS:
         sight = np.sign(sight[axis]) * np.eye(3)[axis]
-    up = np.eye(3)[1 if abs(sight[2]) > UPRIGHT else 2]
-    up = up - (up @ sight) * sight
-    up = up / np.linalg.norm(up)
-    return View(np.cross(sight, up), up, -sight)
+    return View.against(sight, np.eye(3)[1 if abs(sight[2]) > UPRIGHT else 2])
 
 
 def oblique(azimuth: float = -58.0, elevation: float = 24.0) -> View:
     """From the front, the right and above; degrees."""
     turn, lift = np.radians((azimuth, elevation))
     sight = -np.array([np.cos(lift) * np.cos(turn), np.cos(lift) * np.sin(turn), np.sin(lift)])
-    up = np.array([0.0, 0.0, 1.0])
-    up = up - (up @ sight) * sight
-    up = up / np.linalg.norm(up)
-    return View(np.cross(sight, up), up, -sight)
+    return View.against(sight, np.eye(3)[2])
 
 
-def coordinate(direction: Floats) -> tuple[Floats, str, bool]:
-    """The coordinate to write at an axis of a picture.
-
-    Returns:
-        The unit vector that it is measured along, its name, and whether it decreases in the given direction: against a
-        coordinate axis the coordinate itself is written.
+def coordinate(direction: Floats) -> tuple[str, bool]:
+    """The name of the coordinate to write at an axis of a picture, and whether it decreases in the given direction:
+    against a coordinate axis the coordinate itself is written.
     """
     axis = int(np.argmax(np.abs(direction)))
     if abs(direction[axis]) > 1 - 1e-12:
-        return np.eye(3)[axis], f"${'xyz'[axis]}$", bool(direction[axis] < 0)
-    return direction, f"${combination(direction)}$", False
+        return f"${'xyz'[axis]}$", bool(direction[axis] < 0)
+    return f"${combination(direction)}$", False
 
 
 def combination(direction: Floats) -> str:
@@ -123,9 +101,14 @@ def combination(direction: Floats) -> str:
         if abs(share) < 0.005:
             continue
         size = "" if abs(share) > 0.995 else rf"{abs(share):.2f}\,"
-        sign = ("-" if share < 0 else "+") if text else ("-" if share < 0 else "")
-        text += f"{sign}{size}{'xyz'[axis]}"
+        text += f"{'-' if share < 0 else '+' if text else ''}{size}{'xyz'[axis]}"
     return text
+
+
+def normals_of(points: Floats, facets: npt.NDArray[np.int64]) -> Floats:
+    """Normals of polygons by the order of their corners, as long as their areas, shape (m, 3)."""
+    corners = points[facets] - points[facets].mean(axis=1, keepdims=True)
+    return np.asarray(0.5 * np.cross(corners, np.roll(corners, -1, axis=1)).sum(axis=1))
 
 
 def outline(points: Floats, polygons: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:

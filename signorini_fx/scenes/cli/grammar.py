@@ -164,7 +164,7 @@ def _add_options_of_solve(solve: argparse.ArgumentParser) -> None:
     solve.add_argument(
         "--picture",
         action="append",
-        choices=("pressure", "principal", "displacement", "density"),
+        choices=("pressure", "displacement", "density"),
         help="field to draw on the deformed body beside the von Mises stress; may be repeated",
     )
     said = solve.add_mutually_exclusive_group()

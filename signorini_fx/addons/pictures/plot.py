@@ -46,8 +46,7 @@ def plot(solution: Solution, *fields: str) -> Pictures:
 
     Args:
         solution: what to draw, converged or not.
-        fields: to draw on the body beside the von Mises stress: ``pressure``, ``principal``, ``displacement`` or
-            ``density``.
+        fields: to draw on the body beside the von Mises stress: ``pressure``, ``displacement`` or ``density``.
 
     Raises:
         ValueError: there is no such field.

@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+import mpi4py.MPI  # noqa: F401  # first, see signorini_fx.mechanics.body
 import numpy as np
 import numpy.typing as npt
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
-from signorini_fx.addons.picture_data.rigid_shapes import lines_of
+from signorini_fx.addons.pictures.rigid_shapes import lines_of
 from signorini_fx.addons.pictures.setup import NamedBoundary, Setup
 from signorini_fx.errors import OutputError, cannot_be_written
 from signorini_fx.machine import parallel

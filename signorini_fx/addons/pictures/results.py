@@ -1,0 +1,303 @@
+"""All pictures of a result folder: what they are drawn from, gathered from all ranks, and how."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from signorini_fx.addons.pictures.body import DrawnBody, Volume
+from signorini_fx.addons.pictures.fields import FIELDS
+from signorini_fx.machine import parallel
+from signorini_fx.machine.csv_text import Table
+from signorini_fx.machine.terminal import say
+from signorini_fx.mechanics.statement.units import labelled
+from signorini_fx.records import as_rows
+from signorini_fx.results.solution import Solution
+
+if TYPE_CHECKING:
+    from signorini_fx.addons.pictures.foundation import FoundationSurface
+    from signorini_fx.addons.pictures.setup import Setup
+
+Array = npt.NDArray[np.float64]
+MOST_FACETS = 40_000  # of a body in 3D: a picture takes seconds, and a page megabytes
+MOST_CELLS = 200_000  # of a section: they take seconds, and 100 MB on the first rank
+
+
+def gather_pictures(solution: Solution, asked: Sequence[str] = (), *, pdf: bool = False) -> ResultPictures:
+    """Of a solution, with fields beside the von Mises stress, or the displacement where that is not known, and out of
+    a section ``around``; collective.  Fields that follow from a stress that is not known are left out, which is said.
+    """
+    tagged, statement = solution.model.tagged, solution.statement
+    usual = {
+        "title": statement.title,
+        "dimension": tagged.dimension,
+        "units": statement.unit_names(tagged.dimension),
+        "suffixes": (".png", ".pdf") if pdf else (".png",),
+    }
+    if solution.history.linear_solves == 0 and not solution.certified:  # excluded by statics
+        from signorini_fx.addons.pictures.of_setup import gather_setup
+
+        return ResultPictures(**usual, setup=gather_setup(tagged, statement, statement.title))
+    fields = _fields(solution, asked)
+    body, volume = _body(solution, fields)
+    contacts, tools = statement.contact, solution.last_step.tools
+    shapes: Mapping[str, Any] = {}
+    if body is not None:
+        from signorini_fx.addons.pictures.rigid_shapes import drawn_shapes
+
+        shapes = drawn_shapes(solution)
+    return ResultPictures(
+        **usual,
+        fields=fields,
+        body=body,
+        volume=volume,
+        history=as_rows(solution.history.iterations),
+        prices=as_rows(solution.convergence_table),
+        tools={contacts[part].boundary: motion.at for motion in tools for part in motion.body.parts},
+        shapes=shapes,
+        mirrored=bool(statement.kinematics.zero_on_axis),
+    )
+
+
+def _fields(solution: Solution, asked: Sequence[str]) -> tuple[str, ...]:
+    """The fields that are drawn; says which are not."""
+    stress = solution.known_stress
+    usual: tuple[str, ...] = ("displacement",) if stress is None else ("von_mises",)
+    usual += ("around",) * bool(solution.statement.kinematics.out_of_section)
+    unknown = [name for name in asked if FIELDS[name].of_stress and stress is None]
+    reason = "the stress of this body is not known"
+    if stress is not None and "density" in asked and stress.stress.shear_modulus is None:
+        unknown, reason = ["density"], "its shear energy is known of linear isotropic bodies alone"
+    if unknown and solution.comm.rank == 0:
+        say(f"not drawn, as {reason}: {', '.join(unknown)}")
+    return tuple(name for name in dict.fromkeys((*usual, *asked)) if name not in unknown)
+
+
+def _body(solution: Solution, fields: Sequence[str]) -> tuple[DrawnBody | None, Volume | None]:
+    """The body, None if it is too large to be drawn; of one in 3D also its cells, None if they are too many;
+    collective.
+    """
+    from signorini_fx.addons.pictures import gather
+
+    tagged = solution.model.tagged
+    if tagged.dimension == 2:
+        return gather.gather_cells(solution, fields), None
+    count = gather.outer_facets(solution)
+    if count > MOST_FACETS:
+        where = f"its surface has {count} facets, more than {MOST_FACETS}: see it in ParaView"
+        parallel.log_on_root(solution.comm, f"the deformed body is not drawn: {where}")
+        return None, None
+    few = tagged.mesh.topology.index_map(3).size_global <= MOST_CELLS and solution.known_stress is not None
+    return gather.gather_outer_surface(solution, fields), gather.gather_volume(solution) if few else None
+
+
+@dataclass(frozen=True)
+class ResultPictures:
+    """What the pictures of a result are drawn from, on the first rank.
+
+    Attributes:
+        title: above each of the large ones, a text of the user.
+        dimension: 2 or 3.
+        units: for labels, see ``signorini_fx.mechanics.statement.units``.
+        suffixes: of the files to write.
+        fields: names of the fields that are drawn on the body, the von Mises stress first, where it is known.
+        body: None if it has too many facets.
+        volume: the cells of a body in 3D for a section; None: there is none.
+        history: one mapping per linear solve, the columns of history.csv.
+        prices: one mapping per mesh, the columns of convergence_table.csv.
+        tools: of each boundary that a rigid tool may touch, how the tool has moved at points of shape (n, d).
+        shapes: of each boundary whose foundation is a shape its lines, or points and triangles, where it is, to be
+            drawn where nothing is magnified; see ``rigid_shapes``.
+        mirrored: whether the body is a section that is drawn on both sides of its axis.
+        setup: what the scene prescribes, where nothing was solved and there is no body to be drawn; None: it was.
+    """
+
+    title: str
+    dimension: int
+    units: Mapping[str, str]
+    suffixes: Sequence[str]
+    fields: tuple[str, ...] = ()
+    body: DrawnBody | None = None
+    volume: Volume | None = None
+    history: Sequence[Mapping[str, Any]] = ()
+    prices: Sequence[Mapping[str, Any]] = ()
+    tools: Mapping[str, Callable[[Array], Array]] = field(default_factory=dict)
+    shapes: Mapping[str, Any] = field(default_factory=dict)
+    mirrored: bool = False
+    setup: Setup | None = None
+
+    def draw(
+        self,
+        folder: Path,
+        contact: Table | None = None,
+        facets: npt.NDArray[np.int64] | None = None,
+        steps: Table | None = None,
+        largest: tuple[Sequence[float], str] | None = None,
+    ) -> None:
+        """All of them.
+
+        Args:
+            folder: where to write.
+            contact: the columns of contact.csv; None: without contact.
+            facets: of a body in 3D, its rows at each facet of the contact surface, see ``read_facets``.
+            steps: the columns of steps.csv if there are several.
+            largest: where the von Mises stress is largest, and its value; None: there is none that may be used.
+
+        Raises:
+            PictureError: a body in 3D cannot be drawn; all others pictures are there.
+        """
+        with labelled(self.units):
+            if self.setup is not None:
+                self.setup.draw(folder / "setup", self.suffixes)
+                return
+            self._draw_curves(folder, contact, facets, steps)
+            if self.body is not None:
+                body = self.body if contact is None else replace(self.body, parted=_parted(contact))
+                if self.dimension == 2:
+                    self._draw_in_the_plane(body, contact, folder, largest)
+                else:
+                    self._draw_in_space(body, contact, facets, folder, largest)
+
+    def _draw_curves(
+        self, folder: Path, contact: Table | None, facets: npt.NDArray[np.int64] | None, steps: Table | None
+    ) -> None:
+        # matplotlib takes a while to import
+        from signorini_fx.addons.pictures.convergence import errors_and_costs, iteration_history
+        from signorini_fx.addons.pictures.load_steps import load_steps
+        from signorini_fx.addons.pictures.style import plain
+
+        usual: dict[str, Any] = {"title": plain(self.title), "suffixes": self.suffixes}
+        if self.history:
+            dimension = 3 if contact is not None and "shear_z" in contact else 2  # slip has a sign, or a direction
+            columns = {name: np.array([row[name] for row in self.history]) for name in self.history[0]}
+            iteration_history(folder / "history", columns, dimension=dimension, suffixes=self.suffixes)
+        if self.prices:
+            errors_and_costs(folder / "convergence_table", self.prices, **usual)
+        if contact is None:
+            return
+        if steps is not None:
+            load_steps(folder / "load_steps", steps, around=self.mirrored, suffixes=self.suffixes)
+        if self.dimension == 2:
+            from signorini_fx.addons.pictures.boundary_profiles import boundary_profiles
+
+            boundary_profiles(folder / "profiles", contact, **usual)
+        elif facets is not None:
+            from signorini_fx.addons.pictures.contact_surface import contact_surface
+
+            contact_surface(folder / "contact_surface", contact, facets, **usual)
+
+    def _options(self, name: str, body: DrawnBody, largest: tuple[Sequence[float], str] | None) -> dict[str, Any]:
+        """Of the picture of a field; of the von Mises stress what all figures say is marked."""
+        from signorini_fx.addons.pictures.marks import Largest
+        from signorini_fx.addons.pictures.style import plain
+
+        if name != "von_mises":
+            marked = Largest.of(body, name)
+        else:
+            marked = None if largest is None else Largest(np.array(largest[0])[: self.dimension], largest[1])
+        return {"largest": marked, "title": plain(self.title), "suffixes": self.suffixes}
+
+    def _stem(self, name: str) -> str:
+        return "deformed" if name == self.fields[0] else f"field_{name}"
+
+    def _draw_in_the_plane(
+        self, body: DrawnBody, contact: Table | None, folder: Path, largest: tuple[Sequence[float], str] | None
+    ) -> None:
+        from signorini_fx.addons.pictures.deformed_body import DrawnFoundation, deformed_mesh
+
+        foundation = None
+        if contact is not None:
+            nodes = np.column_stack((contact["x"], contact["y"]))
+            offset = np.column_stack((contact["n_x"], contact["n_y"])) * contact["gap"][:, None]
+            for name, moved in self.tools.items():
+                on_tool = np.asarray(contact["boundary"] == name)
+                offset[on_tool] += moved(nodes[on_tool])
+            shaped = np.isin(contact["boundary"], list(self.shapes))
+            lines = [line for drawn in self.shapes.values() for line in drawn]
+            touching = np.asarray(contact["state"] != "open")
+            foundation = DrawnFoundation(nodes, offset, touching, ~_grounded(contact), shaped, lines)
+        if self.mirrored:
+            body = body.with_mirror_image()
+            foundation = None if foundation is None else foundation.with_mirror_image()
+        for name in self.fields:
+            options = self._options(name, body, largest)
+            deformed_mesh(folder / self._stem(name), body, name, foundation=foundation, **options)
+
+    def _draw_in_space(
+        self,
+        body: DrawnBody,
+        contact: Table | None,
+        facets: npt.NDArray[np.int64] | None,
+        folder: Path,
+        largest: tuple[Sequence[float], str] | None,
+    ) -> None:
+        from signorini_fx.addons.pictures.solid import Cut, deformed_solid, telling_view
+
+        foundations = []
+        if contact is not None and facets is not None:
+            foundations = foundations_of(contact, facets, self.tools, self.shapes)
+        seen = telling_view(body, self.fields[0])
+        draw = partial(deformed_solid, body=body, seen=seen, foundations=foundations)
+        for name in self.fields:
+            draw(folder / self._stem(name), name=name, **self._options(name, body, largest))
+        if contact is None or self.volume is None:
+            return
+        # Through the centre of the contact pressure, if there is any.
+        force = np.maximum(np.nan_to_num(contact["pressure"]), 0.0) * contact["weight"]
+        if 0 < force.sum() < np.inf:
+            origin, across = (
+                force @ np.column_stack([contact[f"{name}{axis}"] for axis in "xyz"]) / force.sum()
+                for name in ("", "n_")
+            )
+            cut = Cut.along(self.volume, origin, across, seen)
+            options = self._options("von_mises", body, None)
+            draw(folder / "section", name="von_mises", cut=cut, **options)
+
+
+def _grounded(contact: Table) -> npt.NDArray[np.bool_]:
+    """Which rows of contact.csv are on a rigid foundation."""
+    return np.asarray(contact["against"] == "") if "against" in contact else np.full(len(contact["boundary"]), True)
+
+
+def _parted(contact: Table) -> float:
+    """The largest gap that has closed between two bodies, length."""
+    closed = np.abs(contact["gap"][~_grounded(contact) & (contact["state"] != "open")])
+    return float(closed[np.isfinite(closed)].max(initial=0.0))
+
+
+def foundations_of(
+    c: Table,
+    facets: npt.NDArray[np.int64],
+    tools: Mapping[str, Callable[[Array], Array]],
+    shapes: Mapping[str, Any],
+) -> list[FoundationSurface]:
+    """The rigid foundation of each contact boundary in 3D that has one; ``facets`` are rows of the contact table,
+    shape (m, k).  Of the motion of a tool that along the normals is seen where it is magnified.
+    """
+    from signorini_fx.addons.pictures.foundation import FoundationSurface
+
+    nodes, normals = (np.column_stack([c[f"{name}{axis}"] for axis in "xyz"]) for name in ("", "n_"))
+    gap = np.array(c["gap"])
+    corners = facets[:, :4]  # VTK's biquadratic facets begin with their corners
+    foundations = []
+    for name in dict.fromkeys(c["boundary"][_grounded(c)]):
+        on_boundary = np.asarray(c["boundary"] == name)
+        row = np.cumsum(on_boundary) - 1
+        if name in tools:
+            gap[on_boundary] += np.sum(normals[on_boundary] * tools[name](nodes[on_boundary]), axis=1)
+        foundations.append(
+            FoundationSurface(
+                nodes[on_boundary],
+                normals[on_boundary],
+                gap[on_boundary],
+                row[corners[on_boundary[corners].all(axis=1)]],
+                shapes.get(name),
+            )
+        )
+    return foundations
