@@ -143,6 +143,14 @@ def test_keys_that_are_taken(register, key):
     assert "FEniCSx" not in str(error.value)
 
 
+@pytest.mark.parametrize("name", ["kind", "terminal", "functional"])
+def test_what_quantities_had_once(register, name):
+    """It would be ignored: one clear error instead."""
+    register(type("Old", (Fails,), {"key": "old", name: "number"}))
+    with pytest.raises(InstallationError, match=rf"'old': {name} was removed: leave it out: a quantity has key, title"):
+        own_quantities()
+
+
 def test_bounds():
     """Those of the force, of a mean and of the energy, as their own functions give them."""
     solution = alone(example1(bound=1.5, nx=12, ny=4, cell="triangle"))

@@ -7,7 +7,7 @@ import pytest
 from signorini_fx.errors import InstallationError
 
 # Meshes come from generators in nearly all tests.
-ROOMS = ("bounds", "decks", "derivatives", "judging", "picture_data", "pictures", "report")
+ROOMS = ("bounds", "decks", "derivatives", "judging", "pictures", "report")
 sys.modules |= {f"signorini_fx.addons.{room}": None for room in ROOMS}  # to import one of them is an error
 ABSENT = ("No module named 'signorini_fx.", "halted; None in sys.modules", "an add-on that is not installed")
 

@@ -141,19 +141,8 @@ class PlaneBoundary(ContactColumns):
         return PlaneBoundary(self.name, columns, self.coordinate[rows], f"{self.label}, the part in contact", starts)
 
 
-@dataclass(frozen=True)
-class Curve:
-    """One quantity along a boundary.
-
-    Attributes:
-        name: in words; "": it has none in the legend.
-        values: at the nodes, shape (n,).
-        style: of the line.
-    """
-
-    name: str
-    values: Floats
-    style: Mapping[str, Any]
+# A name for the legend, "" for none, values at the nodes, and the style of the line.
+Curve = tuple[str, Floats, Mapping[str, Any]]
 
 
 @dataclass(frozen=True)
@@ -172,16 +161,28 @@ class Panel:
     reach: float = math.inf
     least: float = 0.0
 
-    @property
-    def power(self) -> int:
-        """The power of ten that the figures at the axis are multiplied by."""
-        largest = min(largest_of(*(curve.values for curve in self.curves)), self.reach)
-        return decimal_power(max(largest, self.least))
-
-    @property
-    def limits(self) -> tuple[float, float]:
-        """Of the axis, with a margin."""
-        return _limits([curve.values for curve in self.curves], self.reach, self.least)
+    def draw(self, axes: Axes, boundary: PlaneBoundary, name: str) -> None:
+        """With the name of the boundary above; "": it has none."""
+        power = decimal_power(max(min(largest_of(*(curve[1] for curve in self.curves)), self.reach), self.least))
+        for label, values, style in reversed(self.curves):
+            boundary.draw(axes, values * 10.0**power, **style, **({"label": label} if label else {}))
+        everything = np.concatenate([values for _, values, _ in self.curves])
+        everything = np.clip(everything[np.isfinite(everything)], -self.reach, self.reach) * 10.0**power
+        low, high = float(everything.min(initial=0.0)), float(everything.max(initial=0.0))
+        if max(-low, high) < self.least * 10.0**power:
+            low, high = -self.least * 10.0**power, self.least * 10.0**power
+        margin = 0.05 * (high - low) or 1.0
+        axes.set(ylim=(low - margin, high + margin), ylabel=f"{self.unit}{unit_of(power, self.unit)}")
+        low, high = float(boundary.coordinate.min()), float(boundary.coordinate.max())
+        axes.set_xlim(low, high if high > low else low + 1.0)
+        axes.axhline(0.0, color=RULE, linewidth=0.6, zorder=0)
+        axes.tick_params(axis="x", length=0, labelbottom=False)
+        axes.spines["bottom"].set_visible(False)
+        axes.locator_params(axis="y", nbins=6)
+        handles, labels = axes.get_legend_handles_labels()
+        where = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.01), "alignment": "left"}
+        legend = axes.legend(handles[::-1], labels[::-1], title=name or None, **where)
+        legend.get_title().set_fontweight("bold")
 
 
 def panels_of(boundary: PlaneBoundary, side: str) -> list[Panel]:
@@ -192,45 +193,28 @@ def panels_of(boundary: PlaneBoundary, side: str) -> list[Panel]:
         side: ``contact``: pressure, normal displacement and gap; ``friction``: shear, its bounds, tangential
             displacement.
     """
+    moves = "relative " if boundary.against else ""
     if side == "contact":
         pressure, motion, gap = (boundary.floats(name) for name in ("pressure", "u_n", "gap"))
-        moves, opposite = ("relative ", "the other body") if boundary.against else ("", "rigid foundation")
+        opposite = "the other body" if boundary.against else "rigid foundation"
         # The foundation is drawn where it is near, and its nearest point is always visible.
         nearest = float(np.abs(gap).min(initial=np.inf, where=np.isfinite(gap)))
+        lengths: list[Curve] = [(f"{moves}normal displacement", motion, MOTION), (opposite, gap, LIMIT)]
         return [
-            Panel("stress", [Curve("contact pressure", pressure, MULTIPLIER)]),
-            Panel(
-                "length",
-                [
-                    Curve(f"{moves}normal displacement", motion, MOTION),
-                    Curve(opposite, gap, LIMIT),
-                ],
-                max(2.5 * largest_of(motion), 1.2 * nearest),
-            ),
+            Panel("stress", [("contact pressure", pressure, MULTIPLIER)]),
+            Panel("length", lengths, max(2.5 * largest_of(motion), 1.2 * nearest)),
         ]
-    moves = "relative " if boundary.against else ""
-    shear, bound, motion = boundary.along("shear"), boundary.floats("bound"), boundary.along("u_t")
-    # A bound that is never reached, or that is practically infinite, should not flatten the shear.
-    bounds = [
-        Curve("friction bound", bound, LIMIT),
-        Curve("", -bound, LIMIT),
-    ]
-    if not np.isfinite(bound).any():  # a bond
-        bounds = []
-    inside = " in the section" if boundary.out_of_section else ""
-    shears = [Curve(f"shear stress{inside}", shear, MULTIPLIER)]
-    motions = [Curve(f"{moves}tangential displacement{inside}", motion, MOTION)]
+    bound, inside = boundary.floats("bound"), " in the section" if boundary.out_of_section else ""
+    shears: list[Curve] = [(f"shear stress{inside}", boundary.along("shear"), MULTIPLIER)]
+    motions: list[Curve] = [(f"{moves}tangential displacement{inside}", boundary.along("u_t"), MOTION)]
     if boundary.out_of_section:
-        shears.append(Curve("around the axis", boundary.floats("shear_z"), AROUND))
-        motions.append(Curve("around the axis", boundary.floats("u_t_z"), AROUND))
-    return [
-        Panel("stress", [*shears, *bounds], 10 * largest_of(*(curve.values for curve in shears)) or math.inf),
-        Panel(
-            "length",
-            motions,
-            least=1e-4 * largest_of(*(curve.values for curve in motions), boundary.floats("u_n")),
-        ),
-    ]
+        shears.append(("around the axis", boundary.floats("shear_z"), AROUND))
+        motions.append(("around the axis", boundary.floats("u_t_z"), AROUND))
+    # A bound that is never reached, or that is practically infinite, should not flatten the shear; a bond has none.
+    reach = 10 * largest_of(*(values for _, values, _ in shears)) or math.inf
+    bounds: list[Curve] = [("friction bound", bound, LIMIT), ("", -bound, LIMIT)] if np.isfinite(bound).any() else []
+    least = 1e-4 * largest_of(*(values for _, values, _ in motions), boundary.floats("u_n"))
+    return [Panel("stress", [*shears, *bounds], reach), Panel("length", motions, least=least)]
 
 
 def boundary_profiles(
@@ -281,23 +265,12 @@ def boundary_profiles(
                 lower = figure.add_subplot(grid[3 * i + 1, j], sharex=upper)
                 strip = figure.add_subplot(grid[3 * i + 2, j], sharex=upper)
                 for axes, panel in zip((upper, lower), panels_of(boundary, side), strict=True):
-                    _draw_panel(axes, boundary, panel, name if axes is upper else "")
+                    panel.draw(axes, boundary, name if axes is upper else "")
                 seen.update(boundary.states)
                 state_strip(strip, boundary)
         patches = state_patches(seen)
         figure.legend(handles=patches, loc="outside lower center", ncols=len(patches), handlelength=1.6)
         finish(figure, path_stem, title, suffixes)
-
-
-def _draw_panel(axes: Axes, boundary: PlaneBoundary, panel: Panel, name: str) -> None:
-    power = panel.power
-    for curve in reversed(panel.curves):
-        label = {"label": curve.name} if curve.name else {}
-        boundary.draw(axes, curve.values * 10.0**power, **curve.style, **label)
-    finish_panel(axes, boundary, name, [curve.values for curve in panel.curves], panel.reach)
-    low, high = panel.limits
-    axes.set_ylim(low * 10.0**power, high * 10.0**power)
-    axes.set_ylabel(f"{panel.unit}{unit_of(power, panel.unit)}")
 
 
 def state_patches(states: set[str]) -> list[Patch]:
@@ -347,33 +320,6 @@ def _closed(columns: Table) -> Table:
     ]
     all_rows = np.concatenate([np.array(piece, dtype=np.int64) for piece in rows])
     return {key: np.asarray(column)[all_rows] for key, column in columns.items()} | {"s": np.concatenate(along)}
-
-
-def _limits(curves: Sequence[Floats], reach: float, least: float = 0.0) -> tuple[float, float]:
-    """Of an axis, with a margin; what lies further from zero than ``reach`` is cut off."""
-    values = np.concatenate(curves)
-    values = np.clip(values[np.isfinite(values)], -reach, reach)
-    low, high = float(values.min(initial=0.0)), float(values.max(initial=0.0))
-    if max(-low, high) < least:
-        low, high = -least, least
-    margin = 0.05 * (high - low) or 1.0
-    return low - margin, high + margin
-
-
-def finish_panel(axes: Axes, boundary: PlaneBoundary, name: str, curves: Sequence[Floats], reach: float) -> None:
-    """Axes and legend; what lies further from zero than ``reach`` is cut off."""
-    axes.set_ylim(*_limits(curves, reach))
-    low, high = float(boundary.coordinate.min()), float(boundary.coordinate.max())
-    axes.set_xlim(low, high if high > low else low + 1.0)
-    axes.axhline(0.0, color=RULE, linewidth=0.6, zorder=0)
-    axes.tick_params(axis="x", length=0, labelbottom=False)
-    axes.spines["bottom"].set_visible(False)
-    axes.locator_params(axis="y", nbins=6)
-    handles, labels = axes.get_legend_handles_labels()
-    legend = axes.legend(
-        handles[::-1], labels[::-1], title=name or None, alignment="left", loc="lower left", bbox_to_anchor=(0.0, 1.01)
-    )
-    legend.get_title().set_fontweight("bold")
 
 
 def state_strip(axes: Axes, boundary: PlaneBoundary) -> None:

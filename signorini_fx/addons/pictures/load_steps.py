@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,9 +16,6 @@ from matplotlib.figure import Figure
 from signorini_fx.addons.pictures.style import (
     BLUE,
     INK,
-    LIMIT,
-    MOTION,
-    MULTIPLIER,
     MUTED,
     ORANGE,
     RULE,
@@ -35,15 +33,28 @@ from signorini_fx.tuned import RESULTANT_OF_MESH
 
 Floats = npt.NDArray[np.float64]
 
-_DOTS: dict[str, Any] = {"marker": "o", "markersize": 2.5}
-_COLOURS = (INK, BLUE, ORANGE, "#009e73", "#cc79a7", MUTED)  # of boundaries
+_COLOURS = (INK, BLUE, ORANGE, "#009e73", "#cc79a7", MUTED)  # of boundaries, or of axes where there is one
+_DASHED = (0, (4.5, 1.8))  # of friction
 _THIN, _WIDER = 1.3, 1.2  # points: the last line of several, and by how much each one before is wider
+_NOUGHT = 1e-6  # of the largest force: components below are zero up to round-off, and are not shown
+
+
+@dataclass(frozen=True)
+class _Curve:
+    """A quantity over the load steps, drawn over another one; ``axis``: of a component, "": it is none."""
+
+    over: Floats
+    values: Floats
+    label: str = ""
+    axis: str = ""
+    rubs: bool = False
 
 
 def load_steps(path_stem: str | Path, steps: Table, *, around: bool = False, suffixes: Sequence[str] = SCREEN) -> None:
-    """Draw the forces of the foundation on the body step by step, and the friction force against the motion; the
-    torque of friction where there is one; between bodies those of each boundary.  On a boundary that closes around a
-    body forces balance each other: there the integral of the pressure and the moment of friction.
+    """Draw the forces of the foundation on the body step by step, and below the largest component of the friction force
+    against the motion, or the torque of friction; between bodies the largest components of each boundary.  On a
+    boundary that closes around a body forces balance each other: there the integral of the pressure and the moment of
+    friction.
 
     Args:
         path_stem: where to write, without suffix.
@@ -54,165 +65,123 @@ def load_steps(path_stem: str | Path, steps: Table, *, around: bool = False, suf
     solved = np.asarray(steps["status"]) == Status.CONVERGED.value
     if solved.any():  # the figures of a step without a solution mean nothing
         steps = {name: np.asarray(column)[solved] for name, column in steps.items()}
+    # What the names of the columns of each boundary end with.
+    ends = [name.removeprefix("contact_force_x") for name in steps if name.startswith("contact_force_x")]
+    axes = "y" if around or "torque" in steps else "xyz"  # over a revolution the others cancel
+    closed = [end for end in ends if _closes(steps, end, axes)]
+    shown = closed if len(closed) == len(ends) else [end for end in ends if end not in closed]
+    upper, lower = list[list[_Curve]](), list[list[_Curve]]()
+    for end in shown:
+        above, below = _moments(steps, end) if end in closed else _forces(steps, end, axes)
+        upper.append(above)
+        lower.append(below)
     with mpl.rc_context(STYLE):
-        names = _boundaries(steps)
-        figure = Figure(figsize=(4.4, 4.8 + 0.3 * len(names)), layout="constrained")  # with room for the legend
-        upper, lower = figure.subplots(2, 1)
-        if names:
-            _draw_of_each(upper, lower, steps, names, around=around)
+        figure = Figure(figsize=(4.4, 4.8 + 0.3 * len(shown)), layout="constrained")  # with room for the legend
+        first, second = figure.subplots(2, 1)
+        power = _draw(first, upper)
+        first.set(xlabel="time", ylabel=_above("force", unit_of(power, "force")))
+        first.axhline(0.0, color=RULE, linewidth=0.6, zorder=0)
+        if any(curve.values.any() for curves in lower for curve in curves):
+            _draw_resistance(second, lower, steps, closed=shown == closed)
         else:
-            _draw(upper, lower, steps, around=around)
-        upper.set_xlabel("time")
-        lower.locator_params(axis="x", nbins=6)
-        _mark_names(upper, steps)
-        figure.legend(*upper.get_legend_handles_labels(), loc="outside lower center", ncols=2)
-        for axes in (upper, lower):
-            axes.axhline(0.0, color=RULE, linewidth=0.6, zorder=0)
+            second.text(0.5, 0.5, "no friction", color=MUTED, ha="center", transform=second.transAxes)
+            second.set_axis_off()
+        _mark_names(first, steps)
+        figure.legend(*first.get_legend_handles_labels(), loc="outside lower center", ncols=2)
         finish(figure, path_stem, "", suffixes)
 
 
-def _draw(upper: Axes, lower: Axes, steps: Table, *, around: bool) -> None:
-    """The components of the forces over time, and the largest one of the friction force over the motion."""
-    times = np.asarray(steps["time"], dtype=np.float64)
-    turns, in_space = "torque" in steps, "contact_force_z" in steps
-    shown = "y" if turns or around else "xyz" if in_space else "xy"  # over a revolution the others cancel
-    count = len(shown)
-    names = [f"{kind}_{axis}" for kind in ("contact_force", "friction_force") for axis in shown]
-    forces = {name: np.asarray(steps[name], dtype=np.float64) for name in names}
-    closed = _closed(steps, "", forces.values())
-    if closed is not None:
-        return _draw_closed(upper, lower, steps, [("", *closed)])
-    scale = largest_of(*forces.values())
-    power = decimal_power(scale)
-    pressing = [MULTIPLIER, MULTIPLIER | {"color": MUTED}][:count]
-    rubbing = [MOTION, MOTION | {"color": ORANGE}][:count]
-    if in_space and not turns:  # most foundations are below, and push upwards
-        pressing = [MULTIPLIER | {"linewidth": 0.7}, *pressing[::-1]]
-        rubbing = [*rubbing, MOTION | {"linestyle": LIMIT["linestyle"]}]
-    friction = max(names[count:], key=lambda name: largest_of(forces[name]))
-    motion_name, direction = "mean_tangential_displacement", ""
-    if in_space:  # the motion is a vector: its component along the force that is drawn against it
-        motion_name = f"{motion_name}{friction[-2:]}"
-        direction = f" {friction[-1]}"
-    drawn, kind = friction.replace("_", " "), "force"
-    resisting = forces[friction]
-    if turns:
-        drawn, kind, motion_name, direction = "torque", "moment", "mean_tangential_displacement_z", " around the axis"
-        resisting = np.asarray(steps["torque"], dtype=np.float64)
-    for name, style in zip(names, (*pressing, *rubbing), strict=True):
-        if largest_of(forces[name]) > 1e-6 * scale:  # components that are zero up to round-off are not shown
-            label = name.replace("_", " ")
-            upper.plot(times, forces[name] * 10.0**power, label=label, **_DOTS, **style)
-    upper.set_ylabel(_above("force", unit_of(power, "force")))
-    if not resisting.any():
-        lower.text(0.5, 0.5, "no friction", color=MUTED, ha="center", transform=lower.transAxes)
-        lower.set_axis_off()
-        lower.set_ylim(1, 2)  # without the line at zero
-        return
-    motion = np.asarray(steps[motion_name], dtype=np.float64)
-    out = decimal_power(largest_of(motion))
-    power = decimal_power(largest_of(resisting))
-    lower.plot(motion * 10.0**out, resisting * 10.0**power, **_DOTS, **MULTIPLIER)
-    lower.set(
-        xlabel=f"mean tangential displacement{direction}{unit_of(out, 'length')}",
-        ylabel=_above(drawn, unit_of(power, kind)),
-    )
+def _column(steps: Table, name: str) -> Floats:
+    return np.asarray(steps[name], dtype=np.float64)
 
 
-def _boundaries(steps: Table) -> list[str]:
-    """The contact boundaries that have columns of their own, between bodies."""
-    return [name.removeprefix("contact_force_x ") for name in steps if name.startswith("contact_force_x ")]
-
-
-def _draw_of_each(upper: Axes, lower: Axes, steps: Table, boundaries: Sequence[str], *, around: bool) -> None:
-    """The largest component of both forces of each boundary over time, and that of friction over its motion."""
-    times = np.asarray(steps["time"], dtype=np.float64)
-    axes = [axis for axis in ("y" if around else "xyz") if f"contact_force_{axis} {boundaries[0]}" in steps]
-
-    def largest(kind: str, boundary: str) -> tuple[str, Floats]:
-        """The axis, and the component."""
-        components = {axis: np.asarray(steps[f"{kind}_{axis} {boundary}"], dtype=np.float64) for axis in axes}
-        axis = max(components, key=lambda candidate: largest_of(components[candidate]))
-        return axis, components[axis]
-
-    closed = {
-        name: turning
-        for name in boundaries
-        if (
-            turning := _closed(
-                steps, f" {name}", [largest(kind, name)[1] for kind in ("contact_force", "friction_force")]
-            )
+def _curves(steps: Table, kind: str, end: str, axes: Sequence[str]) -> list[_Curve]:
+    """The components of a quantity of a boundary over time; ``end``: what the names of its columns end with."""
+    times, of = _column(steps, "time"), f"{plain(end.strip())}: " if end else ""
+    columns = {axis: f"{kind}{axis and '_'}{axis}{end}" for axis in axes}
+    words = {"friction_moment": "moment of friction", "pressure_integral": "integral of the pressure"}
+    return [
+        _Curve(
+            times,
+            _column(steps, name),
+            f"{of}{words.get(kind, kind.replace('_', ' '))} {axis}".rstrip(),
+            axis,
+            kind.startswith("friction"),
         )
-    }
-    if len(closed) == len(boundaries):
-        return _draw_closed(upper, lower, steps, [(name, *closed[name]) for name in boundaries])
-    boundaries = [name for name in boundaries if name not in closed]
-    pressing, rubbing = ([largest(kind, name) for name in boundaries] for kind in ("contact_force", "friction_force"))
-    in_space = len(axes) == 3
-    motion = [
-        np.asarray(steps[f"mean_tangential_displacement{f'_{axis}' * in_space} {name}"], dtype=np.float64)
-        for name, (axis, _) in zip(boundaries, rubbing, strict=True)
+        for axis, name in columns.items()
+        if name in steps
     ]
-    scale = largest_of(*(force for _, force in (*pressing, *rubbing)))
-    power, out = decimal_power(scale), decimal_power(largest_of(*motion))
-    resisting = decimal_power(largest_of(*(force for _, force in rubbing)))
-    for k, name in enumerate(boundaries):
-        colour = {"color": _COLOURS[k % len(_COLOURS)]}
-        # Forces in a chain of bodies are alike: what is drawn first is wider, and is seen below the others.
-        wide = {"linewidth": _THIN + _WIDER * (len(boundaries) - 1 - k)}
-        for kind, curves, style in (("contact", pressing, MULTIPLIER), ("friction", rubbing, MOTION)):
-            axis, force = curves[k]
-            if largest_of(force) > 1e-6 * scale:
-                label = f"{plain(name)}: {kind} force {axis}"
-                upper.plot(times, force * 10.0**power, label=label, **(_DOTS | style | colour | wide))
-        if largest_of(rubbing[k][1]) > 1e-6 * scale:
-            lower.plot(motion[k] * 10.0**out, rubbing[k][1] * 10.0**resisting, **(_DOTS | MULTIPLIER | colour | wide))
-    upper.set_ylabel(_above("force", unit_of(power, "force")))
-    along = {axis for axis, force in rubbing if largest_of(force) > 1e-6 * scale}
-    direction = f" {along.pop()}" if len(along) == 1 else ""
-    lower.set(
-        xlabel=f"mean tangential displacement{direction * in_space}{unit_of(out, 'length')}",
-        ylabel=_above(f"friction force{direction}", unit_of(resisting, "force")),
+
+
+def _largest(curves: Sequence[_Curve]) -> _Curve:
+    return max(curves, key=lambda curve: largest_of(curve.values))
+
+
+def _closes(steps: Table, end: str, axes: str) -> bool:
+    """Whether a boundary closes around a body, so that the forces on it balance each other."""
+    if f"pressure_integral{end}" not in steps:
+        return False
+    forces = [curve for kind in ("contact_force", "friction_force") for curve in _curves(steps, kind, end, axes)]
+    pressing = _column(steps, f"pressure_integral{end}")
+    return largest_of(*(curve.values for curve in forces)) <= RESULTANT_OF_MESH * largest_of(pressing)
+
+
+def _moments(steps: Table, end: str) -> tuple[list[_Curve], list[_Curve]]:
+    """Of a boundary that closes around a body, over time."""
+    moments = _curves(steps, "friction_moment", end, ["", *"xyz"])
+    return _curves(steps, "pressure_integral", end, [""]), [_largest(moments)]
+
+
+def _forces(steps: Table, end: str, axes: str) -> tuple[list[_Curve], list[_Curve]]:
+    """Of a boundary, or of all together: forces over time, and the largest one of friction over the motion along it."""
+    pressing, rubbing = (_curves(steps, kind, end, axes) for kind in ("contact_force", "friction_force"))
+    upper = [_largest(pressing), _largest(rubbing)] if end else [*pressing, *rubbing]
+    if "torque" in steps:
+        return upper, [_Curve(_column(steps, "mean_tangential_displacement_z"), _column(steps, "torque"))]
+    resisting, name = _largest(rubbing), "mean_tangential_displacement"
+    in_space = f"{name}_{resisting.axis}{end}"  # there the motion is a vector
+    motion = _column(steps, in_space if in_space in steps else f"{name}{end}")
+    return upper, [replace(resisting, over=motion, rubs=False)]
+
+
+def _draw(axes: Axes, of_boundaries: Sequence[Sequence[_Curve]], out: int = 0) -> int:
+    """Draw the curves of each boundary; returns the power of ten that their values are multiplied by."""
+    scale = largest_of(*(curve.values for curves in of_boundaries for curve in curves))
+    power, alone = decimal_power(scale), len(of_boundaries) == 1
+    for number, curves in enumerate(of_boundaries):
+        for curve in curves:
+            if largest_of(curve.values) > _NOUGHT * scale:
+                colour = "xyz".find(curve.axis) if alone and curve.axis else number
+                style: dict[str, Any] = {"color": _COLOURS[colour % len(_COLOURS)], "marker": "o", "markersize": 2.5}
+                # Forces in a chain of bodies are alike: what is drawn first is wider, and is seen below the others.
+                style |= {"linewidth": _THIN + _WIDER * (len(of_boundaries) - 1 - number)}
+                style |= {"linestyle": _DASHED} if curve.rubs else {}
+                axes.plot(curve.over * 10.0**out, curve.values * 10.0**power, label=curve.label, **style)
+    return power
+
+
+def _draw_resistance(axes: Axes, lower: Sequence[Sequence[_Curve]], steps: Table, *, closed: bool) -> None:
+    """Moments of friction over time, or what resists the motion over it."""
+    axes.locator_params(axis="x", nbins=6)
+    out = 0 if closed else decimal_power(largest_of(*(curve.over for curves in lower for curve in curves)))
+    power = _draw(axes, lower, out)
+    axes.axhline(0.0, color=RULE, linewidth=0.6, zorder=0)
+    if closed:
+        axes.set(xlabel="time", ylabel=_above("moment of friction", unit_of(power, "moment")))
+        if len(lower) > 1:
+            axes.legend(loc="best")
+        return
+    along = {curve.axis for curves in lower for curve in curves if curve.values.any()}
+    direction = f" {along.pop()}" if len(along) == 1 and along != {""} else ""
+    name, kind = f"friction force{direction}", "force"
+    if "torque" in steps:
+        direction, name, kind = " around the axis", "torque", "moment"
+    elif not any(column.startswith("contact_force_z") for column in steps):
+        direction = ""  # in 2D it is along the boundary
+    axes.set(
+        xlabel=f"mean tangential displacement{direction}{unit_of(out, 'length')}",
+        ylabel=_above(name, unit_of(power, kind)),
     )
-
-
-def _closed(steps: Table, behind: str, forces: Iterable[Floats]) -> tuple[Floats, dict[str, Floats]] | None:
-    """Integral of the pressure and moment of friction, by axis, where a boundary closes around a body and the forces
-    on it balance each other; None elsewhere.  ``behind``: what the names of its columns end with.
-    """
-    if f"pressure_integral{behind}" not in steps:
-        return None
-    pressing = np.asarray(steps[f"pressure_integral{behind}"], dtype=np.float64)
-    if largest_of(*forces) > RESULTANT_OF_MESH * largest_of(pressing):
-        return None
-    names = {axis: f"friction_moment{axis and '_'}{axis}{behind}" for axis in ("", "x", "y", "z")}
-    moments = {axis: np.asarray(steps[name], dtype=np.float64) for axis, name in names.items() if name in steps}
-    return pressing, moments
-
-
-def _draw_closed(
-    upper: Axes, lower: Axes, steps: Table, closed: Sequence[tuple[str, Floats, dict[str, Floats]]]
-) -> None:
-    """Boundaries whose resultants are nought: integrals of the pressure, and the largest component of the moments of
-    friction, over time.
-    """
-    times = np.asarray(steps["time"], dtype=np.float64)
-    largest = [max(moments.items(), key=lambda entry: largest_of(entry[1])) for _, _, moments in closed]
-    power = decimal_power(largest_of(*(pressing for _, pressing, _ in closed)))
-    turning = decimal_power(largest_of(*(moment for _, moment in largest)))
-    for k, (name, pressing, _) in enumerate(closed):
-        colour = {"color": _COLOURS[k % len(_COLOURS)]}
-        axis, moment = largest[k]
-        of = f"{plain(name)}: " if name else ""
-        upper.plot(
-            times, pressing * 10.0**power, label=f"{of}integral of the pressure", **(_DOTS | MULTIPLIER | colour)
-        )
-        label = f"{of}moment of friction {axis}".rstrip()
-        lower.plot(times, moment * 10.0**turning, label=label, **(_DOTS | MOTION | (colour if name else {})))
-    upper.set_ylabel(_above("force", unit_of(power, "force")))
-    lower.set(xlabel="time", ylabel=_above("moment of friction", unit_of(turning, "moment")))
-    if len(closed) > 1:
-        lower.legend(loc="best")
 
 
 def _above(name: str, unit: str) -> str:
@@ -222,7 +191,7 @@ def _above(name: str, unit: str) -> str:
 
 def _mark_names(axes: Axes, steps: Table) -> None:
     """A line where a load step with another name begins, and the names above the axes."""
-    times, names = np.asarray(steps["time"], dtype=np.float64), np.asarray(steps["name"])
+    times, names = _column(steps, "time"), np.asarray(steps["name"])
     if not any(names):
         return
     firsts = np.array([0, *(np.flatnonzero(names[1:] != names[:-1]) + 1)])
