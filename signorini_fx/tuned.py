@@ -726,9 +726,8 @@ PROVED_SHARE = 1 - 1e-6
 # --- pictures: sizes and when a thing is drawn -----------------------------------------------------------------------
 
 # Choices by eye, on the pictures of demos/scenes.
-# Width over height from which on a picture of a report is not made smaller than it can be read, and from which on the
-# two panels of a contact surface stand one above the other.
-BROAD_PICTURE, STACKED_PANELS = 1.6, 1.5
+# Width over height from which on a picture of a report is not made smaller than it can be read.
+BROAD_PICTURE = 1.6
 # Width and height at most, inches: of a set-up, of a body in 3D; and the narrowest picture, for its lettering.  Pixels
 # per inch of what is drawn in 3D.
 SETUP_INCHES, SOLID_INCHES, NARROWEST = 6.0, 4.8, 3.4

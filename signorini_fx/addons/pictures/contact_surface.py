@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -38,7 +39,7 @@ from signorini_fx.addons.pictures.style import (
 from signorini_fx.addons.pictures.tones import spaced, upper_tone
 from signorini_fx.machine.csv_text import Table
 from signorini_fx.mechanics.statement.units import bracketed, unit
-from signorini_fx.tuned import CLOSED_IN_PICTURE, LONGEST_ARROW, STACKED_PANELS, SURFACE_MARGIN
+from signorini_fx.tuned import CLOSED_IN_PICTURE, LONGEST_ARROW, SURFACE_MARGIN
 
 Rows = npt.NDArray[np.int64]
 
@@ -49,9 +50,9 @@ _POLYGONS = {
     9: [[0, 4, 8, 7], [4, 1, 5, 8], [8, 5, 2, 6], [7, 8, 6, 3]],
 }
 _UNTOUCHED = "#f0f0f0"
+_WIDTH = 5.4  # inches
 _ARROWS = 28  # number of arrows side by side along the longer side
 _LONG_NAME = 40  # letters of the name of a boundary behind which its title goes on in another line
-_MANY = 1000  # polygons from which on they are drawn as an image
 
 
 @dataclass(frozen=True)
@@ -61,12 +62,10 @@ class VisibleSide(ContactColumns):
     Attributes:
         polygons: of its facets that face the foundation along the direction of sight, rows of ``columns``, (m, 3 or 4).
         view: along the outward normal, so from within the body.
-        hidden: whether there are facets that face the other way, none of them in contact, which are not shown.
     """
 
     polygons: Rows
     view: view.View
-    hidden: bool = False
 
     def vectors(self, name: str) -> Floats:
         """A vector at every node, in the picture, shape (n, 2)."""
@@ -117,13 +116,8 @@ def sides_of(table: Table, facets: Rows) -> list[VisibleSide]:
         sights.append(np.eye(3)[np.argmax(weight @ normal**2)])
         sight = next(sight for sight in sights if np.linalg.norm(sight) > CLOSED_IN_PICTURE)
         forth = normal[of_boundary].mean(axis=1) @ -view.along(sight).toward >= -1e-6
-        two_sided = bool(np.any(touching[of_boundary[~forth]] > 0))
-        sides.append(
-            VisibleSide(
-                plain(name), columns, of_boundary[forth], view.along(sight), bool(np.any(~forth)) and not two_sided
-            )
-        )
-        if two_sided:
+        sides.append(VisibleSide(plain(name), columns, of_boundary[forth], view.along(sight)))
+        if np.any(touching[of_boundary[~forth]] > 0):
             sides.append(VisibleSide(plain(name), columns, of_boundary[~forth], view.along(-sight)))
     return sides
 
@@ -138,10 +132,10 @@ def contact_surface(
 ) -> None:
     """Draw each contact boundary of a body in 3D, seen along its outward normal through the body.
 
-    On the left, or above: contact pressure in colour where a facet is in contact, linear between the nodes, and the
-    shear stress mu as arrows.  If a singular edge would leave the rest
-    dark, the scale ends at the pressure that is not exceeded on 99 % of the contact area.  On the right, or below: the
-    state of each node in the area halfway to its neighbours, and the slip as arrows, magnified as stated in the panel.
+    Contact pressure in colour where a facet is in contact, linear between the nodes, and the shear stress mu as arrows.
+    If a singular edge would leave the rest dark, the scale ends at the pressure that is not exceeded on 99 % of the
+    contact area.  Below: the state of each node in the area halfway to its neighbours, and the slip as arrows,
+    magnified as stated in the panel.
     If there are many arrows, some are left out.  If little of the boundary is in contact, the picture shows that part,
     and says so.  Without friction: only pressure.
 
@@ -164,50 +158,30 @@ def contact_figure(table: Table, facets: Rows) -> Figure:
     sides = [side for side in sides_of(table, facets) if side.polygons.size]
     if not sides:
         raise ValueError("the contact table has no rows")
-    shown = ("pressure", "state") if any(side.has_friction for side in sides) else ("pressure",)
     windows = [_window(side) for side in sides]
-    wide = max((high[0] - low[0]) / (high[1] - low[1]) for low, high, _ in windows) > STACKED_PANELS
-    columns = 1 if wide else len(shown)
-    width = (5.8 if columns == 2 else 5.4 if wide else 4.4) - 0.4
+    panels = [(side, window, state) for side, window in zip(sides, windows, strict=True) for state in (False, True)]
+    panels = [(side, window, state) for side, window, state in panels if side.has_friction or not state]
     heights = [
-        float(np.clip((width / columns - 0.5) * (high[1] - low[1]) / (high[0] - low[0]), 0.9, 5.0))
-        for low, high, _ in windows
+        float(np.clip((_WIDTH - 0.9) * (high[1] - low[1]) / (high[0] - low[0]), 0.9, 5.0))
+        for _, (low, high, _), _ in panels
     ]
-    panels = len(shown) if wide else 1
-    figure = Figure(
-        figsize=(width + 0.4, sum(panels * (height + 1.0) for height in heights) + 0.4),
-        layout=ConstrainedLayoutEngine(h_pad=0.05, wspace=0.05),
-    )
-    grid = figure.add_gridspec(len(sides) * panels, columns, height_ratios=np.repeat(heights, panels) + 0.9)
+    size = _WIDTH, sum(heights) + len(panels) + 0.4
+    figure = Figure(figsize=size, layout=ConstrainedLayoutEngine(h_pad=0.05))
+    grid = figure.subplots(len(panels), squeeze=False, height_ratios=np.add(heights, 0.9))[:, 0]
     seen: set[str] = set()
-    for i, (side, (low, high, part)) in enumerate(zip(sides, windows, strict=True)):
-        axes = [figure.add_subplot(cell) for cell in _cells(grid, i, panels, columns)]
-        for panel_axes in axes:
-            _frame(panel_axes, side, low, high)
-        sight = f"seen along ${view.combination(-side.view.toward)}$" + (", the part in contact" if part else "")
-        sight += ", the other side is open" if side.hidden and not part else ""
-        between = "\n" if len(side.name) > _LONG_NAME else " "
-        for panel, panel_axes in zip(shown, axes, strict=True):
-            if panel == "pressure":
-                _pressure_panel(figure, panel_axes, side, low, high, f"{side.name},{between}{sight}")
-            elif side.has_friction:
-                seen.update(_state_panel(panel_axes, side, low, high, f"{side.name}: state"))
-            else:
-                panel_axes.clear()
-                panel_axes.set_axis_off()
-                panel_axes.text(
-                    0.5, 0.5, f"{side.name}: no friction", color=MUTED, ha="center", transform=panel_axes.transAxes
-                )
+    for axes, (side, (low, high, part), state) in zip(grid, panels, strict=True):
+        _frame(axes, side, low, high)
+        if state:
+            seen.update(_state_panel(axes, side, low, high, f"{side.name}: state"))
+        else:
+            sight = f"seen along ${view.combination(-side.view.toward)}$" + (", the part in contact" if part else "")
+            between = "\n" if len(side.name) > _LONG_NAME else " "
+            _pressure_panel(figure, axes, side, low, high, f"{side.name},{between}{sight}")
     if seen:
         patches = state_patches(seen)
         figure.legend(handles=patches, loc="outside lower center", ncols=len(patches), handlelength=1.6)
     lay_out(figure)  # the layout needs a second pass if equal axes do not fill their place
     return figure
-
-
-def _cells(grid: mpl.gridspec.GridSpec, row: int, panels: int, columns: int) -> list[mpl.gridspec.SubplotSpec]:
-    """The places of the panels of a side: beside each other, or one above the other."""
-    return [grid[panels * row + k, 0] for k in range(panels)] if panels > 1 else [grid[row, k] for k in range(columns)]
 
 
 def _window(side: VisibleSide) -> tuple[Floats, Floats, bool]:
@@ -250,32 +224,17 @@ def _pressure_panel(figure: Figure, axes: Axes, side: VisibleSide, low: Floats, 
     inside = side.shown & closed
     top = upper_tone(pressure[inside], side.floats("weight")[inside])
     bottom = min(0.0, float(pressure[inside].min(initial=0.0)))  # in bilateral contact the pressure may be negative
-    ground = PolyCollection(
-        list(nodes[side.polygons]), facecolors=_UNTOUCHED, edgecolors=_UNTOUCHED, linewidths=0.4, zorder=1
-    )
-    ground.set_rasterized(len(side.polygons) > _MANY)
+    flat: dict[str, Any] = {"linewidths": 0.4, "zorder": 1, "rasterized": True}
+    ground = PolyCollection(list(nodes[side.polygons]), facecolors=_UNTOUCHED, edgecolors=_UNTOUCHED, **flat)
     axes.add_collection(ground, autolim=False)
-    points, triangles, (values,) = _triangles(side.polygons[closed[side.polygons].any(axis=1)], nodes, pressure)
+    points, triangles, values = _triangles(side.polygons[closed[side.polygons].any(axis=1)], nodes, pressure)
     if len(triangles):
-        colours = axes.tripcolor(
-            Triangulation(*points.T, triangles),
-            values * 10.0**power,
-            shading="gouraud",
-            cmap=VALUES,
-            vmin=bottom * 10.0**power,
-            vmax=top * 10.0**power,
-            rasterized=True,
-            zorder=2,
-        )
-        bar = figure.colorbar(
-            colours,
-            ax=axes,
-            orientation="horizontal",
-            extend="max" if float(pressure[inside].max(initial=0.0)) > 1.001 * top else "neither",
-            shrink=0.8,
-            aspect=40,
-            pad=0.02,
-        )
+        limits = {"vmin": bottom * 10.0**power, "vmax": top * 10.0**power}
+        coloured: dict[str, Any] = {"shading": "gouraud", "cmap": VALUES, "rasterized": True, "zorder": 2, **limits}
+        colours = axes.tripcolor(Triangulation(*points.T, triangles), values * 10.0**power, **coloured)
+        above = float(pressure[inside].max(initial=0.0)) > 1.001 * top
+        where: dict[str, Any] = {"orientation": "horizontal", "shrink": 0.8, "aspect": 40, "pad": 0.02}
+        bar = figure.colorbar(colours, ax=axes, extend="max" if above else "neither", **where)
         bar.ax.locator_params(nbins=6)
         bar.set_label(f"contact pressure{unit_of(power, 'stress')}")
     axes.add_collection(_rim(side), autolim=False)
@@ -285,21 +244,17 @@ def _pressure_panel(figure: Figure, axes: Axes, side: VisibleSide, low: Floats, 
         longest = largest_of(side.floats("shear"))
         drawn = _arrows(axes, side, shear, side.shown & (side.floats("shear") > 1e-6 * longest), low, high)
         if drawn > 0:
-            text += f"\narrows: shear stress, the longest ${math_number(float(f'{drawn:.3g}'))}${_of_stress()}"
+            length = f"${math_number(float(f'{drawn:.3g}'))}$ {plain(unit('stress'))}".rstrip()
+            text += f"\narrows: shear stress, the longest {length}"
     axes.set_title(text, loc="left", fontsize=8)
-
-
-def _of_stress() -> str:
-    """The unit behind a figure in a title; "": it is not known."""
-    return f" {plain(unit('stress'))}".rstrip()
 
 
 def _state_panel(axes: Axes, side: VisibleSide, low: Floats, high: Floats, heading: str) -> set[str]:
     states, nodes = side.states, side.nodes
     where, owner = _around_nodes(nodes, side.polygons)
     colours = np.array([to_rgba(STATES[state][0]) for state in states])[owner]
-    regions = PolyCollection(list(where), facecolors=colours, edgecolors=colours, linewidths=0.4, zorder=1)
-    regions.set_rasterized(len(where) > _MANY)
+    flat: dict[str, Any] = {"linewidths": 0.4, "zorder": 1, "rasterized": True}
+    regions = PolyCollection(list(where), facecolors=colours, edgecolors=colours, **flat)
     axes.add_collection(regions, autolim=False)
     axes.add_collection(_rim(side), autolim=False)
     moving = side.shown & np.asarray(side.columns["friction"] == "slip")
@@ -322,16 +277,16 @@ def _rim(side: VisibleSide) -> LineCollection:
     return LineCollection(list(edges), colors=MUTED, linewidths=0.8, zorder=3)
 
 
-def _triangles(polygons: Rows, nodes: Floats, *nodal: Floats) -> tuple[Floats, Rows, list[Floats]]:
+def _triangles(polygons: Rows, nodes: Floats, values: Floats) -> tuple[Floats, Rows, Floats]:
     """Points, triangles and values at the points; quadrilaterals are cut at their middle, which comes after the nodes,
     because a diagonal would make the picture of a symmetric pressure unsymmetric.
     """
     if polygons.shape[1] == 3:
-        return nodes, polygons, list(nodal)
+        return nodes, polygons, values
     centre = np.broadcast_to(len(nodes) + np.arange(len(polygons))[:, None], polygons.shape)
     triangles = np.stack((polygons, np.roll(polygons, -1, axis=1), centre), axis=2).reshape(-1, 3)
     points = np.concatenate((nodes, nodes[polygons].mean(axis=1)))
-    return points, triangles, [np.concatenate((values, values[polygons].mean(axis=1))) for values in nodal]
+    return points, triangles, np.concatenate((values, values[polygons].mean(axis=1)))
 
 
 def _around_nodes(nodes: Floats, polygons: Rows) -> tuple[Floats, Rows]:
@@ -368,22 +323,8 @@ def _arrows(
     order = np.lexsort((*np.round(side.nodes[rows] / size, 9).T[::-1], lengths < longest))
     rows = spaced(side.nodes, rows[order], size / _ARROWS)
     scaled = vectors[rows] * (LONGEST_ARROW * size / longest if factor is None else factor)
-    axes.quiver(
-        *side.nodes[rows].T,
-        *scaled.T,
-        angles="xy",
-        scale_units="xy",
-        scale=1.0,
-        units="inches",
-        width=0.018,
-        headwidth=3.2,
-        headlength=4.2,
-        headaxislength=3.8,
-        minlength=0.4,
-        facecolor="white",
-        edgecolor=INK,
-        linewidth=0.35,
-        zorder=4,
-        clip_on=True,
-    )
+    length: dict[str, Any] = {"angles": "xy", "scale_units": "xy", "scale": 1.0, "units": "inches", "width": 0.018}
+    head = {"headwidth": 3.2, "headlength": 4.2, "headaxislength": 3.8, "minlength": 0.4}
+    colour = {"facecolor": "white", "edgecolor": INK, "linewidth": 0.35, "zorder": 4}
+    axes.quiver(*side.nodes[rows].T, *scaled.T, **length, **head, **colour)
     return longest
