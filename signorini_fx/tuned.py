@@ -64,8 +64,6 @@ GAMMA_GROWTH = 10.0
 ENOUGH_GAMMA = 10.0
 # A gamma above this times the natural one leaves too few digits for the multipliers, which are gamma times a length.
 LARGEST_AUGMENTED_GAMMA = 10.0
-# Displacements of the contact nodes below this share of what their tractions could cause are round-off.  Choice.
-FAINT_DISPLACEMENT = 1e-3
 
 # --- linear algebra --------------------------------------------------------------------------------------------------
 
@@ -99,9 +97,6 @@ FEWEST_BLOCK_UNKNOWNS = 3_000
 # How far ahead of their use the entries of blocks are asked for, in bytes: 50 blocks of 3 x 3 in double precision.
 # Tuned on products with the block of tests/support/spaces.py: from 1,100 to 7,200 the time differs by a tenth.
 PREFETCHED_BYTES = 3_600
-# The stiffness of a coarser mesh is that which interpolation makes of the finer one if products of both with one vector
-# differ by no more than this share: on nested meshes of straight cells by round-off.  Choice.
-SAME_COARSE_STIFFNESS = 1e-10
 # Multigrid for plain displacements takes three times as many steps for a Poisson's ratio of 0.49 as for one of 0.4, and
 # twenty times as many for 0.4999: above it a factorisation is taken.  Tuned on the block of tests/support/spaces.py.
 LARGEST_MULTIGRID_POISSON = 0.49
@@ -115,9 +110,9 @@ LAGGED_NODES, LAGGED_STEPS = 4, 20
 # Residual of such a solve relative to the forces: far enough below the tolerance of Newton's method that the choice of
 # units has no influence.  Choice; a solve that ended at 1.4e-8 took one more step in other units.
 LAGGED_SHARE = 1e-13
-# What a Krylov solve leaves of the forces once the sets stay, and of its residual while they change (inexact Newton).
+# What a Krylov solve leaves of its residual while the sets change (inexact Newton).
 # Source: docs/evidence/whole_solves_in_space.csv.
-KRYLOV_TOLERANCE, INEXACT_TOLERANCE = 1e-11, 0.03
+INEXACT_TOLERANCE = 0.03
 # Steps of a Krylov method at most.  Choice: ten times as many as it was seen to take.
 KRYLOV_STEPS = 1000
 # Share of the right-hand side that FGMRES may leave where it breaks down; exact solves leave 1e-12 to 1e-9.
@@ -140,15 +135,12 @@ SAME_COORDINATE = 1e-7
 NO_RELATIVE_TOLERANCE = 1e-15
 # Share of the forces that an inexact Krylov solve never leaves: ten times that at which Newton's method ends.  Choice.
 NEVER_LEFT = 1e-7
-# Directions held and soft stiffnesses that differ by less make no other levels: the cycle need not be exact.  Choice.
-SAME_HELD_DIRECTION, SAME_SOFT_STIFFNESS = 1e-3, 0.1
+# Soft stiffnesses that differ by less make no other levels: the cycle need not be exact.  Choice.
+SAME_SOFT_STIFFNESS = 0.1
 # Largest condition of S B among the unknowns that relative motions of two bodies replace.  Choice.
 LARGEST_CONDITION = 1e6
-# Share of the coarse diagonal that unknowns get which contact does not reach, and coarse functions of which truncation
-# leaves nothing: far below the smallest eigenvalue of a coarse matrix, far above its round-off.  Choice.
-SHARE_OF_COARSE_DIAGONAL = 1e-10
-# Steps and residual of the least squares that find what moves with a rigid body.  Choice.
-RIGID_STEPS, RIGID_TOLERANCE = 100, 1e-12
+# Steps of the least squares that find what moves with a rigid body.  Choice.
+RIGID_STEPS = 100
 
 # --- nested iteration ------------------------------------------------------------------------------------------------
 
@@ -202,8 +194,6 @@ PLACES_BESIDE_RIM = (0.0, 1.0, 2.0, 3.0, 4.0, 6.0, 8.0)
 # So much of the factor by which the pressure falls over the first stretch from the rim may be missing over the second.
 # No record.
 SAME_POWER = 0.8
-# A place that is more than this many heights away from the surface is beyond it.  Choice.
-BEYOND_SURFACE = 0.1
 
 # --- convergence table: errors and costs from mesh to mesh ------------------------------------------------------------
 
@@ -221,11 +211,9 @@ CHANGES_USED = 3
 POLYGON_ERRORS = {"energy": (0.04, 1), "pressure": (0.15, 1), "force": (0.01, 2)}
 POLYGON_PEAK = 0.5
 # The error of a force over the squared one of the displacement in the energy norm, on meshes that are divided here and
-# there, by dimension and degree; and the change of a force from mesh to mesh below which statics determines it.  Tuned
-# on bodies in 3D with random loads: 0.09 to 0.29, where the changes say 0.13 to 1.96 times the
-# error, now 1.1 to 1.96.
+# there, by dimension and degree.  Tuned on bodies in 3D with random loads: 0.09 to 0.29, where the changes say 0.13 to
+# 1.96 times the error, now 1.1 to 1.96.
 FORCE_OF_ENERGY = {(3, 1): 0.12}
-BALANCED_BY_STATICS = 1e-9
 # The smallest rate that changes of the largest pressure show.  Tuned on an earlier estimate of it, with the problems of
 # docs/evidence/largest_pressure.csv.
 SLOWEST_PEAK = 0.75
@@ -346,32 +334,24 @@ SMALLEST_INCREMENT = 1e-5
 
 # --- what is the same but for round-off ------------------------------------------------------------------------------
 
-# Component of a unit vector along a direction below which it has none: the root of the unit of round-off, so that the
-# square of what is neglected is round-off.  Choice.
-SAME_DIRECTION = 1e-8
-# Distance, as a share of the size of the body, below which two places are one; cells are larger, and coordinates in
-# files have as many digits.  Choice.
-SAME_POSITION = 1e-8
-# Radius, as a share of the size of a cell, up to which a place is on the axis of a body of revolution, where the strain
-# along the circumference is the radial one.  Choice: the two differ by such a share of the change over a cell.
-NEAR_AXIS = 1e-6
-# Resistance to a rigid motion, relative to that to the best held one, below which it counts as not held.  Choice.
-NOT_HELD = 1e-8
+# A share whose square is round-off: components of unit vectors along a direction that they do not have, distances of
+# places that are one, over the size of the body, resistance to a motion that nothing holds, over that to others,
+# strains that carry nothing, the last increment but one of Newton's method.  Choice.
+ROOT_OF_EPS = 1e-8
+# What assemblies, linear solves and sums over a mesh leave of what should vanish, as a share of the largest one or of
+# the forces.  Choice: ten times what direct solves leave; docs/evidence/whole_solves_in_space.csv.
+LEFT_BY_SOLVES = 1e-11
+# A share that three digits do not show.  Choice.
+NEGLIGIBLE = 1e-3
+# A share that is notable in a result: strains, rotations and displacements that linear elasticity neglects, facets off
+# a curve, cells that are too stiff, forces beyond the end of a side.  Choice.
+NOTABLE = 0.1
 
-# Sums, integrals, weights and components below this share of the largest one, or of the sum of the magnitudes, are the
-# round-off of zero.  Choice: a thousand units of round-off for each of a few terms.
-ZERO_SUM = 1e-12
 # Components of a unit vector and entries of a projection below this are round-off, without a sum.  Choice: 45 units.
 ZERO_COMPONENT = 1e-14
-# Numbers that differ by less than this share of their size are equal: in comparisons of a scene, a shear at its bound,
-# a grading at 1, a point on a surface.  Choice: as few units as a short calculation loses.
+# Numbers that differ by less than this share of their size are equal, and sums, components and sines below this share
+# of their terms are zero.  Choice: a thousand units of round-off for each of a few terms.
 SAME_NUMBER = 1e-12
-# Sine of the angle between directions, or volume that edges span over that of a cube, below which they are parallel.
-# Choice: as for numbers.
-PARALLEL = 1e-12
-# Moment of inertia about an axis, as a share of the largest one, below which forces have no arm there.  Choice: an arm
-# below the millionth part of the size.
-NO_ARM = 1e-12
 # Lengths and distances, as shares of the size of the body, the facet or the edge that they belong to, and places on a
 # load path, that are equal although they were computed in different ways.  Choice: far above the round-off of
 # coordinates, and below what meshes in files resolve.
@@ -379,59 +359,24 @@ SAME_LENGTH = 1e-9
 # What is computed from a solution (forces, pressures, displacements, normals of facets) below this share of the largest
 # one is round-off.  Choice: solves leave up to 1e-10 of the forces.
 ZERO_IN_SOLUTION = 1e-9
-# Entries of assembled matrices and vectors that differ by less than this share of the largest one are equal.  Choice:
-# sums over quadrature points in another order leave 1e-14 to 1e-12.
-SAME_ENTRY = 1e-10
 # Strain at which residuals are compared with the sum of their integrals.  Choice: any at which all terms differ from 0.
 TRIED_STRAIN = 0.01
-# Eigenvalues and pivots below this share of the largest one are those of a singular matrix.  Choice: far above
-# round-off, far below the softest motion of a body that is held.
-SINGULAR = 1e-10
-# A part of a facet or of a cell with less than this share of its length, area or volume is none.  Choice.
-NO_PART = 1e-10
 
 # Points of Gauss' rule on a segment of the overlap of two sides in 2D, which belong to the definition of the map
 # between them: integrands are rational where normals turn, and not polynomials on curved facets.  Choice.
 POINTS_OF_PIECES = 8
-# What a projection leaves of a motion or a load below this share of it is round-off.  Choice.
+# What a projection, an assembly or an elimination leaves below this share of the largest one is round-off: entries,
+# pivots and eigenvalues of matrices, parts of facets and cells, motions and loads.  Choice: far below the softest
+# motion of a body that is held.
 NOTHING_LEFT = 1e-10
-# Entries of B differ by less than this from 1 or 0 by round-off.  Choice.
-SAME_TRACE = 1e-11
-# Forces are round-off below this share of all loads, of stiffness times displacement, or of those of the largest piece.
-# Choice: Newton's method ends at a residual as large.
+# Forces are round-off below this share of all loads, of stiffness times displacement, or of those of the largest piece,
+# and Newton's method ends at a residual as large.  Choice.
 NO_FORCE = 1e-8
-# What the balance of forces may miss of the tension of a bolt.  Choice: ten times what direct solves leave.
-BALANCED = 1e-11
-# Gaps and slips below this share of the largest one are none.  Choice: a hundred times what solves leave.
-CLOSED_GAP = 1e-6
-# Nodes and pieces that move by less than this share of the others are at rest.  Choice: as for gaps.
-AT_REST = 1e-6
-# A place on a facet, in a cell or at a vertex may be off by this share of the facet, of the cell, of the distance or of
-# the angle.  Choice.
-SAME_PLACE_IN_CELL = 1e-6
-# Drawings and files have few digits: their points are one, their faces plane and their directions parallel within this
-# share of their size or this angle in radians.  Choice: single precision.
+# Drawings and files have few digits, and so has the place of a point in a cell: points are one, faces plane and
+# directions parallel within this share of their size or this angle in radians.  Choice: single precision.
 DIGITS_OF_FILES = 1e-6
-# A vector field has no direction where it is below this share of its largest value, or parallel to the other one.
-# Choice.
-NO_DIRECTION = 1e-6
-# Axes are unit vectors at right angles if their products are those of such to this.  Choice: the round-off of vectors
-# that are nearly parallel.
-NOT_ORTHONORMAL = 1e-9
-# Steps in a reference cell or facet that end Newton's method: of points in cells; of overlaps, where the last one is
-# round-off and one below the second is the last but one, as errors are squared.  Choice.
-LAST_STEP_IN_CELL, LAST_STEP_IN_FACET, LAST_STEP_BUT_ONE = 1e-10, 1e-14, 1e-9
-# Resultants that are a smaller share of the integral of the pressure come from the mesh, not from the load.  Choice.
-RESULTANT_OF_MESH = 1e-3
-# Coordinates of mesh points that are probably meant to be one, as a share of the size of the body: check says so.
-# Choice.
-COINCIDENT_POINTS = 1e-10
-# Nodes that are closer than this share of the body's size cannot be told apart reliably.  Choice: as many digits of a
-# coordinate as a computation of it leaves.
-INDISTINGUISHABLE = 1e-11
-# Cells of this share of the body's size, and those of the next mesh, may have stiffnesses that are round-off of others.
-# Choice.
-TINY_CELL = 1e-6
+# Step in a reference facet that ends Newton's method of overlaps: round-off.  Choice.
+LAST_STEP_IN_FACET = 1e-14
 # Numbers of a scene are between these, in any units, or energies and forces overflow.  Choice.
 LARGEST_NUMBER, SMALLEST_NUMBER = 1e60, 1e-60
 # A row of a table of yield stresses that rises more steeply, in Young's moduli per plastic strain, is a mistake in
@@ -440,27 +385,17 @@ STEEPEST_HARDENING = 1e6
 
 # --- algorithms ------------------------------------------------------------------------------------------------------
 
-# Residual of a solved step of Newton's method, as a share of the forces: what is above it is no round-off.  Choice.
-RESIDUAL_TOLERANCE = 1e-8
 # A step from as far away as this many times the solution, or from forces as many times as large, leaves that many times
-# its round-off: above this share of the forces, another step follows.  Choice: a thousand units of round-off times the
-# distance.
-FAR_START, REFINED_RESIDUAL = 1e3, 1e-12
-# Where one body has smaller forces than this share of another one, solves by an old factor leave too much of them.
-# No record.
-SMALL_FORCES_OF_BODY = 1e-3
-# A friction bound that differs from the last but one by less than this share of its change has come back: an error that
-# alternates and decreases so slowly takes thousands of steps.  Choice.
-BOUND_CAME_BACK = 1e-3
+# its round-off: another step follows.  Choice.
+FAR_START = 1e3
 # Interior points: each step goes at most this share of the way to the nearest bound.  Source: usual value.
 SHARE_OF_WAY = 0.99
 # Stiffness of the foundation with which they begin, in units of the natural stiffness, and the least share of this if
 # the body is lifted far.  Beams, blisters, plates and weightless strips take the fewest solves between 1e-4 and 1e-3,
 # and three times as many on a foundation of stiffness gamma.
 SOFT_FOUNDATION, SOFTEST_FOUNDATION = 3e-4, 1e-6
-# Below the first share of the first products full steps may end the iteration; below the second one they have to.
-# Choice.
-SMALL_PRODUCT, LAST_PRODUCT = 1e-12, 1e-20
+# Below this share of the first products full steps have to end the iteration.  Choice.
+LAST_PRODUCT = 1e-20
 # Shears begin below this share of their bound.  Choice: inside.
 FIRST_SHEAR = 0.5
 # They are asked for sets after the first number of full steps, if in the last three the contact set has changed its
@@ -479,11 +414,10 @@ STEPS_LEFT_OF_FRONTS = 40
 # the second share of the points, nothing is known.  At most so many steps.  From the same problems and slender bodies.
 DECIDING_PRODUCT, DECIDING_SHARE, SETTLED_POINTS = 1e-2, 0.7, 0.005
 DECIDED_QUOTIENT, UNDECIDED_POINTS, PROPOSAL_STEPS = 0.7, 0.08, 25
-# Tolerance of a solve for the derivatives along the path: with an old factor, whose steps cost little, and with another
-# preconditioner, where it is still far below the error of the model.  Choice.
-SLOPE_TOLERANCE, ROUGH_SLOPE_TOLERANCE = 1e-10, 1e-2
+# Tolerance of a solve for the derivatives along the path without a factor: far below the error of the model.  Choice.
+ROUGH_SLOPE_TOLERANCE = 1e-2
 # Residuals are measured by forces that are at least this share of stiffness times displacement, of which
-# RESIDUAL_TOLERANCE is then still above round-off.  Choice.
+# NO_FORCE is then still above round-off.  Choice.
 ATTAINABLE_SHARE = 1e-7
 
 # --- assembly, contact boundaries and supports -----------------------------------------------------------------------
@@ -499,12 +433,6 @@ OUTSIDE_COARSER_MESH = 0.25
 ASKEW_NORMAL = 0.2
 # A rotation about a point that is so many lengths of the piece away moves it like a translation.  Choice.
 FAR_AXIS = 30.0
-# Difference of opposite edges, as a share of the shortest edge, below which the map of a cell counts as affine.  What
-# the rule with fewer points neglects is of the order of its square.  Choice.
-AFFINE_CELL = 1e-8
-# A motion whose energy is below this share of what the diagonal of the stiffness alone would give all has no strain.
-# Choice: ten times what sums over the cells of a piece lose.
-NO_STRAIN = 1e-11
 # Above this Poisson's ratio fully integrated elements lock visibly, and check says so.  Choice.
 LOCKING_POISSON = 0.45
 
@@ -532,61 +460,41 @@ ROUNDED_FORMS = 1e3
 
 # --- check: what it warns of -----------------------------------------------------------------------------------------
 
-# A curved side is well enough described if its facets are off by less than this share of what the contact is about.
-# Choice.
-FACETS_OFF = 0.1
 # Facets that meet at a larger angle (radians) have a corner between them, and are no curved side.  Choice.
 NO_CURVED_SIDE = 0.6
-# Cells of degree 1 that make a nonlinear body stiffer than it is by more than this share are warned of.  Choice: those
-# of the demos do by 5 % at most.
-TOO_STIFF = 0.1
 # A gap is far if it is this many times larger than prescribed displacements.  Choice.
 FAR_GAP = 10.0
-# A body that is strained by less than this carries next to nothing: steel, less than 2 kPa.  Choice.
-HARDLY_MOVED = 1e-8
 # --- derivatives and friction laws of users --------------------------------------------------------------------------
 
-# The iteration for chi ends at this change, relative to chi, or after so many solves.  Choice.
-ADJOINT_CHANGE, MOST_ADJOINT_SOLVES = 1e-11, 30
-# A component below this share of the displacement of its point is round-off of one that supports prescribe.  Choice.
-ADJOINT_UNMOVED = 1e-12
-# Below this share of chi a change that does not shrink is round-off.  Choice.
-ADJOINT_STALLED = 1e-6
+# Solves after which the iteration for chi ends.  Choice.
+MOST_ADJOINT_SOLVES = 30
 # Change of a datum or a Constant for a difference of residuals, relative to it, or to the natural unit of one that is
-# zero.  Choice: the cube root of the unit of round-off is best for central differences.
+# zero, and strain for a difference of energies.  Choice: the cube root of the unit of round-off is best for central
+# differences.
 DIFFERENCE_STEP = 1e-5
-# Constants of forms: half widths from which the limit is extrapolated, where the estimated error of it is small enough,
-# and what a narrow difference is wrong by at least.  Choice: smooth data settle after three to five widths; narrow
-# differences of slender bodies are wrong by 1e-5 to 7e-4.
-WIDEST_DIFFERENCE, WIDTHS_OF_DIFFERENCE, DIFFERENCE_SETTLED, NOISE_OF_DIFFERENCE = 1e-2, 6, 1e-11, 1e-5
-# A point is between two sets if it is nearer to the border than this share of the largest pressure, or of its bound.
-# Choice: a hundred times what solves leave, as for gaps.
-BETWEEN_SETS = 1e-6
-# Share of a pressure by which it is changed for differences of a law, and how far these may be from its derivative: the
-# share of the larger of both, and the round-off of differences relative to the bound.  Choice.
-PRESSURE_CHANGE, WRONG_DERIVATIVE, ROUND_OFF_OF_DIFFERENCE = 1e-6, 1e-3, 1e-8
+# Constants of forms: half widths from which the limit is extrapolated, and what a narrow difference is wrong by at
+# least.  Choice: smooth data settle after three to five widths; narrow differences of slender bodies are wrong by 1e-5
+# to 7e-4.
+WIDEST_DIFFERENCE, WIDTHS_OF_DIFFERENCE, NOISE_OF_DIFFERENCE = 1e-2, 6, 1e-5
 # A displacement that would be magnified by no more than this is drawn as it is.  Choice.
 SEEN_AS_IT_IS = 2.5
 # Share of displacement and tractions by which they are changed for a difference of a quantity of a user's own.  Choice:
 # sums of powers of pressures, which are the steepest of the package, are smooth over it.
 QUANTITY_CHANGE = 1e-4
 # What a law of a user's own says of itself is tried at about so many of its points, from this power of ten of the
-# modulus up to the modulus, at so many pressures in each decade.  It may be wrong by these shares of its bound, and of
+# modulus up to the modulus, at so many pressures in each decade.  It may be wrong by this share of
 # the slopes of its chords between neighbouring pressures.  Where it bends beyond the modulus, up to this power of ten
 # of it, its round-off is that of its bound there.  Choice.
 TRIED_POINTS, SMALLEST_PRESSURE, PRESSURES_PER_DECADE = 50, -9, 32
-WRONG_BOUND, WRONG_SLOPE, LARGEST_BEND = 1e-3, 1e-2, 12
+WRONG_SLOPE, LARGEST_BEND = 1e-2, 12
 # Ratios of the axes of an ellipse of friction beyond this, or below its inverse, leave no digits.  Choice.
 LARGEST_RATIO = 1e3
 
 # --- sections with a preload -----------------------------------------------------------------------------------------
 
-# The share of its force that friction, whose iteration ends before that is balanced, may leave of a bolt's tension.
-# Choice: as for the certificate.
-UNBALANCED_TENSION = 1e-6
-# Below this share of its force a section is loose.  It is then shortened by this many times more, and by at most that
-# many times more if it is not loose.  No record.
-LOOSE_SECTION, SHORTENED_IF_LOOSE, SHORTENED_AT_MOST = 1e-6, 4.0, 30.0
+# A loose section is shortened by this many times more, and by at most that many times more if it is not loose.
+# No record.
+SHORTENED_IF_LOOSE, SHORTENED_AT_MOST = 4.0, 30.0
 
 # --- limits of time and memory ---------------------------------------------------------------------------------------
 
@@ -639,23 +547,16 @@ OUTSIDE_HULL = (1e-9, 0.02)
 
 # Contact that is stiffer than this times E over the size of the body is hard to four digits: a draft says so.  Choice.
 HARD_CONTACT = 1e4
-# Forces at nodes that differ by less than this share of the largest from those of a uniform traction are those; points
-# and moments that differ by its square are the same.  Choice: decks have few digits.
-ALIKE_IN_DECK = 1e-3
 
 # --- contact between two bodies --------------------------------------------------------------------------------------
 
 # Share of the size of a side by which the bodies may overlap.  Choice: more is a mistake in a scene.
 DEEPEST_OVERLAP = 0.2
-# Share of its area by which a facet may be covered too much by round-off.  Choice.
-COVERED_TWICE = 1e-3
 # Share of its weight that a function must keep to carry a point.  No record.
 KEPT_WEIGHT = 0.03
 # Share of its weight from which a function of sides that slide is all its own: below it turns evenly into a mean of
 # those beside it, which it is at the share above.  Choice.
 WHOLE_WEIGHT = 0.15
-# What a function that has turned into others' still takes of those beside it, relative to one that has not.  Choice.
-PASSED_ON = 1e-3
 # Share of a held point of one side that is over held nodes of the other side, above which nothing can move it.  Choice.
 MOSTLY_HELD = 0.5
 # The direction and the normal of a facet enclose an angle with at most this tangent.  Choice: 45 degrees.
@@ -670,20 +571,12 @@ PARTNERS_REACH = 0.2
 FACETS_OF_KEPT_PARTNERS = 0.5
 # Share of the area of a point below which it is beyond the end of the other side.  Choice.
 LEAST_SEEN = 0.5
-# The share of the contact force that is notable at points beyond it.  Choice: with a quarter of the force there, that
-# of coarse meshes differs by 2 to 4 % from the one with the points on the other side.
-PAST_THE_END = 0.1
-# A node that lies under a sliver of a point stands for at least this share of it: a stress is a force over an area.
-# Choice.
-SLIVER = 1e-3
 
 # --- certificate and statements on results ---------------------------------------------------------------------------
 
-# The certificate does not hold if a violation exceeds this share of the solution's own scale.  No record.
+# The certificate does not hold if a violation exceeds this share of the solution's own scale; gaps, motions, forces and
+# vectors below it are none, and points as near to the border of two sets are between them.  No record.
 CERTIFICATE_TOLERANCE = 1e-6
-# Strains, rotations and displacements (relative to the size of the body) above which the terms that linear elasticity
-# neglects are notable: the neglected part of the strain is half of this share.  Choice.
-SMALL_DEFORMATION = 0.1
 # With fewer nodes in contact neither the ends of the zone nor the largest pressure are reliable.  No record.
 FEW_NODES = 8
 # So few nodes of a boundary carry forces, and their pressures are those over a facet: the answer itself says so.
@@ -700,9 +593,6 @@ UNITS_OF_PLACES = 10.0
 # A linear solve leaves at most so many times what units in the last place of the displacement leave, which is estimated
 # from so many random signs.  Choice: one to five, by any factorisation.
 LAST_DIGITS, ROUNDINGS = 10.0, 4
-# Contact stresses below this share of the mean stress in the body cannot be distinguished from zero, nor can forces
-# below this share of the reactions of its supports.  Choice.
-NEGLIGIBLE = 1e-3
 # A boundary is closed if the sum of its normals, by their areas, is a smaller share of its area: on straight facets of
 # unequal lengths it is no exact zero.  Choice.
 CLOSED_BOUNDARY = 0.01
@@ -710,11 +600,6 @@ CLOSED_BOUNDARY = 0.01
 BESIDE_VERTEX = 1.01
 # Angles within a body that differ by less than these degrees are equal.  Choice.
 SAME_ANGLE = 1.0
-# Share of what has been added since the last factor by which a limit is passed to be proved: well above the round-off
-# of statics.  Choice.
-BEYOND_LIMIT = 1e-6
-# Two values of a stress that are closer to each other than this share do not say how many digits it has.  Choice.
-CLOSE_STRESSES = 1e-3
 # Times the yield stress above which a share is no longer told in per cent.  Choice.
 FAR_ABOVE_YIELD = 10.0
 
@@ -772,17 +657,14 @@ ALONG_AXIS, UPRIGHT = 0.99, 0.9
 
 # --- nonlinear bodies -------------------------------------------------------------------------------------------------
 
-# After an increment of Newton's method below this share of the largest displacement, or below the second of the size of
-# the body, the certificate is asked: with quadratic convergence the next one would be round-off.  Choice.
-SMALL_INCREMENT, LEAST_INCREMENT = 1e-8, 1e-13
+# After an increment of Newton's method below this share of the size of the body the certificate is asked.  Choice.
+LEAST_INCREMENT = 1e-13
 # After an increment below the first share of the largest displacement, and the second of the one before, the next one
 # has the same tangent.  Choice.
 KEPT_TANGENT = 3e-5, 0.1
 # Shares of the first slope up to which a whole increment and a shortened one are accepted.  Source: a prototype on a
 # disc with J2 plasticity, which fails without a line search.
 WHOLE_SLOPE, SHORTENED_SLOPE = 0.5, 0.3
-# Increments below this share of the displacement are not shortened: their slopes are round-off.  Choice.
-NO_LINE_SEARCH = 1e-6
 # Evaluations of the residual in a line search, and the share of a bracket that its next point keeps from the ends.
 # Choice.
 LINE_SEARCH_STEPS, BRACKET_MARGIN = 12, 0.1
@@ -805,10 +687,8 @@ FEW_NEWTON_ITERATIONS, STEP_GROWTH, SMALLEST_STEP = 6, 1.5, 1 / 256
 CYCLING_INCREMENT = 0.25
 # What a slip loses, as a share, as its tangent plane turns by the way to a hollow shape, at most.  Choice.
 MOST_TURNED = -0.5
-# One minus the cosine of the angle up to which a shear is along its slip.  Choice: elastic slip of the regularisation.
-ALONG_SLIP = 1e-3
-# Differences of distances and normals of shapes are taken over this share of the size of the body.  Choice, from
-# round-off.
+# Differences of distances and normals of shapes are taken over this share of the size of the body, those of laws over
+# this share of the pressure.  Choice, from round-off.
 NORMAL_DIFFERENCE = 1e-6
 # Below this relative difference of two stretches squared a series takes the place of powers of both: their difference
 # loses as many digits as the series leaves out.  Choice, from both errors.
@@ -816,9 +696,6 @@ EQUAL_STRETCHES = 0.01
 # Below this distance from one a series takes the place of powers and logarithms less their tangents, up to this power
 # of the distance: their difference loses as many digits as the series leaves out.  Choice, from both errors.
 NEAR_ONE, TERMS_NEAR_ONE = 1e-3, 6
-# The strain over which the energy of a material is differentiated to try its stress, and the share of its modulus up to
-# which both agree.  Choice: the difference errs by its square and by round-off over it.
-ENERGY_DIFFERENCE, SAME_STRESS = 1e-5, 1e-6
 # Relative error of the eigenvalue whose vector shows where an instability begins.  Choice: it is shown in words.
 UNSTABLE_DIRECTION = 0.01
 # What holds a contact point where the inertia of the tangent is looked at, in units of the largest entry on the
@@ -868,9 +745,8 @@ TRIED_STRAINS = (0.0, 1e-3, 0.02, 0.2)
 JUDGED_SAME_PLACE = 1e-5
 # CalculiX has of a body of revolution a sector that reaches so far to both sides, radians.
 HALF_SECTOR_OF_CALCULIX = 3.141592653589793 / 180
-# Of supports, relative to the largest displacement: 4e-7 is reached.  Digits of print that are needed: three leave 1e-2
-# of the energy norm.
-JUDGED_SUPPORTS, JUDGED_DIGITS = 1e-3, 4
+# Digits of print that are needed: three leave 1e-2 of the energy norm.
+JUDGED_DIGITS = 4
 # The last increment of a result ends with the step up to this share of its time.  Choice.
 JUDGED_SAME_TIME = 1e-4
 # Factors of units in powers of ten: a thousand, but no load or modulus that is tried.

@@ -20,7 +20,7 @@ from signorini_fx import solve
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, generate_mesh
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.scene import Scene
-from signorini_fx.tuned import KRYLOV_TOLERANCE
+from signorini_fx.tuned import LEFT_BY_SOLVES
 
 YOUNG, POISSON = 5000.0, 0.4
 TRACTION = {"y": 4.0, "z": -20.0}  # on 1 <= x[0] <= 2 of the top
@@ -96,7 +96,7 @@ def linear(nx: int) -> Run:
     ksp.setOperators(matrix)
     ksp.setType(PETSc.KSP.Type.CG)
     ksp.setNormType(PETSc.KSP.NormType.UNPRECONDITIONED)
-    ksp.setTolerances(rtol=KRYLOV_TOLERANCE, max_it=1000)
+    ksp.setTolerances(rtol=LEFT_BY_SOLVES, max_it=1000)
     ksp.getPC().setType(PETSc.PC.Type.GAMG)
     x = load.duplicate()
     ksp.solve(load, x)

@@ -24,7 +24,7 @@ from signorini_fx.mechanics.rigid.rigid_bodies import Driven
 from signorini_fx.mechanics.scales import Scales
 from signorini_fx.mechanics.statement.settings import SolverSettings
 from signorini_fx.records import Inventory
-from signorini_fx.tuned import SAME_ENTRY
+from signorini_fx.tuned import NOTHING_LEFT
 
 Array = npt.NDArray[np.float64]
 
@@ -127,7 +127,7 @@ def check_energy(matrix: PETSc.Mat, owned: int, *, definite: bool = True, symmet
     size = forces.norm()
     if not np.isfinite(size):
         raise MatrixError(MatrixFault.NOT_FINITE)
-    if symmetric and abs(forces.dot(y) - forces_of_y.dot(x)) > SAME_ENTRY * size:
+    if symmetric and abs(forces.dot(y) - forces_of_y.dot(x)) > NOTHING_LEFT * size:
         raise MatrixError(MatrixFault.NOT_SYMMETRIC)
     if not definite:
         return

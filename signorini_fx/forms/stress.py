@@ -21,7 +21,7 @@ from signorini_fx.mechanics.kinematics import CARTESIAN
 from signorini_fx.mechanics.mesh.section import is_section
 from signorini_fx.records import Inventory
 from signorini_fx.results.interpolation import interpolated
-from signorini_fx.tuned import SAME_ENTRY
+from signorini_fx.tuned import NOTHING_LEFT
 
 if TYPE_CHECKING:
     from signorini_fx.mechanics.body.element_stress import ElementStress
@@ -137,7 +137,7 @@ def isotropic_moduli(
     isotropic[:, :dim, :dim] = lame[:, None, None]
     diagonal = np.arange(within.shape[2])
     isotropic[:, diagonal, diagonal] += np.where(diagonal < dim, 2.0, 1.0) * mu[:, None]
-    apart = np.abs(within - isotropic).max(initial=0.0) > SAME_ENTRY * np.abs(within).max(initial=0.0)
+    apart = np.abs(within - isotropic).max(initial=0.0) > NOTHING_LEFT * np.abs(within).max(initial=0.0)
     if parallel.any_rank(mesh.comm, bool(apart)):
         return None
     functions = []

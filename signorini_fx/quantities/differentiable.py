@@ -21,7 +21,7 @@ from signorini_fx.mechanics.mesh.points import cells_of_points
 from signorini_fx.mechanics.model import Model
 from signorini_fx.quantities.functional import Functional
 from signorini_fx.quantities.requests import axis_of, contact_of, power_of, requested
-from signorini_fx.tuned import SAME_PLACE_IN_CELL
+from signorini_fx.tuned import DIGITS_OF_FILES
 
 Array = npt.NDArray[np.float64]
 
@@ -54,7 +54,7 @@ class OfDisplacement:
         mesh, dim = space.mesh, space.mesh.geometry.dim
         x = np.zeros((1, 3))
         x[0, :dim] = point
-        cells, reference_points, gap = cells_of_points(mesh, x, SAME_PLACE_IN_CELL)
+        cells, reference_points, gap = cells_of_points(mesh, x, DIGITS_OF_FILES)
         gaps = mesh.comm.allgather(float(gap[0]))
         if np.isinf(min(gaps)):
             return None

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from signorini_fx.tuned import CLOSE_STRESSES
+from signorini_fx.tuned import NEGLIGIBLE
 
 # Digits of a figure without an estimate, and the most that are shown of one with an estimate.
 _UNKNOWN, _MOST_DIGITS = 4, 6
@@ -30,7 +30,7 @@ def between(stress: Mapping[str, Any]) -> float | None:
     if None in values or not max(values) > 0:
         return None
     apart = float((max(values) - min(values)) / max(values))
-    return apart if apart > CLOSE_STRESSES else None
+    return apart if apart > NEGLIGIBLE else None
 
 
 def figure(value: Any, error: float | None = None) -> str:

@@ -14,7 +14,7 @@ from signorini_fx.mechanics.statement.units import with_unit
 from signorini_fx.quantities.digits import between, figure
 from signorini_fx.quantities.validity import validity_of
 from signorini_fx.records import Status
-from signorini_fx.tuned import FAR_ABOVE_YIELD, RESULTANT_OF_MESH
+from signorini_fx.tuned import FAR_ABOVE_YIELD, NEGLIGIBLE
 
 # Rows of a list that the terminal shows.
 MOST_ROWS = 8
@@ -80,7 +80,7 @@ def friction_in_words(row: dict[str, Any]) -> str:
     and the largest possible value.
     """
     force, limit = f"{row['tangential_force']:.6g}", row["friction_limit"]
-    if row["friction_moment"] is not None and row["tangential_force"] < RESULTANT_OF_MESH * row["pressure_integral"]:
+    if row["friction_moment"] is not None and row["tangential_force"] < NEGLIGIBLE * row["pressure_integral"]:
         force = f"a moment of {np.linalg.norm(row['friction_moment']):.6g} about its middle"
         limit = row["moment_limit"]
     return f"{force} of at most {limit:.6g}" if np.isfinite(limit) else f"{force} in a bond"

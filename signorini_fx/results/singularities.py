@@ -30,7 +30,7 @@ from signorini_fx.mechanics.elasticity.moduli import of_materials
 from signorini_fx.mechanics.loads.supports import on_axis
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.effect import Force, InitialStrain
-from signorini_fx.tuned import BESIDE_VERTEX, CORNER_ANGLE, SAME_ANGLE, SAME_POSITION
+from signorini_fx.tuned import BESIDE_VERTEX, CORNER_ANGLE, ROOT_OF_EPS, SAME_ANGLE
 
 Array = npt.NDArray[np.float64]
 
@@ -95,7 +95,7 @@ def why_no_limit(body: Model, point: tuple[float, ...], step: float = 0.0) -> st
         if facet_a.piece != facet_b.piece:
             continue
         distance = np.linalg.norm(facet_a.vertices[:, None] - facet_b.vertices[None], axis=2)
-        first, _ = np.nonzero(distance <= SAME_POSITION * body.tagged.size)
+        first, _ = np.nonzero(distance <= ROOT_OF_EPS * body.tagged.size)
         size = min(facet_a.size, facet_b.size)
         near = np.linalg.norm(facet_a.vertices[first] - point, axis=1) <= BESIDE_VERTEX * size
         if len(first) == body.tagged.dimension - 1 and near.any():

@@ -22,7 +22,7 @@ from signorini_fx.mechanics.contact_points.contact_boundary import ContactBounda
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodies, RigidBodyMotion
 from signorini_fx.results.certificate.law_of_method import Law, PreviousStep, Tractions
-from signorini_fx.tuned import SAME_DIRECTION
+from signorini_fx.tuned import ROOT_OF_EPS
 
 
 @dataclass(frozen=True)
@@ -263,7 +263,7 @@ def rotations(earlier: Array, later: Array, spin: Array | None = None) -> Array:
         earlier = np.einsum("nij,nj->ni", spin, earlier)
     identity, cosine, both = np.eye(later.shape[1]), np.einsum("ni,ni->n", earlier, later), earlier + later
     # A plane that has turned over has no least rotation: then directions stay as they are.
-    turns = (earlier != later).any(axis=1) & (1 + cosine > SAME_DIRECTION)
+    turns = (earlier != later).any(axis=1) & (1 + cosine > ROOT_OF_EPS)
     across = np.einsum("ni,nj->nij", both, both) / np.where(turns, 1 + cosine, 1.0)[:, None, None]
     rotation = identity + np.where(turns[:, None, None], 2 * np.einsum("ni,nj->nij", later, earlier) - across, 0.0)
     return np.asarray(rotation if spin is None else rotation @ spin)

@@ -22,7 +22,7 @@ from signorini_fx.results.step_result import StepResult
 from signorini_fx.solving.loose_bodies import explained
 from signorini_fx.solving.ramp import Increments
 from signorini_fx.solving.stepped_body import BegunStep, LoadStep, SteppedBody
-from signorini_fx.tuned import BEYOND_LIMIT
+from signorini_fx.tuned import CERTIFICATE_TOLERANCE
 
 if TYPE_CHECKING:
     from signorini_fx.solving.checkpointed_steps import MeshCheckpoint
@@ -212,7 +212,7 @@ def _load_at(begun: BegunStep, path_step: float, path: Increments) -> Nodal:
         task.system.set_load(body.load(task.system, at))
         return no_balance(start.law, start.data.bilateral, task.motions, task.system.resultant) is not None
 
-    beyond = path_step + BEYOND_LIMIT * (path_step - floor(path_step))
+    beyond = path_step + CERTIFICATE_TOLERANCE * (path_step - floor(path_step))
     if proved(path_step) or not proved(beyond):
         return body.load(task.system, path_step)
     time = body.path.time_at(path_step)

@@ -38,10 +38,11 @@ from signorini_fx.solving.coarser_solution import Unsolved
 from signorini_fx.solving.finer_meshes import Meshes
 from signorini_fx.solving.meshed_problem import SolvedMesh
 from signorini_fx.tuned import (
+    DIGITS_OF_FILES,
     FEW_NODES,
     FEWEST_MESHES,
-    INDISTINGUISHABLE,
     LARGEST_GAMMA,
+    LEFT_BY_SOLVES,
     MARGIN,
     MARGIN_OF_OTHERS,
     MEMORY_SHARE,
@@ -49,7 +50,6 @@ from signorini_fx.tuned import (
     REGULARISATION_SHARE,
     SMALLEST_JUMP,
     SMALLEST_REMADE_JUMP,
-    TINY_CELL,
 )
 
 # The field with the polygon's error of a quantity.
@@ -224,7 +224,7 @@ def _out_of_reach(goal: Accuracy, levels: list[LevelResult], margin: float, size
         )
     spacings = [np.diff(table.arc(path)) for path in table.paths if len(path) > 1]
     spacing = min((float(lengths.min()) for lengths in spacings), default=inf)
-    if spacing < INDISTINGUISHABLE * size:
+    if spacing < LEFT_BY_SOLVES * size:
         return (
             "the contact pressure is so steep at a corner that round-off comes before the accuracy; it may have no "
             "finite norm there: ask for a force or the energy, or round off the corner"
@@ -297,7 +297,7 @@ def _estimate_on_one(level: LevelResult, goal: Accuracy) -> float | None:
 
 def _is_tiny(level: LevelResult, size: float) -> bool:
     """Whether a contact point of a mesh stands for so small an area that round-off may be why the next mesh fails."""
-    return float(level.table.columns["weight"].min()) < (TINY_CELL * size) ** (level.dimension - 1)
+    return float(level.table.columns["weight"].min()) < (DIGITS_OF_FILES * size) ** (level.dimension - 1)
 
 
 def _seen_rate(levels: list[LevelResult]) -> float:

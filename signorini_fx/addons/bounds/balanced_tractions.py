@@ -17,7 +17,7 @@ import numpy as np
 
 from signorini_fx.addons.bounds.arrays import Array
 from signorini_fx.quantities.proved_statements import Refused
-from signorini_fx.tuned import BALANCING_STEPS, SINGULAR
+from signorini_fx.tuned import BALANCING_STEPS, NOTHING_LEFT
 
 
 @dataclass
@@ -106,12 +106,12 @@ def balanced(loads: Array, contacts: list[AdmissibleTractions], small: Array) ->
             return tractions
         slope = sum((contact.slope(y) for contact in contacts), np.zeros((len(y), len(y))))
         # Where the vertices that carry resist no motion that is not balanced, the step is along it, as far as others.
-        resisted = slope + SINGULAR * sum(contact.resistance for contact in contacts) * np.eye(len(y))
+        resisted = slope + NOTHING_LEFT * sum(contact.resistance for contact in contacts) * np.eye(len(y))
         step, length = np.linalg.lstsq(resisted, unbalanced, rcond=None)[0], 1.0
         while True:
             tractions, unbalanced, reached = tried(y + length * step)
             # Near the maximum its change is round-off, which says nothing; what is not balanced does.
-            if reached >= value or length < SINGULAR or imbalance(unbalanced) < last:
+            if reached >= value or length < NOTHING_LEFT or imbalance(unbalanced) < last:
                 break
             length /= 2
         y, value = y + length * step, reached

@@ -12,7 +12,7 @@ import numpy as np
 
 from signorini_fx.addons.bounds.arrays import Array, Ints
 from signorini_fx.addons.bounds.simplices import Simplices
-from signorini_fx.tuned import SINGULAR
+from signorini_fx.tuned import NOTHING_LEFT
 
 
 def rigid_motions(x: Array) -> Array:
@@ -47,7 +47,7 @@ def free_motions(t: Simplices, held: Array) -> Array:
         facets = held_facets[of_facet == piece]
         rows = np.einsum("fij,fajk->faik", held[facets], modes[t.facets[facets]]).reshape(-1, modes.shape[2])
         values, vectors = np.linalg.eigh(rows.T @ rows / max(len(rows), 1))
-        free = vectors[:, values <= SINGULAR * max(values[-1], 1.0)]
+        free = vectors[:, values <= NOTHING_LEFT * max(values[-1], 1.0)]
         bases.append(np.linalg.qr(modes.reshape(-1, modes.shape[2]) @ free)[0])
     return np.concatenate(bases, axis=1)
 

@@ -17,7 +17,7 @@ from scipy.spatial import cKDTree
 from signorini_fx.addons.bounds.arrays import Array, Ints
 from signorini_fx.addons.bounds.facets import bernstein, coefficients
 from signorini_fx.addons.bounds.simplices import EDGES_OF_FACET, Simplices, closest_linear
-from signorini_fx.tuned import NO_PART, SAME_DIRECTION, SAME_LENGTH
+from signorini_fx.tuned import NOTHING_LEFT, ROOT_OF_EPS, SAME_LENGTH
 
 _EPS = float(np.finfo(float).eps)
 # Sides of a contact: that with the contact points, and the other one.
@@ -61,7 +61,7 @@ class ContactParts:
         """
         along = t.normal[slave[0]]
         tiny = SAME_LENGTH * float(np.ptp(t.x, axis=0).max())
-        flat = max(np.abs(t.normal[slave] - along).max(), np.abs(t.normal[master] + along).max()) <= SAME_DIRECTION
+        flat = max(np.abs(t.normal[slave] - along).max(), np.abs(t.normal[master] + along).max()) <= ROOT_OF_EPS
         flat &= max(float(np.ptp(t.x[t.facets[side]] @ along)) for side in (slave, master)) <= tiny
         matching = cls._matching(t, slave, master, t.x - np.outer(t.x @ along, along) if flat else t.x, tiny)
         if not flat or len(matching.area) == len(slave):
@@ -71,7 +71,7 @@ class ContactParts:
         pairs = _near(*places)
         corners, number = _shared(places[0][pairs[:, 0]], places[1][pairs[:, 1]])
         of, area = pairs[number], np.abs(_sizes(corners))
-        positive = area > NO_PART * t.area[slave[of[:, 0]]]
+        positive = area > NOTHING_LEFT * t.area[slave[of[:, 0]]]
         corners, of, area = corners[positive], of[positive], area[positive]
         numbers = [np.unique(of[:, side], return_inverse=True) for side in (SLAVE, MASTER)]
         return cls(

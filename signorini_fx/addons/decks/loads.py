@@ -15,7 +15,7 @@ from signorini_fx.addons.decks.text import ROTATIONS, DeckBlock, DeckError, comp
 from signorini_fx.mechanics.mesh.files.arrays import plain
 from signorini_fx.mechanics.mesh.files.cells import completed
 from signorini_fx.mechanics.mesh.files.shape import Floats, Ints, nodal_measures
-from signorini_fx.tuned import ALIKE_IN_DECK
+from signorini_fx.tuned import NEGLIGIBLE
 
 _AXES = {1: "x", 2: "y", 3: "z"}
 _LOADS = ("CLOAD", "DLOAD", "DSLOAD")
@@ -189,7 +189,7 @@ def read_forces(deck: Deck, block: DeckBlock) -> None:
         if where is None or component in deck.given_singly or not deck.kinematics.uniform:
             _push_singly(deck, block, group, axis, factor)
             continue
-        total = 0.0 if abs(values.sum()) < ALIKE_IN_DECK**2 * np.abs(values).sum() else factor * float(values.sum())
+        total = 0.0 if abs(values.sum()) < NEGLIGIBLE**2 * np.abs(values).sum() else factor * float(values.sum())
         uniform = _uniform(deck, where, rows, values)
         if uniform is not None:
             _set_load(deck, DeckLoad("traction", where, (axis,), block), factor * uniform / deck.thickness)
@@ -217,7 +217,7 @@ def _uniform(deck: Deck, where: str, rows: Ints, values: Floats) -> float | None
     forces = np.zeros(len(areas))
     forces[np.searchsorted(deck.numbers, rows)] = values
     value = float(forces.sum() / areas.sum())
-    return None if np.abs(forces - value * areas).max() > ALIKE_IN_DECK * np.abs(forces).max() else value
+    return None if np.abs(forces - value * areas).max() > NEGLIGIBLE * np.abs(forces).max() else value
 
 
 def _areas(deck: Deck, where: str) -> Floats:
@@ -231,14 +231,14 @@ def _areas(deck: Deck, where: str) -> Floats:
 
 def _like_an_even_one(deck: Deck, where: str, rows: Ints, values: Floats, axis: str) -> bool:
     """Whether forces at nodes along an axis are all the same, and have the moment of an even traction on a boundary."""
-    if np.ptp(values) > ALIKE_IN_DECK * np.abs(values).max():
+    if np.ptp(values) > NEGLIGIBLE * np.abs(values).max():
         return False
     areas = _areas(deck, where)
     x = deck.mesh.points[np.searchsorted(deck.numbers, rows)]
     apart = values @ x / values.sum() - areas @ deck.mesh.points / areas.sum()
     apart[deck.axes.index(axis)] = 0.0
     size = np.linalg.norm(np.ptp(deck.mesh.points[areas != 0], axis=0))
-    return bool(np.linalg.norm(apart) <= ALIKE_IN_DECK * size)
+    return bool(np.linalg.norm(apart) <= NEGLIGIBLE * size)
 
 
 def _unit(vector: list[float]) -> tuple[float, ...]:

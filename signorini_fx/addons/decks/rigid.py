@@ -11,7 +11,7 @@ from signorini_fx.addons.decks.content import Deck, plain_name
 from signorini_fx.addons.decks.text import DeckBlock, real
 from signorini_fx.mechanics.mesh.files.arrays import plain
 from signorini_fx.mechanics.mesh.files.shape import Floats
-from signorini_fx.tuned import DIGITS_OF_FILES, ZERO_SUM
+from signorini_fx.tuned import DIGITS_OF_FILES, SAME_NUMBER
 
 _PIECES = 64  # straight ones that an arc of a rigid surface becomes
 
@@ -180,5 +180,5 @@ def _plane(points: Floats) -> tuple[Floats, Floats] | None:
     small = DIGITS_OF_FILES * sizes[0]
     if len(points) < points.shape[1] or sizes[-2] <= small or sizes[-1] > small:
         return None
-    normal = np.where(np.abs(axes[-1]) < ZERO_SUM, 0.0, axes[-1])
+    normal = np.where(np.abs(axes[-1]) < SAME_NUMBER, 0.0, axes[-1])
     return middle, np.asarray(normal / np.linalg.norm(normal))

@@ -35,7 +35,7 @@ from signorini_fx.algebra.linalg.failures import unprinted
 from signorini_fx.algebra.problem.tangent import ContactTangent
 from signorini_fx.errors import SignoriniError
 from signorini_fx.machine import parallel
-from signorini_fx.tuned import ADJOINT_CHANGE, ADJOINT_STALLED, ADJOINT_UNMOVED, MOST_ADJOINT_SOLVES
+from signorini_fx.tuned import CERTIFICATE_TOLERANCE, LEFT_BY_SOLVES, MOST_ADJOINT_SOLVES, SAME_NUMBER
 
 
 class AdjointError(SignoriniError):
@@ -186,7 +186,7 @@ class TransposedTangent:
             moved = np.column_stack(contact.traces(psi))
             untied = moved - by_traction
             # A traction cannot move what supports prescribe, and so without regularisation it is none of the unknowns.
-            unmoved = (np.abs(moved) <= ADJOINT_UNMOVED * length(moved)[:, None]) & law.exact
+            unmoved = (np.abs(moved) <= SAME_NUMBER * length(moved)[:, None]) & law.exact
             step = law.gamma * np.where(unmoved, 0.0, law.tied_tractions(untied))
             chi = chi + step
             change, size = (parallel.largest(right.comm, np.abs(values)) for values in (step, chi))
@@ -195,14 +195,14 @@ class TransposedTangent:
             round_off = np.finfo(float).eps * parallel.largest(right.comm, terms)
             if not np.isfinite(change):
                 raise AdjointError("the tangent at the solution is singular: there is no derivative")
-            stalls = change > 0.5 * last and change <= ADJOINT_STALLED * size
-            settled = change <= max(ADJOINT_CHANGE * size, round_off)
+            stalls = change > 0.5 * last and change <= CERTIFICATE_TOLERANCE * size
+            settled = change <= max(LEFT_BY_SOLVES * size, round_off)
             if not law.exact or settled or stalls or solves >= MOST_ADJOINT_SOLVES:
                 break
             last = change
             residual.set(0.0)
             _add(contact, -step, residual)  # the smaller it is the less a Krylov method has to do
-        if law.exact and change > max(ADJOINT_STALLED * size, round_off):
+        if law.exact and change > max(CERTIFICATE_TOLERANCE * size, round_off):
             raise AdjointError(
                 f"the tractions of the adjoint problem still change by {change / size:.0e} of their size "
                 f"after {solves} solves: there is no derivative; larger gamma_n and gamma_t need fewer"

@@ -41,7 +41,7 @@ from signorini_fx.mechanics.rigid.rigid_bodies import Driven
 from signorini_fx.quantities.differentiable import ContactForce
 from signorini_fx.quantities.functional import Functional
 from signorini_fx.results.step_frames import turned
-from signorini_fx.tuned import QUANTITY_CHANGE, ROUND_OFF_OF_DIFFERENCE, WRONG_DERIVATIVE
+from signorini_fx.tuned import NEGLIGIBLE, QUANTITY_CHANGE, ROOT_OF_EPS
 
 Array = npt.NDArray[np.float64]
 # The derivatives by a datum of what of a load step depends on it explicitly, with those of some quantities.
@@ -106,7 +106,7 @@ class SolvedStep:
                 raise FormError([("contact.friction", reason)])
             boundary, turns = (
                 state.boundary,
-                (turning[0] != 0.0).any() or (np.abs(turning[1]) > ROUND_OFF_OF_DIFFERENCE).any(),
+                (turning[0] != 0.0).any() or (np.abs(turning[1]) > ROOT_OF_EPS).any(),
             )
             if parallel.any_rank(body.comm, bool(turns) and not np.array_equal(boundary.tangents, boundary.cotangents)):
                 reason = (
@@ -165,7 +165,7 @@ class SolvedStep:
         local += 0.0 if row is None else row @ motion.x.array[: row.size]
         claimed, width = float(parallel.global_sum(boundary.comm, np.array(local))), QUANTITY_CHANGE
         difference, now = (value(width) - value(-width)) / (2 * width), value(0.0)
-        allowed = WRONG_DERIVATIVE * max(abs(claimed), abs(difference)) + ROUND_OFF_OF_DIFFERENCE * abs(now)
+        allowed = NEGLIGIBLE * max(abs(claimed), abs(difference)) + ROOT_OF_EPS * abs(now)
         if not abs(claimed - difference) <= allowed:
             raise SceneError(
                 [

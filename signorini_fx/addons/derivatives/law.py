@@ -19,7 +19,7 @@ from signorini_fx.algebra.contact.nodal_vectors import Nodal, inner, length, uni
 from signorini_fx.algebra.contact.state import PointState
 from signorini_fx.errors import FormError
 from signorini_fx.machine import parallel
-from signorini_fx.tuned import BETWEEN_SETS, PRESSURE_CHANGE, ROUND_OFF_OF_DIFFERENCE, WRONG_DERIVATIVE
+from signorini_fx.tuned import CERTIFICATE_TOLERANCE, NEGLIGIBLE, NORMAL_DIFFERENCE, ROOT_OF_EPS
 
 
 @dataclass(frozen=True)
@@ -113,7 +113,7 @@ def linearised(
     if not exact:
         reach = np.maximum(along + (0.0 if before is None else inner(slip, before)), bound)
     else:  # where the slip is hardly any the shear turns as if it were regularised
-        reach = np.maximum(along, bound * BETWEEN_SETS)
+        reach = np.maximum(along, bound * CERTIFICATE_TOLERANCE)
     share = gamma[1] * np.divide(bound, reach, out=np.zeros(count), where=reach > 0)
     turning = np.zeros_like(spread)
     turning[:, 1:, 1:] = share[:, None, None] * (np.eye(tangents) - slip[:, :, None] * slip[:, None, :])
@@ -128,9 +128,9 @@ def _between(
     comm = state.points.comm
     largest = parallel.largest(comm, np.abs(state.pressure))
     size = np.where(state.in_contact, state.pressure, gamma[0] * (state.u_n - state.gap))
-    opening = ~state.bilateral & (np.abs(size) <= BETWEEN_SETS * largest)
+    opening = ~state.bilateral & (np.abs(size) <= CERTIFICATE_TOLERANCE * largest)
     bound = np.where(np.isfinite(state.bound), state.bound, 0.0)
-    tolerance = BETWEEN_SETS * bound
+    tolerance = CERTIFICATE_TOLERANCE * bound
     stopping = slips & (gamma[1] * length(state.xi) <= tolerance)
     starting = sticks & np.isfinite(state.bound) & (bound - length(state.shear) <= tolerance)
     return int(parallel.global_sum(comm, np.array(np.count_nonzero(opening | stopping | starting))))
@@ -139,10 +139,10 @@ def _between(
 def _check_derivative(state: PointState, law: PointFriction, slope: Nodal, where: npt.NDArray[np.bool_]) -> None:
     """Whether the derivative of the bound is between its differences to both sides; collective."""
     pressure, bound = state.pressure, law.bound(state.pressure)
-    step = np.where(where, PRESSURE_CHANGE * pressure, 1.0)
+    step = np.where(where, NORMAL_DIFFERENCE * pressure, 1.0)
     above, below = ((law.bound(pressure + sign * step) - bound) / (sign * step) for sign in (1, -1))
     largest = np.maximum(np.maximum(np.abs(above), np.abs(below)), np.abs(slope))
-    tolerance = WRONG_DERIVATIVE * largest + ROUND_OFF_OF_DIFFERENCE * np.abs(bound) / np.where(where, pressure, 1.0)
+    tolerance = NEGLIGIBLE * largest + ROOT_OF_EPS * np.abs(bound) / np.where(where, pressure, 1.0)
     wrong = where & ~((slope >= np.minimum(above, below) - tolerance) & (slope <= np.maximum(above, below) + tolerance))
     error = None
     if wrong.any():

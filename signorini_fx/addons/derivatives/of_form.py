@@ -24,8 +24,8 @@ from signorini_fx.mechanics.model import Model
 from signorini_fx.quantities.differentiable import functional_of
 from signorini_fx.quantities.functional import Functional, Gradient
 from signorini_fx.tuned import (
-    DIFFERENCE_SETTLED,
     DIFFERENCE_STEP,
+    LEFT_BY_SOLVES,
     NOISE_OF_DIFFERENCE,
     WIDEST_DIFFERENCE,
     WIDTHS_OF_DIFFERENCE,
@@ -118,7 +118,7 @@ def extrapolated(slope: Callable[[float], float], unit: float) -> float:
             if change < error:
                 best, error = row[-1], change
         rows.append(row)
-        if error <= DIFFERENCE_SETTLED * abs(best):
+        if error <= LEFT_BY_SOLVES * abs(best):
             break
     return best
 

@@ -24,10 +24,10 @@ from signorini_fx.tuned import (
     JUDGED_INCREMENTS,
     JUDGED_LEFT,
     JUDGED_SAME_TIME,
-    JUDGED_SUPPORTS,
     JUDGED_SURELY_LEFT,
     JUDGED_UNITS,
     MARGIN_OF_OTHERS,
+    NEGLIGIBLE,
 )
 
 # With reduced integration there are as many points as with cells twice as large, on which the error is so much larger.
@@ -162,7 +162,7 @@ class _Judging:
         if self.figures["supports"]["value"] > self.figures["supports"]["threshold"]:
             return VIOLATES + "supports", violated["supports"]
         on_mesh = ours.norm(v - ours.displacement)
-        if on_mesh <= printed + JUDGED_SUPPORTS * size:
+        if on_mesh <= printed + NEGLIGIBLE * size:
             return AGREES, ""
         if distance > allowed and self._in_increments() <= allowed:
             self.lines["distance"] += f"; solved in {JUDGED_INCREMENTS} increments, within the error"
@@ -217,7 +217,7 @@ class _Judging:
         if steps and min(steps) <= enough:
             number = int(np.argmin(steps))
             return f"it is the end of load step {number + 1} {names[number]}".rstrip()
-        found: FoundAlternative | None = nearest_alternative(ours, v, printed + JUDGED_SUPPORTS * on_mesh)
+        found: FoundAlternative | None = nearest_alternative(ours, v, printed + NEGLIGIBLE * on_mesh)
         if found is None:
             return ""
         text = f"{found.text}, with which it is {found.distance / on_mesh:.2g} of its distance away"
@@ -230,7 +230,7 @@ class _Judging:
         largest = float(np.linalg.norm(v, axis=1).max())
         away = np.where(ours.held, np.abs(v - ours.displacement), 0.0)
         node, axis = divmod(int(away.argmax()), v.shape[1])
-        self._figure("supports", away.max() / largest, JUDGED_SUPPORTS)
+        self._figure("supports", away.max() / largest, NEGLIGIBLE)
         meant = ours.displacement[node, axis]
         moved = f"{self._node(node)} is moved by {v[node, axis]:.4g} along {'xyz'[axis]}, prescribed is {meant:.4g}"
         tractions, remaining_forces = ours.tractions(v)

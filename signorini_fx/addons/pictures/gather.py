@@ -21,7 +21,7 @@ from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.assembly.mesh_entities import facet_entities
 from signorini_fx.results.interpolation import interpolated
 from signorini_fx.results.solution import Solution
-from signorini_fx.tuned import SAME_POSITION
+from signorini_fx.tuned import ROOT_OF_EPS
 
 Floats = npt.NDArray[np.float64]
 Cells = npt.NDArray[np.int32]
@@ -139,7 +139,7 @@ def _joined(
     columns = np.concatenate((x, u, further[..., None], pieces[..., None]), axis=2)
     rows = parallel.rows_on_root(solution.comm, columns.reshape(-1, columns.shape[2]))
     size, top = (float(np.ptp(part, axis=0).max()) or 1.0 if len(rows) else 1.0 for part in (rows[:, :3], rows[:, 6:7]))
-    places = np.column_stack((rows[:, :3] / size, rows[:, 6] / top)) / SAME_POSITION
+    places = np.column_stack((rows[:, :3] / size, rows[:, 6] / top)) / ROOT_OF_EPS
     grid = np.round(np.column_stack((places, rows[:, 7]))).astype(np.int64)
     _, first, number = np.unique(grid, axis=0, return_index=True, return_inverse=True)
     return rows[first], number.reshape(-1, x.shape[1]).astype(np.int64)

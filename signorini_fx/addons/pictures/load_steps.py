@@ -29,7 +29,7 @@ from signorini_fx.addons.pictures.style import (
 )
 from signorini_fx.machine.csv_text import Table
 from signorini_fx.records import Status
-from signorini_fx.tuned import RESULTANT_OF_MESH
+from signorini_fx.tuned import NEGLIGIBLE
 
 Floats = npt.NDArray[np.float64]
 
@@ -123,7 +123,7 @@ def _closes(steps: Table, end: str, axes: str) -> bool:
         return False
     forces = [curve for kind in ("contact_force", "friction_force") for curve in _curves(steps, kind, end, axes)]
     pressing = _column(steps, f"pressure_integral{end}")
-    return largest_of(*(curve.values for curve in forces)) <= RESULTANT_OF_MESH * largest_of(pressing)
+    return largest_of(*(curve.values for curve in forces)) <= NEGLIGIBLE * largest_of(pressing)
 
 
 def _moments(steps: Table, end: str) -> tuple[list[_Curve], list[_Curve]]:

@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from signorini_fx.addons.pictures.body import DrawnBody
 from signorini_fx.addons.pictures.style import INK, MUTED, Floats, math_number
 from signorini_fx.mechanics.statement.units import unit
-from signorini_fx.tuned import ARROWS_AROUND, SAME_PLACE_IN_CELL
+from signorini_fx.tuned import ARROWS_AROUND, DIGITS_OF_FILES
 
 if TYPE_CHECKING:
     from signorini_fx.addons.pictures.view import Camera
@@ -69,7 +69,7 @@ class Largest:
         points = body.within.ravel()
         away = np.linalg.norm(body.points[points] - self.place, axis=1)
         sizes = np.abs(np.nan_to_num(body.values[field].ravel()))
-        next_to = away <= away.min() + SAME_PLACE_IN_CELL * body.size
+        next_to = away <= away.min() + DIGITS_OF_FILES * body.size
         return int(points[np.argmax(np.where(next_to, sizes, -1.0))])
 
     def moved(self, body: DrawnBody, field: str, factor: float) -> Floats:

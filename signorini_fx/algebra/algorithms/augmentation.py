@@ -22,7 +22,7 @@ from signorini_fx.algebra.contact.complementarity import RegularisedData, slip_o
 from signorini_fx.algebra.contact.nodal_vectors import Nodal, inner, unit
 from signorini_fx.algebra.contact.nodal_vectors import length as length_of
 from signorini_fx.algebra.contact.points import shares
-from signorini_fx.tuned import ENOUGH_GAMMA, FAINT_DISPLACEMENT, GAMMA_GROWTH, LARGEST_AUGMENTED_GAMMA, SLOW_SHARE
+from signorini_fx.tuned import ENOUGH_GAMMA, GAMMA_GROWTH, LARGEST_AUGMENTED_GAMMA, NEGLIGIBLE, SLOW_SHARE
 
 T = TypeVar("T")
 
@@ -94,7 +94,7 @@ class Augmentation:
         length = groups.scales(groups.largest(np.maximum(np.abs(u_n), length_of(u_t))), lengths=True)
         # If all motion is round-off, the scale is the displacement that the tractions could cause.
         stress = np.maximum(groups.scales(groups.largest(np.maximum(*felt))), groups.largest(round_off))
-        length = np.maximum(length, shares(FAINT_DISPLACEMENT * stress, self._stiffness))
+        length = np.maximum(length, shares(NEGLIGIBLE * stress, self._stiffness))
         lengths, stresses = (np.where(movement > 0, movement, 1.0)[groups.number] for movement in (length, stress))
         # At its bound, that of the problem just solved, the shear gives no information about slip.
         sticks = length_of(new_shifts[1]) < data.friction_bound(newton.multipliers()[0])

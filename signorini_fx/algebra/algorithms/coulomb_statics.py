@@ -14,7 +14,7 @@ from signorini_fx.algebra.contact.statics import no_balance
 from signorini_fx.algebra.problem.regularised import RegularisedProblem
 from signorini_fx.machine import parallel
 from signorini_fx.records import Status
-from signorini_fx.tuned import CLOSED_GAP
+from signorini_fx.tuned import CERTIFICATE_TOLERANCE
 
 
 def coulomb_start(task: Task, data: RegularisedData) -> RegularisedData:
@@ -47,7 +47,7 @@ def _touching_nodes(task: Task, data: RegularisedData) -> npt.NDArray[np.bool_]:
     """
     gap = np.abs(data.gap)
     largest = parallel.largest(task.motions.points.comm, gap)
-    return np.asarray(gap <= max(task.coordinate_error, CLOSED_GAP * largest))
+    return np.asarray(gap <= max(task.coordinate_error, CERTIFICATE_TOLERANCE * largest))
 
 
 def proved(task: Task, problem: RegularisedProblem, law: PointFriction, status: Status) -> Status:

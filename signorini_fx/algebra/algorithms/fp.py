@@ -16,7 +16,7 @@ from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.algebra.contact.points import shares
 from signorini_fx.machine import parallel
 from signorini_fx.records import Status
-from signorini_fx.tuned import BOUND_CAME_BACK, CERTIFICATE_TOLERANCE
+from signorini_fx.tuned import CERTIFICATE_TOLERANCE, NEGLIGIBLE
 
 
 def fixed_point(
@@ -64,7 +64,7 @@ def fixed_point(
             return Status.CONVERGED
         # The Tresca problem with a given bound has one pressure: what comes back after two steps comes back for ever.
         if augmentation is None and previous is not None:
-            back = norms(pressure - previous) <= BOUND_CAME_BACK * norms(pressure - g)
+            back = norms(pressure - previous) <= NEGLIGIBLE * norms(pressure - g)
             measured = change is not None and newton.problem.groups.count == 1
             left = (np.array([change]) if measured else _changes(newton, g)) > tolerance
             if np.any(back & left) if left.any() else back.all():

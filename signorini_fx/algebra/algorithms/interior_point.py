@@ -53,11 +53,11 @@ from signorini_fx.tuned import (
     DECIDING_SHARE,
     FIRST_SHEAR,
     LAST_PRODUCT,
+    NO_FORCE,
     PROPOSAL_STEPS,
-    RESIDUAL_TOLERANCE,
+    SAME_NUMBER,
     SETTLED_POINTS,
     SHARE_OF_WAY,
-    SMALL_PRODUCT,
     SOFT_FOUNDATION,
     SOFTEST_FOUNDATION,
     UNDECIDED_POINTS,
@@ -83,7 +83,7 @@ def interior_point(newton: SemismoothNewton, data: RegularisedData, measure: Cal
         status = newton.attempt(data, sets)
         if status is not Status.CONVERGED:  # sets that do not hold the body, or cycle for points at their border
             newton.begin_at(ended)
-            status = Status.CONVERGED if problem.accept(ended, sets, RESIDUAL_TOLERANCE) else status
+            status = Status.CONVERGED if problem.accept(ended, sets, NO_FORCE) else status
     newton.close(data, status, before, measure)
     return status
 
@@ -172,9 +172,9 @@ class _Programme:
             if at is None:
                 return Status.NO_MEMORY if factor_lacks_memory(newton.snes.getKSP()) else Status.SINGULAR
             product = self._product(at)
-            near = product <= SMALL_PRODUCT * first
+            near = product <= SAME_NUMBER * first
             sets = natural_sets(*problem.system.contact.traces(newton.x), self._data)
-            if near and (product <= LAST_PRODUCT * first or problem.accept(newton.x, sets, RESIDUAL_TOLERANCE)):
+            if near and (product <= LAST_PRODUCT * first or problem.accept(newton.x, sets, NO_FORCE)):
                 return Status.CONVERGED
             if newton.history.exhausted:
                 break

@@ -30,7 +30,7 @@ from signorini_fx.algebra.contact.nodal_vectors import Nodal, length
 from signorini_fx.algebra.linalg import callbacks
 from signorini_fx.machine import parallel
 from signorini_fx.records import Status
-from signorini_fx.tuned import GAMMA_GROWTH, NEGLIGIBLE_POLE, ROUGH_SLOPE_TOLERANCE, SLOPE_TOLERANCE
+from signorini_fx.tuned import GAMMA_GROWTH, NEGLIGIBLE_POLE, NOTHING_LEFT, ROUGH_SLOPE_TOLERANCE
 
 
 @dataclass(frozen=True)
@@ -108,7 +108,7 @@ def solved_again(newton: SemismoothNewton, force: PETSc.Vec) -> PETSc.Vec:
     # A solve on an old factor ends by the size of the forces of the problem; this right-hand side has another size.
     tolerances = ksp.getTolerances()
     factor = ksp.getPC().getType() in (PETSc.PC.Type.CHOLESKY, PETSc.PC.Type.LU)
-    ksp.setTolerances(rtol=SLOPE_TOLERANCE if factor else ROUGH_SLOPE_TOLERANCE, atol=0.0)
+    ksp.setTolerances(rtol=NOTHING_LEFT if factor else ROUGH_SLOPE_TOLERANCE, atol=0.0)
     callbacks.solve(ksp.solve, force, x)
     ksp.setTolerances(*tolerances)
     return x

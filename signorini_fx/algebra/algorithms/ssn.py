@@ -22,12 +22,12 @@ from signorini_fx.machine import parallel, signals
 from signorini_fx.records import History, IterationRecord, OuterRecord, Status
 from signorini_fx.tuned import (
     FAR_START,
-    REFINED_RESIDUAL,
-    RESIDUAL_TOLERANCE,
+    NEGLIGIBLE,
+    NO_FORCE,
+    SAME_NUMBER,
     SLOW_CHANGES,
     SLOW_STEPS,
     SLOWEST_STEPS,
-    SMALL_FORCES_OF_BODY,
     STEPS_LEFT,
     STEPS_LEFT_OF_FRONTS,
     STILL_CHANGING,
@@ -117,7 +117,7 @@ class SemismoothNewton:
         snes.setFunction(weakly(self.problem.residual), self._residual)
         jacobian = self.problem.create_jacobian(symmetric=symmetric)
         snes.setJacobian(weakly(self._assemble_jacobian), jacobian)
-        snes.setTolerances(rtol=RESIDUAL_TOLERANCE, max_it=self.max_iterations)
+        snes.setTolerances(rtol=NO_FORCE, max_it=self.max_iterations)
         snes.setConvergenceTest(weakly(self._test))
         snes.getKSP().setOperators(jacobian)
         self.problem.system.configure(snes.getKSP(), symmetric=symmetric)
@@ -139,8 +139,8 @@ class SemismoothNewton:
         self._assembled = True
         problem.assemble_jacobian(snes, x, jacobian)
         ksp, least = snes.getKSP(), problem.least_share(x)
-        forces = max(least, SMALL_FORCES_OF_BODY) * problem.force_scale
-        exact = not self._may_keep or least < SMALL_FORCES_OF_BODY
+        forces = max(least, NEGLIGIBLE) * problem.force_scale
+        exact = not self._may_keep or least < NEGLIGIBLE
         keeps_factor = problem.system.keep_factor(ksp, problem.moved, forces, exact=exact)
         self._factorised = not keeps_factor or (self._outdated and self._factor is None)
         self._outdated &= self._factor is not None
@@ -178,7 +178,7 @@ class SemismoothNewton:
         if self._fall_back is not None and may_fall_back and (status is Status.CYCLING or ran_on):
             status = self._fall_back(self, data, status, measure)
         failed = status in (Status.CYCLING, Status.MAX_ITERATIONS) and max_iterations is None
-        return Status.ROUND_OFF if failed and self.problem.lost_to_round_off(self.x, RESIDUAL_TOLERANCE) else status
+        return Status.ROUND_OFF if failed and self.problem.lost_to_round_off(self.x, NO_FORCE) else status
 
     def close(
         self,
@@ -385,7 +385,7 @@ class SemismoothNewton:
                 return int(_SNES.CONVERGED_FNORM_RELATIVE) if balanced else self._stop(Status.CYCLING)
             if self._settled(residual, law):
                 from_afar = norms[1] > FAR_START * norms[0] or last_forces > FAR_START * problem.force_scale
-                from_afar = from_afar and residual > REFINED_RESIDUAL and k < snes.getTolerances()[3]
+                from_afar = from_afar and residual > SAME_NUMBER and k < snes.getTolerances()[3]
                 return int(_SNES.CONVERGED_ITERATING if from_afar else _SNES.CONVERGED_FNORM_RELATIVE)
             # The sets are right.  Either the linear solve was not exact, which the next step with the same sets
             # corrects, or directions of slip still change.

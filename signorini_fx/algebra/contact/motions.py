@@ -19,7 +19,7 @@ from signorini_fx.algebra.contact.contact_map import ContactMap
 from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.algebra.contact.points import ContactPoints, PointGroups
 from signorini_fx.machine import parallel
-from signorini_fx.tuned import NO_FORCE, NOT_HELD, NOTHING_LEFT
+from signorini_fx.tuned import NO_FORCE, NOTHING_LEFT, ROOT_OF_EPS
 
 
 @dataclass(frozen=True)
@@ -144,7 +144,7 @@ class FreeMotions:
             values = among[0] if among.size == 1 else np.linalg.eigvalsh(among)
             # The resistance relative to the motion of the points: below this it is the round-off of their positions.
             real = values[-1] > NOTHING_LEFT**2 * gram[-1][columns].max()
-            unresisted[number] = not (real and values[0] > NOT_HELD * values[-1] > 0)
+            unresisted[number] = not (real and values[0] > ROOT_OF_EPS * values[-1] > 0)
         return unresisted
 
     @cached_property

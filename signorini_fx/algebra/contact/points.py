@@ -16,7 +16,7 @@ from mpi4py import MPI
 
 from signorini_fx.algebra.contact.nodal_vectors import Nodal, length
 from signorini_fx.machine import parallel
-from signorini_fx.tuned import NO_FORCE, SAME_DIRECTION, SAME_LENGTH, ZERO_IN_SOLUTION
+from signorini_fx.tuned import NO_FORCE, ROOT_OF_EPS, SAME_LENGTH, ZERO_IN_SOLUTION
 
 
 def inside(overlap: Nodal, bilateral: npt.NDArray[np.bool_] | bool) -> Nodal:
@@ -99,7 +99,7 @@ class ContactPoints:
 
         Supports decide alone about their distance, and would take whatever contact did there: it transmits no pressure.
         """
-        return np.asarray(np.linalg.norm(self.movable[:, 0], axis=1) <= SAME_DIRECTION)
+        return np.asarray(np.linalg.norm(self.movable[:, 0], axis=1) <= ROOT_OF_EPS)
 
     def held_inside(self, overlap: Nodal, bilateral: npt.NDArray[np.bool_]) -> Nodal:
         """``inside`` of immovable points, never negative; zero at all others, length, shape (n,)."""
@@ -141,7 +141,7 @@ class ContactPoints:
             return projections, moved
         across = self.shared.normal[:, 1:]
         size = np.linalg.norm(across, axis=1)
-        use = contact[self.shared.here] & contact[self.shared.beside] & (size > SAME_DIRECTION)
+        use = contact[self.shared.here] & contact[self.shared.beside] & (size > ROOT_OF_EPS)
         point, beside, size = self.shared.here[use], self.shared.beside[use], size[use]
         aligned, across = self.shared.normal[use, 0], across[use] / size[:, None]
         np.add.at(projections, point, across[:, :, None] * across[:, None, :])
@@ -183,7 +183,7 @@ class ContactPoints:
 def onto_range(matrices: Nodal) -> Nodal:
     """Orthogonal projectors onto the ranges of symmetric matrices of order one, shape (n, k, k)."""
     values, vectors = np.linalg.eigh(matrices)
-    return np.asarray(np.einsum("nik,nk,njk->nij", vectors, np.where(values > SAME_DIRECTION, 1.0, 0.0), vectors))
+    return np.asarray(np.einsum("nik,nk,njk->nij", vectors, np.where(values > ROOT_OF_EPS, 1.0, 0.0), vectors))
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,7 @@ from signorini_fx.algebra.contact.nodal_vectors import Nodal, length, unit
 from signorini_fx.machine import parallel
 from signorini_fx.records import Status
 from signorini_fx.tuned import (
-    AT_REST,
+    CERTIFICATE_TOLERANCE,
     LARGEST_BALANCING_FORCE,
     NO_FORCE,
     NOTHING_LEFT,
@@ -307,7 +307,7 @@ def escape(contact: Reactions, load: Nodal) -> tuple[Status, Nodal] | None:
         return Status.OPEN, near.motion
     motion = along_contact(contact, near.motion, near.pressed)
     at_nodes = np.concatenate((contact.normal[:, None], contact.tangential), axis=1) @ motion
-    still = np.abs(at_nodes[near.pressed]).max() <= AT_REST * np.abs(at_nodes).max()
+    still = np.abs(at_nodes[near.pressed]).max() <= CERTIFICATE_TOLERANCE * np.abs(at_nodes).max()
     return (Status.TIPS if still else Status.OPEN), motion
 
 

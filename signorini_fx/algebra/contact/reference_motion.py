@@ -16,7 +16,7 @@ from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.contact.motions import FreeMotions
 from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.machine import parallel
-from signorini_fx.tuned import CLOSED_GAP, NOTHING_LEFT
+from signorini_fx.tuned import CERTIFICATE_TOLERANCE, NOTHING_LEFT
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,7 @@ def _rest_of(
 ) -> npt.NDArray[np.float64] | None:
     """How far the free motions of one assembly go, lengths, shape (k,); None where nothing stops it, or it rests."""
     values, vectors = np.linalg.eigh(normal_modes.T @ normal_modes)
-    resisted: npt.NDArray[np.float64] = vectors[:, values > CLOSED_GAP * values[-1]]
+    resisted: npt.NDArray[np.float64] = vectors[:, values > CERTIFICATE_TOLERANCE * values[-1]]
     work = resisted.T @ load
     size, largest = float(np.abs(gap).max()), float(np.abs(work).max(initial=0.0))
     if size == 0 or largest == 0:
@@ -91,7 +91,9 @@ def _furthest(
     """The coefficients q with rows q <= gap for which work . q is largest; None where it has no bound."""
     if work.size == 1:
         along = rows[:, 0] * np.sign(work[0])
-        stops = along > CLOSED_GAP * along.max(initial=0.0)  # along a wall that it slides on there is only round-off
+        stops = along > CERTIFICATE_TOLERANCE * along.max(
+            initial=0.0
+        )  # along a wall that it slides on there is only round-off
         return np.sign(work) * (gap[stops] / along[stops]).min() if stops.any() else None
     from scipy.optimize import linprog  # imported by what needs it alone: it takes 0.07 s
 
@@ -99,6 +101,6 @@ def _furthest(
     if result.status != 0:
         return None
     # The programme is solved to its own tolerance; the gaps that it closes are closed exactly.
-    closed = rows @ result.x >= gap - CLOSED_GAP
+    closed = rows @ result.x >= gap - CERTIFICATE_TOLERANCE
     coefficients: npt.NDArray[np.float64] = np.linalg.lstsq(rows[closed], gap[closed], rcond=None)[0]
     return coefficients

@@ -14,7 +14,7 @@ from signorini_fx.algebra.contact.contact_map import ContactMap
 from signorini_fx.algebra.contact.motions import FreeMotions, RigidLoad
 from signorini_fx.algebra.contact.points import ContactPoints
 from signorini_fx.algebra.linalg.elasticity import Elasticity, LoadCase
-from signorini_fx.tuned import ZERO_SUM
+from signorini_fx.tuned import SAME_NUMBER
 
 _Floats = npt.NDArray[np.float64]
 
@@ -51,7 +51,7 @@ def from_scipy(
     d, moving = rows.shape[0] // points, sp.csr_array(rows @ free)
     gram = np.array([[moving[i::d].multiply(moving[j::d]).sum(axis=1) for j in range(d)] for i in range(d)])
     values, vectors = np.linalg.eigh(gram.transpose(2, 0, 1))
-    movable = np.einsum("nik,nk,njk->nij", vectors, values > ZERO_SUM * values.max(initial=0.0), vectors)
+    movable = np.einsum("nik,nk,njk->nij", vectors, values > SAME_NUMBER * values.max(initial=0.0), vectors)
     at = ContactPoints(MPI.COMM_SELF, weight, movable, np.arange(points)[:, None].astype(np.float64))
     contact = ContactMap(_matrix(rows), at, fixed)
     motions = [_vector(mode) for mode in (np.zeros((0, count)) if modes is None else modes.T)]

@@ -31,7 +31,7 @@ from signorini_fx.algebra.linalg.factorisation import (
 from signorini_fx.algebra.linalg.multigrid import ContactLevels, ContactPreconditioner, Hierarchy
 from signorini_fx.algebra.linalg.petsc_c import call
 from signorini_fx.machine import parallel
-from signorini_fx.tuned import INEXACT_TOLERANCE, KRYLOV_STEPS, KRYLOV_TOLERANCE, NEVER_LEFT, NO_RELATIVE_TOLERANCE
+from signorini_fx.tuned import INEXACT_TOLERANCE, KRYLOV_STEPS, LEFT_BY_SOLVES, NEVER_LEFT, NO_RELATIVE_TOLERANCE
 
 
 @dataclass
@@ -115,7 +115,7 @@ class KrylovSystem(AssembledSystem):
         ksp.setType(PETSc.KSP.Type.CG if symmetric else PETSc.KSP.Type.FGMRES)
         if not petsc_options.user_sets("ksp_"):  # another method may not know this norm
             ksp.setNormType(PETSc.KSP.NormType.UNPRECONDITIONED)
-        ksp.setTolerances(rtol=KRYLOV_TOLERANCE, max_it=KRYLOV_STEPS)
+        ksp.setTolerances(rtol=LEFT_BY_SOLVES, max_it=KRYLOV_STEPS)
         pc = ksp.getPC()
         if is_by_blocks(self.matrix):
             use_entries(pc, self._as_aggregation)
@@ -170,7 +170,7 @@ class KrylovSystem(AssembledSystem):
             return
         size = (b - ksp.getOperators()[0] * x).norm()
         allowance = self._left_by(size) if self.inexact else 0.0
-        ksp.setTolerances(rtol=NO_RELATIVE_TOLERANCE, atol=max(KRYLOV_TOLERANCE * self._forces, allowance))
+        ksp.setTolerances(rtol=NO_RELATIVE_TOLERANCE, atol=max(LEFT_BY_SOLVES * self._forces, allowance))
         self._first_residual = size if allowance > 0 else 0.0  # else Newton's method ends, and another iteration begins
 
     def _left_by(self, size: float) -> float:

@@ -37,8 +37,8 @@ from signorini_fx.algebra.linalg.truncation import TruncatedLevels
 from signorini_fx.machine import parallel
 from signorini_fx.tuned import (
     MOST_COARSEST_UNKNOWNS,
-    SAME_COARSE_STIFFNESS,
-    SAME_HELD_DIRECTION,
+    NEGLIGIBLE,
+    NOTHING_LEFT,
     SAME_SOFT_STIFFNESS,
     SMOOTHED_SPECTRUM,
 )
@@ -153,7 +153,7 @@ def _coarse_matrix(matrix: PETSc.Mat, interpolation: PETSc.Mat, level: Level) ->
         given.getArray()[~free] = 0.0
         size = wanted.norm()
         given.axpy(-1.0, wanted)
-        if given.norm() <= SAME_COARSE_STIFFNESS * size:
+        if given.norm() <= NOTHING_LEFT * size:
             return stiffness
     product = by_entries(matrix).ptap(interpolation)
     _fill_diagonal(product)
@@ -274,10 +274,8 @@ class ContactLevels:
         if self._truncated_at is None:
             return True
         truncated = self._truncated_at
-        near = SAME_SOFT_STIFFNESS * np.abs(truncated[1]) + SAME_HELD_DIRECTION * self.nodes.scale[:, None, None]
-        return bool(
-            (np.abs(held - truncated[0]) > SAME_HELD_DIRECTION).any() or (np.abs(soft - truncated[1]) > near).any()
-        )
+        near = SAME_SOFT_STIFFNESS * np.abs(truncated[1]) + NEGLIGIBLE * self.nodes.scale[:, None, None]
+        return bool((np.abs(held - truncated[0]) > NEGLIGIBLE).any() or (np.abs(soft - truncated[1]) > near).any())
 
     def _inverse_diagonal(self) -> PETSc.Mat:
         """D^-1, with room for the directions of the nodes in contact that are free to move; collective."""

@@ -23,7 +23,7 @@ from scipy.linalg import cholesky, solve_triangular
 
 from signorini_fx.algebra.contact.contact_map import ContactMap
 from signorini_fx.machine import parallel
-from signorini_fx.tuned import LARGEST_CONDITION, SAME_TRACE
+from signorini_fx.tuned import LARGEST_CONDITION, LEFT_BY_SOLVES
 
 Array = npt.NDArray[np.float64]
 
@@ -69,16 +69,16 @@ class RelativeUnknowns:
         lift.eliminate_zeros()
         points, fixed = np.diff(lift.indptr) > 0, parallel.gather_rows(comm, contact.fixed)
         # Across a plane of symmetry there is no relative displacement, see ``obstacles.mirrored_points``.
-        movable = abs(operator).sum(axis=1) > SAME_TRACE
+        movable = abs(operator).sum(axis=1) > LEFT_BY_SOLVES
         moving = abs(lift) @ movable > 0
         at_points, free = (sp.diags_array(flags.astype(np.float64)) for flags in (moving, ~fixed))
         mapping = sp.csr_array(lift @ operator)
         square = (at_points @ mapping @ at_points + sp.eye_array(points.size) - at_points).toarray()
         if at_points.sum() != movable.sum() or not np.linalg.cond(square, 1) < LARGEST_CONDITION:
             return None
-        if abs(square - np.eye(points.size)).max() > SAME_TRACE:  # points turn with their own nodes
+        if abs(square - np.eye(points.size)).max() > LEFT_BY_SOLVES:  # points turn with their own nodes
             divided = np.linalg.solve(square, (at_points @ mapping).toarray())
-            mapping = sp.csr_array(np.where(np.abs(divided) > SAME_TRACE / 1000, divided, 0.0))
+            mapping = sp.csr_array(np.where(np.abs(divided) > LEFT_BY_SOLVES / 1000, divided, 0.0))
         couplings = mapping - mapping @ at_points
         sums = sp.csr_array(free @ couplings)
         # A prescribed component of a node with a point cannot be replaced: there contact reaches what it did.

@@ -14,7 +14,7 @@ from petsc4py import PETSc
 
 from signorini_fx.algebra.contact.contact_map import ContactMap
 from signorini_fx.machine import parallel
-from signorini_fx.tuned import RIGID_STEPS, RIGID_TOLERANCE, SHARE_OF_COARSE_DIAGONAL
+from signorini_fx.tuned import NOTHING_LEFT, RIGID_STEPS, SAME_NUMBER
 
 
 def of_nodes(matrix: PETSc.Mat, rigid: int) -> PETSc.Mat:
@@ -51,7 +51,7 @@ def with_rigid_bodies(
         _bordered(matrix, all_free if level else free, ones) for level, matrix in enumerate(interpolations)
     )
     levels = tuple(
-        _bordered(matrix, all_free, np.maximum(springs, SHARE_OF_COARSE_DIAGONAL * matrix.getDiagonal().max()[1]))
+        _bordered(matrix, all_free, np.maximum(springs, NOTHING_LEFT * matrix.getDiagonal().max()[1]))
         for matrix in coarse
     )
     for level in levels:
@@ -89,7 +89,7 @@ def relative_to_rigid_bodies(contact: ContactMap, places: PETSc.IS, rigid: int) 
     ksp.setType(PETSc.KSP.Type.LSQR)
     ksp.getPC().setType(PETSc.PC.Type.NONE)
     ksp.setOperators(operator)
-    ksp.setTolerances(rtol=RIGID_TOLERANCE, max_it=RIGID_STEPS)
+    ksp.setTolerances(rtol=SAME_NUMBER, max_it=RIGID_STEPS)
     motion, moved = operator.createVecs()
     unit = contact.operator.createVecRight()
     numbers = parallel.gather_rows(comm.tompi4py(), unknowns[nodes:, None].astype(np.float64))[:, 0].astype(

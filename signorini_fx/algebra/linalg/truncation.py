@@ -20,7 +20,7 @@ from petsc4py import PETSc
 
 from signorini_fx.algebra.linalg import row_by_row
 from signorini_fx.algebra.linalg.blocks import apart, change_added, is_by_blocks, with_added
-from signorini_fx.tuned import SHARE_OF_COARSE_DIAGONAL
+from signorini_fx.tuned import NOTHING_LEFT
 
 Array = npt.NDArray[np.float64]
 _SAME_PATTERN, _SUBSET_PATTERN, _DIFFERENT_PATTERN = (
@@ -175,6 +175,6 @@ def _widened(matrix: PETSc.Mat, pattern: PETSc.Mat) -> PETSc.Mat:
     else:
         wider = matrix.copy()
     wider.axpy(1.0, pattern, structure=_DIFFERENT_PATTERN)
-    diagonal.scale(SHARE_OF_COARSE_DIAGONAL)
+    diagonal.scale(NOTHING_LEFT)
     wider.setDiagonal(diagonal, addv=PETSc.InsertMode.ADD_VALUES)
     return wider

@@ -22,7 +22,7 @@ from signorini_fx.algebra.linalg.callbacks import called_back, weakly
 from signorini_fx.algebra.linalg.elasticity import Elasticity
 from signorini_fx.errors import InstallationError
 from signorini_fx.extensions import LINEAR_SOLVERS, load
-from signorini_fx.tuned import BROKEN_DOWN, KRYLOV_STEPS, KRYLOV_TOLERANCE
+from signorini_fx.tuned import BROKEN_DOWN, KRYLOV_STEPS, LEFT_BY_SOLVES
 
 
 class LinearSolver(Protocol):
@@ -102,7 +102,7 @@ class UserSystem(AssembledSystem):
     def configure(self, ksp: PETSc.KSP, *, symmetric: bool) -> None:
         """FGMRES with the solver as its preconditioner, to a residual against the forces."""
         ksp.setType(PETSc.KSP.Type.FGMRES)
-        ksp.setTolerances(rtol=KRYLOV_TOLERANCE, max_it=KRYLOV_STEPS)
+        ksp.setTolerances(rtol=LEFT_BY_SOLVES, max_it=KRYLOV_STEPS)
         preconditioner = self._preconditioners[ksp.handle] = _Preconditioner(self._made(), self.name)
         pc = ksp.getPC()
         pc.setType(PETSc.PC.Type.PYTHON)
@@ -122,5 +122,5 @@ class UserSystem(AssembledSystem):
     def keep_factor(self, ksp: PETSc.KSP, moved: int | None, forces: float, *, exact: bool = False) -> bool:
         """For the same matrix; the residual is measured against the forces."""
         if not petsc_options.user_sets("ksp_"):
-            ksp.setTolerances(rtol=1e-15, atol=KRYLOV_TOLERANCE * forces)
+            ksp.setTolerances(rtol=1e-15, atol=LEFT_BY_SOLVES * forces)
         return moved == 0

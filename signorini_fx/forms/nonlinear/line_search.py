@@ -13,8 +13,8 @@ from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
 from signorini_fx.machine import parallel
 from signorini_fx.tuned import (
     BRACKET_MARGIN,
+    CERTIFICATE_TOLERANCE,
     LINE_SEARCH_STEPS,
-    NO_LINE_SEARCH,
     SHORTENED_SLOPE,
     WHOLE_SLOPE,
 )
@@ -101,7 +101,7 @@ def length_of_increment(
 
     first = -float(parallel.global_sum(comm, np.array(ahead @ internal))) - on_tools
     size, change = (float(parallel.largest(comm, np.abs(values), 0.0)) for values in (old, increment))
-    search = search and change > NO_LINE_SEARCH * size
+    search = search and change > CERTIFICATE_TOLERANCE * size
     share = share_of_increment(slope, first, search=search)
     if share == 0.0 and failed is not None:
         raise failed

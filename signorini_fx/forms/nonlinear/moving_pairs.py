@@ -19,7 +19,7 @@ from signorini_fx.mechanics.obstacles.sliding_sides import SlidingSides
 from signorini_fx.mechanics.pairs.sliding import Frames, SlidingCoupling
 from signorini_fx.records import Finding
 from signorini_fx.solving.check.result_findings import HeldNodes
-from signorini_fx.tuned import LEAST_SEEN, PAST_THE_END
+from signorini_fx.tuned import LEAST_SEEN, NOTABLE
 
 Array = npt.NDArray[np.float64]
 
@@ -225,7 +225,7 @@ def carried_past_ends(pairs: Mapping[int, MovingPair], state: ContactState) -> l
     findings = list[Finding]()
     for number, pair in pairs.items():
         share, position = pair.force_past_end(state)
-        if share > PAST_THE_END:
+        if share > NOTABLE:
             message = (
                 f"points that see past the end of the other side have {share:.0%} of the contact force ({position}): "
                 "near its corner their pressures are means over what they see; let the points be on the side that "

@@ -23,7 +23,7 @@ from signorini_fx.mechanics.contact_points.contact_boundary import ContactBounda
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.statement.rigid_motion import COMPONENTS, RigidMotion
 from signorini_fx.mechanics.statement.rigid_shape import Shape, distance_from
-from signorini_fx.tuned import ALONG_SLIP, MOST_TURNED, NORMAL_DIFFERENCE
+from signorini_fx.tuned import MOST_TURNED, NEGLIGIBLE, NORMAL_DIFFERENCE
 
 Array = npt.NDArray[np.float64]
 
@@ -231,7 +231,7 @@ def turning_of(state: ContactState, size: float) -> Array:
     if slip.shape[1] < 2:
         return np.zeros((boundary.size, boundary.x.shape[1], boundary.x.shape[1]))
     far, strong = np.linalg.norm(slip, axis=1), np.linalg.norm(shear, axis=1)
-    along = np.einsum("ni,ni->n", slip, shear) >= (1 - ALONG_SLIP) * far * strong
+    along = np.einsum("ni,ni->n", slip, shear) >= (1 - NEGLIGIBLE) * far * strong
     turns = np.flatnonzero(along & state.in_contact & (state.direction != 0.0).any(axis=1) & (far > 0.0))
     across = np.column_stack((-slip[turns, 1], slip[turns, 0])) / far[turns, None]
     ways = np.einsum("nij,nj->ni", boundary.tangents[turns], across)

@@ -48,7 +48,7 @@ from signorini_fx.tuned import (
     LEAST_INCREMENT,
     LOST_UNITS,
     NO_FORCE,
-    SMALL_INCREMENT,
+    ROOT_OF_EPS,
     UNITS_OF_NO_LOAD,
     UNITS_OF_PLACES,
 )
@@ -348,7 +348,7 @@ class EquilibriumSolver:
                 max(float(parallel.largest(comm, np.abs(values), 0.0)), float(np.abs(further).max(initial=0.0)))
                 for values, further in ((length * increment, moved), (u.x.array, tools + moved))
             )
-            small = change <= SMALL_INCREMENT * size
+            small = change <= ROOT_OF_EPS * size
             least = change <= max(self._least_increment, self._least_motion) or self._keeps_round_off()
             keeps = length == 1.0 and change <= min(KEPT_TANGENT[0] * size, KEPT_TANGENT[1] * last_change)
             shortened, last_change = self.tangents.given and 2 * change < last_change, change
@@ -381,7 +381,7 @@ class EquilibriumSolver:
         space, comm = self.linear.space, self.linear.space.mesh.comm
         begun = float(parallel.largest(comm, np.abs(self._begins[0]), 0.0))
         digits = LOST_UNITS * float(np.finfo(float).eps)
-        if not self._is_within(min(SMALL_INCREMENT * begun, digits * max(begun, self._farthest_place))):
+        if not self._is_within(min(ROOT_OF_EPS * begun, digits * max(begun, self._farthest_place))):
             return False
         fixed, values = prescribed(space, conditions_of(self.linear.bcs, space))
         if self.linear.moving_tools.coordinates.size or parallel.any_rank(comm, bool(values[fixed].any())):

@@ -17,7 +17,7 @@ from signorini_fx.forms.nonlinear.tangent import random_direction
 from signorini_fx.machine import parallel
 from signorini_fx.machine.compilation import compiling
 from signorini_fx.mechanics.assembly.mesh_entities import assemble
-from signorini_fx.tuned import SAME_ENTRY, TRIED_STRAIN
+from signorini_fx.tuned import NOTHING_LEFT, TRIED_STRAIN
 
 
 def refuse_miscompiled(F: Any, residual: fem.Form, u: fem.Function, options: dict[str, Any]) -> None:
@@ -45,7 +45,7 @@ def refuse_miscompiled(F: Any, residual: fem.Form, u: fem.Function, options: dic
     u.x.array[:] = values
     comm = u.function_space.mesh.comm
     wrong, size = (parallel.largest(comm, np.abs(forces), 0.0) for forces in (whole - summed, summed))
-    if np.isfinite(size) and not wrong <= SAME_ENTRY * size:
+    if np.isfinite(size) and not wrong <= NOTHING_LEFT * size:
         why = "is compiled wrongly: FFCx takes a quadrature rule of one point beside another one for something else, "
         cure = f"{wrong / size:.1e} from the sum over its rules; take no quadrature_degree below 2"
         raise FormError([("F", why + cure)])

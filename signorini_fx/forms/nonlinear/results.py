@@ -30,7 +30,7 @@ from signorini_fx.solving.check.result_findings import pushed_nodes
 from signorini_fx.solving.loose_bodies import loose_at_rest
 from signorini_fx.solving.solve_on_mesh import contact_solution
 from signorini_fx.solving.stepped_body import step_result
-from signorini_fx.tuned import CERTIFICATE_TOLERANCE, TOO_STIFF
+from signorini_fx.tuned import CERTIFICATE_TOLERANCE, NOTABLE
 
 
 @dataclass(frozen=True)
@@ -163,7 +163,7 @@ def too_stiff(step: StepResult, farthest: float) -> list[Finding]:
     if step.status is not Status.CONVERGED or step.certificate.displacement <= CERTIFICATE_TOLERANCE * farthest:
         return []
     added = added_stiffness(step.displacement)
-    if added <= TOO_STIFF:
+    if added <= NOTABLE:
         return []
     share = f"by about {100 * added:.0f} % (an estimate)" if added < np.inf else "by far"
     message = (

@@ -32,7 +32,7 @@ from signorini_fx.machine import compat
 from signorini_fx.mechanics.assembly import contact_forms
 from signorini_fx.mechanics.assembly.mesh_entities import assemble, facet_entities, measure, node_positions
 from signorini_fx.records import Inventory
-from signorini_fx.tuned import SINGULAR
+from signorini_fx.tuned import NOTHING_LEFT
 
 _Floats = npt.NDArray[np.float64]
 
@@ -217,7 +217,7 @@ def _dual_products(space: fem.FunctionSpace, compiled: AveragingForms) -> PETSc.
         # The hat functions from their values at the nodes of the facet.
         values_there = hats.tabulate(0, element.points[closure])[0, :, vertices, 0]
         mass = product @ values_there.T
-        dual = product.sum(axis=2)[:, :, None] * (np.linalg.pinv(mass, rcond=SINGULAR, hermitian=True) @ product)
+        dual = product.sum(axis=2)[:, :, None] * (np.linalg.pinv(mass, rcond=NOTHING_LEFT, hermitian=True) @ product)
         places = compiled.hats.dofmap.list[cells][:, vertices], facet_dofs
         indices = (np.ascontiguousarray(dofs, dtype=PETSc.IntType) for dofs in places)
         matrix.setValuesLocalRCV(*indices, np.ascontiguousarray(dual), PETSc.InsertMode.ADD_VALUES)

@@ -9,7 +9,7 @@ from dolfinx import mesh as dmesh
 from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.kinematics.cartesian import SPACE
 from signorini_fx.mechanics.kinematics.protocol import Kinematics
-from signorini_fx.tuned import AFFINE_CELL
+from signorini_fx.tuned import ROOT_OF_EPS
 
 
 def strain_degree(space: fem.FunctionSpace, kinematics: Kinematics = SPACE) -> int:
@@ -37,5 +37,5 @@ def parallelepipeds(mesh: dmesh.Mesh) -> bool:
     edges = np.stack([corners[:, 2**k] - corners[:, 0] for k in range(dim)], axis=1)
     shortest = np.min(np.einsum("cki,cki->ck", edges, edges), axis=1)
     away = corners - corners[:, :1] - compat.geometry_element(mesh).points @ edges
-    apart = np.einsum("cni,cni->cn", away, away) > AFFINE_CELL**2 * shortest[:, None]
+    apart = np.einsum("cni,cni->cn", away, away) > ROOT_OF_EPS**2 * shortest[:, None]
     return not parallel.any_rank(mesh.comm, bool(apart.any()))

@@ -32,7 +32,7 @@ from signorini_fx.mechanics.kinematics.cartesian import SPACE
 from signorini_fx.mechanics.kinematics.protocol import Kinematics
 from signorini_fx.mechanics.laws.directed import FrictionAxes
 from signorini_fx.mechanics.statement.rigid_motion import RigidBody
-from signorini_fx.tuned import SAME_DIRECTION
+from signorini_fx.tuned import ROOT_OF_EPS
 
 if TYPE_CHECKING:
     from signorini_fx.mechanics.contact_points.turned_supports import TurnedNodes
@@ -167,7 +167,7 @@ class ContactBoundary:
         if self.normal.shape[1] == 2:
             return tangents
         for axis in range(3):
-            held_across = ~self.free[:, axis] & self.free.any(axis=1) & (self._components[:, axis] <= SAME_DIRECTION)
+            held_across = ~self.free[:, axis] & self.free.any(axis=1) & (self._components[:, axis] <= ROOT_OF_EPS)
             along = np.broadcast_to(np.eye(3)[axis], (np.count_nonzero(held_across), 3))
             if self.axes is not None:
                 along = self.axes[held_across, :, axis]

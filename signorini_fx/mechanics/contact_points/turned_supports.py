@@ -17,7 +17,7 @@ import numpy.typing as npt
 from petsc4py import PETSc
 
 from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
-from signorini_fx.tuned import SAME_DIRECTION
+from signorini_fx.tuned import ROOT_OF_EPS
 
 _Floats = npt.NDArray[np.float64]
 
@@ -146,7 +146,7 @@ def _frame(directions: _Floats, prescribes: npt.NDArray[np.int64]) -> tuple[_Flo
         if free.shape[1] == 0:
             break
         left_vectors, size, along = np.linalg.svd(directions[selected] @ free)
-        count = int(np.count_nonzero(size > SAME_DIRECTION))
+        count = int(np.count_nonzero(size > ROOT_OF_EPS))
         added, free = free @ along[:count].T, free @ along[count:].T
         matrix += added @ (
             left_vectors[:, :count].T @ (identity[selected] - directions[selected] @ matrix) / size[:count, None]

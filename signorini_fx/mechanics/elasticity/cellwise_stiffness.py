@@ -19,7 +19,7 @@ from signorini_fx.mechanics.elasticity.moduli import graded, middles
 from signorini_fx.mechanics.materials.protocol import PAIRS, Array
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.statement.statement import Statement
-from signorini_fx.tuned import NOT_ORTHONORMAL, ZERO_IN_SOLUTION
+from signorini_fx.tuned import SAME_LENGTH, ZERO_IN_SOLUTION
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,7 @@ def cellwise_stiffness(statement: Statement, tagged: TaggedMesh) -> CellwiseStif
             problems.append((f"material[{number}]", wanted))
             continue
         askew = np.abs(axes.swapaxes(1, 2) @ axes - np.eye(3)).max(initial=0.0)
-        if parallel.any_rank(tagged.mesh.comm, bool(askew > NOT_ORTHONORMAL)):
+        if parallel.any_rank(tagged.mesh.comm, bool(askew > SAME_LENGTH)):
             wanted = f"axes of {material.words} must be unit vectors at right angles"
             problems.append((f"material[{number}]", wanted))
             continue

@@ -40,7 +40,7 @@ from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.scales import Scales
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.records import Inventory
-from signorini_fx.tuned import SAME_ENTRY
+from signorini_fx.tuned import NOTHING_LEFT
 
 _Floats = npt.NDArray[np.float64]
 
@@ -425,4 +425,4 @@ class MixedLaw(SceneLaw):
         triangle: Any = np.linalg.qr(columns[~held], mode="r")  # whose singular values are those of all rows
         triangles = parallel.gather_rows(comm, triangle)
         square = np.vstack((triangles, np.zeros((len(forces), len(forces)))))
-        return bool(np.linalg.svd(square, compute_uv=False)[-1] <= SAME_ENTRY)
+        return bool(np.linalg.svd(square, compute_uv=False)[-1] <= NOTHING_LEFT)

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from signorini_fx.mechanics.kinematics.protocol import Kinematics, position
-from signorini_fx.tuned import NEAR_AXIS
+from signorini_fx.tuned import DIGITS_OF_FILES
 
 _Floats = npt.NDArray[np.float64]
 
@@ -23,7 +23,7 @@ def off_axis(y: Any) -> Any:
 
     x = position(y)
     size = ufl.sqrt(abs(ufl.JacobianDeterminant(ufl.domain.extract_unique_domain(y))))
-    return ufl.gt(x[0], NEAR_AXIS * size)
+    return ufl.gt(x[0], DIGITS_OF_FILES * size)
 
 
 @dataclass(frozen=True)

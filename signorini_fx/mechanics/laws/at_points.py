@@ -14,10 +14,10 @@ from signorini_fx.algebra.contact.friction import LawAtPoints, PointFriction
 from signorini_fx.mechanics.laws.protocol import Array, FrictionLaw
 from signorini_fx.tuned import (
     LARGEST_BEND,
+    NEGLIGIBLE,
     PRESSURES_PER_DECADE,
     SMALLEST_PRESSURE,
     TRIED_POINTS,
-    WRONG_BOUND,
     WRONG_SLOPE,
 )
 
@@ -65,7 +65,7 @@ class _Tried:
 
     def _faults(self) -> Iterator[tuple[str, npt.NDArray[np.bool_]]]:
         """Each in words, with places for law and pressure, and where it is, shape (k, m)."""
-        limit, within = self.limit, WRONG_BOUND * self.limit + self.round_off
+        limit, within = self.limit, NEGLIGIBLE * self.limit + self.round_off
         yield "limit of {law} is not finite at the pressure {pressure:g}", ~np.isfinite(limit)
         yield "limit of {law} is negative at the pressure {pressure:g}", limit < 0
         vertical = (self.pressure == 0) & np.isposinf(self.derivative)  # such as that of a root

@@ -26,7 +26,7 @@ from signorini_fx.mechanics.laws.protocol import Array, FrictionLaw
 from signorini_fx.mechanics.statement.base import refused
 from signorini_fx.mechanics.statement.expressions import sample
 from signorini_fx.mechanics.statement.values import SampledValue, value
-from signorini_fx.tuned import LARGEST_RATIO, NO_DIRECTION, SAME_DIRECTION
+from signorini_fx.tuned import CERTIFICATE_TOLERANCE, LARGEST_RATIO, ROOT_OF_EPS
 
 Ratio = Annotated[Any, BeforeValidator(value), WithJsonSchema({"type": ["number", "string"]})]
 VectorField = Annotated[
@@ -90,7 +90,7 @@ class FrictionAxes:
 
         across = np.linalg.norm(np.cross(normal, self.along), axis=1)
         longest = parallel.largest(comm, np.linalg.norm(self.along, axis=1))
-        if parallel.any_rank(comm, not (across > NO_DIRECTION * longest).all()):
+        if parallel.any_rank(comm, not (across > CERTIFICATE_TOLERANCE * longest).all()):
             reason = "is zero or along the normal somewhere: it must have a part along the foundation"
             raise FormError([(f"{path}.along", reason)])
         self.check_supports(movable(), path, comm)
@@ -99,7 +99,7 @@ class FrictionAxes:
         """Whether what may move at the points is along the axes, see ``check``; collective."""
         from signorini_fx.machine import parallel
 
-        askew = np.abs(movable[self.along.any(axis=1)] * (1 - np.eye(3))) > SAME_DIRECTION
+        askew = np.abs(movable[self.along.any(axis=1)] * (1 - np.eye(3))) > ROOT_OF_EPS
         if parallel.any_rank(comm, bool(askew.any())):
             why = "a support prescribes the displacement there neither along nor across it, nor along the normal"
             raise FormError([(f"{path}.along", f"{why}, which is not possible yet with a ratio")])

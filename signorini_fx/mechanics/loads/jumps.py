@@ -27,7 +27,7 @@ from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.statement.effect import Load
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.records import Inventory
-from signorini_fx.tuned import SAME_DIRECTION
+from signorini_fx.tuned import ROOT_OF_EPS
 
 if TYPE_CHECKING:
     from signorini_fx.mechanics.contact_points.turned_supports import TurnedNodes
@@ -132,7 +132,7 @@ def holds(
     dim = jump.axis.size
     nodes = np.flatnonzero(jump.nodes[: fixed.size // dim])
     frames = np.eye(dim)[None] if turned is None else turned.frames_at(nodes)
-    along = np.abs(np.einsum("nij,i->nj", frames, jump.axis)) > SAME_DIRECTION
+    along = np.abs(np.einsum("nij,i->nj", frames, jump.axis)) > ROOT_OF_EPS
     held = bool((fixed.reshape(-1, dim)[nodes] & along).any())
     if boundary is None:
         return held
@@ -140,7 +140,7 @@ def holds(
     if (averages := boundary.averages) is not None:  # points see other nodes than their own, and the other body's
         owned_flags = jump.nodes[: fixed.size // dim, None].astype(np.float64)
         of_points = abs(averages.shares) @ from_owners(owned_flags, averages.nodes, boundary.comm)[:, 0] > 0
-    holding = (np.abs(boundary.normal @ jump.axis) > SAME_DIRECTION) | np.isin(boundary.part, bonded)
+    holding = (np.abs(boundary.normal @ jump.axis) > ROOT_OF_EPS) | np.isin(boundary.part, bonded)
     return held or bool((of_points & holding).any())
 
 

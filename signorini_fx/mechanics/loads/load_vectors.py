@@ -33,7 +33,7 @@ from signorini_fx.mechanics.statement.expressions import Expression, sample
 from signorini_fx.mechanics.statement.load_path import factor_at
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.records import Inventory
-from signorini_fx.tuned import CERTIFICATE_TOLERANCE, LARGEST_NUMBER, ZERO_SUM
+from signorini_fx.tuned import CERTIFICATE_TOLERANCE, LARGEST_NUMBER, SAME_NUMBER
 
 
 @dataclass(frozen=True)
@@ -196,7 +196,7 @@ class FormCoefficients:
             largest = parallel.largest(mesh.comm, np.abs(sample(spread, corners.reshape(-1, 3).T)))
             size = self.tagged.size
             scales = Scales(self.tagged.dimension, self.statement.young, size, self.kinematics.depth(size))
-            if not abs(integral) > ZERO_SUM * largest * scales.surface:
+            if not abs(integral) > SAME_NUMBER * largest * scales.surface:
                 wrong = f"its integral over {boundary!r} is {integral:g}: it must not be 0"
                 raise SceneError([(f"{self.path(effect)}.spread", wrong)])
             self._totals[boundary, spread] = fem.Constant(mesh, default_scalar_type(integral))

@@ -14,7 +14,7 @@ from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import node_positions
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.statement.expressions import in_space, sample
-from signorini_fx.tuned import SAME_POSITION
+from signorini_fx.tuned import ROOT_OF_EPS
 
 
 def node_at(
@@ -34,7 +34,7 @@ def node_at(
     """
     point, x = np.array(effect.at), node_positions(space)[:, : tagged.dimension]
     away = np.linalg.norm(x - point, axis=1)
-    near = away <= SAME_POSITION * tagged.size
+    near = away <= ROOT_OF_EPS * tagged.size
     if effect.region is not None:
         near &= _of_region(space, tagged, effect.region)
     candidates = np.flatnonzero(near)

@@ -20,7 +20,7 @@ from signorini_fx.mechanics.kinematics import KINDS
 from signorini_fx.mechanics.loads.nodal_effects import node_at
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.statement.expressions import in_space, sample
-from signorini_fx.tuned import SAME_POSITION
+from signorini_fx.tuned import ROOT_OF_EPS
 
 if TYPE_CHECKING:
     from signorini_fx.mechanics.contact_points.turned_supports import SkewSupport, TurnedNodes
@@ -125,7 +125,7 @@ _ON_AXIS = {
 
 def on_axis(x: npt.NDArray[np.float64], tagged: TaggedMesh) -> npt.NDArray[np.bool_]:
     """Which of some points of shape (n, 3) or (n, 2) are on the axis of revolution, shape (n,)."""
-    return np.asarray(np.abs(x[:, 0]) <= SAME_POSITION * tagged.size)
+    return np.asarray(np.abs(x[:, 0]) <= ROOT_OF_EPS * tagged.size)
 
 
 def components(effect: PrescribedDisplacement, index: int, tagged: TaggedMesh) -> list[tuple[int, Any]]:

@@ -15,7 +15,7 @@ from signorini_fx.mechanics.statement.base import Table
 from signorini_fx.mechanics.statement.effect import Contradictions
 from signorini_fx.mechanics.statement.expressions import Expression, sample
 from signorini_fx.mechanics.statement.values import SampledValue
-from signorini_fx.tuned import NO_DIRECTION
+from signorini_fx.tuned import CERTIFICATE_TOLERANCE
 
 VectorField = Annotated[tuple[SampledValue, ...], Field(min_length=2, max_length=3)]
 
@@ -83,5 +83,5 @@ def _vectors(components: tuple[object, ...] | None, axis: int, x: Array) -> Arra
 def _unit(vectors: Array, longest: float | None = None) -> Array:
     length = np.linalg.norm(vectors, axis=1, keepdims=True)
     longest = float(np.max(length, initial=0.0, where=np.isfinite(length))) if longest is None else longest
-    nothing = ~(length > NO_DIRECTION * longest)
+    nothing = ~(length > CERTIFICATE_TOLERANCE * longest)
     return np.where(nothing, np.nan, vectors / np.where(nothing, 1.0, length))

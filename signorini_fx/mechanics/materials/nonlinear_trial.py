@@ -9,7 +9,7 @@ import numpy as np
 
 from signorini_fx.mechanics.materials.nonlinear import Hyperelastic, PathDependent
 from signorini_fx.mechanics.materials.protocol import PAIRS, Array
-from signorini_fx.tuned import ENERGY_DIFFERENCE, SAME_STRESS, TRIED_STRAINS
+from signorini_fx.tuned import DIFFERENCE_STEP, SAME_TANGENT, TRIED_STRAINS
 
 
 def fault_of_nonlinear(material: Any) -> str:
@@ -57,19 +57,19 @@ def _fault_of_energy(material: Hyperelastic) -> str:
         before, after = shape(gradient - np.eye(3)), shape(_ROTATION @ gradient - np.eye(3))
         if not np.isfinite([before, after, whole(gradient - np.eye(3))]).all():
             return f"the energy of {name} is not finite"
-        if not abs(after - before) <= SAME_STRESS * modulus:
+        if not abs(after - before) <= SAME_TANGENT * modulus:
             return f"shape_energy of {name} is not objective: a rotation of the body changes it"
     # A body in the plane has no shear across the mesh.
     units = {k: unit for k, unit in enumerate(_units()) if PAIRS[k] not in ((0, 2), (1, 2))}
-    first, second = ENERGY_DIFFERENCE, np.finfo(np.float64).eps ** 0.25  # where both errors of differences are small
+    first, second = DIFFERENCE_STEP, np.finfo(np.float64).eps ** 0.25  # where both errors of differences are small
     for unit in units.values():
-        if not abs(whole(first * unit) - whole(-first * unit)) <= 2 * first * SAME_STRESS * modulus:
+        if not abs(whole(first * unit) - whole(-first * unit)) <= 2 * first * SAME_TANGENT * modulus:
             return f"{name} has a stress without strain"
     stiffness = material.at_rest.stiffness
     for (i, one), (j, other) in product(units.items(), repeat=2):
         corners = product((second, -second), repeat=2)
         change = sum(np.sign(a * b) * whole(a * one + b * other) for a, b in corners)
-        if not abs(change / (4 * second**2) - stiffness[i, j]) <= SAME_STRESS * modulus:
+        if not abs(change / (4 * second**2) - stiffness[i, j]) <= SAME_TANGENT * modulus:
             return f"constants_at_rest of {name} are not those of its energy"
     return ""
 
@@ -84,16 +84,16 @@ def _fault_of_response(material: PathDependent) -> str:
         tried = factor * strain
         tried.flags.writeable = state.flags.writeable = False  # the solver keeps both
         stress, tangent, grown = material.respond(tried, state)
-        if not np.abs(np.trace(stress, axis1=1, axis2=2)).max() <= SAME_STRESS * modulus:
+        if not np.abs(np.trace(stress, axis1=1, axis2=2)).max() <= SAME_TANGENT * modulus:
             return f"respond of {name} gives a stress that is not deviatoric"
         if not np.isfinite(tangent).all() or not np.array_equal(material.respond(tried, state)[0], stress):
             return f"respond of {name} is not finite, or gives something else when it is called again"
         for column, unit in enumerate(_units()):
-            small = ENERGY_DIFFERENCE**2 * unit
+            small = DIFFERENCE_STEP**2 * unit
             ahead, behind = (material.respond(factor * strain + sign * small, state)[0] for sign in (1, -1))
-            change = (ahead - behind) / (2 * ENERGY_DIFFERENCE**2)
+            change = (ahead - behind) / (2 * DIFFERENCE_STEP**2)
             wrong = np.abs(np.array([change[:, i, j] for i, j in PAIRS]).T - tangent[:, :, column]).max(axis=1)
-            if not np.median(wrong) <= SAME_STRESS * modulus:  # some may yield in between
+            if not np.median(wrong) <= SAME_TANGENT * modulus:  # some may yield in between
                 return f"the derivative that respond of {name} gives is not that of its stress"
         state = grown
     return ""

@@ -10,7 +10,7 @@ import numpy as np
 from signorini_fx.mechanics.mesh.files.arrays import MeshArrays, plain, sides_of
 from signorini_fx.mechanics.mesh.files.raw import row_keys
 from signorini_fx.mechanics.mesh.files.shape import Floats, Ints, measures, quality
-from signorini_fx.tuned import COINCIDENT_POINTS
+from signorini_fx.tuned import NOTHING_LEFT
 
 # The names of the size of the body, of its surface and of a boundary, by dimension.
 _MEASURES = {2: ("area", "perimeter", "length"), 3: ("volume", "surface", "area")}
@@ -54,7 +54,7 @@ def mesh_info(mesh: MeshArrays) -> dict[str, Any]:
             "worst": plain(mesh.points[mesh.corners[np.argmin(shape)]].mean(axis=0)),
         },
         "pieces": _pieces(mesh),
-        "coincident": _coincident(mesh.points, COINCIDENT_POINTS * diagonal),
+        "coincident": _coincident(mesh.points, NOTHING_LEFT * diagonal),
         "boundaries": {name: facets(rows) for name, rows in mesh.boundaries.items()},
         "unnamed": facets(_without(mesh.boundaries, len(mesh.facets))),
         "regions": {name: cells(rows) for name, rows in mesh.regions.items()},

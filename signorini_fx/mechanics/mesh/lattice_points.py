@@ -12,7 +12,7 @@ import numpy.typing as npt
 from dolfinx import mesh as dmesh
 
 from signorini_fx.machine import compat
-from signorini_fx.tuned import SAME_PLACE_IN_CELL
+from signorini_fx.tuned import DIGITS_OF_FILES
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
@@ -46,7 +46,7 @@ def at_lattice(
         return cells, numbers, lattice
     nodes = mesh.geometry.x[:, :dim][compat.geometry_cells(mesh)[:count]]
     places = (element.tabulate(0, lattice)[0, :, :, 0] @ nodes).reshape(-1, dim)
-    unit = SAME_PLACE_IN_CELL * float(np.ptp(nodes, axis=1).max(axis=1).min())
+    unit = DIGITS_OF_FILES * float(np.ptp(nodes, axis=1).max(axis=1).min())
     low = places.min(axis=0)
     of_points, of_places = (None, None) if pieces is None else (pieces[0], np.repeat(pieces[1][:count], len(lattice)))
     names, wanted = _names((places - low) / unit, of_places), _names((x[:, :dim] - low) / unit, of_points)

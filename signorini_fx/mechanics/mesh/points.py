@@ -19,7 +19,7 @@ from dolfinx import geometry
 from dolfinx import mesh as dmesh
 
 from signorini_fx.machine import compat, parallel
-from signorini_fx.tuned import LAST_STEP_IN_CELL, REFERENCE_BOUNDS, STEPS_IN_CELL
+from signorini_fx.tuned import NOTHING_LEFT, REFERENCE_BOUNDS, STEPS_IN_CELL
 
 Array = npt.NDArray[np.float64]
 Cells = npt.NDArray[np.int32]
@@ -115,8 +115,8 @@ def cells_of_points(
     cells, reference, gap = np.full(len(x), -1, dtype=np.int32), np.zeros((len(x), dim)), np.full(len(x), np.inf)
     # Cells that differ much in size are apart from each other, because a tree pads all its boxes alike.
     groups = np.floor(np.log2(size))
-    for share in (LAST_STEP_IN_CELL, outside):
-        open_points = np.flatnonzero((cells < 0) | (gap > LAST_STEP_IN_CELL * size[cells])) if len(size) else cells[:0]
+    for share in (NOTHING_LEFT, outside):
+        open_points = np.flatnonzero((cells < 0) | (gap > NOTHING_LEFT * size[cells])) if len(size) else cells[:0]
         for group in np.unique(groups) if len(open_points) else ():
             entities = np.flatnonzero(groups == group).astype(np.int32)
             if len(entities) == 1:  # of a tree with one box dolfinx 0.9 reads children, which are not there
@@ -185,7 +185,7 @@ def _pull_back(element: Any, corners: Array, reference: Array) -> Array:
         turned = _inverse(np.einsum("dnk,nkc->ncd", table[1:], corners[moving]))
         previous = reference[moving]
         reference[moving] = np.clip(previous - np.einsum("ncd,nd->nc", turned, away), *REFERENCE_BOUNDS)
-        moving = moving[np.abs(reference[moving] - previous).max(axis=1) >= LAST_STEP_IN_CELL]
+        moving = moving[np.abs(reference[moving] - previous).max(axis=1) >= NOTHING_LEFT]
     return reference
 
 

@@ -41,7 +41,7 @@ from signorini_fx.mechanics.statement.rigid_motion import RigidMotion, driven_tw
 from signorini_fx.mechanics.statement.rigid_shape import Distance, distance_from
 from signorini_fx.mechanics.statement.rigid_shape import fault_of as fault_of_shape
 from signorini_fx.records import Inventory
-from signorini_fx.tuned import SAME_DIRECTION, ZERO_SUM
+from signorini_fx.tuned import ROOT_OF_EPS, SAME_NUMBER
 
 if TYPE_CHECKING:
     from signorini_fx.mechanics.contact_points.turned_supports import TurnedNodes
@@ -590,7 +590,7 @@ def rigid_points(
     form, function = compiled
     if function is not None and shape.factor is not None:
         function.x.array.reshape(-1, function.function_space.dofmap.bs)[:, 0] = np.nan_to_num(shape.factor)
-    least = 0.0 if shape.factor is None else ZERO_SUM
+    least = 0.0 if shape.factor is None else SAME_NUMBER
     part = contact_part(space, form, facets, number, fixed, turned, least)
     if shape.direction is not None:
         return replace(part, normal=shape.direction[part.nodes])
@@ -601,7 +601,7 @@ def rigid_points(
 
 def without_small(factor: Array, comm: MPI.Comm) -> Array:
     """Factors of a measure, of which those that are round-off of the largest one are zero; collective."""
-    return np.where(factor <= ZERO_SUM * parallel.largest(comm, np.nan_to_num(factor)), 0.0, factor)
+    return np.where(factor <= SAME_NUMBER * parallel.largest(comm, np.nan_to_num(factor)), 0.0, factor)
 
 
 def _axial(normal: Array, on_axis: npt.NDArray[np.bool_]) -> Array:
@@ -610,4 +610,4 @@ def _axial(normal: Array, on_axis: npt.NDArray[np.bool_]) -> Array:
     """
     axial = np.where(on_axis[:, None] & (np.arange(normal.shape[1]) == 0), 0.0, normal)
     size = np.linalg.norm(axial, axis=1, keepdims=True)
-    return np.where(size > SAME_DIRECTION, axial / np.maximum(size, SAME_DIRECTION), normal)
+    return np.where(size > ROOT_OF_EPS, axial / np.maximum(size, ROOT_OF_EPS), normal)

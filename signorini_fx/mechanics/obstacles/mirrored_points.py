@@ -19,7 +19,7 @@ import numpy.typing as npt
 from scipy.spatial import cKDTree
 
 from signorini_fx.mechanics.pairs.pair_side import PairSurface
-from signorini_fx.tuned import ASKEW_NORMAL, DIGITS_OF_FILES, SAME_DIRECTION
+from signorini_fx.tuned import ASKEW_NORMAL, DIGITS_OF_FILES, ROOT_OF_EPS
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
@@ -48,7 +48,7 @@ def mirrored(
     across = frames[nodes, :, columns]
     along_side = np.abs(np.einsum("ni,ni->n", slave.nodal_normals[nodes], across)) <= ASKEW_NORMAL
     if on_axis is not None:
-        along_side |= on_axis[nodes] & (np.abs(across[:, 1:]).max(axis=1) <= SAME_DIRECTION)
+        along_side |= on_axis[nodes] & (np.abs(across[:, 1:]).max(axis=1) <= ROOT_OF_EPS)
     nodes, across = nodes[along_side], across[along_side]
     if not nodes.size or not master_held.any():
         return slave_projectors

@@ -35,7 +35,7 @@ from signorini_fx.mechanics.pairs.mortar_coupling import (
 from signorini_fx.mechanics.pairs.pair_side import Lagrange, PairSurface
 from signorini_fx.mechanics.pairs.sliding import along_vectors
 from signorini_fx.mechanics.pairs.sparse_scaling import of_components
-from signorini_fx.tuned import SAME_DIRECTION, ZERO_SUM
+from signorini_fx.tuned import ROOT_OF_EPS, SAME_NUMBER
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int32]
@@ -109,7 +109,7 @@ def held_along(normal: Array, frames: Array, fixed: npt.NDArray[np.bool_]) -> np
         fixed: which of them are prescribed, shape (n, d).
     """
     sizes = np.abs(np.einsum("nij,ni->nj", frames, normal))
-    return np.asarray(np.where(fixed, 0.0, sizes).max(axis=1, initial=0.0) <= SAME_DIRECTION)
+    return np.asarray(np.where(fixed, 0.0, sizes).max(axis=1, initial=0.0) <= ROOT_OF_EPS)
 
 
 @dataclass(frozen=True)
@@ -191,7 +191,7 @@ class FacingSides:
             for side in (slave, master)
         ]
         slave = replace(slave, surface=replace(slave.surface, measure=measures[0]))
-        on_axis = [None if measure is None else measure <= ZERO_SUM * measure.max() for measure in measures]
+        on_axis = [None if measure is None else measure <= SAME_NUMBER * measure.max() for measure in measures]
         across = (
             mirrored(slave.surface, master.surface, rests, on_axis[0]),
             mirrored(master.surface, slave.surface, (rests[1], rests[0]), on_axis[1]),

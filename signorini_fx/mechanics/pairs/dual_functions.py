@@ -20,7 +20,15 @@ from scipy.sparse.linalg import splu
 from signorini_fx.mechanics.pairs.overlap_quadrature import Overlap
 from signorini_fx.mechanics.pairs.pair_side import PairSurface
 from signorini_fx.mechanics.pairs.sparse_scaling import scaled_columns, scaled_rows
-from signorini_fx.tuned import DENSE_CHAIN, KEPT_WEIGHT, MOSTLY_HELD, PASSED_ON, SAME_NUMBER, SINGULAR, WHOLE_WEIGHT
+from signorini_fx.tuned import (
+    DENSE_CHAIN,
+    KEPT_WEIGHT,
+    MOSTLY_HELD,
+    NEGLIGIBLE,
+    NOTHING_LEFT,
+    SAME_NUMBER,
+    WHOLE_WEIGHT,
+)
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
@@ -102,11 +110,11 @@ def _inverse(matrices: Array) -> Array:
         first, second, across = matrices[:, 0, 0], matrices[:, 1, 1], matrices[:, 0, 1]
         largest = (first + second) / 2 + np.hypot((first - second) / 2, across)
         determinant = first * second - across**2
-        singular = ~(determinant > 2 * SINGULAR * largest**2)
+        singular = ~(determinant > 2 * NOTHING_LEFT * largest**2)
         adjoint = np.stack((np.stack((second, -across), axis=1), np.stack((-across, first), axis=1)), axis=1)
         inverse[~singular] = adjoint[~singular] / determinant[~singular, None, None]
     if singular.any():
-        inverse[singular] = np.linalg.pinv(matrices[singular], rcond=SINGULAR, hermitian=True)
+        inverse[singular] = np.linalg.pinv(matrices[singular], rcond=NOTHING_LEFT, hermitian=True)
     return inverse
 
 
@@ -232,7 +240,7 @@ def _absorbed(beside: _Beside, tested_nodes: Flags, portion: Array, nodes: Indic
         nodes: those that keep some, ascending, shape (n,).
     """
     count = tested_nodes.size
-    takes = np.where(tested_nodes, portion + PASSED_ON, 0.0)
+    takes = np.where(tested_nodes, portion + NEGLIGIBLE, 0.0)
     row, column, piece = beside.row, beside.column, beside.piece
     sums = np.bincount(column, takes[row], minlength=count)
     reached = np.bincount(piece, portion) > 0

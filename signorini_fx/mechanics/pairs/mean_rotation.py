@@ -7,7 +7,7 @@ import numpy.typing as npt
 import scipy.sparse as sp
 
 from signorini_fx.mechanics.pairs.pair_side import PairSurface
-from signorini_fx.tuned import NO_ARM, ZERO_COMPONENT
+from signorini_fx.tuned import SAME_NUMBER, ZERO_COMPONENT
 
 Array = npt.NDArray[np.float64]
 
@@ -38,7 +38,7 @@ def turning_of(arms: sp.csr_array, x: Array, distance: Array) -> sp.csr_array:
         inertia: Array = np.zeros((count, 3, 3))
         squares = np.einsum("ld,ld->l", r, r)[:, None, None] * np.eye(3) - r[:, :, None] * r[:, None, :]
         np.add.at(inertia, row, a[:, None, None] * squares)
-        inverse = np.asarray(np.linalg.pinv(inertia, rcond=NO_ARM, hermitian=True), dtype=np.float64)
+        inverse = np.asarray(np.linalg.pinv(inertia, rcond=SAME_NUMBER, hermitian=True), dtype=np.float64)
         blocks = -_crossing(d) @ inverse[row] @ (a[:, None, None] * _crossing(r))
     matrix = sp.bsr_array((blocks, arms.indices, arms.indptr), shape=(count * dim, len(x) * dim))
     return without_round_off(sp.csr_array(matrix))

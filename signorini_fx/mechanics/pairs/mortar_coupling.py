@@ -46,7 +46,7 @@ from signorini_fx.mechanics.pairs.overlap_quadrature import Overlap, over_ranks
 from signorini_fx.mechanics.pairs.overlap_space import space_overlap, turned_in_space
 from signorini_fx.mechanics.pairs.pair_side import PairSurface
 from signorini_fx.mechanics.pairs.search import default_reach
-from signorini_fx.tuned import CERTIFICATE_TOLERANCE, COVERED_TWICE, DEEPEST_OVERLAP, PARALLEL, SAME_PLACE_IN_CELL
+from signorini_fx.tuned import CERTIFICATE_TOLERANCE, DEEPEST_OVERLAP, DIGITS_OF_FILES, NEGLIGIBLE, SAME_NUMBER
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
@@ -130,7 +130,7 @@ class Coupling:
 
 def closed_within(gap: Array, limit: float | None) -> Array:
     """A gap, zero where it is at most a limit; None: there is no such limit."""
-    return gap if limit is None else np.where(gap <= (1.0 + SAME_PLACE_IN_CELL) * limit, 0.0, gap)
+    return gap if limit is None else np.where(gap <= (1.0 + DIGITS_OF_FILES) * limit, 0.0, gap)
 
 
 @dataclass(frozen=True)
@@ -385,7 +385,7 @@ def projected(
         return tested, slave.nodal_normals
     _check(slave, master, tested.area, reach)
     directions = None if nominal else _mean_normals(slave, master, tested, comm, slides=apart, needed=needed)
-    if directions is not None and turned(slave, directions) > PARALLEL:
+    if directions is not None and turned(slave, directions) > SAME_NUMBER:
         overlap = project(slave, master, reach, facets, directions).measured(slave).within(reach, slave, master)
         tested = Tested.of(slave, master, overlap, comm, bonded=bonded)
         _check(slave, master, tested.area, reach)
@@ -446,7 +446,7 @@ def _check(slave: PairSurface, master: PairSurface, covered: Array, reach: float
             f"none of its facets finds one of the other side that faces it within {reach:.3g}; "
             f"{_nearest(slave, master)}: check the facets, and that the bodies do not lie inside each other"
         )
-    twice = np.flatnonzero(covered > (1.0 + COVERED_TWICE) * slave.facet_areas)
+    twice = np.flatnonzero(covered > (1.0 + NEGLIGIBLE) * slave.facet_areas)
     if twice.size:
         point = ", ".join(f"{c:g}" for c in slave.corners[twice[0]].mean(axis=0))
         raise PairingError(

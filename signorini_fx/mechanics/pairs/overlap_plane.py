@@ -12,7 +12,7 @@ import numpy.typing as npt
 from signorini_fx.mechanics.pairs.overlap_quadrature import Overlap
 from signorini_fx.mechanics.pairs.pair_side import PairSurface
 from signorini_fx.mechanics.pairs.search import Patches, candidates
-from signorini_fx.tuned import NO_PART, POINTS_OF_PIECES, TURNED_DIRECTION
+from signorini_fx.tuned import NOTHING_LEFT, POINTS_OF_PIECES, TURNED_DIRECTION
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
@@ -56,7 +56,7 @@ def plane_overlap(
     ends: Array = _under(slave, np.tile(corners, (2, 1, 1)), np.tile(normals, (2, 1, 1)), vertices)
     ends = ends.reshape(2, -1).T.copy()  # of each pair: the images of both ends
     ends.sort(axis=1)
-    meets = ends[:, 1] - ends[:, 0] > NO_PART
+    meets = ends[:, 1] - ends[:, 0] > NOTHING_LEFT
     slave_facets, master_facets = slave_facets[meets], master_facets[meets]
     ends, normals, corners = ends[meets], normals[meets], corners[meets]
     width = ends[:, 1] - ends[:, 0]

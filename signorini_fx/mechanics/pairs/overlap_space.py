@@ -16,7 +16,7 @@ import numpy.typing as npt
 from signorini_fx.mechanics.pairs.overlap_quadrature import Overlap
 from signorini_fx.mechanics.pairs.pair_side import Lagrange, PairSurface
 from signorini_fx.mechanics.pairs.search import Patches, candidates
-from signorini_fx.tuned import LAST_STEP_BUT_ONE, LAST_STEP_IN_FACET, NO_PART, SAME_LENGTH
+from signorini_fx.tuned import LAST_STEP_IN_FACET, NOTHING_LEFT, SAME_LENGTH
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
@@ -83,7 +83,7 @@ def space_overlap(
         for corners in (slave_parts.patches.corners[slave_numbers], master_parts.patches.corners[master_numbers])
     )
     polygon, count = clip(_counterclockwise(flat_master), _counterclockwise(flat))
-    nonempty = _areas(polygon, count) > NO_PART * np.abs(_areas(flat, np.full(len(flat), flat.shape[1])))
+    nonempty = _areas(polygon, count) > NOTHING_LEFT * np.abs(_areas(flat, np.full(len(flat), flat.shape[1])))
     slave_numbers, master_numbers, count = slave_numbers[nonempty], master_numbers[nonempty], count[nonempty]
     flat, flat_master, polygon, centre, axes = (entry[nonempty] for entry in (flat, flat_master, polygon, centre, axes))
     triangles, pair = _fan(polygon, count)
@@ -264,7 +264,7 @@ def _back(flat: Array, reference: Array, p: Array) -> tuple[Array, Array]:
         residual, determinant = p - image, _cross(first, second)
         step = np.stack((_cross(residual, second), _cross(first, residual)), axis=-1) / determinant[..., None]
         s = s + step
-        if np.abs(step).max(initial=0.0) < LAST_STEP_BUT_ONE:
+        if np.abs(step).max(initial=0.0) < SAME_LENGTH:
             break
     _, first, second = maps(flat)
     inside, own_first, own_second = maps(reference)

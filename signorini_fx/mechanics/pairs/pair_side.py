@@ -14,7 +14,7 @@ import basix
 import numpy as np
 import numpy.typing as npt
 
-from signorini_fx.tuned import ZERO_SUM
+from signorini_fx.tuned import SAME_NUMBER
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
@@ -252,8 +252,8 @@ class PairSurface:
         """
         if self.measure is None:
             return np.zeros(len(self.x), dtype=bool)
-        least = ZERO_SUM * self.measure.max() if self.functions.degree > 1 else -np.inf
-        return np.asarray((self.measure <= least) | (self.area <= ZERO_SUM * self.area.max()))
+        least = SAME_NUMBER * self.measure.max() if self.functions.degree > 1 else -np.inf
+        return np.asarray((self.measure <= least) | (self.area <= SAME_NUMBER * self.area.max()))
 
     @cached_property
     def nodal_normals(self) -> Array:

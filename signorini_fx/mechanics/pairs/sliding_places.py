@@ -22,7 +22,7 @@ from signorini_fx.mechanics.pairs.overlap_plane import PLACES_OF_RULE
 from signorini_fx.mechanics.pairs.overlap_quadrature import Overlap
 from signorini_fx.mechanics.pairs.overlap_space import axes_across
 from signorini_fx.mechanics.pairs.pair_side import PairSurface
-from signorini_fx.tuned import LAST_STEP_BUT_ONE, NO_PART
+from signorini_fx.tuned import NOTHING_LEFT, SAME_LENGTH
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
@@ -96,7 +96,7 @@ def seen_vertices(slave: PairSurface, master: PairSurface, tested: Tested, direc
     piece = np.tile(np.arange(len(at)), 2)
     vertex = master.nodes[overlap.master[piece], np.where(first, places.argmin(), places.argmax())]
     upper = np.repeat([False, True], len(at))
-    inside = (ends > NO_PART) & (ends < 1.0 - NO_PART)
+    inside = (ends > NOTHING_LEFT) & (ends < 1.0 - NOTHING_LEFT)
     facet = overlap.slave[piece]
     key = facet * len(master.x) + vertex
     below, above = (np.flatnonzero(inside & side) for side in (upper, ~upper))
@@ -169,7 +169,7 @@ def seen_edges(slave: PairSurface, master: PairSurface, tested: Tested, directio
     flat, line = (np.einsum("mcd,mkd->mck", places - middle[:, None], axes) for places in (corners, master.x[ends]))
     start, along = line[:, 0], line[:, 1] - line[:, 0]
     enters, leaves = _within(flat, start, along)
-    crossed = np.flatnonzero(leaves - enters > NO_PART)
+    crossed = np.flatnonzero(leaves - enters > NOTHING_LEFT)
     facet, ends = facet[crossed], ends[crossed]
     way, middle, axes, start, along = (values[crossed] for values in (way, middle, axes, start, along))
     enters, leaves, pairs = enters[crossed], leaves[crossed], (partner[first[crossed]], partner[second[crossed]])
@@ -252,7 +252,7 @@ def _places(side: PairSurface, flat: Array, p: Array) -> Array:
             first[:, 0] * residual[:, 1] - first[:, 1] * residual[:, 0],
         )
         at = at + np.column_stack(step) / size[:, None]
-        if np.abs(residual).max(initial=0.0) <= LAST_STEP_BUT_ONE * np.abs(flat).max(initial=0.0):
+        if np.abs(residual).max(initial=0.0) <= SAME_LENGTH * np.abs(flat).max(initial=0.0):
             break
     return at
 

@@ -20,7 +20,7 @@ from signorini_fx.algebra.linalg import row_by_row
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import node_positions
 from signorini_fx.mechanics.rigid.rigid_motions import RigidMotions, rigid_modes
-from signorini_fx.tuned import OUTSIDE_COARSER_MESH, SAME_ENTRY
+from signorini_fx.tuned import NOTHING_LEFT, OUTSIDE_COARSER_MESH
 
 Array = npt.NDArray[np.float64]
 
@@ -154,7 +154,7 @@ class MeshLevel:
 
         def shares_at(points: Array) -> Array:
             shares = shape.tabulate(0, points)[0].reshape(len(points), -1)
-            shares[np.abs(shares) < SAME_ENTRY] = 0.0
+            shares[np.abs(shares) < NOTHING_LEFT] = 0.0
             return np.asarray(shares)
 
         # Where cells were halved the places are known; what is elsewhere, or on another rank, is sought.

@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from signorini_fx.mechanics.rigid.rigid_motions import RigidMotions
-from signorini_fx.tuned import AT_REST, FAR_AXIS
+from signorini_fx.tuned import CERTIFICATE_TOLERANCE, FAR_AXIS
 
 _Rows = npt.NDArray[np.float64]
 # Number of pieces that a message lists.
@@ -36,7 +36,7 @@ def names_of(moved: _Rows, motions: RigidMotions, members: npt.NDArray[np.int64]
         ]
     for name, modes, centre, length in things:
         vectors, values, _ = np.linalg.svd(modes, full_matrices=False)
-        independent = modes if len(things) == 1 else vectors[:, values > AT_REST]
+        independent = modes if len(things) == 1 else vectors[:, values > CERTIFICATE_TOLERANCE]
         if one_way and independent.shape[1]:
             independent = modes / np.linalg.norm(modes)  # the sign of ``vectors`` means nothing
         if independent.shape[1]:

@@ -28,7 +28,7 @@ from signorini_fx.mechanics.assembly.pieces import BodyPieces
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary, MovingFoundation
 from signorini_fx.mechanics.kinematics import CARTESIAN
 from signorini_fx.mechanics.kinematics.protocol import Kinematics
-from signorini_fx.tuned import NO_STRAIN, NOT_HELD
+from signorini_fx.tuned import LEFT_BY_SOLVES, ROOT_OF_EPS
 
 if TYPE_CHECKING:
     from signorini_fx.mechanics.contact_points.turned_supports import TurnedNodes
@@ -273,7 +273,7 @@ def without_strain(motions: RigidMotions, kinematics: Kinematics) -> RigidMotion
             along = np.einsum("pm,pmk->pk", allowed, rows)
             strained = (rows - allowed[:, :, None] * along[:, None]).reshape(-1, free_modes.shape[1])
             _, sizes, ways = np.linalg.svd(strained)
-            combinations = ways[np.count_nonzero(sizes > NOT_HELD) :].T
+            combinations = ways[np.count_nonzero(sizes > ROOT_OF_EPS) :].T
             columns.append(free_modes @ combinations * np.sign((along @ combinations).sum(axis=0)))
             numbers.append(np.full(combinations.shape[1], number))
     no_modes = motions.free[:, :0]
@@ -311,7 +311,7 @@ def without_energy(motions: RigidMotions, matrix: PETSc.Mat, vector: Callable[[_
         values, vectors = np.linalg.eigh(energy[np.ix_(of, of)])
         # Springs may have nothing to say of a motion: its energy is round-off of that of the others.
         # One that is negative is that of a tangent under stress: such a motion is not free.
-        combinations = vectors[:, np.abs(values) <= NO_STRAIN * np.trace(scale[np.ix_(of, of)])]
+        combinations = vectors[:, np.abs(values) <= LEFT_BY_SOLVES * np.trace(scale[np.ix_(of, of)])]
         columns.append(motions.free[:, of] @ combinations)
         numbers.append(np.full(combinations.shape[1], number))
     return replace(motions, free=np.concatenate(columns, axis=1), assembly=np.concatenate(numbers))
@@ -345,7 +345,7 @@ def _nearest(motions: RigidMotions, supported: _Floats, moved: _Floats) -> _Floa
     """
     # Not by the assemblies: bodies in contact are one, and move on their own all the same.
     alone = ~np.isin(np.arange(motions.pieces.count), motions.pieces.pins)
-    inverse = np.asarray(np.linalg.pinv(supported, rcond=NOT_HELD, hermitian=True), dtype=np.float64)
+    inverse = np.asarray(np.linalg.pinv(supported, rcond=ROOT_OF_EPS, hermitian=True), dtype=np.float64)
     return np.where(alone[:, None], np.einsum("pij,pj->pi", inverse, moved), 0.0).ravel()
 
 
@@ -395,7 +395,7 @@ def _null_space(supported: _Floats, motions: RigidMotions) -> tuple[_Floats, npt
                 rows = apart.reshape(len(apart), -1)
                 gram += rows.T @ rows
         values, vectors = np.linalg.eigh(gram)
-        null_vectors = vectors[:, values <= NOT_HELD * max(values[-1], 1e-300)]
+        null_vectors = vectors[:, values <= ROOT_OF_EPS * max(values[-1], 1e-300)]
         modes = np.zeros((m * pieces.count, null_vectors.shape[1]))
         modes[(m * members[:, None] + np.arange(m)).ravel()] = null_vectors
         columns.append(modes)

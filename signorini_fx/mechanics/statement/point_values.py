@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from signorini_fx.errors import SceneError
-from signorini_fx.tuned import DIGITS_OF_FILES, OUTSIDE_HULL, SAME_POSITION
+from signorini_fx.tuned import DIGITS_OF_FILES, OUTSIDE_HULL, ROOT_OF_EPS
 
 Array = npt.NDArray[np.float64]
 
@@ -108,7 +108,7 @@ def same_places(points: Array) -> npt.NDArray[np.int64]:
     from scipy.sparse.csgraph import connected_components
     from scipy.spatial import cKDTree
 
-    near = SAME_POSITION * float(np.linalg.norm(np.ptp(points, axis=0))) if len(points) else 0.0
+    near = ROOT_OF_EPS * float(np.linalg.norm(np.ptp(points, axis=0))) if len(points) else 0.0
     first, second = cKDTree(points).query_pairs(near, output_type="ndarray").reshape(-1, 2).T
     links = coo_array((np.ones(len(first), dtype=bool), (first, second)), shape=(len(points), len(points)))
     return connected_components(links, directed=False)[1].astype(np.int64)

@@ -36,7 +36,7 @@ from signorini_fx.mechanics.statement.rigid_motion import (
 )
 from signorini_fx.mechanics.statement.validation import problems_of
 from signorini_fx.mechanics.statement.values import Vector, kind_of, shown
-from signorini_fx.tuned import NORMAL_DIFFERENCE, NOT_ORTHONORMAL, WRONG_NORMAL, ZERO_IN_SOLUTION
+from signorini_fx.tuned import NORMAL_DIFFERENCE, SAME_LENGTH, WRONG_NORMAL, ZERO_IN_SOLUTION
 
 Array = npt.NDArray[np.float64]
 
@@ -335,7 +335,7 @@ def fault_of(shape: Any, x: Array, size: float) -> str:
     length = np.linalg.norm(normal, axis=1)
     for reason, wrong in (
         (f"distance of {name} is not finite", ~np.isfinite(np.column_stack((signed, normal))).all(axis=1)),
-        (f"the normals of {name} are not of unit length", ~(np.abs(length - 1) <= NOT_ORTHONORMAL)),
+        (f"the normals of {name} are not of unit length", ~(np.abs(length - 1) <= SAME_LENGTH)),
         (
             f"distance of {name} does not grow along its normals as a distance does",
             ~(np.abs(signed - behind - step) <= WRONG_NORMAL * step + ZERO_IN_SOLUTION * np.abs(signed)),

@@ -17,11 +17,11 @@ import numpy as np
 
 from signorini_fx.results.accuracy.mesh_level import LevelResult
 from signorini_fx.tuned import (
-    BALANCED_BY_STATICS,
     CHANGES_USED,
     FORCE_OF_ENERGY,
     LARGEST_CHANGE,
     SLOWEST_DECREASE,
+    ZERO_IN_SOLUTION,
 )
 
 
@@ -47,7 +47,7 @@ def force_error(levels: Sequence[LevelResult], *, uniform: bool = True) -> float
         share = float(np.clip(_share(coarse, fine), 0.0, SLOWEST_DECREASE))
         estimates.append(change * share / (1 - share))
     seen = max(estimates)
-    if not uniform and (fine.dimension, fine.degree) in FORCE_OF_ENERGY and seen > BALANCED_BY_STATICS:
+    if not uniform and (fine.dimension, fine.degree) in FORCE_OF_ENERGY and seen > ZERO_IN_SOLUTION:
         seen = max(seen, FORCE_OF_ENERGY[fine.dimension, fine.degree] * fine.energy**2)
     return seen + fine.loads
 

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from signorini_fx.results.accuracy.contact_surface import ContactSurface
 from signorini_fx.results.accuracy.pressure_error import bends, singular_square
-from signorini_fx.tuned import BEYOND_SURFACE, CORNER_SHARE, KINK_SHARE, PLACES_BESIDE_RIM, SAME_POWER
+from signorini_fx.tuned import CORNER_SHARE, KINK_SHARE, NOTABLE, PLACES_BESIDE_RIM, SAME_POWER
 
 Floats = npt.NDArray[np.float64]
 
@@ -83,7 +83,5 @@ def _profiles(
         values = np.column_stack((pressure, surface.x))
         at = surface.at(points, values, int(part))
         away = np.linalg.norm(at[:, 1:] - points, axis=1).reshape(r[on_part].shape)
-        profile[on_part] = np.where(
-            away <= BEYOND_SURFACE * r[on_part][:, 1:2], at[:, 0].reshape(r[on_part].shape), np.nan
-        )
+        profile[on_part] = np.where(away <= NOTABLE * r[on_part][:, 1:2], at[:, 0].reshape(r[on_part].shape), np.nan)
     return r, profile

@@ -17,7 +17,7 @@ from signorini_fx.mechanics.rigid.rigid_bodies import Drive, RigidBodyMotion
 from signorini_fx.results.certificate.body_nodes import BodyNodes
 from signorini_fx.results.certificate.law_of_method import Tractions
 from signorini_fx.results.certificate.supports import PrescribedNodes
-from signorini_fx.tuned import SAME_DIRECTION
+from signorini_fx.tuned import ROOT_OF_EPS
 
 if TYPE_CHECKING:
     from signorini_fx.results.certificate.pair_points import PairPoints
@@ -294,13 +294,13 @@ class ContactNodes:
             displacements: of nodes with ghosts, shape (nodes, d).
             rigid: how rigid bodies have moved, and what drives them.
         """
-        movable = np.max(np.abs(self._movable(self.normal, supports)), axis=1, initial=0.0) > SAME_DIRECTION
+        movable = np.max(np.abs(self._movable(self.normal, supports)), axis=1, initial=0.0) > ROOT_OF_EPS
         for motion, (_, prescribed) in rigid:
             points = self.part(*motion.body.parts)
             for component in np.flatnonzero(np.isnan(prescribed)):
                 moves = self._at(motion.mode(int(component), self._x, displacements))[points]
                 along = np.abs(np.sum(moves * self.normal[points], axis=1))
-                movable[points] |= along > SAME_DIRECTION * np.linalg.norm(moves, axis=1)
+                movable[points] |= along > ROOT_OF_EPS * np.linalg.norm(moves, axis=1)
         return ~movable
 
     def _movable(self, vectors: Nodal, supports: PrescribedNodes) -> Nodal:

@@ -14,7 +14,7 @@ from signorini_fx.mechanics.scales import Scales
 from signorini_fx.results.certificate.body_nodes import BodyNodes, RigidPart
 from signorini_fx.results.certificate.contact_nodes import ContactNodes
 from signorini_fx.results.certificate.supports import PrescribedNodes
-from signorini_fx.tuned import CERTIFICATE_TOLERANCE, LOST_UNITS, NEGLIGIBLE, NO_FORCE, UNITS_OF_PLACES, ZERO_SUM
+from signorini_fx.tuned import CERTIFICATE_TOLERANCE, LOST_UNITS, NEGLIGIBLE, NO_FORCE, SAME_NUMBER, UNITS_OF_PLACES
 
 Nodal = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
@@ -72,7 +72,7 @@ class Balance:
         internal, _, _, expanding = map(float, works.sum(axis=0))
         prevented = self.prevented - expanding
         energy = internal / 2 + prevented
-        return max(0.0, energy if energy > ZERO_SUM * abs(internal / 2) or prevented == 0.0 else 0.0)
+        return max(0.0, energy if energy > SAME_NUMBER * abs(internal / 2) or prevented == 0.0 else 0.0)
 
     def reaction_stress(self, pieces: RigidPart) -> Nodal:
         """The stress that the supports of each piece feel, over its surface, where ``internal`` has the loads: their

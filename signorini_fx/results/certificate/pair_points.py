@@ -29,7 +29,7 @@ from signorini_fx.mechanics.pairs.mortar_coupling import closed_within
 from signorini_fx.mechanics.pairs.sliding import SlidingCoupling
 from signorini_fx.mechanics.pairs.sparse_scaling import beside
 from signorini_fx.mechanics.rigid.rigid_motions import rigid_modes
-from signorini_fx.tuned import SLIVER
+from signorini_fx.tuned import NEGLIGIBLE
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
@@ -125,7 +125,7 @@ class PairPoints:
         places = entries.row // dim, entries.col // dim
         moving = sp.csr_array(sp.coo_array((entries.data != 0, places), shape=self.own.shape))
         moves = moving.astype(bool).astype(np.float64)
-        return np.asarray((abs(self.own) + abs(self.others)).maximum(SLIVER * moves).T @ self.weight)
+        return np.asarray((abs(self.own) + abs(self.others)).maximum(NEGLIGIBLE * moves).T @ self.weight)
 
     def _rigid(self, x: Array) -> tuple[Array, float]:
         """Joint rigid motions of the m nodes at places x, shape (k, m, d): translations first, and rotations that move

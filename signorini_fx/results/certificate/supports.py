@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from signorini_fx.mechanics.loads.supports import Supports
-from signorini_fx.tuned import SAME_DIRECTION
+from signorini_fx.tuned import ROOT_OF_EPS
 
 if TYPE_CHECKING:
     from signorini_fx.mechanics.contact_points.turned_supports import TurnedNodes
@@ -99,7 +99,7 @@ class PrescribedNodes:
         if self.turned is None:
             return ~self.fixed
         ways = [self.left(np.broadcast_to(axis, self.fixed.shape)) for axis in np.eye(self.fixed.shape[1])]
-        return np.asarray(np.max(np.abs(ways), axis=0) > SAME_DIRECTION)
+        return np.asarray(np.max(np.abs(ways), axis=0) > ROOT_OF_EPS)
 
     def _frames(self, nodes: npt.NDArray[Any]) -> Nodal:
         """The frames of nodes that ``fixed`` is told in, shape (n, d, d)."""

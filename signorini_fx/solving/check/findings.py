@@ -19,9 +19,9 @@ from signorini_fx.records import Finding
 from signorini_fx.solving.check.balanced_loads import equilibrium
 from signorini_fx.tuned import (
     FAR_GAP,
-    HARDLY_MOVED,
     LARGEST_GAMMA,
     NO_FORCE,
+    ROOT_OF_EPS,
     START_GAMMA,
 )
 
@@ -207,7 +207,7 @@ def _units(body: Model, prescribed: float, force: float) -> list[Finding]:
             "check the units of E and of the loads"
         )
         return [Finding("warning", path, message)]
-    if 0 < most < HARDLY_MOVED:
+    if 0 < most < ROOT_OF_EPS:
         message = (
             f"loads and prescribed displacements strain the body by about {most:.1g} only: are E and the loads in the "
             "same units, such as MPa?"

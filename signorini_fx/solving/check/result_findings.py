@@ -23,7 +23,7 @@ from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.obstacles.shapes_inside import BodyCells
 from signorini_fx.mechanics.rigid.motion_names import rounded
 from signorini_fx.records import Finding
-from signorini_fx.tuned import FACETS_OFF, NO_CURVED_SIDE, SAME_LENGTH, SMALL_DEFORMATION
+from signorini_fx.tuned import NO_CURVED_SIDE, NOTABLE, SAME_LENGTH
 
 if TYPE_CHECKING:
     from signorini_fx.mechanics.obstacles.paired_points import PairedSides
@@ -145,7 +145,7 @@ def facets_in_result(body: Model, contact: ContactState) -> list[Finding]:
         off = sum(_off(body, name, contact.boundary.x[on_part]) for name in names)
         gap = body.data.gap[on_part]
         gap = gap + parallel.largest(body.comm, -gap, -np.inf)
-        if parallel.largest(body.comm, gap[gap <= off]) > FACETS_OFF * off > 0:  # else the nodes of both sides match
+        if parallel.largest(body.comm, gap[gap <= off]) > NOTABLE * off > 0:  # else the nodes of both sides match
             text = (
                 f"straight facets of {names[0]!r} and {names[1]!r} are up to {off:.2g} off the curved sides that they "
                 "are chords of, and the distances between them change the pressure as much as the loads do: take "
@@ -245,13 +245,13 @@ def result_findings(
         findings.append(Finding("warning", "body, traction, displacement", message))
     worst = max(deformations, key=lambda deformation: deformation.largest)
     far = f"displacements of up to {worst.displacement:.2g} times the size of the body"
-    if worst.gradient > SMALL_DEFORMATION:
+    if worst.gradient > NOTABLE:
         message = (
             f"strains and rotations of {worst.gradient:.2g} on average, {far}: the deformation is not small, as "
             "linear elasticity assumes; check the units of E, of the loads and of the lengths"
         )
         findings.append(Finding("warning", "material, traction, body_force, displacement", message))
-    elif worst.displacement > SMALL_DEFORMATION:
+    elif worst.displacement > NOTABLE:
         message = (
             f"{far}, by strains and rotations of {worst.gradient:.2g} on average: the body moves far, while gap and "
             "normals are those of its initial position; check the gap and the unit of lengths"

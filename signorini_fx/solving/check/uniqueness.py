@@ -35,7 +35,7 @@ from signorini_fx.algebra.linalg.schur import SchurComplement
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.features import refused_by
 from signorini_fx.records import Finding
-from signorini_fx.tuned import PROVED_SHARE, SINGULAR
+from signorini_fx.tuned import NOTHING_LEFT, PROVED_SHARE
 
 # How often the largest eigenvalue is evaluated.
 _EVALUATIONS = 60
@@ -58,7 +58,7 @@ def uniqueness_findings(model: Model) -> list[Finding]:
     if multiple == np.inf:
         return []
     acting = law.coefficient[law.coefficient > 0]
-    uniform = acting.size and np.ptp(acting) <= SINGULAR * acting[0]
+    uniform = acting.size and np.ptp(acting) <= NOTHING_LEFT * acting[0]
     below = f"{multiple * acting[0]:.4g}" if uniform else f"{multiple:.4g} times the coefficients"
     sentence = f"with friction coefficients below {below} there is one solution on this mesh, whatever the loads are"
     assumed = "; sections are shortened as they are" if model.statement.effects.get("preload") else ""
@@ -133,14 +133,14 @@ class _Rough:
 def _components(stiffness: Nodal, operator: Nodal, law: PointFriction) -> _Rough | str:
     """The stiffness of normal components and of tangential ones with friction; or why there is none."""
     coefficient, count = law.coefficient, law.coefficient.size
-    moves = np.linalg.norm(operator, axis=1) > SINGULAR
+    moves = np.linalg.norm(operator, axis=1) > NOTHING_LEFT
     by_point = moves.reshape(count, -1)
     if ((coefficient > 0) & ~by_point[:, 0] & by_point[:, 1:].any(axis=1)).any():
         return "a support takes the pressure at a point that friction acts on"
     rows = operator[moves]
     q, r = np.linalg.qr(rows.T, mode="complete")
     r = r[: len(rows)]
-    if len(rows) > len(stiffness) or np.abs(np.diag(r)).min(initial=np.inf) <= SINGULAR:
+    if len(rows) > len(stiffness) or np.abs(np.diag(r)).min(initial=np.inf) <= NOTHING_LEFT:
         return "some contact points share a node, or are held in a direction of their own"
     # x = q1 r^-T v + q2 z, of which z has no force.
     change = np.column_stack((np.linalg.solve(r, q[:, : len(rows)].T).T, q[:, len(rows) :]))
@@ -154,14 +154,14 @@ def _components(stiffness: Nodal, operator: Nodal, law: PointFriction) -> _Rough
     if eliminated.size:
         coupling = transformed[np.ix_(eliminated, order)]
         values, vectors = np.linalg.eigh(transformed[np.ix_(eliminated, eliminated)])
-        hard = values > SINGULAR * values[-1]
+        hard = values > NOTHING_LEFT * values[-1]
         inside = vectors[:, hard].T @ coupling
         schur = schur - inside.T @ (inside / values[hard, None])
     schur = (schur + schur.T) / 2
     normal = point[order[component[order] == 0]]
     tangential = point[order[component[order] > 0]]
     values, vectors = np.linalg.eigh(schur)
-    free = vectors[:, values <= SINGULAR * values[-1]]
+    free = vectors[:, values <= NOTHING_LEFT * values[-1]]
     beside = np.minimum(np.searchsorted(normal, tangential), max(normal.size - 1, 0))
     return _Rough(schur, normal, tangential, beside, free)
 
@@ -171,13 +171,13 @@ def _critical(rough: _Rough, coefficient: Nodal) -> tuple[float, str]:
     normal, count = rough.normal.size, len(rough.stiffness)
     if not (coefficient[rough.tangential] > 0).any():
         return np.inf, ""
-    if np.abs(rough.free[normal:]).max(initial=0.0) > SINGULAR**0.5:
+    if np.abs(rough.free[normal:]).max(initial=0.0) > NOTHING_LEFT**0.5:
         return 0.0, "nothing but friction holds the body along its foundation"
     # In units of the stiffness, so that nodal compliance is of order one.
     stiffness = rough.stiffness / float(np.abs(rough.stiffness).max())
     rows, sizes = stiffness[rough.beside], coefficient[rough.tangential]
     basis = np.linalg.svd(rough.free, full_matrices=True)[0][:, rough.free.shape[1] :] if rough.free.size else None
-    compliance = np.diag(np.linalg.pinv(stiffness, rcond=SINGULAR, hermitian=True))[normal:]
+    compliance = np.diag(np.linalg.pinv(stiffness, rcond=NOTHING_LEFT, hermitian=True))[normal:]
     ratios = np.sqrt(compliance / np.diag(stiffness)[rough.beside])
     places = np.arange(normal, count)
 

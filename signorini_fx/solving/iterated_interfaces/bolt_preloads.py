@@ -32,13 +32,12 @@ from signorini_fx.results.mechanics import SolidBody
 from signorini_fx.results.section_forces import section_forces
 from signorini_fx.solving.iterated_interfaces.protocol import Interface, LoadStepEnd, LoadStepStart
 from signorini_fx.tuned import (
-    BALANCED,
+    CERTIFICATE_TOLERANCE,
     DIGITS_OF_FILES,
-    LOOSE_SECTION,
+    LEFT_BY_SOLVES,
     SAME_LENGTH,
     SHORTENED_AT_MOST,
     SHORTENED_IF_LOOSE,
-    UNBALANCED_TENSION,
 )
 
 _Floats = npt.NDArray[np.float64]
@@ -83,13 +82,13 @@ class BoltPreloads(Interface):
             task.history.add(
                 f"sections shortened by {', '.join(f'{entry:.6g}' for entry in s)}: forces miss {missing:.1e}"
             )
-            if missing <= BALANCED or best / 2 <= missing <= UNBALANCED_TENSION:
+            if missing <= LEFT_BY_SOLVES or best / 2 <= missing <= CERTIFICATE_TOLERANCE:
                 return LoadStepEnd(model, start, outcome)
             if outcome.status is Status.CONVERGED:
                 start = start.begin_from(outcome.problem.sets, outcome.newton.multipliers())
             else:
                 newton.restore(begun)
-            slack = force <= LOOSE_SECTION * wanted
+            slack = force <= CERTIFICATE_TOLERANCE * wanted
             if not slope.size and slack.any():
                 if s[slack].max() > model.scales.size:
                     loose = [*loads.values()][int(np.argmax(slack * s))]

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from signorini_fx.errors import MeshError
 from signorini_fx.mechanics.mesh.files.cells import Cell
-from signorini_fx.tuned import PARALLEL, SAME_LENGTH
+from signorini_fx.tuned import SAME_LENGTH, SAME_NUMBER
 
 Ints = npt.NDArray[np.int64]
 Floats = npt.NDArray[np.float64]
@@ -107,10 +107,10 @@ def _spoilt_in_plane(points: Floats, cells: Ints, cell: Cell) -> tuple[_Truths, 
     cross = _cross_products(forth)
     # No side is longer than the sum of its components: where this limit, with room for round-off, is not reached, the
     # other one is not.
-    doubtful = np.abs(cross) <= 2 * PARALLEL * _products(np.abs(forth[0]) + np.abs(forth[1]))
+    doubtful = np.abs(cross) <= 2 * SAME_NUMBER * _products(np.abs(forth[0]) + np.abs(forth[1]))
     flat: _Truths = np.zeros(len(cells), dtype=bool)
     if doubtful.any():
-        flat = np.asarray(np.any(np.abs(cross) <= PARALLEL * _products(np.hypot(*forth)), axis=0), dtype=np.bool_)
+        flat = np.asarray(np.any(np.abs(cross) <= SAME_NUMBER * _products(np.hypot(*forth)), axis=0), dtype=np.bool_)
     return flat, np.logical_and(cross.min(axis=0) < 0, cross.max(axis=0) > 0)
 
 
@@ -120,7 +120,7 @@ def _spoilt(points: Floats, cells: Ints, cell: Cell) -> tuple[_Truths, _Truths]:
     jacobian = _jacobian(points, cells, cell, x)
     size = np.linalg.det(jacobian)
     spanned = np.linalg.norm(jacobian, axis=2).prod(axis=2)
-    flat = np.any((np.abs(size) <= PARALLEL * spanned)[:, : len(cell.corners)], axis=1)
+    flat = np.any((np.abs(size) <= SAME_NUMBER * spanned)[:, : len(cell.corners)], axis=1)
     return flat, np.logical_and(size.min(axis=1) < 0, size.max(axis=1) > 0)
 
 
