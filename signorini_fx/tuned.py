@@ -137,8 +137,6 @@ NO_RELATIVE_TOLERANCE = 1e-15
 NEVER_LEFT = 1e-7
 # Soft stiffnesses that differ by less make no other levels: the cycle need not be exact.  Choice.
 SAME_SOFT_STIFFNESS = 0.1
-# Largest condition of S B among the unknowns that relative motions of two bodies replace.  Choice.
-LARGEST_CONDITION = 1e6
 # Steps of the least squares that find what moves with a rigid body.  Choice.
 RIGID_STEPS = 100
 

@@ -31,7 +31,7 @@ class ContactMap:
         points: the contact points.
         fixed: the prescribed unknowns of this rank; contact forces on them go into the supports.
         lift: S with B S = 1, unknowns of one of two bodies from relative displacements, for multigrid; None: contact is
-            with a rigid foundation, or no such unknowns are known.
+            with a rigid foundation, or no such unknowns are known, or a condensed system has no need of it.
         paired: whether points are those of two bodies, or of rigid ones that move, so that B takes differences of
             displacements.
         elsewhere: relative displacements of points that have no unknowns here, zero at the others, length, shape (n,
@@ -86,8 +86,8 @@ class ContactMap:
             PETSc.IS().createGeneral(indices.astype(PETSc.IntType), comm=self.operator.comm)
             for indices in (rows, self.operator.getOwnershipRangeColumn()[0] + unknowns)
         ]
-        lift = None if self.lift is None else self.lift.createSubMatrix(*sets[::-1])
-        return ContactMap(self.operator.createSubMatrix(*sets), self.points, fixed, lift, self.paired, self.elsewhere)
+        operator = self.operator.createSubMatrix(*sets)
+        return replace(self, operator=operator, fixed=fixed, lift=None)
 
     def near(self, far: npt.NDArray[np.bool_], x: PETSc.Vec) -> ContactMap:
         """The map without the rows of some points, which stay where they are; one rank.

@@ -31,8 +31,7 @@ class SystemSize:
         comm: the ranks that share the system.
         unknowns: global number of unknowns.
         dimension: d.
-        retained: unknowns that contact touches, of two bodies on both sides, onto which a Schur complement is formed
-            before it is one of relative displacements; 0 without contact.
+        retained: unknowns that contact touches, of two bodies on both sides; 0 without contact.
         held: whether contact and stick at all contact points hold every piece of the body.
         compressible: whether the material is far enough from incompressible for multigrid.
         definite: whether the matrix is positive semi-definite.

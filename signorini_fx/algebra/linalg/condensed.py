@@ -26,19 +26,17 @@ from signorini_fx.algebra.contact.motions import RigidLoad
 from signorini_fx.algebra.linalg import ElasticSystem
 from signorini_fx.algebra.linalg.elasticity import Elasticity, LoadCase
 from signorini_fx.algebra.linalg.factorisation import factor_type
-from signorini_fx.algebra.linalg.relative_displacements import RelativeUnknowns
 from signorini_fx.algebra.linalg.schur import SchurComplement
 from signorini_fx.machine import parallel
 
 
 @dataclass
 class CondensedSystem(ElasticSystem):
-    """See ``ElasticSystem``: x holds the unknowns that B touches, of two bodies relative displacements where it can."""
+    """See ``ElasticSystem``: x holds the unknowns that B touches."""
 
     elasticity: Elasticity
     cases: list[_CondensedCase]
     schur: SchurComplement
-    relative: RelativeUnknowns | None
     factors: npt.NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
     recovered: tuple[npt.NDArray[np.float64], PETSc.Vec] | None = None  # x of this rank, and its displacement
 
@@ -62,13 +60,10 @@ class CondensedSystem(ElasticSystem):
         else:
             condensed = [schur.condense(case.load) for case in e.cases]
         contact = reaching.among(retained, reaching.fixed[retained])
-        dense, relative = schur.dense, RelativeUnknowns.of(schur.dense, contact)
-        if relative is not None:
-            dense, contact = relative.matrix, relative.contact
-        matrix = dense_matrix(e.comm, dense, contact.fixed.size)
+        matrix = dense_matrix(e.comm, schur.dense, retained.size)
         load, start = matrix.createVecRight(), matrix.createVecRight()
         resultant = np.zeros(e.free)
-        system = cls(matrix, load, start, resultant, contact, e, [], schur, relative)
+        system = cls(matrix, load, start, resultant, contact, e, [], schur)
         system.cases = [system._condensed(case, *load) for case, load in zip(e.cases, condensed, strict=True)]
         system.set_load(np.ones(len(e.cases)))
         return system
@@ -91,14 +86,9 @@ class CondensedSystem(ElasticSystem):
     def _condensed(
         self, case: LoadCase, load: npt.NDArray[np.float64], between: npt.NDArray[np.float64]
     ) -> _CondensedCase:
-        """A load case and its condensed load of all ranks; collective."""
+        """A load case and its condensed load of all ranks."""
         start = np.array(case.start.getArray(readonly=True)[self.schur.retained])
-        owned_rows = slice(*self.matrix.getOwnershipRange())
-        if self.relative is None:
-            return _CondensedCase(case, load[owned_rows], start, between, np.empty(0))
-        start = parallel.gather_rows(self.comm, start)
-        load, inner = self.relative.load(load, start)
-        return _CondensedCase(case, load[owned_rows], self.relative.unknowns(start)[owned_rows], between, inner)
+        return _CondensedCase(case, load[slice(*self.matrix.getOwnershipRange())], start, between)
 
     def find_far_points(self, x: PETSc.Vec) -> None:
         """Compute where the points are that no unknown reaches: one back substitution."""
@@ -131,14 +121,9 @@ class CondensedSystem(ElasticSystem):
 
     def displacement(self, x: PETSc.Vec) -> PETSc.Vec:
         """The interior recovered: x_i = A_ii^-1 (b_i - A_ic x_c)."""
-        retained, values = self.schur.retained, np.asarray(x.getArray(readonly=True))
+        values = np.asarray(x.getArray(readonly=True))
         if self.recovered is not None and np.array_equal(values, self.recovered[0]):
             return self.recovered[1].copy()
-        if self.relative is not None:
-            values = parallel.gather_rows(self.comm, values)
-            values = self.relative.displacement(values, self.factors @ [case.inner for case in self.cases])
-            offset = parallel.rows_before(self.comm, retained.size)
-            values = values[offset : offset + retained.size]
         load = self.schur.matrix.createVecRight()
         load.set(0.0)
         for factor, case in zip(self.factors, self.cases, strict=True):
@@ -147,24 +132,21 @@ class CondensedSystem(ElasticSystem):
 
     def unknowns(self, displacement: PETSc.Vec) -> PETSc.Vec:
         """Those of the nodes that contact reaches."""
-        x, values = self.load.duplicate(), displacement.getArray(readonly=True)[self.schur.retained]
-        if self.relative is not None:
-            values = self.relative.unknowns(parallel.gather_rows(self.comm, values))[slice(*x.getOwnershipRange())]
-        x.getArray()[:] = values
+        x = self.load.duplicate()
+        x.getArray()[:] = displacement.getArray(readonly=True)[self.schur.retained]
         return x
 
 
 @dataclass(frozen=True)
 class _CondensedCase:
     """A load case, and b_c - A_ci A_ii^-1 b_i and the prescribed values of the unknowns of this rank that stay;
-    ``between``: of ``SchurComplement``; ``inner``: of ``RelativeUnknowns.load``.
+    ``between``: of ``SchurComplement``.
     """
 
     case: LoadCase
     load: npt.NDArray[np.float64]
     start: npt.NDArray[np.float64]
     between: npt.NDArray[np.float64]
-    inner: npt.NDArray[np.float64]
 
 
 def dense_matrix(comm: MPI.Comm, entries: npt.NDArray[np.float64], owned: int) -> PETSc.Mat:
