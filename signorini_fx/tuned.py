@@ -71,12 +71,8 @@ LARGEST_AUGMENTED_GAMMA = 10.0
 # nodes once.  In 2D tuned on Example 1 with 24 x 8 to 72 x 24 cells, no record: times are equal at 1,300.  In
 # space, docs/evidence/linear_algebra_in_space.csv.
 FEWEST_CONDENSED_UNKNOWNS = 1_500
-# A sparse factorisation takes about 50 n^1.5 operations in two dimensions and 8 n^2 in three, a dense one n^3 / 3: the
-# cheaper one is taken.  Factor and exponent by dimension.  Source: nested dissection for the powers.  No record for the
-# factors.
-SPARSE_OPERATIONS = {2: (50.0, 1.5), 3: (8.0, 2.0)}
-# In three dimensions memory is the limit: three dense matrices of this many unknowns take 0.6 GB.
-MOST_CONDENSED_UNKNOWNS = {2: 10**9, 3: 5_000}
+# Memory is the limit: three dense matrices of this many unknowns take 0.6 GB.
+MOST_CONDENSED_UNKNOWNS = 5_000
 # Of a nonlinear body in 3D those contact points are condensed onto that are in contact, or nearer to their shapes
 # than this many times the largest motion to be expected; not for less than this share of the points to be left out.
 # The answers do not depend on it: what touches beyond is added, and the tangent is condensed once more.  Source:
@@ -85,12 +81,10 @@ RETAINED_REACH, FEWEST_LEFT_OUT = 0.5, 0.2
 # Those of the last tangent are retained again if they are at most this many times those that are needed; else the reach
 # is so many times as large, so that the next tangents may have the same points.  Choice, by the same table.
 RETAINED_AGAIN, RETAINED_MARGIN = 1.3, 1.2
-# From this number of unknowns on a Krylov method with multigrid is taken, by dimension; in 2D where the memory
-# ends.  Source: docs/evidence/linear_algebra_in_space.csv.
-FEWEST_KRYLOV_UNKNOWNS = {3: 20_000}
-# The same where the contact points are so few that the system can be condensed onto them.
+# From this number of unknowns on a Krylov method with multigrid is taken in 3D; in 2D where the memory ends; the second
+# where the contact points are so few that the system can be condensed onto them.
 # Source: docs/evidence/linear_algebra_in_space.csv.
-FEWEST_KRYLOV_UNKNOWNS_IF_CONDENSED = {3: 40_000}
+FEWEST_KRYLOV_UNKNOWNS, FEWEST_KRYLOV_UNKNOWNS_IF_CONDENSED = 20_000, 40_000
 # From this number of unknowns on a body that gets a Krylov method is assembled by blocks: below it a product takes less
 # time than to call it.  Choice.
 FEWEST_BLOCK_UNKNOWNS = 3_000
@@ -100,16 +94,6 @@ PREFETCHED_BYTES = 3_600
 # Multigrid for plain displacements takes three times as many steps for a Poisson's ratio of 0.49 as for one of 0.4, and
 # twenty times as many for 0.4999: above it a factorisation is taken.  Tuned on the block of tests/support/spaces.py.
 LARGEST_MULTIGRID_POISSON = 0.49
-# Up to this number of ranks minimum degree, which is quick to compute, beats the orderings with less fill.
-# Tuned on two ranks, Example 1, 960 x 320: 4.2 s instead of 4.7 s.
-RANKS_WITH_MINIMUM_DEGREE = 4
-# An exact factor of a matrix that differs in the blocks of k contact nodes lets CG converge in about 2 k steps, each of
-# which costs a back substitution; a factorisation is worth ten or more.  The factor is kept for at most this
-# many nodes and steps.  Choice.
-LAGGED_NODES, LAGGED_STEPS = 4, 20
-# Residual of such a solve relative to the forces: far enough below the tolerance of Newton's method that the choice of
-# units has no influence.  Choice; a solve that ended at 1.4e-8 took one more step in other units.
-LAGGED_SHARE = 1e-13
 # What a Krylov solve leaves of its residual while the sets change (inexact Newton).
 # Source: docs/evidence/whole_solves_in_space.csv.
 INEXACT_TOLERANCE = 0.03

@@ -37,7 +37,7 @@ class Attempt:
 FULL_STEPS = Attempt("full steps", "the semi-smooth Newton method of the scene")
 EXACT_SOLVES = Attempt(
     "exact linear solves",
-    "the same iteration again, where linear solves with an old factor or a loose tolerance failed; with a "
+    "the same iteration again, where linear solves with a loose tolerance failed; with a "
     "factorisation, where a Krylov method failed and the memory is large enough",
 )
 CONVEX = Attempt("interior point", "the problem as a convex programme, which has no sets that could cycle")

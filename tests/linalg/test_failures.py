@@ -34,7 +34,7 @@ import numpy as np
 from mpi4py import MPI
 from petsc4py import PETSc
 from signorini_fx.algebra.linalg import petsc_options
-from signorini_fx.algebra.linalg.factorisation import factor_defaults, use_factorisation
+from signorini_fx.algebra.linalg.factorisation import FACTOR_DEFAULTS, use_factorisation
 from signorini_fx.algebra.linalg.failures import factor_lacks_memory, memory_ended, unprinted
 
 def solver(size, sign, symmetric):
@@ -52,7 +52,7 @@ def solver(size, sign, symmetric):
     return ksp
 
 def told(ksp):
-    with petsc_options.defaults(factor_defaults(MPI.COMM_SELF)), unprinted():
+    with petsc_options.defaults(FACTOR_DEFAULTS), unprinted():
         try:
             ksp.setUp()
         except PETSc.Error as error:

@@ -9,7 +9,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from signorini_fx.algebra.linalg import petsc_options
-from signorini_fx.algebra.linalg.factorisation import factor_defaults, use_factorisation
+from signorini_fx.algebra.linalg.factorisation import FACTOR_DEFAULTS, use_factorisation
 
 
 class Factor:
@@ -32,7 +32,7 @@ class Factor:
         use_factorisation(self._solver, symmetric=True)
         self._solver.setErrorIfNotConverged(True)
         self._right, self._solution = matrix.createVecs()
-        with petsc_options.defaults(factor_defaults(MPI.COMM_SELF)):
+        with petsc_options.defaults(FACTOR_DEFAULTS):
             self._solver.setUp()
 
     def solve(self, right: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:

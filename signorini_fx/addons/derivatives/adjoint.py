@@ -156,7 +156,7 @@ class TransposedTangent:
         if self.pc is not None:
             (self.pc.apply if self.symmetric else self.pc.applyTranspose)(right, x)
             return
-        self.system.keep_factor(self.ksp, None, forces, exact=True)
+        self.system.keep_factor(self.ksp, False, forces, exact=True)
         x.set(0.0)
         with petsc_options.defaults(self.system.solver_defaults), unprinted():
             callbacks.solve(self.ksp.solveTranspose if self._as_it_is else self.ksp.solve, right, x)

@@ -347,8 +347,8 @@ class _Programme:
         jacobian, ksp, history = newton.snes.getJacobian()[0], newton.snes.getKSP(), newton.history
         problem.imbalance(newton.x, pressure, shear, self._force)
         problem.insert(jacobian, blocks)
-        renewed = problem.moved != 0
-        problem.system.keep_factor(ksp, None, problem.force_scale, exact=exact)
+        renewed = not problem.unchanged
+        problem.system.keep_factor(ksp, False, problem.force_scale, exact=exact)
         ksp.getPC().setReusePreconditioner(False)
         change.set(0.0)
         with petsc_options.defaults(problem.system.solver_defaults), unprinted():

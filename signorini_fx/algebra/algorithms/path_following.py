@@ -30,7 +30,7 @@ from signorini_fx.algebra.contact.nodal_vectors import Nodal, length
 from signorini_fx.algebra.linalg import callbacks
 from signorini_fx.machine import parallel
 from signorini_fx.records import Status
-from signorini_fx.tuned import GAMMA_GROWTH, NEGLIGIBLE_POLE, NOTHING_LEFT, ROUGH_SLOPE_TOLERANCE
+from signorini_fx.tuned import GAMMA_GROWTH, NEGLIGIBLE_POLE, ROUGH_SLOPE_TOLERANCE
 
 
 @dataclass(frozen=True)
@@ -103,12 +103,11 @@ def path_model(newton: SemismoothNewton, data: RegularisedData) -> PathModel:
 
 
 def solved_again(newton: SemismoothNewton, force: PETSc.Vec) -> PETSc.Vec:
-    """The unknowns under another force, with the factor of the last linear solve; collective."""
+    """The unknowns under another force, with the matrix of the last linear solve; collective."""
     ksp, x = newton.snes.getKSP(), newton.x.duplicate()
-    # A solve on an old factor ends by the size of the forces of the problem; this right-hand side has another size.
+    # A Krylov method ends by the size of the forces of the problem; this right-hand side has another size.
     tolerances = ksp.getTolerances()
-    factor = ksp.getPC().getType() in (PETSc.PC.Type.CHOLESKY, PETSc.PC.Type.LU)
-    ksp.setTolerances(rtol=NOTHING_LEFT if factor else ROUGH_SLOPE_TOLERANCE, atol=0.0)
+    ksp.setTolerances(rtol=ROUGH_SLOPE_TOLERANCE, atol=0.0)
     callbacks.solve(ksp.solve, force, x)
     ksp.setTolerances(*tolerances)
     return x

@@ -141,7 +141,7 @@ class SemismoothNewton:
         ksp, least = snes.getKSP(), problem.least_share(x)
         forces = max(least, NEGLIGIBLE) * problem.force_scale
         exact = not self._may_keep or least < NEGLIGIBLE
-        keeps_factor = problem.system.keep_factor(ksp, problem.moved, forces, exact=exact)
+        keeps_factor = problem.system.keep_factor(ksp, problem.unchanged, forces, exact=exact)
         self._factorised = not keeps_factor or (self._outdated and self._factor is None)
         self._outdated &= self._factor is not None
         self._loosened |= problem.system.inexact
@@ -238,8 +238,8 @@ class SemismoothNewton:
         return Status.NO_MEMORY if memory_ended(error) else Status.SINGULAR
 
     def _run(self, data: RegularisedData, limit: int) -> Status:
-        """Let SNES iterate; again from other sets if they change too slowly, with exact linear solves if old factors or
-        loose tolerances did not suffice, and with a factorisation if a Krylov method did not, then for the rest of the
+        """Let SNES iterate; again from other sets if they change too slowly, with exact linear solves if loose
+        tolerances did not suffice, and with a factorisation if a Krylov method did not, then for the rest of the
         load step.
         """
         usual, first = self.snes.getKSP(), self._first_iteration

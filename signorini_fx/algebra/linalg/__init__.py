@@ -82,17 +82,16 @@ class ElasticSystem(ABC):
         """
         return False
 
-    @abstractmethod
-    def keep_factor(self, ksp: PETSc.KSP, moved: int | None, forces: float, *, exact: bool = False) -> bool:
-        """Decide whether the last factorisation can be used for the new matrix too, and set the solver accordingly.
+    def keep_factor(self, ksp: PETSc.KSP, unchanged: bool, forces: float, *, exact: bool = False) -> bool:
+        """Decide whether the last factorisation is that of the new matrix too, and set the solver accordingly.
 
         Args:
             ksp: the linear solver.
-            moved: contact nodes whose blocks have changed since that factorisation, 0: the matrix is the same; None:
-                there is none, or too many to tell.
+            unchanged: whether the matrix is the same as in that factorisation.
             forces: size of the acting forces, which the tolerance of a solve is relative to.
             exact: whether the solve must have full accuracy.
         """
+        return unchanged
 
     @abstractmethod
     def set_load(self, factors: npt.NDArray[np.float64]) -> None:

@@ -15,11 +15,12 @@ from signorini_fx.algebra.linalg.elasticity import Elasticity
 from signorini_fx.algebra.linalg.factorisation import can_factorise, enough_memory, factor_memory, has_package
 from signorini_fx.algebra.linalg.full import FullSystem
 from signorini_fx.tuned import (
+    DENSE_SPEED,
+    FACTOR_SECONDS,
     FEWEST_CONDENSED_UNKNOWNS,
     FEWEST_KRYLOV_UNKNOWNS,
     FEWEST_KRYLOV_UNKNOWNS_IF_CONDENSED,
     MOST_CONDENSED_UNKNOWNS,
-    SPARSE_OPERATIONS,
 )
 
 
@@ -133,11 +134,10 @@ def krylov_from(size: SystemSize, requested: str) -> float:
     """
     if requested != "auto":
         return 0.0 if requested == "krylov" else math.inf
-    if not size.compressible or petsc_options.user_chooses_solver():
+    if size.dimension == 2 or not size.compressible or petsc_options.user_chooses_solver():
         return math.inf
     # A dense matrix of few contact points is cheap for longer than a sparse one.
-    fewest = FEWEST_KRYLOV_UNKNOWNS if against_condensing(size) else FEWEST_KRYLOV_UNKNOWNS_IF_CONDENSED
-    return fewest.get(size.dimension, math.inf)
+    return FEWEST_KRYLOV_UNKNOWNS if against_condensing(size) else FEWEST_KRYLOV_UNKNOWNS_IF_CONDENSED
 
 
 def against_condensing(size: SystemSize) -> str | None:
@@ -153,11 +153,10 @@ def against_condensing(size: SystemSize) -> str | None:
         return "the options choose a linear solver"
     if size.unknowns < FEWEST_CONDENSED_UNKNOWNS:
         return f"only {size.unknowns} unknowns"
-    factor, exponent = SPARSE_OPERATIONS[size.dimension]
+    # A sparse factorisation takes operations in proportion to n^1.5 in 2D and n^2 in 3D, a dense one n^3 / 3.
+    sparse = DENSE_SPEED * FACTOR_SECONDS[size.dimension][1] * size.unknowns ** (3 - 3 / size.dimension)
     border = round((size.comm.size - 1) * math.sqrt(2 * size.unknowns))  # straight cuts through a square
-    if (retained + border) ** 3 / 3 > factor * size.unknowns**exponent or retained > MOST_CONDENSED_UNKNOWNS[
-        size.dimension
-    ]:
+    if (retained + border) ** 3 / 3 > sparse or retained > MOST_CONDENSED_UNKNOWNS:
         between = f" and about {border} between ranks" if border else ""
         where = f"are on the contact boundary{between}, too many for a dense matrix"
         return f"{retained} of {size.unknowns} unknowns {where}"

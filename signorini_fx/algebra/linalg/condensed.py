@@ -79,10 +79,6 @@ class CondensedSystem(ElasticSystem):
         alone = self.comm.size == 1
         ksp.getPC().setType(factor_type(symmetric=symmetric) if alone else PETSc.PC.Type.REDUNDANT)
 
-    def keep_factor(self, ksp: PETSc.KSP, moved: int | None, forces: float, *, exact: bool = False) -> bool:
-        """Only for the same matrix: a dense factorisation is cheap."""
-        return moved == 0
-
     def _condensed(
         self, case: LoadCase, load: npt.NDArray[np.float64], between: npt.NDArray[np.float64]
     ) -> _CondensedCase:

@@ -11,7 +11,7 @@ from petsc4py import PETSc
 
 from signorini_fx.algebra.linalg.petsc_c import call
 from signorini_fx.machine import parallel
-from signorini_fx.tuned import FACTOR_ENTRIES, MEMORY_SHARE, MOST_REPLICATED_UNKNOWNS, RANKS_WITH_MINIMUM_DEGREE
+from signorini_fx.tuned import FACTOR_ENTRIES, MEMORY_SHARE, MOST_REPLICATED_UNKNOWNS
 
 
 @cache
@@ -70,15 +70,15 @@ def enough_memory(comm: MPI.Comm, needed: float) -> bool:
     return needed <= MEMORY_SHARE * parallel.machine_memory(comm)
 
 
-# MUMPS takes more memory (per cent) than it predicts if large contact blocks disturb the pivot order; CHOLMOD's own
-# nested dissection has half the fill of its default orderings on large meshes.
-_FACTOR_DEFAULTS = {"mat_mumps_icntl_14": "100", "mat_cholmod_default_nesdis": "true", "mat_cholmod_print": "0"}
-
-
-def factor_defaults(comm: MPI.Comm) -> dict[str, str]:
-    """PETSc options of the factorisation packages."""
-    ordering = {"mat_mumps_icntl_7": "0"} if comm.size <= RANKS_WITH_MINIMUM_DEGREE else {}
-    return {**_FACTOR_DEFAULTS, **ordering}
+# PETSc options: MUMPS takes more memory (per cent) than it predicts if large contact blocks disturb the pivot order;
+# minimum degree is its quickest order on few ranks; CHOLMOD's own nested dissection has half the fill of its default
+# orderings on large meshes.
+FACTOR_DEFAULTS = {
+    "mat_mumps_icntl_14": "100",
+    "mat_mumps_icntl_7": "0",
+    "mat_cholmod_default_nesdis": "true",
+    "mat_cholmod_print": "0",
+}
 
 
 def use_factorisation(ksp: PETSc.KSP, *, symmetric: bool, definite: bool = True) -> None:

@@ -21,9 +21,9 @@ from signorini_fx.algebra.linalg.blocks import is_by_blocks, use_entries
 from signorini_fx.algebra.linalg.callbacks import called_back, weakly
 from signorini_fx.algebra.linalg.elasticity import Elasticity
 from signorini_fx.algebra.linalg.factorisation import (
+    FACTOR_DEFAULTS,
     can_factorise,
     enough_memory,
-    factor_defaults,
     factor_memory,
     use_factor,
     use_factorisation,
@@ -70,7 +70,7 @@ class KrylovSystem(AssembledSystem):
     def solver_defaults(self) -> dict[str, str]:
         """For factorisations; on the coarsest level PETSc calls pivots zero below a number that has no unit."""
         coarse = {f"mg_coarse_{sub}pc_factor_zeropivot": "1e-300" for sub in ("", "sub_")}
-        return {**coarse, **factor_defaults(self.comm)}
+        return {**coarse, **FACTOR_DEFAULTS}
 
     @cached_property
     def hierarchy(self) -> Hierarchy:
@@ -183,10 +183,10 @@ class KrylovSystem(AssembledSystem):
         share = min(INEXACT_TOLERANCE, max((size / scale for scale in scales), default=1.0))
         return share * size if share * size > NEVER_LEFT * self._forces else 0.0
 
-    def keep_factor(self, ksp: PETSc.KSP, moved: int | None, forces: float, *, exact: bool = False) -> bool:
+    def keep_factor(self, ksp: PETSc.KSP, unchanged: bool, forces: float, *, exact: bool = False) -> bool:
         """For the same matrix; where it is another one, a solve by multigrid need not be exact."""
         if ksp.getType() == PETSc.KSP.Type.PREONLY:
             self.inexact = False
         elif not petsc_options.user_sets("ksp_"):
-            self._forces, self.inexact = forces, moved != 0 and not exact
-        return moved == 0
+            self._forces, self.inexact = forces, not unchanged and not exact
+        return unchanged

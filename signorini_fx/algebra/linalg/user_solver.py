@@ -119,8 +119,8 @@ class UserSystem(AssembledSystem):
                 f"the linear solver {self.name!r} must be made without arguments: {error}"
             ) from None
 
-    def keep_factor(self, ksp: PETSc.KSP, moved: int | None, forces: float, *, exact: bool = False) -> bool:
+    def keep_factor(self, ksp: PETSc.KSP, unchanged: bool, forces: float, *, exact: bool = False) -> bool:
         """For the same matrix; the residual is measured against the forces."""
         if not petsc_options.user_sets("ksp_"):
             ksp.setTolerances(rtol=1e-15, atol=LEFT_BY_SOLVES * forces)
-        return moved == 0
+        return unchanged

@@ -94,8 +94,7 @@ class RegularisedProblem:
         sets: active sets of the last linear solve.
         next: active sets of the last residual.
         force_scale: size of the forces on the unknowns that are not prescribed, in the last residual.
-        moved: contact points whose blocks in the Jacobian differ from those of its last factorisation; None: there is
-            none, or too many to tell.
+        unchanged: whether the blocks in the Jacobian are those of its last factorisation.
     """
 
     def __init__(self, system: ElasticSystem, motions: FreeMotions) -> None:
@@ -108,7 +107,7 @@ class RegularisedProblem:
         self.sets = ActiveSets.all_in_contact(self.points.size, self.points.dimension - 1)
         self.next = NextSets(self.sets, self.sets)
         self.force_scale = 0.0
-        self.moved: int | None = None
+        self.unchanged = False
         self._motions = motions
         self._forced_first = False
         self._definite: set[int] = set()
@@ -187,7 +186,7 @@ class RegularisedProblem:
         """Make A + B^T D B of a Jacobian; D: shape (n, d, d), stress per length; collective."""
         if self.springs is not None:
             blocks = blocks + self.springs.stiffness * np.eye(blocks.shape[1])
-        self.moved = self.tangent.insert(jacobian, blocks)
+        self.unchanged = self.tangent.insert(jacobian, blocks)
         if jacobian.handle in self._definite:
             # PETSc forgets it at every assembly, and LAPACK's Cholesky is three times as fast as its LDL^T.
             jacobian.setOption(PETSc.Mat.Option.SPD, True)

@@ -64,7 +64,7 @@ class ContactTangent:
         added.zeroEntries()
         return with_added(self._matrix, added)
 
-    def insert(self, matrix: PETSc.Mat, blocks: Nodal) -> int | None:
+    def insert(self, matrix: PETSc.Mat, blocks: Nodal) -> bool:
         """Put A + B^T D B into a matrix, if it is not there; collective.
 
         Args:
@@ -72,24 +72,20 @@ class ContactTangent:
             blocks: D of each point, stress per length, shape (n, d, d).
 
         Returns:
-            How many points differ from the last factorisation, None if there is none; the same on all ranks.
+            Whether they are those of the last factorisation; the same on all ranks.
         """
         earlier_blocks = [table.get(matrix.handle) for table in (self.inserted, self.factorised)]
-        differ = [
-            1 + blocks.size if old is None else np.count_nonzero((old != blocks).any(axis=(1, 2)))
-            for old in earlier_blocks
-        ]
-        changed, moved = [int(count) for count in parallel.global_sum(self._comm, np.array(differ))]
-        since = None if earlier_blocks[1] is None else moved
+        differ = [old is None or bool((old != blocks).any()) for old in earlier_blocks]
+        changed, since = [int(count) for count in parallel.global_sum(self._comm, np.array(differ, dtype=np.int64))]
         if changed > 0:
             self.inserted[matrix.handle] = blocks
             self._law(self._weight * blocks, self._blocks).matMult(self._operator, result=self._half)
             self._operator.transposeMatMult(self._half, result=self._product)
             if is_by_blocks(matrix):
                 change_added(matrix, self._product)
-                return since
+                return since == 0
             _, _, added = self._product.getValuesCSR()
             if self._rows.size:
                 matrix.setValuesIJV(self._starts, self._columns, self._elastic + added, rowmap=self._rows)
             matrix.assemble()
-        return since
+        return since == 0
