@@ -91,9 +91,8 @@ def _furthest(
     """The coefficients q with rows q <= gap for which work . q is largest; None where it has no bound."""
     if work.size == 1:
         along = rows[:, 0] * np.sign(work[0])
-        stops = along > CERTIFICATE_TOLERANCE * along.max(
-            initial=0.0
-        )  # along a wall that it slides on there is only round-off
+        # Along a wall that it slides on there is only round-off.
+        stops = along > CERTIFICATE_TOLERANCE * along.max(initial=0.0)
         return np.sign(work) * (gap[stops] / along[stops]).min() if stops.any() else None
     from scipy.optimize import linprog  # imported by what needs it alone: it takes 0.07 s
 
