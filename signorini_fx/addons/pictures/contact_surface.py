@@ -162,7 +162,7 @@ def contact_figure(table: Table, facets: Rows) -> Figure:
     panels = [(side, window, state) for side, window in zip(sides, windows, strict=True) for state in (False, True)]
     panels = [(side, window, state) for side, window, state in panels if side.has_friction or not state]
     heights = [
-        float(np.clip((_WIDTH - 0.9) * (high[1] - low[1]) / (high[0] - low[0]), 0.9, 5.0))
+        float(np.clip((_WIDTH - 0.9) * (high[1] - low[1]) / (high[0] - low[0]), 0.9, 3.8))
         for _, (low, high, _), _ in panels
     ]
     size = _WIDTH, sum(heights) + len(panels) + 0.4
