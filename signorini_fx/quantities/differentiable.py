@@ -1,6 +1,8 @@
 """Scalar results of a solution with their derivatives by the displacement and by the contact tractions."""
 
 from __future__ import annotations
+import shlex
+from signorini_fx.mechanics.statement.statement import Statement
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -211,13 +213,22 @@ def functional_of(model: Model, text: str) -> Functional:
     Raises:
         SceneError: it is not known, or has no derivative.
     """
-    functional: Functional = requested(text, {name: partial(find, model) for name, find in DIFFERENTIABLE.items()})
-    return functional
+    try:
+        name, *words = shlex.split(text)
+    except ValueError:
+        name, words = text, []
+    for request, find in DIFFERENTIABLE.items():
+        if request.split()[0] == name:
+            try:
+                return find(model, *words)
+            except (TypeError, ValueError):  # the words do not fit
+                break
+    raise SceneError([(f"of {text!r}", f"is no result; there are {', '.join(map(repr, DIFFERENTIABLE))}")])
 
 
 def _force(model: Model, boundary: str, axis: str) -> Functional:
     """With friction, at one boundary."""
-    return ContactForce(contact_of(model.statement, boundary), axis_of(model.dimension, axis))
+    return ContactForce(_contact_of(model.statement, boundary), _axis_of(model.dimension, axis))
 
 
 def _moment(model: Model, boundary: str, axis: str = "z") -> Functional:
@@ -226,21 +237,21 @@ def _moment(model: Model, boundary: str, axis: str = "z") -> Functional:
         raise ValueError(axis)
     if reason := model.kinematics.refuses.get("moment"):
         raise SceneError([(f"of moment {boundary}", reason)])
-    component = 0 if model.dimension == 2 else axis_of(model.dimension, axis)
-    return ContactForce(contact_of(model.statement, boundary), component, moment=True)
+    component = 0 if model.dimension == 2 else _axis_of(model.dimension, axis)
+    return ContactForce(_contact_of(model.statement, boundary), component, moment=True)
 
 
 def _pressure(model: Model, boundary: str, *power: str) -> Functional:
-    return LargestPressure(contact_of(model.statement, boundary), power_of(f"pressure {boundary}", 8.0, [*power]))
+    return LargestPressure(_contact_of(model.statement, boundary), _power_of(f"pressure {boundary}", 8.0, [*power]))
 
 
 def _area(model: Model, boundary: str, *power: str) -> Functional:
-    return ContactArea(contact_of(model.statement, boundary), power_of(f"area {boundary}", 2.0, [*power]))
+    return ContactArea(_contact_of(model.statement, boundary), _power_of(f"area {boundary}", 2.0, [*power]))
 
 
 def _mean(model: Model, boundary: str, axis: str) -> Functional:
     """The mean displacement of a boundary along an axis."""
-    z, component = ufl.TestFunction(model.space), axis_of(model.dimension, axis)
+    z, component = ufl.TestFunction(model.space), _axis_of(model.dimension, axis)
     try:
         facets = model.tagged.facets(boundary)
     except MeshError as error:
@@ -260,7 +271,7 @@ def _displacement(model: Model, point: str, axis: str) -> Functional:
     x = np.array([float(coordinate) for coordinate in point.split(",")])
     if x.size != model.dimension:
         raise ValueError(point)
-    functional = OfDisplacement.at_point(model.space, x, axis_of(model.dimension, axis))
+    functional = OfDisplacement.at_point(model.space, x, _axis_of(model.dimension, axis))
     if functional is None:
         raise SceneError([(f"of displacement {point}", "this point is outside of the body")])
     return functional
@@ -275,3 +286,25 @@ DIFFERENTIABLE: dict[str, Callable[..., Functional]] = {
     "mean BOUNDARY AXIS": _mean,
     "displacement X,Y[,Z] AXIS": _displacement,
 }
+
+
+def _axis_of(dimension: int, name: str) -> int:
+    if len(name) != 1:
+        raise ValueError(name)
+    return "xyz"[:dimension].index(name)
+
+
+def _contact_of(statement: Statement, boundary: str) -> int:
+    names = [effect.boundary for effect in statement.contact]
+    if boundary not in names:
+        raise SceneError([(f"of {boundary!r}", f"is no contact boundary; there are: {', '.join(names)}")])
+    return names.index(boundary)
+
+
+def _power_of(result: str, usual: float, words: list[str]) -> float:
+    """The power that smooths a result, for messages with its name."""
+    text = " ".join(words)
+    power = float(text) if words else usual
+    if not 1 < power <= 1000:
+        raise SceneError([(f"of {result} {text}", "the power must be above 1, and 1000 at most")])
+    return power

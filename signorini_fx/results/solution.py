@@ -23,7 +23,6 @@ from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.effect import Load
 from signorini_fx.mechanics.statement.load_path import factor_at
 from signorini_fx.mechanics.statement.statement import Statement
-from signorini_fx.quantities.requests import bounds_of
 from signorini_fx.records import SHORT_OF_ACCURACY, Finding, History, Status, Timings
 from signorini_fx.results.accuracy.mesh_level import LevelResult
 from signorini_fx.results.accuracy.next_accuracy import NAMES, CostOfAccuracy, next_cost
@@ -324,18 +323,6 @@ class Solution:
     def contact_figures(self) -> list[ContactFigures]:
         """Area and forces of each contact boundary, in the order of the scene; none without contact; collective."""
         return [] if self.contact is None else contact_figures(self.statement, self.contact)
-
-    def bounds(self, text: str) -> Interval | str:
-        """Guaranteed bounds of a quantity, or why there are none; collective.
-
-        Args:
-            text: ``force BOUNDARY AXIS`` of a contact or a support, or ``strain_energy``.
-
-        Raises:
-            SceneError: it is not known, or has no bounds.
-        """
-        bounds: Interval | str = bounds_of(self, text)
-        return bounds
 
     @cached_property
     def stated_body(self) -> Model | str:

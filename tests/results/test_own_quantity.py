@@ -12,7 +12,6 @@ from scenes import alone, example1
 from signorini_fx import (
     InstallationError,
     Quantity,
-    SceneError,
     extensions,
     read_results,
     solve,
@@ -73,8 +72,6 @@ def test_one_file(register, monkeypatch, tmp_path):
     monkeypatch.setattr(extensions, "_registered", {})
     assert KEY not in summary_schema()["properties"]
     assert getattr(read_results(tmp_path).summary, KEY) == summary[KEY]  # a folder of somebody who has it
-    with pytest.raises(SceneError, match="is no result; there are 'force BOUNDARY AXIS'"):
-        solution.bounds(KEY)
 
 
 class Fails(Quantity):
@@ -149,12 +146,3 @@ def test_what_quantities_had_once(register, name):
     register(type("Old", (Fails,), {"key": "old", name: "number"}))
     with pytest.raises(InstallationError, match=rf"'old': {name} was removed: leave it out: a quantity has key, title"):
         own_quantities()
-
-
-def test_bounds():
-    """Those of the force, of a mean and of the energy, as their own functions give them."""
-    solution = alone(example1(bound=1.5, nx=12, ny=4, cell="triangle"))
-    assert solution.bounds("force bottom y") == solution.force_bounds("bottom", (0.0, 1.0))
-    assert solution.bounds("strain_energy") == solution.error_bound.strain_energy
-    with pytest.raises(SceneError, match="'force BOUNDARY AXIS', 'strain_energy'"):
-        solution.bounds("pressure bottom")
