@@ -56,19 +56,12 @@ _UNDECIDED = {
 
 @dataclass(frozen=True)
 class Answer:
-    """To a question about a result.
+    """To a question about a result."""
 
-    Attributes:
-        question: in words.
-        text: the answer, in few words.
-        details: sentences without full stops.
-        tone: ``good``, ``short`` or ``bad`` where it is a verdict; "": it is none.
-    """
-
-    question: str
-    text: str
-    details: tuple[str, ...] = ()
-    tone: str = ""
+    question: str  # in words
+    text: str  # the answer, in few words
+    details: tuple[str, ...] = ()  # sentences without full stops
+    tone: str = ""  # ``good``, ``short`` or ``bad`` where it is a verdict; "": it is none
 
 
 def answers(summary: dict[str, Any]) -> list[Answer]:
@@ -140,19 +133,12 @@ def _failure(summary: dict[str, Any]) -> str:
 
 @dataclass(frozen=True)
 class Strength:
-    """How much of the yield stress is used.
+    """How much of the yield stress is used."""
 
-    Attributes:
-        statement: the share with what limits it, or why it is not judged.
-        share: the share; "": it is not known.
-        exceeded: whether it is above 1.
-        singular: whether it is below 1 at a place where the stress has no limit.
-    """
-
-    statement: str
-    share: str = ""
-    exceeded: bool = False
-    singular: bool = False
+    statement: str  # the share with what limits it, or why it is not judged
+    share: str = ""  # the share; "": it is not known
+    exceeded: bool = False  # whether it is above 1
+    singular: bool = False  # whether it is below 1 at a place where the stress has no limit
 
     @property
     def is_known(self) -> bool:

@@ -30,13 +30,9 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class OfDisplacement:
-    """A linear functional of the displacement.
+    """A linear functional of the displacement."""
 
-    Attributes:
-        row: its coefficients at the owned dofs.
-    """
-
-    row: Array
+    row: Array  # its coefficients at the owned dofs
 
     def value(self, y: fem.Function, boundary: ContactBoundary, pressure: Nodal, shear: Nodal) -> float:
         """See ``Functional``."""
@@ -70,17 +66,11 @@ class OfDisplacement:
 
 @dataclass(frozen=True)
 class ContactForce:
-    """A component of the force on the body at one contact boundary, or of its moment about the origin.
+    """A component of the force on the body at one contact boundary, or of its moment about the origin."""
 
-    Attributes:
-        part: number of the contact.
-        component: axis of the force, or of the moment in 3D; in 2D a moment has one.
-        moment: whether it is the moment.
-    """
-
-    part: int
-    component: int
-    moment: bool = False
+    part: int  # number of the contact
+    component: int  # axis of the force, or of the moment in 3D; in 2D a moment has one
+    moment: bool = False  # whether it is the moment
 
     def directions(self, boundary: ContactBoundary) -> Array:
         """Direction of the traction that counts at each point, in 3D, zero elsewhere, shape (n, d)."""
@@ -115,14 +105,10 @@ class LargestPressure:
     """The largest pressure of one contact boundary, smoothed: (mean of lambda^p)^(1/p), a stress.
 
     It is below the largest pressure, and tends to it as p grows.
-
-    Attributes:
-        part: number of the contact.
-        power: p.
     """
 
-    part: int
-    power: float
+    part: int  # number of the contact
+    power: float  # p
 
     def value(self, y: fem.Function, boundary: ContactBoundary, pressure: Nodal, shear: Nodal) -> float:
         """See ``Functional``."""
@@ -160,14 +146,10 @@ class ContactArea:
 
     It is the area where lambda is the same all over it, and else below it: by Hoelder's inequality
     S^q <= area^(q - 1) T.
-
-    Attributes:
-        part: number of the contact.
-        power: q, above 1.
     """
 
-    part: int
-    power: float
+    part: int  # number of the contact
+    power: float  # q, above 1
 
     def value(self, y: fem.Function, boundary: ContactBoundary, pressure: Nodal, shear: Nodal) -> float:
         """See ``Functional``."""

@@ -43,43 +43,27 @@ Summary = dict[str, Any]
 
 @dataclass(frozen=True)
 class Card:
-    """A figure of the report.
+    """A figure of the report."""
 
-    Attributes:
-        label: what it is.
-        text: its value, with its unit.
-        error: its estimated relative error; None: it is not known.
-        remark: what it does not say; "": nothing.
-    """
-
-    label: str
-    text: str
-    error: float | None = None
-    remark: str = ""
+    label: str  # what it is
+    text: str  # its value, with its unit
+    error: float | None = None  # its estimated relative error; None: it is not known
+    remark: str = ""  # what it does not say; "": nothing
 
 
 @dataclass(frozen=True)
 class Shown:
-    """How a key of the summary is shown, if it is there.
+    """How a key of the summary is shown, if it is there."""
 
-    Attributes:
-        key: the key.
-        label: before its value on the terminal; "": it is not printed there.
-        report: the label of its card in the report; "": it has none.
-        format: its lines on the terminal, each as its text, or with a label of its own; None: the number.
-        cards: its cards; None: the number with its unit.
-        first: whether the terminal shows it before what was done.
-        brief: whether the short answer has its lines.
-    """
-
-    key: str
-    label: str = ""
-    report: str = ""
+    key: str  # the key
+    label: str = ""  # before its value on the terminal; "": it is not printed there
+    report: str = ""  # the label of its card in the report; "": it has none
+    # its lines on the terminal, each as its text, or with a label of its own; None: the number
     format: Callable[[Summary], list[str | TerminalLine]] | None = None
-    cards: Callable[[Summary], list[Card]] | None = None
+    cards: Callable[[Summary], list[Card]] | None = None  # its cards; None: the number with its unit
     unit: str = ""
-    first: bool = False
-    brief: bool = False
+    first: bool = False  # whether the terminal shows it before what was done
+    brief: bool = False  # whether the short answer has its lines
 
 
 def table() -> list[Shown]:

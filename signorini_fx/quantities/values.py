@@ -169,13 +169,7 @@ def _boundaries(statement: Any) -> list[str]:
 
 
 def _by_axis(key: str, values: Sequence[Any], names: Sequence[str]) -> dict[str, float]:
-    """Numbers under their key, vectors with an entry for each axis.
-
-    Args:
-        key: of the quantity.
-        values: of each boundary, or one of all together.
-        names: of the boundaries, which stand behind the key; "" or no names: the key alone.
-    """
+    """Numbers under their key, vectors with an entry for each axis."""
     columns = {}
     for name, value in zip(names or [""], values, strict=True):
         of = f" {name}" if name else ""

@@ -37,20 +37,13 @@ _MOST_SHOWN = 30
 
 @dataclass(frozen=True)
 class Check:
-    """The result of ``check_scene``.
+    """The result of ``check_scene``."""
 
-    Attributes:
-        title: of the scene.
-        acts: what acts, each in words.
-        cost: an estimate.
-        findings: warnings and notes.
-        plan: what will be tried for what, in order, and how many linear solves that may take, see ``attempts_for``.
-    """
-
-    title: str
-    acts: tuple[str, ...]
-    cost: Cost
-    findings: tuple[Finding, ...] = field(default=())
+    title: str  # of the scene
+    acts: tuple[str, ...]  # what acts, each in words
+    cost: Cost  # an estimate
+    findings: tuple[Finding, ...] = field(default=())  # warnings and notes
+    # what will be tried for what, in order, and how many linear solves that may take, see ``attempts_for``
     plan: tuple[tuple[str, tuple[str, ...], str], ...] = ()
 
     @property

@@ -92,11 +92,7 @@ def _load_one(scene: Scene, number: int | None, comm: MPI.Comm) -> TaggedMesh:
 
 
 def _refuse_contact_sizes(scene: Scene) -> None:
-    """Refuse ``contact_size`` of a contact if all bodies have their cells already.
-
-    Raises:
-        SceneError: they have.
-    """
+    """Refuse ``contact_size`` of a contact if all bodies have their cells already."""
     for index, contact in enumerate(scene.contact):
         if contact.contact_size is not None and not any(_makes_cells(body.mesh) for body in scene.body):
             reason = "all bodies have their cells already: give a drawing, or make those in contact shorter there"

@@ -154,19 +154,7 @@ def _divided(plan: Plan, comm: MPI.Comm, last: Scene, coarsest: float, times: in
 def _remade(
     plan: Plan, comm: MPI.Comm, scene: Scene, last: TaggedMesh, lengths: npt.NDArray[np.float64], finer: float
 ) -> tuple[Scene, int]:
-    """The scene on cells that gmsh makes anew, and how many there are; collective.
-
-    Args:
-        plan: how the mesh is refined.
-        comm: the ranks that share the work.
-        scene: on the mesh before.
-        last: that mesh.
-        lengths: of the cells that take the place of each of its owned cells, shape (cells,).
-        finer: how many times finer, on average over the body, the mesh may become.
-
-    Raises:
-        MeshError: gmsh cannot make them.
-    """
+    """The scene on cells that gmsh makes anew, and how many there are; collective."""
     dim, first = last.dimension, with_cells_alike(plan.scene)
 
     def with_lengths(mesh: Any, field: SizeField, sections: Collection[str]) -> TaggedMesh:

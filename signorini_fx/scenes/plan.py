@@ -34,23 +34,16 @@ from signorini_fx.tuned import SAME_LENGTH
 
 @dataclass(frozen=True)
 class Plan:
-    """How a scene is refined.
+    """How a scene is refined."""
 
-    Attributes:
-        scene: with the elements that are to be used; its mesh comes from a generator, from a file all of whose cells
-            are divided, or consists of triangles or tetrahedra that are divided.
-        adaptive: whether cells become smaller where the error is large.
-        replaced: whether elements or cells differ from those of the scene.
-        polygonal: whether straight facets stay although the shape may be curved.
-        geometry: degree of the geometry of a file's mesh; None: as the file has it.
-        remade: whether gmsh makes the cells anew where the error is large; else triangles or tetrahedra are divided.
-    """
-
+    # with the elements that are to be used; its mesh comes from a generator, from a file all of whose cells are
+    # divided, or consists of triangles or tetrahedra that are divided
     scene: Scene
-    adaptive: bool
-    replaced: bool
-    polygonal: bool = False
-    geometry: int | None = None
+    adaptive: bool  # whether cells become smaller where the error is large
+    replaced: bool  # whether elements or cells differ from those of the scene
+    polygonal: bool = False  # whether straight facets stay although the shape may be curved
+    geometry: int | None = None  # degree of the geometry of a file's mesh; None: as the file has it
+    # whether gmsh makes the cells anew where the error is large; else triangles or tetrahedra are divided
     remade: bool = False
 
 
@@ -91,9 +84,6 @@ def _remade(scene: Scene, comm: MPI.Comm) -> Plan | None:
     """The plan for cells that gmsh makes anew where the error is; None if they are better divided.
 
     They are where one body has straight sides: then no cell changes but those that are divided.
-
-    Raises:
-        SceneError: a generator of several bodies makes cells of one length only.
     """
     if not scene.statement.remade:
         return None
@@ -143,11 +133,7 @@ def scene_with(scene: Scene, tagged: TaggedMesh) -> Scene:
 
 
 def _planned_bodies(scene: Scene, goal: Accuracy, comm: MPI.Comm) -> Plan:
-    """All cells of all bodies become smaller together; those of generators with arcs are as for one body.
-
-    Raises:
-        MeshError: a mesh from the caller cannot be divided; the message names the body.
-    """
+    """All cells of all bodies become smaller together; those of generators with arcs are as for one body."""
     for body in scene.body:
         if isinstance(body.mesh, TaggedMesh):
             try:

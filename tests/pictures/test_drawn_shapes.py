@@ -36,6 +36,7 @@ def test_a_circle_is_a_closed_line_of_its_length(hollow):
 @pytest.mark.parametrize("hollow", [False, True])
 def test_a_sphere_has_its_volume(hollow):
     """Its triangles are closed, each side shared by two, and counterclockwise as seen from the body."""
+    pytest.importorskip("pyvista")
     shape = {"shape": "sphere", "centre": [0.5, 0.5, 0.5], "radius": RADIUS, "hollow": hollow}
     points, triangles = triangles_of(distance_from(shape, 3), mesh_of(3))
     # The distance is linear along the diagonals of the grid, of 40 points along the longest side and what is beside it.

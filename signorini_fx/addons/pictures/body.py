@@ -20,19 +20,12 @@ Rows = npt.NDArray[np.int64]
 
 @dataclass(frozen=True, eq=False)
 class Tiling:
-    """Points of a triangle or a quadrilateral, and triangles between them, on each of which a field is linear.
+    """Points of a triangle or a quadrilateral, and triangles between them, on each of which a field is linear."""
 
-    Attributes:
-        points: in the unit triangle or the unit square, shape (p, 2); first those along the perimeter, in order.
-        corners: how many corners the cell has, 3 or 4.
-        count: how many pieces each side has.
-        triangles: their points, counterclockwise, shape (t, 3).
-    """
-
-    points: Floats
-    corners: int
-    count: int
-    triangles: Rows
+    points: Floats  # in the unit triangle or the unit square, shape (p, 2); first those along the perimeter, in order
+    corners: int  # how many corners the cell has, 3 or 4
+    count: int  # how many pieces each side has
+    triangles: Rows  # their points, counterclockwise, shape (t, 3)
 
     @property
     def rim(self) -> int:
@@ -87,29 +80,20 @@ def tiling(corners: int, count: int) -> Tiling:
 
 @dataclass(frozen=True)
 class DrawnBody:
-    """The cells of a body in 2D, or the outer facets of one in 3D.
+    """The cells of a body in 2D, or the outer facets of one in 3D."""
 
-    Attributes:
-        points: positions, length, shape (n, d); in 2D each cell has its own.
-        within: points of each cell or facet, shape (m, p): those of ``tiles``, of facets counterclockwise as seen from
-            outside.
-        tiles: how a cell or facet is divided: its corners, more points along sides that may be curved, and some within.
-        displacement: at the points, length, shape (n, d).
-        values: fields at the points of each cell or facet, shape (m, p): those of two materials may have different
-            values at the points that they share.
-        recovered: whether the stress is the recovered one; else it has one value per cell.
-        outline: in 2D pairs of points along the boundary of the body, shape (e, 2).
-        parted: the largest gap that has closed between two bodies, length, see ``factor``.
-    """
-
-    points: Floats
+    points: Floats  # positions, length, shape (n, d); in 2D each cell has its own
+    # points of each cell or facet, shape (m, p): those of ``tiles``, of facets counterclockwise as seen from outside
     within: Rows
+    # how a cell or facet is divided: its corners, more points along sides that may be curved, and some within
     tiles: Tiling
-    displacement: Floats
+    displacement: Floats  # at the points, length, shape (n, d)
+    # fields at the points of each cell or facet, shape (m, p): those of two materials may have different values at the
+    # points that they share
     values: Mapping[str, Floats]
-    recovered: bool
-    outline: Rows | None = None
-    parted: float = 0.0
+    recovered: bool  # whether the stress is the recovered one; else it has one value per cell
+    outline: Rows | None = None  # in 2D pairs of points along the boundary of the body, shape (e, 2)
+    parted: float = 0.0  # the largest gap that has closed between two bodies, length, see ``factor``
 
     def with_mirror_image(self) -> DrawnBody:
         """The section of an axisymmetric body with that on the other side of the axis, which is x[0] = 0."""
@@ -170,16 +154,9 @@ class DrawnBody:
 
 @dataclass(frozen=True)
 class Volume:
-    """The cells of a body in 3D, for a section.
+    """The cells of a body in 3D, for a section."""
 
-    Attributes:
-        points: positions, length, shape (n, 3); where the field jumps there is one for each value.
-        displacement: at the points, length, shape (n, 3).
-        values: von Mises stress at the points, shape (n,).
-        cells: points of each cell in the order of VTK, shape (m, 4) for tetrahedra, (m, 8) for hexahedra.
-    """
-
-    points: Floats
-    displacement: Floats
-    values: Floats
-    cells: Rows
+    points: Floats  # positions, length, shape (n, 3); where the field jumps there is one for each value
+    displacement: Floats  # at the points, length, shape (n, 3)
+    values: Floats  # von Mises stress at the points, shape (n,)
+    cells: Rows  # points of each cell in the order of VTK, shape (m, 4) for tetrahedra, (m, 8) for hexahedra

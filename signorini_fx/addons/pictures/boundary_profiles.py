@@ -147,19 +147,12 @@ Curve = tuple[str, Floats, Mapping[str, Any]]
 
 @dataclass(frozen=True)
 class Panel:
-    """Quantities of one unit, drawn on one axis.
+    """Quantities of one unit, drawn on one axis."""
 
-    Attributes:
-        unit: stress or length.
-        curves: the most important one first.
-        reach: what lies further from zero is cut off.
-        least: what the axis shows at least, so that round-off looks like zero.
-    """
-
-    unit: str
-    curves: Sequence[Curve]
-    reach: float = math.inf
-    least: float = 0.0
+    unit: str  # stress or length
+    curves: Sequence[Curve]  # the most important one first
+    reach: float = math.inf  # what lies further from zero is cut off
+    least: float = 0.0  # what the axis shows at least, so that round-off looks like zero
 
     def draw(self, axes: Axes, boundary: PlaneBoundary, name: str) -> None:
         """With the name of the boundary above; "": it has none."""

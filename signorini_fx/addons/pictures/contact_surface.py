@@ -57,15 +57,11 @@ _LONG_NAME = 40  # letters of the name of a boundary behind which its title goes
 
 @dataclass(frozen=True)
 class VisibleSide(ContactColumns):
-    """The visible part of one contact boundary from one side.
+    """The visible part of one contact boundary from one side."""
 
-    Attributes:
-        polygons: of its facets that face the foundation along the direction of sight, rows of ``columns``, (m, 3 or 4).
-        view: along the outward normal, so from within the body.
-    """
-
+    # of its facets that face the foundation along the direction of sight, rows of ``columns``, (m, 3 or 4)
     polygons: Rows
-    view: view.View
+    view: view.View  # along the outward normal, so from within the body
 
     def vectors(self, name: str) -> Floats:
         """A vector at every node, in the picture, shape (n, 2)."""
@@ -307,11 +303,7 @@ def _arrows(
     high: Floats,
     factor: float | None = None,
 ) -> float:
-    """Draw vectors at nodes among ``where``, times the factor or, without one, scaled to the room for the longest.
-
-    Returns:
-        The length of the longest, 0 if there is none.
-    """
+    """Draw vectors at nodes among ``where``, times the factor or, without one, scaled to the room for the longest."""
     inside = np.all((side.nodes >= low) & (side.nodes <= high), axis=1) & np.isfinite(vectors).all(axis=1)
     size = _size(low, high)
     rows = np.flatnonzero(where & inside)

@@ -45,23 +45,15 @@ def keeps_shape(added: float, size: float, real: Floats, drawn: Floats) -> bool:
 
 @dataclass(frozen=True)
 class DrawnFoundation:
-    """The contact boundary and what it may touch.
+    """The contact boundary and what it may touch."""
 
-    Attributes:
-        nodes: positions of the contact nodes, length, in order along each boundary, shape (k, 2).
-        offset: the vector d n from each to the rigid foundation, or to the other body, length, shape (k, 2).
-        touching: nodes in contact, shape (k,).
-        other: nodes that may touch another body, which is drawn itself, shape (k,).
-        shaped: nodes whose foundation is among ``lines``, shape (k,).
-        lines: whole foundations where they are, each of shape (k, 2), the body on its left: they are drawn instead of
-            what is opposite of the nodes where nothing is magnified.
-    """
-
-    nodes: Floats
-    offset: Floats
-    touching: npt.NDArray[np.bool_]
-    other: npt.NDArray[np.bool_]
-    shaped: npt.NDArray[np.bool_]
+    nodes: Floats  # positions of the contact nodes, length, in order along each boundary, shape (k, 2)
+    offset: Floats  # the vector d n from each to the rigid foundation, or to the other body, length, shape (k, 2)
+    touching: npt.NDArray[np.bool_]  # nodes in contact, shape (k,)
+    other: npt.NDArray[np.bool_]  # nodes that may touch another body, which is drawn itself, shape (k,)
+    shaped: npt.NDArray[np.bool_]  # nodes whose foundation is among ``lines``, shape (k,)
+    # whole foundations where they are, each of shape (k, 2), the body on its left: they are drawn instead of what is
+    # opposite of the nodes where nothing is magnified
     lines: Sequence[Floats] = ()
 
     def pieces(self) -> list[DrawnFoundation]:

@@ -7,21 +7,13 @@ from dataclasses import dataclass, replace
 
 @dataclass(frozen=True)
 class Field:
-    """A quantity with values at points of each cell or facet.
+    """A quantity with values at points of each cell or facet."""
 
-    Attributes:
-        label: what stands at the colour bar.
-        signed: whether it has both signs, so that the scale need not begin at zero.
-        remark: what the caption adds to the label.
-        of_stress: whether it follows from the stress, of which there are a raw and a recovered one.
-        quantity: whose unit it has, see ``signorini_fx.mechanics.statement.units``.
-    """
-
-    label: str
-    signed: bool = False
-    remark: str = ""
-    of_stress: bool = True
-    quantity: str = "stress"
+    label: str  # what stands at the colour bar
+    signed: bool = False  # whether it has both signs, so that the scale need not begin at zero
+    remark: str = ""  # what the caption adds to the label
+    of_stress: bool = True  # whether it follows from the stress, of which there are a raw and a recovered one
+    quantity: str = "stress"  # whose unit it has, see ``signorini_fx.mechanics.statement.units``
 
     @property
     def in_words(self) -> str:

@@ -18,21 +18,14 @@ Rows = npt.NDArray[np.int64]
 
 @dataclass(frozen=True)
 class FoundationSurface:
-    """A contact boundary in 3D and what it may touch.
+    """A contact boundary in 3D and what it may touch."""
 
-    Attributes:
-        nodes: positions of the contact nodes, length, shape (k, 3).
-        normals: towards the foundation, shape (k, 3).
-        gap: d from each node along its normal to the foundation, length, shape (k,).
-        facets: nodes of each facet of the boundary, in order along its perimeter, shape (m, 3) or (m, 4).
-        surface: points and polygons of the whole foundation near the body, counterclockwise as seen from there; None:
-            only what is opposite of the nodes is known.
-    """
-
-    nodes: Floats
-    normals: Floats
-    gap: Floats
-    facets: Rows
+    nodes: Floats  # positions of the contact nodes, length, shape (k, 3)
+    normals: Floats  # towards the foundation, shape (k, 3)
+    gap: Floats  # d from each node along its normal to the foundation, length, shape (k,)
+    facets: Rows  # nodes of each facet of the boundary, in order along its perimeter, shape (m, 3) or (m, 4)
+    # points and polygons of the whole foundation near the body, counterclockwise as seen from there; None: only what is
+    # opposite of the nodes is known
     surface: tuple[Floats, Rows] | None = None
 
     def drawn(self, factor: float) -> Floats:

@@ -45,15 +45,10 @@ def draw_lengths(axes: Axes, points: Floats, camera: Camera) -> None:
 
 @dataclass(frozen=True)
 class Largest:
-    """The largest value of a field, as all figures of a result have it.
+    """The largest value of a field, as all figures of a result have it."""
 
-    Attributes:
-        place: in the undeformed body, length, shape (d,).
-        text: its value, a number in digits.
-    """
-
-    place: Floats
-    text: str
+    place: Floats  # in the undeformed body, length, shape (d,)
+    text: str  # its value, a number in digits
 
     @classmethod
     def of(cls, body: DrawnBody, field: str) -> Largest | None:

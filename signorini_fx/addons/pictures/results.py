@@ -99,37 +99,25 @@ def _body(solution: Solution, fields: Sequence[str]) -> tuple[DrawnBody | None, 
 
 @dataclass(frozen=True)
 class ResultPictures:
-    """What the pictures of a result are drawn from, on the first rank.
+    """What the pictures of a result are drawn from, on the first rank."""
 
-    Attributes:
-        title: above each of the large ones, a text of the user.
-        dimension: 2 or 3.
-        units: for labels, see ``signorini_fx.mechanics.statement.units``.
-        suffixes: of the files to write.
-        fields: names of the fields that are drawn on the body, the von Mises stress first, where it is known.
-        body: None if it has too many facets.
-        volume: the cells of a body in 3D for a section; None: there is none.
-        history: one mapping per linear solve, the columns of history.csv.
-        prices: one mapping per mesh, the columns of convergence_table.csv.
-        tools: of each boundary that a rigid tool may touch, how the tool has moved at points of shape (n, d).
-        shapes: of each boundary whose foundation is a shape its lines, or points and triangles, where it is, to be
-            drawn where nothing is magnified; see ``rigid_shapes``.
-        mirrored: whether the body is a section that is drawn on both sides of its axis.
-        setup: what the scene prescribes, where nothing was solved and there is no body to be drawn; None: it was.
-    """
-
-    title: str
-    dimension: int
-    units: Mapping[str, str]
-    suffixes: Sequence[str]
+    title: str  # above each of the large ones, a text of the user
+    dimension: int  # 2 or 3
+    units: Mapping[str, str]  # for labels, see ``signorini_fx.mechanics.statement.units``
+    suffixes: Sequence[str]  # of the files to write
+    # names of the fields that are drawn on the body, the von Mises stress first, where it is known
     fields: tuple[str, ...] = ()
-    body: DrawnBody | None = None
-    volume: Volume | None = None
-    history: Sequence[Mapping[str, Any]] = ()
-    prices: Sequence[Mapping[str, Any]] = ()
+    body: DrawnBody | None = None  # None if it has too many facets
+    volume: Volume | None = None  # the cells of a body in 3D for a section; None: there is none
+    history: Sequence[Mapping[str, Any]] = ()  # one mapping per linear solve, the columns of history.csv
+    prices: Sequence[Mapping[str, Any]] = ()  # one mapping per mesh, the columns of convergence_table.csv
+    # of each boundary that a rigid tool may touch, how the tool has moved at points of shape (n, d)
     tools: Mapping[str, Callable[[Array], Array]] = field(default_factory=dict)
+    # of each boundary whose foundation is a shape its lines, or points and triangles, where it is, to be drawn where
+    # nothing is magnified; see ``rigid_shapes``
     shapes: Mapping[str, Any] = field(default_factory=dict)
-    mirrored: bool = False
+    mirrored: bool = False  # whether the body is a section that is drawn on both sides of its axis
+    # what the scene prescribes, where nothing was solved and there is no body to be drawn; None: it was
     setup: Setup | None = None
 
     def draw(

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Callable, Sequence
+from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
@@ -18,13 +18,6 @@ from signorini_fx.tuned import FOUNDATION_BESIDE, FOUNDATION_GRID, FOUNDATION_GR
 Floats = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.int64]
 Triangles = tuple[Floats, Rows]
-
-# The corners of the six tetrahedra of a cube, which all have its diagonal: steps along the axes, one after another.
-_TETRAHEDRA = np.array(
-    [np.cumsum([np.zeros(3), *np.eye(3)[list(order)]], axis=0) for order in itertools.permutations(range(3))]
-).astype(np.int64)
-# Which of their edges are cut, in order around the cut: one, two or three corners are inside, and stand first.
-_CUT_EDGES = (((0, 1), (0, 2), (0, 3)), ((0, 2), (0, 3), (1, 3), (1, 2)), ((0, 3), (1, 3), (2, 3)))
 
 
 def lines_of(distances: Sequence[Distance], tagged: TaggedMesh) -> list[Floats]:
@@ -48,30 +41,16 @@ def lines_of(distances: Sequence[Distance], tagged: TaggedMesh) -> list[Floats]:
 
 
 def triangles_of(distance: Distance, tagged: TaggedMesh) -> Triangles:
-    """The surface of a shape in 3D near the body, counterclockwise as seen from there; collective.
-
-    Where the signed distance is zero along the edges of small tetrahedra, as it is linear within each.
-    """
+    """The surface of a shape in 3D near the body on the first rank, counterclockwise as seen from there; collective."""
     axes = _axes(distance, tagged, FOUNDATION_GRID_IN_SPACE)
-    grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=3)
-    shape = grid.shape[:3]
-    signed = distance(grid.reshape(-1, 3).T)
-    first = np.indices([count - 1 for count in shape]).reshape(3, -1, 1, 1)
-    cells = np.ravel_multi_index(tuple(first + np.moveaxis(_TETRAHEDRA, 2, 0)[:, None]), shape).reshape(-1, 4)
-    inside = signed[cells] < 0
-    cut = inside.any(axis=1) & ~inside.all(axis=1)
-    order = np.argsort(~inside[cut], axis=1, kind="stable")  # corners inside first
-    cells, counts = np.take_along_axis(cells[cut], order, axis=1), inside[cut].sum(axis=1)
-    parts = []
-    for count, pairs in enumerate(_CUT_EDGES, start=1):
-        edges = cells[counts == count][:, pairs]
-        parts += [edges[:, (0, k, k + 1)] for k in range(1, len(pairs) - 1)]
-    # An edge is cut once, whatever tetrahedra have it.
-    ends, triangles = np.unique(np.concatenate(parts).reshape(-1, 2), axis=0, return_inverse=True)
-    low, high = ends.T
-    points = grid.reshape(-1, 3)
-    points = points[low] + (signed[low] / (signed[low] - signed[high]))[:, None] * (points[high] - points[low])
-    triangles = np.asarray(triangles, dtype=np.int64).reshape(-1, 3)
+    if tagged.mesh.comm.rank != 0:
+        return np.empty((0, 3)), np.empty((0, 3), dtype=np.int64)
+    import pyvista
+
+    grid = pyvista.RectilinearGrid(*axes)
+    surface = grid.contour([0.0], scalars=distance(np.asarray(grid.points, dtype=np.float64).T))
+    points = np.asarray(surface.points, dtype=np.float64)
+    triangles = surface.faces.reshape(-1, 4)[:, 1:].astype(np.int64)
     corners = points[triangles]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     away = np.einsum("ij,ij->i", normals, distance.direction(corners.mean(axis=1).T).T) > 0
@@ -82,12 +61,13 @@ def triangles_of(distance: Distance, tagged: TaggedMesh) -> Triangles:
 def drawn_shapes(solution: Solution) -> dict[str, Any]:
     """Of each contact boundary whose foundation is a shape what is drawn of that where it has moved to; collective.
 
-    Returns:
-        By the boundary: in 2D its lines, see ``lines_of``; in 3D points and triangles, see ``triangles_of``.
+    In 2D these are lines, see ``lines_of``; in 3D points and triangles, see ``triangles_of``, where PyVista is there.
     """
     tagged, last = solution.model.tagged, solution.last_step
     moved: dict[int, Callable[[Floats], Floats]] = {part: tool.at for tool in last.tools for part in tool.body.parts}
     drawn: dict[str, Any] = {}
+    if tagged.dimension == 3 and not parallel.on_root(solution.comm, lambda: find_spec("pyvista") is not None):
+        return drawn
     for part, effect in enumerate(solution.statement.placed(last.place).contact):
         if effect.surface is None:
             continue

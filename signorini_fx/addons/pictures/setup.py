@@ -40,27 +40,16 @@ _MOST_EDGES = 60_000  # of cells: more would be a black body
 
 @dataclass(frozen=True)
 class NamedBoundary:
-    """A named boundary; it may have no facets.
+    """A named boundary; it may have no facets."""
 
-    Attributes:
-        name: in the mesh.
-        kinds: labels of the effects that act on it, such as ``traction``.
-        corners: of each facet, along its perimeter, length, shape (f, k, d).
-        normals: outward unit normals, shape (f, d).
-        load: force per area at the middle of each facet, with a load factor of 1, shape (f, d).
-        moved: the same of the prescribed displacement, length; nought where it is free.
-        held: names of the components of the displacement that are prescribed: x, y, z or normal.
-        grounded: whether it may touch a rigid foundation.
-    """
-
-    name: str
-    kinds: tuple[str, ...]
-    corners: Floats
-    normals: Floats
-    load: Floats
-    moved: Floats
-    held: tuple[str, ...] = ()
-    grounded: bool = False
+    name: str  # in the mesh
+    kinds: tuple[str, ...]  # labels of the effects that act on it, such as ``traction``
+    corners: Floats  # of each facet, along its perimeter, length, shape (f, k, d)
+    normals: Floats  # outward unit normals, shape (f, d)
+    load: Floats  # force per area at the middle of each facet, with a load factor of 1, shape (f, d)
+    moved: Floats  # the same of the prescribed displacement, length; nought where it is free
+    held: tuple[str, ...] = ()  # names of the components of the displacement that are prescribed: x, y, z or normal
+    grounded: bool = False  # whether it may touch a rigid foundation
 
     @property
     def middles(self) -> Floats:
@@ -81,21 +70,15 @@ class NamedBoundary:
 
 @dataclass(frozen=True)
 class Setup:
-    """A body with its boundaries, as a scene or a mesh file has them.
+    """A body with its boundaries, as a scene or a mesh file has them."""
 
-    Attributes:
-        title: any text.
-        polygons: corners of cells in 2D, or of facets of the outer surface in 3D, counterclockwise as seen
-            from outside, shape (m, k, d).
-        boundaries: those with a name.
-        units: for labels, see ``signorini_fx.mechanics.statement.units``.
-        foundations: in 2D, lines of the foundations that have shapes, lengths, each of shape (k, 2).
-    """
-
-    title: str
+    title: str  # any text
+    # corners of cells in 2D, or of facets of the outer surface in 3D, counterclockwise as seen from outside, shape (m,
+    # k, d)
     polygons: Floats
-    boundaries: Sequence[NamedBoundary]
-    units: Mapping[str, str] = field(default_factory=dict)
+    boundaries: Sequence[NamedBoundary]  # those with a name
+    units: Mapping[str, str] = field(default_factory=dict)  # for labels, see ``signorini_fx.mechanics.statement.units``
+    # in 2D, lines of the foundations that have shapes, lengths, each of shape (k, 2)
     foundations: Sequence[Floats] = ()
 
     def draw(self, path_stem: str | Path, suffixes: Sequence[str] = SCREEN) -> None:

@@ -48,17 +48,11 @@ _WITHOUT_DISPLAY = (9, 4)  # the first VTK that draws without a display; an olde
 
 @dataclass(frozen=True)
 class Cut:
-    """A section of a body: what is before a plane is left out.
+    """A section of a body: what is before a plane is left out."""
 
-    Attributes:
-        volume: the cells of the body.
-        origin: a point of the undeformed body that the plane goes through, shape (3,).
-        normal: of the plane, towards what is left out, a coordinate axis, shape (3,).
-    """
-
-    volume: Volume
-    origin: Floats
-    normal: Floats
+    volume: Volume  # the cells of the body
+    origin: Floats  # a point of the undeformed body that the plane goes through, shape (3,)
+    normal: Floats  # of the plane, towards what is left out, a coordinate axis, shape (3,)
 
     @classmethod
     def along(cls, volume: Volume, origin: Floats, direction: Floats, seen: View) -> Cut:
@@ -89,26 +83,16 @@ class Cut:
 
 @dataclass(frozen=True)
 class Solid:
-    """The surface of a body with a field, and what is around it.
+    """The surface of a body with a field, and what is around it."""
 
-    Attributes:
-        points: where they are drawn, shape (n, 3).
-        triangles: of the surface, counterclockwise as seen from outside, shape (t, 3).
-        values: the field at their corners, shape (t, 3).
-        limits: values of the first and the last colour.
-        colours: a colour map of matplotlib; None: that of all fields.
-        edges: lines of the mesh to draw, pairs of points, shape (e, 2).
-        at_rest: the undeformed points, shape (n, 3), whose outline is drawn; None: it is not.
-        grounds: points and polygons of each foundation, seen from the side of the body only.
-    """
-
-    points: Floats
-    triangles: Rows
-    values: Floats
-    limits: tuple[float, float]
-    colours: Any = None
-    edges: Rows | None = None
-    at_rest: Floats | None = None
+    points: Floats  # where they are drawn, shape (n, 3)
+    triangles: Rows  # of the surface, counterclockwise as seen from outside, shape (t, 3)
+    values: Floats  # the field at their corners, shape (t, 3)
+    limits: tuple[float, float]  # values of the first and the last colour
+    colours: Any = None  # a colour map of matplotlib; None: that of all fields
+    edges: Rows | None = None  # lines of the mesh to draw, pairs of points, shape (e, 2)
+    at_rest: Floats | None = None  # the undeformed points, shape (n, 3), whose outline is drawn; None: it is not
+    # points and polygons of each foundation, seen from the side of the body only
     grounds: Sequence[tuple[Floats, Rows]] = ()
 
 

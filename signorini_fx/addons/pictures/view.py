@@ -40,17 +40,11 @@ class View:
 
 @dataclass(frozen=True)
 class Camera:
-    """A view in parallel projection, of the part of space that is seen in a window.
+    """A view in parallel projection, of the part of space that is seen in a window."""
 
-    Attributes:
-        view: its directions.
-        centre: the point in the middle of the window, shape (3,).
-        half: half the width and height of the window, length, shape (2,).
-    """
-
-    view: View
-    centre: Floats
-    half: Floats
+    view: View  # its directions
+    centre: Floats  # the point in the middle of the window, shape (3,)
+    half: Floats  # half the width and height of the window, length, shape (2,)
 
     @classmethod
     def on(cls, view: View, points: Floats) -> Camera:

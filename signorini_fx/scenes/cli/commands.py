@@ -229,11 +229,7 @@ def new(options: argparse.Namespace) -> str | tuple[str, int]:
 
 
 def _drafted(deck: Path, target: Path) -> tuple[str, int]:
-    """Write the draft of a scene, also over an earlier one that nobody has edited; what to print, and the exit code.
-
-    Raises:
-        OutputError: another file is there, or it cannot be written.
-    """
+    """Write the draft of a scene, also over an earlier one that nobody has edited; what to print, and the exit code."""
     if deck.suffix.lower() != ".inp":
         raise OutputError(f"{deck}: a scene is drafted from an input file of Abaqus or CalculiX, .inp")
     draft = add_on("draft").draft(deck, target)
