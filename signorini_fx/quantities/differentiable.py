@@ -1,12 +1,10 @@
 """Scalar results of a solution with their derivatives by the displacement and by the contact tractions."""
 
 from __future__ import annotations
-import shlex
-from signorini_fx.mechanics.statement.statement import Statement
 
+import shlex
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 
 import mpi4py.MPI  # noqa: F401  # first: PETSc and dolfinx from PyPI find the library of MPI where it is loaded
 import numpy as np
@@ -21,8 +19,8 @@ from signorini_fx.mechanics.assembly.mesh_entities import assemble, measure
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.mesh.points import cells_of_points
 from signorini_fx.mechanics.model import Model
+from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.quantities.functional import Functional
-from signorini_fx.quantities.requests import axis_of, contact_of, power_of, requested
 from signorini_fx.tuned import DIGITS_OF_FILES
 
 Array = npt.NDArray[np.float64]
