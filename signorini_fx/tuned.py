@@ -653,9 +653,6 @@ LINE_SEARCH_STEPS, BRACKET_MARGIN = 12, 0.1
 # Nodes that pass on functions to each other, up to which a dense matrix says how.  Measured: of 64 it takes 28 µs, a
 # sparse factorisation 53 µs, of 128 119 and 80 µs.
 DENSE_CHAIN = 64
-# How many times the entries between two bodies that slide the room for earlier ones may be that a pattern keeps.
-# Choice.
-KEPT_ROOM = 2.0
 # Linear solves of a load step of a nonlinear body, from and to, those of its contact problems included.  Measured with
 # and without friction, of rubber and metal.
 NEWTON_SOLVES = (5, 18)

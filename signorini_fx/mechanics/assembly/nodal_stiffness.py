@@ -10,7 +10,6 @@ import numpy as np
 import numpy.typing as npt
 import scipy.sparse as sp
 from dolfinx import fem
-from mpi4py import MPI
 from petsc4py import PETSc
 
 from signorini_fx.mechanics.assembly.averages import from_owners
@@ -45,24 +44,15 @@ class JointStiffness:
         np.add.at(at_owned, self.nodes[here] - index_map.local_range[0], forces[here])
         return at_owned.ravel()
 
-    def entries(
-        self, dim: int, fixed: npt.NDArray[np.bool_] | None, comm: MPI.Comm
-    ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], Array]:
-        """Global rows, columns and values of what ``fixed`` leaves, see ``NodalStiffness.add_to``, shape (e,) each;
-        collective.
-        """
-        free = np.ones(self.nodes.size * dim)
-        if fixed is not None:
-            rows = (~fixed).reshape(-1, dim).astype(np.float64)
-            free = from_owners(rows, self.nodes, comm).ravel()
-        row, column = np.repeat(np.arange(free.size), np.diff(self.matrix.indptr)), self.matrix.indices
-        free_entries = np.flatnonzero((free[row] > 0) & (free[column] > 0))
-        unknowns = (dim * self.nodes[:, None] + np.arange(dim)).ravel()
-        return unknowns[row[free_entries]], unknowns[column[free_entries]], self.matrix.data[free_entries]
-
     def add_to(self, matrix: PETSc.Mat, dim: int, fixed: npt.NDArray[np.bool_] | None) -> None:
         """See ``NodalStiffness``; entries for which the matrix has no room are made; collective."""
-        rows, columns, values = self.entries(dim, fixed, matrix.comm.tompi4py())
+        free = np.ones(self.nodes.size * dim)
+        if fixed is not None:
+            free = from_owners((~fixed).reshape(-1, dim).astype(np.float64), self.nodes, matrix.comm.tompi4py()).ravel()
+        row, column = np.repeat(np.arange(free.size), np.diff(self.matrix.indptr)), self.matrix.indices
+        kept = np.flatnonzero((free[row] > 0) & (free[column] > 0))
+        unknowns = (dim * self.nodes[:, None] + np.arange(dim)).ravel()
+        rows, columns, values = unknowns[row[kept]], unknowns[column[kept]], self.matrix.data[kept]
         first, last = matrix.getOwnershipRange()
         here = (rows >= first) & (rows < last)
         shape = (last - first, matrix.getSize()[1])
@@ -101,11 +91,6 @@ class NodalStiffness:
         sums = np.zeros((each.size, *blocks.shape[1:]))
         np.add.at(sums, position, blocks)
         return cls(each.astype(np.int64), sums, joint)
-
-    @property
-    def without_joints(self) -> NodalStiffness:
-        """The blocks alone."""
-        return NodalStiffness(self.nodes, self.blocks)
 
     def times(self, displacement: fem.Function) -> Array:
         """The forces of a displacement at the unknowns of this rank, shape (owned dofs,); collective."""

@@ -51,12 +51,10 @@ from signorini_fx.records import Inventory
 from signorini_fx.tuned import FEWEST_BLOCK_UNKNOWNS, FINER_LEVELS
 
 if TYPE_CHECKING:
-    from signorini_fx.mechanics.assembly.joint_pattern import JointPattern
     from signorini_fx.mechanics.assembly.nodal_stiffness import NodalStiffness
     from signorini_fx.mechanics.contact_points.turned_supports import TurnedNodes
 
 Array = npt.NDArray[np.float64]
-_PATTERN = "pattern"  # of the last stiffness, in ``of_body``
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -161,8 +159,8 @@ class ElasticBody:
 
     @property
     def of_supports(self) -> dict[str, Any]:
-        """What of ``of_body`` another stiffness does not change, and the pattern that it may have, too."""
-        return {name: value for name, value in self.of_body.items() if name in ("_supported", _PATTERN)}
+        """What of ``of_body`` another stiffness does not change."""
+        return {name: value for name, value in self.of_body.items() if name == "_supported"}
 
     @shared_in("of_body")
     def _free(self) -> RigidMotions:
@@ -212,15 +210,9 @@ class ElasticBody:
             return self.elastic.joined(block_stiffness(self.forms, self.fixed, self.beside), None, None, self.fixed)
         owned, turned, boundary = self.space.dofmap.index_map.size_local, self.turned, self.boundary
         frames = [] if turned is None else [(turned.nodes[on_rank := turned.nodes < owned], turned.frames[on_rank])]
-        if self.beside is not None and self.beside.joint and not frames and self.comm.size == 1:
-            from signorini_fx.mechanics.assembly.joint_pattern import joined_stiffness
-
-            last: JointPattern | None = self.of_body.get(_PATTERN)
-            stiffness, self.of_body[_PATTERN] = joined_stiffness(self.forms, self.bcs, self.beside, self.fixed, last)
-        else:
-            stiffness = sum_of(self.forms, [] if frames else self.bcs)
-            if self.beside is not None:
-                self.beside.add_to(stiffness, None if frames else self.fixed)
+        stiffness = sum_of(self.forms, [] if frames else self.bcs)
+        if self.beside is not None:
+            self.beside.add_to(stiffness, None if frames else self.fixed)
         rotation, fixed = None, self._held
         if frames:
             from signorini_fx.mechanics.contact_points.turned_supports import block_rotation
