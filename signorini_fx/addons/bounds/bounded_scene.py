@@ -87,7 +87,7 @@ def _unbounded(model: Model) -> Iterator[str]:
             factors = factors_of(entry, model.tagged.dimension)
             if factors is None or not all(_is_linear_between(*values) for values in factors):
                 yield f"a {entry.label} that is not linear"
-            elif not isinstance(entry.weighting, float | None):
+            elif not isinstance(getattr(entry, "spread", 1.0), float):
                 yield f"a {entry.label} that is not spread evenly"
         elif not isinstance(entry, Material):
             yield entry.label
@@ -140,5 +140,5 @@ def factors_of(load: Force, dimension: int) -> list[tuple[Any, ...]] | None:
     if type(load) is Rotation:
         return [(load.speed, load.speed, Expression("x[0]"))]
     if type(load) in (BodyForce, Gravity, SurfaceTraction, TotalForce):
-        return [(value,) if load.weighting is None else (value, load.weighting) for value in values]
+        return [(value, getattr(load, "spread", 1.0)) for value in values]
     return None

@@ -223,7 +223,7 @@ class _SceneRows:
             _refuse_jumps(value, x, load.label)
         each = x.shape[1]
         places, across = _inside(x).reshape(-1, self._d).T, np.repeat(normal, each, axis=0).T
-        at = SampledPoints(places, across, lambda effect: area * float(effect.weighting), np.repeat(mass, each))
+        at = SampledPoints(places, across, lambda effect: area * float(effect.spread), np.repeat(mass, each))
         return _from_inside(np.broadcast_to(load.density(at), places.shape).T.reshape(x.shape))
 
     def _supports(self) -> Rows:

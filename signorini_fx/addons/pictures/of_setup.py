@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import mpi4py.MPI  # noqa: F401  # first, see signorini_fx.mechanics.body
 import numpy as np
@@ -129,13 +130,13 @@ def _boundary(tagged: TaggedMesh, name: str, acting: list[Effect], time: float) 
     corners, normals = _sides(tagged, tagged.facets(name))
     middles = corners.mean(axis=1)
 
-    def whole(effect: Effect) -> float:
+    def whole(effect: Any) -> float:
         """By one point on each facet, which is enough for arrows."""
         first, last = corners[:, 1] - corners[:, 0], corners[:, -1] - corners[:, 0]
         sizes = np.linalg.norm(first if corners.shape[1] == 2 else np.cross(first, last), axis=1)
         if corners.shape[1] == 3:
             sizes = sizes / 2
-        return float(parallel.global_sum(tagged.mesh.comm, np.array(sizes @ on.value(effect.weighting))))
+        return float(parallel.global_sum(tagged.mesh.comm, np.array(sizes @ on.value(effect.spread))))
 
     on = SampledPoints(middles.T, normals.T, whole)
     load, moved = np.zeros_like(middles), np.zeros_like(middles)

@@ -8,7 +8,7 @@ from typing import Annotated, Any, ClassVar, Self
 import numpy as np
 from pydantic import Field, PrivateAttr, model_validator
 
-from signorini_fx.mechanics.statement.effect import Array, Coefficients, Contradictions, Features, Load
+from signorini_fx.mechanics.statement.effect import Array, Contradictions, Features, Load
 from signorini_fx.mechanics.statement.expressions import sample
 from signorini_fx.mechanics.statement.values import Direction, TimedSampledValue, Vector
 
@@ -152,25 +152,6 @@ class PrescribedDisplacement(Load):
         touching = self.at is None and any(contact.boundary == self.boundary for contact in statement.contact)
         if touching and (self.normal is not None or None not in self.components):
             yield ("displacement", number), f"{self.boundary!r} is prescribed, and in contact as well: choose one"
-
-    def free(self, vector: Any, on: Coefficients) -> Any:
-        import ufl
-
-        if self.normal is not None:
-            return vector - ufl.inner(vector, on.normal) * on.normal
-        free = [component is None for component in self.components]
-        return ufl.as_vector([vector[k] if free[k] else 0.0 for k in range(len(vector))])
-
-    def away(self, y: Any, factor: Any, on: Coefficients) -> list[Any]:
-        """Expressions may be missed between the nodes, component by component, see ``Effect``."""
-        import ufl
-
-        pairs = [*zip(self.components, y, strict=False), (self.normal, ufl.inner(y, on.normal))]
-        return [
-            factor * on.value(value) - component
-            for value, component in pairs
-            if value is not None and not isinstance(value, float)
-        ]
 
 
 Entry = PrescribedDisplacement

@@ -29,10 +29,6 @@ class TotalForce(VectorForce):
         """The components are those of the total, see ``Effect``."""
         return not isinstance(self.spread, float)
 
-    @property
-    def weighting(self) -> Any:
-        return self.spread
-
     def density(self, on: Coefficients) -> Any:
         """F s over the integral of s, see ``Force``."""
         return super().density(on) * on.value(self.spread) / on.total(self)

@@ -175,17 +175,13 @@ class FormCoefficients:
         """Of the body."""
         return self.statement.kinematics_in(self.tagged.dimension)
 
-    def whole(self, effect: Effect) -> float:
-        """``total`` as a number."""
-        return float(self.total(effect).value)
-
-    def total(self, effect: Effect) -> Any:
-        """The integral of ``effect.weighting`` over the boundary of the effect; collective.
+    def total(self, effect: Any) -> Any:
+        """The integral of ``effect.spread`` over the boundary of the effect; collective.
 
         Raises:
             SceneError: it is zero.
         """
-        boundary, spread, mesh = str(effect.where), effect.weighting, self.space.mesh
+        boundary, spread, mesh = str(effect.where), effect.spread, self.space.mesh
         if (boundary, spread) not in self._totals:
             (where,) = measures(self.space, [effect], self.tagged.facets)
             degree = {"quadrature_degree": effect.degree(self.space.element.basix_element.degree)}

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from signorini_fx.mechanics.statement.effect import Effect
 from signorini_fx.mechanics.statement.expressions import in_space, sample
 
 
@@ -20,13 +19,13 @@ class SampledPoints:
     Attributes:
         position: length, shape (d, n).
         normal: outward unit normals, shape (d, n), or zero, which leaves pressures out.
-        total: from an effect to the integral of its ``weighting``.
+        total: from an effect to the integral of its ``spread``.
         density: of the material, mass per volume, shape (n,), or one for all.
     """
 
     position: npt.NDArray[np.float64]
     normal: npt.NDArray[np.float64]
-    total: Callable[[Effect], float]
+    total: Callable[[Any], float]
     density: Any = 0.0
 
     def value(self, value: Any) -> npt.NDArray[np.float64]:

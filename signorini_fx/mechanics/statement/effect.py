@@ -55,8 +55,8 @@ class Coefficients(Protocol):
     def density(self) -> Any:
         """Of the material, mass per volume."""
 
-    def total(self, effect: Effect) -> Any:
-        """The integral of ``effect.weighting`` over the boundary of the effect, a number."""
+    def total(self, effect: Any) -> Any:
+        """The integral of ``effect.spread`` over the boundary of the effect, a number."""
 
     def value(self, value: Any) -> Any:
         """A value."""
@@ -98,8 +98,6 @@ class Effect(Table):
     nodal: ClassVar[bool] = False
     # The keys of points and directions, which have as many numbers as the mesh has dimensions.
     vectors: ClassVar[tuple[str, ...]] = ()
-    # The value that its forces are proportional to, where their sum is given; None: they are given themselves.
-    weighting: ClassVar[Any] = None
 
     @property
     def label(self) -> str:
@@ -181,24 +179,6 @@ class Effect(Table):
         """
         return _VARYING_DEGREE if self.varies and self.where is not None else 2 * element + 2
 
-    def traction(self, y: Any, factor: Any, on: Coefficients) -> Any:
-        """The traction that it exerts on its boundary, stress, UFL, shape (d,).
-
-        Args:
-            y: the displacement.
-            factor: the load factor.
-            on: its boundary.
-        """
-        return 0 * y
-
-    def free(self, vector: Any, on: Coefficients) -> Any:
-        """A vector without the components in which the displacement is prescribed, UFL, shape (d,)."""
-        return vector
-
-    def away(self, y: Any, factor: Any, on: Coefficients) -> list[Any]:
-        """By how much the displacement misses what is prescribed, lengths, UFL; the arguments are as above."""
-        return []
-
 
 # Ten points on a facet: the error for a jump within it is part of the error estimate (``missed_loads``).
 _VARYING_DEGREE = 20
@@ -222,9 +202,6 @@ class Force(Load):
     def density(self, on: Coefficients) -> Any:
         """Force per volume or area, a vector; pictures ask for it at points, where functions of UFL have no value."""
         raise NotImplementedError
-
-    def traction(self, y: Any, factor: Any, on: Coefficients) -> Any:
-        return factor * self.density(on)
 
 
 class VectorForce(Force):
@@ -274,9 +251,6 @@ class Resistance(Effect):
     def reaction(self, y: Any, on: Coefficients) -> Any:
         """Minus the force per area on the body, stress, UFL, shape (d,)."""
         raise NotImplementedError
-
-    def traction(self, y: Any, factor: Any, on: Coefficients) -> Any:
-        return -self.reaction(y, on)
 
 
 # --- how they are found ----------------------------------------------------------------------------------------------

@@ -21,8 +21,11 @@ from signorini_fx.mechanics.assembly.block_stiffness import scalar_matrix
 from signorini_fx.mechanics.assembly.mesh_entities import assemble, measure
 from signorini_fx.mechanics.assembly.quadrature import parallelepipeds, strain_degree
 from signorini_fx.mechanics.body.element_stress import ElementStress, element_stress
+from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
 from signorini_fx.mechanics.elasticity.elastic_law import fields_of
+from signorini_fx.mechanics.loads.load_vectors import FormCoefficients
 from signorini_fx.mechanics.model import Model
+from signorini_fx.mechanics.statement.effect import Force, Resistance
 from signorini_fx.records import Inventory
 from signorini_fx.tuned import BOUNDARY_RESIDUAL_SHARE, PROJECTION_TOLERANCE
 
@@ -228,13 +231,32 @@ def boundary_residual(model: Model, stress: ElementStress, z: Any) -> tuple[Call
         residual, away = traction, []
         acting = [(effects[k], factors[k]) for k in numbers]
         for effect, factor in acting:
-            residual = residual + effect.traction(y, factor, on_boundary)
+            if isinstance(effect, Force):
+                residual = residual + factor * effect.density(on_boundary)
+            elif isinstance(effect, Resistance):
+                residual = residual - effect.reaction(y, on_boundary)
         for effect, factor in acting:
-            residual = effect.free(residual, on_boundary)
-            away += effect.away(y, factor, on_boundary)
+            if isinstance(effect, PrescribedDisplacement):
+                residual = _free(effect, residual, on_boundary)
+                away += _away(effect, y, factor, on_boundary)
         return residual, away, any(effect.varies for effect, _ in acting)
 
     return move_to, squared_residual(stress, traction_facets, on.reshape(len(effects), traction_facets.size).T, of, z)
+
+
+def _free(effect: PrescribedDisplacement, vector: Any, on: FormCoefficients) -> Any:
+    """A vector without the components in which the displacement is prescribed, UFL, shape (d,)."""
+    if effect.normal is not None:
+        return vector - ufl.inner(vector, on.normal) * on.normal
+    free = [component is None for component in effect.components]
+    return ufl.as_vector([vector[k] if free[k] else 0.0 for k in range(len(vector))])
+
+
+def _away(effect: PrescribedDisplacement, y: Any, factor: Any, on: FormCoefficients) -> list[Any]:
+    """By how much the displacement misses prescribed expressions between the nodes, lengths, UFL."""
+    pairs = [*zip(effect.components, y, strict=False), (effect.normal, ufl.inner(y, on.normal))]
+    given = [(value, component) for value, component in pairs if value is not None and not isinstance(value, float)]
+    return [factor * on.value(value) - component for value, component in given]
 
 
 def squared_residual(
