@@ -39,7 +39,7 @@ class ContactFigures:
         tangential_force: magnitude of the latter.
         friction_limit: integral of the friction bound, a force: F N for Coulomb friction with one coefficient, the
             bound times the area for Tresca friction, which acts on open nodes too; infinite for a bond.  Of friction
-            with a direction the largest resultant in the direction of this one; in any direction, if there is none.
+            with a direction the sum of the largest shears in the direction of this one; in any, if there is none.
         friction_moment: of a boundary that closes around a body, the moment of friction on the body of this boundary
             about its middle, force times length; a number in 2D (counterclockwise), shape (3,) in 3D; None of others.
         moment_limit: the largest moment that the friction bounds allow in that direction; infinite for a bond; None
@@ -87,7 +87,7 @@ def contact_figures(statement: Statement, contact: ContactState) -> list[Contact
             tangential = 0.0
         if boundary.friction_axes is not None and 0 < limit < np.inf:
             reached = resultant if tangential else np.zeros(3)
-            limit = _largest_resultant(boundary.tangents[on_part], weight * contact.bound[on_part], reached, comm)
+            limit = _largest_along(boundary.tangents[on_part], weight * contact.bound[on_part], reached, comm)
         figures.append(
             ContactFigures(
                 boundary=effect.boundary,
@@ -131,11 +131,8 @@ def _moment_about_middle(contact: ContactState, part: int) -> tuple[float | list
     return components[0] if len(components) == 1 else components, limit
 
 
-def _largest_resultant(tangents: Array, bound: Array, resultant: Array, comm: MPI.Comm) -> float:
-    """The largest force in the direction of the resultant that points with friction axes transmit; collective.
-
-    The forces that they transmit together fill a convex set.  In the direction d it is bounded by its support function
-    at every n with n . d = 1, and the least of these bounds is reached.
+def _largest_along(tangents: Array, bound: Array, resultant: Array, comm: MPI.Comm) -> float:
+    """The sum of the largest shears of points with friction axes in the direction of a resultant; collective.
 
     Args:
         tangents: the semi-axes of each point for a bound of one, shape (n, 3, 2).
@@ -143,25 +140,10 @@ def _largest_resultant(tangents: Array, bound: Array, resultant: Array, comm: MP
         resultant: of the shear, force, shape (3,); zero: the largest force in any direction of the axes is meant.
         comm: the ranks.
     """
-
-    def support(normal: Array) -> tuple[float, Array]:
-        """The support function and its gradient."""
-        along = np.einsum("nij,i->nj", tangents, normal)
-        lengths = np.linalg.norm(along, axis=1)
-        units = along / np.where(lengths > 0, lengths, 1.0)[:, None]
-        sums = parallel.global_sum(comm, np.append(np.einsum("n,nij,nj->i", bound, tangents, units), bound @ lengths))
-        return float(sums[-1]), sums[:-1]
-
-    if not resultant.any():
-        return float(parallel.global_sum(comm, bound @ np.linalg.norm(tangents, axis=1).max(axis=1)))
-    way = resultant / np.linalg.norm(resultant)
-    across = np.linalg.svd(way[None])[2][1:]
-    scale = support(way)[0]
-
-    def bounded(turn: Array) -> tuple[float, Array]:
-        value, gradient = support(way + turn @ across)
-        return value / scale, np.asarray(across @ gradient / scale)
-
-    from scipy.optimize import minimize  # imported by what needs it alone: it takes 0.07 s
-
-    return scale * float(minimize(bounded, np.zeros(2), jac=True, options={"gtol": 1e-10}).fun)
+    lengths = np.linalg.norm(tangents, axis=1)
+    largest = lengths.max(axis=1)
+    if resultant.any():
+        way = resultant / np.linalg.norm(resultant)
+        along = np.linalg.norm(np.einsum("nij,i->nj", tangents, way) / lengths**2, axis=1)
+        largest = np.divide(1.0, along, out=np.zeros_like(along), where=along > 0)
+    return float(parallel.global_sum(comm, bound @ largest))
