@@ -84,6 +84,27 @@ class PairPoints:
         """The largest error of the identities of the map, relative to one, to weights, or to the size of the sides."""
         raise NotImplementedError
 
+    def _identities(self, x: Array, covered: float, left: Array | None, counted: Flags) -> list[float]:
+        """Errors on this rank of shares, weights and joint rigid motions.
+
+        Args:
+            x: places of the m nodes, length, shape (m, d).
+            covered: the area where both sides meet.
+            left: what joint rotations leave of relative displacements, per size of the sides, shape (k, n, d); None:
+                nothing.
+            counted: the points at which rotations leave nothing else, shape (n,).
+        """
+        facing, dim = self.facing, self.normal.shape[1]
+        total = float(parallel.global_sum(self.comm, self.weight[facing].sum()))
+        errors = [abs(total / covered - 1.0), parallel.local_max(-self.weight, -np.inf) / covered]
+        errors += [_largest(shares.sum(axis=1)[facing] - 1.0) for shares in (self.own, self.others)]
+        for number, motion in enumerate(self._rigid(x)[0]):
+            moved = (self.operator @ motion.ravel()).reshape(self.normal.shape)
+            if number >= dim and left is not None:
+                moved = moved - left[number - dim]
+            errors.append(_largest(moved[facing & counted if number >= dim else facing]))
+        return errors
+
     def terms(self, owned: Array) -> Array:
         """The sums of the magnitudes of what relative displacements are added up of, shape (n, d)."""
         reached_values = from_owners(np.abs(owned), self.reached, self.comm)
@@ -192,18 +213,13 @@ class FrozenPoints(PairPoints):
         """See ``PairPoints``; both sides consist of the facets that the problem names, no fewer and no others."""
         dim, coupling = self.normal.shape[1], self.pair.coupling
         x = np.array(node_positions(self.space)[: self.space.dofmap.index_map.size_local, :dim], dtype=np.float64)
-        used = from_owners(x, self.reached, self.comm)
-        motions, size = self._rigid(used)
-        total = float(parallel.global_sum(self.comm, self.weight.sum()))
-        errors = [abs(total / coupling.covered - 1.0), parallel.local_max(-self.weight, -np.inf) / coupling.covered]
-        errors += [_largest(shares.sum(axis=1) - 1.0) for shares in (self.own, self.others)]
+        used, left = from_owners(x, self.reached, self.comm), None
+        size = self._rigid(used)[1]
+        if self.pair.followed:
+            turned = -rigid_modes(coupling.distance, np.zeros(dim), np.array(size)).transpose(2, 0, 1)[dim:]
+            left = turned - np.einsum("nij,knj->kni", self.across, turned)
+        errors = self._identities(used, coupling.covered, left, self.facing)
         errors.append(_largest(self.own @ used - self.others @ used + coupling.distance) / size)
-        for number, motion in enumerate(motions):
-            left = (self.operator @ motion.ravel()).reshape(self.normal.shape)
-            if self.pair.followed and number >= dim:
-                turned = rigid_modes(coupling.distance, np.zeros(dim), np.array(size))[:, :, number]
-                left = left + turned - np.einsum("nij,nj->ni", self.across, turned)
-            errors.append(_largest(left))
         paired = self.pair.slave.facets, self.pair.master.facets
         errors.append(float(any(np.setxor1d(*facets).size for facets in zip(paired, self.named, strict=True))))
         return parallel.global_max(self.comm, float(max(errors)))
@@ -275,22 +291,13 @@ class SlidingPoints(PairPoints):
 
     def error(self) -> float:
         """See ``PairPoints``; a plane of symmetry that holds the direction of rays takes a moment, too."""
-        coupling, facing = self.ends[0][1], self.facing
-        covered = float(coupling.overlap.weight.sum())
-        total = float(parallel.global_sum(self.comm, self.weight[facing].sum()))
+        coupling, in_plane = self.ends[0][1], np.zeros(len(self.reached))
         if not coupling.frames.partnered.any():
             return 0.0
-        errors = [abs(total / covered - 1.0), parallel.local_max(-self.weight, -np.inf) / covered]
-        errors += [_largest(shares.sum(axis=1)[facing] - 1.0) for shares in (self.own, self.others)]
-        motions, _ = self._rigid(np.concatenate((coupling.slave.x, coupling.master.x)))
-        in_plane = np.zeros(len(self.reached))
         in_plane[: len(coupling.slave.x)] = self.sides.slave.surface.across.any(axis=(1, 2))
-        dim = self.normal.shape[1]
-        held = (abs(self.operator) @ np.repeat(in_plane, dim)).reshape(self.normal.shape).any(axis=1)
-        for number, motion in enumerate(motions):
-            counted = facing & ~held if number >= dim else facing
-            errors.append(_largest((self.operator @ motion.ravel()).reshape(self.normal.shape)[counted]))
-        return parallel.global_max(self.comm, float(max(errors)))
+        held = (abs(self.operator) @ np.repeat(in_plane, self.normal.shape[1])).reshape(self.normal.shape).any(axis=1)
+        x, covered = np.concatenate((coupling.slave.x, coupling.master.x)), float(coupling.overlap.weight.sum())
+        return parallel.global_max(self.comm, float(max(self._identities(x, covered, None, ~held))))
 
     def forces(self, traction: Array, owned: int) -> tuple[npt.NDArray[np.int64], Array, Array]:
         """See ``PairPoints``; what turns directions acts on the neighbours of points on the slave, too."""
