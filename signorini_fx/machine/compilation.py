@@ -78,13 +78,9 @@ def _locks() -> Iterator[None]:
 
 
 def prepare(folder: Path, module: str, patience: float, held: ExitStack) -> None:
-    """Wait until no other process compiles a form, and remove what one that has ended left unfinished.
-
-    Args:
-        folder: of compiled forms.
-        module: the name of the form.
-        patience: seconds that a program which knows no such lock has for its compilation.
-        held: what ends the lock; there is none if the form is compiled already, or the folder allows for no locks.
+    """Wait until no other process compiles a form, and remove what one that has ended left unfinished; ``patience``:
+    seconds that a program which knows no such lock has; ``held``: what ends the lock, none if the form is compiled
+    already, or the folder allows for no locks.
     """
     if _compiled(folder, module):
         return
@@ -116,14 +112,8 @@ def prepare(folder: Path, module: str, patience: float, held: ExitStack) -> None
 
 
 def library(folder: Path, name: str, declarations: str, source: str, arguments: Sequence[str]) -> Any:
-    """A module of C functions, with ``lib`` and ``ffi`` of cffi, compiled beside the forms unless it is there.
-
-    Args:
-        folder: of compiled forms.
-        name: of the module, which must be another one for another source.
-        declarations: of its functions.
-        source: of its functions.
-        arguments: for the compiler.
+    """A module of C functions, with ``lib`` and ``ffi`` of cffi, compiled beside the forms unless it is there;
+    ``name``: another one for another source.
 
     Raises:
         MachineError: there is no compiler, or the folder cannot be written.

@@ -18,12 +18,7 @@ _NEW = f"{MANIFEST}.new"
 
 
 def add(folder: Path, names: Iterable[str], *, alone: bool = False) -> None:
-    """List files.
-
-    Args:
-        folder: an existing folder.
-        names: paths in it.
-        alone: whether nothing else is listed any more.
+    """List files; ``alone``: whether nothing else is listed any more.
 
     Raises:
         OSError: the manifest cannot be written.
@@ -56,11 +51,8 @@ def files_of_part(folder: Path) -> list[str]:
 
 
 def begin_inner(folder: Path, name: str) -> None:
-    """Make a folder that belongs to the run that fills the folder above it, and list it there.
-
-    Args:
-        folder: an existing folder.
-        name: of the folder in it; what is there already is not ``foreign``.
+    """Make a folder that belongs to the run that fills the folder above it, and list it there; what is there already is
+    not ``foreign``.
 
     Raises:
         OSError: the manifest cannot be written.

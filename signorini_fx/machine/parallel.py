@@ -182,11 +182,8 @@ def _limit_of_control_group() -> float:
 
 
 def gather_rows(comm: MPI.Comm, rows: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """Rows of all ranks stacked in rank order, on every rank: for what is of the size of the contact boundary at most.
-
-    Args:
-        comm: the ranks.
-        rows: shape (n, ...), alike on all ranks but for n; entries that are numbers or truth values.
+    """Rows of all ranks stacked in rank order, on every rank: for what is of the size of the contact boundary at most;
+    ``rows``: shape (n, ...), alike but for n, numbers or truth values.
     """
     if comm.size == 1:
         return np.array(rows, order="C")

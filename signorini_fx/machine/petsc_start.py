@@ -19,11 +19,7 @@ _USUAL_FILES = ("~/.petscrc", ".petscrc", "petscrc")
 
 
 def start_petsc(comm: MPI.Comm, options: Sequence[str]) -> None:
-    """Start PETSc, once; collective.
-
-    Args:
-        comm: the ranks.
-        options: options as on a command line, without the name of the program.
+    """Start PETSc, once; ``options``: as on a command line, without the name of the program; collective.
 
     Raises:
         OptionsError: a file of options is none, or PETSc does not start with the options.

@@ -124,11 +124,7 @@ def in_space(summary: Mapping[str, Any]) -> bool:
 
 
 class ResultFiles:
-    """The tables and pictures of a result folder.
-
-    Attributes:
-        path: of the folder.
-    """
+    """The tables and pictures of a result folder."""
 
     def __init__(self, folder: Path) -> None:
         self.path = folder

@@ -70,11 +70,8 @@ def waiting() -> int:
 
 
 def agree(comm: MPI.Comm, count: int | None = None) -> None:
-    """Call the handlers of the signals that wait on any rank; collective.
-
-    Args:
-        comm: the ranks.
-        count: the sum of ``waiting`` over the ranks, if it is known.
+    """Call the handlers of the signals that wait on any rank; ``count``: the sum of ``waiting`` over the ranks, if it
+    is known; collective.
 
     Raises:
         BaseException: what a handler raises on any rank, on all of them.

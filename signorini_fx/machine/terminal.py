@@ -35,12 +35,7 @@ def printable(text: str) -> str:
 
 def clauses(text: str, room: int, most: int | None) -> list[str]:
     """A text in lines; one that does not fit ends, as dots say, at the last end of a sentence or clause that fits, or
-    at the first one: no clause is cut.
-
-    Args:
-        text: any.
-        room: columns of a line.
-        most: lines; None: as many as it takes.
+    at the first one: no clause is cut; ``room``: columns of a line; ``most``: lines, None: as many as it takes.
     """
     text = printable(text)
     lines = textwrap.wrap(text, room)
@@ -96,11 +91,8 @@ _COLOURS = {"error": "31;1", "warning": "33;1", "advice": "1", "good": "32;1"}  
 
 
 def say(output: str | Iterable[TerminalLine], *, error: bool = False) -> None:
-    """Print on standard output, or on standard error; a stream that cannot be written is given up.
-
-    Args:
-        output: a text, printed as it is; or lines, which a terminal breaks and colours.
-        error: whether to print on standard error.
+    """Print on standard output, or on standard error; a stream that cannot be written is given up; ``output``: a text,
+    printed as it is, or lines, which a terminal breaks and colours.
     """
     stream = sys.stderr if error else sys.stdout
     try:

@@ -132,13 +132,9 @@ def _moment_about_middle(contact: ContactState, part: int) -> tuple[float | list
 
 
 def _largest_along(tangents: Array, bound: Array, resultant: Array, comm: MPI.Comm) -> float:
-    """The sum of the largest shears of points with friction axes in the direction of a resultant; collective.
-
-    Args:
-        tangents: the semi-axes of each point for a bound of one, shape (n, 3, 2).
-        bound: force, shape (n,).
-        resultant: of the shear, force, shape (3,); zero: the largest force in any direction of the axes is meant.
-        comm: the ranks.
+    """The sum of the largest shears of points with friction axes in the direction of a resultant; ``tangents``: the
+    semi-axes of each point for a bound of one, shape (n, 3, 2); ``resultant``: of the shear, zero: the largest force in
+    any direction of the axes is meant; collective.
     """
     lengths = np.linalg.norm(tangents, axis=1)
     largest = lengths.max(axis=1)

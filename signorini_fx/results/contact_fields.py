@@ -49,12 +49,8 @@ class ContactFields:
     def take(
         self, space: fem.FunctionSpace, state: ContactState | None, selected: npt.NDArray[np.bool_] | None = None
     ) -> None:
-        """The values of a state, zero without one; collective.
-
-        Args:
-            space: the displacements, whose nodes the points are numbered by.
-            state: of the contact points of this rank.
-            selected: the points to take, shape (n,); None: all.  Of a node of two contacts the later one is taken.
+        """The values of a state, zero without one; ``selected``: the points to take, None: all; of a node of two
+        contacts the later one is taken; collective.
         """
         if state is None:
             for field in (self.pressure, self.shear, self.gap, self.slip):
@@ -130,13 +126,8 @@ def degree_of_fields(space: fem.FunctionSpace) -> int:
 def boundary_fields(
     space: fem.FunctionSpace, state: ContactState, facets: Sequence[npt.NDArray[np.int32]], number: int | None
 ) -> BoundaryFields:
-    """The fields of a state on a mesh of its contact boundaries; collective.
-
-    Args:
-        space: the displacements, whose nodes the points are numbered by.
-        state: of the contact points of this rank.
-        facets: of each contact, of pairs on the side with the points.
-        number: the contact; None: all of them, of which at a node of two the later one counts.
+    """The fields of a state on a mesh of its contact boundaries; ``facets``: of each contact, of pairs on the side with
+    the points; ``number``: the contact, None: all of them, of which at a node of two the later one counts; collective.
 
     Raises:
         ValueError: there is no such contact.

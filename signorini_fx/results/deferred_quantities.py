@@ -26,13 +26,8 @@ T = TypeVar("T")
 
 
 def post_processing(comm: MPI.Comm, subject: str, findings: list[dict[str, Any]], state: Callable[[], T]) -> T | None:
-    """What ``state`` returns; None if it fails on any rank, with a warning among the findings; collective.
-
-    Args:
-        comm: the ranks.
-        subject: what is computed, a key of the summary.
-        findings: rows of the summary.
-        state: computes it; collective.
+    """What ``state`` returns; None if it fails on any rank, with a warning among the findings; ``subject``: a key of
+    the summary; ``findings``: its rows; collective.
 
     Raises:
         Exception: that of this rank, if the others do not come to an end, since they wait for it.
@@ -93,12 +88,7 @@ def asked(solution: Solution) -> list[str]:
 
 
 def proved(solution: Solution, findings: list[dict[str, Any]]) -> dict[str, Any]:
-    """What is computed once the results stand, as far as the scene asks for it: entries of the summary; collective.
-
-    Args:
-        solution: what was solved.
-        findings: rows of the summary.
-    """
+    """What is computed once the results stand, as far as the scene asks for it: entries of the summary; collective."""
     entries: dict[str, Any] = {}
     for key, value_of in _afterwards(solution).items():
         value = post_processing(solution.comm, key, findings, partial(value_of, solution))

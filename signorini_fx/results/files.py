@@ -317,11 +317,8 @@ def _contact_by_step(solution: Solution) -> Table:
 
 
 def describe(value: Any, without: tuple[str, ...] = ()) -> Any:
-    """Scene data as JSON: expressions as text, and a note of the type for everything that cannot be written.
-
-    Args:
-        value: the data.
-        without: keys of tables to leave out, which a scene in 2D, or one in 3D, does not have.
+    """Scene data as JSON: expressions as text, and a note of the type for everything that cannot be written;
+    ``without``: keys of tables to leave out, which a scene in 2D, or one in 3D, does not have.
     """
     if isinstance(value, BaseModel):
         names = (name for name in type(value).model_fields if name not in without)

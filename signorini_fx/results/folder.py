@@ -168,12 +168,8 @@ class ResultFolder:
 
 
 def reserve(comm: MPI.Comm, part: Path, size: float) -> None:
-    """Check that this many bytes can be written: libraries that write fields do not survive a full disk; collective.
-
-    Args:
-        comm: the ranks.
-        part: a folder inside the one that an error names.
-        size: bytes.
+    """Check that this many bytes can be written: libraries that write fields do not survive a full disk; ``part``: a
+    folder inside the one that an error names; collective.
 
     Raises:
         OutputError: they cannot be written.

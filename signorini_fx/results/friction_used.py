@@ -15,11 +15,6 @@ def friction_used(model: Model, contact: ContactState, step: float) -> float | N
 
     It sets no limit, because pressures and friction bounds change with the loads.
 
-    Args:
-        model: the model.
-        contact: the contact nodes of this rank in its solution.
-        step: the place of the load step in the lists of factors.
-
     Returns:
         None without friction, or if supports hold the body.
     """

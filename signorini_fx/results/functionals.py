@@ -34,12 +34,8 @@ class Functionals:
 
 
 def functionals(elastic: float, contact: PointState, data: RegularisedData) -> Functionals:
-    """Evaluate J_gamma (section 3) and its dual at a solution; collective.
-
-    Args:
-        elastic: a(y, y) / 2 - L(y), an energy per thickness.
-        contact: the contact points.
-        data: the regularised problem.
+    """Evaluate J_gamma (section 3) and its dual at a solution; ``elastic``: a(y, y) / 2 - L(y), an energy per
+    thickness; collective.
 
     The elastic part of the dual, min over y of a(y, y) / 2 - L(y) + (lambda, tau_N y) + (mu, tau_T y), is taken at the
     current displacement, which is its minimiser as far as (3.3a) holds.

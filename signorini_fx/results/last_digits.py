@@ -36,11 +36,6 @@ def status_by_digits(
 def left_by_last_digits(model: Model, displacement: fem.Function, step: float) -> float:
     """The forces at free unknowns that one unit in the last place of each displacement makes, with random signs, as a
     share of the loads there; collective.
-
-    Args:
-        model: the body.
-        displacement: y.
-        step: the place of the load step.
     """
     forces, comm, changed = NodalForces.on(model), model.comm, displacement.copy()
     balance = balance_of(forces, displacement, step)

@@ -38,12 +38,8 @@ class SolidBody(Model, ABC):
 
     @abstractmethod
     def stress(self, y: fem.Function, step: float, shared: dict[str, StressRecovery]) -> RawStresses | str:
-        """The stress of a displacement at a place in the lists of factors, or why it is not known; collective.
-
-        Args:
-            y: the displacement, length.
-            step: the place, see ``statement.load_path``.
-            shared: where what projects is kept for other displacements.
+        """The stress of a displacement at a place in the lists of factors, or why it is not known; ``shared``: where
+        what projects is kept for other displacements; collective.
         """
 
     @abstractmethod

@@ -42,9 +42,6 @@ class StatesOnPath:
 
     Kept are those of the load step that was asked for last: the states of all of them would take many times the memory
     of the displacements.
-
-    Attributes:
-        forces: of the body.
     """
 
     forces: NonlinearForces
@@ -52,11 +49,8 @@ class StatesOnPath:
     _states: Mapping[int, Array] | None = None
 
     def after(self, path: Sequence[tuple[fem.Function, float]]) -> Mapping[int, Array]:
-        """Those at the end of load steps.
-
-        Args:
-            path: the displacements of all of them, the first one first, with their places in the lists of factors;
-                none: before the first one.
+        """Those at the end of load steps; ``path``: their displacements, the first one first, with their places in the
+        lists of factors; none: before the first one.
         """
         count = len(self._path)
         pairs = zip(self._path, path, strict=False)
@@ -86,13 +80,7 @@ class NonlinearStresses(RawStresses):
 
     @classmethod
     def of(cls, model: Model, states: StatesOnPath, path: Sequence[tuple[fem.Function, float]]) -> NonlinearStresses:
-        """That at the end of a load step; collective.
-
-        Args:
-            model: the body.
-            states: of its materials.
-            path: of the load steps up to this one, see ``StatesOnPath``.
-        """
+        """That at the end of a load step; ``path``: of the load steps up to this one, see ``StatesOnPath``; collective."""
         forces, kinematics, (y, step) = states.forces, model.statement.kinematics_in(model.tagged.dimension), path[-1]
         at_points = forces.cauchy(y, states.after(path[:-1]), step)
         plastic = forces.plastic_strain(states.after(path))

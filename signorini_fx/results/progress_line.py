@@ -79,12 +79,7 @@ def _display_of_a_notebook() -> Any:
 
 
 def progress_text(progress: Progress, seconds: float) -> str:
-    """Where a solve is, in words.
-
-    Args:
-        progress: where it is.
-        seconds: seconds on the clock of ``progress.end``.
-    """
+    """Where a solve is, in words; ``seconds``: on the clock of ``progress.end``."""
     p = progress
     parts = []
     if p.meshes != 1:

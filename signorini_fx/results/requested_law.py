@@ -50,13 +50,9 @@ def requested_law(
     *,
     raises_gamma: bool = False,
 ) -> RequestedLaw:
-    """The law that settings ask for beside that of the load steps.
-
-    Args:
-        settings: of the solver.
-        certificates: of the load steps with a solution, by their numbers, in order.
-        left: the regularisation error of the last one relative to its energy norm, where a path in gamma has found it.
-        raises_gamma: whether an accuracy is asked for, which raises gamma as it needs to.
+    """The law that settings ask for beside that of the load steps; ``left``: the regularisation error of the last one
+    relative to its energy norm, where a path in gamma has found it; ``raises_gamma``: whether an accuracy is asked for,
+    which raises gamma as it needs to.
     """
     laws = {step: certificate.law for step, certificate in certificates.items()}
     last = list(laws.values())[-1]

@@ -41,10 +41,6 @@ def short_answer(summary: dict[str, Any], folder: Path) -> list[TerminalLine]:
     where the results are.
 
     Without a solution there are no figures; those of an earlier load step are as many as there is room for.
-
-    Args:
-        summary: what ``summarise`` returns.
-        folder: of the results.
     """
     validity = validity_of(summary)
     heading = _heading(summary)

@@ -81,11 +81,6 @@ def why_no_limit(body: Model, point: tuple[float, ...], step: float = 0.0) -> st
     """Why the stress at a place, or within one facet from it, has no limit; None if nothing is known; collective.
 
     Contact boundaries count as pressed, with friction as held.
-
-    Args:
-        body: the body.
-        point: a point, length, shape (d,).
-        step: the load step that the loads are those of, its place in the lists of factors.
     """
     facets = [
         facet for local_facets in body.comm.allgather(facets_near(body, np.array(point))) for facet in local_facets

@@ -449,12 +449,7 @@ def advice_on_nonlinear(status: Status, statement: Statement) -> str:
 
 
 def outcome(solution: Solution, *, advice: bool = True) -> str:
-    """How a solve without a solution ended; with load steps, which one, and what there is.
-
-    Args:
-        solution: that is none.
-        advice: whether to say what to do.
-    """
+    """How a solve without a solution ended; with load steps, which one, and what there is."""
     status, last, failed = solution.status, solution.last_step, solution.steps[-1]
     text = f"{status.value}: {solution.advice}" if advice else status.value
     if not solution.statement.several_steps or failed.status is Status.CONVERGED:

@@ -154,10 +154,8 @@ class StressFields:
         return extreme_at(self.comm, values, x, cell_of, sign)
 
     def utilised(self, limit: fem.Function) -> Extreme:
-        """Where the von Mises stress is the largest share of a limit; collective.
-
-        Args:
-            limit: a stress of each cell, a function of degree 0; infinite where there is none.
+        """Where the von Mises stress is the largest share of a limit; ``limit``: a stress of each cell, a function of
+        degree 0, infinite where there is none; collective.
         """
         stress = self.von_mises
         share = fem.Function(stress.function_space)
@@ -278,11 +276,8 @@ class RawStresses(StressFields):
         return None
 
     def _remarks(self, extremes: Sequence[Extreme], *, finite: bool) -> dict[Extreme, dict[str, Any]]:
-        """What is said of each extreme; nothing where the forms alone are known; collective.
-
-        Args:
-            extremes: of the raw and of the recovered stress.
-            finite: whether the displacement is.
+        """What is said of each extreme; nothing where the forms alone are known; ``finite``: whether the displacement
+        is; collective.
         """
         return {extreme: {} for extreme in extremes}
 
@@ -382,14 +377,8 @@ def check_has_extremes(field: str) -> None:
 
 
 def extreme_at(comm: MPI.Comm, values: Nodal, x: Nodal, cell_of: Callable[[int], int], sign: float) -> Extreme:
-    """The largest of some values, or with ``sign`` -1 the smallest, and where; collective.
-
-    Args:
-        comm: the ranks that have values.
-        values: of this rank, shape (n,); those that are not finite do not count.
-        x: their places, length, shape (n, d).
-        cell_of: gives the global number of the cell of one of them.
-        sign: 1 or -1.
+    """The largest of some values, or with ``sign`` -1 the smallest, and where; ``cell_of``: gives the global number of
+    the cell of one of them; those that are not finite do not count; collective.
     """
     values = np.where(np.isfinite(values), sign * values, -np.inf)
     at = int(values.argmax()) if values.size else 0

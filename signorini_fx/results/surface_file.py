@@ -28,13 +28,7 @@ def gather_facets(boundary: ContactBoundary) -> npt.NDArray[np.int64]:
 
 
 def write_surface(path: Path, table: ContactTable, facets: npt.NDArray[np.int64]) -> None:
-    """A .vtu file of the contact surface; on one rank.
-
-    Args:
-        path: of the file.
-        table: the contact nodes.
-        facets: see ``gather_facets``.
-    """
+    """A .vtu file of the contact surface; on one rank; ``facets``: see ``gather_facets``."""
     assert table.nodes is not None
     row_of = {(int(part), int(node)): row for row, (part, node) in enumerate(zip(*table.nodes.T, strict=True))}
     kind, order = _KINDS[facets.shape[1] - 1]

@@ -23,27 +23,14 @@ _NAMES = {np.dtype(np.float64): "Float64", np.dtype(np.int64): "Int64", np.dtype
 
 
 def bytes_of(points: int, cells: int, corners: int, components: int) -> float:
-    """About the size of a file.
-
-    Args:
-        points: their number.
-        cells: their number.
-        corners: points of a cell.
-        components: of all fields at a point together.
-    """
+    """About the size of a file; ``corners``: points of a cell; ``components``: of all fields at a point together."""
     return 4 / 3 * (8.0 * points * (3 + components) + cells * (8.0 * (corners + 1) + 1))
 
 
 def write_vtu(path: Path, comm: MPI.Comm, points: Array, cells: Array, kind: int, fields: Mapping[str, Array]) -> None:
-    """Write the cells of all ranks as one grid; collective.
-
-    Args:
-        path: of the file.
-        comm: the ranks.
-        points: those of this rank, shape (n, 3).
-        cells: their local numbers, in VTK's order, shape (cells, corners), as many corners on all ranks.
-        kind: VTK's number of the kind of cell.
-        fields: values at the points, shape (n,) or (n, components), under the same names on all ranks.
+    """Write the cells of all ranks as one grid; ``points``: of this rank, shape (n, 3); ``cells``: their local numbers
+    in VTK's order, shape (cells, corners); ``kind``: VTK's number; ``fields``: values at the points, shape (n,) or (n,
+    components); collective.
 
     Raises:
         OSError: the system refuses it.

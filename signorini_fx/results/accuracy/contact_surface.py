@@ -130,10 +130,8 @@ class ContactSurface:
         return on_rim
 
     def jumps(self, values: Floats) -> Floats:
-        """How much the slope across each side changes from one piece to the next, shape (pieces, k); 0 at the rim.
-
-        Args:
-            values: at the nodes, shape (rows,).
+        """How much the slope across each side changes from one piece to the next, shape (pieces, k); 0 at the rim;
+        ``values``: at the nodes, shape (rows,).
         """
         corner_values = values[self.corners]
         middle = (corner_values + np.roll(corner_values, -1, axis=1)) / 2
@@ -151,12 +149,9 @@ class ContactSurface:
         return np.where(self.rim, 0.0, np.arctan2(sine, cosine))
 
     def at(self, points: Floats, values: Floats, part: int) -> Floats:
-        """Values between the nodes of a boundary; beside the surface those at a place on its rim that is near.
-
-        Args:
-            points: positions, shape (n, 3).
-            values: at the nodes, shape (rows, m).
-            part: position of the boundary in ``statement.contact``; it has pieces.
+        """Values between the nodes of a boundary; beside the surface those at a place on its rim that is near;
+        ``points``: shape (n, 3); ``values``: at the nodes, shape (rows, m); ``part``: position of the boundary in
+        ``statement.contact``; shape (n, m).
 
         Returns:
             Shape (n, m).
@@ -188,11 +183,8 @@ class ContactSurface:
         return np.stack(((1 - s) * (1 - t), s * (1 - t), s * t, (1 - s) * t), axis=2)
 
     def of_rank(self, boundary: ContactBoundary, values: Floats) -> Floats:
-        """Sums of what the pieces have for each facet of this rank, as in ``boundary.segments``; collective.
-
-        Args:
-            boundary: the contact nodes of this rank.
-            values: of each piece, shape (pieces,).
+        """Sums of what the pieces have for each facet of this rank, as in ``boundary.segments``; ``values``: of each
+        piece, shape (pieces,); collective.
         """
         first = parallel.rows_before(boundary.comm, len(boundary.segments))
         facets = np.zeros(self.count)

@@ -77,11 +77,9 @@ def with_polygon(level: LevelResult, polygon: float) -> LevelResult:
 
 
 def expected_rates(degree: int) -> dict[str, float]:
-    """How errors are expected to decrease with h, taken as the square root of 1 / unknowns.
-
-    Args:
-        degree: of the displacement on adaptive meshes, which restore the rates of smooth solutions; 1 on uniform
-            meshes, where the ends of the contact zones limit the rates.
+    """How errors are expected to decrease with h, taken as the square root of 1 / unknowns; ``degree``: of the
+    displacement on adaptive meshes, which restore the rates of smooth solutions; 1 on uniform ones, where the ends of
+    the contact zones limit the rates.
     """
     return {name: max(rate, degree) for name, rate in EXPECTED_RATES.items()}
 
@@ -240,15 +238,11 @@ def _end(s: npt.NDArray[np.float64], p: npt.NDArray[np.float64], row: int, step:
 
 
 def _error(rate: float, changes: list[float | None], fineness: Sequence[float]) -> float | None:
-    """Error of the last mesh: the geometric mean of the estimates from the last changes, extrapolated to it.
+    """Error of the last mesh: the geometric mean of the estimates from the last changes, extrapolated to it;
+    ``fineness``: 1 / h of the meshes, one more than changes.
 
     A mesh with no more unknowns than the one before it, as generators make it of smaller cells here and there, says
     nothing; None: no mesh says anything.
-
-    Args:
-        rate: the error decreases like 1 / fineness to this power.
-        changes: from each mesh to the next.
-        fineness: 1 / h of the meshes, one more than changes.
     """
     if not changes[-1]:
         return changes[-1]
@@ -269,15 +263,8 @@ def predict(
     dimension: int = 2,
     krylov_from: float = np.inf,
 ) -> Price:
-    """The next mesh: errors by their rates, time and memory by their growth with the unknowns.
-
-    Args:
-        rows: the rows of the solved meshes, coarsest first; at least two.
-        base_memory: memory before the first mesh, MB.
-        rates: how the errors are expected to decrease with h.
-        finer: how many times finer the next mesh is, on average over the body; None: as many times as the last one was.
-        dimension: of the body.
-        krylov_from: as in ``LevelResult``.
+    """The next mesh: errors by their rates, time and memory by their growth with the unknowns; ``finer``: how many
+    times finer the next mesh is, on average over the body; None: as many times as the last one was.
     """
     last, previous = rows[-1], rows[-2]
     seen_growth = last.dofs / previous.dofs

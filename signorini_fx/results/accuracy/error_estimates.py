@@ -60,15 +60,8 @@ class Errors:
 def estimate_errors(
     model: Model, displacement: fem.Function, energy: float, table: ContactTable, step: float, compliance: float
 ) -> Errors:
-    """Estimate the errors on a mesh; collective.
-
-    Args:
-        model: the model.
-        displacement: of the solution, up to a rigid motion.
-        energy: strain energy of the solution.
-        table: the contact boundary.
-        step: the load step.
-        compliance: 1 / gamma_1 of the regularisation; 0 without.
+    """Estimate the errors on a mesh; ``energy``: strain energy of the solution; ``compliance``: 1 / gamma_1 of the
+    regularisation, 0 without; collective.
     """
     assert model.boundary is not None
     missed = missed_loads(model, step)
@@ -102,17 +95,10 @@ def combined(
     blur: float,
     kinematics: Kinematics = PLANE_STRAIN,
 ) -> Errors:
-    """All error estimates from those in the body; collective.
-
-    Args:
-        boundary: the contact points of this rank.
-        table: the contact boundary.
-        cells: of each facet, in the order of ``boundary.segments``.
-        recovery: squared error of the displacement in the energy norm, of each owned cell, shape (cells,).
-        missed: share of all forces that is missed in each owned cell, shape (cells,).
-        energy: strain energy of the solution.
-        blur: length over which the regularisation smears the pressure at a corner; 0 without.
-        kinematics: of the body.
+    """All error estimates from those in the body; ``recovery``: squared error of the displacement in the energy norm,
+    and ``missed``: share of all forces that is missed, of each owned cell; ``cells``: of each facet, in the order of
+    ``boundary.segments``; ``blur``: length over which the regularisation smears the pressure at a corner, 0 without;
+    collective.
     """
 
     def total(squares: Floats) -> float:
@@ -195,10 +181,6 @@ _FACET_DEGREE, _CELL_DEGREE = {2: 60, 3: 40}, {2: 18, 3: 12}
 def missed_loads(model: Model, step: float) -> Floats:
     """The part of the loads that the quadrature of each owned cell misses, a force (in 2D per thickness), shape
     (cells,); collective.
-
-    Args:
-        model: the model.
-        step: the load step.
     """
     mesh, dim = model.tagged.mesh, model.tagged.dimension
     owned = mesh.topology.index_map(dim).size_local

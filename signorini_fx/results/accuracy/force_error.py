@@ -26,14 +26,11 @@ from signorini_fx.tuned import (
 
 
 def force_error(levels: Sequence[LevelResult], *, uniform: bool = True) -> float | None:
-    """Error of contact and friction force on the last mesh, relative; None where there is no force.
+    """Error of contact and friction force on the last mesh, relative; None where there is no force; ``levels``: at
+    least two, coarsest first; ``uniform``: whether each mesh is finer than the one before everywhere.
 
     Of several contact boundaries it is that of all their forces together, relative to these: their resultant may
     vanish, as that of a body between two walls does.
-
-    Args:
-        levels: results on the meshes, coarsest first, at least two.
-        uniform: whether each mesh is finer than the one before everywhere.
     """
     fine = levels[-1]
     size = float(np.linalg.norm(fine.force))

@@ -61,19 +61,9 @@ def level_result(
     cost: tuple[float, float],
     contacts: Sequence[ContactState],
 ) -> LevelResult:
-    """The errors and the cost of a mesh; two back substitutions, collective.
-
-    Args:
-        level: number of the mesh.
-        body: on this mesh.
-        task: its contact problem.
-        outcome: how the solve ended.
-        size: energy norm of the solution.
-        errors: the estimated errors on it.
-        table: the contact boundary.
-        own: the linear solves on this mesh.
-        cost: seconds on this rank, and peak memory so far of all ranks, MB.
-        contacts: the contact points after each load step.
+    """The errors and the cost of a mesh; two back substitutions, collective; ``size``: energy norm of the solution;
+    ``own``: the linear solves on this mesh; ``cost``: seconds on this rank, and peak memory so far of all ranks, MB;
+    ``contacts``: after each load step.
     """
     data = outcome.problem.data
     regularisation = pressure_regularisation = 0.0

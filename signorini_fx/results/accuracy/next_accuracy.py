@@ -163,16 +163,9 @@ def next_cost(
     *,
     able: bool = True,
 ) -> CostOfAccuracy:
-    """The forecast; collective.
-
-    Args:
-        statement: of the problem.
-        tagged: its last mesh.
-        of: see ``CostOfAccuracy``.
-        error: likewise.
-        solved: unknowns and seconds of each mesh.
-        starting: the part of the last seconds that a finer mesh takes no more of, such as that of compilation.
-        able: whether an accuracy can be requested.
+    """The forecast; ``solved``: unknowns and seconds of each mesh; ``starting``: the part of the last seconds that a
+    finer mesh takes no more of, such as that of compilation; ``able``: whether an accuracy can be requested;
+    collective.
     """
     (dofs, last), following = solved[-1], NEXT_ERROR[tagged.dimension] * error
     refinement = next_refinement(statement, tagged, of, dofs, able=able)
@@ -191,13 +184,9 @@ def next_cost(
 
 
 def local_meshes(dofs: float, degree: int, *, generated: bool, divided: bool = False) -> list[float]:
-    """Unknowns of the meshes on the way to the next error with triangles of degree 2, the finest first.
-
-    Args:
-        dofs: of the mesh that was solved.
-        degree: of its elements.
-        generated: whether the first mesh is a coarse one, rather than this mesh with elements of degree 2.
-        divided: whether the cells of this mesh were divided where the error is.
+    """Unknowns of the meshes on the way to the next error with triangles of degree 2, the finest first; ``generated``:
+    whether the first mesh is a coarse one, rather than this mesh with elements of degree 2; ``divided``: whether the
+    cells of this mesh were divided where the error is.
     """
     times = NEXT_ERROR[2]
     last = (dofs if divided else LAST_UNKNOWNS * dofs**0.5) / times
@@ -220,13 +209,7 @@ def _divided(statement: Statement, dimension: int, dofs: float) -> tuple[float, 
 
 
 def times_of(meshes: Sequence[float], dofs: float, dimension: int) -> float:
-    """How many times as long as the mesh that was solved others take together.
-
-    Args:
-        meshes: unknowns of each.
-        dofs: of the mesh that was solved.
-        dimension: of the body.
-    """
+    """How many times as long as the mesh that was solved others take together; ``meshes``: unknowns of each."""
     fixed = FIXED_UNKNOWNS[dimension]
     return MESHES_TIMES * sum(fixed + unknowns for unknowns in meshes) / (fixed + dofs)
 
@@ -240,13 +223,9 @@ DIVIDED_FOR = {"zone": "force"}
 
 
 def divides(statement: Statement, of: str, cell: str, *, straight: bool) -> bool:
-    """Whether a requested accuracy divides cells where the error is, unless a scene says otherwise.
-
-    Args:
-        statement: of the problem.
-        of: the quantity.
-        cell: of its mesh; a generator makes triangles in place of quadrilaterals.
-        straight: whether the body has no arcs and no curved cells.
+    """Whether a requested accuracy divides cells where the error is, unless a scene says otherwise; ``cell``: of its
+    mesh, where a generator makes triangles in place of quadrilaterals; ``straight``: whether the body has no arcs and
+    no curved cells.
     """
     if of not in LOCAL or not straight or not divisible(statement, of):
         return False

@@ -108,10 +108,7 @@ class _Place:
 
 
 def peak_error(tables: Sequence[ContactTable]) -> float | None:
-    """The relative error of the largest pressure on the last mesh.
-
-    Args:
-        tables: the contact boundary on the meshes, coarsest first.
+    """The relative error of the largest pressure on the last mesh; ``tables``: coarsest first.
 
     Returns:
         None without contact, with few nodes in contact, where no mesh was coarser at the peak, and where the pressure

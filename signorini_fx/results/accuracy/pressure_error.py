@@ -38,14 +38,9 @@ Ints = npt.NDArray[np.int64]
 def interval_squares(
     table: ContactTable, kinematics: Kinematics = PLANE_STRAIN, *, corners: bool = True, blur: float = 0.0
 ) -> list[Floats]:
-    """Estimated squared error of the pressure between neighbouring nodes, stress^2 times length, or area of a ring.
-
-    Args:
-        table: the contact boundary.
-        kinematics: of the body.
-        corners: whether to include the singular intervals at corners; False: without them, for quantities that do not
-            depend on such a small part of the boundary.
-        blur: length over which the regularisation smears the pressure at a corner; 0 without.
+    """Estimated squared error of the pressure between neighbouring nodes, stress^2 times length, or area of a ring;
+    ``corners``: whether to include the singular intervals at corners; ``blur``: length over which the regularisation
+    smears the pressure there, 0 without.
 
     Returns:
         One array for each path of the table, shape (rows - 1,).
@@ -108,12 +103,9 @@ def _jumps(s: Floats, pressure: Floats) -> Floats:
 
 
 def singular_square(r: Floats, pressure: Floats, blur: float) -> float:
-    """Squared error beside a corner if the pressure is K r^-a there, fitted to the nodes farther away.
-
-    Args:
-        r: distance of the nodes from the corner, which is the first.
-        pressure: at these nodes.
-        blur: up to this distance the regularisation smears the pressure; 0 without.
+    """Squared error beside a corner if the pressure is K r^-a there, fitted to the nodes farther away; ``r``: distance
+    of the nodes from the corner, which is the first; ``blur``: up to this distance the regularisation smears the
+    pressure.
     """
     # Neighbouring nodes of quadratic elements behave differently, every second one alike.
     even = np.arange(2, r.size, 2)
@@ -146,13 +138,10 @@ def singular_square(r: Floats, pressure: Floats, blur: float) -> float:
 
 
 def bends(r: Floats, pressure: Floats) -> bool:
-    """Whether a pressure falls like a line, as that of bending does, or faster, and not like a power.
+    """Whether a pressure falls like a line, as that of bending does, or faster, and not like a power; ``r``: distance
+    of nodes from the corner, ascending, at least two.
 
     In the logarithm of the distance a power falls ever more slowly, a line twice as fast at twice the distance.
-
-    Args:
-        r: distance of nodes from the corner, ascending, at least two.
-        pressure: at these nodes, falling from the first to the second.
     """
     third = 1 + int(np.searchsorted(r[1:], r[1] ** 2 / r[0] * (1 - SAME_LENGTH)))  # as many times farther as the second
     if third >= r.size:
@@ -170,12 +159,7 @@ def _away(s: Floats, pressure: Floats, corner: int, interval: int) -> tuple[Floa
 
 def _slopes(r: Floats, pressure: Floats, blur: float) -> tuple[float, float]:
     """Slopes of the pressure from the corner to the first node that ``singular_square`` looks at, and from there to one
-    twice as far away; nan where there are no such nodes.
-
-    Args:
-        r: distance of the nodes from the corner, which is the first.
-        pressure: at these nodes.
-        blur: up to this distance the regularisation smears the pressure; 0 without.
+    twice as far away; nan where there are no such nodes; arguments as of that.
     """
     even = np.arange(0, r.size, 2)
     first = 1 + int(np.searchsorted(r[even[1:]], 2 * max(r[1], blur) * (1 - SAME_LENGTH)))
@@ -230,14 +214,11 @@ def turning(x: Floats, y: Floats) -> Floats:
 
 
 def polygon_error(table: ContactTable, modulus: float) -> float:
-    """The effect of straight facets in place of a curved contact boundary, relative to the contact pressure.
+    """The effect of straight facets in place of a curved contact boundary, relative to the contact pressure;
+    ``modulus``: stress per strain of the plane.
 
     The slope of a polygon differs from that of the curve by up to half the angle between its facets, and slope times
     modulus is a pressure.
-
-    Args:
-        table: the contact boundary on a mesh whose facets were not divided.
-        modulus: stress per strain of the plane.
     """
     c = table.columns
     square, length = pressure_square(table), float(np.sum(c["weight"][c["pressure"] != 0]))
@@ -288,12 +269,8 @@ def around(table: ContactTable, kinematics: Kinematics) -> list[Floats]:
 
 
 def on_facets(boundary: ContactBoundary, table: ContactTable, intervals: list[Floats]) -> Floats:
-    """Sums over the intervals between nodes, for each facet of this rank, as in ``boundary.segments``.
-
-    Args:
-        boundary: the contact nodes of this rank.
-        table: the contact boundary.
-        intervals: one array for each path of the table, shape (rows - 1,).
+    """Sums over the intervals between nodes, for each facet of this rank, as in ``boundary.segments``; ``intervals``:
+    one array for each path of the table, shape (rows - 1,).
     """
     assert table.nodes is not None
     rows, following = (np.concatenate([path[end] for path in table.paths]) for end in (slice(-1), slice(1, None)))

@@ -144,12 +144,7 @@ class StressRecovery:
         return float(np.sqrt(parallel.global_sum(self._comm, self.squares(y, step).sum())))
 
     def squares(self, y: fem.Function, step: float = 0) -> npt.NDArray[np.float64]:
-        """Its square for each owned cell, shape (cells,); collective.
-
-        Args:
-            y: the displacement.
-            step: the load step that it belongs to.
-        """
+        """Its square for each owned cell, shape (cells,); collective."""
         self._fill(y, step)
         total = sum(self._projected(cells) for cells in self._parts)
         if self._residual is not None:

@@ -20,14 +20,9 @@ _STRETCHES = ([0, 1, 2, 3, 4], [0, 1, 4, 5, 6])
 
 
 def piece_squares(surface: ContactSurface, pressure: Floats, *, corners: bool = True, blur: float = 0.0) -> Floats:
-    """Estimated squared error of the pressure on each piece, stress^2 times area, shape (pieces,).
-
-    Args:
-        surface: the contact surface.
-        pressure: at its nodes, shape (rows,).
-        corners: whether to take the pieces at the rim for what they are; False: without those where the pressure may be
-            singular, for what does not depend on so small a part of the surface.
-        blur: length up to which the regularisation blurs the pressure at the rim; 0 without.
+    """Estimated squared error of the pressure on each piece, stress^2 times area, shape (pieces,); ``corners``: whether
+    to include pieces at the rim where the pressure may be singular; ``blur``: length up to which the regularisation
+    blurs the pressure there, 0 without.
     """
     jumps = surface.jumps(pressure)
     kinks = surface.sides * surface.heights**3 * jumps**2

@@ -51,10 +51,7 @@ class RigidPart:
 
     def largest_beside(self, y: Array) -> Array:
         """The largest displacement of a node of each piece after the nearest rigid motion of the piece is subtracted,
-        shape (pieces,); collective.
-
-        Args:
-            y: displacements of the owned nodes, length, shape (owned nodes, d).
+        shape (pieces,); ``y``: of the owned nodes, length, shape (owned nodes, d); collective.
         """
         motion = self._without_mean(y)
         moment = self._sums(np.einsum("nik,ni->nk", self._turned, motion))
@@ -62,11 +59,8 @@ class RigidPart:
         return self.largest(np.linalg.norm(motion - np.einsum("nik,nk->ni", self._turned, angles[self.piece]), axis=1))
 
     def largest(self, values: Array, piece: npt.NDArray[Any] | None = None) -> Array:
-        """The largest of values of each piece, not below zero, inf where one is nan, shape (pieces,); collective.
-
-        Args:
-            values: shape (n,).
-            piece: which piece each belongs to, -1: to none; None: values are those of the owned nodes.
+        """The largest of values of each piece, not below zero, inf where one is nan, shape (pieces,); ``piece``: which
+        piece each belongs to, -1: to none; None: values are those of the owned nodes; collective.
         """
         piece = self.piece if piece is None else piece
         local_largest, inside = np.zeros(self.count), piece >= 0
@@ -99,16 +93,7 @@ class RigidPart:
 
 
 class BodyNodes:
-    """The nodes of a vector Lagrange space.
-
-    Args:
-        space: of the displacement.
-
-    Attributes:
-        space: of the displacement.
-        owned: number of nodes that this rank owns.
-        dimension: d, of displacements.
-    """
+    """The nodes of a vector Lagrange space; ``dimension``: d, of displacements."""
 
     def __init__(self, space: fem.FunctionSpace) -> None:
         self.space = space

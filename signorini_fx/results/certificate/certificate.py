@@ -202,14 +202,8 @@ def _faint_forces(
     nodes: ContactNodes, piece: npt.NDArray[Any], mean: Nodal, penalty: Nodal, rigid: Sequence[RigidBodyMotion]
 ) -> Nodal:
     """Forces at each rigid body that are round-off of the stress in the pieces of the body that it touches, of the
-    penalty, and of the joint system, shape (t,); collective.
-
-    Args:
-        nodes: the contact points.
-        piece: the one that each of them is on.
-        mean: stress in each piece.
-        penalty: see ``PieceScales``, of each piece.
-        rigid: how they have moved.
+    penalty, and of the joint system, shape (t,); ``piece``: the one that each contact point is on; ``mean``: stress in
+    each piece; ``penalty``: see ``PieceScales``; collective.
     """
     comm, forces = nodes.body.comm, []
     for motion in rigid:
@@ -230,16 +224,8 @@ def judged(
     before: PreviousStep | None = None,
     rigid: Sequence[tuple[RigidBodyMotion, Drive]] = (),
 ) -> Certificate:
-    """Check equilibrium and contact conditions of a problem; collective.
-
-    Args:
-        displacement: y.
-        balance: forces on the body without contact.
-        sides: the parts of its boundary with contact.
-        tractions: pressure and shear at the contact points; None: there are none.
-        law: see ``certify``.
-        before: see ``certify``.
-        rigid: how rigid bodies have moved, and what drives them.
+    """Check equilibrium and contact conditions of a problem; ``rigid``: how rigid bodies have moved, and what drives
+    them; for the other arguments see ``certify``; collective.
 
     Raises:
         ValueError: the tractions are not those of the contact points.

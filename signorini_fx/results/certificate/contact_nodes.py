@@ -132,11 +132,6 @@ class ContactNodes:
     def of(cls, body: BodyNodes, sides: Sequence[ContactSide], tractions: Tractions) -> ContactNodes:
         """The contact points of a problem; collective.
 
-        Args:
-            body: its nodes.
-            sides: the parts of its boundary with contact.
-            tractions: what is claimed.
-
         Raises:
             ValueError: the tractions are not those of the contact points of the problem.
         """
@@ -216,10 +211,7 @@ class ContactNodes:
 
     def pieces(self, of_node: npt.NDArray[np.int64]) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
         """The piece of the body at each point, and that on the other side, -1 where the foundation is rigid, shape
-        (n,); collective.
-
-        Args:
-            of_node: the piece that each owned node is in.
+        (n,); ``of_node``: the piece that each owned node is in; collective.
         """
         opposite = np.full(self.nodes.size, -1, dtype=np.int64)
         for pair, part in self._paired:
@@ -237,11 +229,8 @@ class ContactNodes:
 
     def resultant(self, motion: RigidBodyMotion, displacements: Nodal) -> tuple[Nodal, float, float]:
         """What the tractions of its contact boundaries do to a rigid body: force and moment about its pivot, shape
-        (m,), the sum of the magnitudes of forces, and how far from the pivot they act; collective.
-
-        Args:
-            motion: of the rigid body.
-            displacements: of nodes with ghosts, shape (nodes, d).
+        (m,), the sum of the magnitudes of forces, and how far from the pivot they act; ``displacements``: of nodes with
+        ghosts, shape (nodes, d); collective.
         """
         numbers, comm = motion.body.parts, self.body.comm
         part = self.part(*numbers)
@@ -287,12 +276,7 @@ class ContactNodes:
         self, supports: PrescribedNodes, displacements: Nodal, rigid: Sequence[tuple[RigidBodyMotion, Drive]] = ()
     ) -> npt.NDArray[np.bool_]:
         """Points that cannot move along their normal, because what is free at them, and at the rigid body that they
-        touch, is across it.
-
-        Args:
-            supports: what is prescribed.
-            displacements: of nodes with ghosts, shape (nodes, d).
-            rigid: how rigid bodies have moved, and what drives them.
+        touch, is across it; ``displacements``: of nodes with ghosts, shape (nodes, d); ``rigid``: see ``judged``.
         """
         movable = np.max(np.abs(self._movable(self.normal, supports)), axis=1, initial=0.0) > ROOT_OF_EPS
         for motion, (_, prescribed) in rigid:

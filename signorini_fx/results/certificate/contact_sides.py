@@ -34,17 +34,8 @@ def rigid_side(
     bilateral: bool,
     axes: tuple[Nodal, Nodal] | None = None,
 ) -> ContactSide:
-    """The points of a rigid foundation; collective.
-
-    Args:
-        body: its nodes.
-        unit_form: see ``foundations_on_points.unit_form``; it is assembled here.
-        facets: of the part of the boundary.
-        shape: of the foundation.
-        gap: d at all nodes of this rank, length, shape (nodes,).
-        bound: see ``ContactSide``.
-        bilateral: likewise.
-        axes: likewise, at all nodes.
+    """The points of a rigid foundation; ``unit_form``: see ``foundations_on_points.unit_form``, which is assembled
+    here; ``gap`` and ``axes``: at all nodes of this rank; for the rest see ``ContactSide``; collective.
     """
     free = np.zeros(body.owned * body.dimension, dtype=bool)
     part = rigid_points(body.space, unit_form, facets, 0, shape, free)
@@ -78,12 +69,8 @@ def _at(axes: tuple[Nodal, Nodal] | None, nodes: npt.NDArray[Any]) -> tuple[Noda
 
 
 def sides_of(forces: NodalForces, pairs: Mapping[int, PairedSides] | None = None) -> list[ContactSide]:
-    """The parts of the boundary with contact as a scene describes them; collective.
-
-    Args:
-        forces: of the scene.
-        pairs: bodies in contact as the solver has paired them, by their places in ``statement.contact``; None: they are
-            paired anew.
+    """The parts of the boundary with contact as a scene describes them; ``pairs``: bodies in contact as the solver has
+    paired them, by their places in ``statement.contact``; None: they are paired anew; collective.
     """
     statement, tagged, space = forces.statement, forces.tagged, forces.space
     if pairs is None and any(effect.against is not None for effect in statement.contact):

@@ -40,17 +40,8 @@ Array = npt.NDArray[np.float64]
 
 
 class CompiledForms:
-    """The linear forms of a statement, compiled when they are first asked for, with coefficients of their own.
-
-    Args:
-        statement: what is stated of the problem.
-        tagged: its mesh.
-        space: of the displacement.
-
-    Attributes:
-        on: the coefficients.
-        z: the test function.
-        scale: of all that a load step prescribes.
+    """The linear forms of a statement, compiled when they are first asked for, with coefficients of their own, ``on``;
+    ``scale``: of all that a load step prescribes.
     """
 
     def __init__(self, statement: Statement, tagged: TaggedMesh, space: fem.FunctionSpace) -> None:
@@ -123,13 +114,7 @@ class CompiledForms:
 
 
 class NodalForces(BodyNodes):
-    """Forces on the nodes of a Lagrange space, from a scene and its mesh alone; all methods are collective.
-
-    Args:
-        statement: what is stated of the problem.
-        tagged: its mesh.
-        space: the vector Lagrange space of the displacement.
-    """
+    """Forces on the nodes of a Lagrange space, from a scene and its mesh alone; all methods are collective."""
 
     def __init__(self, statement: Statement, tagged: TaggedMesh, space: fem.FunctionSpace) -> None:
         super().__init__(space)

@@ -54,16 +54,7 @@ class PointStress:
 
 
 class NonlinearForces(NodalForces):
-    """Forces on the nodes of a body of nonlinear materials, see ``NodalForces``.
-
-    Args:
-        statement: what is stated of the problem.
-        tagged: its mesh.
-        space: of the displacement.
-
-    Attributes:
-        materials: of the statement.
-    """
+    """Forces on the nodes of a body of nonlinear materials, see ``NodalForces``."""
 
     def __init__(self, statement: Statement, tagged: TaggedMesh, space: fem.FunctionSpace) -> None:
         super().__init__(at_rest(statement), tagged, space)
@@ -97,13 +88,9 @@ class NonlinearForces(NodalForces):
         self._body.update()
 
     def residual(self, displacement: fem.Function, states: States, step: float) -> Array:
-        """Forces of materials, springs and loads, forces of shape (owned dofs,); collective.
-
-        Args:
-            displacement: y, length.
-            states: of the materials with a state, by their numbers, at the end of the last load step, shape (c, q,
-                numbers), in the order of their cells.
-            step: a place in the lists of factors.
+        """Forces of materials, springs and loads, forces of shape (owned dofs,); ``states``: of the materials with a
+        state, by their numbers, at the end of the last load step, shape (c, q, numbers), in the order of their cells;
+        collective.
         """
         self._move_to(displacement, states, step)
         return np.asarray(assemble(self._residual) - self.external(step).ravel())
@@ -187,12 +174,8 @@ class NonlinearForces(NodalForces):
 
 def through_points(element: Any, points: Array, weights: Array) -> Array | None:
     """What takes values at points of a reference cell to the coefficients of the nearest function of a Lagrange
-    element, shape (n, q); None: the points do not determine it.
-
-    Args:
-        element: of basix, with n functions.
-        points: of the cell, shape (q, t).
-        weights: of the points, shape (q,).
+    element, shape (n, q); None: the points do not determine it; ``element``: of basix, with n functions; ``points``:
+    shape (q, t); ``weights``: shape (q,).
     """
     root = np.sqrt(weights)[:, None]
     basis = root * element.tabulate(0, points)[0, :, :, 0]

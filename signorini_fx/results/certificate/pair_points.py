@@ -85,14 +85,9 @@ class PairPoints:
         raise NotImplementedError
 
     def _identities(self, x: Array, covered: float, left: Array | None, counted: Flags) -> list[float]:
-        """Errors on this rank of shares, weights and joint rigid motions.
-
-        Args:
-            x: places of the m nodes, length, shape (m, d).
-            covered: the area where both sides meet.
-            left: what joint rotations leave of relative displacements, per size of the sides, shape (k, n, d); None:
-                nothing.
-            counted: the points at which rotations leave nothing else, shape (n,).
+        """Errors on this rank of shares, weights and joint rigid motions; ``x``: places of the m nodes; ``covered``:
+        the area where both sides meet; ``left``: what joint rotations leave of relative displacements, per size of the
+        sides, shape (k, n, d); ``counted``: the points at which they leave nothing else.
         """
         facing, dim = self.facing, self.normal.shape[1]
         total = float(parallel.global_sum(self.comm, self.weight[facing].sum()))
@@ -173,14 +168,8 @@ class FrozenPoints(PairPoints):
     def of(
         cls, pair: PairedSides, space: fem.FunctionSpace, named: tuple[Indices, Indices], moved: Array | None = None
     ) -> FrozenPoints:
-        """Those of a pair as the solver has paired it; collective.
-
-        Args:
-            pair: both sides.
-            space: of the displacement.
-            named: see ``FrozenPoints``.
-            moved: displacements of the owned nodes, with which normals turn as the master does, length, shape (owned
-                nodes, d); None: they are those of the undeformed sides.
+        """Those of a pair as the solver has paired it; ``moved``: displacements of the owned nodes, with which normals
+        turn as the master does; None: they are those of the undeformed sides; collective.
         """
         pair = replace(pair, coupling=replace(pair.coupling, normal=pair.undeformed_normals))
         if moved is not None:
@@ -241,11 +230,8 @@ class SlidingPoints(PairPoints):
 
     @classmethod
     def of(cls, sides: SlidingSides, ends: tuple[fem.Function, fem.Function | None]) -> SlidingPoints:
-        """Those at a displacement; collective.
-
-        Args:
-            sides: both, undeformed.
-            ends: displacements now and at the beginning of the step; None: none.
+        """Those at a displacement; ``ends``: displacements now and at the beginning of the step, None: none;
+        collective.
         """
         dim, owned = sides.slave.surface.dimension, sides.space.dofmap.index_map.size_local
         now, begun = (

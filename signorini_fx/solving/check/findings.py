@@ -48,11 +48,8 @@ def scene_findings(body: Model) -> list[Finding]:
 
 
 def nonlinear_findings(statement: Statement, body: Model) -> list[Finding]:
-    """Findings about a scene with nonlinear materials and its mesh; collective, the same on every rank.
-
-    Args:
-        statement: of the scene.
-        body: the linear one that it is at small strains.
+    """Findings about a scene with nonlinear materials and its mesh; collective, the same on every rank; ``body``: the
+    linear one that it is at small strains.
     """
     from signorini_fx.mechanics.body.nonlinear_law import volume_degree
 
@@ -121,12 +118,8 @@ def _pieces(body: Model) -> list[Finding]:
 
 
 def _gaps(body: Model, data: RegularisedData, reach: float) -> list[Finding]:
-    """Gaps that are negative, or wider than contact can close.
-
-    Args:
-        body: the model.
-        data: its gaps.
-        reach: how far prescribed displacements and loads may move it, length.
+    """Gaps that are negative, or wider than contact can close; ``reach``: how far prescribed displacements and loads
+    may move it, length.
     """
     boundary = body.boundary
     assert boundary is not None
@@ -187,12 +180,8 @@ def _inwards(body: Model) -> list[Finding]:
 
 
 def _units(body: Model, prescribed: float, force: float) -> list[Finding]:
-    """Loads that are too large for linear elasticity, or hardly felt; usually two units are inconsistent.
-
-    Args:
-        body: the model.
-        prescribed: the largest displacement that is prescribed, length.
-        force: the largest sum of the nodal loads.
+    """Loads that are too large for linear elasticity, or hardly felt; usually two units are inconsistent;
+    ``prescribed``: the largest prescribed displacement, length; ``force``: the largest sum of the nodal loads.
     """
     path = f"material, {body.statement.forces_at}, displacement"
     low, high = parallel.global_bounds(body.comm, body.tagged.mesh.geometry.x.astype(np.float64))

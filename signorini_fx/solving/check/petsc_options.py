@@ -51,10 +51,7 @@ def refuse_mistyped(comm: MPI.Comm) -> None:
 
 
 def refuse_exchanged(user_options: Mapping[str, str]) -> None:
-    """Refuse options with which PETSc would not run the Newton method of this package.
-
-    Args:
-        user_options: names without the prefix, and values.
+    """Refuse options with which PETSc would not run the Newton method of this package; names are without the prefix.
 
     Raises:
         OptionsError: one of them does so; the message names it.
@@ -89,10 +86,8 @@ def _last_line(error: PETSc.Error) -> str:
 
 
 def _check_files(watching: Mapping[str, str]) -> None:
-    """Refuse files that cannot be written: PETSc writes on the first rank, whose error the others would not notice.
-
-    Args:
-        watching: options of the form ``TYPE:FILE:FORMAT:MODE``, all but the type perhaps absent.
+    """Refuse files that cannot be written: PETSc writes on the first rank, whose error the others would not notice;
+    ``watching``: options of the form ``TYPE:FILE:FORMAT:MODE``, all but the type perhaps absent.
     """
     for name, value in watching.items():
         file = value.split(":")[1] if ":" in value else ""

@@ -13,11 +13,8 @@ from signorini_fx.mechanics.model import Model
 
 
 def refuse_beforehand(model: Model, *, linear: bool = True) -> None:
-    """Refuse what no solve begins with; collective.
-
-    Args:
-        model: the model, whose stiffness need not be assembled; with a requested accuracy on its first one.
-        linear: whether this body is what is solved, and not that of nonlinear materials at small strains.
+    """Refuse what no solve begins with; ``linear``: whether this body is what is solved, and not that of nonlinear
+    materials at small strains; collective.
 
     Raises:
         SceneError: the first sets of contact hold no node; nothing determines the pressure of an incompressible body;

@@ -85,12 +85,8 @@ def _held_pairs(y: Array, pairs: Mapping[int, PairedSides], comm: MPI.Comm) -> l
 
 
 def pushed_nodes(comm: MPI.Comm, steps: Sequence[Sequence[HeldNodes]], size: float) -> list[Finding]:
-    """One finding for each contact with such nodes, from the load step where one lies deepest; collective.
-
-    Args:
-        comm: the ranks.
-        steps: the nodes of each load step.
-        size: of the body, length.
+    """One finding for each contact with such nodes, from the load step where one lies deepest; ``steps``: the nodes of
+    each load step; ``size``: of the body, length; collective.
     """
     deepest: dict[int, tuple[float, str]] = {}
     for nodes in steps:
@@ -120,13 +116,10 @@ def _message(rows: Array, depth: float, size: float) -> str:
 
 
 def facets_in_result(body: Model, contact: ContactState) -> list[Finding]:
-    """Contacts of two bodies whose pressure is that of the distances between the chords of their curved sides.
+    """Contacts of two bodies whose pressure is that of the distances between the chords of their curved sides;
+    collective.
 
     The slopes of both sides differ by the angles between facets; slope times modulus is a pressure.
-
-    Args:
-        body: the model.
-        contact: its contact points in a result; collective.
     """
     from signorini_fx.results.accuracy.pressure_error import polygon_error
 
@@ -156,12 +149,8 @@ def facets_in_result(body: Model, contact: ContactState) -> list[Finding]:
 
 
 def _off(body: Model, name: str, near: Array) -> float:
-    """How far facets near the contact are off the curved side that they are chords of, at most, length.
-
-    Args:
-        body: the model.
-        name: of the side.
-        near: points, shape (n, d), beside which its facets may be in contact.
+    """How far facets near the contact are off the curved side that they are chords of, at most, length; ``near``:
+    points beside which its facets may be in contact.
     """
     mesh, facets = body.tagged.mesh, body.tagged.facets(name)
     corners, cells = facet_vertices(mesh, facets), facet_entities(mesh, facets)[:, 0]
@@ -176,14 +165,8 @@ def _off(body: Model, name: str, near: Array) -> float:
 
 def _sagitta(corners: Array, extent: Array, inside: Array, dimension: int, selected: npt.NDArray[np.bool_]) -> float:
     """How far the middle of a facet is off an arc through its corners, at most: a facet that is the chord of an arc
-    meets its neighbours at the angle that it spans.
-
-    Args:
-        corners: of the facets, length, shape (f, k, 3).
-        extent: of each facet, length, shape (f,).
-        inside: a point of the cell behind each, shape (f, 3).
-        dimension: of the body.
-        selected: the facets that matter, shape (f,).
+    meets its neighbours at the angle that it spans; ``corners``: shape (f, k, 3); ``inside``: a point of the cell
+    behind each facet; ``selected``: the facets that matter.
     """
     along = corners[:, 1] - corners[:, 0]
     normal = np.stack((along[:, 1], -along[:, 0], 0 * along[:, 0]), axis=1)
@@ -203,12 +186,9 @@ def _sagitta(corners: Array, extent: Array, inside: Array, dimension: int, selec
 
 
 def shapes_in_results(foundations: Iterable[tuple[str, Any, Any]], displacement: fem.Function) -> list[Finding]:
-    """Foundations between the nodes of a result, or in parts of the body that are in no contact; collective.
-
-    Args:
-        foundations: the name of each, its shape where it is in the result, None: it has none, and what is added to its
-            distance; with other than a number it is not looked at.
-        displacement: the result.
+    """Foundations between the nodes of a result, or in parts of the body that are in no contact; ``foundations``: the
+    name of each, its shape where it is in the result, None: it has none, and what is added to its distance, without
+    which number it is not looked at; collective.
     """
     findings, cells = [], None
     for name, shape, added in foundations:
@@ -229,12 +209,8 @@ def shapes_in_results(foundations: Iterable[tuple[str, Any, Any]], displacement:
 def result_findings(
     deformations: Sequence[Deformation], *, touching: bool | None, unjudged: Sequence[str] = ()
 ) -> list[Finding]:
-    """Findings about a result.
-
-    Args:
-        deformations: that of each load step.
-        touching: whether there is contact anywhere; None for a scene without contact.
-        unjudged: names of bodies whose forces are round-off of those of others.
+    """Findings about a result; ``touching``: whether there is contact anywhere, None without contact; ``unjudged``:
+    names of bodies whose forces are round-off of those of others.
     """
     findings = []
     if unjudged:

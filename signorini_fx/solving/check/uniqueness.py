@@ -97,12 +97,9 @@ def _contact_stiffness(model: Model) -> tuple[Nodal, Nodal] | str:
 
 
 def proved_multiple(stiffness: Nodal, operator: Nodal, law: PointFriction) -> tuple[float, str]:
-    """The multiple of the friction coefficients below which a problem is proved to have one solution; one rank.
-
-    Args:
-        stiffness: of some unknowns without the prescribed ones, the others eliminated, shape (u, u).
-        operator: B on these, rows (n, T) of each of p points, shape (p d, u).
-        law: of friction.
+    """The multiple of the friction coefficients below which a problem is proved to have one solution; one rank;
+    ``stiffness``: of some unknowns without the prescribed ones, the others eliminated, shape (u, u); ``operator``: B on
+    these, rows (n, T) of each point.
 
     Returns:
         The multiple, infinite where friction has no part in it; and why it is zero.
