@@ -80,7 +80,7 @@ class NonlinearStresses(RawStresses):
 
     @classmethod
     def of(cls, model: Model, states: StatesOnPath, path: Sequence[tuple[fem.Function, float]]) -> NonlinearStresses:
-        """That at the end of a load step; ``path``: of the load steps up to this one, see ``StatesOnPath``; collective."""
+        """That at the end of the last load step of a path, see ``StatesOnPath``; collective."""
         forces, kinematics, (y, step) = states.forces, model.statement.kinematics_in(model.tagged.dimension), path[-1]
         at_points = forces.cauchy(y, states.after(path[:-1]), step)
         plastic = forces.plastic_strain(states.after(path))
