@@ -193,11 +193,8 @@ def gather_rows(comm: MPI.Comm, rows: npt.NDArray[Any]) -> npt.NDArray[Any]:
 
 
 def rows_on_root(comm: MPI.Comm, rows: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """Rows of all ranks stacked in rank order, on the first rank: for what is of the size of the mesh.
-
-    Args:
-        comm: the ranks.
-        rows: as for ``gather_rows``.
+    """Rows of all ranks stacked in rank order, on the first rank: for what is of the size of the mesh; ``rows``: as for
+    ``gather_rows``.
 
     Returns:
         All rows on the first rank, none on the others.

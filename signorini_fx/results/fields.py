@@ -37,10 +37,6 @@ def write_fields(solution: Solution, folder: Path) -> list[str]:
     With load steps there is one file for each with a solution, and their list with their times.  The stress is a tensor
     with nine components, which ParaView takes for one, in 2D too.
 
-    Args:
-        solution: what to write.
-        folder: where.
-
     Returns:
         Names of the files.
     """

@@ -64,13 +64,9 @@ class StatesOnPath:
 
 @dataclass(frozen=True, repr=False)
 class NonlinearStresses(RawStresses):
-    """The Cauchy stress of a displacement, at small strains the stress; nothing is recovered, and no error estimated.
-
-    Attributes:
-        filled: its tensor, a function on cells.
-        at_points: the same at the points of quadrature.
-        model: the body.
-        plastic: the accumulated plastic strain at these points, shape (c, q); None: there is none.
+    """The Cauchy stress of a displacement, at small strains the stress; nothing is recovered, and no error estimated;
+    ``filled``: a function on cells; ``plastic``: the accumulated plastic strain at the points of quadrature, shape (c,
+    q), None: there is none.
     """
 
     filled: fem.Function = field(kw_only=True)

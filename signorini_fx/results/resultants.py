@@ -88,15 +88,9 @@ class NodalForcesAt:
 
 @dataclass(frozen=True)
 class ActingForces:
-    """What acts on a body at one displacement beside contact, evaluated anew.
-
-    Attributes:
-        balance: the forces.
-        supports: the name of the part of the boundary, or of the point, that each number in ``balance.supports.by``
-            stands for; None: it stands for none.
-        loads: loads and what resists the displacement.
-        names: of the parts of the boundary with any of them, in the order in which they are listed; None: the body.
-        displaced: whether they act at the displaced points, as on a body with large displacements.
+    """What acts on a body at one displacement beside contact, evaluated anew; ``supports``: the name of what each
+    number in ``balance.supports.by`` stands for, None: nothing; ``names``: of the parts of the boundary with any of
+    them; ``displaced``: whether they act at the displaced points.
     """
 
     balance: Balance

@@ -37,16 +37,8 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class BoundaryFacet:
-    """An exterior facet.
-
-    Attributes:
-        vertices: shape (n, d).
-        normal: outward, shape (d,).
-        kind: what is prescribed there.
-        names: by which boundaries.
-        piece: number of the connected piece of the mesh that it is of.
-        paired: how it may touch another body: "contact", "bonded", or "" if it does not.
-        material: number of the kind of material behind it.
+    """An exterior facet; ``kind``: what is prescribed there, ``names``: by which boundaries; ``paired``: how it may
+    touch another body, "contact", "bonded" or ""; ``material``: number of the kind behind it.
     """
 
     vertices: Array

@@ -122,13 +122,8 @@ def divides_cells(statement: Statement, tagged: TaggedMesh, of: str) -> bool:
 
 @dataclass(frozen=True)
 class NextRefinement:
-    """The meshes that lead to the next error.
-
-    Attributes:
-        unknowns: of the last mesh, the most likely number.
-        times: how many times as long as the mesh that was solved all meshes take, from and to.
-        degree: of the elements.
-        local: whether cells are divided where the error is; otherwise all become smaller.
+    """The meshes that lead to the next error; ``unknowns``: of the last one; ``times``: how many times as long as the
+    mesh that was solved all of them take, from and to; ``local``: whether cells are divided where the error is.
     """
 
     unknowns: float

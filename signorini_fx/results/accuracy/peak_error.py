@@ -37,13 +37,8 @@ Ints = npt.NDArray[np.int64]
 
 @dataclass(frozen=True)
 class _Place:
-    """A place of the contact boundary on the last mesh, and on those before it that are coarser there.
-
-    Attributes:
-        row: in the table of the last mesh.
-        corner: whether it is a corner of the body.
-        pressure: on these meshes, coarsest first, stress.
-        spacing: of the nodes there, length.
+    """A place of the contact boundary on the last mesh, and on those before it that are coarser there; ``pressure`` and
+    ``spacing`` of the nodes: coarsest first; ``row``: in the table of the last mesh.
     """
 
     row: int

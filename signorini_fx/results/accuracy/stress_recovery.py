@@ -51,16 +51,10 @@ class StressRecovery:
         degree: int | None = None,
         pattern: PETSc.Mat | None = None,
     ) -> None:
-        """Compile; collective.
-
-        Args:
-            stress: an ``ElementStress`` of a displacement of its own, whose values change with what is estimated; or
-                what has its displacement, components, parts, ``squared`` and ``refresh``.
-            residual: from a test function that is constant in each cell to what moves the loads to a place in the lists
-                of factors, and the squared residual of the traction, see ``boundary_residual``.
-            inventory: what was compiled and assembled.
-            degree: of the quadrature in the cells, exact for all that is integrated there; None: UFL estimates it.
-            pattern: a stiffness by blocks, one for each pair of vertices; None: there is none.
+        """Compile; ``stress``: an ``ElementStress`` of a displacement of its own, whose values change with what is
+        estimated, or what has its displacement, components, parts, ``squared`` and ``refresh``; ``residual``: see
+        ``boundary_residual``; ``degree``: of an exact quadrature in the cells, None: UFL estimates it; ``pattern``: a
+        stiffness by blocks, one for each pair of vertices; collective.
         """
         self._stress, self._displacement, self._inventory = stress, stress.displacement, inventory
         mesh, raw = self._displacement.function_space.mesh, stress.components
@@ -191,15 +185,11 @@ class StressRecovery:
 
 
 def boundary_residual(model: Model, stress: ElementStress, z: Any) -> tuple[Callable[[float], None], Any]:
-    """The squared residual of the traction of a scene, see ``squared_residual``.
+    """The squared residual of the traction of a scene, see ``squared_residual``; ``z``: test function, constant in each
+    cell.
 
     Only where the traction is known: not in contact, and for prescribed displacements only in free components.  In the
     other components the displacement may differ between the nodes: its square, times the stiffness over h.
-
-    Args:
-        model: the scene.
-        stress: of the displacement that is estimated.
-        z: test function, constant in each cell.
 
     Returns:
         What moves the loads to a place in the lists of factors, and the form; None where there is no such boundary.
@@ -261,15 +251,10 @@ def squared_residual(
     of: Callable[[npt.NDArray[np.int64], Any], tuple[Any, list[Any], bool]],
     z: Any,
 ) -> Any:
-    """The squared residual of the traction on the boundary, times h over the stiffness, of each cell; collective.
-
-    Args:
-        stress: of the displacement that is estimated.
-        facets: the facets of this rank on which the traction is known.
-        on: what acts on each of them, shape (facets, k).
-        of: (which of the k act, minus the traction of the stress) -> what is left of it, distances from what is
-            prescribed, and whether any of these varies within a facet.
-        z: test function, constant in each cell.
+    """The squared residual of the traction on the boundary, times h over the stiffness, of each cell; ``facets``: on
+    which the traction is known; ``on``: what acts on each of them, shape (facets, k); ``of``: (which of the k act,
+    minus the traction of the stress) -> what is left of it, distances from what is prescribed, and whether any of these
+    varies within a facet; collective.
 
     Returns:
         The form; None where there is no such boundary.

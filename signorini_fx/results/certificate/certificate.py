@@ -340,17 +340,10 @@ def contact_conditions(
     immovable: npt.NDArray[np.bool_],
     units: PieceScales,
 ) -> dict[str, float]:
-    """How far contact points are from the law, the figures of ``Certificate`` by name; collective.
-
-    Args:
-        nodes: the contact points with the tractions at them, n of them.
-        u_n: tau_N y, shape (n,).
-        slip: what tau_T y adds to the previous step, shape (n, d), see ``ContactNodes.rounded``.
-        origin: shear at its end, shape (n, d), likewise.
-        law: the contact law that the method promises.
-        immovable: points that cannot move along their normal: supports take what contact would there, so that it has
-            no pressure, wherever they are, shape (n,).
-        units: what stresses and lengths are relative to.
+    """How far contact points are from the law, the figures of ``Certificate`` by name; ``slip``: what tau_T y adds to
+    the previous step, and ``origin``: shear at its end, both ``ContactNodes.rounded``, shape (n, d); ``immovable``:
+    points that cannot move along their normal, so that supports take what contact would, and it has no pressure;
+    collective.
     """
     pressure, shear, bilateral = nodes.pressure, nodes.rounded(nodes.shear, -1), nodes.bilateral
     comm, length, far, stress = nodes.body.comm, units.length, units.far, units.stress

@@ -98,21 +98,9 @@ class ContactSide:
 
 @dataclass(frozen=True)
 class ContactNodes:
-    """The contact points of this rank with the tractions at them; methods are collective.
-
-    Attributes:
-        body: its nodes.
-        sides: the parts of the boundary, whose points follow each other.
-        nodes: local number of the node at the point.
-        weight: area (in 2D: length) that the point stands for.
-        normal: outward unit normal, or the direction that the scene gives.
-        gap: d, length.
-        bound: F g of the friction law at the pressure at hand, stress.
-        bilateral: whether contact cannot open.
-        pressure: lambda.
-        shear: mu, shape (n, d).
-        across: e, the unit vector across which friction has a ratio to that along, shape (n, d); None: it has none.
-        ratio: r, of the friction along e, shape (n,).
+    """The contact points of this rank with the tractions at them; methods are collective; the points of ``sides``
+    follow each other; ``across``: e, the unit vector across which friction has the ratio r to that along, shape (n, d),
+    None: it has no direction.
     """
 
     body: BodyNodes

@@ -106,13 +106,9 @@ class Balance:
 
 
 class PieceScales(NamedTuple):
-    """What the figures of the certificate are divided by, for each piece or each point.
-
-    Attributes:
-        length: size of the deformation.
-        far: size of the displacement.
-        stress: size of the tractions, at least ``penalty``.
-        penalty: the stress of which round-off is a share where two bodies meet by the regularised law.
+    """What the figures of the certificate are divided by, for each piece or each point; ``length``: of the deformation;
+    ``far``: of the displacement; ``stress``: of the tractions, at least ``penalty``, of which round-off is a share
+    where two bodies meet by the regularised law.
     """
 
     length: Nodal
@@ -133,13 +129,9 @@ class PieceScales(NamedTuple):
 
 
 class ForcesLeft(NamedTuple):
-    """What is missing in equilibrium.
-
-    Attributes:
-        share: the residual.
-        unjudged: the pieces of which it says nothing, as all forces on them are round-off of the joint system.
-        lost: the residual that round-off of the evaluation may hide, relative to the forces on a piece, or, where
-            displacements alone act, to those within.
+    """What is missing in equilibrium; ``unjudged``: pieces of which it says nothing, as all forces on them are
+    round-off of the joint system; ``lost``: the residual that round-off of the evaluation may hide, relative to the
+    forces on a piece, or, where displacements alone act, to those within.
     """
 
     share: float

@@ -38,13 +38,9 @@ States = Mapping[int, Array]
 
 @dataclass(frozen=True)
 class PointStress:
-    """The Cauchy stress at the points of quadrature of the cells that this rank owns; at small strains the stress.
-
-    Attributes:
-        points: of the reference cell, shape (q, t), with t the dimension of the cells.
-        weights: of the points, shape (q,).
-        x: the places in the undeformed body, length, shape (c, q, t).
-        stress: force per deformed area, tension positive, shape (c, q, 3, 3).
+    """The Cauchy stress at the points of quadrature of the cells that this rank owns; at small strains the stress;
+    ``points`` and ``weights``: of the reference cell, shapes (q, t) and (q,); ``x``: undeformed, shape (c, q, t);
+    ``stress``: tension positive, shape (c, q, 3, 3).
     """
 
     points: Array

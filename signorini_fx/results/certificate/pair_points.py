@@ -154,11 +154,8 @@ class PairPoints:
 
 @dataclass(frozen=True, kw_only=True)
 class FrozenPoints(PairPoints):
-    """Those of a pair whose points keep the partners that they have where both sides are undeformed.
-
-    Attributes:
-        pair: both sides, with the normals of the displacement.
-        named: the facets of both sides as the problem names them, owned, local numbers.
+    """Those of a pair whose points keep the partners that they have where both sides are undeformed; ``named``: the
+    facets of both sides as the problem names them.
     """
 
     pair: PairedSides
@@ -216,12 +213,8 @@ class FrozenPoints(PairPoints):
 
 @dataclass(frozen=True, kw_only=True)
 class SlidingPoints(PairPoints):
-    """Those of sides that slide on each other, where the displacement has moved them.
-
-    Attributes:
-        sides: both, undeformed.
-        ends: displacements of their nodes, now and at the beginning of the step, length, shape (m, d), with the maps
-            there.
+    """Those of sides that slide on each other, where the displacement has moved them; ``ends``: displacements of their
+    nodes, now and at the beginning of the step, with the maps there.
     """
 
     sides: SlidingSides

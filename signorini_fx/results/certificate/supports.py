@@ -20,14 +20,9 @@ Nodal = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class PrescribedNodes:
-    """The prescribed displacements of the owned nodes.
-
-    Attributes:
-        fixed: which components are prescribed, shape (owned nodes, d), at turned nodes in their frames.
-        value: to what, length, in the axes of space, shape (owned nodes, d).
-        by: position in ``scene.displacement`` of what prescribes each component along the axes, -1 where nothing does,
-            shape (owned nodes, d).
-        turned: nodes with supports along no axis; None: there are none.
+    """The prescribed displacements of the owned nodes; ``fixed``: at turned nodes in their frames; ``value``: in the
+    axes of space; ``by``: position in ``scene.displacement`` of what prescribes each component along the axes, -1 where
+    nothing does.
     """
 
     fixed: npt.NDArray[np.bool_]

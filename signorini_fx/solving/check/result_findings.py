@@ -33,18 +33,12 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class HeldNodes:
-    """Contact nodes of this rank, of which supports hold those with a depth inside, n of them.
+    """Contact nodes of this rank, of which supports hold those with a depth inside, n of them; ``part``: the contact;
+    ``off``: whether contact cannot open there, so that they may be off it; ``paired``: whether it is another body.
 
     No displacement is admissible there, so that no contact pressure keeps the node outside: the supports take whatever
     it would be.  The node transmits nothing in contact (``complementarity.trial_pressure``), and the result must say
     so.  Of two bodies it is a node that supports hold on both sides, and that has no contact point.
-
-    Attributes:
-        part: the contact, from 0, shape (n,).
-        depth: how far they are inside the foundation or the other body, length, shape (n,).
-        off: whether contact cannot open there, so that they may be off it, shape (n,).
-        paired: whether it is another body, shape (n,).
-        x: position, length, shape (n, d).
     """
 
     part: npt.NDArray[np.int32]

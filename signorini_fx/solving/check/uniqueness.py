@@ -110,14 +110,9 @@ def proved_multiple(stiffness: Nodal, operator: Nodal, law: PointFriction) -> tu
 
 @dataclass(frozen=True)
 class _Rough:
-    """The components of contact points that move, condensed onto: normal ones first, then those with friction.
-
-    Attributes:
-        stiffness: S, force per length, shape (m, m).
-        normal: the points of the first components, shape (n,).
-        tangential: the points of the others, shape (m - n,).
-        beside: for each of these the place of its point in ``normal``, shape (m - n,); any where F = 0.
-        free: an orthonormal basis of the motions without a force, shape (m, k).
+    """The components of contact points that move, condensed onto: normal ones first, then those with friction;
+    ``beside``: for each tangential one the place of its point in ``normal``; ``free``: an orthonormal basis of the
+    motions without a force.
     """
 
     stiffness: Nodal
