@@ -56,54 +56,37 @@ def requested_law(
     """
     laws = {step: certificate.law for step, certificate in certificates.items()}
     last = list(laws.values())[-1]
-    delivered = str(last)
+    asked, differs, key = "", "", "solver.algorithm"
     if settings.algorithm == "alm":
-        others = [step for step, law in laws.items() if law.regularised]
-        asked = str(UNREGULARISED)
-        if not others:
-            return RequestedLaw(asked, delivered, "")
-        worst = max((certificates[step] for step in others), key=lambda certificate: certificate.penetration)
-        error = "" if left is None else f", a regularisation error of {left:.1e} by estimate{_beside(settings)}"
-        left_over = f"penetration {worst.penetration:.1e} and elastic slip {worst.stick_slip:.1e}"
-        told = (
-            f"'alm' was not reached{_where(laws, others)}, the regularised law with gamma_n = "
-            f"{laws[others[-1]].gamma_n:.3g} was solved instead; it leaves {left_over} "
-            f"times the largest displacement{error}; raise solver.gamma_n and solver.gamma_t to lessen them, or change "
-            "the loads in smaller steps"
-        )
-        return RequestedLaw(asked, delivered, told)
-    if raises_gamma:
-        return RequestedLaw("", delivered, "")
-    if settings.algorithm == "path-following":
+        asked, others = str(UNREGULARISED), [step for step, law in laws.items() if law.regularised]
+        if others:
+            worst = max((certificates[step] for step in others), key=lambda certificate: certificate.penetration)
+            differs = (
+                f"'alm' was not reached{_where(laws, others)}, the regularised law with gamma_n = "
+                f"{laws[others[-1]].gamma_n:.3g} was solved instead; it leaves penetration {worst.penetration:.1e} and "
+                f"elastic slip {worst.stick_slip:.1e} times the largest displacement; raise solver.gamma_n and "
+                "solver.gamma_t to lessen them, or change the loads in smaller steps"
+            )
+    elif raises_gamma:
+        pass
+    elif settings.algorithm == "path-following":
         allowed = settings.regularisation_error
-        if allowed == "auto":
-            return RequestedLaw("", delivered, "")
-        asked = f"a regularisation error of {allowed:.2g}"
-        if left is None or left <= allowed:
-            return RequestedLaw(asked, delivered, "", "solver.regularisation_error")
-        told = (
-            f"{asked} was asked for and {left:.2g} is left; with a gamma above {last.gamma_n:.3g} round-off would "
-            "take over; take algorithm = 'alm', which leaves none"
-        )
-        return RequestedLaw(asked, delivered, told, "solver.regularisation_error")
-    given = {name: value for name in ("gamma_n", "gamma_t") if (value := getattr(settings, name)) != "auto"}
-    if not given:
-        return RequestedLaw("", delivered, "")
-    asked = ", ".join(f"{name} = {value:.3g}" for name, value in given.items())
-    others = [step for step, law in laws.items() if any(getattr(law, name) != value for name, value in given.items())]
-    if not others:
-        return RequestedLaw(asked, delivered, "", "solver.gamma_n")
-    told = (
-        f"{asked} was asked for, and a fall-back has solved {laws[others[-1]]} in its place"
-        f"{_where(laws, others)}; lower gamma, or set solver.fallbacks = false to have this gamma or nothing"
-    )
-    return RequestedLaw(asked, delivered, told, "solver.gamma_n")
-
-
-def _beside(settings: SolverSettings) -> str:
-    """The error that is asked for, beside the one that is left."""
-    allowed = settings.regularisation_error
-    return "" if allowed == "auto" else f" where {allowed:.1e} was asked for"
+        if allowed != "auto":
+            asked, key = f"a regularisation error of {allowed:.2g}", "solver.regularisation_error"
+            if left is not None and left > allowed:
+                differs = (
+                    f"{asked} was asked for and {left:.2g} is left; with a gamma above {last.gamma_n:.3g} round-off "
+                    "would take over; take algorithm = 'alm', which leaves none"
+                )
+    elif given := {name: value for name in ("gamma_n", "gamma_t") if (value := getattr(settings, name)) != "auto"}:
+        asked, key = ", ".join(f"{name} = {value:.3g}" for name, value in given.items()), "solver.gamma_n"
+        others = [step for step, law in laws.items() if any(getattr(law, name) != given[name] for name in given)]
+        if others:
+            differs = (
+                f"{asked} was asked for, and a fall-back has solved {laws[others[-1]]} in its place"
+                f"{_where(laws, others)}; lower gamma, or set solver.fallbacks = false to have this gamma or nothing"
+            )
+    return RequestedLaw(asked, str(last), differs, key)
 
 
 def _where(steps: Iterable[int], others: list[int]) -> str:
