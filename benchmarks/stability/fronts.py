@@ -44,7 +44,7 @@ from signorini_fx.mechanics.kinematics.axisymmetric import AXISYMMETRIC
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.quantities.values import of_fields, of_results
 from signorini_fx.records import Status
-from signorini_fx.results.step_result import StepResult
+from signorini_fx.results.mechanics import StepResult
 from signorini_fx.scenes.reading import parse_scene
 
 Array = npt.NDArray[np.float64]

@@ -34,8 +34,8 @@ if TYPE_CHECKING:
     from signorini_fx.quantities.functional import Gradient
     from signorini_fx.results.accuracy.convergence_table import Price
     from signorini_fx.results.accuracy.error_estimates import Errors
+    from signorini_fx.results.mechanics import StepResult
     from signorini_fx.results.solution import Solution
-    from signorini_fx.results.step_result import StepResult
     from signorini_fx.results.stresses import RawStresses
     from signorini_fx.solving.load_steps import StepProgress
 

@@ -24,8 +24,8 @@ from signorini_fx.mechanics.statement.settings import Accuracy
 from signorini_fx.mechanics.statement.values import kind_of
 from signorini_fx.records import History, Observer
 from signorini_fx.results.accuracy.error_estimates import Errors
+from signorini_fx.results.mechanics import StepResult
 from signorini_fx.results.solution import ConvergenceError, Solution
-from signorini_fx.results.step_result import StepResult
 from signorini_fx.solving import nested, to_accuracy
 from signorini_fx.solving.checkpointed_steps import MeshCheckpoint
 from signorini_fx.solving.finer_meshes import Meshes

@@ -53,7 +53,7 @@ from signorini_fx.solving.first_start import CoarserMesh, first_start
 from signorini_fx.solving.stepped_body import certified_result
 
 if TYPE_CHECKING:
-    from signorini_fx.results.step_result import StepResult
+    from signorini_fx.results.mechanics import StepResult
 
 
 @dataclass(frozen=True)

@@ -23,9 +23,9 @@ from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.statement.load_path import LoadPath
 from signorini_fx.mechanics.statement.values import kind_of
 from signorini_fx.records import Timings
+from signorini_fx.results.mechanics import StepResult
 from signorini_fx.results.restart_files import Checkpoint
 from signorini_fx.results.step_frames import StepEnd
-from signorini_fx.results.step_result import StepResult
 from signorini_fx.solving.checkpointed_steps import MeshCheckpoint, open_checkpoint
 from signorini_fx.solving.load_steps import StepProgress, all_load_steps
 from signorini_fx.solving.ramp import Increments

@@ -8,9 +8,12 @@ from typing import TYPE_CHECKING, Any, Self
 
 from dolfinx import fem
 
+from signorini_fx.mechanics.body.deformation import Deformation
+from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodyMotion
 from signorini_fx.mechanics.statement.effect import Force, Resistance
+from signorini_fx.records import Finding, Status, StepRecord
 from signorini_fx.results.certificate.certificate import Certificate, balance_of, certify, judged
 from signorini_fx.results.certificate.contact_nodes import ContactSide
 from signorini_fx.results.certificate.equilibrium import Balance
@@ -143,3 +146,44 @@ def loads_of(forces: NodalForces, y: fem.Function, step: float) -> list[NamedFor
                 values = forces.external(step, some=pushing) - forces.resisted(y, resisting)
                 loads.append((where, effects[0].label, values))
     return loads
+
+
+@dataclass(frozen=True, repr=False)
+class StepResult:
+    """The result of a load step.
+
+    Attributes:
+        step: its number, from 1.
+        place: its place in the lists of factors, see ``statement.load_path``: 0 for the first factor.
+        time: its time.
+        name: its name; "": it has none.
+        status: how it ended.
+        displacement: y, length.
+        contact: nodal state of the contact boundary of this rank, None for a scene without contact.
+        certificate: the check of the conditions of the step.
+        deformation: how much the body is deformed.
+        strain_energy: a(y, y) / 2, an energy per thickness; None of a nonlinear body.
+        linear_solves: linear solves of the step.
+        tools: how rigid bodies have moved.
+        reason: why there is no solution; None: it is not known, or told by ``check``.
+    """
+
+    step: int
+    place: float
+    time: float
+    name: str
+    status: Status
+    displacement: fem.Function
+    contact: ContactState | None
+    certificate: Certificate
+    deformation: Deformation
+    strain_energy: float | None
+    linear_solves: int
+    tools: tuple[RigidBodyMotion, ...] = ()
+    reason: Finding | None = None
+
+    def __repr__(self) -> str:
+        return f"<StepResult {self.step}: {self.status.value}, {self.linear_solves} linear solves>"
+
+    def __str__(self) -> str:
+        return str(StepRecord(self.step, self.name, self.time))

@@ -33,10 +33,9 @@ from signorini_fx.results.contact_boundaries import ContactFigures, contact_figu
 from signorini_fx.results.contact_fields import BoundaryFields, boundary_fields
 from signorini_fx.results.friction_used import friction_used
 from signorini_fx.results.functionals import Functionals
-from signorini_fx.results.mechanics import SolidBody
+from signorini_fx.results.mechanics import SolidBody, StepResult
 from signorini_fx.results.requested_law import RequestedLaw, requested_law
 from signorini_fx.results.resultants import Resultants
-from signorini_fx.results.step_result import StepResult
 from signorini_fx.results.stresses import RawStresses
 
 if TYPE_CHECKING:

@@ -47,10 +47,10 @@ from signorini_fx.results.certificate.contact_nodes import ContactSide
 from signorini_fx.results.certificate.contact_sides import friction_bound
 from signorini_fx.results.certificate.nonlinear_forces import NonlinearForces
 from signorini_fx.results.certificate.supports import PrescribedNodes
+from signorini_fx.results.mechanics import StepResult
 from signorini_fx.results.nonlinear_stresses import NonlinearStresses, StatesOnPath
 from signorini_fx.results.resultants import NamedForces
 from signorini_fx.results.solution import ConvergenceError, Solution, advice_on_nonlinear
-from signorini_fx.results.step_result import StepResult
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.scene import Scene
 from signorini_fx.solving.check.findings import nonlinear_findings

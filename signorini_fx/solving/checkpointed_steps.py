@@ -25,8 +25,8 @@ from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.elastic_body import ElasticBody
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary, no_points
 from signorini_fx.records import History, IterationRecord, OuterRecord, Status, Timings, as_rows
+from signorini_fx.results.mechanics import StepResult
 from signorini_fx.results.restart_files import Checkpoint, Figures
-from signorini_fx.results.step_result import StepResult
 
 
 @dataclass(frozen=True)

@@ -17,8 +17,8 @@ from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.algebra.contact.statics import no_balance
 from signorini_fx.records import History, Status, StepRecord, Timings
+from signorini_fx.results.mechanics import StepResult
 from signorini_fx.results.step_frames import StepEnd
-from signorini_fx.results.step_result import StepResult
 from signorini_fx.solving.loose_bodies import explained
 from signorini_fx.solving.ramp import Increments
 from signorini_fx.solving.stepped_body import BegunStep, LoadStep, SteppedBody

@@ -13,7 +13,7 @@ from signorini_fx.mechanics.body.elastic_body import ElasticBody
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.rigid.motion_names import names_of
 from signorini_fx.records import Finding, Status
-from signorini_fx.results.step_result import StepResult
+from signorini_fx.results.mechanics import StepResult
 
 
 def explained(body: Model, task: Task, outcome: Outcome, when: str) -> Finding | None:

@@ -29,9 +29,8 @@ from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.records import Finding, History, Status, Timings
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery
 from signorini_fx.results.functionals import functionals
-from signorini_fx.results.mechanics import SolidBody, StatedBody
+from signorini_fx.results.mechanics import SolidBody, StatedBody, StepResult
 from signorini_fx.results.solution import Solution
-from signorini_fx.results.step_result import StepResult
 from signorini_fx.solving.check.cost import estimated_cost
 from signorini_fx.solving.check.findings import scene_findings
 from signorini_fx.solving.check.refusals import refuse_beforehand

@@ -20,8 +20,7 @@ from signorini_fx.mechanics.statement.settings import SolverSettings
 from signorini_fx.records import Finding, Status, Timings
 from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.results.certificate.law_of_method import Law, PreviousStep, Tractions
-from signorini_fx.results.mechanics import SolidBody
-from signorini_fx.results.step_result import StepResult
+from signorini_fx.results.mechanics import SolidBody, StepResult
 
 if TYPE_CHECKING:
     from signorini_fx.results.step_frames import StepEnd

@@ -16,7 +16,7 @@ from signorini_fx.forms.nonlinear.snapshot import Snapshot
 from signorini_fx.forms.nonlinear.step_sizes import PathSizes, Way
 from signorini_fx.mechanics.statement.load_path import LoadPath
 from signorini_fx.records import Status, StepRecord, Timings
-from signorini_fx.results.step_result import StepResult
+from signorini_fx.results.mechanics import StepResult
 from signorini_fx.solving.checkpointed_steps import MeshCheckpoint
 from signorini_fx.solving.load_steps import Marks, Stepping
 

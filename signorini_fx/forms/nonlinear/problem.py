@@ -39,8 +39,8 @@ from signorini_fx.quantities.functional import Gradient
 from signorini_fx.records import Finding, Status
 from signorini_fx.results.accuracy.next_accuracy import CostOfAccuracy
 from signorini_fx.results.certificate.certificate import Certificate
+from signorini_fx.results.mechanics import StepResult
 from signorini_fx.results.solution import ConvergenceError, Solution
-from signorini_fx.results.step_result import StepResult
 from signorini_fx.solving.loose_bodies import loose_in
 from signorini_fx.tuned import SMALLEST_STEP
 

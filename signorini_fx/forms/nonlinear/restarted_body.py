@@ -19,8 +19,8 @@ from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
 from signorini_fx.forms.nonlinear.residual import Residual
 from signorini_fx.mechanics.pairs.mortar_coupling import PairingError
 from signorini_fx.records import Timings
+from signorini_fx.results.mechanics import StepResult
 from signorini_fx.results.restart_files import Figures
-from signorini_fx.results.step_result import StepResult
 from signorini_fx.solving.checkpointed_steps import MeshCheckpoint
 
 _SOLUTION, _TANGENT = "solution", "tangent"

@@ -24,8 +24,8 @@ from signorini_fx.mechanics.interfaces.pair import Pair
 from signorini_fx.mechanics.statement.load_path import LoadPath, counted_path
 from signorini_fx.records import Finding, History, Status, Timings
 from signorini_fx.results.certificate.certificate import Certificate
+from signorini_fx.results.mechanics import StepResult
 from signorini_fx.results.solution import Solution
-from signorini_fx.results.step_result import StepResult
 from signorini_fx.solving.check.result_findings import pushed_nodes
 from signorini_fx.solving.loose_bodies import loose_at_rest
 from signorini_fx.solving.solve_on_mesh import contact_solution

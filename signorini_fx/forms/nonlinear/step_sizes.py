@@ -10,7 +10,7 @@ from numbers import Real
 from signorini_fx.errors import FormError
 from signorini_fx.mechanics.statement.load_path import LoadPath, next_place
 from signorini_fx.mechanics.statement.values import kind_of
-from signorini_fx.results.step_result import StepResult
+from signorini_fx.results.mechanics import StepResult
 from signorini_fx.tuned import FEW_NEWTON_ITERATIONS, SAME_NUMBER, SMALLEST_STEP, STEP_GROWTH
 
 
