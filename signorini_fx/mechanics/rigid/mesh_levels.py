@@ -134,47 +134,28 @@ class MeshLevel:
 
     def _shares(self, coarse: MeshLevel) -> Any | None:
         """Shares of the coarse nodes (global numbers) in each owned node, scipy sparse; None: some node is nowhere."""
-        from signorini_fx.mechanics.mesh.lattice_points import at_lattice
         from signorini_fx.mechanics.mesh.points import at_points
 
         shape = coarse.space.ufl_element().sub_elements[0]
         dofmap = coarse.space.dofmap
-        x = node_positions(self.space)[: self.owned]
         coarse_pieces, motions = coarse.motions.pieces, self.motions
         # Bodies in contact touch or overlap: a node belongs to its own one.  Pieces are in the order of their places.
-        pieces = (
-            (motions.piece[: self.owned], coarse_pieces.of_cell)
-            if coarse_pieces.count == motions.pieces.count > 1
-            else None
-        )
+        pieces = None
+        if coarse_pieces.count == motions.pieces.count > 1:
+            pieces = motions.piece[: self.owned], coarse_pieces.of_cell
 
-        def numbers(cells: npt.NDArray[Any]) -> npt.NDArray[np.int64]:
-            nodes = dofmap.list[cells]
-            return np.asarray(dofmap.index_map.local_to_global(nodes.ravel()).reshape(nodes.shape))
-
-        def shares_at(points: Array) -> Array:
+        def at(cells: npt.NDArray[Any], points: Array) -> Array:
+            """The nodes of cells, and their shares in points there."""
+            nodes = dofmap.index_map.local_to_global(dofmap.list[cells].ravel()).reshape(len(cells), -1)
             shares = shape.tabulate(0, points)[0].reshape(len(points), -1)
-            shares[np.abs(shares) < NOTHING_LEFT] = 0.0
-            return np.asarray(shares)
+            return np.hstack((nodes, np.where(np.abs(shares) < NOTHING_LEFT, 0.0, shares)))
 
-        # Where cells were halved the places are known; what is elsewhere, or on another rank, is sought.
-        cells, at, lattice = at_lattice(coarse.space.mesh, x, 2 * shape.degree, pieces)
-        known = cells >= 0
-        columns, values = np.zeros((len(x), shape.dim), dtype=np.int64), np.zeros((len(x), shape.dim))
-        columns[known], values[known] = numbers(cells[known]), shares_at(lattice)[at[known]]
-        if parallel.any_rank(self.space.mesh.comm, not known.all()):
-            located = at_points(
-                coarse.space.mesh,
-                x[~known],
-                OUTSIDE_COARSER_MESH,
-                lambda cells, points: np.hstack((numbers(cells), shares_at(points))),
-                None if pieces is None else (pieces[0][~known], pieces[1]),
-            )
-            if located is None:
-                return None
-            if located.size:
-                columns[~known], values[~known] = located[:, : shape.dim].astype(np.int64), located[:, shape.dim :]
+        x = node_positions(self.space)[: self.owned]
+        located = at_points(coarse.space.mesh, x, OUTSIDE_COARSER_MESH, at, pieces)
+        if located is None:
+            return None
+        columns, values = np.split(located.reshape(self.owned, 2 * shape.dim), 2, axis=1)
         used = values != 0
         row = np.repeat(np.arange(self.owned), used.sum(axis=1))
         total = dofmap.index_map.size_global
-        return scipy.sparse.csr_matrix((values[used], (row, columns[used])), shape=(self.owned, total))
+        return scipy.sparse.csr_matrix((values[used], (row, columns[used].astype(np.int64))), shape=(self.owned, total))
