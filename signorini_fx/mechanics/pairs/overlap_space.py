@@ -106,7 +106,7 @@ def space_overlap(
         p = np.einsum(
             "mqd,mkd->mqk", slave.positions(slave_parts.facet[slave_numbers], at) - centre[pair][:, None], axes[pair]
         )
-        over = _projected(master, master_parts.facet[master_numbers], over, p, centre[pair], axes[pair])
+        over = projected_places(master, master_parts.facet[master_numbers], over, p, centre[pair], axes[pair])
     return Overlap(
         slave_parts.facet[slave_numbers], master_parts.facet[master_numbers], at, over, area * true / projected
     )
@@ -154,7 +154,7 @@ def _parallelograms(corners: Array) -> bool:
     return bool((twist <= SAME_LENGTH * np.linalg.norm(corners[:, 2] - corners[:, 0], axis=1)).all())
 
 
-def _projected(side: PairSurface, facets: Indices, at: Array, p: Array, centre: Array, axes: Array) -> Array:
+def projected_places(side: PairSurface, facets: Indices, at: Array, p: Array, centre: Array, axes: Array) -> Array:
     """The places on curved facets whose projections are the points p of the planes, by Newton's method from ``at``."""
     nodes = (side.corners[facets] - centre[:, None]) @ axes.transpose(0, 2, 1)
     at, moving = at.copy(), np.arange(len(at))

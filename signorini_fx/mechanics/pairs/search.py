@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -31,12 +32,12 @@ class Patches:
     corners: Array
     normal: Array
 
-    @property
+    @cached_property
     def centre(self) -> Array:
         """Shape (p, d)."""
         return np.asarray(self.corners.mean(axis=1))
 
-    @property
+    @cached_property
     def radius(self) -> Array:
         """Of a ball around the centre, shape (p,)."""
         return np.asarray(np.linalg.norm(self.corners - self.centre[:, None], axis=2).max(axis=1))
@@ -71,7 +72,8 @@ def candidates(slave: Patches, master: Patches, reach: float, turning: npt.Array
     Returns:
         Numbers of the slave and of the master patch of each pair, ascending, shape (m,) each.
     """
-    search = _Search.of(slave, master, reach, turning)
+    turnings = np.broadcast_to(np.asarray(turning, dtype=np.float64), (len(slave.corners),))
+    search = _Search(slave, master, reach, turnings)
     pairs: list[tuple[Indices, Indices]] = []
     parts: list[tuple[Indices, Indices]] = []
     if len(slave.corners) and len(master.corners):
@@ -89,45 +91,25 @@ def candidates(slave: Patches, master: Patches, reach: float, turning: npt.Array
 
 
 @dataclass(frozen=True)
-class _Ball:
-    """Middles of balls around patches, shape (p, d), and their radii, shape (p,), length."""
-
-    centre: Array
-    radius: Array
-    normal: Array
-
-    @classmethod
-    def around(cls, patches: Patches) -> _Ball:
-        """Around each patch."""
-        return cls(patches.centre, patches.radius, patches.normal)
-
-
-@dataclass(frozen=True)
 class _Search:
-    """What pairs of patches are tested with.
+    """What pairs of patches are tested with, by balls around them.
 
     Attributes:
-        slave: around the patches of the one side.
-        master: around those of the other one.
+        slave: the patches of the one side.
+        master: those of the other one.
         reach: length.
         turning: of each patch of the slave, shape (p,).
-        away: distance from its centre beyond which a patch of the slave has no partner, length, shape (p,).
     """
 
-    slave: _Ball
-    master: _Ball
+    slave: Patches
+    master: Patches
     reach: float
     turning: Array
-    away: Array
 
-    @classmethod
-    def of(cls, slave: Patches, master: Patches, reach: float, turning: npt.ArrayLike) -> _Search:
-        """For these patches."""
-        slave_balls, master_balls = _Ball.around(slave), _Ball.around(master)
-        away = slave_balls.radius + float(master_balls.radius.max(initial=0.0)) + reach
-        return cls(
-            slave_balls, master_balls, reach, np.broadcast_to(np.asarray(turning, dtype=np.float64), away.shape), away
-        )
+    @cached_property
+    def away(self) -> Array:
+        """Distance from its centre beyond which a patch of the slave has no partner, length, shape (p,)."""
+        return np.asarray(self.slave.radius + float(self.master.radius.max(initial=0.0)) + self.reach)
 
     def tested(self, part: Indices, master_part: Indices) -> list[tuple[Indices, Indices]]:
         """The pairs of a part of the slave with some patches of the master, some at a time."""
@@ -160,28 +142,27 @@ class _Search:
         n, and a + b sin t along n; conversely a is at most what it has along n plus sin t times what it has across n.
         The part is in a cylinder around n, which is as much larger.
         """
-        slave_balls, seen = self.slave, self.master
-        centre = slave_balls.centre[part].mean(axis=0)
-        arms, apart = slave_balls.centre[part] - centre, seen.centre[master_part] - centre
+        centre = self.slave.centre[part].mean(axis=0)
+        arms, apart = self.slave.centre[part] - centre, self.master.centre[master_part] - centre
         size = float(np.linalg.norm(arms, axis=1).max())
         near = np.linalg.norm(apart, axis=1) <= _WIDENED * (size + float(self.away[part].max()))
-        mean = slave_balls.normal[part].mean(axis=0)
+        mean = self.slave.normal[part].mean(axis=0)
         length = float(np.linalg.norm(mean))
         axis = mean / length if length > 0 else mean
-        cosine = min(1.0, float((slave_balls.normal[part] @ axis).min()))
+        cosine = min(1.0, float((self.slave.normal[part] @ axis).min()))
         if cosine <= 0:
             return master_part[near]
         master_part, apart = master_part[near], apart[near]
         sine = np.sqrt(1.0 - cosine**2)
         facing = (
-            seen.normal[master_part] @ axis
+            self.master.normal[master_part] @ axis
             < FACING_SIDES * cosine + np.sqrt(1.0 - FACING_SIDES**2) * sine + _WIDENED - 1.0
         )
         height, arms_height = apart @ axis, arms @ axis
         width = np.linalg.norm(apart - height[:, None] * axis, axis=1)
         own_width = float(np.linalg.norm(arms - arms_height[:, None] * axis, axis=1).max())
         own_height = float(np.abs(arms_height).max())
-        beyond = float(slave_balls.radius[part].max()) + seen.radius[master_part]
+        beyond = float(self.slave.radius[part].max()) + self.master.radius[master_part]
         turning = float(self.turning[part].max())
         along = np.minimum(self.reach + beyond, np.abs(height) + own_height + (width + own_width) * sine)
         across = turning * along + float(_aslant(np.array(turning))) * beyond

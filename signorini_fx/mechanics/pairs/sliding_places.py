@@ -1,4 +1,5 @@
 """Where points of sides that slide see each other, in 2D and in 3D (facets of degree 1), and where they see a kink of
+from signorini_fx.mechanics.pairs.overlap_space import projected_places
 the master, a vertex or an edge.
 
 Across an edge the height h over the facet of the slave has the slopes h',
@@ -26,9 +27,6 @@ from signorini_fx.tuned import NOTHING_LEFT, SAME_LENGTH
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
-
-# Points of a part of an edge, and steps of Newton's method to places of quadrilaterals at most.
-_ON_EDGE, _STEPS = 3, 12
 
 
 @dataclass(frozen=True)
@@ -185,7 +183,8 @@ def seen_edges(slave: PairSurface, master: PairSurface, tested: Tested, directio
     swapped = np.einsum("md,md->m", middles[1] - middles[0], across) < 0
     p = start[rows] + at_edge[:, None] * along[rows]
     flat_nodes = np.einsum("mcd,mkd->mck", slave.corners[facet] - middle[:, None], axes)
-    at = _places(slave, flat_nodes[rows], p)
+    start = np.full((len(p), 1, 2), 1.0 / 3.0)
+    at = projected_places(slave, facet[rows], start, p[:, None], middle[rows], axes[rows])[:, 0]
     slopes = slave.functions.slopes(at)
     image = np.einsum("avk,vkd->avd", slopes, flat_nodes[rows])
     projected = np.abs(image[0, :, 0] * image[1, :, 1] - image[0, :, 1] * image[1, :, 0])
@@ -240,23 +239,6 @@ def _within(corners: Array, start: Array, along: Array) -> tuple[Array, Array]:
     return np.maximum(enters, 0.0), np.minimum(leaves, 1.0)
 
 
-def _places(side: PairSurface, flat: Array, p: Array) -> Array:
-    """The places of points of the plane, shape (v, 2), on facets with nodes there, shape (v, k, 2)."""
-    at = np.full(p.shape, 1.0 / 3.0)
-    for _ in range(_STEPS):
-        residual = p - np.einsum("vk,vkd->vd", side.functions.values(at), flat)
-        first, second = np.einsum("avk,vkd->avd", side.functions.slopes(at), flat)
-        size = first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]
-        step = (
-            residual[:, 0] * second[:, 1] - residual[:, 1] * second[:, 0],
-            first[:, 0] * residual[:, 1] - first[:, 1] * residual[:, 0],
-        )
-        at = at + np.column_stack(step) / size[:, None]
-        if np.abs(residual).max(initial=0.0) <= SAME_LENGTH * np.abs(flat).max(initial=0.0):
-            break
-    return at
-
-
 def _at_edge(side: PairSurface, facets: Indices, ends: Indices, share: Array) -> Array:
     """Places on facets at a share of an edge between two of its nodes, shape (v, 2)."""
     first, last = ((side.nodes[facets] == ends[:, [k]]).argmax(axis=1) for k in range(2))
@@ -302,3 +284,7 @@ def rotations_at_nodes(side: PairSurface, nodes: Indices) -> Array:
     left_vectors, _, right_vectors = np.linalg.svd(products)
     left_vectors[:, :, 2] *= np.linalg.det(left_vectors @ right_vectors)[:, None]  # no reflection
     return np.asarray(left_vectors @ right_vectors)
+
+
+# Points of a part of an edge.
+_ON_EDGE = 3
