@@ -14,8 +14,7 @@ from dolfinx import mesh as dmesh
 
 from signorini_fx.errors import FormError, SceneError
 from signorini_fx.machine import compat, parallel
-from signorini_fx.mechanics.interfaces.foundation import Foundation
-from signorini_fx.mechanics.interfaces.pair import Pair
+from signorini_fx.mechanics.interfaces import Foundation, Pair
 from signorini_fx.mechanics.laws.protocol import FrictionLaw
 from signorini_fx.mechanics.mesh.section import is_section
 from signorini_fx.mechanics.statement.settings import SolverSettings

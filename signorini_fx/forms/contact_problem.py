@@ -21,8 +21,7 @@ from signorini_fx.forms.mechanics_of_forms import NO_STRESS
 from signorini_fx.forms.problem_of_forms import ProblemOfForms
 from signorini_fx.forms.solver import FormSolver
 from signorini_fx.mechanics.body.deformation import Deformation
-from signorini_fx.mechanics.interfaces.foundation import Foundation
-from signorini_fx.mechanics.interfaces.pair import Pair
+from signorini_fx.mechanics.interfaces import Foundation, Pair
 from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodyMotion
 from signorini_fx.mechanics.statement.load_path import LoadPath
 from signorini_fx.mechanics.statement.settings import SolverSettings

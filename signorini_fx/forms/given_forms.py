@@ -15,8 +15,7 @@ from dolfinx import mesh as dmesh
 from signorini_fx.forms.arguments import boundaries_of, facets_of, foundations_of, parts_of, space_of
 from signorini_fx.forms.stress import Law, law_of
 from signorini_fx.machine.compilation import compiling
-from signorini_fx.mechanics.interfaces.foundation import Foundation
-from signorini_fx.mechanics.interfaces.pair import Pair
+from signorini_fx.mechanics.interfaces import Foundation, Pair
 
 Facets = npt.NDArray[np.int32]
 

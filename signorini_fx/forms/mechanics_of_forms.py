@@ -22,8 +22,7 @@ from signorini_fx.forms.stress import exterior_facets, stresses_of
 from signorini_fx.machine import parallel
 from signorini_fx.machine.compilation import compiling
 from signorini_fx.mechanics.assembly.mesh_entities import action, assemble, facet_nodes
-from signorini_fx.mechanics.interfaces.foundation import Foundation
-from signorini_fx.mechanics.interfaces.pair import Pair
+from signorini_fx.mechanics.interfaces import Foundation, Pair
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.obstacles.foundations_on_points import FoundationData
 from signorini_fx.mechanics.scales import Scales

@@ -12,7 +12,7 @@ from two_bodies import facets, held
 
 from signorini_fx import Status, read_scene, solve
 from signorini_fx.forms.contact_problem import ContactProblem
-from signorini_fx.mechanics.interfaces.pair import Pair
+from signorini_fx.mechanics.interfaces import Pair
 from signorini_fx.mechanics.laws.coulomb import Coulomb
 from signorini_fx.scenes.reading import parse_scene
 

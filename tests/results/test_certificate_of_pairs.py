@@ -9,7 +9,7 @@ from two_bodies import assembled, facets, forms, grid
 
 from signorini_fx import Status, solve
 from signorini_fx.forms.contact_problem import ContactProblem
-from signorini_fx.mechanics.interfaces.pair import Pair
+from signorini_fx.mechanics.interfaces import Pair
 from signorini_fx.mechanics.laws.coulomb import Coulomb
 from signorini_fx.mechanics.mesh.tagged import tag_boundaries
 from signorini_fx.mechanics.obstacles import paired_points

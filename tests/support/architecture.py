@@ -46,7 +46,6 @@ LAYERS = (
     "mechanics.pairs",
     "mechanics.shapes",
     "mechanics.mesh",
-    "mechanics.interfaces",
     "mechanics.effects",
     "mechanics.materials",
     "mechanics.laws",
@@ -66,6 +65,7 @@ CORE = ("algebra.algorithms", "algebra.problem", "algebra.linalg", "algebra.cont
 BESIDE = {
     "scenes.cli": ("__main__",),
     "mechanics.body": ("mechanics.model",),
+    "mechanics.obstacles": ("mechanics.interfaces",),
     "mechanics.assembly": ("mechanics.scales",),
     "records": ("records", "machine.display"),
     "ground": ("errors", "extensions", "removed", "tuned"),

@@ -28,8 +28,7 @@ from signorini_fx.mechanics.contact_points.contact_boundary import (
     no_points,
     unit_contact_form,
 )
-from signorini_fx.mechanics.interfaces.foundation import Foundation
-from signorini_fx.mechanics.interfaces.pair import Pair
+from signorini_fx.mechanics.interfaces import Foundation, Pair
 from signorini_fx.mechanics.kinematics import CARTESIAN
 from signorini_fx.mechanics.laws.at_points import fault_of, friction_of
 from signorini_fx.mechanics.laws.directed import FrictionAxes
