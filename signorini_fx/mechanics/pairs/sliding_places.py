@@ -1,5 +1,4 @@
 """Where points of sides that slide see each other, in 2D and in 3D (facets of degree 1), and where they see a kink of
-from signorini_fx.mechanics.pairs.overlap_space import projected_places
 the master, a vertex or an edge.
 
 Across an edge the height h over the facet of the slave has the slopes h',
@@ -21,9 +20,9 @@ from signorini_fx.mechanics.pairs.mean_rotation import of_blocks, turned_normals
 from signorini_fx.mechanics.pairs.mortar_coupling import Tested
 from signorini_fx.mechanics.pairs.overlap_plane import PLACES_OF_RULE
 from signorini_fx.mechanics.pairs.overlap_quadrature import Overlap
-from signorini_fx.mechanics.pairs.overlap_space import axes_across
+from signorini_fx.mechanics.pairs.overlap_space import axes_across, projected_places
 from signorini_fx.mechanics.pairs.pair_side import PairSurface
-from signorini_fx.tuned import NOTHING_LEFT, SAME_LENGTH
+from signorini_fx.tuned import NOTHING_LEFT
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]

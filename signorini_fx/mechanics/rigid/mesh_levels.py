@@ -17,7 +17,6 @@ from dolfinx import fem
 from petsc4py import PETSc
 
 from signorini_fx.algebra.linalg import row_by_row
-from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import node_positions
 from signorini_fx.mechanics.rigid.rigid_motions import RigidMotions, rigid_modes
 from signorini_fx.tuned import NOTHING_LEFT, OUTSIDE_COARSER_MESH
