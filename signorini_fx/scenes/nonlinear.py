@@ -7,7 +7,7 @@ that it is at small strains.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, ClassVar
@@ -22,7 +22,7 @@ from signorini_fx.errors import FormError, SceneError
 from signorini_fx.forms.nonlinear.at_solution import linearised_at
 from signorini_fx.forms.nonlinear.displaced_certificate import DisplacementsAtPlaces, ResidualMechanics
 from signorini_fx.forms.nonlinear.moving_shapes import fitting, not_driven
-from signorini_fx.forms.nonlinear.newton import IndependentCheck
+from signorini_fx.forms.nonlinear.newton import Origin
 from signorini_fx.forms.nonlinear.problem import NonlinearContactProblem
 from signorini_fx.forms.nonlinear.snapshot import BeginningOnShapes, Snapshot
 from signorini_fx.machine import compat, parallel
@@ -43,8 +43,6 @@ from signorini_fx.mechanics.statement.expressions import sample
 from signorini_fx.mechanics.statement.rigid_motion import COMPONENTS, Prescribed
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.records import Finding, History, Inventory, Status, Timings
-from signorini_fx.results.certificate.contact_nodes import ContactSide
-from signorini_fx.results.certificate.contact_sides import friction_bound
 from signorini_fx.results.certificate.nonlinear_forces import NonlinearForces
 from signorini_fx.results.certificate.supports import PrescribedNodes
 from signorini_fx.results.mechanics import StepResult
@@ -123,7 +121,7 @@ def compiled_forms(body: Model) -> tuple[str, ...]:
 
 
 class ProblemOfScene(NonlinearContactProblem):
-    """The nonlinear problem of a scene on its mesh.  Its certificate evaluates the forces anew.
+    """The nonlinear problem of a scene on its mesh.
 
     Attributes:
         statement: the scene.
@@ -195,7 +193,7 @@ class ProblemOfScene(NonlinearContactProblem):
         """
         self.statement, self.model, self.body, self._held = statement, model, body, held
         anew = NonlinearForces(statement, model.tagged, model.space)
-        self._solver.independent_check = OpinionOfScene(self, anew, StatesOnPath(anew))
+        self._solver.origin = StatedOrigin(self, anew, StatesOnPath(anew))
         self.linear.bodies = model.pieces.bodies
         self._solver.tangents.trusted = body.tangent is not None
         self._begins_at(statement.placed(-1))
@@ -349,12 +347,12 @@ class ReachedStep:
 
 
 @dataclass(frozen=True)
-class OpinionOfScene(IndependentCheck):
-    """What a scene knows beside its residual, in its own words: forces by forms of its own, and the sizes of strains.
+class StatedOrigin(Origin):
+    """What a scene knows of its residual: the loads and supports by name, the stress, and the sizes of strains.
 
     Attributes:
         problem: of the scene.
-        anew: the independent check of its materials and loads.
+        anew: the forces of its materials and loads.
         states: of its materials.
     """
 
@@ -364,7 +362,7 @@ class OpinionOfScene(IndependentCheck):
     states: StatesOnPath
 
     def too_large(self) -> str:
-        """See ``IndependentCheck``: where all strains are small ones, so must the deformation be."""
+        """See ``Origin``: where all strains are small ones, so must the deformation be."""
         linear, limit = self.problem.linear, self.problem.statement.solver.largest_deformation
         if (
             self.problem.statement.finite_strains
@@ -375,39 +373,6 @@ class OpinionOfScene(IndependentCheck):
 
     def advice_on(self, status: Status) -> str:
         return advice_on_nonlinear(status, self.problem.statement)
-
-    def forces(self, residual: Array) -> Array:
-        """See ``IndependentCheck``: those of materials and loads."""
-        problem = self.problem
-        states = {
-            number: points.begun
-            for number, material in enumerate(problem.statement.material)
-            for points in problem.body.points
-            if points.material is material
-        }
-        return self.anew.residual(problem.u, states, problem.path_step)
-
-    def supports(self, claimed_supports: PrescribedNodes) -> PrescribedNodes:
-        """See ``IndependentCheck``: those that the scene says to hold in this load step, whatever the problem holds."""
-        return PrescribedNodes.of(self.anew, self.problem.path_step, 1.0)
-
-    def contact_sides(self, claimed_sides: Sequence[ContactSide]) -> list[ContactSide]:
-        """See ``IndependentCheck``: with friction, gaps and foundations of this load step, as the scene says them, but
-        for tools that forces move and gaps of pairs.
-        """
-        anew, entries = self.anew, self.problem.statement.placed(self.problem.path_step).contact
-        x = anew.at_nodes[:, : anew.dimension]
-        displacement, sides = self.problem.u.x.array.reshape(x.shape).copy(), []
-        for side, entry in zip(claimed_sides, entries, strict=True):
-            changed = replace(side, bound=friction_bound(entry, anew))
-            if entry.against is None and entry.tool is None:
-                gap = anew.on_boundary(entry.boundary, partial(sample, entry.gap))
-                if entry.surface is not None:
-                    gap, normal = _about(entry, gap, x, displacement)
-                    changed = replace(changed, normal=normal[side.nodes])
-                changed = changed.with_gap(gap, anew)
-            sides.append(changed)
-        return sides
 
     def loaded(self, mechanics: ResidualMechanics) -> ResidualMechanics:
         anew, problem = self.anew, self.problem
@@ -437,23 +402,6 @@ class OpinionOfScene(IndependentCheck):
         finite = self.problem.statement.finite_strains
         says = replace(mechanics, loads=loads, supports=supports, displaced=finite, stresses=stresses)
         return replace(says, place=problem.path_step)
-
-
-def _about(entry: Any, gap: Array, x: Array, displacement: Array) -> tuple[Array, Array]:
-    """Gap and direction of a shape as ``ContactSide`` has them, linear about a displacement, at all nodes.
-
-    Args:
-        entry: of a scene, at a time.
-        gap: that is added to the distance, nan where no facet is, length, shape (nodes,).
-        x: of all nodes, length, shape (nodes, d).
-        displacement: of them, likewise.
-    """
-    on, normal = np.isfinite(gap), np.full_like(displacement, np.nan)
-    signed, outward = entry.surface.distance((x + displacement)[on])
-    normal[on], along = -outward, np.einsum("ni,ni->n", outward, displacement[on])
-    total = gap.copy()
-    total[on] += signed - along
-    return total, normal
 
 
 def _with_sides_of(statement: Statement, body: Statement) -> Statement:

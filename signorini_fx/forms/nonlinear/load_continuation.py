@@ -88,7 +88,7 @@ class Continuation:
         assert solver.solved is not None
         solver.solved = replace(solver.solved, step=replace(solver.solved.step, status=status))
         solver.status, solver.failure = status, status.value
-        raise NoEquilibrium(f"{status.value}: {solver.independent_check.advice_on(status)}")
+        raise NoEquilibrium(f"{status.value}: {solver.origin.advice_on(status)}")
 
     def along(
         self,
@@ -168,7 +168,7 @@ class Continuation:
                 raise outcomes.at_load(error, end, last) from error.__cause__
             assert status is not None
             solver.status = status
-            text = outcomes.end_of_ramp(status, solver.failure, end, last, solver.independent_check.advice_on(status))
+            text = outcomes.end_of_ramp(status, solver.failure, end, last, solver.origin.advice_on(status))
             raise NoEquilibrium(text) from error.__cause__
 
     def end_step(self, way: Way, end: float) -> StepResult:

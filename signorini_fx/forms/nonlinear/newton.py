@@ -9,9 +9,9 @@ d . (R(u + s d) + B^T (lambda, mu)), the slope of the energy with contact where 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import ClassVar
 
@@ -38,9 +38,7 @@ from signorini_fx.mechanics.obstacles.shapes_inside import BodyCells
 from signorini_fx.mechanics.pairs.mortar_coupling import PairingError
 from signorini_fx.records import Status, Timings
 from signorini_fx.results.certificate.certificate import Certificate
-from signorini_fx.results.certificate.contact_nodes import ContactSide
 from signorini_fx.results.certificate.law_of_method import Tractions
-from signorini_fx.results.certificate.supports import PrescribedNodes
 from signorini_fx.results.solution import ConvergenceError
 from signorini_fx.tuned import (
     CYCLING_INCREMENT,
@@ -60,8 +58,8 @@ class NoEquilibrium(Exception):
     """A solve, or a way through load steps, has ended without a solution; its text says how, and what to do."""
 
 
-class IndependentCheck:
-    """What is known of a residual beside itself: nothing, unless a class that is derived knows it.
+class Origin:
+    """What a residual comes from, and what is known of it: of a user's form nothing beside itself.
 
     Attributes:
         residual: what it is called.
@@ -72,18 +70,6 @@ class IndependentCheck:
     def too_large(self) -> str:
         """By how much the deformation is too large, in words; empty: it is not; collective."""
         return ""
-
-    def forces(self, residual: Array) -> Array:
-        """The residual as the certificate takes it, forces of shape (owned dofs,); collective."""
-        return residual
-
-    def supports(self, claimed_supports: PrescribedNodes) -> PrescribedNodes:
-        """The supports as the certificate takes them; ``claimed_supports``: those of the problem; collective."""
-        return claimed_supports
-
-    def contact_sides(self, claimed_sides: Sequence[ContactSide]) -> Sequence[ContactSide]:
-        """The sides as the certificate takes them; ``claimed_sides``: those of the problem."""
-        return claimed_sides
 
     def loaded(self, mechanics: ResidualMechanics) -> ResidualMechanics:
         """The same with the loads that are not in F."""
@@ -106,7 +92,7 @@ class EquilibriumSolver:
         commit: the user's function at the end of a step.
         max_newton: iterations.
         asks_stability: whether an equilibrium must be stable.
-        opinion: what is known beside F.
+        origin: of F.
         status: how the last attempt has ended; None: by an error, or there is none.
         certificate: of the last solution, or the last iterate; None: there is none.
         iterations: of the last attempt.
@@ -130,7 +116,7 @@ class EquilibriumSolver:
     commit: Callable[[], object]
     max_newton: int
     asks_stability: bool
-    independent_check: IndependentCheck = field(default_factory=IndependentCheck)
+    origin: Origin = field(default_factory=Origin)
     status: Status | None = None
     certificate: Certificate | None = None
     iterations: int = 0
@@ -219,7 +205,7 @@ class EquilibriumSolver:
             return
         self.failure = outcomes.failure(status, self.certificate, self.without, self._detail)
         self.go_back(last)
-        raise NoEquilibrium(f"{self.failure}: {self.independent_check.advice_on(status)}")
+        raise NoEquilibrium(f"{self.failure}: {self.origin.advice_on(status)}")
 
     def certify(self, begun: Snapshot) -> Status:
         """The verdict on a displacement of an earlier run, but for stability; ``begun``: where its step begins;
@@ -506,7 +492,7 @@ class EquilibriumSolver:
         Args:
             residual: F there, which was evaluated last; None: it is evaluated.
         """
-        self._detail = self.independent_check.too_large()
+        self._detail = self.origin.too_large()
         if self._detail:
             return Status.TOO_LARGE
         linear, values = self.linear, self.u.x.array.copy()
@@ -543,14 +529,7 @@ class EquilibriumSolver:
             residual: F there.
             lost: see ``mechanics_at``.
         """
-        linear, tractions = self.linear, Tractions.of(self.linear.state)
-        forces = self.independent_check.forces(residual)
-        mechanics = mechanics_at(self.u, forces, linear, lost, unloaded_at_rest=self._unloaded)
-        balance = mechanics.forces
-        mechanics = replace(
-            mechanics,
-            forces=replace(balance, supports=self.independent_check.supports(balance.supports)),
-            contact_sides=self.independent_check.contact_sides(mechanics.contact_sides),
-        )
-        conditions = tractions, linear.law, linear.previous_step, linear.driven_tools
-        return certified(self.u, mechanics, linear.shapes, *conditions), self.independent_check.loaded(mechanics)
+        linear = self.linear
+        mechanics = mechanics_at(self.u, residual, linear, lost, unloaded_at_rest=self._unloaded)
+        conditions = Tractions.of(linear.state), linear.law, linear.previous_step, linear.driven_tools
+        return certified(self.u, mechanics, linear.shapes, *conditions), self.origin.loaded(mechanics)

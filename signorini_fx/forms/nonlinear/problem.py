@@ -199,7 +199,7 @@ class NonlinearContactProblem(ProblemOfForms):
         ends = [*steps, *(() if solved is None else (solved.step,))]
         # Where nothing presses on a body its forces are round-off.
         pressed = [step.certificate for step in ends if not loose_in(self.linear.elastic, step)]
-        digits = lost_digits(pressed, self._solver.independent_check.residual)
+        digits = lost_digits(pressed, self._solver.origin.residual)
         stiff = [] if solved is None else too_stiff(solved.step, self._solver.farthest)
         return (*findings_of(self.linear, steps), *digits, *stiff)
 
