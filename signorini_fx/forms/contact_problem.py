@@ -204,13 +204,8 @@ class ContactProblem(ProblemOfForms):
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """What is to be known about the last solution: that its law is not the one asked for, contact nodes that
-        supports hold inside their foundation, which are left out of the contact, and shapes that lie inside the
-        deformed body; collective.
-        """
-        from signorini_fx.forms.results import findings_of_last
-
-        return findings_of_last(self.assembled)
+        """What is to be known about the last solution, or after ``run`` about all load steps; collective."""
+        return () if self.assembled.outcome is None else self.solution.findings
 
     def titled(self, title: str) -> Solution:
         from signorini_fx.forms.results import solution_of

@@ -85,11 +85,7 @@ class FormBody(SolidBody):
         return Balance(surface, internal, external, supports, scales, scales, nothing)
 
     def stress(self, y: fem.Function, step: float, shared: dict[str, StressRecovery]) -> RawStresses | str:
-        """See ``SolidBody``.
-
-        Raises:
-            FormError: see ``stress_of``.
-        """
+        """See ``SolidBody``."""
         forms, (fixed, _) = self.user_forms, self.prescribed_dofs
         if forms.stress is None:
             return NO_STRESS

@@ -49,11 +49,7 @@ class FormsOnMesh:
 
     @cached_property
     def made(self) -> tuple[ContactProblem, Clock]:
-        """The problem on this mesh, and what changes it to what it is at a time; collective.
-
-        Raises:
-            FormError: ``make`` returns something else.
-        """
+        """The problem on this mesh, and what changes it to what it is at a time; collective."""
         result = self.make(self.tagged.mesh if self.plain else self.tagged)
         problem, at = result if isinstance(result, tuple) and len(result) == 2 else (result, None)
         if not isinstance(problem, ContactProblem):
@@ -233,11 +229,7 @@ def _first(
 
 
 def _tagged(mesh: Any) -> TaggedMesh:
-    """A mesh with names of boundaries, which one of dolfinx has none of.
-
-    Raises:
-        FormError: it is no mesh.
-    """
+    """A mesh with names of boundaries, which one of dolfinx has none of."""
     if isinstance(mesh, TaggedMesh):
         return mesh
     if not isinstance(mesh, dmesh.Mesh):

@@ -11,16 +11,14 @@ from signorini_fx.forms.solver import FormSolver
 from signorini_fx.mechanics.assembly.mesh_entities import facet_entities
 from signorini_fx.mechanics.contact_points.contact_table import contact_table
 from signorini_fx.mechanics.statement.load_path import LoadPath
-from signorini_fx.records import Finding, Status
+from signorini_fx.records import Status
 from signorini_fx.results.accuracy.error_estimates import Errors, combined
 from signorini_fx.results.accuracy.level_results import compliance_of, level_result
 from signorini_fx.results.accuracy.mesh_level import LevelResult
-from signorini_fx.results.requested_law import requested_law
 from signorini_fx.results.solution import Solution
 from signorini_fx.results.stresses import RawStresses
-from signorini_fx.solving.check.result_findings import held_in_result, pushed_nodes, shapes_in_results
 from signorini_fx.solving.load_steps import StepProgress
-from signorini_fx.solving.solve_on_mesh import contact_solution, findings_of_steps, used_parameters
+from signorini_fx.solving.solve_on_mesh import contact_solution, findings_of_steps
 
 
 def solution_of(solver: FormSolver, path: LoadPath | None, progress: StepProgress | None, title: str = "") -> Solution:
@@ -43,18 +41,6 @@ def solution_of(solver: FormSolver, path: LoadPath | None, progress: StepProgres
     body = replace(solver.model(path, title), settled=settled)
     findings = findings_of_steps(body, steps, [], solver.foundations.placed_shapes)
     return contact_solution(body, steps, solver.task, ended, solver.timings, lambda: tuple(findings))
-
-
-def findings_of_last(solver: FormSolver) -> tuple[Finding, ...]:
-    """See ``ContactProblem.findings``; collective."""
-    warnings, outcome, certificate = list[Finding](), solver.outcome, solver.certificate
-    if outcome is not None and certificate is not None and solver.status is Status.CONVERGED:
-        parameters = used_parameters(outcome, outcome.problem.data, certificate.strain_energy)
-        warnings = requested_law(solver.settings, {1: certificate}, parameters.get("regularisation_error")).findings
-    held = held_in_result(solver.state, solver.u, solver.foundations.pairs)
-    pushed = pushed_nodes(solver.space.mesh.comm, [held], solver.scales.size)
-    inside = shapes_in_results(solver.foundations.placed_shapes, solver.u)
-    return (*warnings, *pushed, *inside)
 
 
 def errors_of(solver: FormSolver, stress: RawStresses) -> Errors:

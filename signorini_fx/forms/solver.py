@@ -253,11 +253,7 @@ class FormSolver:
             self._last_pattern = pattern, fingerprint
 
     def advance(self) -> None:
-        """End a step, see ``ContactProblem.advance``.
-
-        Raises:
-            RuntimeError: the last solve has no solution.
-        """
+        """End a step, see ``ContactProblem.advance``."""
         if self.outcome is None or self.status is not Status.CONVERGED:
             raise RuntimeError("there is no solution to advance from")
         solved = self.outcome, self.begun, self.state, self.u.copy()

@@ -124,9 +124,6 @@ def begun_path(
 ) -> tuple[LoadPath, Clock, MeshCheckpoint | None]:
     """The load steps of a run, what goes through their times, and their checkpoint, if there is one, see
     ``ContactProblem.run``; collective.
-
-    Raises:
-        FormError: an argument is wrong, or the folder is that of another problem, or of another run of this one.
     """
     clock, path = Clock(at), path if isinstance(path, LoadPath) else LoadPath(tuple(path))
     if folder is None:

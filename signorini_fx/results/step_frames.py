@@ -90,9 +90,6 @@ class StepEnd:
         """Where the next step starts on foundations that have ``moved`` at the points, length, shape (n, d), and this
         end as it begins from it: slip is relative to them, and friction is that of the pressure with which this step
         has ended; ``start``: of it in the frames of these points; collective.
-
-        Raises:
-            FormError: see ``carried``.
         """
         start = self.projected_onto(boundary, held=False, spin=spin)[0] if start is None else start
         assert start.multipliers is not None
@@ -113,9 +110,6 @@ class StepEnd:
         """The start of the step and the reference motion, in the frames that the same points have now; ``held``:
         whether what has fallen to the reference motion is held by now, so that slips count from the initial one;
         collective.
-
-        Raises:
-            FormError: see ``carried``.
         """
         start, resting = self.start, self.rest
         if held and resting is not None:

@@ -26,8 +26,7 @@ from signorini_fx.results.accuracy.convergence_table import convergence_table, w
 from signorini_fx.results.accuracy.forecast import seconds_to_come
 from signorini_fx.results.accuracy.mesh_level import LevelResult
 from signorini_fx.results.solution import Solution
-from signorini_fx.solving.coarser_solution import Unsolved
-from signorini_fx.solving.meshed_problem import MeshedProblem
+from signorini_fx.solving.meshed_problem import MeshedProblem, Unsolved
 from signorini_fx.tuned import MIDDLE_RATIO
 
 

@@ -34,9 +34,8 @@ from signorini_fx.results.accuracy.next_accuracy import LOCAL
 from signorini_fx.results.accuracy.peak_error import diverging_row
 from signorini_fx.results.deferred_quantities import failure_in_words
 from signorini_fx.results.solution import Solution
-from signorini_fx.solving.coarser_solution import Unsolved
 from signorini_fx.solving.finer_meshes import Meshes
-from signorini_fx.solving.meshed_problem import SolvedMesh
+from signorini_fx.solving.meshed_problem import SolvedMesh, Unsolved
 from signorini_fx.tuned import (
     DIGITS_OF_FILES,
     FEW_NODES,

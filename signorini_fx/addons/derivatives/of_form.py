@@ -64,9 +64,6 @@ class OfForm:
 def _quantity_of(wanted: Any, u: fem.Function, body: Callable[[], Model]) -> Functional:
     """A result as ``ContactProblem.gradient`` takes it, a form, or words with a contact by its name or number;
     collective.
-
-    Raises:
-        FormError: it is none.
     """
     if isinstance(wanted, ufl.Form):
         if wanted.arguments():
@@ -87,11 +84,7 @@ def _quantity_of(wanted: Any, u: fem.Function, body: Callable[[], Model]) -> Fun
 
 
 def _checked(by: Sequence[Any]) -> list[fem.Constant]:
-    """The Constants.
-
-    Raises:
-        FormError: something is no Constant with one value.
-    """
+    """The Constants."""
     constants = [by] if isinstance(by, fem.Constant) else list(by)
     wrong = [
         k for k, constant in enumerate(constants) if not isinstance(constant, fem.Constant) or constant.value.size != 1

@@ -45,12 +45,7 @@ class NonlinearSteps:
 
     @classmethod
     def solved(cls, statement: Statement, problem_of: Callable[[Timings], ProblemOfScene]) -> NonlinearSteps:
-        """Solve a scene; collective.
-
-        Raises:
-            SceneError: see ``sensitivity``.
-            ConvergenceError: likewise.
-        """
+        """Solve a scene; collective."""
         refuse_on_bodies(statement)
         begin, timings, reached = time.perf_counter(), Timings(), list[ReachedStep]()
         problem = problem_of(timings)
@@ -85,11 +80,7 @@ class NonlinearSteps:
         return self.problem.statement
 
     def at(self, number: int) -> LinearisedStep:
-        """A load step as it was solved; collective.
-
-        Raises:
-            ConvergenceError: its linearised problem has no solution.
-        """
+        """A load step as it was solved; collective."""
         step, preceding = self.reached[number], self.reached[number - 1] if number else None
         solved = SolvedStep.of(*self.problem.linearised(step))
         solved = replace(solved, displacement=solved.displacement.copy())
@@ -182,11 +173,7 @@ class ChangedScene:
 
 
 def refuse_on_bodies(statement: Statement) -> None:
-    """Refuse contacts whose derivatives are not known.
-
-    Raises:
-        SceneError: there is one.
-    """
+    """Refuse contacts whose derivatives are not known."""
     problems = list[tuple[str, str]]()
     for number, contact in enumerate(statement.contact):
         if contact.against is not None:

@@ -172,11 +172,7 @@ class _Steps:
 
     @classmethod
     def solved(cls, scene: Scene, comm: MPI.Comm) -> _Steps:
-        """Solve a scene; collective.
-
-        Raises:
-            ConvergenceError: it has no solution.
-        """
+        """Solve a scene; collective."""
         # Coarser meshes give a start, and change nothing of the solution.
         scene = scene.model_copy(update={"solver": scene.solver.model_copy(update={"levels": 1})})
         solved: list[_Step] = []

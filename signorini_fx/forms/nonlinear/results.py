@@ -17,7 +17,6 @@ from signorini_fx.forms.nonlinear.displaced_certificate import ResidualBody, Res
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
 from signorini_fx.forms.nonlinear.moving_pairs import carried_past_ends, sheared_across_gaps
 from signorini_fx.forms.nonlinear.undeformed_pairs import facet_size, slid_past_partners
-from signorini_fx.forms.results import findings_of_last
 from signorini_fx.mechanics.body.deformation import added_stiffness, deformation_of
 from signorini_fx.mechanics.body.elastic_body import ElasticBody
 from signorini_fx.mechanics.interfaces import Pair
@@ -26,7 +25,7 @@ from signorini_fx.records import Finding, History, Status, Timings
 from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.results.mechanics import StepResult
 from signorini_fx.results.solution import Solution
-from signorini_fx.solving.check.result_findings import pushed_nodes
+from signorini_fx.solving.check.result_findings import held_in_result, pushed_nodes, shapes_in_results
 from signorini_fx.solving.loose_bodies import loose_at_rest
 from signorini_fx.solving.solve_on_mesh import contact_solution
 from signorini_fx.solving.stepped_body import step_result
@@ -193,4 +192,7 @@ def findings_of(linear: LinearisedProblem, steps: Sequence[StepResult]) -> tuple
     }
     past = slid_past_partners(linear.state, sizes)
     loose = loose_at_rest(linear.elastic, steps, "contact", linear.bodies)
-    return (*findings_of_last(linear), *pushed, *across, *past, *loose)
+    held = held_in_result(linear.state, linear.u, linear.foundations.pairs)
+    inside = pushed_nodes(linear.space.mesh.comm, [held], linear.scales.size)
+    inside += shapes_in_results(linear.foundations.placed_shapes, linear.u)
+    return (*inside, *pushed, *across, *past, *loose)

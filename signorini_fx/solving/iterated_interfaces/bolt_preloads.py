@@ -54,28 +54,25 @@ class BoltPreloads(Interface):
         return [_jump(path, entry, self.statement, tagged, space) for path, entry in self.entries.items()]
 
     def solve(self, step: LoadStepStart) -> LoadStepEnd:
-        model, task, start, scale = step.model, step.task, step.start, step.scale
+        model, task, start = step.model, step.task, step.start
         place, newton = start.place, task.iterate.newton
         loads = _tightened(model, place)
         of_all = [k for k, load in enumerate(model.applied) if isinstance(load.entry, Preload)]
         numbers = [of_all.index(k) for k in loads]
-        wanted = scale * np.array(
-            [entry.force_at(model.statement, place) for entry in loads.values()], dtype=np.float64
-        )
-        previous = scale * np.array(_shortenings(model, place))
+        wanted = np.array([entry.force_at(model.statement, place) for entry in loads.values()], dtype=np.float64)
+        previous = np.array(_shortenings(model, place))
         # Shortenings s, and ``slope``, length per force: Broyden's approximation of the inverse of dN/ds, empty until
         # every section holds some force; ``last`` are s and N of the iterate before.
         s = np.where(previous > 0, previous, wanted / model.scales.stiffness(model.scales.size))
         slope, last, best = np.empty((0, 0)), (s, s), np.inf
         for _ in range(_MOST_PROBLEMS):
-            model = _with_shortenings(model, place, s / scale)
-            start, begun = replace(start, factors=scale * model.factors(place)), newton.checkpoint()
+            model = _with_shortenings(model, place, s)
+            start, begun = replace(start, factors=model.factors(place)), newton.checkpoint()
             outcome, force = step.solved(model, start).outcome, np.zeros_like(s)
             if outcome.status is Status.CONVERGED:
                 y = model.from_rest(task.rest, outcome.displacement())
-                force = np.array([row.force for row in section_forces(model.statement, model.tagged, y, place, scale)])[
-                    numbers
-                ]
+                forces = [row.force for row in section_forces(model.statement, model.tagged, y, place)]
+                force = np.array(forces)[numbers]
             elif slope.size or outcome.status is Status.NOT_HELD:  # whatever the shortenings are
                 return LoadStepEnd(model, start, outcome)
             missing = float(np.abs(wanted - force).max() / wanted.max())
@@ -158,11 +155,7 @@ def _with_shortenings(model: SolidBody, step: float, lengths: Sequence[float] | 
 
 
 def _jump(path: str, effect: Preload, statement: Any, tagged: TaggedMesh, space: fem.FunctionSpace) -> Jump:
-    """The cells beyond a section, and its nodes; collective.
-
-    Raises:
-        SceneError: there is no such section, or it does not cut the body through.
-    """
+    """The cells beyond a section, and its nodes; collective."""
     mesh, dim = tagged.mesh, tagged.dimension
     of_cells, corners = space.dofmap.list, compat.geometry_cells(mesh)
     middle = mesh.geometry.x[corners, :dim].mean(axis=1)
@@ -214,11 +207,7 @@ def _inner_facets(name: str, path: str, tagged: TaggedMesh) -> npt.NDArray[np.in
 
 
 def _plane(space: fem.FunctionSpace, nodes: _Flags, tagged: TaggedMesh, path: str) -> tuple[_Floats, _Floats]:
-    """A point and the unit normal of the plane through nodes.
-
-    Raises:
-        SceneError: there is none.
-    """
+    """A point and the unit normal of the plane through nodes."""
     comm, owned = space.mesh.comm, space.dofmap.index_map.size_local
     x = node_positions(space)[:owned, : tagged.dimension][nodes[:owned]]
     sums = parallel.global_sum(comm, np.append(x.sum(axis=0), len(x)))

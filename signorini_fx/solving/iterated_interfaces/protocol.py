@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from typing import Any
 
 from dolfinx import fem
 
@@ -21,15 +21,12 @@ from signorini_fx.results.mechanics import SolidBody
 
 @dataclass(frozen=True)
 class LoadStepStart:
-    """A load step that an interface is to solve; ``scale``: a factor of all loads, its own included; ``inner``: the
-    interfaces that solve it within this one, the outer ones first.
-    """
+    """A load step that an interface is to solve; ``inner``: the interfaces that solve it within this one."""
 
     model: SolidBody
     task: Task
     start: Start
     max_iterations: int | None = None
-    scale: float = 1.0
     inner: tuple[Any, ...] = ()
 
     def solved(self, model: SolidBody, start: Start) -> LoadStepEnd:
@@ -56,9 +53,6 @@ class Interface:
 
     statement: Statement
     entries: Mapping[str, Any]
-    # Whether its iteration encloses those of the kinds for which this is False: what these look for depends on what
-    # this one has found, or has no solution without it.
-    outer: ClassVar[bool] = False
 
     def jumps(self, tagged: TaggedMesh, space: fem.FunctionSpace) -> list[Jump]:
         """The jumps of the displacement that it prescribes inside the body."""
@@ -87,6 +81,5 @@ def solve_step(step: LoadStepStart) -> LoadStepEnd:
     if not statement.interfaces:
         return step.solved(step.model, step.start)
     sought = statement.depends_on_solution_at(step.start.place)
-    seeking = [entry for entry in statement.interfaces if sought.keys() & entry.entries.keys()]
-    inner = tuple(sorted(seeking, key=lambda interface: not interface.outer))
-    return replace(step, inner=inner).solved(step.model, step.start)
+    seeking = tuple(entry for entry in statement.interfaces if sought.keys() & entry.entries.keys())
+    return replace(step, inner=seeking).solved(step.model, step.start)
