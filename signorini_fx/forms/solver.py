@@ -241,17 +241,6 @@ class FormSolver:
         self._solution, self._rested = beginning.solution, beginning.rested
         self.foundations.settled = beginning.settled
 
-    def load(self) -> None:
-        """Give the present contact problem the loads and prescribed displacements of now; collective."""
-        assert self._last_pattern is not None
-        self.prescribed = _, values = prescribed(self.space, conditions_of(self.bcs, self.space))
-        self.rigid = self.foundations.rigid_bodies
-        pattern, last = self._last_pattern
-        fingerprint = digest(self.forms.compiled[1], values, *self.rigid.driven_by)
-        if parallel.any_rank(self.space.mesh.comm, fingerprint != last):
-            self.task.system.set_case(0, self._case(values))
-            self._last_pattern = pattern, fingerprint
-
     def advance(self) -> None:
         """End a step, see ``ContactProblem.advance``."""
         if self.outcome is None or self.status is not Status.CONVERGED:

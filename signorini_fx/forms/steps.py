@@ -79,9 +79,7 @@ class FormSteps(SteppedBody):
         return BegunStep(replace(self, model=solver.model(self.path)), solver.task, start, solver.previous_step)
 
     def load(self, system: ElasticSystem, path_step: float) -> Nodal:
-        """See ``SteppedBody``: those of the time of the place."""
-        self.clock.turn(self.path.time_at(path_step))
-        self.solver.load()
+        """See ``SteppedBody``: the system has those of the time of the place."""
         return np.ones(1)
 
     def show(self, outcome: Outcome, result: StepResult) -> None:

@@ -84,14 +84,13 @@ class StepEnd:
         first: RegularisedData,
         law: PointFriction | None,
         moved: Array | None,
-        start: Start | None = None,
+        start: Start,
         spin: Array | None = None,
     ) -> tuple[Start, PreviousStep]:
         """Where the next step starts on foundations that have ``moved`` at the points, length, shape (n, d), and this
         end as it begins from it: slip is relative to them, and friction is that of the pressure with which this step
         has ended; ``start``: of it in the frames of these points; collective.
         """
-        start = self.projected_onto(boundary, held=False, spin=spin)[0] if start is None else start
         assert start.multipliers is not None
         data = replace(
             start.data,
@@ -101,21 +100,57 @@ class StepEnd:
             immovable=first.immovable,
             bilateral=first.bilateral,
         )
-        before = relative_to(self.before, self.boundary, boundary, moved, spin)
+        rotation, before = rotations(self.boundary.normal, boundary.normal, spin), self.before
+        shear, elastic = before.tractions.shear, before.elastic_slip
+        before = replace(
+            before,
+            tractions=replace(before.tractions, shear=np.einsum("nij,nj->ni", rotation, shear)),
+            elastic_slip=None if elastic is None else np.einsum("nij,nj->ni", rotation, elastic),
+            moved=moved,
+        )
         return replace(start, data=data, law=law), before
 
     def projected_onto(
         self, boundary: ContactBoundary, *, held: bool, spin: Array | None = None
     ) -> tuple[Start, ReferenceMotion | None]:
-        """The start of the step and the reference motion, in the frames that the same points have now; ``held``:
-        whether what has fallen to the reference motion is held by now, so that slips count from the initial one;
-        collective.
+        """The start of the step and the reference motion, in the frames that the same points have now, with which
+        shears turn, see ``turned``; ``held``: whether what has fallen to the reference motion is held by now, so that
+        slips count from the initial one; collective.
+
+        Raises:
+            FormError: the points are others, or their normals where contact alone holds the body.
         """
-        start, resting = self.start, self.rest
+        start, resting, earlier = self.start, self.rest, self.boundary
         if held and resting is not None:
             start = replace(start, data=replace(start.data, slip_origin=start.data.slip_origin + resting.u_t))
             resting = None
-        return carried(start, resting, self.normal, self.boundary, boundary, spin)
+        if parallel.any_rank(boundary.comm, not np.array_equal(earlier.nodes, boundary.nodes)):
+            raise FormError([("contact", "its points cannot change between the steps of a loop")])
+        turns = parallel.any_rank(boundary.comm, not np.allclose(earlier.normal, boundary.normal))
+        if turns and resting is not None:
+            wrong = "its directions cannot change between the steps of a loop where contact alone holds the body"
+            raise FormError([("contact", wrong)])
+        rotation = turned(earlier, boundary, spin)
+
+        def along(shear: Array) -> Any:
+            return np.einsum("njk,nk->nj", rotation, shear)
+
+        def moved(slip: Array) -> Any:
+            return np.einsum("nij,nik,nk->nj", boundary.tangents, earlier.cotangents, slip)
+
+        data, multipliers, origin = start.data, start.multipliers, moved(start.data.slip_origin)
+        if turns:
+            relative = np.column_stack((self.normal, start.data.slip_origin))
+            coframes = np.concatenate((earlier.normal[:, :, None], earlier.cotangents), axis=2)
+            origin = np.einsum("nki,nkj,nj->ni", boundary.frames, coframes, relative)[:, 1:]
+        begun = replace(
+            start,
+            data=replace(data, mu_hat=along(data.mu_hat), slip_origin=origin),
+            sets=None if start.sets is None else _turned_sets(start.sets, rotation),
+            multipliers=None if multipliers is None else (multipliers[0], along(multipliers[1])),
+            elastic_slip=along(start.elastic_slip),
+        )
+        return begun, None if resting is None else replace(resting, u_t=moved(resting.u_t))
 
 
 @dataclass(frozen=True)
@@ -172,73 +207,6 @@ def from_rest(
 def _along(boundary: ContactBoundary, moved: Array | None) -> Any:
     """The components of motions along the boundary, shape (n, d - 1)."""
     return 0.0 if moved is None else np.einsum("nij,ni->nj", boundary.tangents, moved)
-
-
-def carried(
-    start: Start,
-    resting: ReferenceMotion | None,
-    normal: Array,
-    old_boundary: ContactBoundary,
-    new_boundary: ContactBoundary,
-    spin: Array | None = None,
-) -> tuple[Start, ReferenceMotion | None]:
-    """The start of a step, and the place from which its slips are counted, in the frames that the same points have now;
-    collective.
-
-    Shears turn with a foundation that has turned, see ``turned``.
-
-    Raises:
-        FormError: the points are others, or their normals where contact alone holds the body.
-    """
-    comm = old_boundary.comm
-    if parallel.any_rank(comm, not np.array_equal(old_boundary.nodes, new_boundary.nodes)):
-        raise FormError([("contact", "its points cannot change between the steps of a loop")])
-    turns = parallel.any_rank(comm, not np.allclose(old_boundary.normal, new_boundary.normal))
-    if turns and resting is not None:
-        wrong = "its directions cannot change between the steps of a loop where contact alone holds the body"
-        raise FormError([("contact", wrong)])
-    rotation = turned(old_boundary, new_boundary, spin)
-
-    def along(shear: Array) -> Any:
-        return np.einsum("njk,nk->nj", rotation, shear)
-
-    def moved(slip: Array) -> Any:
-        return np.einsum("nij,nik,nk->nj", new_boundary.tangents, old_boundary.cotangents, slip)
-
-    data, multipliers, origin = start.data, start.multipliers, moved(start.data.slip_origin)
-    if turns:
-        relative = np.column_stack((normal, start.data.slip_origin))
-        coframes = np.concatenate((old_boundary.normal[:, :, None], old_boundary.cotangents), axis=2)
-        relative = np.einsum("nki,nkj,nj->ni", new_boundary.frames, coframes, relative)
-        origin = relative[:, 1:]
-    begun = replace(
-        start,
-        data=replace(data, mu_hat=along(data.mu_hat), slip_origin=origin),
-        sets=None if start.sets is None else _turned_sets(start.sets, rotation),
-        multipliers=None if multipliers is None else (multipliers[0], along(multipliers[1])),
-        elastic_slip=along(start.elastic_slip),
-    )
-    return begun, None if resting is None else replace(resting, u_t=moved(resting.u_t))
-
-
-def relative_to(
-    previous: PreviousStep,
-    earlier: ContactBoundary,
-    boundary: ContactBoundary,
-    moved: Array | None,
-    spin: Array | None = None,
-) -> PreviousStep:
-    """The end of the last step as one begins from it whose foundations have turned, and ``moved`` at the points,
-    length, shape (n, d), with shears along them.
-    """
-    rotation = rotations(earlier.normal, boundary.normal, spin)
-
-    def along(vectors: Array) -> Array:
-        return np.asarray(np.einsum("nij,nj->ni", rotation, vectors))
-
-    tractions, elastic = previous.tractions, previous.elastic_slip
-    tractions = replace(tractions, shear=along(tractions.shear))
-    return replace(previous, tractions=tractions, elastic_slip=None if elastic is None else along(elastic), moved=moved)
 
 
 def rotations(earlier: Array, later: Array, spin: Array | None = None) -> Array:

@@ -18,7 +18,7 @@ from signorini_fx.mechanics.body.discretisation import moved_since, placed
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.model import Model
 from signorini_fx.results.certificate.law_of_method import PreviousStep
-from signorini_fx.results.step_frames import StepEnd, carried, from_rest
+from signorini_fx.results.step_frames import StepEnd, from_rest, turned
 from signorini_fx.solving.stepped_body import BegunStep, SteppedBody
 
 
@@ -60,9 +60,9 @@ def on_moved_foundations(
     if end is None:
         drift, begun = moved_since(moved, moved.statement.placed(-1)), task.start
         if start.sets is not None and start.multipliers is not None:  # of a coarser mesh
-            carried_start, _ = carried(start, None, drift[:, 0], earlier.boundary, moved.boundary)
-            assert carried_start.multipliers is not None
-            begun = begun.begin_from(start.sets, carried_start.multipliers)
+            pressure, shear = start.multipliers
+            shear = np.einsum("njk,nk->nj", turned(earlier.boundary, moved.boundary), shear)
+            begun = begun.begin_from(start.sets, (pressure, shear))
         return from_rest(moved.space, moved.boundary, begun, drift)
     end.taken_up(task, moved, moved.rigid)
     begun, _ = end.projected_onto(moved.boundary, held=True)

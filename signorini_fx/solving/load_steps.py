@@ -8,21 +8,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from math import floor
 from typing import TYPE_CHECKING, Generic, TypeVar
 
 from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
 from signorini_fx.algebra.attempts import HALF
 from signorini_fx.algebra.contact.complementarity import RegularisedData
-from signorini_fx.algebra.contact.nodal_vectors import Nodal
-from signorini_fx.algebra.contact.statics import no_balance
 from signorini_fx.records import History, Status, StepRecord, Timings
 from signorini_fx.results.mechanics import StepResult
 from signorini_fx.results.step_frames import StepEnd
 from signorini_fx.solving.loose_bodies import explained
 from signorini_fx.solving.ramp import Increments
 from signorini_fx.solving.stepped_body import BegunStep, LoadStep, SteppedBody
-from signorini_fx.tuned import CERTIFICATE_TOLERANCE
 
 if TYPE_CHECKING:
     from signorini_fx.solving.checkpointed_steps import MeshCheckpoint
@@ -183,7 +179,7 @@ def _attempt(progress: StepProgress, path: Increments) -> LoadStep:
     start = replace(
         begun.start,
         place=path_step,
-        factors=_load_at(begun, path_step, path),
+        factors=begun.body.load(begun.task.system, path_step),
         without_fall_backs=path.without_fall_backs,
         several=steps.several,
     )
@@ -198,26 +194,6 @@ def _attempt(progress: StepProgress, path: Increments) -> LoadStep:
     result = begun.certified(outcome)
     solves = result.linear_solves + history.linear_solves - solves_before
     return LoadStep.of(begun, outcome, replace(result, linear_solves=solves, reason=reason or result.reason))
-
-
-def _load_at(begun: BegunStep, path_step: float, path: Increments) -> Nodal:
-    """The factors of the load cases at a place; where statics proves within a ramp that its load is the largest one, a
-    little beyond: which loads a ramp tries is arbitrary, and at the limit itself round-off would decide; collective.
-    """
-    body, task, start = begun.body, begun.task, begun.start
-    if not path.halves or task.motions.count == 0:
-        return body.load(task.system, path_step)
-
-    def proved(at: float) -> bool:
-        task.system.set_load(body.load(task.system, at))
-        return no_balance(start.law, start.data.bilateral, task.motions, task.system.resultant) is not None
-
-    beyond = path_step + CERTIFICATE_TOLERANCE * (path_step - floor(path_step))
-    if proved(path_step) or not proved(beyond):
-        return body.load(task.system, path_step)
-    time = body.path.time_at(path_step)
-    task.history.add(f"statics: the load at time {time:.6g} is the largest that can be held")
-    return body.load(task.system, beyond)
 
 
 def _recalled_step(progress: StepProgress, level_checkpoint: MeshCheckpoint, path: Increments) -> LoadStep | None:

@@ -33,8 +33,6 @@ P = TypeVar("P")
 # What the finer mesh says of the body, not of its solve: statics excludes a solution, or there is one that is too
 # large.  A coarser mesh does not refute this.
 OF_THE_BODY = (Status.NOT_HELD, Status.OPEN, Status.TIPS, Status.SLIDES, Status.TOO_LARGE)
-# Outcomes on a mesh whose cells are as small as the round-off of their coordinates.
-_TOO_FINE = (Status.NOT_CERTIFIED, Status.ROUND_OFF, Status.SINGULAR, Status.NOT_FINITE)
 
 
 @dataclass(frozen=True)
@@ -185,9 +183,9 @@ class Unsolved:
     reason: str
 
     @classmethod
-    def by_outcome(cls, status: Status, mesh: str, *, late: str = "", tiny: bool = False) -> Unsolved | None:
-        """Of a solve that ended without a solution; ``late``: that the time has passed, in words; ``tiny``: whether the
-        coordinates of the mesh before have hardly any digits left.  None where its outcome is what holds of the body.
+    def by_outcome(cls, status: Status, mesh: str, *, late: str = "") -> Unsolved | None:
+        """Of a solve that ended without a solution; ``late``: that the time has passed, in words; None where its
+        outcome is what holds of the body.
         """
         if status is Status.NO_MEMORY:
             return cls(Status.MEMORY, f"{mesh} has used up the memory")
@@ -195,10 +193,7 @@ class Unsolved:
             return cls(Status.BUDGET, late)
         if status in OF_THE_BODY:
             return None
-        ended = f"{mesh} ends with: {status.value}"
-        if tiny and status in _TOO_FINE:
-            return cls(Status.OUT_OF_REACH, f"{ended}; it is too fine for double precision")
-        return cls(Status.COARSER, f"{ended}: {status.advice}")
+        return cls(Status.COARSER, f"{mesh} ends with: {status.value}: {status.advice}")
 
     @classmethod
     def by_error(cls, error: Exception, mesh: str, comm: MPI.Comm) -> Unsolved:

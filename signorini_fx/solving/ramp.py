@@ -116,11 +116,6 @@ class Increments:
         return self._divided is not None and (self._from_nothing or self.at.reached >= 0)
 
     @property
-    def halves(self) -> bool:
-        """Whether the next load step is at a place of its own, between two factors."""
-        return self._divisible and abs(self.next - round(self.next)) > SAME_LENGTH
-
-    @property
     def _enclosed(self) -> float:
         """The increment that is not divided any more."""
         reached = self.at.reached

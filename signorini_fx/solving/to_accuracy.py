@@ -37,7 +37,6 @@ from signorini_fx.results.solution import Solution
 from signorini_fx.solving.finer_meshes import Meshes
 from signorini_fx.solving.meshed_problem import SolvedMesh, Unsolved
 from signorini_fx.tuned import (
-    DIGITS_OF_FILES,
     FEW_NODES,
     FEWEST_MESHES,
     LARGEST_GAMMA,
@@ -87,8 +86,7 @@ def solve_to_accuracy(
         if level is None:
             ended = f"{goal.seconds:g} s have ended before mesh {len(levels) + 1} was solved" if late else ""
             if last is not None:
-                tiny = _is_tiny(levels[-1], solved.tagged.size)
-                unsolved = Unsolved.by_outcome(solution.status, "the next mesh", late=ended, tiny=tiny)
+                unsolved = Unsolved.by_outcome(solution.status, "the next mesh", late=ended)
                 if unsolved is not None:
                     return unsolved.leaves(last, history)
             elif late:
@@ -292,11 +290,6 @@ class Budget:
 def _estimate_on_one(level: LevelResult, goal: Accuracy) -> float | None:
     """The error that a single mesh knows; None for what is only known by comparing meshes."""
     return {"energy": level.energy, "pressure": level.pressure}.get(goal.of)
-
-
-def _is_tiny(level: LevelResult, size: float) -> bool:
-    """Whether a contact point of a mesh stands for so small an area that round-off may be why the next mesh fails."""
-    return float(level.table.columns["weight"].min()) < (DIGITS_OF_FILES * size) ** (level.dimension - 1)
 
 
 def _seen_rate(levels: list[LevelResult]) -> float:
