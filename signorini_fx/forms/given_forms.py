@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-import ufl
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 
@@ -55,11 +54,6 @@ class GivenForms:
     def touching(self) -> list[Facets]:
         """The facets that are in contact, of pairs on both sides."""
         return [*self.facets, *self.masters.values()]
-
-    @property
-    def in_ufl(self) -> bool:
-        """Whether a and L say what they are between points of quadrature."""
-        return all(isinstance(form, ufl.Form) for form in self.original)
 
     @property
     def names(self) -> list[str]:

@@ -60,13 +60,10 @@ class StepBeginning:
     """Where a step of a ``ContactProblem`` begins, whatever is tried from there.
 
     Attributes:
-        last: the end of the last step; None: there is none.
         start: of the step, in the frames of ``boundary``; None: the body at rest.
         previous: ``last`` as the certificate sees it from there.
-        solution: the last solution.
         rested: the motions that the reference motion of ``last`` is one of; None: there is none.
         settled: the shapes of foundations as they were at the end of the last step.
-        boundary: the contact points.
     """
 
     last: StepEnd | None

@@ -39,18 +39,10 @@ from signorini_fx.tuned import (
 class Meshes:
     """One finer mesh after the other, and the problem on it.
 
-    Args:
-        problem: on the coarsest mesh.
-        goal: the requested accuracy.
-        comm: the ranks that share the work.
-        adaptive: whether triangles or tetrahedra are divided where the error is large.
-        made: whether meshes are made anew; otherwise all cells, or some, are divided.
-        any_jump: whether the next mesh may be any number of times finer; otherwise all cells, or some, are halved.
-
     Attributes:
         problem: on the mesh that is to be solved next.
-        adaptive: see above.
-        any_jump: see above.
+        adaptive: whether triangles or tetrahedra are divided where the error is large.
+        any_jump: whether the next mesh may be any number of times finer; otherwise all cells, or some, are halved.
         remade: whether gmsh makes other cells anew, where the error is large.
         seconds: time of the last refinements; 0 where the mesh is made with the solve.
         finer: how many times finer, on average over the body, the last division of some cells has made the mesh.

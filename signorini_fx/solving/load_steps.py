@@ -135,7 +135,7 @@ def all_load_steps(
         step = _attempt(progress, path)
         result = step.result
         failed = result.status is not Status.CONVERGED
-        if failed and path.shorten(result.status, result.linear_solves) and not history.exhausted:
+        if failed and path.shorten(result.status) and not history.exhausted:
             history.add(f"{step}: {HALF}")
             newton.restore(beginning)
             return None

@@ -30,8 +30,6 @@ from signorini_fx.tuned import (
 _HOPELESS_AT_FIRST = (Status.NOT_HELD, Status.LINEAR_SOLVER, Status.NO_MEMORY)
 # Outcomes that are proved: no start of the iteration changes them.
 _PROVED = (Status.SLIDES, Status.TIPS, Status.OPEN)
-# A ramp that is asked for in fewer load steps may take as many linear solves for its end as one in so many.
-_FEW_STEPS = 5
 
 
 @dataclass(frozen=True)
@@ -46,8 +44,6 @@ class Position:
         limit: whether no other start leads to that place, or to one beyond it: statics proves that it has no solution,
             or two different starts have failed there.
         last: linear solves of the last load step with a solution.
-        done: those of all load steps with a solution.
-        wasted: those of all attempts without one; not those before a hard first load step.
         hard: whether a load step was solved by fall-backs where no increment was small enough without them.
     """
 
@@ -57,8 +53,6 @@ class Position:
     failed: float | None = None
     limit: bool = False
     last: int = 0
-    done: int = 0
-    wasted: int = 0
     hard: bool = False
 
 
@@ -66,8 +60,8 @@ class Increments:
     """Where a problem is on its path through load steps; places are those of ``statement.load_path``.
 
     Without a ramp every time is a load step, and one without a solution ends the way.  In a ramp its increment is
-    halved, until the load is enclosed between one with and one without a solution, or the attempts without one have
-    taken as many linear solves as they may: the price of the end of a ramp is set by the way up to there.
+    halved, until the load is enclosed between one with and one without a solution: the linear solves of the last load
+    step set how many an attempt without one may take.
 
     Args:
         path: the load steps.
@@ -125,37 +119,18 @@ class Increments:
     @property
     def allowed(self) -> int:
         """Linear solves that the next load step may take."""
-        at = self.at
         if not self._divisible:
             return self._step_limit
-        if self.without_fall_backs:
-            return min(self._step, self._ramp // 2 - at.wasted)
-        return self._ramp - at.wasted
+        # One at which nothing changes takes two, which is no measure for one that fails.
+        before_smaller = FAILED_STEP * (max(self.at.last, EASY_STEP) if self.at.last else self._iterations)
+        return before_smaller if self.without_fall_backs else FAILED_RAMP * before_smaller
 
     @property
     def without_fall_backs(self) -> bool:
-        """Whether only the methods themselves are tried at the next load step, because a smaller increment may do.
-
-        The last attempt of a ramp has all fall-backs: that at an increment which is not divided any more, or after half
-        of the linear solves that attempts without a solution may take.
+        """Whether only the methods themselves are tried at the next load step, because a smaller increment may do: that
+        at an increment which is not divided any more has all fall-backs.
         """
-        at = self.at
-        return self._divisible and not (
-            at.hard or self.next - at.reached <= self._enclosed or self._ramp // 2 - at.wasted < EASY_STEP
-        )
-
-    @property
-    def _step(self) -> int:
-        """Linear solves that a load step may take before a smaller increment is tried."""
-        # One at which nothing changes takes two, which is no measure for one that fails.
-        return FAILED_STEP * (max(self.at.last, EASY_STEP) if self.at.done else self._iterations)
-
-    @property
-    def _ramp(self) -> int:
-        """Linear solves that the attempts without a solution may take together."""
-        if not self.at.done:
-            return self._step_limit
-        return FAILED_RAMP * max(self.at.done, EASY_STEP * max(self._divided or 1, _FEW_STEPS))
+        return self._divisible and not (self.at.hard or self.next - self.at.reached <= self._enclosed)
 
     @property
     def bracket(self) -> str | None:
@@ -164,14 +139,12 @@ class Increments:
         if not self._divisible or at.failed is None:
             return None
         held = "without any load" if at.reached == self._begin.reached else f"at time {self._time(at.reached):.6g}"
-        text = f"there is a solution {held}, and none at time {self._time(at.failed):.6g}"
-        closed = at.failed - at.reached <= self._enclosed
-        return text if closed else f"{text}; smaller increments would take more linear solves than they may"
+        return f"there is a solution {held}, and none at time {self._time(at.failed):.6g}"
 
     def advance(self, linear_solves: int) -> None:
         """The next load step has a solution, which took this many linear solves."""
         at, step = self.at, self.next
-        done = replace(at, reached=step, last=linear_solves, done=at.done + linear_solves)
+        done = replace(at, reached=step, last=linear_solves)
         if self._divided is not None and not self._divisible:
             done = replace(done, increment=self._nominal)
         elif self._divided is not None:
@@ -179,8 +152,7 @@ class Increments:
             grows = easy > 1 and at.increment < LARGEST_INCREMENT * self._nominal
             done = replace(done, increment=2 * at.increment if grows else at.increment, easy=0 if grows else easy)
         if self._divisible and at.failed is not None and not self.without_fall_backs:
-            # Attempts before anything is reached are measured by what one load step may take, not by solved ones.
-            done = replace(done, hard=True, increment=self._nominal, wasted=at.wasted if at.done else 0)
+            done = replace(done, hard=True, increment=self._nominal)
         if at.failed is not None and step >= at.failed - SAME_LENGTH:
             done = replace(done, failed=None, limit=False)
         self.at = done
@@ -193,9 +165,9 @@ class Increments:
         """What ``resume`` needs, as plain data."""
         return asdict(self.at)
 
-    def shorten(self, status: Status, linear_solves: int = 0) -> bool:
+    def shorten(self, status: Status) -> bool:
         """Halve the increment, because the next load step ended with ``status``; whether a smaller one may be tried:
-        not where the load is enclosed, or no linear solves are left for another attempt.
+        not where the load is enclosed.
         """
         if not self._divisible:
             return False
@@ -204,10 +176,8 @@ class Increments:
             return False
         fails_again = at.failed is not None and step >= at.failed - SAME_LENGTH
         increment = step - at.reached
-        self.at = at = replace(
-            at, wasted=at.wasted + linear_solves, failed=step, limit=at.limit or fails_again or status in _PROVED
-        )
+        self.at = at = replace(at, failed=step, limit=at.limit or fails_again or status in _PROVED)
         if increment <= self._enclosed or (with_all and not at.hard):
             return False
         self.at = replace(at, increment=increment / 2, easy=0)
-        return self.allowed >= EASY_STEP
+        return True

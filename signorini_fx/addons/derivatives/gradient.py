@@ -53,11 +53,7 @@ class SolvedStep:
     """A load step with its solution, and all that its derivatives need.
 
     Attributes:
-        body: the elastic body.
-        system: that it was solved with.
-        law: of contact and friction, linearised at the solution.
         methods: whose factors may serve.
-        state: the contact points.
         displacement: y, from the initial position.
         driven: the unknowns of rigid bodies, shape (k,).
         compliance: 1 / gamma_2, length per stress; zero without regularisation.
