@@ -257,7 +257,7 @@ class _SceneRows:
         d, pair = self._d, self._model.pairs.get(number)
         named = self._model.tagged.facets(effect.boundary) if pair is None else pair.slave.facets
         facets = _Facets.of(self._model, named)
-        bound = effect.friction.bound if effect.friction.acts else 0.0  # that of Tresca friction
+        bound = getattr(effect.friction, "bound", 0.0)  # that of Tresca friction
         _refuse_jumps(bound, facets.x, "friction bound")
         towards = facets.normal
         if effect.foundation is not None:

@@ -163,7 +163,7 @@ def contact_figure(table: Table, facets: Rows) -> Figure:
     ]
     size = _WIDTH, sum(heights) + len(panels) + 0.4
     figure = Figure(figsize=size, layout=ConstrainedLayoutEngine(h_pad=0.05))
-    grid = figure.subplots(len(panels), squeeze=False, height_ratios=np.add(heights, 0.9))[:, 0]
+    grid = figure.subplots(len(panels), squeeze=False, height_ratios=[height + 0.9 for height in heights])[:, 0]
     seen: set[str] = set()
     for axes, (side, (low, high, part), state) in zip(grid, panels, strict=True):
         _frame(axes, side, low, high)

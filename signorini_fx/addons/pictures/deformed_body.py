@@ -65,7 +65,8 @@ class DrawnFoundation:
         usual, inner = np.maximum(steps[:-2], steps[2:]), steps[1:-1]
         apart = (inner == 0) | ((inner > 4 * usual) & (usual > 0)) | np.diff(parts[3]) | np.diff(parts[4])
         split = zip(*(np.split(part, np.flatnonzero(apart) + 1) for part in parts), strict=True)
-        return [DrawnFoundation(*piece) for piece in split if len(piece[0]) > 1]
+        named = (dict(zip(("nodes", "offset", "touching", "other", "shaped"), piece, strict=True)) for piece in split)
+        return [DrawnFoundation(**piece) for piece in named if len(piece["nodes"]) > 1]
 
     def with_mirror_image(self) -> DrawnFoundation:
         """Behind that on the other side of the axis, which is x[0] = 0, in the other order: the body is on the left."""
@@ -211,8 +212,9 @@ def _draw_body(axes: Axes, body: DrawnBody, name: str, tones: Tones, factor: flo
     cells = moved[body.perimeters]
     cell_size = math.sqrt(float(np.median(_areas(cells)))) * 72 * inch
     if cell_size >= VISIBLE_CELL:
-        edges = {"facecolors": "none", "edgecolors": _FAINT, "linewidths": min(0.4, 0.045 * cell_size)}
-        axes.add_collection(PolyCollection(list(cells), zorder=1, **edges), autolim=False)
+        width = min(0.4, 0.045 * cell_size)
+        edges = PolyCollection(list(cells), zorder=1, facecolors="none", edgecolors=_FAINT, linewidths=width)
+        axes.add_collection(edges, autolim=False)
     if factor != 1:
         rest = LineCollection(list(body.points[body.outline]), colors=MUTED, linewidths=0.6, zorder=3, alpha=0.7)
         axes.add_collection(rest, autolim=False)

@@ -196,7 +196,7 @@ def _fields(solution: Solution, fields: Sequence[str]) -> tuple[dict[str, Values
 
 def _recovered(solution: Solution, name: str) -> fem.Function:
     recovered = solution.stress.recovered
-    functions = {
+    functions: dict[str, Callable[[], fem.Function]] = {
         "von_mises": lambda: recovered.von_mises,
         "density": lambda: recovered.shear_energy_density,
         "pressure": lambda: recovered.tensor,

@@ -40,7 +40,8 @@ def draw_lengths(axes: Axes, points: Floats, camera: Camera) -> None:
         text = f"{name}: ${math_number(float(f'{high[axis] - low[axis]:.4g}'))}$ {unit('length')}".rstrip()
         across = "right" if aside[0] < -0.4 else "left" if aside[0] > 0.4 else "center"
         upwards = "top" if aside[1] < -0.4 else "bottom" if aside[1] > 0.4 else "center"
-        axes.text(*(0.5 * (start + end) + 0.5 * beside * aside), text, ha=across, va=upwards, color=INK, fontsize=8.5)
+        x, y = 0.5 * (start + end) + 0.5 * beside * aside
+        axes.text(x, y, text, ha=across, va=upwards, color=INK, fontsize=8.5)
 
 
 @dataclass(frozen=True)

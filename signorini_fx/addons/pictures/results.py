@@ -34,7 +34,7 @@ def gather_pictures(solution: Solution, asked: Sequence[str] = (), *, pdf: bool 
     a section ``around``; collective.  Fields that follow from a stress that is not known are left out, which is said.
     """
     tagged, statement = solution.model.tagged, solution.statement
-    usual = {
+    usual: dict[str, Any] = {
         "title": statement.title,
         "dimension": tagged.dimension,
         "units": statement.unit_names(tagged.dimension),

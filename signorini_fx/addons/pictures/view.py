@@ -35,7 +35,7 @@ class View:
         """Along a unit vector, with another one upwards as far as possible."""
         up = up - (up @ sight) * sight
         up = up / np.linalg.norm(up)
-        return cls(np.cross(sight, up), up, -sight)
+        return cls(np.asarray(np.cross(sight, up)), np.asarray(up), -sight)
 
 
 @dataclass(frozen=True)

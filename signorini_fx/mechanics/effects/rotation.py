@@ -41,8 +41,8 @@ class Rotation(Force):
         dimension = len(on.position)  # displacements out of a section have one more than its point and axis
         about, axis = np.zeros(dimension), np.zeros(dimension)
         about[: len(self.about or ())] = self.about or ()
-        given = (0.0, 0.0, 1.0)[:dimension] if self.axis is None else self.axis / np.linalg.norm(self.axis)
-        axis[: len(given)] = given
+        given = np.array((0.0, 0.0, 1.0)[:dimension] if self.axis is None else self.axis)
+        axis[: len(given)] = given / np.linalg.norm(given)
         arm = on.position - on.vector(tuple(about.tolist()))
         along = sum(component * part for component, part in zip(axis.tolist(), arm, strict=True))
         return on.density * on.value(self.speed) ** 2 * (arm - along * on.vector(tuple(axis.tolist())))

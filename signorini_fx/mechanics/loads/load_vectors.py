@@ -393,6 +393,8 @@ def _check_reaction(effect: Resistance, on: FormCoefficients) -> None:
     of_trial = replace(on, inventory=Inventory())
     _, form = _compiled([effect], lambda entry: ufl.inner(_asked(entry, "reaction", on, y), z), of_trial)
 
+    assert form is not None
+
     def work(displacement: npt.NDArray[np.float64], at: npt.NDArray[np.float64]) -> float:
         y.x.array[:], z.x.array[:] = displacement, at
         return float(parallel.global_sum(on.space.mesh.comm, np.array(fem.assemble_scalar(form))))

@@ -112,7 +112,7 @@ class BodyCells:
             normal = np.zeros_like(along[:, :, 0])  # in the plane, also that of a section in 3D
             normal[..., 0], normal[..., 1] = along[:, :, 0, 1], -along[:, :, 0, 0]
         else:
-            normal = np.cross(along[:, :, 0], along[:, :, 1])
+            normal = np.asarray(np.cross(along[:, :, 0], along[:, :, 1]))
         normal *= np.sign(np.einsum("cfd,cfd->cf", normal, at[:, :, 0] - corners.mean(axis=1)[:, None]))[..., None]
         size = np.linalg.norm(normal, axis=2, keepdims=True)
         return at[:, :, 0], np.divide(normal, size, out=np.zeros_like(normal), where=size > 0)

@@ -77,7 +77,7 @@ class HeldSides:
         """
         constrained = self.constrained_slaves(met)
         constrained[others] = False
-        rows = scaled_columns(met[np.flatnonzero(constrained)], self.master * 1.0)
+        rows = scaled_columns(met[np.flatnonzero(constrained)], self.master.astype(np.float64))
         return np.flatnonzero(constrained), scaled_rows(np.asarray(1.0 / rows.sum(axis=1)), rows)
 
     def movable(self, met: Any) -> Array:

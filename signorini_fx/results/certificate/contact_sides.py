@@ -82,9 +82,7 @@ def sides_of(forces: NodalForces, pairs: Mapping[int, PairedSides] | None = None
         gap = forces.on_boundary(effect.boundary, partial(sample, effect.gap_in(tagged.dimension)))
         bound, said = friction_bound(effect, forces), dict[str, Any](bilateral=not effect.opens)
         if effect.friction.directed:
-            axes = forces.on_boundary(
-                effect.boundary, lambda x, law=effect.friction: np.column_stack(law.directions(x))
-            )
+            axes = forces.on_boundary(effect.boundary, partial(_directions, effect.friction))
             said["axes"] = axes[:, :-1], axes[:, -1]
         if effect.against is None:
             form, facets = forces.unit_form(effect.boundary), tagged.facets(effect.boundary)
@@ -111,6 +109,11 @@ def friction_bound(effect: Any, forces: NodalForces) -> Bound:
     return bound
 
 
+def _directions(law: Any, x: Nodal) -> Nodal:
+    """Along which friction is that of the bound, and the ratio of that across them."""
+    return np.column_stack(law.directions(x))
+
+
 def _shape(effect: Any, forces: NodalForces) -> ShapeDistances:
     """Direction and measure of a rigid foundation of a scene."""
     dimension, components = forces.tagged.dimension, forces.dimension
@@ -125,7 +128,8 @@ def _shape(effect: Any, forces: NodalForces) -> ShapeDistances:
 
     factor = direction = None
     if not forces.kinematics.uniform:
-        measure = forces.on_boundary(effect.boundary, lambda x: forces.kinematics.measure_at(x[:components].T))
+        kinematics: Any = forces.kinematics
+        measure = forces.on_boundary(effect.boundary, lambda x: kinematics.measure_at(x[:components].T))
         factor = without_small(measure, forces.comm)
     if effect.direction is not None or effect.surface is not None:
         direction = forces.on_boundary(effect.boundary, along)
