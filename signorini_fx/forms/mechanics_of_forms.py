@@ -204,6 +204,6 @@ def sides_of(
             assert at.pair is not None
             followed = None if entry.bonded or moved is None else moved[: body.owned]
             points = FrozenPoints.of(at.pair, body.space, (at.facets, masters[k]), followed)
-        gap, said = at.gap if at.allowance is None else at.allowance, {"adjust": entry.adjust, "axes": axes}
+        gap, said = at.gap if at.allowance is None else at.allowance, dict[str, Any](adjust=entry.adjust, axes=axes)
         sides.append(paired_side(points, gap, bound, bilateral=at.bilateral, by_geometry=by_geometry, **said))
     return sides

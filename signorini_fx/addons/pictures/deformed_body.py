@@ -71,9 +71,9 @@ class DrawnFoundation:
     def with_mirror_image(self) -> DrawnFoundation:
         """Behind that on the other side of the axis, which is x[0] = 0, in the other order: the body is on the left."""
         nodes, offset = (np.concatenate((part[::-1] * (-1.0, 1.0), part)) for part in (self.nodes, self.offset))
-        flags = (np.append(part[::-1], part) for part in (self.touching, self.other, self.shaped))
+        touching, other, shaped = (np.append(part[::-1], part) for part in (self.touching, self.other, self.shaped))
         lines = [*self.lines, *(line[::-1] * (-1.0, 1.0) for line in self.lines)]
-        return DrawnFoundation(nodes, offset, *flags, lines)
+        return DrawnFoundation(nodes, offset, touching, other, shaped, lines)
 
     def looks_like_itself(self, factor: float, size: float) -> bool:
         """Whether a connected part keeps its shape where its gap is times a factor; ``size``: of the body, length."""
