@@ -15,11 +15,14 @@ import numpy as np
 from mpi4py import MPI
 
 from signorini_fx.machine import parallel
+from signorini_fx.machine.display import storage
+from signorini_fx.machine.terminal import COLUMNS, clauses
 from signorini_fx.mechanics.body.discretisation import prepare
 from signorini_fx.mechanics.materials.isotropic import LinearElastic
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.base import Table
-from signorini_fx.records import Finding, Timings
+from signorini_fx.records import Finding, History, Timings
+from signorini_fx.results.accuracy.next_accuracy import between
 from signorini_fx.scenes.hierarchy import coarser_scenes, scene_on
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.plan import planned
@@ -29,10 +32,15 @@ from signorini_fx.solving.check.findings import nonlinear_findings, scene_findin
 from signorini_fx.solving.check.petsc_options import refuse_mistyped
 from signorini_fx.solving.check.refusals import refuse_beforehand
 from signorini_fx.solving.check.uniqueness import uniqueness_findings
-from signorini_fx.tuned import NO_FORCE
+from signorini_fx.tuned import NEWTON_SOLVES, NO_FORCE
 
 # Entries of a list, and characters of an expression, that are shown.
 _MOST_SHOWN = 30
+
+
+# Lines of the short text, of what acts in it, of the cost, and of one finding.
+_MOST_LINES, _ACTS, _COST, _FINDING = 15, 5, 3, 3
+_LABEL = 12
 
 
 @dataclass(frozen=True)
@@ -91,15 +99,34 @@ def check_scene(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD, *, uniqueness: bo
 
 def _nonlinear(scene: Scene, comm: MPI.Comm) -> Check:
     """See ``check_scene``: of a scene with nonlinear materials, whose modules are imported for it alone."""
-    from signorini_fx.scenes.nonlinear import linear_body
-    from signorini_fx.scenes.nonlinear_check import newton_acting, newton_cost, newton_plan
+    from signorini_fx.forms.nonlinear.problem import MOST_ITERATIONS
+    from signorini_fx.mechanics.body.nonlinear_law import volume_degree
+    from signorini_fx.scenes.nonlinear import ProblemOfScene, linear_body
 
-    timings = Timings()
-    model = linear_body(scene, comm, timings)
-    cost, statement = newton_cost(estimated_cost(model, linear=False), scene.statement.expected_steps), scene.statement
-    acting = newton_acting(statement, model, _acting(replace(model, statement=statement), compared=False))
+    model, statement = linear_body(scene, comm, Timings()), scene.statement
+    ProblemOfScene.of(statement, model, History())  # refuses what does not fit
+    cost = _newton_cost(estimated_cost(model, linear=False), statement.expected_steps)
+    inner = " with the contact problem of its tangent in each iteration" if statement.contact else ""
+    kind = statement.kinematics_in(model.tagged.dimension).words
+    strains = "finite" if statement.finite_strains else "small"
+    _, *others = _acting(replace(model, statement=statement), compared=False)
+    acting = (
+        f"nonlinear body ({kind}, {strains} strains, Newton's method{inner})",
+        *["reduced integration"] * (volume_degree(statement, model.tagged) is not None),
+        *(one for one in others if one != "reduced integration"),
+    )
+    plan = (("a load step", ("Newton's method", "half the step"), f"at most {MOST_ITERATIONS} iterations each"),)
     findings = (*memory_finding(cost, comm), *nonlinear_findings(statement, model))
-    return Check(scene.title, acting, cost, findings, newton_plan())
+    return Check(scene.title, acting, cost, findings, plan)
+
+
+def _newton_cost(linear: Cost, steps: int) -> Cost:
+    """The cost from that of the linear body: each linear solve has a factorisation."""
+    solves = NEWTON_SOLVES[0] * steps, NEWTON_SOLVES[1] * steps
+    seconds = solves[0] * linear.factorisation_seconds, solves[1] * linear.factorisation_seconds
+    low, high = (new / old if old > 0 else 1.0 for new, old in zip(seconds, linear.seconds, strict=True))
+    finer = linear.next_seconds[0] * low, linear.next_seconds[1] * high
+    return replace(linear, linear_solves=solves, seconds=seconds, next_seconds=finer)
 
 
 def _validated(scene: Scene, comm: MPI.Comm) -> Model:
@@ -194,3 +221,48 @@ def _gaps(model: Model, index: int) -> str:
     low, high = (parallel.largest(model.comm, sign * gaps, -np.inf) for sign in (-1.0, 1.0))
     extremes = (0.0 if abs(gap) < NO_FORCE * model.tagged.size else gap for gap in (-low, high))
     return " to ".join(f"{gap:.4g}" for gap in extremes)
+
+
+def text_of(check: Check, *, verbose: bool) -> str:
+    """What acts, what it will cost, and what the scene lacks, in 80 columns; with ``verbose`` all of it and the methods
+    that will be tried, else at most fifteen lines.
+    """
+    cost, (low, high) = check.cost, check.cost.linear_solves
+    solves = f"{low}" if low == high else f"{low} to {high}"
+    estimate = (
+        f"{cost.unknowns} unknowns, {solves} solves, {between(cost.seconds)} of linear algebra, "
+        f"{storage(cost.memory_bytes)}, estimated; {_next_accuracy(cost)}"
+    )
+    lines = _paragraph("acts", "; ".join(check.acts), None if verbose else _ACTS)
+    lines += _paragraph("cost", estimate, None if verbose else _COST)
+    if verbose:
+        lines += _paragraph("solver", cost.linear_algebra, None)
+        for purpose, attempts, limit in check.plan:
+            lines += _paragraph(
+                "tried", f"for {purpose}, until one has a solution: {'; '.join(attempts)} ({limit})", None
+            )
+    findings = sorted(check.findings, key=lambda finding: finding.level != "warning")
+    for k, finding in enumerate(findings):
+        told = _paragraph(finding.level, f"{finding.path}: {finding.message}", None if verbose else _FINDING)
+        if not verbose and len(lines) + len(told) + 2 > _MOST_LINES:
+            more = len(findings) - k
+            lines += _paragraph("", f"{more} more finding{'s' * (more > 1)}: --verbose", 1)
+            break
+        lines += told
+    count = len(check.warnings)
+    verdict = "fine" if count == 0 else f"{count} warning{'s' * (count > 1)}"
+    heading = f"{check.title or 'scene'}: {verdict}"
+    return "\n".join([heading if len(heading) <= COLUMNS else f"{heading[: COLUMNS - 3]}...", *lines])
+
+
+def _paragraph(label: str, text: str, most: int | None) -> list[str]:
+    """A labelled text; what does not fit in so many lines is left out, see ``clauses``."""
+    lines = clauses(text, COLUMNS - _LABEL, most)
+    return [f"  {label if k == 0 else '':{_LABEL - 2}s}{line}" for k, line in enumerate(lines)]
+
+
+def _next_accuracy(cost: Cost) -> str:
+    """What the next accuracy would take, before anything is known of the solution."""
+    share = {0.1: "a tenth of", 0.5: "half"}.get(cost.next_error, f"{cost.next_error:.2g} of")
+    how = "with --accuracy" if cost.next_local else "with all cells smaller"
+    return f"{share} the error: {between(cost.next_seconds)} {how}"

@@ -177,8 +177,7 @@ def check(options: argparse.Namespace) -> int:
     comm = MPI.COMM_WORLD
     try:
         scene = _read_scene(options)
-        from signorini_fx.scenes.check_text import text_of
-        from signorini_fx.scenes.checks import check_scene
+        from signorini_fx.scenes.checks import check_scene, text_of
         from signorini_fx.scenes.mesh import load_mesh
 
         checked = check_scene(scene, comm, uniqueness=options.verbose)
