@@ -27,7 +27,7 @@ Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class OfDisplacement:
+class OfDisplacement(Functional):
     """A linear functional of the displacement."""
 
     row: Array  # its coefficients at the owned dofs
@@ -39,10 +39,6 @@ class OfDisplacement:
     def by_displacement(self, y: fem.Function) -> Array | None:
         """See ``Functional``."""
         return self.row
-
-    def by_traction(self, boundary: ContactBoundary, pressure: Nodal, shear: Nodal) -> Nodal:
-        """See ``Functional``."""
-        return np.zeros((pressure.size, 1 + shear.shape[1]))
 
     @classmethod
     def at_point(cls, space: fem.FunctionSpace, point: Array, component: int) -> OfDisplacement | None:
@@ -63,7 +59,7 @@ class OfDisplacement:
 
 
 @dataclass(frozen=True)
-class ContactForce:
+class ContactForce(Functional):
     """A component of the force on the body at one contact boundary, or of its moment about the origin."""
 
     part: int  # number of the contact
@@ -89,17 +85,13 @@ class ContactForce:
         force = -(boundary.nodal_forces(pressure, shear) * self.directions(boundary)).sum()
         return float(parallel.global_sum(boundary.comm, np.array(force)))
 
-    def by_displacement(self, y: fem.Function) -> Array | None:
-        """See ``Functional``."""
-        return None
-
     def by_traction(self, boundary: ContactBoundary, pressure: Nodal, shear: Nodal) -> Nodal:
         """See ``Functional``."""
         return -np.einsum("nij,ni->nj", boundary.frames, self.directions(boundary))
 
 
 @dataclass(frozen=True)
-class LargestPressure:
+class LargestPressure(Functional):
     """The largest pressure of one contact boundary, smoothed: (mean of lambda^p)^(1/p), a stress.
 
     It is below the largest pressure, and tends to it as p grows.
@@ -122,10 +114,6 @@ class LargestPressure:
         power, area = parallel.global_sum(boundary.comm, sums)
         return float(largest * (power / area) ** (1 / self.power))
 
-    def by_displacement(self, y: fem.Function) -> Array | None:
-        """See ``Functional``."""
-        return None
-
     def by_traction(self, boundary: ContactBoundary, pressure: Nodal, shear: Nodal) -> Nodal:
         """See ``Functional``."""
         slopes = np.zeros((pressure.size, 1 + shear.shape[1]))
@@ -138,7 +126,7 @@ class LargestPressure:
 
 
 @dataclass(frozen=True)
-class ContactArea:
+class ContactArea(Functional):
     """The area that presses at one contact boundary, in 2D a length, smoothed: (S^q / T)^(1 / (q - 1)) with S
     the integral of lambda and T that of lambda^q.
 
@@ -162,10 +150,6 @@ class ContactArea:
         shares = np.array([boundary.weight @ (pushing / largest) ** power for power in (1.0, self.power)])
         once, power_sum = map(float, parallel.global_sum(boundary.comm, shares))
         return (once**self.power / power_sum) ** (1 / (self.power - 1)), largest, once, power_sum
-
-    def by_displacement(self, y: fem.Function) -> Array | None:
-        """See ``Functional``."""
-        return None
 
     def by_traction(self, boundary: ContactBoundary, pressure: Nodal, shear: Nodal) -> Nodal:
         """See ``Functional``."""

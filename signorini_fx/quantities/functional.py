@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 if TYPE_CHECKING:
-    import numpy as np
     import numpy.typing as npt
     from dolfinx import fem
 
@@ -16,17 +17,20 @@ if TYPE_CHECKING:
     Array = npt.NDArray[np.float64]
 
 
-class Functional(Protocol):
+class Functional:
     """A scalar result J(y, lambda, mu)."""
 
     def value(self, y: fem.Function, boundary: ContactBoundary, pressure: Nodal, shear: Nodal) -> float:
         """J; collective."""
+        raise NotImplementedError
 
     def by_displacement(self, y: fem.Function) -> Array | None:
         """J_y at the owned dofs; None: it does not depend on the displacement; collective."""
+        return None
 
     def by_traction(self, boundary: ContactBoundary, pressure: Nodal, shear: Nodal) -> Nodal:
         """Derivative by (lambda, mu) at each point over its weight, shape (n, d); collective."""
+        return np.zeros((pressure.size, 1 + shear.shape[1]))
 
 
 @dataclass(frozen=True)

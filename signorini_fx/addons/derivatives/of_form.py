@@ -36,7 +36,7 @@ Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class OfForm:
+class OfForm(Functional):
     """A UFL form of the displacement u without arguments, see ``Functional``."""
 
     form: fem.Form
@@ -55,10 +55,6 @@ class OfForm:
     def by_displacement(self, y: fem.Function) -> Array | None:
         """See ``Functional``."""
         return assemble(self.derivative)
-
-    def by_traction(self, boundary: ContactBoundary, pressure: Nodal, shear: Nodal) -> Nodal:
-        """See ``Functional``."""
-        return np.zeros((pressure.size, 1 + shear.shape[1]))
 
 
 def _quantity_of(wanted: Any, u: fem.Function, body: Callable[[], Model]) -> Functional:
