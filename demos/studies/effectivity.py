@@ -28,7 +28,7 @@ from signorini_fx.mechanics.mesh.tagged import generate_mesh
 from signorini_fx.mechanics.statement.settings import Accuracy
 from signorini_fx.records import History
 from signorini_fx.results.accuracy.convergence_table import convergence_table
-from signorini_fx.scenes.hierarchy import scene_on
+from signorini_fx.scenes.mesh import scene_on
 from signorini_fx.scenes.mesh_sequence import meshed_scene, meshes_of
 from signorini_fx.scenes.reading import parse_scene, read_scene
 from signorini_fx.solving.meshed_problem import SolvedMesh

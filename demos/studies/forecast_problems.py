@@ -30,7 +30,7 @@ Problems = list[tuple[str, Any]]
 
 def _scene(scene: Any, first: float = 1.0) -> Any:
     """A scene from generators on cells ``first`` times as large as its own."""
-    from signorini_fx.scenes.hierarchy import scene_on
+    from signorini_fx.scenes.mesh import scene_on
 
     return scene_on(scene, first)
 

@@ -23,8 +23,7 @@ from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.base import Table
 from signorini_fx.records import Finding, History, Timings
 from signorini_fx.results.accuracy.next_accuracy import between
-from signorini_fx.scenes.hierarchy import coarser_scenes, scene_on
-from signorini_fx.scenes.mesh import load_mesh
+from signorini_fx.scenes.mesh import coarser_scenes, load_mesh, scene_on
 from signorini_fx.scenes.plan import planned
 from signorini_fx.scenes.scene import Scene
 from signorini_fx.solving.check.cost import Cost, attempts_for, estimated_cost, memory_finding

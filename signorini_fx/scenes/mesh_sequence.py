@@ -28,8 +28,7 @@ from signorini_fx.results.accuracy.level_results import compliance_of
 from signorini_fx.results.certificate.law_of_method import overclosures_of
 from signorini_fx.results.restart_files import Checkpoint
 from signorini_fx.results.solution import Solution
-from signorini_fx.scenes.hierarchy import scene_on, with_halved_bodies
-from signorini_fx.scenes.mesh import load_mesh, with_cells_alike
+from signorini_fx.scenes.mesh import load_mesh, scene_on, with_cells_alike, with_halved_bodies
 from signorini_fx.scenes.plan import Plan, planned, scene_with
 from signorini_fx.scenes.scene import Scene
 from signorini_fx.solving.checkpointed_steps import MeshCheckpoint

@@ -16,8 +16,7 @@ from signorini_fx.mechanics.statement.volumetric import treatment_of
 from signorini_fx.quantities.quantity import own_quantities
 from signorini_fx.records import History, Progress
 from signorini_fx.results.solution import ConvergenceError, Solution
-from signorini_fx.scenes.hierarchy import coarser_scenes
-from signorini_fx.scenes.mesh import load_mesh
+from signorini_fx.scenes.mesh import coarser_scenes, load_mesh
 from signorini_fx.scenes.reading import as_scene
 from signorini_fx.scenes.scene import Scene
 from signorini_fx.solving.check.petsc_options import refuse_mistyped
