@@ -24,8 +24,7 @@ from signorini_fx.mechanics.statement.settings import SolverSettings
 from signorini_fx.results.accuracy.contact_surface import interpolated
 from signorini_fx.results.accuracy.convergence_table import zone_change
 from signorini_fx.results.solution import Solution
-from signorini_fx.scenes.mesh import scene_on
-from signorini_fx.scenes.mesh import load_mesh
+from signorini_fx.scenes.mesh import load_mesh, scene_on
 from signorini_fx.scenes.scene import Scene
 from signorini_fx.scenes.solver import solve
 from signorini_fx.tuned import EXPECTED_RATES
