@@ -43,6 +43,7 @@ from signorini_fx.mechanics.effects import (
     temperature,
     traction,
 )
+from signorini_fx.mechanics.effects.contact import Overclosure
 from signorini_fx.mechanics.laws.coulomb import Coulomb
 from signorini_fx.mechanics.laws.none import NoFriction
 from signorini_fx.mechanics.laws.tresca import Tresca
@@ -57,7 +58,6 @@ from signorini_fx.mechanics.materials.saint_venant_kirchhoff import SaintVenantK
 from signorini_fx.mechanics.statement import settings
 from signorini_fx.mechanics.statement.generators import known_generators
 from signorini_fx.mechanics.statement.load_path import LoadSteps
-from signorini_fx.mechanics.statement.overclosure import Overclosure
 from signorini_fx.mechanics.statement.rigid_motion import PivotSprings, Prescribed
 from signorini_fx.quantities.schema import markdown
 from signorini_fx.records import JUDGED, REPORTED, Status

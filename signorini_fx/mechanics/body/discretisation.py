@@ -36,11 +36,11 @@ from signorini_fx.mechanics.loads.load_vectors import (
     driving_load,
     load_groups,
 )
-from signorini_fx.mechanics.loads.supports import Conditions, Supports, at_rest, check_overlap
+from signorini_fx.mechanics.loads.supports import Supports, at_rest, check_overlap
 from signorini_fx.mechanics.materials.trial import check_materials
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, check_fits
 from signorini_fx.mechanics.model import Model
-from signorini_fx.mechanics.obstacles.foundations_on_points import Foundations, NodalFriction
+from signorini_fx.mechanics.obstacles.foundations_on_points import Foundations
 from signorini_fx.mechanics.obstacles.scene_contact import foundations_of
 from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodies
 from signorini_fx.mechanics.scales import Scales
@@ -292,11 +292,6 @@ def law_of(model: Model, statement: Statement) -> PointFriction | None:
     return _foundations_on(model, statement).law(model.boundary, model.scales.modulus)
 
 
-def friction_of(model: Model) -> list[NodalFriction]:
-    """That of each contact at the nodes; collective."""
-    return _foundations_on(model, model.statement).friction()
-
-
 def with_gap_and_friction(model: M, statement: Statement) -> M:
     """The same contact points with gap and friction of another statement that differs in nothing else, and has no
     friction with axes; collective.
@@ -325,10 +320,6 @@ def moved_since(model: Model, earlier: Statement) -> npt.NDArray[np.float64]:
 
 def _foundations_on(model: Model, statement: Statement) -> Foundations:
     return _foundations(statement, model.space, boundary_facets(statement, model.tagged), Inventory())
-
-
-def _no_supports(step: float) -> tuple[Conditions, None]:
-    return [], None
 
 
 def _foundations(

@@ -10,9 +10,8 @@ from pydantic import Discriminator, Tag, model_validator
 
 from signorini_fx.mechanics.laws.none import NoFriction
 from signorini_fx.mechanics.laws.registry import OneLaw
-from signorini_fx.mechanics.statement.base import refused
+from signorini_fx.mechanics.statement.base import Table, refused
 from signorini_fx.mechanics.statement.effect import Contradictions, Effect, Features
-from signorini_fx.mechanics.statement.overclosure import Overclosure
 from signorini_fx.mechanics.statement.rigid_motion import driven_twice
 from signorini_fx.mechanics.statement.rigid_shape import Distance, OneShape
 from signorini_fx.mechanics.statement.values import (
@@ -23,6 +22,19 @@ from signorini_fx.mechanics.statement.values import (
     not_at_points,
     shown,
 )
+
+
+class Overclosure(Table):
+    """How far contact gives way: pressure = stiffness times overclosure, the length by which one side has entered the
+    other.
+
+    Attributes:
+        law: its name.
+        stiffness: stress per length.
+    """
+
+    law: Literal["linear"] = "linear"
+    stiffness: Positive
 
 
 class Contact(Effect):
@@ -167,7 +179,7 @@ class UnilateralContact(Contact):
         foundation: a shape, whose closest points determine gap and direction, ``statement.rigid_shape``; None: none.
         friction: the friction law.
         contact_size: length of its facets, on both sides, where gmsh makes the mesh; None: that of ``mesh``.
-        overclosure: how far it gives way under its pressure, ``statement.overclosure``; None: not at all, but for
+        overclosure: how far it gives way under its pressure, ``Overclosure``; None: not at all, but for
             ``gamma_n``.
         kind: its name.
     """
@@ -235,21 +247,8 @@ class BilateralContact(Contact):
     """Contact that cannot open: tau_N y = d; only the friction is unknown.
 
     Attributes:
-        boundary: name of the boundary where contact may occur.
-        against: name of the boundary of another body that it may touch; None: the foundation is rigid.
-        points: which of both carries the contact points; ``auto``: that of the softer body, or of the finer mesh, see
-            ``obstacles.carrying_side``.
-        distance: between two bodies, to which ``gap`` is added: ``geometry``, as the meshes lie; ``nominal``: zero.
-        adjust: between two bodies, the distance of the meshes, length, that counts as zero, as do all that are smaller,
-            overlaps included; None: none does.
-        sliding: between nonlinear bodies: ``finite``: points follow the other side wherever it is; ``small``: they keep
-            their partners, which is right as long as sides slide by less than a facet.
-        gap: distance d to the foundation along ``direction``, a length; negative: initial penetration; it is added to
-            the distance of a ``foundation``.
-        direction: from the body to the foundation, any length; None: the outward normal of the body.
-        foundation: a shape, whose closest points determine gap and direction, ``statement.rigid_shape``; None: none.
-        friction: the friction law.
-        contact_size: length of its facets, on both sides, where gmsh makes the mesh; None: that of ``mesh``.
+        boundary, against, points, distance, adjust, sliding, gap, direction, foundation, friction, contact_size: as in
+            ``UnilateralContact``.
         kind: its name.
     """
 

@@ -7,8 +7,7 @@ from typing import Any, Literal, Self
 import numpy as np
 from pydantic import model_validator
 
-from signorini_fx.mechanics.shapes.polyline import LineShape, NearestPiece
-from signorini_fx.mechanics.statement.crossing_pieces import crossing_pieces
+from signorini_fx.mechanics.shapes.polyline import LineShape, NearestPiece, crossing_pieces
 from signorini_fx.mechanics.statement.rigid_shape import Array
 from signorini_fx.tuned import LAST_STEP_ON_SPLINE, STEPS_ON_SPLINE
 

@@ -16,7 +16,7 @@ from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodyMotion
 
 if TYPE_CHECKING:
-    from signorini_fx.mechanics.statement.overclosure import Overclosure
+    from signorini_fx.mechanics.effects.contact import Overclosure
     from signorini_fx.mechanics.statement.statement import Statement
 
 
