@@ -86,7 +86,7 @@ def stress_of(law: Law, y: fem.Function, parts: Sequence[Cells]) -> ElementStres
     Raises:
         FormError: the law has another shape, is known at points of quadrature alone, or some strain has no stress.
     """
-    from signorini_fx.mechanics.body.element_stress import stress_by
+    from signorini_fx.mechanics.body.element_stress import ElementStress
 
     mesh = y.function_space.mesh
     kinematics, full_stress = CARTESIAN[mesh.geometry.dim], law(y)
@@ -103,7 +103,7 @@ def stress_of(law: Law, y: fem.Function, parts: Sequence[Cells]) -> ElementStres
         lame = isotropic_moduli(moduli[0], dim, mesh)
         shear_modulus = None if lame is None else lame[1]
         of_law = cellwise_stress(y, sigma, outward, moduli, shear_modulus=shear_modulus)
-        return stress_by(of_law, y, parts, kinematics)
+        return ElementStress(**vars(of_law), displacement=y, parts=parts, kinematics=kinematics)
     except np.linalg.LinAlgError:
         raise FormError([("stress", "is zero for some strain: nothing can be measured in its energy")]) from None
 

@@ -15,10 +15,10 @@ from typing import Any, NoReturn
 
 import numpy as np
 import numpy.typing as npt
-import ufl
 from dolfinx import fem
 
 from signorini_fx.mechanics.body.element_stress import ElementStress
+from signorini_fx.mechanics.elasticity.elastic_law import within
 from signorini_fx.mechanics.model import Model
 from signorini_fx.results.certificate.nonlinear_forces import NonlinearForces, PointStress, through_points
 from signorini_fx.results.stresses import (
@@ -84,15 +84,15 @@ class NonlinearStresses(RawStresses):
         tensor = fem.Function(fem.functionspace(mesh, ("DG", degree - 1, (3, 3))), name="stress")
         _fill(tensor, at_points, at_points.stress)
         stress = ElementStress(
-            y,
-            ufl.as_matrix([[tensor[i, j] for j in range(dim)] for i in range(dim)]),
+            within(tensor, dim),
             tensor[2, 2] if dim == 2 else None,
-            _not_recovered,
+            None,
             _not_recovered,
             None,
             None,
-            (),
-            kinematics,
+            displacement=y,
+            parts=(),
+            kinematics=kinematics,
         )
         recovers = _not_recovered, _not_recovered
         return cls(stress, *recovers, filled=tensor, at_points=at_points, model=model, plastic=plastic)

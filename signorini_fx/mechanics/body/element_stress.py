@@ -20,35 +20,39 @@ from signorini_fx.mechanics.model import Model
 _Floats = npt.NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class ElementStress:
+@dataclass(frozen=True, kw_only=True)
+class ElementStress(LawStress):
     """The stress of a displacement as UFL, linear in the strain, and what follows from its law.
 
     Attributes:
         displacement: y, whose values may change.
-        sigma: the stress, shape (d, d); of the displacement at the time of the last ``refresh``.
-        outward: the stress out of the plane; None: there is none.
-        outward_of: (which of ``parts``, components of stresses at the vertices of its cells, shape (c, v, m)) -> the
-            stress out of the plane that belongs to them, shape (c, v).
-        compliance: components tau of a difference of stresses -> C^-1 tau : tau.
-        modulus: the largest normal stress per strain, lambda + 2 mu.
-        shear_modulus: mu, the mean one of an orthotropic material; None: the body is not known to be isotropic.
         parts: the cells of each part within which the stress has no jumps, local numbers, ghosts included.
         kinematics: of the displacement.
-        refresh: takes from the displacement anew what ``sigma`` does not see of it, on all cells of this rank, and
-            moves initial strains to a place in the lists of factors.
+        move: takes jumps and initial strains to a place in the lists of factors.
     """
 
     displacement: fem.Function
-    sigma: Any
-    outward: Any
-    outward_of: Callable[[int, _Floats], _Floats]
-    compliance: Callable[[Any], Any]
-    modulus: Any
-    shear_modulus: Any
     parts: Sequence[npt.NDArray[np.int32]]
     kinematics: Kinematics
-    refresh: Callable[[float], None] = lambda place: None
+    move: Callable[[float], None] = lambda place: None
+
+    def refresh(self, step: float) -> None:
+        """Take from the displacement anew what ``sigma`` does not see of it, on all cells of this rank, at a place."""
+        self.move(step)
+        for function, expression in (*self.interpolated, *(() if self.prevented is None else (self.prevented,))):
+            function.interpolate(expression)
+
+    def outward_of(self, part: int, tau: _Floats) -> _Floats:
+        """The stress out of the plane that belongs to components of stresses at the vertices of the cells of a part,
+        shapes (c, v) and (c, v, m).
+        """
+        if self.out_of_plane is None:
+            return tau[..., self.kinematics.pairs.index((2, 2))]
+        out_of_plane = self.out_of_plane(part, self.parts[part], tau)
+        if self.prevented is not None:
+            function = self.prevented[0]
+            out_of_plane -= function.x.array[function.function_space.dofmap.list[self.parts[part]]]
+        return out_of_plane
 
     @property
     def around(self) -> Any:
@@ -90,58 +94,12 @@ def element_stress(body: Model, displacement: fem.Function, step: float = 0.0) -
         move_to(step)
         jump_to(step)
 
-    move(step)
     of_law = body.elastic.stress(displacement, displacement if jump is None else displacement + jump, initial)
-    stress = stress_by(of_law, displacement, cells_of_materials(body), body.kinematics, move)
+    parts = cells_of_materials(body)
+    of_body = {"displacement": displacement, "parts": parts, "kinematics": body.kinematics, "move": move}
+    stress = ElementStress(**vars(of_law), **of_body)
     stress.refresh(step)
     return stress
-
-
-def stress_by(
-    of_law: LawStress,
-    y: fem.Function,
-    parts: Sequence[npt.NDArray[np.int32]],
-    kinematics: Kinematics,
-    move: Callable[[float], None] = lambda place: None,
-) -> ElementStress:
-    """The stress of a displacement y by its law.
-
-    Args:
-        of_law: the stress.
-        y: see ``ElementStress``.
-        parts: see ``ElementStress``.
-        kinematics: see ``ElementStress``.
-        move: takes jumps and initial strains to a place in the lists of factors.
-    """
-    sigma, axes, prevented = of_law.sigma, range(len(y)), of_law.prevented
-    if sigma.ufl_shape[0] > len(y):
-        sigma = ufl.as_matrix([[sigma[i, j] for j in axes] for i in axes])
-
-    def refresh(step: float) -> None:
-        move(step)
-        for function, expression in (*of_law.interpolated, *(() if prevented is None else (prevented,))):
-            function.interpolate(expression)
-
-    def outward_of(part: int, tau: _Floats) -> _Floats:
-        if of_law.out_of_plane is None:
-            return tau[..., kinematics.pairs.index((2, 2))]
-        out_of_plane = of_law.out_of_plane(part, parts[part], tau)
-        if prevented is not None:
-            out_of_plane -= prevented[0].x.array[prevented[0].function_space.dofmap.list[parts[part]]]
-        return out_of_plane
-
-    return ElementStress(
-        y,
-        sigma,
-        of_law.outward,
-        outward_of,
-        of_law.compliance,
-        of_law.modulus,
-        of_law.shear_modulus,
-        parts,
-        kinematics,
-        refresh,
-    )
 
 
 def cells_of_materials(model: Model) -> list[npt.NDArray[np.int32]]:

@@ -42,12 +42,12 @@ class LawStress:
     """The stress of a displacement by a law, UFL.
 
     Attributes:
-        sigma: shape (d, d), or with the components out of the plane (3, 3).
+        sigma: shape (d, d); of the displacement at the time of the last ``ElementStress.refresh``.
         outward: the stress out of the plane; None: there is none.
-        out_of_plane: that stress of others, shape (c, v, m), see ``ElementStress.outward_of``; None: it is one of them.
+        out_of_plane: that stress of others, see ``ElementStress.outward_of``; None: it is one of them.
         compliance: components tau of a difference of stresses -> C^-1 tau : tau.
-        modulus: see ``ElementStress``.
-        shear_modulus: see ``ElementStress``.
+        modulus: the largest normal stress per strain, lambda + 2 mu.
+        shear_modulus: mu, the mean one of an orthotropic material; None: the body is not known to be isotropic.
         interpolated: what ``sigma`` does not see of the displacement itself.
         prevented: what of the initial strains the stress out of the plane has beside the other stresses.
     """
@@ -316,7 +316,7 @@ class IsotropicLaw(SceneLaw):
         if kinematics.prevented:
             outward = mean if initial is None else mean - 2 * mu * initial
         return LawStress(
-            sigma,
+            within(sigma, len(y)),
             outward,
             self.lateral if kinematics.prevented else None,
             lambda tau: compliance(tau, kinematics, lame, mu),
@@ -399,6 +399,13 @@ def compliance(tau: Any, kinematics: Kinematics, lame: Any, mu: Any, poisson: An
     if lame is not None:
         share = lame / (len(normal) * lame + 2 * mu)
     return (square + sheared - share * trace**2) / (2 * mu)
+
+
+def within(sigma: Any, dimension: int) -> Any:
+    """The components of a stress along the first axes, UFL."""
+    if sigma.ufl_shape[0] == dimension:
+        return sigma
+    return ufl.as_matrix([[sigma[i, j] for j in range(dimension)] for i in range(dimension)])
 
 
 def interpolation(value: Any, space: fem.FunctionSpace) -> Interpolation:

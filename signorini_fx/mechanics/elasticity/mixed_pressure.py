@@ -34,7 +34,7 @@ from signorini_fx.machine import compat, parallel
 from signorini_fx.machine.requirements import needs_fenicsx
 from signorini_fx.mechanics.assembly.mesh_entities import assemble
 from signorini_fx.mechanics.assembly.pieces import BodyPieces
-from signorini_fx.mechanics.elasticity.elastic_law import LawStress, SceneLaw, compliance
+from signorini_fx.mechanics.elasticity.elastic_law import LawStress, SceneLaw, compliance, within
 from signorini_fx.mechanics.elasticity.moduli import isotropic
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.scales import Scales
@@ -308,7 +308,7 @@ class MixedLaw(SceneLaw):
         sigma = 2 * mu * elastic - pressure * ufl.Identity(elastic.ufl_shape[0])
         outward = sigma[2, 2] if elastic.ufl_shape[0] > self.tagged.dimension else None
         return LawStress(
-            sigma,
+            within(sigma, len(y)),
             -pressure if kinematics.prevented else outward,
             self.lateral if kinematics.prevented else None,
             lambda tau: compliance(tau, kinematics, None, mu, poisson),
