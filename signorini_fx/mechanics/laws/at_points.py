@@ -1,11 +1,10 @@
-"""A law at contact points, as the core takes it, and what a law of a user's own says of itself, tried: beforehand at
-pressures of all sizes, and at those of a result.
+"""A law at contact points, as the core takes it, and what a law of a user's own says of itself, tried at pressures of
+all sizes.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -34,66 +33,6 @@ def friction_of(law: FrictionLaw | None, count: int) -> PointFriction:
     return PointFriction(given, coefficient, None, ends, (LawAtPoints(law, np.arange(count), cap, law.unknown),))
 
 
-@dataclass(frozen=True)
-class _Tried:
-    """A law at m points under k pressures that ascend from zero.
-
-    Attributes:
-        law: for its name and what it says of itself.
-        pressure: stress, shape (k, 1), or (k, m) where each point has its own.
-        limit: see ``FrictionLaw``, shape (k, m), like the following ones.
-        derivative: likewise.
-        envelope: what the law says that no bound exceeds, stress.
-        round_off: that of the bound, stress, shape (m,).
-    """
-
-    law: FrictionLaw
-    pressure: Array
-    limit: Array
-    derivative: Array
-    envelope: Array
-    round_off: Array
-
-    @property
-    def fault(self) -> str:
-        """The first one in words; "": there is none."""
-        for reason, wrong in self._faults():
-            if wrong.any():
-                where = np.broadcast_to(self.pressure, wrong.shape)[wrong][0]
-                return reason.format(law=type(self.law).__name__, pressure=where)
-        return ""
-
-    def _faults(self) -> Iterator[tuple[str, npt.NDArray[np.bool_]]]:
-        """Each in words, with places for law and pressure, and where it is, shape (k, m)."""
-        limit, within = self.limit, NEGLIGIBLE * self.limit + self.round_off
-        yield "limit of {law} is not finite at the pressure {pressure:g}", ~np.isfinite(limit)
-        yield "limit of {law} is negative at the pressure {pressure:g}", limit < 0
-        vertical = (self.pressure == 0) & np.isposinf(self.derivative)  # such as that of a root
-        infinite = ~(np.isfinite(self.derivative) | vertical)
-        yield "derivative of {law} is not finite at the pressure {pressure:g}", infinite
-        if not self.law.follows_pressure:
-            yield "limit of {law} follows the pressure, which it denies", limit != limit[:1]
-        what = "its tangent at zero, or its limit: it is not concave" if self.law.concave else "its envelope"
-        yield f"limit of {{law}} exceeds, at the pressure {{pressure:g}}, {what}", limit > self.envelope + within
-        if not self.law.unknown:
-            less = limit < self.envelope - within
-            yield "limit of {law} is less than its envelope, which leaves nothing unknown", less
-        yield from self._faults_of_slopes()
-
-    def _faults_of_slopes(self) -> Iterator[tuple[str, npt.NDArray[np.bool_]]]:
-        """The slope at a pressure is between those of the chords to its neighbours."""
-        step = np.diff(self.pressure, axis=0)
-        chords = np.diff(self.limit, axis=0) / step
-        before, behind, slope = chords[:-1], chords[1:], self.derivative[1:-1]
-        within = WRONG_SLOPE * np.max(np.abs([before, behind, slope]), axis=0) + self.round_off / step[:-1]
-        ends = ((1, 1), (0, 0))
-        if self.law.concave:
-            reason = "limit of {law} is not concave: it grows faster beyond the pressure {pressure:g} than before"
-            yield reason, np.pad(behind > before + within, ends)
-        outside = (slope < np.minimum(before, behind) - within) | (slope > np.maximum(before, behind) + within)
-        yield "derivative of {law} is not that of its limit at the pressure {pressure:g}", np.pad(outside, ends)
-
-
 def fault_of(law: FrictionLaw, count: int, modulus: float) -> str:
     """What a law of a user's own says of itself and does not keep, at ``count`` points, for which its parameters are
     arrays; "": nothing was found.
@@ -105,11 +44,7 @@ def fault_of(law: FrictionLaw, count: int, modulus: float) -> str:
     """
     points = np.arange(0, count, 1 + count // TRIED_POINTS)
     exponents = np.arange(PRESSURES_PER_DECADE * SMALLEST_PRESSURE, 1) / PRESSURES_PER_DECADE
-    return _fault(law, points, np.append(0.0, modulus * 10.0**exponents)[:, None], modulus)
-
-
-def _fault(law: FrictionLaw, points: npt.NDArray[np.int64], pressure: Array, modulus: float) -> str:
-    """What the law does not keep at m of its points under k pressures, shape (k, 1) or (k, m)."""
+    pressure = np.append(0.0, modulus * 10.0**exponents)[:, None]
     name, shape = type(law).__name__, (len(pressure), points.size)
     tried, at_pressures = law.at(np.tile(points, shape[0])), np.broadcast_to(pressure, shape).ravel()
     at_pressures.flags.writeable = False  # a law that changes its argument changes the solver's pressures
@@ -131,7 +66,39 @@ def _fault(law: FrictionLaw, points: npt.NDArray[np.int64], pressure: Array, mod
         envelope = given + coefficient * pressure
         envelope = np.broadcast_to(envelope if cap is None else np.minimum(envelope, cap), shape)
         round_off = _round_off(law, points, modulus, limit[-1])
-        return _Tried(law, pressure, limit, derivative, envelope, round_off).fault
+        for reason, wrong in _faults(law, pressure, limit, derivative, envelope, round_off):
+            if wrong.any():
+                return reason.format(law=name, pressure=np.broadcast_to(pressure, shape)[wrong][0])
+    return ""
+
+
+def _faults(
+    law: FrictionLaw, pressure: Array, limit: Array, derivative: Array, envelope: Array, round_off: Array
+) -> Iterator[tuple[str, npt.NDArray[np.bool_]]]:
+    """What is wrong in words, with places for law and pressure, and where, shape (k, m), as that of limit, derivative
+    and envelope at m points under k pressures that ascend from zero; ``round_off`` is that of the bound, shape (m,).
+    """
+    yield "limit of {law} is not finite at the pressure {pressure:g}", ~np.isfinite(limit)
+    yield "limit of {law} is negative at the pressure {pressure:g}", limit < 0
+    infinite = ~(np.isfinite(derivative) | ((pressure == 0) & np.isposinf(derivative)))  # such as that of a root
+    yield "derivative of {law} is not finite at the pressure {pressure:g}", infinite
+    if not law.follows_pressure:
+        yield "limit of {law} follows the pressure, which it denies", limit != limit[:1]
+    within = NEGLIGIBLE * limit + round_off
+    what = "its tangent at zero, or its limit: it is not concave" if law.concave else "its envelope"
+    yield f"limit of {{law}} exceeds, at the pressure {{pressure:g}}, {what}", limit > envelope + within
+    if not law.unknown:
+        yield "limit of {law} is less than its envelope, which leaves nothing unknown", limit < envelope - within
+    # The slope at a pressure is between those of the chords to its neighbours.
+    step, ends = np.diff(pressure, axis=0), ((1, 1), (0, 0))
+    chords = np.diff(limit, axis=0) / step
+    before, behind, slope = chords[:-1], chords[1:], derivative[1:-1]
+    within = WRONG_SLOPE * np.max(np.abs([before, behind, slope]), axis=0) + round_off / step[:-1]
+    if law.concave:
+        reason = "limit of {law} is not concave: it grows faster beyond the pressure {pressure:g} than before"
+        yield reason, np.pad(behind > before + within, ends)
+    outside = (slope < np.minimum(before, behind) - within) | (slope > np.maximum(before, behind) + within)
+    yield "derivative of {law} is not that of its limit at the pressure {pressure:g}", np.pad(outside, ends)
 
 
 def _round_off(law: FrictionLaw, points: npt.NDArray[np.int64], modulus: float, bound: Array) -> Array:

@@ -80,20 +80,15 @@ class _DisplacedCoefficients(FormCoefficients):
 
 def without_followers(statement: Statement) -> Statement:
     """The same without pressures and centrifugal forces that follow the body."""
-    if carried_loads(statement):
-        kept = {
-            key: tuple(effect for effect in entries if not getattr(effect, "carried", False))
-            for key, entries in statement.effects.items()
-        }
-        changed = {key: entries for key, entries in kept.items() if len(entries) < len(statement.effects[key])}
-        statement = statement.changed(**changed)
-    if not following(statement):
+    leaving, pressed = ([*map(id, of(statement))] for of in (carried_loads, following))
+    if not leaving and not pressed:
         return statement
-    tractions = (
-        effect.model_copy(update={"pressure": 0.0}) if follows(statement, effect) else effect
-        for effect in statement.effects["traction"]
-    )
-    return statement.changed(traction=tuple(tractions))
+
+    def kept(entries: tuple[Any, ...]) -> tuple[Any, ...]:
+        staying = (entry for entry in entries if id(entry) not in leaving)
+        return tuple(entry.model_copy(update={"pressure": 0.0}) if id(entry) in pressed else entry for entry in staying)
+
+    return statement.changed(**{key: kept(entries) for key, entries in statement.effects.items()})
 
 
 def degree_of(effect: Any, element: int) -> int:

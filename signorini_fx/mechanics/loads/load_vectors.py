@@ -278,7 +278,13 @@ SupportsAt = Callable[[float], tuple[list[tuple[PrescribedDisplacement, fem.Diri
 
 
 def applied_load(
-    group: LoadGroup, loads: list[Load], on: FormCoefficients, z: Any, supports: SupportsAt
+    group: LoadGroup,
+    loads: list[Load],
+    on: FormCoefficients,
+    z: Any,
+    supports: SupportsAt,
+    compiled: tuple[tuple[str, ...], tuple[fem.Form, ...]] | None = None,
+    step: float = 0,
 ) -> AppliedLoad:
     """Compile and assemble the loads that share their factors; collective.
 
@@ -288,22 +294,8 @@ def applied_load(
         on: the mesh with its quadrature, times and materials.
         z: the test function of L.
         supports: the prescribed displacements at a place in the lists of factors.
-    """
-    return _assembled(group, loads, on, z, supports, None, 0)
-
-
-def _assembled(
-    group: LoadGroup,
-    loads: list[Load],
-    on: FormCoefficients,
-    z: Any,
-    supports: SupportsAt,
-    compiled: tuple[tuple[str, ...], tuple[fem.Form, ...]] | None,
-    step: float,
-) -> AppliedLoad:
-    """The loads at a place in the lists of factors, ``step``, for the other arguments see ``applied_load``; collective.
-
-    ``compiled`` are the names and forms of an earlier place; None: they are compiled here.
+        compiled: names and forms of an earlier place; None: they are compiled here.
+        step: the place.
     """
     factors, grows, timed, balanced = group
     space = on.space
@@ -328,7 +320,7 @@ def _assembled(
         if load.nodal:
             forces = forces + forces_at_nodes(at_step[id(load)], on.path(load), space, on.tagged)
     # No function that refers to itself: such a cycle keeps the mesh until the garbage collector comes.
-    reassemble = partial(_assembled, group, loads, on, z, supports, compiled) if timed else None
+    reassemble = partial(applied_load, group, loads, on, z, supports, compiled) if timed else None
     return AppliedLoad(
         factors, forms, forces, prescribed, grows, reassemble, balanced=balanced, pressure_load=pressure_load
     )
