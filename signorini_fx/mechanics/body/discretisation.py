@@ -25,13 +25,11 @@ from signorini_fx.mechanics.assembly.tried_functions import try_functions
 from signorini_fx.mechanics.elasticity.choice_of_law import elastic_law, moduli_of
 from signorini_fx.mechanics.elasticity.elastic_law import SceneLaw
 from signorini_fx.mechanics.kinematics.protocol import Kinematics
-from signorini_fx.mechanics.loads.initial_strains import check_strains
 from signorini_fx.mechanics.loads.jumps import holds, jump_loads, jumps_in
 from signorini_fx.mechanics.loads.load_vectors import (
     FormCoefficients,
     applied_load,
     check_finite,
-    check_resistances,
     compile_resistance,
     driving_load,
     load_groups,
@@ -123,7 +121,6 @@ def _prepared(statement: Statement, tagged: TaggedMesh, timings: Timings) -> Mod
         partial(boundary_facets, statement, tagged),
         partial(moduli_of, statement, tagged),
         partial(check_fits, statement, tagged),
-        partial(check_strains, statement, tagged),
     )
     if statement.sides[1] is not None:
         from signorini_fx.mechanics.obstacles.carrying_side import with_chosen_sides
@@ -167,7 +164,6 @@ def _prepared(statement: Statement, tagged: TaggedMesh, timings: Timings) -> Mod
             applied += [load for interface in statement.interfaces for load in interface.loads(tagged, space, boundary)]
     together(
         partial(check_finite, tagged.mesh.comm, applied),
-        partial(check_resistances, statement, tagged),
         lambda: None if boundary is None else check_overlap(statement, boundary, facets, tagged),
     )
     data = law = None

@@ -5,18 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-import numpy as np
 from dolfinx import default_scalar_type, fem
 
-from signorini_fx.errors import SceneError
-from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.loads.load_vectors import FormCoefficients
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.statement.effect import InitialStrain
-from signorini_fx.mechanics.statement.expressions import Expression, sample
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.records import Inventory
-from signorini_fx.tuned import LARGEST_NUMBER
 
 
 def initial_strain(
@@ -46,36 +41,3 @@ def initial_strain(
 
     move_to(step)
     return sum(factor * effect.strain(on) for factor, effect in zip(factors, effects, strict=True)), move_to
-
-
-def check_strains(statement: Statement, tagged: TaggedMesh) -> None:
-    """Whether the values of initial strains are finite at the nodes of the mesh in all load steps; collective.
-
-    A callable is asked at the nodes of its region alone, see ``BodyCoefficients.value_in``.
-
-    Raises:
-        SceneError: they are not.
-    """
-    problems, x = [], tagged.mesh.geometry.x.T.astype(np.float64)
-    for path, effect in statement.listed():
-        if not isinstance(effect, InitialStrain):
-            continue
-        region = getattr(effect, "region", None)
-        if region is not None and region not in tagged.regions:
-            continue  # said where names are looked at
-        inside = None if region is None else np.unique(compat.geometry_cells(tagged.mesh)[tagged.cells(region)])
-        for step in range(statement.steps if effect.timed else 1):
-            for key, value in effect.at_time(statement.time_at(step)).given.items():
-                error: SceneError | None = None
-                try:
-                    at = x if inside is None or isinstance(value, Expression) else x[:, inside]
-                    valid = bool((np.abs(sample(value, at)) <= LARGEST_NUMBER).all())
-                except SceneError as found:
-                    valid, error = True, found
-                parallel.raise_together(tagged.mesh.comm, error)
-                if parallel.any_rank(tagged.mesh.comm, not valid):
-                    problems.append(
-                        (f"{path}.{key}", f"must be a number up to {LARGEST_NUMBER:g} at all nodes of the mesh")
-                    )
-    if problems:
-        raise SceneError(list(dict.fromkeys(problems)))

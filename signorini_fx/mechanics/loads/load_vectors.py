@@ -439,27 +439,6 @@ def _compiled(
     return name, inventory.compile(name, lambda: fem.form(sum(terms[1:], terms[0])))
 
 
-def check_resistances(statement: Statement, tagged: TaggedMesh) -> None:
-    """Whether what resists the displacement is finite and not negative at vertices and middles of facets; collective.
-
-    Raises:
-        SceneError: an expression is not.
-    """
-    problems = []
-    for path, effect in statement.listed():
-        if effect.where is None or not isinstance(effect, Resistance):
-            continue
-        corners = facet_vertices(tagged.mesh, tagged.facets(effect.where))
-        points = np.concatenate([corners.reshape(-1, 3), corners.mean(axis=1)]).T
-        for key, value in effect.given.items():
-            values = sample(value, points)
-            if parallel.any_rank(tagged.mesh.comm, not ((values >= 0) & (values <= LARGEST_NUMBER)).all()):
-                wanted = f"a number from 0 to {LARGEST_NUMBER:g} everywhere on {effect.where!r}"
-                problems.append((f"{path}.{key}", f"must be {wanted}"))
-    if problems:
-        raise SceneError(problems)
-
-
 def check_finite(comm: MPI.Comm, loads: list[AppliedLoad]) -> None:
     """Whether all loads and prescribed displacements are finite, with finite squares; collective.
 
