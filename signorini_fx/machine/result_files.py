@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import csv
 import json
 import math
@@ -66,8 +67,9 @@ def read_facets(path: str | Path) -> npt.NDArray[np.int64]:
         arrays = {array.get("Name"): array.text or "" for array in ElementTree.parse(path).iter("DataArray")}
     except ElementTree.ParseError as error:
         raise ValueError(f"{path}: {error}") from None
-    ends = np.array(arrays["offsets"].split(), dtype=np.int64)
-    rows = np.array(arrays["connectivity"].split(), dtype=np.int64)
+    ends, rows = (
+        np.frombuffer(base64.b64decode(arrays[name])[8:], dtype=np.int64) for name in ("offsets", "connectivity")
+    )
     facets = rows.reshape(len(ends), -1) if len(ends) else rows.reshape(0, 3)
     if facets.size and not np.array_equal(ends, facets.shape[1] * np.arange(1, len(ends) + 1)):
         raise ValueError(f"{path}: facets of different shapes")

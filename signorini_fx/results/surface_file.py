@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from mpi4py import MPI
 
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.averages import to_owners
@@ -15,7 +15,9 @@ from signorini_fx.mechanics.assembly.mesh_entities import node_positions
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable, with_points
 from signorini_fx.results.solution import Solution
+from signorini_fx.results.vtu import write_vtu
 
+Array = npt.NDArray[np.float64]
 # VTK's number of a facet with this many nodes, and its order of basix's nodes: vertices, then edges, then the rest.
 _KINDS = {3: (5, [0, 1, 2]), 4: (9, [0, 1, 3, 2]), 9: (28, [0, 1, 3, 2, 4, 6, 7, 5, 8])}
 _STATES = ("open", "stick", "slip")
@@ -43,34 +45,8 @@ def write_surface(path: Path, table: ContactTable, facets: npt.NDArray[np.int64]
     fields["normal"] = np.column_stack([c[f"n_{axis}"] for axis in "xyz"])
     fields["state (0 open, 1 stick, 2 slip)"] = np.array([_STATES.index(state) for state in c["state"]])
     points = np.column_stack([c[axis] for axis in "xyz"])
-    lines = [
-        '<VTKFile type="UnstructuredGrid" version="1.0"><UnstructuredGrid>',
-        f'<Piece NumberOfPoints="{len(points)}" NumberOfCells="{len(cells)}">',
-        "<Points>",
-        *_array("points", points),
-        "</Points>",
-        "<Cells>",
-        *_array("connectivity", np.array(cells, dtype=np.int64).ravel()),
-        *_array("offsets", len(order) * np.arange(1, len(cells) + 1)),
-        *_array("types", np.full(len(cells), kind)),
-        "</Cells>",
-        "<PointData>",
-        *(line for name, values in fields.items() for line in _array(name, values)),
-        "</PointData>",
-        "</Piece></UnstructuredGrid></VTKFile>",
-    ]
-    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
-
-
-def _array(name: str, values: npt.NDArray[Any]) -> Sequence[str]:
-    kind = "Int64" if np.issubdtype(values.dtype, np.integer) else "Float64"
-    components = values.shape[1] if values.ndim > 1 else 1
-    text = " ".join(map(repr, values.ravel().tolist()))
-    begin = f'<DataArray type="{kind}" Name="{name}" NumberOfComponents="{components}" format="ascii">'
-    return begin, text, "</DataArray>"
-
-
-Array = npt.NDArray[np.float64]
+    rows = np.array(cells, dtype=np.int64).reshape(len(cells), len(order))
+    write_vtu(path, MPI.COMM_SELF, points, rows, kind, fields)
 
 
 def other_side(solution: Solution) -> dict[str, npt.NDArray[Any]]:

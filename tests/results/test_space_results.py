@@ -2,12 +2,12 @@
 
 import csv
 import json
-from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 from scenes import alone
 from spaces import block, box, friction_of
+from test_fields import arrays_of
 
 from signorini_fx.results.files import write_results
 from signorini_fx.scenes.reading import parse_scene
@@ -43,10 +43,7 @@ def test_files(written):
     for row in rows:
         vector = [float(row[f"shear_{axis}"]) for axis in "xyz"]
         assert np.linalg.norm(vector) == pytest.approx(float(row["shear"]), abs=1e-12)
-    arrays = {
-        array.get("Name"): np.array(array.text.split(), dtype=float).reshape(-1, int(array.get("NumberOfComponents")))
-        for array in ElementTree.parse(folder / "contact.vtu").iter("DataArray")
-    }
+    arrays = arrays_of(folder / "contact.vtu")
     np.testing.assert_array_equal(arrays["pressure"][:, 0], [float(row["pressure"]) for row in rows])
     np.testing.assert_array_equal(arrays["shear vector"][:, 1], [float(row["shear_y"]) for row in rows])
     cells = arrays["connectivity"].astype(int).reshape(len(arrays["offsets"]), -1)
