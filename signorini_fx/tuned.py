@@ -442,8 +442,6 @@ ROUNDED_FORMS = 1e3
 
 # --- check: what it warns of -----------------------------------------------------------------------------------------
 
-# Facets that meet at a larger angle (radians) have a corner between them, and are no curved side.  Choice.
-NO_CURVED_SIDE = 0.6
 # A gap is far if it is this many times larger than prescribed displacements.  Choice.
 FAR_GAP = 10.0
 # --- derivatives and friction laws of users --------------------------------------------------------------------------

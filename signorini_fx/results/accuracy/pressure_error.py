@@ -220,29 +220,33 @@ def polygon_error(table: ContactTable, modulus: float) -> float:
     The slope of a polygon differs from that of the curve by up to half the angle between its facets, and slope times
     modulus is a pressure.
     """
-    c = table.columns
+    c, (turns, _) = table.columns, chords(table)
     square, length = pressure_square(table), float(np.sum(c["weight"][c["pressure"] != 0]))
-    turns = _turns_of_curve(table) if table.facets is None else _turns_of_surface(table)
-    return float(modulus * np.sqrt(np.mean(np.square(turns)) * length / square)) if len(turns) and square > 0 else 0.0
+    return float(modulus * np.sqrt(np.mean(np.square(turns)) * length / square)) if turns.size and square > 0 else 0.0
 
 
-def _turns_of_curve(table: ContactTable) -> list[float]:
-    """Angles between the facets that are pressed, corners left out."""
-    c = table.columns
-    turns: list[float] = []
-    for path in table.paths:
-        rows = np.append(path, path[1]) if is_closed(path) else path
-        angle, pressed = turning(c["x"][rows], c["y"][rows]), c["pressure"][rows] != 0
-        near = pressed[1:-1] | pressed[:-2] | pressed[2:]
-        turns += angle[near & (angle > STRAIGHT_ANGLE) & (angle <= CORNER_ANGLE)].tolist()
-    return turns
-
-
-def _turns_of_surface(table: ContactTable) -> Floats:
-    """The same in 3D."""
-    surface = ContactSurface.of(table)
-    angle, pressed = surface.turns(), (table.columns["pressure"] != 0)[surface.corners].any(axis=1)
-    return np.asarray(angle[pressed[:, None] & (angle > STRAIGHT_ANGLE) & (angle <= CORNER_ANGLE)])
+def chords(table: ContactTable) -> tuple[Floats, Floats]:
+    """Angles between the facets that are pressed and their neighbours, radians, corners left out, and lengths of these
+    facets.
+    """
+    c, angles, lengths = table.columns, [np.zeros(0)], [np.zeros(0)]
+    pressed = c["pressure"] != 0
+    if table.facets is not None:
+        surface = ContactSurface.of(table)
+        near = pressed[surface.corners].any(axis=1)
+        angles.append(surface.turns()[near].ravel())
+        lengths.append(np.repeat(surface.sides.max(axis=1)[near], surface.corners.shape[1]))
+    else:
+        for path in table.paths:
+            rows = np.append(path, path[1]) if is_closed(path) else path
+            near = pressed[rows][1:-1] | pressed[rows][:-2] | pressed[rows][2:]
+            x, y = c["x"][rows], c["y"][rows]
+            size = np.hypot(np.diff(x), np.diff(y))
+            angles.append(turning(x, y)[near])
+            lengths.append(np.maximum(size[:-1], size[1:])[near])
+    angle, length = np.concatenate(angles), np.concatenate(lengths)
+    curved = (angle > STRAIGHT_ANGLE) & (angle <= CORNER_ANGLE)
+    return angle[curved], length[curved]
 
 
 def beside(table: ContactTable, rows: Ints) -> list[Floats]:

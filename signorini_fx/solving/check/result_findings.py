@@ -9,13 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
-from dolfinx import mesh as dmesh
 from mpi4py import MPI
-from scipy.spatial import cKDTree
 
 from signorini_fx.algebra.contact.points import pushed
 from signorini_fx.machine import compat, parallel
-from signorini_fx.mechanics.assembly.mesh_entities import facet_entities, facet_vertices
 from signorini_fx.mechanics.body.deformation import Deformation
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.contact_points.contact_table import contact_table
@@ -23,7 +20,7 @@ from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.obstacles.shapes_inside import BodyCells
 from signorini_fx.mechanics.rigid.motion_names import rounded
 from signorini_fx.records import Finding
-from signorini_fx.tuned import NO_CURVED_SIDE, NOTABLE, SAME_LENGTH
+from signorini_fx.tuned import NOTABLE, SAME_LENGTH
 
 if TYPE_CHECKING:
     from signorini_fx.mechanics.obstacles.paired_points import PairedSides
@@ -115,8 +112,10 @@ def facets_in_result(body: Model, contact: ContactState) -> list[Finding]:
 
     The slopes of both sides differ by the angles between facets; slope times modulus is a pressure.
     """
-    from signorini_fx.results.accuracy.pressure_error import polygon_error
+    from signorini_fx.results.accuracy.pressure_error import chords, polygon_error
 
+    if compat.geometry_degree(body.tagged.mesh) > 1:
+        return []
     table = contact_table(contact, *body.statement.sides)
     assert table.nodes is not None
     assert body.data is not None
@@ -129,7 +128,8 @@ def facets_in_result(body: Model, contact: ContactState) -> list[Finding]:
         if polygon_error(own, body.scales.modulus) < 1:
             continue
         names, on_part = (effect.boundary, effect.against), contact.boundary.part == index
-        off = sum(_off(body, name, contact.boundary.x[on_part]) for name in names)
+        angles, lengths = chords(own)
+        off = float(np.max(angles * lengths)) / 4  # an eighth of the product on either side
         gap = body.data.gap[on_part]
         gap = gap + parallel.largest(body.comm, -gap, -np.inf)
         if parallel.largest(body.comm, gap[gap <= off]) > NOTABLE * off > 0:  # else the nodes of both sides match
@@ -140,43 +140,6 @@ def facets_in_result(body: Model, contact: ContactState) -> list[Finding]:
             )
             findings.append(Finding("warning", f"contact[{index}].distance", text))
     return findings
-
-
-def _off(body: Model, name: str, near: Array) -> float:
-    """How far facets near the contact are off the curved side that they are chords of, at most, length; ``near``:
-    points beside which its facets may be in contact.
-    """
-    mesh, facets = body.tagged.mesh, body.tagged.facets(name)
-    corners, cells = facet_vertices(mesh, facets), facet_entities(mesh, facets)[:, 0]
-    extent = np.linalg.norm(np.ptp(corners, axis=1), axis=1)
-    off = 0.0
-    if compat.geometry_degree(mesh) == 1 and len(facets) and len(near):
-        inside = dmesh.compute_midpoints(mesh, mesh.topology.dim, cells)
-        away, _ = cKDTree(near).query(corners.mean(axis=1)[:, : near.shape[1]])
-        off = _sagitta(corners, extent, inside, body.tagged.dimension, away <= extent)
-    return parallel.global_max(body.comm, off)
-
-
-def _sagitta(corners: Array, extent: Array, inside: Array, dimension: int, selected: npt.NDArray[np.bool_]) -> float:
-    """How far the middle of a facet is off an arc through its corners, at most: a facet that is the chord of an arc
-    meets its neighbours at the angle that it spans; ``corners``: shape (f, k, 3); ``inside``: a point of the cell
-    behind each facet; ``selected``: the facets that matter.
-    """
-    along = corners[:, 1] - corners[:, 0]
-    normal = np.stack((along[:, 1], -along[:, 0], 0 * along[:, 0]), axis=1)
-    if dimension == 3:
-        normal = np.asarray(np.cross(along, corners[:, 2] - corners[:, 0]))
-    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-    normal *= np.sign(np.einsum("fi,fi->f", normal, corners.mean(axis=1) - inside))[:, None]
-    _, vertices = np.unique(np.round(corners.reshape(-1, 3) / extent.max(), 6), axis=0, return_inverse=True)
-    vertices = vertices.reshape(corners.shape[:2])
-    means: Array = np.zeros((vertices.max() + 1, 3))
-    np.add.at(means, vertices, normal[:, None])
-    means /= np.linalg.norm(means, axis=1, keepdims=True)
-    # Half of the angle between neighbours.
-    half = np.arccos(np.clip(np.einsum("fi,fki->fk", normal, means[vertices]), -1.0, 1.0))
-    smooth = np.where(half < NO_CURVED_SIDE / 2, half, 0.0).max(axis=1)
-    return float((extent * smooth)[selected].max(initial=0.0)) / 4
 
 
 def shapes_in_results(foundations: Iterable[tuple[str, Any, Any]], displacement: fem.Function) -> list[Finding]:
