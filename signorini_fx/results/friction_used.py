@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from signorini_fx.algebra.contact.friction import as_given
 from signorini_fx.algebra.contact.motions import total_work
+from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.algebra.contact.reactions import largest_multiple, reactions
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.model import Model
@@ -18,16 +19,9 @@ def friction_used(model: Model, contact: ContactState, step: float) -> float | N
     Returns:
         None without friction, or if supports hold the body.
     """
-    count = model.motions.free.shape[1]
-    if not count or not model.applied or not contact.has_friction:
+    if not model.motions.free.shape[1] or not model.applied or not contact.has_friction:
         return None
-    load = total_work(
-        [
-            (factor, model.motions.load_of(one.pushing, model.comm, None if one.driven is None else one.driven.forces))
-            for factor, one in model.applied_at(step)
-        ],
-        count,
-    )
+    load = load_on(model, step)
     motions, touching = model.motions.at(contact.boundary), contact.bilateral | contact.in_contact
     present = reactions(motions, as_given(contact.bound), contact.bilateral, touching)
     shares = []
@@ -37,3 +31,13 @@ def friction_used(model: Model, contact: ContactState, step: float) -> float | N
             if multiple > 0:
                 shares.append(1 / multiple)
     return max(shares, default=None)
+
+
+def load_on(model: Model, step: float) -> Nodal:
+    """The work of the loads of a load step on the free motions, shape (k,); collective."""
+    motions = model.motions
+    loads = [
+        (factor, motions.load_of(load.pushing, model.comm, None if load.driven is None else load.driven.forces))
+        for factor, load in model.applied_at(step)
+    ]
+    return total_work(loads, motions.free.shape[1])

@@ -9,12 +9,12 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from signorini_fx.algebra.contact.motions import total_work
 from signorini_fx.algebra.contact.reactions import Reactions, escape, null_space, reactions, squeezed
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.rigid.motion_names import names_of
 from signorini_fx.records import Finding, Status
+from signorini_fx.results.friction_used import load_on
 
 _Rows = npt.NDArray[np.float64]
 
@@ -131,13 +131,3 @@ def imposed(body: Model) -> bool:
         for load in applied
     ]
     return parallel.any_rank(body.comm, any(moved))
-
-
-def load_on(body: Model, step: int) -> _Rows:
-    """The work of the loads of a load step on the free motions, shape (k,); collective."""
-    motions = body.motions
-    loads = [
-        (factor, motions.load_of(load.pushing, body.comm, None if load.driven is None else load.driven.forces))
-        for factor, load in body.applied_at(step)
-    ]
-    return total_work(loads, body.motions.free.shape[1])
