@@ -35,9 +35,15 @@ _NEAR = 8
 
 @dataclass(frozen=True)
 class ContactSurface:
-    """The pieces, k corners each, 3 or 4; ``corners``: the rows of the contact table around each piece, shape (pieces,
-    k); ``part``: position in ``statement.contact``, shape (pieces,); those of one facet follow each other,
-    ``per_facet``; ``facets``: which have pieces, between two bodies those whose nodes all carry a point, of ``count``.
+    """The pieces, k corners each, 3 or 4.
+
+    Attributes:
+        x: position of the nodes, length, shape (rows, 3).
+        corners: the rows of the contact table at the corners of each piece, around it, shape (pieces, k).
+        part: position in ``statement.contact`` of the boundary that each piece is of, shape (pieces,).
+        per_facet: how many pieces a facet has; those of one facet follow each other.
+        facets: which facets of the table have pieces: between two bodies those whose nodes all carry a point.
+        count: of all facets of the table.
     """
 
     x: Floats

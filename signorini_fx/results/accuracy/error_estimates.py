@@ -95,10 +95,17 @@ def combined(
     blur: float,
     kinematics: Kinematics = PLANE_STRAIN,
 ) -> Errors:
-    """All error estimates from those in the body; ``recovery``: squared error of the displacement in the energy norm,
-    and ``missed``: share of all forces that is missed, of each owned cell; ``cells``: of each facet, in the order of
-    ``boundary.segments``; ``blur``: length over which the regularisation smears the pressure at a corner, 0 without;
-    collective.
+    """All error estimates from those in the body; collective.
+
+    Args:
+        boundary: the contact points of this rank.
+        table: the contact boundary.
+        cells: of each facet, in the order of ``boundary.segments``.
+        recovery: squared error of the displacement in the energy norm, of each owned cell, shape (cells,).
+        missed: share of all forces that is missed in each owned cell, shape (cells,).
+        energy: strain energy of the solution.
+        blur: length over which the regularisation smears the pressure at a corner; 0 without.
+        kinematics: of the body.
     """
 
     def total(squares: Floats) -> float:

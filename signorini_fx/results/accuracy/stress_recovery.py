@@ -51,10 +51,16 @@ class StressRecovery:
         degree: int | None = None,
         pattern: PETSc.Mat | None = None,
     ) -> None:
-        """Compile; ``stress``: an ``ElementStress`` of a displacement of its own, whose values change with what is
-        estimated, or what has its displacement, components, parts, ``squared`` and ``refresh``; ``residual``: see
-        ``boundary_residual``; ``degree``: of an exact quadrature in the cells, None: UFL estimates it; ``pattern``: a
-        stiffness by blocks, one for each pair of vertices; collective.
+        """Compile; collective.
+
+        Args:
+            stress: an ``ElementStress`` of a displacement of its own, whose values change with what is estimated; or
+                what has its displacement, components, parts, ``squared`` and ``refresh``.
+            residual: from a test function that is constant in each cell to what moves the loads to a place in the lists
+                of factors, and the squared residual of the traction, see ``boundary_residual``.
+            inventory: what was compiled and assembled.
+            degree: of the quadrature in the cells, exact for all that is integrated there; None: UFL estimates it.
+            pattern: a stiffness by blocks, one for each pair of vertices; None: there is none.
         """
         self._stress, self._displacement, self._inventory = stress, stress.displacement, inventory
         mesh, raw = self._displacement.function_space.mesh, stress.components
@@ -251,10 +257,15 @@ def squared_residual(
     of: Callable[[npt.NDArray[np.int64], Any], tuple[Any, list[Any], bool]],
     z: Any,
 ) -> Any:
-    """The squared residual of the traction on the boundary, times h over the stiffness, of each cell; ``facets``: on
-    which the traction is known; ``on``: what acts on each of them, shape (facets, k); ``of``: (which of the k act,
-    minus the traction of the stress) -> what is left of it, distances from what is prescribed, and whether any of these
-    varies within a facet; collective.
+    """The squared residual of the traction on the boundary, times h over the stiffness, of each cell; collective.
+
+    Args:
+        stress: of the displacement that is estimated.
+        facets: the facets of this rank on which the traction is known.
+        on: what acts on each of them, shape (facets, k).
+        of: (which of the k act, minus the traction of the stress) -> what is left of it, distances from what is
+            prescribed, and whether any of these varies within a facet.
+        z: test function, constant in each cell.
 
     Returns:
         The form; None where there is no such boundary.

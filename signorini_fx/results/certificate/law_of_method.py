@@ -63,13 +63,8 @@ def overclosures_of(statement: Statement) -> dict[int, Overclosure]:
 
 @dataclass(frozen=True)
 class Tractions:
-    """The contact tractions at the n contact nodes of this rank.
-
-    Attributes:
-        part: position of the effect in ``statement.contact``, shape (n,).
-        nodes: local number of the node (block of the function space), shape (n,).
-        pressure: lambda, stress, shape (n,).
-        shear: mu as a vector of the plane or of space, stress, shape (n, d): no frame is shared with the solver.
+    """The contact tractions at the n contact nodes of this rank; ``part``: position in ``statement.contact``;
+    ``nodes``: local numbers; ``shear``: mu as a vector of space, shape (n, d): no frame is shared with the solver.
     """
 
     part: npt.NDArray[Any]
@@ -92,15 +87,9 @@ class Tractions:
 
 @dataclass(frozen=True)
 class PreviousStep:
-    """The previous load step, from which a step starts.
-
-    Attributes:
-        displacement: at its end.
-        tractions: at its end.
-        elastic_slip: the part of its slip that is due to the regularised law, length, shape of the shear; None: none.
-        moved: by how much the foundations have moved at the contact nodes since, length, of the same shape; None: they
-            have not.
-        rigid: how rigid bodies had moved at its end.
+    """The previous load step, from which a step starts; ``elastic_slip``: the part of its slip that is due to the
+    regularised law, and ``moved``: by how much the foundations have moved at the contact nodes since, length, shape of
+    the shear, None: none; ``rigid``: how rigid bodies had moved at its end.
     """
 
     displacement: fem.Function

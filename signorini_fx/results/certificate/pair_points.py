@@ -85,9 +85,14 @@ class PairPoints:
         raise NotImplementedError
 
     def _identities(self, x: Array, covered: float, left: Array | None, counted: Flags) -> list[float]:
-        """Errors on this rank of shares, weights and joint rigid motions; ``x``: places of the m nodes; ``covered``:
-        the area where both sides meet; ``left``: what joint rotations leave of relative displacements, per size of the
-        sides, shape (k, n, d); ``counted``: the points at which they leave nothing else.
+        """Errors on this rank of shares, weights and joint rigid motions.
+
+        Args:
+            x: places of the m nodes, length, shape (m, d).
+            covered: the area where both sides meet.
+            left: what joint rotations leave of relative displacements, per size of the sides, shape (k, n, d); None:
+                nothing.
+            counted: the points at which rotations leave nothing else, shape (n,).
         """
         facing, dim = self.facing, self.normal.shape[1]
         total = float(parallel.global_sum(self.comm, self.weight[facing].sum()))
