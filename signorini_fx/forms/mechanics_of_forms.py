@@ -1,9 +1,8 @@
 """What the forms of a ``ContactProblem`` say of its results, and what its certificate judges.
 
 Equilibrium is that of the user's forms: the action of ``a`` on the displacement and ``L`` are assembled anew, without
-the matrix.  Contact conditions, weights, normals and the forces of contact tractions come from the independent code of
-``results``, on the facets that the user named.  Both sides share the user's forms and the values of gap, friction,
-direction and measure at the nodes.
+the matrix.  So are the unit contact forms, which give weights and normals.  Both sides share these forms and the values
+of gap, friction, direction and measure at the nodes.
 """
 
 from __future__ import annotations

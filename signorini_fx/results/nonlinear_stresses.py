@@ -1,4 +1,4 @@
-"""The Cauchy stress of bodies of nonlinear materials, from what these say a second time in NumPy.
+"""The Cauchy stress of bodies of nonlinear materials, from their states and their UFL.
 
 It is evaluated at the points of quadrature, where the material is; extremes are those of these points.  The fields are
 polynomials of degree k - 1 in each cell of degree k, the nearest ones to the values at its points: those of a higher

@@ -9,11 +9,12 @@ follows:
 - a displacement that is not the one that the iteration has found (a rotation or a reference motion that is left out, an
   interior that is not recovered): ``equilibrium``, ``supports``, or at the contact nodes ``entered`` and the slip;
 - a wrong row of the stiffness matrix, a wrong load, a load factor: ``equilibrium``;
-- wrong weights or normals: ``equilibrium``, since they turn tractions into forces;
+- weights or normals changed after set-up: ``equilibrium``, since they turn tractions into forces;
 - a wrong gap or friction bound: ``entered``, ``pressure_at_distance``, ``friction_cone``, ``slip_below_bound``;
 - an iteration that stops too early: the conditions that are not satisfied yet.
 
-It does not detect faults in what both sides share: the mesh and its names, basix, the forms, materials and loads.
+It does not detect faults in what both sides share: the mesh and its names, basix, the forms (those of contact, too),
+materials, loads and supports.
 """
 
 from __future__ import annotations
