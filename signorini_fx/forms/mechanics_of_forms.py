@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -25,7 +25,6 @@ from signorini_fx.mechanics.interfaces import Foundation, Pair
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.obstacles.foundations_on_points import FoundationData
 from signorini_fx.mechanics.scales import Scales
-from signorini_fx.quantities.proved_statements import Refused
 from signorini_fx.results.certificate.body_nodes import BodyNodes
 from signorini_fx.results.certificate.contact_nodes import ContactSide
 from signorini_fx.results.certificate.contact_sides import paired_side, rigid_side
@@ -55,6 +54,8 @@ class FormBody(SolidBody):
         form_scales: of lengths and stresses.
         settled: whether the forms are those of the results, and not those of a later load step that has failed.
     """
+
+    no_bounds: ClassVar[str] = "a guaranteed bound is for scenes, which state their loads and supports"
 
     user_forms: GivenForms
     foundation_data: Sequence[FoundationData]
@@ -98,9 +99,6 @@ class FormBody(SolidBody):
         if not self.settled:
             return ActingForces(balance, (), (), ())
         return acting_on(balance, forms.boundaries, fixed, loads_of(forms, self.tagged, y))
-
-    def stated(self) -> NoReturn:
-        raise Refused("a guaranteed bound is for scenes, which state their loads and supports")
 
 
 def loads_of(forms: GivenForms, tagged: TaggedMesh, y: fem.Function) -> Iterator[NamedForces]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from dolfinx import fem
 
@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 @dataclass(frozen=True, kw_only=True)
 class SolidBody(Model, ABC):
     """A model that says its own forces, stresses and contact sides.  The entries of its statement do, or forms do."""
+
+    no_bounds: ClassVar[str]  # why there are no guaranteed bounds; "": there may be
 
     @classmethod
     def of(cls, model: Model, **attributes: Any) -> Self:
@@ -69,18 +71,12 @@ class SolidBody(Model, ABC):
         balance, drives = self.balance(displacement, step), [*zip(rigid, self.rigid.drives(), strict=True)]
         return judged(displacement, balance, self.sides(displacement), tractions, law=law, before=last, rigid=drives)
 
-    @abstractmethod
-    def stated(self) -> Model:
-        """The body with loads, supports and moduli as entries of its statement, which proofs read.
-
-        Raises:
-            quantities.proved_statements.Refused: something of them cannot be stated.
-        """
-
 
 @dataclass(frozen=True, kw_only=True)
 class StatedBody(SolidBody):
     """A body that the entries of its statement say all of."""
+
+    no_bounds: ClassVar[str] = ""
 
     def certified(
         self,
@@ -126,10 +122,6 @@ class StatedBody(SolidBody):
         supports = [entry.place if entry.holds_at(step) else None for entry in self.statement.displacement]
         names = [effect.where for _, effect in self.statement.listed()]
         return ActingForces(self.balance(y, step), supports, loads_of(NodalForces.on(self), y, step), names)
-
-    def stated(self) -> StatedBody:
-        """See ``SolidBody``: itself."""
-        return self
 
 
 def loads_of(forces: NodalForces, y: fem.Function, step: float) -> list[NamedForces]:

@@ -19,7 +19,6 @@ from signorini_fx.machine import parallel
 from signorini_fx.machine.display import html_table
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable, contact_table
-from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.effect import Load
 from signorini_fx.mechanics.statement.load_path import factor_at
 from signorini_fx.mechanics.statement.statement import Statement
@@ -324,23 +323,13 @@ class Solution:
         return [] if self.contact is None else contact_figures(self.statement, self.contact)
 
     @cached_property
-    def stated_body(self) -> Model | str:
-        """The body with all that acts on it, as bounds look at it; or why there are none."""
-        from signorini_fx.quantities.proved_statements import Refused
-
-        try:
-            return self.model.stated()
-        except Refused as refused:
-            return str(refused)
-
-    @cached_property
     def error_bound(self) -> ErrorBound | str | None:
         """A guaranteed bound of the error, or why there is none; None if this is no solution; collective."""
         if not self.certified:
             return None
-        if isinstance(body := self.stated_body, str):
-            return body
-        return add_on("error_bound")(body, self.displacement, self.contact, self._position)
+        if reason := self.model.no_bounds:
+            return reason
+        return add_on("error_bound")(self.model, self.displacement, self.contact, self._position)
 
     @cached_property
     def cost(self) -> CostOfAccuracy | str:
@@ -387,10 +376,10 @@ class Solution:
         """
         if not self.certified:
             return "there is no solution"
-        if isinstance(body := self.stated_body, str):
-            return body
+        if reason := self.model.no_bounds:
+            return reason
         interval: Interval | str = add_on("force_bounds")(
-            body, self.displacement, self.contact, boundary, direction, self._position
+            self.model, self.displacement, self.contact, boundary, direction, self._position
         )
         return interval
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import NoReturn
+from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -24,7 +24,6 @@ from signorini_fx.mechanics.loads.supports import prescribed
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.obstacles.foundations_on_points import ShapeDistances
 from signorini_fx.mechanics.rigid.rigid_bodies import Drive, RigidBodyMotion
-from signorini_fx.quantities.proved_statements import Refused
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery
 from signorini_fx.results.certificate.body_nodes import BodyNodes
 from signorini_fx.results.certificate.certificate import Certificate, judged
@@ -81,6 +80,8 @@ class ResidualBody(SolidBody):
         stress_error: gives what cells have of the error of the stress at the last one, see ``stress_error``.
     """
 
+    no_bounds: ClassVar[str] = "a nonlinear body has no guaranteed bound"
+
     at_end: ResidualMechanics
     at_steps: Sequence[tuple[fem.Function, ResidualMechanics]] = ()
     stress_error: Callable[[], Array | str] = lambda: "there is no estimate of the error"
@@ -111,14 +112,6 @@ class ResidualBody(SolidBody):
     def _at(self, y: fem.Function) -> ResidualMechanics:
         """That of the load step with a displacement."""
         return next((mechanics for displacement, mechanics in self.at_steps if displacement is y), self.at_end)
-
-    def stated(self) -> NoReturn:
-        """See ``SolidBody``.
-
-        Raises:
-            Refused: always.
-        """
-        raise Refused("a nonlinear body has no guaranteed bound")
 
 
 def mechanics_at(
