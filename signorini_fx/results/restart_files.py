@@ -32,7 +32,7 @@ from signorini_fx.tuned import SAME_LENGTH
 Nodal = npt.NDArray[np.float64]
 Figures = dict[str, Any]
 
-_FORMAT = 8
+_FORMAT = 9
 _SCENE, _FIGURES, _NODES, _FIELD = "scene.json", "figures.json", "nodes.npz", "displacement.bin"
 _ABSENT = "(absent)"
 

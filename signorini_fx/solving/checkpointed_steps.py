@@ -18,12 +18,11 @@ from pydantic import BaseModel
 
 from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
 from signorini_fx.algebra.contact.active_sets import ActiveSets, bound_of_sets, release, slope_of_bound
-from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.algebra.contact.nodal_vectors import Nodal, unit
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.elastic_body import ElasticBody
-from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary, no_points
+from signorini_fx.mechanics.contact_points.contact_boundary import no_points
 from signorini_fx.records import History, IterationRecord, OuterRecord, Status, Timings, as_rows
 from signorini_fx.results.mechanics import StepResult
 from signorini_fx.results.restart_files import Checkpoint, Figures
@@ -88,22 +87,17 @@ class MeshCheckpoint:
             "direction": _in_space(sets.direction, tangents),
             "turning": sets.turning,
         }
-        rest_t = 0.0 if task.rest is None else task.rest.u_t
-        parameters = {}
-        for name, data in (("given", outcome.data), ("solved", problem.data)):
-            nodal[f"{name}.lambda_hat"] = data.lambda_hat
-            nodal[f"{name}.mu_hat"] = _in_space(data.mu_hat, tangents)
-            if data.bound is not None:
-                zero = np.zeros(data.bound.size)
-                nodal[f"{name}.bound"] = bound_of_sets(sets, zero, data)
-                if (slope := slope_of_bound(sets, data)) is not None:
-                    nodal[f"{name}.coupling"] = slope
-            nodal[f"{name}.slip_origin"] = _in_space(data.slip_origin + rest_t, cotangents)
-            parameters[name] = [data.gamma_n, data.gamma_t, data.sigma]
+        data, rest_t = problem.data, 0.0 if task.rest is None else task.rest.u_t
+        nodal["lambda_hat"], nodal["mu_hat"] = data.lambda_hat, _in_space(data.mu_hat, tangents)
+        nodal["slip_origin"] = _in_space(data.slip_origin + rest_t, cotangents)
+        if data.bound is not None:
+            nodal["bound"] = bound_of_sets(sets, np.zeros(data.bound.size), data)
+            if (slope := slope_of_bound(sets, data)) is not None:
+                nodal["coupling"] = slope
         solves, problems, events = marks
         figures = {
             "place": start.place,
-            "parameters": parameters,
+            "parameters": [[each.gamma_n, each.gamma_t, each.sigma] for each in (outcome.data, data)],
             "monolithic": outcome.monolithic,
             "augmented": outcome.augmented,
             "regularisation_error": outcome.regularisation_error,
@@ -139,8 +133,18 @@ class MeshCheckpoint:
         slipping = np.linalg.norm(direction, axis=1) > 0.5
         direction = np.where(slipping[:, None], unit(direction), 0.0)
         sets = ActiveSets.of(nodal["contact"].ravel() > 0, direction, nodal["turning"].ravel())
+        bound, slope = (nodal[name].ravel() if name in nodal else None for name in ("bound", "coupling"))
+        origin = _along(nodal["slip_origin"], boundary.tangents) - (0.0 if task.rest is None else task.rest.u_t)
         posed, solved = (
-            _data(task, start, name, nodal, figures["parameters"][name], boundary) for name in ("given", "solved")
+            replace(start.data, gamma_n=gamma_n, gamma_t=gamma_t, sigma=sigma, slip_origin=origin)
+            for gamma_n, gamma_t, sigma in figures["parameters"]
+        )
+        solved = replace(
+            solved,
+            lambda_hat=nodal["lambda_hat"].ravel(),
+            mu_hat=_along(nodal["mu_hat"], boundary.cotangents),
+            bound=bound,
+            follows=None if bound is None or slope is None else PointFriction(bound, slope),
         )
         sets = release(sets, solved)  # in 3D points without a bound slip in no direction
         newton = task.iterate.newton
@@ -183,31 +187,6 @@ def open_checkpoint(
     elif parallel.on_root(comm, stored.path.is_dir):
         history.add(f"restart: not asked for: {stored.path} of a run that has not ended is replaced")
     return stored
-
-
-def _data(
-    task: Task, start: Start, name: str, nodal: Mapping[str, Nodal], parameters: list[Any], boundary: ContactBoundary
-) -> RegularisedData:
-    """The data of a problem, as they were stored under a name."""
-
-    def values(key: str) -> Nodal | None:
-        stored = nodal.get(f"{name}.{key}")
-        return None if stored is None else stored.ravel()
-
-    gamma_n, gamma_t, sigma = parameters
-    bound, slope = values("bound"), values("coupling")
-    rest_t = 0.0 if task.rest is None else task.rest.u_t
-    return replace(
-        start.data,
-        gamma_n=gamma_n,
-        gamma_t=gamma_t,
-        sigma=sigma,
-        lambda_hat=nodal[f"{name}.lambda_hat"].ravel(),
-        mu_hat=_along(nodal[f"{name}.mu_hat"], boundary.cotangents),
-        bound=bound,
-        follows=None if bound is None or slope is None else PointFriction(bound, slope),
-        slip_origin=_along(nodal[f"{name}.slip_origin"], boundary.tangents) - rest_t,
-    )
 
 
 def _in_space(vectors: Nodal, tangents: Nodal) -> Nodal:
