@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from enum import Enum
 from typing import Any
 
 import numpy as np
@@ -90,24 +89,18 @@ def case_of(elastic: ElasticBody, forces: Array, values: Array, driven: Driven |
     return elastic.case(forces, function, driven)
 
 
-class MatrixFault(Enum):
-    """Why the matrix of a form cannot be used."""
-
-    NOT_FINITE = "its matrix is not finite: check its coefficients"
-    NOT_SYMMETRIC = "is not symmetric: a(y, z) and a(z, y) differ; friction is what contact= adds"
-    NOT_POSITIVE = "is not positive: a(z, z) is not for some basis function z; check its sign"
+NOT_FINITE = "its matrix is not finite: check its coefficients"
+NOT_SYMMETRIC = "is not symmetric: a(y, z) and a(z, y) differ; friction is what contact= adds"
+NOT_POSITIVE = "is not positive: a(z, z) is not for some basis function z; check its sign"
 
 
 class MatrixError(FormError):
     """The matrix of a form cannot be used."""
 
-    def __init__(self, fault: MatrixFault) -> None:
-        super().__init__([("a", fault.value)])
-        self.fault = fault
-
-    def __reduce__(self) -> tuple[type, tuple[MatrixFault]]:  # type: ignore[override]
-        """Errors travel between ranks."""
-        return type(self), (self.fault,)
+    @property
+    def fault(self) -> str:
+        """Why, one of the above."""
+        return self.problems[0][1]
 
 
 def check_energy(matrix: PETSc.Mat, owned: int, *, definite: bool = True, symmetric: bool = True) -> None:
@@ -126,14 +119,14 @@ def check_energy(matrix: PETSc.Mat, owned: int, *, definite: bool = True, symmet
     matrix.mult(y, forces_of_y)
     size = forces.norm()
     if not np.isfinite(size):
-        raise MatrixError(MatrixFault.NOT_FINITE)
+        raise MatrixError([("a", NOT_FINITE)])
     if symmetric and abs(forces.dot(y) - forces_of_y.dot(x)) > NOTHING_LEFT * size:
-        raise MatrixError(MatrixFault.NOT_SYMMETRIC)
+        raise MatrixError([("a", NOT_SYMMETRIC)])
     if not definite:
         return
     diagonal = matrix.getDiagonal().getArray(readonly=True)[:owned]
     if parallel.any_rank(matrix.comm.tompi4py(), bool((diagonal <= 0).any())):
-        raise MatrixError(MatrixFault.NOT_POSITIVE)
+        raise MatrixError([("a", NOT_POSITIVE)])
 
 
 def scales_of(

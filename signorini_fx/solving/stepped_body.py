@@ -6,7 +6,7 @@ Scenes and forms differ in one thing only: how the model of another place is mad
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any
 
 from dolfinx import fem
 
@@ -49,7 +49,7 @@ class SteppedBody:
     def show(self, outcome: Outcome, result: StepResult) -> None:
         """Show a result to whoever looks at the load steps from outside."""
 
-    def ended(self, end: StepEnd) -> Self:
+    def ended(self, end: StepEnd) -> SteppedBody:
         """The body at the end of a load step with a solution, from which the next one begins."""
         return self
 

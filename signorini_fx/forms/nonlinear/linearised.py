@@ -31,7 +31,7 @@ from signorini_fx.algebra.method import Settings
 from signorini_fx.errors import FormError
 from signorini_fx.forms import options
 from signorini_fx.forms.arguments import conditions_of, settings_of
-from signorini_fx.forms.elasticity import MatrixError, MatrixFault, elastic_body
+from signorini_fx.forms.elasticity import NOT_POSITIVE, NOT_SYMMETRIC, MatrixError, elastic_body
 from signorini_fx.forms.given_forms import given_forms
 from signorini_fx.forms.nonlinear.arguments import slides
 from signorini_fx.forms.nonlinear.moving_pairs import MovingPair, joint_stiffness, spins_of
@@ -461,7 +461,7 @@ class LinearisedProblem(FormSolver):
             points = boundary if self.contact else None
             return elastic_body(self.space, self.forms.compiled[0], self.bcs, fixed, points, settings, **beside)
         except MatrixError as error:
-            if error.fault is not MatrixFault.NOT_SYMMETRIC:
+            if error.fault != NOT_SYMMETRIC:
                 raise
         self.symmetric = False
         self.history.add("the tangent is not symmetric: it is factorised as LU")
@@ -604,7 +604,7 @@ class LinearisedProblem(FormSolver):
                 self.curvature = NodalStiffness.none(self.curvature.blocks.shape[1])
                 why = self.attempt()
         except MatrixError as error:
-            if error.fault is not MatrixFault.NOT_POSITIVE:
+            if error.fault != NOT_POSITIVE:
                 raise
         else:
             if not why:

@@ -21,7 +21,7 @@ from dolfinx import fem
 
 from signorini_fx.errors import FormError
 from signorini_fx.forms.arguments import conditions_of
-from signorini_fx.forms.elasticity import MatrixError, MatrixFault
+from signorini_fx.forms.elasticity import NOT_FINITE, MatrixError
 from signorini_fx.forms.nonlinear import outcomes
 from signorini_fx.forms.nonlinear.displaced_certificate import ResidualMechanics, certified, mechanics_at
 from signorini_fx.forms.nonlinear.line_search import length_of_increment
@@ -319,7 +319,7 @@ class EquilibriumSolver:
                     continue
                 return self._not_solved(error.solution.status)
             except MatrixError as error:
-                if error.fault is MatrixFault.NOT_FINITE:
+                if error.fault == NOT_FINITE:
                     return Status.NOT_FINITE
                 raise
             if length == 0.0:
