@@ -29,8 +29,8 @@ from signorini_fx.results.solution import ConvergenceError, Solution
 from signorini_fx.solving import nested, to_accuracy
 from signorini_fx.solving.checkpointed_steps import MeshCheckpoint
 from signorini_fx.solving.finer_meshes import Meshes
-from signorini_fx.solving.first_start import CoarserMesh
 from signorini_fx.solving.meshed_problem import MeshedProblem, SolvedMesh
+from signorini_fx.solving.stepped_body import CoarserMesh
 
 AnyMesh: TypeAlias = "dmesh.Mesh | TaggedMesh"
 Make = Callable[[Any], Any]

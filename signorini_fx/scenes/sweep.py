@@ -26,8 +26,8 @@ from signorini_fx.scenes.scene import Scene
 from signorini_fx.scenes.solver import refuse_other_than_comm, solve
 from signorini_fx.solving.check.petsc_options import refuse_mistyped
 from signorini_fx.solving.check.refusals import refuse_beforehand
-from signorini_fx.solving.first_start import first_start
 from signorini_fx.solving.solve_on_mesh import contact_task, solve_contact, solve_mesh
+from signorini_fx.solving.stepped_body import first_start
 from signorini_fx.tuned import ZERO_IN_SOLUTION
 
 # The figures of a row.

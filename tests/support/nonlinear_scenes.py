@@ -5,7 +5,7 @@ import numpy as np
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
-from signorini_fx.forms.named_parts import tagged_mesh
+from signorini_fx.forms.given_forms import tagged_mesh
 from signorini_fx.scenes.reading import parse_scene
 
 LAWS = {

@@ -11,8 +11,7 @@ from dolfinx import fem
 
 from signorini_fx.algebra.algorithms.task import Outcome, Task
 from signorini_fx.algebra.contact.friction import PointFriction
-from signorini_fx.forms.given_forms import GivenForms
-from signorini_fx.forms.named_parts import named_parts
+from signorini_fx.forms.given_forms import GivenForms, named_parts
 from signorini_fx.forms.nonlinear.displaced_certificate import ResidualBody, ResidualMechanics
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
 from signorini_fx.forms.nonlinear.moving_pairs import carried_past_ends, sheared_across_gaps
