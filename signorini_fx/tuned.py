@@ -648,9 +648,6 @@ WHOLE_SLOPE, SHORTENED_SLOPE = 0.5, 0.3
 # Evaluations of the residual in a line search, and the share of a bracket that its next point keeps from the ends.
 # Choice.
 LINE_SEARCH_STEPS, BRACKET_MARGIN = 12, 0.1
-# Nodes that pass on functions to each other, up to which a dense matrix says how.  Measured: of 64 it takes 28 µs, a
-# sparse factorisation 53 µs, of 128 119 and 80 µs.
-DENSE_CHAIN = 64
 # Linear solves of a load step of a nonlinear body, from and to, those of its contact problems included.  Measured with
 # and without friction, of rubber and metal.
 NEWTON_SOLVES = (5, 18)

@@ -20,15 +20,7 @@ from scipy.sparse.linalg import splu
 from signorini_fx.mechanics.pairs.overlap_quadrature import Overlap
 from signorini_fx.mechanics.pairs.pair_side import PairSurface
 from signorini_fx.mechanics.pairs.sparse_scaling import scaled_columns, scaled_rows
-from signorini_fx.tuned import (
-    DENSE_CHAIN,
-    KEPT_WEIGHT,
-    MOSTLY_HELD,
-    NEGLIGIBLE,
-    NOTHING_LEFT,
-    SAME_NUMBER,
-    WHOLE_WEIGHT,
-)
+from signorini_fx.tuned import KEPT_WEIGHT, MOSTLY_HELD, NEGLIGIBLE, NOTHING_LEFT, SAME_NUMBER, WHOLE_WEIGHT
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
@@ -246,38 +238,21 @@ def _absorbed(beside: _Beside, tested_nodes: Flags, portion: Array, nodes: Indic
     reached = np.bincount(piece, portion) > 0
     passing = np.where(tested_nodes & reached[piece] & (sums > 0), 1.0 - portion, 0.0)
     step = takes[row] * np.divide(passing, sums, out=np.zeros(count), where=sums > 0)[column]
-    chain, chain_number, own_portion = np.flatnonzero(passing), np.full(count, -1), np.where(passing > 0, 0.0, portion)
-    chain_number[chain] = np.arange(chain.size)
-    kept_nodes = np.flatnonzero(own_portion)
-    entries = own_portion[kept_nodes], (kept_nodes, kept_nodes)
-    if chain.size:  # what each of these keeps of what the chain hands on, in any number of steps
-        handed = np.flatnonzero((passing[row] == 0) & (portion[row] > 0) & (chain_number[column] >= 0))
-        keepers = chain[portion[chain] > 0]
-        keeping, at = np.unique(np.concatenate((row[handed], keepers)), return_inverse=True)
-        begin = np.zeros((keeping.size, chain.size))
-        begin[at, np.concatenate((chain_number[column[handed]], chain_number[keepers]))] = np.concatenate(
-            (portion[row[handed]] * step[handed], portion[keepers])
-        )
-        chain_entries = np.flatnonzero((chain_number[row] >= 0) & (chain_number[column] >= 0))
-        numbers, ones = np.arange(chain.size), np.ones(chain.size)
-        transposed = (
-            np.concatenate((numbers, chain_number[column[chain_entries]])),
-            np.concatenate((numbers, chain_number[row[chain_entries]])),
-        )
-        within = np.concatenate((ones, -step[chain_entries]))
-        if chain.size <= DENSE_CHAIN:
-            dense: Array = np.zeros((chain.size, chain.size))
-            np.add.at(dense, transposed, within)
-            values = np.linalg.solve(dense, begin.T).T
-        else:
-            values = splu(sp.csc_array((within, transposed), shape=(chain.size, chain.size))).solve(begin.T).T
+    own = np.where(passing > 0, 0.0, portion)
+    steps = sp.csr_array((step, (row, column)), shape=(count, count))
+    shares = sp.csr_array(sp.diags_array(own))
+    chain = np.flatnonzero(passing)
+    if chain.size:  # what is kept of what these hand on, in any number of steps
+        handed = (scaled_rows(own, steps) + sp.diags_array(portion - own))[:, chain]
+        keeping = np.flatnonzero(np.diff(handed.indptr))
+        within = sp.csc_array((sp.eye_array(chain.size) - steps[chain][:, chain]).T)
+        values = splu(within).solve(handed[keeping].toarray().T).T
         of_keeping, of_chain = np.nonzero(values > SAME_NUMBER**2)
-        places = np.concatenate((kept_nodes, keeping[of_keeping])), np.concatenate((kept_nodes, chain[of_chain]))
-        entries = np.concatenate((own_portion[kept_nodes], values[of_keeping, of_chain])), places
-    values, (row, column) = entries
-    columns = np.bincount(column, values, minlength=count)
-    values = values * np.divide(1.0, columns, out=np.zeros(count), where=columns > 0)[column]
-    return sp.csr_array((values, (np.searchsorted(nodes, row), column)), shape=(nodes.size, count))
+        places = keeping[of_keeping], chain[of_chain]
+        shares = shares + sp.csr_array((values[of_keeping, of_chain], places), shape=(count, count))
+    columns = np.asarray(shares.sum(axis=0)).ravel()
+    inverse = np.divide(1.0, columns, out=np.zeros(count), where=columns > 0)
+    return scaled_columns(shares, inverse)[nodes]
 
 
 def _mixed(shares: sp.csr_array, nodes: Indices, weights: tuple[Array, Array], portion: Array) -> sp.csr_array:
