@@ -12,6 +12,7 @@ from signorini_fx.errors import FormError
 from signorini_fx.forms.nonlinear import outcomes, restarted_body
 from signorini_fx.forms.nonlinear.displaced_certificate import ResidualMechanics
 from signorini_fx.forms.nonlinear.newton import EquilibriumSolver, NoEquilibrium
+from signorini_fx.forms.nonlinear.results import without_digits
 from signorini_fx.forms.nonlinear.snapshot import Snapshot
 from signorini_fx.forms.nonlinear.step_sizes import PathSizes, Way
 from signorini_fx.mechanics.statement.load_path import LoadPath
@@ -37,13 +38,12 @@ class Continuation:
     steps: list[StepResult] = field(default_factory=list)
     mechanics: list[tuple[fem.Function, ResidualMechanics]] = field(default_factory=list)
     _solves_before: int = 0
-    _hidden: list[bool | None] = field(default_factory=list)  # see ``EquilibriumSolver``, of the steps
 
     def forget(self) -> None:
         """The steps before the next solve, and a first step that had no solution."""
         solver = self.solver
         solver.linear.several = False
-        self.steps, self.mechanics, self._hidden, solver.timings = [], [], [], Timings()
+        self.steps, self.mechanics, solver.timings = [], [], Timings()
         self._solves_before = len(solver.linear.history.iterations)
         if solver.solved is not None and solver.solved.step.status is not Status.CONVERGED:
             solver.solved = None
@@ -63,32 +63,23 @@ class Continuation:
             FormError: likewise.
         """
         self.forget()
-        self.solver.linear.several = several
+        solver = self.solver
+        solver.linear.several = several
         stepping = Stepping[StepResult](
-            self.solver.linear.history,
-            self.solver.timings,
+            solver.linear.history,
+            solver.timings,
             ended=lambda: way.sizes.ended,
             solved=partial(self._next_step, way),
             recalled=partial(self._recall, way),
             store=partial(self._store, way),
         )
-        earlier_farthest = self.solver.farthest
+        earlier_farthest = solver.farthest
         stepping.all(on_step, checkpoint)
-        loaded_steps = [hidden for hidden in self._hidden if hidden is not None]
-        if loaded_steps and all(loaded_steps) and self.solver.farthest > earlier_farthest:
-            self._end_without_digits()
-
-    def _end_without_digits(self) -> None:
-        """Nothing is known of any step.
-
-        Raises:
-            NoEquilibrium: always.
-        """
-        solver, status = self.solver, Status.NO_DIGIT
-        assert solver.solved is not None
-        solver.solved = replace(solver.solved, step=replace(solver.solved.step, status=status))
-        solver.status, solver.failure = status, status.value
-        raise NoEquilibrium(f"{status.value}: {solver.origin.advice_on(status)}")
+        if solver.farthest > earlier_farthest and without_digits([step.certificate for step in self.steps]):
+            assert solver.solved is not None
+            solver.solved = replace(solver.solved, step=replace(solver.solved.step, status=Status.NO_DIGIT))
+            solver.status, solver.failure = Status.NO_DIGIT, Status.NO_DIGIT.value
+            raise NoEquilibrium(f"{Status.NO_DIGIT.value}: {solver.origin.advice_on(Status.NO_DIGIT)}")
 
     def along(
         self,
@@ -178,7 +169,6 @@ class Continuation:
         step = way.named(end, replace(solved.step, step=len(self.steps) + 1))
         self.solver.solved = replace(solved, step=step)
         self.steps.append(step)
-        self._hidden.append(self.solver.hidden)
         self.mechanics.append((step.displacement, solved.mechanics))
         self.advance()
         return step

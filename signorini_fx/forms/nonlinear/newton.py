@@ -28,7 +28,7 @@ from signorini_fx.forms.nonlinear.line_search import length_of_increment
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
 from signorini_fx.forms.nonlinear.penetration import overlap, overlap_of_bodies
 from signorini_fx.forms.nonlinear.residual import Residual
-from signorini_fx.forms.nonlinear.results import SolvedBody
+from signorini_fx.forms.nonlinear.results import SolvedBody, without_digits
 from signorini_fx.forms.nonlinear.snapshot import BeginningOnShapes, Snapshot
 from signorini_fx.forms.nonlinear.stability import Stability
 from signorini_fx.forms.nonlinear.tangent import Tangents, round_off
@@ -106,7 +106,6 @@ class EquilibriumSolver:
         begun: where the step begins that it ends; None: there is none.
         timings: of the attempts.
         farthest: the largest displacement of the solutions that were taken, relative to the size of the body.
-        hidden: whether round-off may be all that there is in the last solution; None: nothing moves the body.
     """
 
     u: fem.Function
@@ -130,11 +129,9 @@ class EquilibriumSolver:
     begun: BeginningOnShapes | None = None
     timings: Timings = field(default_factory=Timings)
     farthest: float = 0.0
-    hidden: bool | None = None
     _detail: str = ""  # see ``outcomes.failure``
     _tried: Array | None = None  # see ``Stability.reason_for_none``
-    _begins: tuple[Array, Array] = field(init=False)  # values of ``u`` and F where the last attempt began
-    _judged: tuple[Array, Array] = field(init=False)  # F and its round-off at the last iterate that was judged
+    _begins: Array = field(init=False)  # values of ``u`` where the last attempt began
     _unloaded: bool = False  # whether that was at rest, see ``_rests_unloaded``
     _mechanics: ResidualMechanics = field(init=False)  # of the certificate
 
@@ -182,15 +179,13 @@ class EquilibriumSolver:
         for number, moving in self.linear.shapes.items():
             moving.check(number, self.linear.space.mesh.comm)
         last = self.last = self.last or self.snapshot()
-        self.certificate, self.status, self.hidden, self.without, self._detail = None, None, None, "", ""
+        self.certificate, self.status, self.without, self._detail = None, None, "", ""
         self._tried = None
         self.linear_solves, solves = 0, len(self.linear.history.iterations)
         try:
             with self.timings.phase("iterate"):
                 status = self._iterate()
-            if status is Status.CONVERGED:
-                self.hidden = self._hidden()
-            if alone and self.hidden and self._farther:
+            if status is Status.CONVERGED and alone and self._hidden:
                 status = Status.NO_DIGIT
             elif status is Status.CONVERGED and self.asks_stability:
                 status = self.stability.verdict()
@@ -211,16 +206,9 @@ class EquilibriumSolver:
         """The verdict on a displacement of an earlier run, but for stability; ``begun``: where its step begins;
         collective.
         """
-        self.last, self.hidden = self.last or begun, None
+        self.last = self.last or begun
         with self.timings.phase("certify"):
-            values, start = self.u.x.array.copy(), begun.displacement.copy()
-            residual = self.residual.at(start)
-            self.residual.go_to(values)
-            status = self._judge()
-            if status is Status.CONVERGED and residual is not None:
-                self._begins = start, residual
-                self.hidden = self._hidden()
-        return status
+            return self._judge()
 
     def take(self) -> None:
         """Make what there is now the last solution; collective."""
@@ -300,7 +288,7 @@ class EquilibriumSolver:
             if residual is None:
                 return Status.INVERTED
             if iteration == 1:
-                self._begins = old, residual
+                self._begins = old
             try:
                 self.linear.slide()
             except PairingError as error:
@@ -365,7 +353,7 @@ class EquilibriumSolver:
         is met, and supports leave the undeformed body where it is; collective.
         """
         space, comm = self.linear.space, self.linear.space.mesh.comm
-        begun = float(parallel.largest(comm, np.abs(self._begins[0]), 0.0))
+        begun = float(parallel.largest(comm, np.abs(self._begins), 0.0))
         digits = LOST_UNITS * float(np.finfo(float).eps)
         if not self._is_within(min(ROOT_OF_EPS * begun, digits * max(begun, self._farthest_place))):
             return False
@@ -461,30 +449,11 @@ class EquilibriumSolver:
 
     # --- what is said of a solution -----------------------------------------------------------------------------------
 
-    def _hidden(self) -> bool | None:
-        """Whether the check would accept the body where the attempt began, too: no support has moved it, and all forces
-        on it then and now are below what round-off of F may hide, or it has moved by less than the round-off of the
-        places where contact is met; None: nothing moves it, as forces are round-off of F, those of contact too unless
-        it has moved the body by less than that round-off, and ways of supports, such as an amplitude times the cosine
-        of a right angle, are round-off of one that is as large as the body; collective.
-        """
-        (old, start), (end, lost), space = self._begins, self._judged, self.linear.space
-        fixed, values = prescribed(space, conditions_of(self.linear.bcs, space))
-        comm, squares = space.mesh.comm, [part @ part for part in (start[~fixed[: start.size]], end, lost)]
-        pushing, acting, unit = np.sqrt(parallel.global_sum(comm, np.array(squares)))
-        unmoved = float(np.finfo(float).eps) / 2 * self.linear.scales.size
-        moved = parallel.any_rank(comm, bool((np.abs(values - old)[fixed] > unmoved).any()))
-        assert self.certificate is not None
-        placed, few = self.certificate.placed, UNITS_OF_NO_LOAD * unit
-        if not moved and pushing <= few and (acting <= few or placed >= 1.0):
-            return None
-        unseen = (LOST_UNITS if self._unloaded else 1.0) * placed >= 1.0
-        return bool((not moved and max(pushing, acting) <= LOST_UNITS * unit) or unseen)
-
     @property
-    def _farther(self) -> bool:
-        """Whether the body has never been as far: what has come back to rest has been farther."""
-        return self.certificate is not None and self.certificate.displacement > self.farthest
+    def _hidden(self) -> bool:
+        """Whether round-off may be all that there is in the solution, unless the body has come back to rest."""
+        assert self.certificate is not None
+        return self.certificate.displacement > self.farthest and without_digits([self.certificate])
 
     def _judge(self, residual: Array | None = None) -> Status:
         """Whether an iterate is a solution: no shape is inside the body, and the certificate holds; collective.
@@ -516,7 +485,6 @@ class EquilibriumSolver:
                 self._detail = reached
                 return Status.AT_END
         lost = round_off(self.u, residual, self.residual.at)
-        self._judged = residual, lost
         self.residual.go_to(values)
         self._unloaded = self._rests_unloaded
         self.certificate, self._mechanics = self._certified(residual, lost)
