@@ -19,11 +19,10 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from signorini_fx.errors import FormError, SceneError
-from signorini_fx.forms.nonlinear.at_solution import linearised_at
 from signorini_fx.forms.nonlinear.displaced_certificate import DisplacementsAtPlaces, ResidualMechanics
 from signorini_fx.forms.nonlinear.moving_shapes import fitting, not_driven
 from signorini_fx.forms.nonlinear.newton import Origin
-from signorini_fx.forms.nonlinear.problem import NonlinearContactProblem
+from signorini_fx.forms.nonlinear.problem import NonlinearContactProblem, linearised_at
 from signorini_fx.forms.nonlinear.snapshot import BeginningOnShapes, Snapshot
 from signorini_fx.machine import compat, parallel
 from signorini_fx.machine.compilation import compiling

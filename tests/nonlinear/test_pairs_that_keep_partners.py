@@ -11,7 +11,7 @@ from support.sliding_bodies import blocks, stacked, turn_of
 from two_bodies import assembled, facets, facets_of_cells, grid
 
 from signorini_fx import Coulomb, FormError, Foundation, NonlinearContactProblem, Pair
-from signorini_fx.forms.nonlinear.undeformed_pairs import turned_forces
+from signorini_fx.forms.nonlinear.moving_pairs import turned_forces
 
 KEPT = {"pair": {"sliding": False}}
 

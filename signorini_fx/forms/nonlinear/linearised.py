@@ -34,7 +34,7 @@ from signorini_fx.forms.arguments import conditions_of, settings_of
 from signorini_fx.forms.elasticity import NOT_POSITIVE, NOT_SYMMETRIC, MatrixError, elastic_body
 from signorini_fx.forms.given_forms import given_forms
 from signorini_fx.forms.nonlinear.arguments import slides
-from signorini_fx.forms.nonlinear.moving_pairs import MovingPair, joint_stiffness, spins_of
+from signorini_fx.forms.nonlinear.moving_pairs import MovingPair, held_between, joint_stiffness, spins_of, turned_forces
 from signorini_fx.forms.nonlinear.moving_shapes import (
     MovingShape,
     curvature_of,
@@ -49,7 +49,6 @@ from signorini_fx.forms.nonlinear.moving_tools import DisplacedRigidBodies, Movi
 from signorini_fx.forms.nonlinear.residual import Residual
 from signorini_fx.forms.nonlinear.retained_points import RetainedPoints
 from signorini_fx.forms.nonlinear.tangent import round_off
-from signorini_fx.forms.nonlinear.undeformed_pairs import held_between, turned_forces
 from signorini_fx.forms.solver import FormSolver
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.averages import averaging

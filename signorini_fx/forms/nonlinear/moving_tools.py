@@ -31,8 +31,7 @@ import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
 
-from signorini_fx.forms.nonlinear.finite_rotation import across_arms, rigid_motion
-from signorini_fx.forms.nonlinear.moving_shapes import MovingShape
+from signorini_fx.forms.nonlinear.moving_shapes import MovingShape, across_arms, rigid_motion
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.contact_points.contact_state import ContactState

@@ -18,16 +18,14 @@ from signorini_fx.errors import FormError
 from signorini_fx.extensions import add_on
 from signorini_fx.forms.arguments import foundations_of
 from signorini_fx.forms.nonlinear.arguments import checked
-from signorini_fx.forms.nonlinear.at_solution import linearised_at
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
 from signorini_fx.forms.nonlinear.load_continuation import Continuation
 from signorini_fx.forms.nonlinear.moving_shapes import place
 from signorini_fx.forms.nonlinear.newton import EquilibriumSolver, NoEquilibrium
-from signorini_fx.forms.nonlinear.quadrature_rules import refuse_miscompiled
 from signorini_fx.forms.nonlinear.residual import Residual
 from signorini_fx.forms.nonlinear.results import findings_of, lost_digits, too_stiff
 from signorini_fx.forms.nonlinear.step_sizes import LoadSizes, RampStep, Way
-from signorini_fx.forms.nonlinear.tangent import Tangents
+from signorini_fx.forms.nonlinear.tangent import Tangents, refuse_miscompiled
 from signorini_fx.forms.problem_of_forms import ProblemOfForms
 from signorini_fx.forms.steps import begun_path
 from signorini_fx.machine.compilation import compiling
@@ -347,3 +345,35 @@ class NonlinearContactProblem(ProblemOfForms):
         with self._as_convergence_error():
             self._continuation.along(path, lambda step: clock.turn(path.time_at(step)), on_step, stored)
         return self.solution
+
+
+def linearised_at(solver: EquilibriumSolver, linear: LinearisedProblem) -> tuple[Any, ...]:
+    """The last solution with its linearised problem, see ``SolvedStep.of``; collective.
+
+    Args:
+        solver: that has found it.
+        linear: its contact problem, or a copy, which is assembled there.
+
+    Raises:
+        RuntimeError: it depends on the state of a material before the last step, which is not kept.
+        FormError: its derivatives are not known.
+        MatrixError: the tangent is not finite.
+    """
+    residual = solver.residual
+    for number, entry in enumerate(linear.stated):
+        if entry.against is not None and not entry.bonded:
+            raise FormError([(f"contact[{number}]", "derivatives are not possible yet where two bodies touch")])
+    if linear.moving_tools.coordinates.size:
+        raise FormError([("contact", "derivatives are not possible yet where forces move a foundation")])
+    begun = solver.begun
+    assert begun is not None
+    advanced = linear.beginning().last is not begun.beginning.last
+    if residual.has_state and (advanced or linear.step > 0):
+        why = "the solution depends on the state of the material before it, whose derivatives are not kept"
+        raise RuntimeError(f"{why}: ask for derivatives of the first step, before advance()")
+    values = solver.u.x.array.copy()
+    residual.go_to(values)
+    if not solver.stability.leads(values):
+        raise FormError([("J", "is not the derivative of F at the solution: leave it out, or mend it")])
+    with begun.returned_to(linear):
+        return linear.derivative_at_solution()

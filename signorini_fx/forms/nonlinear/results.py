@@ -14,8 +14,12 @@ from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.forms.given_forms import GivenForms, named_parts
 from signorini_fx.forms.nonlinear.displaced_certificate import ResidualBody, ResidualMechanics
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
-from signorini_fx.forms.nonlinear.moving_pairs import carried_past_ends, sheared_across_gaps
-from signorini_fx.forms.nonlinear.undeformed_pairs import facet_size, slid_past_partners
+from signorini_fx.forms.nonlinear.moving_pairs import (
+    carried_past_ends,
+    facet_size,
+    sheared_across_gaps,
+    slid_past_partners,
+)
 from signorini_fx.mechanics.body.deformation import added_stiffness, deformation_of
 from signorini_fx.mechanics.body.elastic_body import ElasticBody
 from signorini_fx.mechanics.interfaces import Pair
