@@ -220,7 +220,8 @@ NEXT_ERROR = {2: 0.1, 3: 0.5}
 # docs/evidence/forecasts.csv: 0.69 to 0.91 in 3D; rubber and metal in 2D: 0.72 to 1.04.
 UNIFORM_RATE = 0.8
 # A solve takes as long as if it had so many unknowns more, each of the same time, by dimension.  Tuned like the next
-# three on 46 runs of 36 problems of demos/studies/forecast_problems.py in 2D, without arcs; in 3D on six of them.
+# three on 46 runs of 36 problems of demos/studies/forecast_problems.py (f2e60129) in 2D, without arcs; in 3D on six of
+# them.
 FIXED_UNKNOWNS = {2: 2300.0, 3: 400.0}
 # Meshes that are divided where the error is: unknowns of the first one, growth from each to the next, and those of the
 # mesh with the error of a uniform one, over the square root of the unknowns of that.
