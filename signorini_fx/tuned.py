@@ -730,10 +730,8 @@ JUDGED_UNITS = 2.5
 JUDGED_FINEST = 60_000
 # In so many increments a problem with friction is solved again.  Choice: CalculiX takes ten or fewer.
 JUDGED_INCREMENTS = 8
-# By which share a number of the problem is changed for its effect, how many of them are followed, with how many further
-# solutions each, and at what expected share of the distance at most; those that are nearer than this multiple of the
-# nearest one are named, too.  Choice.
-JUDGED_TRIED_STEP, JUDGED_TRIED, JUDGED_ROUNDS, JUDGED_PROMISING, JUDGED_ALIKE = 0.1, 3, 6, 0.6, 2.0
+# By which share a number of the problem is changed for its effect, and how many values are tried.  Choice.
+JUDGED_TRIED_STEP, JUDGED_ROUNDS = 0.1, 8
 # Another problem explains a result if it leaves at most this share of its distance; if that is within the error of the
 # mesh, only this one.  Of 34 good results the best one leaves .56.
 JUDGED_LEFT, JUDGED_SURELY_LEFT = 0.45, 0.1

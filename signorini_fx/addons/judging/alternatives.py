@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,7 @@ from signorini_fx.mechanics.mesh.files.shape import Floats
 from signorini_fx.mechanics.statement.effect import Load
 from signorini_fx.mechanics.statement.expressions import Expression
 from signorini_fx.scenes.scene import Scene
-from signorini_fx.tuned import JUDGED_ALIKE, JUDGED_PROMISING, JUDGED_ROUNDS, JUDGED_TRIED, JUDGED_TRIED_STEP
+from signorini_fx.tuned import JUDGED_ROUNDS, JUDGED_TRIED_STEP
 
 
 @dataclass(frozen=True)
@@ -37,97 +37,43 @@ class Alternative:
     least: float = -np.inf
 
 
-@dataclass(frozen=True)
-class FoundAlternative:
-    """An alternative that a result is near to.
-
-    Attributes:
-        text: in words, with those that are as near.
-        value: of it.
-        distance: of the result from our solution of it on the same mesh, in the energy norm.
-    """
-
-    text: str
-    value: float
-    distance: float
-
-
-def nearest_alternative(on_mesh: SolutionOnMesh, v: Floats, enough: float) -> FoundAlternative | None:
-    """The alternative whose solution is nearest to a displacement; None: there is none.
+def nearest_alternative(on_mesh: SolutionOnMesh, v: Floats, enough: float) -> tuple[str, float] | None:
+    """In words the alternative whose solution is nearest to a displacement, and its distance; None: there is none.
 
     Args:
         on_mesh: our solution of the problem.
         v: the displacement, length, shape (n, d).
-        enough: a distance at which no nearer one is sought, in the energy norm.
+        enough: a distance at which no nearer value is sought, in the energy norm.
     """
     size = float(np.abs(on_mesh.displacement).max())
-    tried = [_Trial.of(on_mesh, v, alternative) for alternative in _alternatives(on_mesh.problem.scene, size)]
-    most = JUDGED_PROMISING * on_mesh.norm(v - on_mesh.displacement)
-    promising = [trial for trial in tried if trial is not None and trial.expected <= most]
-    promising.sort(key=lambda trial: trial.expected)
-    found = sorted((trial.followed(enough) for trial in promising[:JUDGED_TRIED]), key=lambda other: other.distance)
-    if not found:
-        return None
-    nearest = found[0].distance
-    alike = [other.text for other in found if other.distance <= max(JUDGED_ALIKE * nearest, enough)]
-    return replace(found[0], text="; or ".join(alike))
+    found = [
+        _nearest_value(on_mesh, v, alternative, enough) for alternative in _alternatives(on_mesh.problem.scene, size)
+    ]
+    return min((nearest for nearest in found if nearest is not None), key=lambda nearest: nearest[1], default=None)
 
 
-@dataclass
-class _Trial:
-    """The values of an alternative that were tried, their solutions, and how far the displacement is from these."""
-
-    on_mesh: SolutionOnMesh
-    v: Floats
-    alternative: Alternative
-    values: list[float]
-    solved: list[Floats]
-    distances: list[float]
-
-    @classmethod
-    def of(cls, on_mesh: SolutionOnMesh, v: Floats, alternative: Alternative) -> _Trial | None:
-        """With two values beside that of the problem; None: there are no solutions, or it has no effect."""
-        ours = on_mesh.displacement
-        trial = cls(on_mesh, v, alternative, [alternative.start], [ours], [on_mesh.norm(v - ours)])
-        return trial if trial.add(alternative.trial) and trial.step() else None
-
-    def add(self, value: float) -> bool:
-        """Try a value; whether it is another one and has a solution."""
-        u = None if value == self.values[-1] else _solved(self.on_mesh, self.alternative, value)
+def _nearest_value(
+    on_mesh: SolutionOnMesh, v: Floats, alternative: Alternative, enough: float
+) -> tuple[str, float] | None:
+    """The best value by secants; None: it has no effect, or no solution."""
+    value, before, u_before = alternative.trial, alternative.start, on_mesh.displacement
+    nearest: tuple[str, float] | None = None
+    for _ in range(JUDGED_ROUNDS):
+        u = _solved(on_mesh, alternative, value)
         if u is None:
-            return False
-        self.values.append(value)
-        self.solved.append(u)
-        self.distances.append(self.on_mesh.norm(self.v - u))
-        return True
-
-    @property
-    def _slope(self) -> Floats:
-        return np.asarray((self.solved[-1] - self.solved[-2]) / (self.values[-1] - self.values[-2]))
-
-    def step(self) -> bool:
-        """Try the value that is best by the last two; whether there is one."""
-        slope, away = self._slope, self.v - self.solved[-1]
-        square = self.on_mesh.product(slope, slope)
-        if not square > 0:
-            return False
-        return self.add(max(self.values[-1] + self.on_mesh.product(away, slope) / square, self.alternative.least))
-
-    @property
-    def expected(self) -> float:
-        """The least distance by the last two values."""
-        slope, away = self._slope, self.v - self.solved[-1]
-        square = self.on_mesh.product(slope, slope)
-        beside = away if not square > 0 else away - self.on_mesh.product(away, slope) / square * slope
-        return min(self.on_mesh.norm(beside), *self.distances)
-
-    def followed(self, enough: float) -> FoundAlternative:
-        """The value whose solution is nearest."""
-        for _ in range(JUDGED_ROUNDS):
-            if min(self.distances) <= enough or not self.step():
-                break
-        best = int(np.argmin(self.distances[1:])) + 1
-        return FoundAlternative(self.alternative.text(self.values[best]), self.values[best], self.distances[best])
+            break
+        distance = on_mesh.norm(v - u)
+        if nearest is None or distance < nearest[1]:
+            nearest = alternative.text(value), distance
+        slope = (u - u_before) / (value - before)
+        square = on_mesh.product(slope, slope)
+        if distance <= enough or not square > 0:
+            break
+        following = max(value + on_mesh.product(v - u, slope) / square, alternative.least)
+        if following == value:
+            break
+        value, before, u_before = following, value, u
+    return nearest
 
 
 def _solved(on_mesh: SolutionOnMesh, alternative: Alternative, value: float) -> Floats | None:

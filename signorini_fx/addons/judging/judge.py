@@ -12,7 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
-from signorini_fx.addons.judging.alternatives import FoundAlternative, nearest_alternative
+from signorini_fx.addons.judging.alternatives import nearest_alternative
 from signorini_fx.addons.judging.foreign_result import ForeignResult, read_result
 from signorini_fx.addons.judging.judged_problem import JudgedProblem, judged_problem
 from signorini_fx.addons.judging.judgement import AGREES, ANOTHER, NOT_TOLD, VIOLATES, Judgement
@@ -217,12 +217,12 @@ class _Judging:
         if steps and min(steps) <= enough:
             number = int(np.argmin(steps))
             return f"it is the end of load step {number + 1} {names[number]}".rstrip()
-        found: FoundAlternative | None = nearest_alternative(ours, v, printed + NEGLIGIBLE * on_mesh)
+        found = nearest_alternative(ours, v, printed + NEGLIGIBLE * on_mesh)
         if found is None:
             return ""
-        text = f"{found.text}, with which it is {found.distance / on_mesh:.2g} of its distance away"
-        self.lines["other"] = text
-        return found.text if found.distance <= enough else ""
+        other, left = found
+        self.lines["other"] = f"{other}, with which it is {left / on_mesh:.2g} of its distance away"
+        return other if left <= enough else ""
 
     def _certified(self, size: float, allowed: float) -> dict[str, str]:
         """The figures of the certificate, and for each condition what to say if it is violated."""
