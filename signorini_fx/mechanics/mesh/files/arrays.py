@@ -136,25 +136,27 @@ def from_raw(
     first = np.cumsum([0, *(len(raw.blocks[n][1]) for n in body)])
     cell_rows = {n: k + np.arange(len(raw.blocks[n][1])) for n, k in zip(body, first, strict=False)}
     parts = _Entities("regions", "cell", cell_rows, corners)
+    numbers_of = {entities.key: _numbers(raw, entities, data, name) for entities in (sides, parts)}
+    of_sides, of_parts = (_named_elements(raw, entities, numbers_of[entities.key]) for entities in (sides, parts))
     # If a name is that of facets and of nodes, as in Abaqus, the facets are meant.
-    names = _from_nodes(raw, renumber, len(points), sides.nodes[:exterior]) | _names(raw, sides, data, name)
-    inside = _inside_body(raw, sides, data, name)
-    names_of_parts = _names(raw, parts, data, name)
+    names = _from_nodes(raw, renumber, len(points), sides.nodes[:exterior])
+    names |= {label: sides.take(members) for label, members in of_sides.items()}
+    inside = {label: missed for label, members in of_sides.items() if (missed := sides.missed(members))}
+    names_of_parts = {label: parts.take(members) for label, members in of_parts.items()}
     problems: list[tuple[str, str]] = []
     for entities, chosen, result in ((sides, boundaries, names), (parts, regions, names_of_parts)):
         for label, selection in (chosen or {}).items():
             if entities is sides:
                 inside.pop(label, None)
             if isinstance(selection, int | tuple):
-                numbers = selection if isinstance(selection, tuple) else (selection,)
-                if entities is sides and (missed := sum(_missed(raw, sides, n, data, name) for n in numbers)):
+                chosen_numbers = selection if isinstance(selection, tuple) else (selection,)
+                elements = [entities.with_number(numbers_of[entities.key], value) for value in chosen_numbers]
+                if entities is sides and (missed := sum(map(sides.missed, elements))):
                     inside[label] = missed
-                numbered = [_numbered(raw, entities, number, data, name) for number in numbers]
-                missing = [message for selected, message in numbered if not selected.size]
-                selected = np.unique(
-                    np.concatenate([selected if not missing else selected[:0] for selected, _ in numbered])
-                )
-                message = missing[0] if missing else ""
+                found = [entities.take(members) for members in elements]
+                absent = [value for value, rows in zip(chosen_numbers, found, strict=True) if not rows.size]
+                selected = np.unique(np.concatenate(found)) if not absent else np.empty(0, dtype=np.int64)
+                message = _no_number(raw, entities, numbers_of[entities.key], absent[0], name) if absent else ""
             elif isinstance(selection, Expression) and selection.coordinates > cell.dim:
                 selected, message = np.empty(0, dtype=np.int64), f"{name}: the mesh is plane: there is no x[2]"
             else:
@@ -197,55 +199,34 @@ class _Entities:
     rows: Mapping[int, Ints]
     nodes: Ints
 
-    def take(self, members: Callable[[int], Ints]) -> Ints:
-        """The entities that are elements ``members(block)``."""
-        parts = [rows[members(block)] for block, rows in self.rows.items()]
+    def take(self, members: Mapping[int, Ints]) -> Ints:
+        """The entities that are elements ``members[block]``, sorted."""
+        parts = [self.rows[block][chosen] for block, chosen in members.items()]
         numbers = np.concatenate([np.empty(0, dtype=np.int64), *parts])
         numbers = numbers[numbers >= 0]
         return numbers if increases(numbers) else np.unique(numbers)
 
-    def missed(self, members: Callable[[int], Ints]) -> int:
-        """How many of the elements ``members(block)`` are none of the entities."""
-        return sum(np.count_nonzero(rows[members(block)] < 0) for block, rows in self.rows.items())
+    def missed(self, members: Mapping[int, Ints]) -> int:
+        """How many of the elements ``members[block]`` are none of the entities."""
+        return sum(np.count_nonzero(self.rows[block][chosen] < 0) for block, chosen in members.items())
 
     def values(self, numbers: list[Ints]) -> list[int]:
         """The numbers that elements have; below 0 is none."""
         return sorted({int(v) for block in self.rows for v in np.unique(numbers[block]) if v >= 0})
 
-    def with_number(self, numbers: list[Ints], value: int) -> Ints:
-        """The entities whose elements have this number."""
-        return self.take(lambda block: np.unique(np.nonzero(numbers[block] == value)[0]))
+    def with_number(self, numbers: list[Ints] | None, value: int) -> dict[int, Ints]:
+        """By block the elements that have a number."""
+        return {block: np.unique(np.nonzero(numbers[block] == value)[0]) for block in self.rows} if numbers else {}
 
 
-def _names(raw: RawMesh, entities: _Entities, data: str | None, name: str) -> dict[str, Ints]:
-    """The names of the sets or, if there are none, names made from the numbers."""
-    named = {
-        label: entities.take(members.__getitem__)
-        for label, members in raw.sets.items()
-        if any(members[block].size for block in entities.rows)
-    }
-    numbers = _numbers(raw, entities, data, name)
+def _named_elements(raw: RawMesh, entities: _Entities, numbers: list[Ints] | None) -> dict[str, dict[int, Ints]]:
+    """By name and block the elements of the sets or, if there are none, of the numbers."""
+    of_sets = {label: {block: members[block] for block in entities.rows} for label, members in raw.sets.items()}
+    named = {label: members for label, members in of_sets.items() if any(rows.size for rows in members.values())}
     if named or numbers is None:
         return named
     word = "boundary" if entities.key == "boundaries" else "region"
     return {f"{word}_{value}": entities.with_number(numbers, value) for value in entities.values(numbers)}
-
-
-def _inside_body(raw: RawMesh, sides: _Entities, data: str | None, name: str) -> dict[str, int]:
-    """By the names of ``_names`` how many of their elements are no exterior facets, where there are some."""
-    named = [label for label, members in raw.sets.items() if any(members[block].size for block in sides.rows)]
-    missed = {label: sides.missed(raw.sets[label].__getitem__) for label in named}
-    if not named and (numbers := _numbers(raw, sides, data, name)) is not None:
-        missed = {f"boundary_{value}": _missed(raw, sides, value, data, name) for value in sides.values(numbers)}
-    return {label: count for label, count in missed.items() if count}
-
-
-def _missed(raw: RawMesh, sides: _Entities, value: int, data: str | None, name: str) -> int:
-    """How many elements with a number are no exterior facets."""
-    numbers = _numbers(raw, sides, data, name)
-    if numbers is None:
-        return 0
-    return sides.missed(lambda block: np.unique(np.nonzero(numbers[block] == value)[0]))
 
 
 def _from_nodes(raw: RawMesh, renumber: Ints, count: int, corners: Ints) -> dict[str, Ints]:
@@ -261,21 +242,18 @@ def _from_nodes(raw: RawMesh, renumber: Ints, count: int, corners: Ints) -> dict
     return named
 
 
-def _numbered(raw: RawMesh, entities: _Entities, value: int, data: str | None, name: str) -> tuple[Ints, str]:
-    """The entities with a number, and the message if there are none."""
-    numbers = _numbers(raw, entities, data, name)
-    if numbers is None:
-        possible = [repr(label) for label, columns in raw.data.items() if entities.values(columns)]
-        cure = (
-            f"set mesh.data to the cell data that is meant; there are: {', '.join(possible)}"
-            if possible
-            else f"no {entities.word} has a number: give a condition instead, such as 'x[1] < 1e-9', or name them in "
-            "the file (in gmsh: physical groups)"
-        )
-        return np.empty(0, dtype=np.int64), f"{name}: {cure}"
-    known_numbers = ", ".join(map(str, entities.values(numbers))) or "none"
-    selected = entities.with_number(numbers, value)
-    return selected, f"{name}: number {value} selects no {entities.word}; the numbers there are: {known_numbers}"
+def _no_number(raw: RawMesh, entities: _Entities, numbers: list[Ints] | None, value: int, name: str) -> str:
+    """What to say of a number that no entity has."""
+    if numbers is not None:
+        known_numbers = ", ".join(map(str, entities.values(numbers))) or "none"
+        return f"{name}: number {value} selects no {entities.word}; the numbers there are: {known_numbers}"
+    possible = [repr(label) for label, columns in raw.data.items() if entities.values(columns)]
+    if possible:
+        return f"{name}: set mesh.data to the cell data that is meant; there are: {', '.join(possible)}"
+    return (
+        f"{name}: no {entities.word} has a number: give a condition instead, such as 'x[1] < 1e-9', or name them in "
+        "the file (in gmsh: physical groups)"
+    )
 
 
 def _body(raw: RawMesh, name: str) -> tuple[str, list[int]]:

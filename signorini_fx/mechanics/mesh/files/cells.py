@@ -141,11 +141,6 @@ _ALL_CELLS = (
 CELLS = {cell.kind: cell for cell in _ALL_CELLS}
 
 
-def of_gmsh(number: int) -> Cell | None:
-    """The kind of element with gmsh's number; None for an unknown one."""
-    return next((cell for cell in _ALL_CELLS if cell.gmsh == number), None)
-
-
 def straight(cell: Cell) -> Cell:
     """The kind with the same corners and no nodes between them."""
     return next(candidate for candidate in _ALL_CELLS if candidate.corners == cell.corners and candidate.degree == 1)
@@ -187,6 +182,3 @@ def dimension(kind: str) -> int:
     if kind.startswith(("wedge", "pyramid")):
         return 3
     return (CELLS[kind] if kind in CELLS else full_cell[0] if (full_cell := completed(kind)) else CELLS["line"]).dim
-
-
-__all__ = ["CELLS", "Cell", "completed", "dimension", "of_gmsh", "straight"]
