@@ -1,4 +1,4 @@
-"""Linear elements in NumPy: weights of boundaries, nodal forces of loads, and strain energy, for every adapter."""
+"""Linear elements in NumPy: weights of boundaries and nodal forces of loads, for every adapter."""
 
 from __future__ import annotations
 
@@ -73,45 +73,4 @@ def prescribed(problem: Problem, grid: Grid) -> dict[tuple[int, int], float]:
         for k, formula in support.components.items():
             values = values_at(problem, formula, grid.points[nodes])
             found |= {(int(node), k): float(value) for node, value in zip(nodes, values, strict=True)}
-    return found
-
-
-def strain_energy(problem: Problem, grid: Grid, u: Floats) -> float:
-    """Of nodal displacements, shape (nodes, d), fully integrated; of a revolution where the body is axisymmetric."""
-    corners, total = grid.cells.shape[1], 0.0
-    young = np.array([body.young for body in problem.bodies])[grid.body]
-    poisson = np.array([body.poisson for body in problem.bodies])[grid.body]
-    mu, lame = young / (2 * (1 + poisson)), young * poisson / ((1 + poisson) * (1 - 2 * poisson))
-    if problem.hypothesis == "plane stress":
-        lame = 2 * lame * mu / (lame + 2 * mu)
-    x, y = grid.points[grid.cells], u[grid.cells]
-    for shape, slopes, weight in _rule(corners):
-        jacobian = np.einsum("ad,cae->cde", slopes, x)
-        gradient = np.einsum("ced,ad->cae", np.linalg.inv(jacobian), slopes)
-        strain = np.einsum("cae,cad->cde", gradient, y)
-        strain = (strain + strain.transpose(0, 2, 1)) / 2
-        volume, trace = np.abs(np.linalg.det(jacobian)) * weight, np.einsum("cdd->c", strain)
-        square = (strain**2).sum(axis=(1, 2))
-        if problem.hypothesis == "axisymmetric":
-            radius = x[..., 0] @ shape
-            hoop = (y[..., 0] @ shape) / radius
-            volume, trace, square = volume * 2 * np.pi * radius, trace + hoop, square + hoop**2
-        total += float((volume * (mu * square + lame * trace**2 / 2)).sum())
-    return total
-
-
-def _rule(corners: int) -> list[tuple[Floats, Floats, float]]:
-    """Shape functions, their slopes (corners, d), and weights at points of quadrature of a cell."""
-    g = np.array([-1, 1]) / np.sqrt(3)
-    if corners == 4:
-        signs = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)], dtype=float)
-    else:
-        plane = [(-1, -1), (1, -1), (1, 1), (-1, 1)]
-        signs = np.array([(*pair, up) for up in (-1, 1) for pair in plane], dtype=float)
-    d = signs.shape[1]
-    found = []
-    for at in np.stack(np.meshgrid(*[g] * d, indexing="ij"), axis=-1).reshape(-1, d):
-        factors = (1 + signs * at) / 2
-        slopes = np.stack([signs[:, k] / 2 * np.delete(factors, k, axis=1).prod(axis=1) for k in range(d)], axis=1)
-        found.append((factors.prod(axis=1), slopes, 1.0))
     return found

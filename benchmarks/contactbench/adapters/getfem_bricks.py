@@ -1,12 +1,8 @@
-"""Runs GetFEM: its basic contact brick, an augmented Lagrangian of Alart and Curnier with forces at nodes, and Newton.
-
-Between two bodies the rows of the brick are those of nodes against facets.
-"""
+"""Runs GetFEM: its basic contact brick (Alart and Curnier) with forces at nodes, and Newton."""
 
 from __future__ import annotations
 
 import time
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -39,72 +35,62 @@ def solve(problem: Problem, grid: Grid) -> Answer:
     """Solve a problem on a mesh.
 
     Raises:
-        CannotRun: Tresca friction, plane stress, or an incompressible body.
+        CannotRun: Tresca friction, two bodies, plane stress, or an incompressible body.
         RuntimeError: Newton's method does not converge.
     """
     if any(contact.law == "tresca" for contact in problem.contacts):
         raise CannotRun("the basic contact brick has no Tresca friction")
-    if problem.hypothesis == "plane stress" or len(problem.contacts) > 1:
-        raise CannotRun("this adapter has one contact, and no plane stress")
+    if problem.hypothesis == "plane stress" or len(problem.contacts) > 1 or problem.contacts[0].against:
+        raise CannotRun("this adapter has one contact with a foundation, and no plane stress")
     if any(body.poisson == 0.5 for body in problem.bodies):
         raise CannotRun("linear elements lock where the body is incompressible")
     import getfem as gf
 
     gf.util_trace_level(0)
     start = time.process_time()
-    body = _Bodies(gf, problem, grid)
+    body = _Body(gf, problem, grid)
     contact = _Rows(gf, body, problem.contacts[0])
     note = contact.solve()
     seconds = time.process_time() - start
     u = np.empty_like(grid.points)
     values = body.model.variable("u").reshape(-1, problem.dimension)
     u[:] = values[body.node_of]
-    return Answer(u, {contact.name: contact.result()}, values.size, seconds, note=note)
+    return Answer(u, {contact.name: contact.result()}, values.size, seconds, body.energy(gf), note=note)
 
 
-class _Bodies:
-    """Mesh, space and the model without contact; bodies lie apart so that their nodes are not merged."""
+class _Body:
+    """Mesh, space and the model without contact."""
 
     def __init__(self, gf: Any, problem: Problem, grid: Grid) -> None:
         self.problem, self.grid, d, corners = problem, grid, problem.dimension, grid.cells.shape[1]
-        far = 10 * np.ptp(grid.points, axis=0).max()
-        owner = np.zeros(len(grid.points), dtype=int)
-        owner[grid.cells] = grid.body[:, None]
-        self.shift = np.zeros_like(grid.points)
-        self.shift[:, -1] = -far * owner
-        x = grid.points + self.shift
         mesh = self.mesh = gf.Mesh("empty", d)
-        at = x[grid.cells[:, _ORDER[corners]]].transpose(2, 1, 0)
+        at = grid.points[grid.cells[:, _ORDER[corners]]].transpose(2, 1, 0)
         mesh.add_convex(gf.GeoTrans(_TRANSFORM[corners]), np.ascontiguousarray(at))
         self.space = gf.MeshFem(mesh, d)
         self.space.set_classical_fem(1)
-        rule = gf.MeshIm(mesh, gf.Integ(_RULE[corners]))
+        rule = self.rule = gf.MeshIm(mesh, gf.Integ(_RULE[corners]))
         model = self.model = gf.Model("real")
         model.add_fem_variable("u", self.space)
-        constant = gf.MeshFem(mesh, 1)
-        constant.set_classical_fem(0)
-        of = constant.basic_dof_from_cvid()[0].astype(int)
-        for name, values in self._moduli().items():
-            ordered = np.empty(len(grid.cells))
-            ordered[of] = np.array(values)[grid.body]
-            model.add_initialized_fem_data(name, constant, ordered)
-        model.add_linear_term(rule, self._work())
+        young, poisson = problem.bodies[0].young, problem.bodies[0].poisson
+        model.add_initialized_data("mu", problem.bodies[0].mu)
+        model.add_initialized_data("lame", young * poisson / ((1 + poisson) * (1 - 2 * poisson)))
+        model.add_linear_term(rule, self._work("Test_u"))
         self.places = self.space.basic_dof_nodes().T[::d]  # of each vector of the displacement
-        self.node_of = self._nearest(x)
+        self.node_of = self._nearest(grid.points)
         self.load = 0.0
         self._loads(gf, rule)
         self._supports(gf)
 
-    def _moduli(self) -> dict[str, list[float]]:
-        bodies = self.problem.bodies
-        lame = [b.young * b.poisson / ((1 + b.poisson) * (1 - 2 * b.poisson)) for b in bodies]
-        return {"mu": [body.mu for body in bodies], "lame": lame}
-
-    def _work(self) -> str:
+    def _work(self, other: str) -> str:
+        """Of the stress of u on the strain of another displacement."""
         if self.problem.hypothesis != "axisymmetric":
-            return "lame*Trace(Grad_u)*Trace(Grad_Test_u) + 2*mu*Sym(Grad_u):Grad_Test_u"
-        trace, other = "(Trace(Grad_u)+u(1)/X(1))", "(Trace(Grad_Test_u)+Test_u(1)/X(1))"
-        return f"2*pi*X(1)*(lame*{trace}*{other} + 2*mu*(Sym(Grad_u):Grad_Test_u + u(1)*Test_u(1)/sqr(X(1))))"
+            return f"lame*Trace(Grad_u)*Trace(Grad_{other}) + 2*mu*Sym(Grad_u):Grad_{other}"
+        traces = f"(Trace(Grad_u)+u(1)/X(1))*(Trace(Grad_{other})+{other}(1)/X(1))"
+        return f"2*pi*X(1)*(lame*{traces} + 2*mu*(Sym(Grad_u):Grad_{other} + u(1)*{other}(1)/sqr(X(1))))"
+
+    def energy(self, gf: Any) -> float:
+        """The strain energy."""
+        return float(gf.asm_generic(self.rule, 0, self._work("u"), -1, self.model)) / 2
 
     def _nearest(self, x: Floats) -> npt.NDArray[np.int64]:
         from scipy.spatial import cKDTree
@@ -114,7 +100,7 @@ class _Bodies:
     def region(self, boundary: str) -> Any:
         """Convexes and faces of a boundary."""
         nodes = self.grid.nodes(boundary)
-        points = self.mesh.pid_from_coords(np.ascontiguousarray((self.grid.points + self.shift)[nodes].T))
+        points = self.mesh.pid_from_coords(np.ascontiguousarray(self.grid.points[nodes].T))
         faces, outer = self.mesh.faces_from_pid(points), self.mesh.outer_faces()
         wanted = set(map(tuple, outer.T.tolist()))
         return np.array([face for face in faces.T.tolist() if tuple(face) in wanted]).T
@@ -128,19 +114,12 @@ class _Bodies:
             self.mesh.set_region(number, self.region(traction.boundary))
             near = np.unique(data.basic_dof_on_region(number) // d)
             values = np.zeros_like(places)
-            at = places[near].copy()
-            at[:, -1] -= self._shift_at(at)
             for k, formula in traction.components.items():
-                values[near, k] = values_at(self.problem, formula, at)
+                values[near, k] = values_at(self.problem, formula, places[near])
             factor = "2*pi*X(1)*" if self.problem.hypothesis == "axisymmetric" else ""
             self.model.add_initialized_fem_data(f"t{number}", data, values.ravel())
             self.model.add_source_term(rule, f"{factor}t{number}.Test_u", number)
             self.load = max(self.load, float(np.abs(values).max()))
-
-    def _shift_at(self, x: Floats) -> Floats:
-        """What the bodies that points belong to are moved by, along the last axis."""
-        far = 10 * np.ptp(self.grid.points, axis=0).max()
-        return -far * np.round((self.grid.points[:, -1].mean() - x[:, -1]) / far).clip(min=0)
 
     def _supports(self, gf: Any) -> None:
         d = self.problem.dimension
@@ -164,16 +143,16 @@ def selection(gf: Any, columns: Any, size: int, factor: float = 1.0) -> Any:
 class _Rows:
     """The brick: a row for each node in contact, along the normal and across."""
 
-    def __init__(self, gf: Any, body: _Bodies, contact: Contact) -> None:
+    def __init__(self, gf: Any, body: _Body, contact: Contact) -> None:
         self.body, self.contact, self.name, self.model = body, contact, contact.boundary, body.model
         problem, grid = body.problem, body.grid
         self.nodes = grid.nodes(contact.boundary)
         self.x, self.dofs = grid.points[self.nodes], body.node_of[self.nodes]
         self.weight = nodal_weights(problem, grid, contact.boundary)[self.nodes]
-        normal = self._normals()
+        normal = np.tile([problem.number(c) for c in contact.direction], (len(self.x), 1))
         rows = [self._row(k, normal[k]) for k in range(len(self.x))]
         tangents = self._tangents(normal)
-        young, size = min(b.young for b in problem.bodies), body.space.nbdof()
+        young, size = problem.bodies[0].young, body.space.nbdof()
         gap = values_at(problem, contact.gap, self.x)
         model = self.model
         model.add_initialized_data("gap", gap)
@@ -220,34 +199,10 @@ class _Rows:
 
     def _start(self, share: float) -> None:
         """Where nothing else holds the body: so far onto the foundation, of what contact everywhere would take."""
-        body, d = self.body, self.body.problem.dimension
-        start = np.zeros((len(body.places), d))
-        if not self.contact.against:
-            start += share * max(self.farthest, 1e-9) * self.toward
-        else:
-            first = body.places[:, -1] > body.grid.points[:, -1].mean() - 5 * np.ptp(body.grid.points, axis=0).max()
-            start[first] += share * max(self.farthest, 1e-9) * self.toward
-        self.model.set_variable("u", start.ravel())
+        start = np.tile(share * max(self.farthest, 1e-9) * self.toward, len(self.body.places))
+        self.model.set_variable("u", start)
         for name in ("lambda_n", "lambda_t") if self.law != "none" else ("lambda_n",):
             self.model.set_variable(name, np.zeros(len(self.model.variable(name))))
-
-    def _normals(self) -> Floats:
-        problem = self.body.problem
-        if self.contact.direction:
-            return np.tile([problem.number(c) for c in self.contact.direction], (len(self.x), 1))
-        grid, found = self.body.grid, np.zeros_like(self.body.grid.points)
-        facets = grid.facets[self.contact.boundary]
-        along = grid.points[facets[:, 1]] - grid.points[facets[:, 0]]
-        outward = np.stack([along[:, 1], -along[:, 0]], axis=1)
-        # Facets run along the coordinates of the shape: what is outward follows from the cell.
-        cells = {frozenset(pair): cell for cell in grid.cells.tolist() for pair in pairwise([*cell, cell[0]])}
-        inside = np.array([grid.points[cells[frozenset(pair)]].mean(axis=0) for pair in facets.tolist()])
-        middle = grid.points[facets].mean(axis=1)
-        outward *= np.sign(((middle - inside) * outward).sum(axis=1))[:, None]
-        for k in (0, 1):
-            np.add.at(found, facets[:, k], outward)
-        found = found[self.nodes]
-        return found / np.linalg.norm(found, axis=1)[:, None]
 
     def _tangents(self, normal: Floats) -> list[list[Floats]]:
         if self.body.problem.dimension == 2:
@@ -255,26 +210,9 @@ class _Rows:
         return [[np.array([1.0, 0, 0]), np.array([0, 1.0, 0])] for _ in normal]
 
     def _row(self, k: int, direction: Floats) -> dict[int, float]:
-        """Relative displacement of a node along a direction, by degrees of freedom."""
+        """Displacement of a node along a direction, by degrees of freedom."""
         d = len(direction)
-        found = {int(self.dofs[k]) * d + c: float(direction[c]) for c in range(d) if direction[c]}
-        if self.contact.against:
-            pair, share = self._partner(self.x[k])
-            for node, part in zip(pair, (1 - share, share), strict=True):
-                for c in range(d):
-                    column = int(self.body.node_of[node]) * d + c
-                    found[column] = found.get(column, 0.0) - part * float(direction[c])
-        return found
-
-    def _partner(self, x: Floats) -> tuple[Any, float]:
-        """The facet of the other body that is nearest, and the place on it from 0 to 1."""
-        grid = self.body.grid
-        facets = grid.facets[self.contact.against]
-        a, b = grid.points[facets[:, 0]], grid.points[facets[:, 1]]
-        along = b - a
-        share = (((x - a) * along).sum(axis=1) / (along**2).sum(axis=1)).clip(0.0, 1.0)
-        near = int(np.linalg.norm(a + share[:, None] * along - x, axis=1).argmin())
-        return facets[near], float(share[near])
+        return {int(self.dofs[k]) * d + c: float(direction[c]) for c in range(d) if direction[c]}
 
     def _matrix(self, gf: Any, rows: list[dict[int, float]], size: int) -> Any:
         matrix = gf.Spmat("empty", len(rows), size)

@@ -59,7 +59,7 @@ def solve(problem: Problem, grid: Grid) -> Answer:
         gamma = min(solved * factor, newton.last)
     seconds = time.process_time() - start - newton.compiling
     u, contacts = newton.answer(state)
-    return Answer(u, contacts, u.size, seconds, note=f"penalty {newton.last:.3g}")
+    return Answer(u, contacts, u.size, seconds, newton.energy(state), note=f"penalty {newton.last:.3g}")
 
 
 class _Newton:
@@ -92,6 +92,7 @@ class _Newton:
 
         stress = 2 * mu * strain(self.u) + lame * ufl.tr(strain(self.u)) * ufl.Identity(strain(self.u).ufl_shape[0])
         residual = ufl.inner(stress, strain(v)) * around * ufl.dx(metadata={"quadrature_degree": 2 + (around != 1.0)})
+        self.work = ufl.replace(residual, {v: self.u})
         # At the vertices, with the areas that belong to them.
         metadata = {"quadrature_rule": "vertex", "quadrature_degree": 1}
         ds = ufl.Measure("ds", domain=mesh, subdomain_data=facets, metadata=metadata)(tags[contact.boundary])
@@ -181,6 +182,13 @@ class _Newton:
             u = u + step.array
         solver.destroy()
         return None
+
+    def energy(self, state: Any) -> float:
+        """The strain energy."""
+        from dolfinx import fem
+
+        self.u.x.array[:] = state
+        return float(fem.assemble_scalar(fem.form(self.work))) / 2
 
     def answer(self, state: Any) -> tuple[Any, dict[str, ContactForces]]:
         """Displacements at the nodes of the grid, and the forces of the contact."""
