@@ -11,14 +11,14 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
+from scipy.sparse.csgraph import breadth_first_order
 
-from signorini_fx.addons.bounds.arrays import Array
-from signorini_fx.addons.bounds.carried_residuals import carried
+from signorini_fx.addons.bounds.arrays import Array, Ints
 from signorini_fx.addons.bounds.cell_pieces import free_motions
 from signorini_fx.addons.bounds.definite_factor import Factor
 from signorini_fx.addons.bounds.johnson_mercier import LocalStress
 from signorini_fx.addons.bounds.linear_displacement import free_basis
-from signorini_fx.addons.bounds.simplices import Simplices, closest_linear, moments_of
+from signorini_fx.addons.bounds.simplices import Simplices, closest_linear, moments_of, pieces_of_cells
 
 _EPS = float(np.finfo(float).eps)
 
@@ -120,9 +120,36 @@ def _round_off(
     force = np.abs(tractions).max(axis=(1, 2)) * t.area
     sizes = force[t.facets_of].max(axis=1) + np.abs(body).sum(axis=(1, 2))
     start = np.unique(t.sides[t.outer, 0][held[t.outer].any(axis=(1, 2))])
-    total, couple = carried(t.x[t.corners].mean(axis=1), t.sides, start, sizes * (missed_share + 32 * _EPS))
+    total, couple = _carried(t.x[t.corners].mean(axis=1), t.sides, start, sizes * (missed_share + 32 * _EPS))
     longest = np.linalg.norm(t.x[t.edges[:, 0]] - t.x[t.edges[:, 1]], axis=1)[t.edges_of].max(axis=1)
     lowest = (d - 1) * t.area[t.facets_of].min(axis=1) / longest ** (d - 2)
     forces = total + 6 * (d - 1) * (couple + total * longest) / lowest
     count = d * d * (d + 1)  # moments of a cell, each of which is no larger
     return float(np.sqrt((np.tile(local.energy, t.parts) * count * forces**2).sum()))
+
+
+def _carried(centre: Array, sides: Ints, held: Ints, missed: Array) -> tuple[Array, Array]:
+    """Bounds of the force that each cell passes on of what cells miss by round-off, carried from cell to cell to the
+    supports, and of its couple about the centre of the cell, shapes (n,).
+
+    Args:
+        centre: of the cells, length, shape (n, d).
+        sides: the cells at both sides of each facet, -1 for none, shape (f, 2).
+        held: cells with a facet that is held; in a piece without one a cell of it takes the rest.
+        missed: bounds of the force that each cell misses, shape (n,).
+    """
+    count, piece = len(centre), pieces_of_cells(sides, len(centre))
+    loose = np.setdiff1d(np.arange(piece.max(initial=-1) + 1), piece[held])
+    start = np.concatenate((held, np.unique(piece, return_index=True)[1][loose]))
+    inner = np.flatnonzero((sides >= 0).all(axis=1))
+    graph = sp.csr_matrix((np.ones(inner.size), tuple(sides[inner].T)), shape=(count, count))
+    # One more node joins all cells that take what the others pass on.
+    root = sp.csr_matrix((np.ones(start.size), (np.full(start.size, 0), start)), shape=(1, count))
+    rooted_graph = sp.bmat([[graph, None], [root, sp.csr_matrix((1, 1))]], format="csr")
+    order, parent = breadth_first_order(rooted_graph, count, directed=False)
+    total, couple = np.append(missed, 0.0), np.zeros(count + 1)
+    arm = np.append(np.linalg.norm(centre - centre[parent[:count].clip(0, count - 1)], axis=1), 0.0)
+    for cell in order[:0:-1]:
+        total[parent[cell]] += total[cell]
+        couple[parent[cell]] += couple[cell] + total[cell] * arm[cell]
+    return total[:count], couple[:count]

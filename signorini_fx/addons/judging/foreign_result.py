@@ -10,10 +10,17 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import cKDTree
 
-from signorini_fx.addons.judging.calculix_results import NodeTables, Table, read_dat, read_frd
 from signorini_fx.addons.judging.judged_problem import JudgedProblem
-from signorini_fx.addons.judging.printed_digits import significant_digits
-from signorini_fx.addons.judging.tables_of_points import PointTable, read_csv, read_vtu
+from signorini_fx.addons.judging.printed_results import (
+    NodeTables,
+    PointTable,
+    Table,
+    read_csv,
+    read_dat,
+    read_frd,
+    read_vtu,
+    significant_digits,
+)
 from signorini_fx.errors import MeshError
 from signorini_fx.mechanics.mesh.files.arrays import plain
 from signorini_fx.mechanics.mesh.files.shape import Floats
