@@ -15,7 +15,7 @@ from scipy.sparse.csgraph import breadth_first_order
 
 from signorini_fx.addons.bounds.arrays import Array, Ints
 from signorini_fx.addons.bounds.cell_pieces import free_motions
-from signorini_fx.addons.bounds.definite_factor import Factor
+from signorini_fx.addons.bounds.definite_systems import solved
 from signorini_fx.addons.bounds.johnson_mercier import LocalStress
 from signorini_fx.addons.bounds.linear_displacement import free_basis
 from signorini_fx.addons.bounds.simplices import Simplices, closest_linear, moments_of, pieces_of_cells
@@ -83,7 +83,7 @@ def _moments(t: Simplices, local: LocalStress, held: Array, alone: Array, loads:
     modes = free_motions(t, held).reshape(len(t.x), d, -1)[t.facets.ravel()].reshape(size, -1)
     upper = _tied(sp.csr_matrix(basis.T @ matrix @ basis), basis.T @ modes)
     forces = np.bincount(places.ravel(), alone.ravel(), size) + matrix @ held_values
-    u = held_values + basis @ Factor(upper).solve(basis.T @ (loads.ravel() - forces))
+    u = held_values + basis @ solved(upper, basis.T @ (loads.ravel() - forces))
     moments = (compliance @ u[places][:, :, None])[:, :, 0] + alone
     return np.asarray(moments.reshape(len(t.corners), d + 1, d, d))
 

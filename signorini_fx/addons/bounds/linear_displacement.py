@@ -10,7 +10,7 @@ import scipy.sparse as sp
 
 from signorini_fx.addons.bounds.arrays import Array, Ints
 from signorini_fx.addons.bounds.cell_pieces import rigid_motions
-from signorini_fx.addons.bounds.definite_factor import Factor
+from signorini_fx.addons.bounds.definite_systems import solved
 from signorini_fx.addons.bounds.simplices import COLUMNS, ROWS, TWICE, Simplices
 from signorini_fx.tuned import ZERO_IN_SOLUTION
 
@@ -84,7 +84,7 @@ def smallest_energy(t: Simplices, constraints: PrescribedComponents) -> tuple[Ar
         upper = sp.triu(basis.T @ matrix @ basis, format="csr")
         upper.sort_indices()
         force = -(matrix @ start.ravel())
-        start += (basis @ Factor(upper).solve(basis.T @ force)).reshape(-1, d)
+        start += (basis @ solved(upper, basis.T @ force)).reshape(-1, d)
     missed = (start[constraints.vertex] * constraints.direction).sum(axis=1) - constraints.value
     return start, float(np.abs(missed).max(initial=0.0))
 
