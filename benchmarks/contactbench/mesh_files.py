@@ -51,11 +51,11 @@ def field(number: float) -> str:
     return f"{number:.12g}"
 
 
-def inp_lines(grid: Grid, hypothesis: str, element: str = "") -> list[str]:
+def inp_lines(grid: Grid, hypothesis: str) -> list[str]:
     """Nodes, elements, node sets (N_ and the name) and surfaces (S_ and the name) of a deck."""
     lines = ["*NODE"]
     lines += [f"{n}, {', '.join(map(field, point))}" for n, point in enumerate(grid.points.tolist(), 1)]
-    element = element or ABAQUS[hypothesis, grid.cells.shape[1]]
+    element = ABAQUS[hypothesis, grid.cells.shape[1]]
     for number, name in enumerate(grid.names):
         lines.append(f"*ELEMENT, TYPE={element}, ELSET={name.upper()}")
         own = [k for k, body in enumerate(grid.body.tolist()) if body == number]

@@ -8,8 +8,8 @@ may take long.  Every mesh is read in a separate process, as gmsh may crash; the
 
 from __future__ import annotations
 
-import contextlib
 import importlib
+import multiprocessing
 import os
 import pkgutil
 import random
@@ -153,9 +153,9 @@ def _mesh(file: Path) -> str:
         _check(solution)
 
     status = _in_a_child(read, 2 * _MESH_SECONDS)
-    if status is None or os.WIFSIGNALED(status):
+    if status is None or status < 0:
         return "broke gmsh"
-    if os.WEXITSTATUS(status) == refused:
+    if status == refused:
         return "refused"
     assert status == 0, f"a mesh that was accepted ends with {status}"
     return "meshes"
@@ -192,28 +192,24 @@ def _write_bases(folder: Path) -> None:
 
 
 def _in_a_child(action: Callable[[], object], seconds: float) -> int | None:
-    """The exit of a fork that runs a function; None if it had to be killed."""
-    child = os.fork()
-    if child == 0:
-        code = 1
-        with contextlib.suppress(BaseException):
-            nowhere = os.open(os.devnull, os.O_WRONLY)
-            os.dup2(nowhere, 1)
-            os.dup2(nowhere, 2)
-            for number in (signal.SIGSEGV, signal.SIGABRT, signal.SIGFPE, signal.SIGBUS):
-                signal.signal(number, signal.SIG_DFL)  # PETSc would end all of MPI
-            action()
-            code = 0
-        os._exit(code)
-    deadline = time.monotonic() + seconds
-    while time.monotonic() < deadline:
-        done, status = os.waitpid(child, os.WNOHANG)
-        if done:
-            return status
-        time.sleep(0.002)
-    os.kill(child, signal.SIGKILL)
-    os.waitpid(child, 0)
-    return None
+    """The exit of a fork that runs a function, negative for a signal; None if it had to be killed."""
+    child = multiprocessing.get_context("fork").Process(target=_silently, args=(action,))
+    child.start()
+    child.join(seconds)
+    if child.is_alive():
+        child.kill()
+        child.join()
+        return None
+    return child.exitcode
+
+
+def _silently(action: Callable[[], object]) -> None:
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, 1)
+    os.dup2(nowhere, 2)
+    for number in (signal.SIGSEGV, signal.SIGABRT, signal.SIGFPE, signal.SIGBUS):
+        signal.signal(number, signal.SIG_DFL)  # PETSc would end all of MPI
+    action()
 
 
 _SOLVED = (
