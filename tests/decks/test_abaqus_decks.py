@@ -69,6 +69,7 @@ def drafted(folder, lines, capsys):
     deck.write_text("\n".join(lines) + "\n")
     (folder / "scenes").mkdir(exist_ok=True)
     scene = folder / "scenes" / "draft.toml"
+    scene.unlink(missing_ok=True)
     code, data = cli.main(["new", str(scene), "--from", str(deck)]), tomllib.loads(scene.read_text())
     assert code == (4 if "incomplete" in data else 0)
     said = capsys.readouterr().out

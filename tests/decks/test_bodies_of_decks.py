@@ -35,6 +35,7 @@ def block(kind, nx, ny, first, low, high, elset):
 def drafted(folder, lines, code=0):
     deck, scene = folder / "deck.inp", folder / "draft.toml"
     deck.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    scene.unlink(missing_ok=True)
     assert cli.main(["new", str(scene), "--from", str(deck)]) == code
     return scene, tomllib.loads(scene.read_text(encoding="utf-8"))
 

@@ -38,6 +38,7 @@ def converted(folder, lines, code=0):
     """The scene file and its data."""
     deck, scene = folder / "deck.inp", folder / "draft.toml"
     deck.write_text("\n".join(lines) + "\n")
+    scene.unlink(missing_ok=True)
     assert cli.main(["new", str(scene), "--from", str(deck)]) == code
     return (scene, tomllib.loads(scene.read_text())) if code != 2 else (scene, {})
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import math
 import os
 from dataclasses import dataclass
@@ -17,8 +16,6 @@ from signorini_fx.addons.decks.deck import read_deck
 from signorini_fx.addons.decks.material import has_rubber, is_nonlinear, material_tables, obstacle_of
 from signorini_fx.addons.decks.temperatures import temperature_tables
 from signorini_fx.addons.decks.text import DeckBlock, placed, quoted
-
-_CHECKSUM = "# Draft, unless it was edited: "
 
 
 @dataclass(frozen=True)
@@ -56,7 +53,8 @@ def draft(file: Path, target: Path) -> Draft:
     lost, noted = (deck.remarks(lost=lost) for lost in (True, False))
     if not touching and (deck.pairs or keywords & {"CONTACT", "GAP"}):
         lost.append("all of its contact: bodies do not touch in the scene")
-    lines = [f"# Left out: {remark}" for remark in noted]
+    lines = [f"# From {file.name}: read it, and complete what it lacks."]
+    lines += [f"# Left out: {remark}" for remark in noted]
     lines += [f"title = {quoted(deck.title or file.stem)}"]
     if lost:
         lines += ["# Remove what you have completed, or do not need: results are incomplete as long as this is here."]
@@ -64,20 +62,7 @@ def draft(file: Path, target: Path) -> Draft:
     lines += ["", "[mesh]", f"file = {quoted(os.path.relpath(file, target.parent))}"]
     for heading, table_lines in tables:
         lines += ["", heading, *table_lines]
-    text = "\n".join(lines) + "\n"
-    heading_lines = f"# From {file.name}: read it, and complete what it lacks.\n{_CHECKSUM}{_checksum(text)}\n"
-    return Draft(heading_lines + text, lost, noted, deck)
-
-
-def is_unedited(text: str) -> bool:
-    """Whether a scene is a draft as it was written, which a later draft may replace."""
-    _, mark, rest = text.partition(_CHECKSUM)
-    checksum, _, body = rest.partition("\n")
-    return bool(mark) and checksum == _checksum(body)
-
-
-def _checksum(text: str) -> str:
-    return hashlib.sha256(text.encode()).hexdigest()[:16]
+    return Draft("\n".join(lines) + "\n", lost, noted, deck)
 
 
 def _tables(deck: Deck) -> list[tuple[str, list[str]]]:

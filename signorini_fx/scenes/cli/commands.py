@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import sys
 from collections.abc import Callable
 from functools import partial
@@ -211,38 +210,31 @@ def info(_: argparse.Namespace) -> int:
 
 
 def new(options: argparse.Namespace) -> str | tuple[str, int]:
-    """Write the starting scene, or the draft of one from a deck."""
+    """Write the starting scene, or the draft of one from a deck; it overwrites no file."""
     file: Path = options.file
-    if options.deck is not None:
-        return _drafted(options.deck, file)
-    from signorini_fx.scenes.template import starting_scene
+    if options.deck is None:
+        from signorini_fx.scenes.template import starting_scene
 
+        text = starting_scene()
+    elif options.deck.suffix.lower() != ".inp":
+        raise OutputError(f"{options.deck}: a scene is drafted from an input file of Abaqus or CalculiX, .inp")
+    else:
+        draft = add_on("draft").draft(options.deck, file)
+        text = draft.text
     try:
         with file.open("x", encoding="utf-8") as out:
-            out.write(starting_scene())
+            out.write(text)
     except FileExistsError:
         raise OutputError(f"{file}: already exists: give another name, or remove it") from None
     except (OSError, ValueError) as error:
         raise cannot_be_written(file, error) from None
-    return f"{file} is a scene that can be solved as it is; change it, then run: signorini-fx check {file}"
-
-
-def _drafted(deck: Path, target: Path) -> tuple[str, int]:
-    """Write the draft of a scene, also over an earlier one that nobody has edited; what to print, and the exit code."""
-    if deck.suffix.lower() != ".inp":
-        raise OutputError(f"{deck}: a scene is drafted from an input file of Abaqus or CalculiX, .inp")
-    draft = add_on("draft").draft(deck, target)
-    try:
-        if os.path.lexists(target) and not add_on("draft").is_unedited(target.read_text(encoding="utf-8")):
-            raise OutputError(f"{target}: already exists, and is no draft or was edited: solve it, or remove it")
-        target.write_text(draft.text, encoding="utf-8")
-    except (OSError, ValueError) as error:
-        raise cannot_be_written(target, error) from None
-    lines = [f"{target} is the draft of a scene; check it: signorini-fx check {target}"]
+    if options.deck is None:
+        return f"{file} is a scene that can be solved as it is; change it, then run: signorini-fx check {file}"
+    lines = [f"{file} is the draft of a scene; check it: signorini-fx check {file}"]
     lines += [f"does not change the answer: {remark}" for remark in draft.noted]
     lines += [f"changes the answer: {remark}" for remark in draft.lost]
     if draft.lost:
-        lines.append(f"{target} is incomplete: complete it, and remove from 'incomplete' what you have completed")
+        lines.append(f"{file} is incomplete: complete it, and remove from 'incomplete' what you have completed")
     return "\n".join(lines), EXIT_INCOMPLETE if draft.lost else EXIT_OK
 
 
