@@ -1,21 +1,16 @@
 """The plan of attempts: what a solve tries, in which order, and how many linear solves that may take.
 
-An attempt begins at a state and ends with an outcome; ``tried`` runs one after the other until one of them settles the
-matter.  Attempts nest: those at a load step consist of problems with friction, and these of regularised problems with a
+An attempt begins at a state and ends with an outcome, one after the other until one of them settles the matter.
+Attempts nest: those at a load step consist of problems with friction, and these of regularised problems with a
 given friction bound.  This module alone says which there are: the log and ``check`` call
 them by these names, and the page made of docs/theory.md lists them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import TypeVar
 
-from signorini_fx.records import History
 from signorini_fx.tuned import PROBLEMS_PER_STEP
-
-T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -62,39 +57,6 @@ PLAN: dict[str, tuple[Attempt, ...]] = {
     "Coulomb friction": (FIXED_POINT, MONOLITHIC, AUGMENTED),
     "load step": (METHOD, HALF),
 }
-
-
-def tried(
-    attempts: Iterable[tuple[object, Callable[[], T]]],
-    *,
-    history: History,
-    settled: Callable[[T], bool],
-    restore: Callable[[], object] = lambda: None,
-    told: Callable[[T], str] = str,
-) -> list[T]:
-    """Run attempts in order until one settles the matter, or neither linear solves nor time are left; collective.
-
-    Args:
-        attempts: names, and functions that begin at the current state; the next pair is asked for after a failure.
-        history: gets a line for each attempt but the first: how the one before has ended, and what comes next.
-        settled: whether an outcome leaves nothing to try.
-        restore: goes back to the state in which the first attempt began.
-        told: an outcome in the log.
-
-    Returns:
-        The outcomes, at least one; only the last may have settled the matter.
-    """
-    outcomes: list[T] = []
-    for name, attempt in attempts:
-        if outcomes:
-            if history.exhausted:
-                break
-            history.add(f"{told(outcomes[-1])}: {name}")
-            restore()
-        outcomes.append(attempt())
-        if settled(outcomes[-1]):
-            break
-    return outcomes
 
 
 def step_limit(max_iterations: int) -> int:

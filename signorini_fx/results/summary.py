@@ -33,9 +33,7 @@ def summarise(solution: Solution) -> dict[str, Any]:
 
 def summary_of(solution: Solution) -> dict[str, Any]:
     """All figures of a solve that stand, JSON-safe; collective, the same on every rank."""
-    history, recorded = solution.history, solution.contact is not None  # without contact there are no iterations
-    solves = history.linear_solves if recorded else sum(step.linear_solves for step in solution.steps)
-    factorised = sum(record.factorised for record in history.iterations) if recorded else solves
+    history = solution.history
     summary: dict[str, Any] = {
         "schema_version": SCHEMA_VERSION,
         "title": solution.statement.title,
@@ -46,8 +44,8 @@ def summary_of(solution: Solution) -> dict[str, Any]:
         "algorithm": solution.algorithm,
         "parameters": {k: v if np.isfinite(v) else "infinite" for k, v in solution.parameters.items()},
         "iterations": sum(record.iteration > 0 for record in history.iterations),
-        "linear_solves": solves,
-        "factorisations": min(1, solves) if solution.algorithm == "linear" else factorised,
+        "linear_solves": history.linear_solves,
+        "factorisations": sum(record.factorised for record in history.iterations),
         "outer_iterations": len(history.outer),
         "events": history.events,
         "dimension": solution.model.tagged.dimension,

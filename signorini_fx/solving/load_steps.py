@@ -192,7 +192,7 @@ def _attempt(progress: StepProgress, path: Increments) -> LoadStep:
         when = f"load step {start.step + 1}: " if steps.several else ""
         reason = explained(begun.body.model, begun.task, outcome, when)
     result = begun.certified(outcome)
-    solves = result.linear_solves + history.linear_solves - solves_before
+    solves = history.linear_solves - solves_before
     return LoadStep.of(begun, outcome, replace(result, linear_solves=solves, reason=reason or result.reason))
 
 

@@ -145,7 +145,7 @@ def certified_result(
         from signorini_fx.results.last_digits import status_by_digits
 
         status, reason = status_by_digits(model, displacement, certificate.worst, start.place)
-    reached = status, displacement, contact, certificate, deformation, outcome.unrecorded
+    reached = status, displacement, contact, certificate, deformation, 0
     return replace(step_result(path, start.step, start.place, *reached), tools=rigid, reason=reason)
 
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 from petsc4py import PETSc
@@ -25,7 +24,6 @@ from signorini_fx.algebra.algorithms.augmented_fall_back import (
 from signorini_fx.algebra.algorithms.coulomb_newton import coulomb_newton
 from signorini_fx.algebra.algorithms.coulomb_statics import coulomb_start, proved
 from signorini_fx.algebra.algorithms.fp import fixed_point
-from signorini_fx.algebra.algorithms.linear import solve_linear
 from signorini_fx.algebra.algorithms.loose import UNEXPLAINED, idle, near_the_last_place
 from signorini_fx.algebra.algorithms.ssn import Checkpoint
 from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
@@ -36,7 +34,6 @@ from signorini_fx.algebra.attempts import (
     Attempt,
     for_coulomb,
     step_limit,
-    tried,
 )
 from signorini_fx.algebra.contact.active_sets import ActiveSets
 from signorini_fx.algebra.contact.complementarity import RegularisedData
@@ -64,8 +61,12 @@ def solve_task(task: Task, start: Start, solve_budget: int | None = None) -> Out
     """
     task.iterate.begin_step(start)
     if task.iterate.newton.linear:
-        status = solve_linear(task)
-        return replace(_without_contact(task, start.data, status), unrecorded=int(status is not Status.NOT_HELD))
+        status = (
+            Status.NOT_HELD
+            if task.motions.count
+            else task.iterate.newton.solve(start.data, start.sets, first_iteration=0)
+        )
+        return _without_contact(task, start.data, status)
     if task.settings.algorithm == "alm":
         data = start.data
         enough = with_enough_digits(data, automatic_gamma(task))
@@ -350,11 +351,12 @@ def _either_way(
             return False
         return not task.gave_up(outcome.status)
 
-    last = tried(
-        ((name if name is AUGMENTED else f"{name} from the same start", partial(ended, name)) for name in names),
-        history=task.history,
-        settled=settled,
-        restore=lambda: newton.restore(checkpoint),
-        told=lambda outcome: outcome.status.value,
-    )[-1]
+    last = ended(names[0])
+    for name in names[1:]:
+        if settled(last) or task.history.exhausted:
+            break
+        start_of_it = "" if name is AUGMENTED else " from the same start"
+        task.history.add(f"{last.status.value}: {name}{start_of_it}")
+        newton.restore(checkpoint)
+        last = ended(name)
     return replace(last, status=Status.SLIDES_AT_PRESSURES) if slid and not settled(last) else last

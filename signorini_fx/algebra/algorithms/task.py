@@ -20,7 +20,7 @@ from signorini_fx.algebra.contact.motions import FreeMotions
 from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.algebra.contact.reference_motion import ReferenceMotion, reference_motion
 from signorini_fx.algebra.contact.state import PointState
-from signorini_fx.algebra.linalg import ElasticSystem, petsc_options
+from signorini_fx.algebra.linalg import ElasticSystem
 from signorini_fx.algebra.method import Settings
 from signorini_fx.algebra.problem.regularised import RegularisedProblem
 from signorini_fx.machine import parallel
@@ -76,7 +76,6 @@ class Outcome:
         augmented: whether augmentation was used as a fall-back, so that there is no regularisation error.
         regularised: whether ``ssn`` was used in place of ``alm`` where bodies lie loose, so that there is one.
         regularisation_error: the estimate of path-following, in the energy norm; None where it did not run.
-        unrecorded: linear solves that the history has no records of: those without contact points.
     """
 
     status: Status
@@ -86,7 +85,6 @@ class Outcome:
     augmented: bool = False
     regularised: bool = False
     regularisation_error: float | None = None
-    unrecorded: int = 0
 
     @property
     def problem(self) -> RegularisedProblem:
@@ -287,16 +285,6 @@ class Iterate:
     def newton(self) -> SemismoothNewton:
         """The inner method on the regularised problem."""
         return self._newton(RegularisedProblem(self._system, self._motions), self.x)
-
-    @cached_property
-    def linear_solver(self) -> PETSc.KSP:
-        """What solves without contact points."""
-        ksp = PETSc.KSP().create(self._system.comm)
-        ksp.setOptionsPrefix(petsc_options.PREFIX)
-        ksp.setOperators(self._system.matrix)
-        self._system.configure(ksp, symmetric=True)
-        ksp.setFromOptions()
-        return ksp
 
     @cached_property
     def unsymmetric_newton(self) -> SemismoothNewton:

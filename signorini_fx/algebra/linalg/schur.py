@@ -2,7 +2,7 @@
 
 The unknowns of a rank that couple with those of a later one are the border.  Without it, and without the unknowns that
 stay, no two ranks couple, so that each factorises alone the matrix of its others, which need no messages.  What is left
-is dense, the border as long as a cut through the body; every rank has all of it and eliminates each body's border.
+is dense, the border as long as a cut through the body; every rank has all of it and eliminates the border.
 
 Source: Przemieniecki, AIAA J. 1 (1963) 138-147.
 """
@@ -10,7 +10,6 @@ Source: Przemieniecki, AIAA J. 1 (1963) 138-147.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -18,7 +17,6 @@ import scipy.sparse as sp
 from mpi4py import MPI
 from petsc4py import PETSc
 from scipy.linalg import cholesky, solve_triangular
-from scipy.sparse.csgraph import connected_components
 
 from signorini_fx.algebra.linalg.partial_factor import ERROR_IN_LIBRARY, PartialFactor
 from signorini_fx.machine import parallel
@@ -97,7 +95,7 @@ class SchurComplement:
             for part in (of_row, numbers[between.col[joint_entries]], between.data[joint_entries])
         )
         beyond = sp.csr_array((entry, (row, column)), shape=(self._size, self._size))
-        self._blocks, self.dense = self._eliminated(beyond, dense)
+        self.dense = self._eliminate_border(self._joined(beyond, dense))
         condensed_loads = [self._onto_retained(load, condensed[number]) for number, load in enumerate(loads)]
         self.loads = np.reshape([load for load, _ in condensed_loads], (len(loads), stay.size))
         self.between = np.reshape([between for _, between in condensed_loads], (len(loads), self._cut))
@@ -128,9 +126,8 @@ class SchurComplement:
         """
         at_joint, result = np.zeros(self._size), load.duplicate()
         at_joint[self._cut :] = parallel.gather_rows(self._comm, values)
-        for block in self._blocks:
-            right = between[block.border] - block.across @ at_joint[self._cut + block.stay]
-            at_joint[block.border] = solve_triangular(block.factor, right, lower=True, trans=1, check_finite=False)
+        right = between - self._across @ at_joint[self._cut :]
+        at_joint[: self._cut] = solve_triangular(self._border_factor, right, lower=True, trans=1, check_finite=False)
         unknowns = result.getArray()
         right = load.getArray(readonly=True)[self._factor.inner] - self._factor.toward @ at_joint[self._places]
         unknowns[self._factor.inner] = self._factor.solve(right)
@@ -139,55 +136,30 @@ class SchurComplement:
         unknowns[self.retained] = values
         return result
 
-    def _uncoupled(self, beyond: sp.csr_array, dense: Array) -> list[Indices]:
-        """The joint unknowns in parts that do not couple: those that have a border, and one of all others; ``beyond``:
-        entries between those of all ranks, ``dense``: between those that this rank touches.
+    def _joined(self, beyond: sp.csr_array, dense: Array) -> Array:
+        """The matrix of the joint unknowns; ``beyond``: entries between those of all ranks, ``dense``: those between what
+        this rank touches.
         """
-        if not self._cut:
-            return [np.arange(self._size)]
-        first, coupled = np.arange(len(dense)), dense != 0.0
-        waiting: npt.NDArray[np.bool_] = np.ones(len(dense), dtype=bool)
-        while waiting.any():
-            begin = int(np.argmax(waiting))
-            members, grown = np.zeros_like(waiting), np.arange(len(dense)) == begin
-            while (grown & ~members).any():
-                members, grown = grown, coupled[grown].any(axis=0) | grown
-            first[members], waiting = begin, waiting & ~members
-        pairs = parallel.gather_rows(self._comm, np.column_stack((self._places, self._places[first])))
-        edges = sp.coo_array((np.ones(len(pairs)), tuple(pairs.T)), shape=beyond.shape)
-        _, label = connected_components(abs(beyond) + edges, directed=False)
-        label[~np.isin(label, label[: self._cut])] = -1
-        return [np.flatnonzero(label == number) for number in np.unique(label)]
-
-    def _eliminated(self, beyond: sp.csr_array, dense: Array) -> tuple[list[_Block], Array]:
-        """The parts of the joint unknowns, and their matrix without the border; arguments as for ``_uncoupled``."""
-        blocks, schur = [], np.zeros((self._size - self._cut,) * 2)  # as long as it is empty it takes no memory
-        for joint in self._uncoupled(beyond, dense):
-            block_matrix = self._among(joint, beyond, dense)
-            cut = np.searchsorted(joint, self._cut)
-            border, stay = joint[:cut], joint[cut:] - self._cut
-            try:
-                factor = cholesky(block_matrix[:cut, :cut], lower=True, check_finite=False)
-            except np.linalg.LinAlgError:  # not finite, as the solution will not be either
-                factor = np.full((cut, cut), np.nan)
-            across = solve_triangular(factor, block_matrix[:cut, cut:], lower=True, check_finite=False)
-            matrix = block_matrix[cut:, cut:] - across.T @ across if cut else block_matrix
-            blocks.append(_Block(border, stay, factor, across))
-            if joint.size == self._size:
-                return blocks, matrix
-            schur[np.ix_(stay, stay)] = matrix
-        return blocks, schur
-
-    def _among(self, joint: Indices, beyond: sp.csr_array, dense: Array) -> Array:
-        """The matrix of some joint unknowns; their numbers, ascending, and arguments as for ``_uncoupled``."""
         if self._comm.size == 1:
             entries = sp.coo_array(beyond)
             dense[entries.row, entries.col] += entries.data
             return dense
-        block_matrix, mine = beyond[joint][:, joint].toarray(), np.flatnonzero(np.isin(self._places, joint))
-        for members, part in self._parts(np.searchsorted(joint, self._places[mine]), dense[np.ix_(mine, mine)]):
-            block_matrix[np.ix_(members, members)] += part.reshape(members.size, members.size)
-        return np.asarray(block_matrix)
+        matrix = np.asarray(beyond.toarray())
+        for members, part in self._parts(self._places, dense):
+            matrix[np.ix_(members, members)] += part.reshape(members.size, members.size)
+        return matrix
+
+    def _eliminate_border(self, matrix: Array) -> Array:
+        """The matrix of the joint unknowns without the border; its Cholesky factor L, and L^-1 times its coupling with
+        the others, stay.
+        """
+        cut = self._cut
+        try:
+            self._border_factor = cholesky(matrix[:cut, :cut], lower=True, check_finite=False)
+        except np.linalg.LinAlgError:  # not finite, as the solution will not be either
+            self._border_factor = np.full((cut, cut), np.nan)
+        self._across = solve_triangular(self._border_factor, matrix[:cut, cut:], lower=True, check_finite=False)
+        return matrix[cut:, cut:] - self._across.T @ self._across if cut else matrix
 
     def _onto_retained(self, load: Array, part: Array) -> tuple[Array, Array]:
         """A load of this rank at all that stay without the border, and at the border, eliminated; ``part``: of its
@@ -198,30 +170,14 @@ class SchurComplement:
         )
         for members, values in self._parts(self._places, part):
             joint_load[members] += values
-        between, retained_load = np.empty(self._cut), joint_load[self._cut :]
-        for block in self._blocks:
-            right = joint_load[block.border]
-            between[block.border] = solve_triangular(block.factor, right, lower=True, check_finite=False)
-            retained_load[block.stay] -= block.across.T @ between[block.border]
-        return retained_load, between
+        between = solve_triangular(self._border_factor, joint_load[: self._cut], lower=True, check_finite=False)
+        return joint_load[self._cut :] - self._across.T @ between, between
 
     def _parts(self, places: Indices, values: Array) -> Iterator[tuple[Indices, Array]]:
         """Numbers of joint unknowns of each rank, and its values there, flat."""
         gathered = [parallel.gather_rows(self._comm, rows) for rows in (places, np.ravel(values))]
         ends = [np.cumsum(self._comm.allgather(size))[:-1] for size in (places.size, values.size)]
         return zip(*(np.split(rows, at) for rows, at in zip(gathered, ends, strict=True)), strict=True)
-
-
-@dataclass(frozen=True)
-class _Block:
-    """Joint unknowns that couple with no others: border and others, the Cholesky factor L of the border, and L^-1 times
-    the coupling of both.
-    """
-
-    border: Indices
-    stay: Indices
-    factor: Array
-    across: Array
 
 
 def _own_columns_first(matrix: PETSc.Mat) -> tuple[sp.csr_array, Indices]:

@@ -411,7 +411,6 @@ class EquilibriumSolver:
                 raise
         finally:
             linear.residual = None
-        self.linear_solves += 0 if linear.outcome is None else linear.outcome.unrecorded
         increment = linear.u.x.array - old
         length, forces = length_of_increment(linear, self.residual.at, (old, increment, residual), search=search)
         return increment, length, forces
