@@ -137,9 +137,7 @@ class SchurComplement:
         return result
 
     def _joined(self, beyond: sp.csr_array, dense: Array) -> Array:
-        """The matrix of the joint unknowns; ``beyond``: entries between those of all ranks, ``dense``: those between what
-        this rank touches.
-        """
+        """The matrix of the joint unknowns; ``beyond``: entries of all ranks, ``dense``: of those it touches."""
         if self._comm.size == 1:
             entries = sp.coo_array(beyond)
             dense[entries.row, entries.col] += entries.data
