@@ -135,7 +135,7 @@ def contact_solution(
     """
     (outcome, data), shown, values = ended, _shown(steps), None
     parameters = {} if shown.contact is None else used_parameters(outcome, data, shown.strain_energy)
-    known = shown.strain_energy is not None and not task.has_coulomb and data.yielding is None
+    known = shown.strain_energy is not None and not task.has_coulomb and data.share is None
     if shown.contact is not None and known:
         values = functionals(shown.certificate.potential_energy, shown.contact, replace(data, gap=shown.contact.gap))
     return Solution(

@@ -298,7 +298,7 @@ class _Programme:
         none, traces = np.zeros_like(room), self._problem.system.contact.traces
         u_n, u_t = traces(self._newton.x)
         # What the equations miss, the changes of s and r eliminated.
-        normal = u_n - data.distance - (at.pressure - data.lambda_hat) / data.stiffness
+        normal = u_n - data.gap - (at.pressure - data.lambda_hat) / data.stiffness
         normal += np.divide(normal_target, at.pressure, out=none.copy(), where=one)
         pull = np.divide(disc_target, room, out=none.copy(), where=rubs)[:, None] * at.shear
         across = slip_of(u_t, data) - (at.shear - data.mu_hat) / data.gamma_t - pull

@@ -64,8 +64,8 @@ def path_model(newton: SemismoothNewton, data: RegularisedData) -> PathModel:
     # D per gamma_1.  Applied to (y - d) it gives what the tractions at this y change by with gamma_1, also where shifts
     # keep a slip from being along its shear; without shifts it does not see the part that turns the shear.
     blocks = tangent(sets, data) / data.gamma_n
-    if data.yielding is not None:  # where the contact itself is soft a larger gamma_1 changes no pressure
-        blocks[data.yielding.soft, :, 0] = 0.0
+    if data.share is not None:  # where the contact itself is soft a larger gamma_1 changes no pressure
+        blocks[data.share != 1.0, :, 0] = 0.0
 
     def contact_force(vector: PETSc.Vec, gap: Nodal, origin: Nodal) -> PETSc.Vec:
         """C (vector - (gap, origin)), with gamma_1 taken out."""

@@ -131,7 +131,7 @@ def _nothing_acts(task: Task, start: Start) -> bool:
         return False
     if task.system.load.norm() > 0 or task.system.start.norm() > 0:
         return False
-    pushed = data.distance < -task.coordinate_error
+    pushed = data.gap < -task.coordinate_error
     pushed = pushed | (data.bilateral & (np.abs(data.gap) > task.coordinate_error))
     if data.bound is not None:
         pushed = pushed | ((data.bound > 0) & (length(data.slip_origin) > task.coordinate_error))
@@ -316,7 +316,7 @@ def _either_way(
         first=monolithic_first,
         fallbacks=s.fallbacks,
         # Not of soft contact, which it would make hard.
-        augmented=not start.without_fall_backs and start.data.yielding is None,
+        augmented=not start.without_fall_backs and start.data.share is None,
     )
     slid = False  # whether the last fixed point did, with its last pressures
 

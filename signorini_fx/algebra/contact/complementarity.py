@@ -32,24 +32,6 @@ from signorini_fx.tuned import AUTOMATIC_GAMMA, SAME_NUMBER
 
 
 @dataclass(frozen=True)
-class Yielding:
-    """A tangent of soft contact, at n points: the pressure is lambda_hat + share gamma_1 (tau_N y - d - offset).
-
-    Attributes:
-        share: of gamma_1, shape (n,).
-        offset: length, shape (n,).
-    """
-
-    share: Nodal
-    offset: Nodal
-
-    @property
-    def soft(self) -> npt.NDArray[np.bool_]:
-        """Where a law takes the place of gamma_1, shape (n,)."""
-        return np.asarray((self.share != 1.0) | (self.offset != 0.0))
-
-
-@dataclass(frozen=True)
 class RegularisedData:
     """The data of the regularised problem (P_gamma) on the contact points: the only data that outer algorithms change.
 
@@ -69,7 +51,7 @@ class RegularisedData:
             with origin zero; with load steps it acts on the increment, with mu_hat the shear of the previous step.
         follows: the friction whose bound at the pressure lambda(y) of the iterate itself is the bound (monolithic
             Coulomb friction), and ``bound`` its part without pressure; None where the bound is given.
-        yielding: the tangent of soft contact that takes the place of gamma_1; None: gamma_1 holds.
+        share: of gamma_1, the stiffness of soft contact, shape (n,); None: gamma_1 holds.
     """
 
     gap: Nodal
@@ -83,7 +65,7 @@ class RegularisedData:
     immovable: npt.NDArray[np.bool_]
     slip_origin: Nodal
     follows: PointFriction | None = None
-    yielding: Yielding | None = None
+    share: Nodal | None = None
 
     @classmethod
     def unshifted(
@@ -124,19 +106,13 @@ class RegularisedData:
     @property
     def stiffness(self) -> Nodal | float:
         """gamma_1, or that of soft contact, stress per length, shape (n,)."""
-        return self.gamma_n if self.yielding is None else self.gamma_n * self.yielding.share
-
-    @property
-    def distance(self) -> Nodal:
-        """d, and with soft contact its offset, length, shape (n,)."""
-        return self.gap if self.yielding is None else self.gap + self.yielding.offset
+        return self.gamma_n if self.share is None else self.gamma_n * self.share
 
     def softer(self, stiffness: float) -> RegularisedData:
         """The same with neither gamma above this stiffness, stress per length."""
-        gamma_n, soft = min(self.gamma_n, stiffness), self.yielding
-        if soft is not None:
-            soft = replace(soft, share=np.minimum(self.stiffness, stiffness) / gamma_n)
-        return replace(self, gamma_n=gamma_n, gamma_t=min(self.gamma_t, stiffness), yielding=soft)
+        gamma_n = min(self.gamma_n, stiffness)
+        share = None if self.share is None else np.minimum(self.stiffness, stiffness) / gamma_n
+        return replace(self, gamma_n=gamma_n, gamma_t=min(self.gamma_t, stiffness), share=share)
 
     def friction_bound(self, pressure: Nodal) -> Nodal:
         """The bound of |mu| at the contact pressure lambda, stress, shape (n,); zero without friction."""
@@ -154,7 +130,7 @@ def slip_of(u_t: Nodal, data: RegularisedData) -> Nodal:
 
 def trial_pressure(u_n: Nodal, data: RegularisedData) -> Nodal:
     """lambda_hat + gamma_1 (tau_N y - d), whose positive part is lambda (3.3b); zero at immovable points."""
-    trial = data.lambda_hat + data.stiffness * (u_n - data.distance)
+    trial = data.lambda_hat + data.stiffness * (u_n - data.gap)
     return np.where(data.immovable, 0.0, trial)
 
 

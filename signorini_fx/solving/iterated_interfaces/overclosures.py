@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from signorini_fx.algebra.contact.complementarity import Yielding
 from signorini_fx.results.certificate.law_of_method import overclosures_of
 from signorini_fx.solving.iterated_interfaces.protocol import Interface, LoadStepEnd, LoadStepStart
 
@@ -20,8 +19,7 @@ class Overclosures(Interface):
         share = np.ones(model.boundary.size)
         for number, law in overclosures_of(self.statement).items():
             share[model.boundary.part == number] = law.stiffness / data.gamma_n
-        soft = Yielding(share, np.zeros_like(share))
-        return step.solved(model, replace(step.start, data=replace(data, yielding=soft)))
+        return step.solved(model, replace(step.start, data=replace(data, share=share)))
 
 
 Kind = Overclosures
