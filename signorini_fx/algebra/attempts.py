@@ -15,11 +15,8 @@ from signorini_fx.tuned import PROBLEMS_PER_STEP
 
 @dataclass(frozen=True)
 class Attempt:
-    """One way to go on after another one has failed.
-
-    Attributes:
-        name: in the log and in ``check``.
-        what: what it does, for the documentation.
+    """One way to go on after another one has failed: its name in the log and in ``check``, and what it does, for the
+    documentation.
     """
 
     name: str
@@ -60,22 +57,13 @@ PLAN: dict[str, tuple[Attempt, ...]] = {
 
 
 def step_limit(max_iterations: int) -> int:
-    """Linear solves that all attempts at a load step together may take.
-
-    Args:
-        max_iterations: those for one problem.
-    """
+    """Linear solves that all attempts at a load step together may take; ``max_iterations``: those for one problem."""
     return PROBLEMS_PER_STEP * max_iterations
 
 
 def for_coulomb(*, monolithic: bool, first: bool, fallbacks: bool, augmented: bool = True) -> tuple[Attempt, ...]:
-    """What is tried for one problem with Coulomb friction.
-
-    Args:
-        monolithic: whether its monolithic form is to be had.
-        first: whether that is tried first; the fixed point is then its documented fall-back.
-        fallbacks: whether others are to be tried.
-        augmented: whether the augmented Lagrangian method is among them.
+    """What is tried for one problem with Coulomb friction; ``monolithic``: whether its monolithic form is to be had,
+    and ``first`` whether that is tried first, with the fixed point as its documented fall-back.
     """
     ways = [FIXED_POINT, *((AUGMENTED,) if augmented else ())]
     if monolithic:

@@ -20,18 +20,9 @@ def augmented_lagrangian(
     inner_iterations: int | None = None,
     gamma_factor: float = 1.0,
 ) -> Status:
-    """Iterate lambda_hat <- lambda, mu_hat <- mu until both have settled, see ``augmentation``.
-
-    Each problem starts from the variables of the previous one (section 7.1).
-
-    Args:
-        augmentation: the update, with the inner method and the errors allowed.
-        data: the first problem; its gamma stays, or grows.
-        first_sets: sets of the very first linear solve.
-        max_outer: regularised problems allowed.
-        first_iteration: number of the very first linear solve.
-        inner_iterations: linear solves allowed for one problem (inexact ALM); None: until its sets repeat.
-        gamma_factor: growth of gamma_1 and gamma_2 from one problem to the next.
+    """Iterate lambda_hat <- lambda, mu_hat <- mu until both have settled, see ``augmentation``, each problem from the
+    variables of the previous one (section 7.1); ``inner_iterations``: linear solves allowed for one problem (inexact
+    ALM), None: until its sets repeat; ``gamma_factor``: growth of both gammas from one problem to the next.
     """
     newton = augmentation.newton
     for step in range(max_outer):

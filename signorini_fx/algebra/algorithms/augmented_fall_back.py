@@ -28,13 +28,8 @@ def softened(start: Start, data: RegularisedData) -> RegularisedData:
 
 def by_augmentation(task: Task, start: Start, law: PointFriction, begun: Outcome) -> Outcome:
     """The last fall-back for Coulomb friction, which leaves no regularisation error, nor the elastic slip of earlier
-    load steps; it begins with the multipliers of the load step before, or with the start of Coulomb friction.
-
-    Args:
-        task: the inputs.
-        start: where the load step starts.
-        law: its friction law.
-        begun: the outcome with the problem of the method that has failed.
+    load steps; it begins with the multipliers of the load step before, or with the start of Coulomb friction;
+    ``begun``: the outcome with the problem of the method that has failed.
     """
     s, newton, multipliers, data = task.settings, task.iterate.newton, start.multipliers, softened(start, begun.data)
     failed = replace(begun, newton=newton, monolithic=False)

@@ -19,14 +19,8 @@ def continuation(
     *,
     first_iteration: int,
 ) -> Status:
-    """Solve for each (gamma_1, gamma_2) in turn.
-
-    Args:
-        newton: the inner method.
-        data: the problem apart from gamma.
-        first_sets: sets of the very first linear solve.
-        gammas: the regularisation parameters, smallest first.
-        first_iteration: number of the very first linear solve.
+    """Solve for each (gamma_1, gamma_2) in turn, smallest first; ``first_sets`` and ``first_iteration``: of the very
+    first linear solve.
     """
     status = Status.CONVERGED
     for step, (gamma_n, gamma_t) in enumerate(gammas):

@@ -22,15 +22,8 @@ def coulomb_newton(
     law: PointFriction,
     first_sets: ActiveSets | None,
 ) -> Status:
-    """Solve the Coulomb problem in one semi-smooth Newton iteration.
-
-    Newton's method converges locally: from a poor start its sets may cycle.  Then the fixed-point iteration, whose
-    inner problems have unique solutions, has to be used.
-
-    Args:
-        newton: the inner method with an unsymmetric solver; its iterate is the start (the pure contact problem).
-        data: gamma and the shifts.
-        law: the friction law.
-        first_sets: sets of the first linear solve; None: from the iterate.
+    """Solve the Coulomb problem in one semi-smooth Newton iteration of an inner method with an unsymmetric solver, from
+    its iterate (the pure contact problem). Newton's method converges locally: from a poor start its sets may cycle.
+    Then the fixed-point iteration, whose inner problems have unique solutions, has to be used.
     """
     return newton.solve(replace(data, bound=law.given, follows=law), first_sets)

@@ -14,12 +14,9 @@ from signorini_fx.records import Status
 
 
 class FallBack:
-    """The fall-back for the problems of a load step.
-
-    Attributes:
-        exhausted: whether it has failed for one of its problems, which most likely has no solution, such as one of a
-            fixed-point iteration beyond a limit load; then it is not tried for the others.
-        needless: asked before whether another solution ends the iteration, so that it is not tried.
+    """The fall-back for the problems of a load step; ``exhausted``: whether it has failed for one of its problems,
+    which most likely has no solution, such as one of a fixed-point iteration beyond a limit load, then it is not tried
+    for the others; ``needless``: asked before whether another solution ends the iteration.
     """
 
     def __init__(self) -> None:

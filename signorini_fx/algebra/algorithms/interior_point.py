@@ -65,12 +65,8 @@ from signorini_fx.tuned import (
 
 
 def interior_point(newton: SemismoothNewton, data: RegularisedData, measure: Callable[[], float | None]) -> Status:
-    """Solve one problem, whatever iterate ``newton`` holds; collective.
-
-    Args:
-        newton: the inner method, with a symmetric tangent and a regularised problem.
-        data: the problem, its friction bound given.
-        measure: see ``SemismoothNewton.solve``.
+    """Solve one problem with a given friction bound, whatever iterate ``newton`` holds, whose tangent is symmetric;
+    collective.
     """
     before, problem = newton.history.linear_solves, newton.problem
     problem.set_data(data)
@@ -89,17 +85,9 @@ def interior_point(newton: SemismoothNewton, data: RegularisedData, measure: Cal
 
 
 def proposed_sets(newton: SemismoothNewton, data: RegularisedData) -> ActiveSets | None:
-    """The sets that a few steps from a soft foundation find; the iterate of ``newton`` stays; collective.
-
-    Where the last full step has lifted the body far, the foundation is softer: it yields under the mean pressure by
-    that much.
-
-    Args:
-        newton: the inner method, after a full step of this problem.
-        data: the problem, its friction bound given, gamma finite and sigma infinite.
-
-    Returns:
-        Sets that hold the body; None if a linear solve fails.
+    """The sets that a few steps from a soft foundation find after a full step of a problem with a given friction bound,
+    which hold the body; None if a linear solve fails; the iterate of ``newton`` stays; collective. Where the last full
+    step has lifted the body far, the foundation is softer: it yields under the mean pressure by that much.
     """
     problem, begun, sets = newton.problem, newton.x.copy(), newton.problem.sets
     u_n, _ = problem.system.contact.traces(newton.x)

@@ -49,12 +49,7 @@ def untouched(motions: FreeMotions, numbers: list[int], pressed: npt.NDArray[np.
 
 def near_the_last_place(task: Task, start: Start, solve: Callable[[Task, Start], Outcome]) -> Outcome | None:
     """The solution nearest to the iterate of the task, without tractions where bodies lie loose; None: none is found;
-    collective.
-
-    Args:
-        task: the contact problem.
-        start: where the load step starts.
-        solve: solves a load step of bodies that are held.
+    ``solve``: solves a load step of bodies that are held; collective.
     """
     motions, newton, comm = task.motions, task.iterate.newton, task.motions.points.comm
     numbers, law = idle(task), start.law

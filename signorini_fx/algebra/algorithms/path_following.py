@@ -35,14 +35,9 @@ from signorini_fx.tuned import GAMMA_GROWTH, NEGLIGIBLE_POLE, ROUGH_SLOPE_TOLERA
 
 @dataclass(frozen=True)
 class PathModel:
-    """The local model of the path gamma -> y(gamma).
-
-    Attributes:
-        gamma: gamma_1 where it was made.
-        pole: E > -gamma.
-        distance: energy norm of y_inf - y(gamma).
-        pressure_distance: norm of lambda_inf - lambda(gamma) in L2(Gamma_c).
-        left_slip: energy norm of the slip that y_inf still has at stick nodes, which the law excludes.
+    """The local model of the path gamma -> y(gamma) at gamma_1 = ``gamma``, with the pole E > -gamma; ``distance``:
+    energy norm of y_inf - y(gamma); ``pressure_distance``: norm of lambda_inf - lambda(gamma) in L2(Gamma_c);
+    ``left_slip``: energy norm of the slip that y_inf still has at stick nodes, which the law excludes.
     """
 
     gamma: float
@@ -123,19 +118,9 @@ def path_following(
     largest: float,
     max_outer: int,
 ) -> tuple[Status, RegularisedData, float]:
-    """Increase gamma until the regularisation error is below the goal.
-
-    Args:
-        newton: the inner method.
-        data: the first problem, with a small gamma; gamma_2 / gamma_1 is kept.
-        first_sets: sets of the very first linear solve.
-        first_iteration: number of the very first linear solve.
-        goal: the regularisation error allowed, in the energy norm, evaluated at each solution.
-        largest: gamma_1 above which round-off dominates; the path ends there.
-        max_outer: regularised problems allowed.
-
-    Returns:
-        How it ended, the last problem, and the remaining regularisation error, in the energy norm.
+    """Increase gamma, with gamma_2 / gamma_1 kept, until the regularisation error is at most ``goal`` in the energy
+    norm, evaluated at each solution, or gamma_1 is ``largest``, above which round-off dominates; how it ended, the last
+    problem, and the remaining error.
     """
     error = np.inf
     for _ in range(max_outer):

@@ -159,14 +159,9 @@ class SemismoothNewton:
         max_iterations: int | None = None,
         measure: Callable[[], float | None] = lambda: None,
     ) -> Status:
-        """Solve one problem; the iterate stays in ``x``, the sets in ``problem.sets``.
-
-        Args:
-            data: the problem.
-            first_sets: sets of the first linear solve; None: from the previous iterate and its sets.
-            first_iteration: number of the first linear solve: 0 if it only computes the start (section 7).
-            max_iterations: linear solves allowed for this problem, if fewer than usual.
-            measure: gives the figure of the stopping criterion of the outer algorithm, once this problem is solved.
+        """Solve one problem; the iterate stays in ``x``, the sets in ``problem.sets``; ``first_sets``: of the first
+        linear solve, None: from the previous iterate and its sets; ``first_iteration``: its number, 0 if it only
+        computes the start (section 7); ``measure``: gives the figure of the stopping criterion of the outer algorithm.
         """
         solves_before = self.history.linear_solves
         status = self.attempt(data, first_sets, first_iteration=first_iteration, max_iterations=max_iterations)

@@ -52,12 +52,8 @@ from signorini_fx.tuned import (
 
 
 def solve_task(task: Task, start: Start, solve_budget: int | None = None) -> Outcome:
-    """Solve a load step; the iterates stay in ``task.iterate``.
-
-    Args:
-        task: the inputs.
-        start: where the load step starts.
-        solve_budget: linear solves allowed; None: those of ``step_limit``.
+    """Solve a load step; the iterates stay in ``task.iterate``; ``solve_budget``: linear solves allowed, None: those of
+    ``step_limit``.
     """
     task.iterate.begin_step(start)
     if task.iterate.newton.linear:

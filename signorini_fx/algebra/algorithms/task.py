@@ -96,10 +96,8 @@ class Outcome:
         return self.problem.system.displacement(self.newton.x)
 
     def next_step(self, start: Start) -> Start:
-        """Where the next load step starts: friction acts on the increment of the slip, from the current shear.
-
-        Args:
-            start: where this load step started.
+        """Where the next load step starts after one from ``start``: friction acts on the increment of the slip, from
+        the current shear.
         """
         _, u_t = self.problem.system.contact.traces(self.newton.x)
         pressure, shear = self.newton.multipliers()
@@ -198,11 +196,8 @@ class Task:
         return Iterate(self.settings, self.system, self.motions, self.history)
 
     def contact(self, outcome: Outcome, start: Start) -> PointState:
-        """The contact points of this rank in a result, with displacements from the initial position.
-
-        Args:
-            outcome: how the load step ended.
-            start: where it started; its slip is counted from there.
+        """The contact points of this rank in a result, with displacements from the initial position; slip is counted
+        from ``start``.
         """
         law, problem = start.law, outcome.problem
         sets, data = problem.sets, problem.data

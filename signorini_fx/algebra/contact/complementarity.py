@@ -78,16 +78,8 @@ class RegularisedData:
         bilateral: npt.NDArray[np.bool_],
         immovable: npt.NDArray[np.bool_],
     ) -> RegularisedData:
-        """The problem without shifts, for points with d - 1 tangents, and with the given part of the friction bound.
-
-        Args:
-            gap: d, length, shape (n,).
-            tangents: d - 1.
-            settings: gamma and sigma.
-            natural_gamma: the unit of gamma where it is automatic, stress per length.
-            law: of friction; None: there is none.
-            bilateral: points whose contact cannot open, shape (n,).
-            immovable: points that cannot move along their normal, shape (n,).
+        """The problem without shifts, for points with so many tangents, with the given part of the friction bound;
+        ``natural_gamma``: the unit of gamma where it is automatic, stress per length.
         """
         automatic = AUTOMATIC_GAMMA * natural_gamma
         return cls(

@@ -75,11 +75,8 @@ class ContactMap:
         return ContactMap(self.operator.matMult(change), self.points, fixed, lift, self.paired)
 
     def among(self, unknowns: npt.NDArray[np.signedinteger[Any]], fixed: npt.NDArray[np.bool_]) -> ContactMap:
-        """The map of a system that has some of the unknowns only; collective.
-
-        Args:
-            unknowns: local numbers of those of this rank, shape (m,).
-            fixed: which of them are prescribed, shape (m,).
+        """The map of a system that has some of the unknowns only, by their local numbers on this rank; ``fixed``: which
+        of them are prescribed; collective.
         """
         rows = np.arange(*self.operator.getOwnershipRange())
         sets = [
@@ -90,12 +87,7 @@ class ContactMap:
         return replace(self, operator=operator, fixed=fixed, lift=None)
 
     def near(self, far: npt.NDArray[np.bool_], x: PETSc.Vec) -> ContactMap:
-        """The map without the rows of some points, which stay where they are; one rank.
-
-        Args:
-            far: which of the points, shape (n,).
-            x: unknowns that tell where they are.
-        """
+        """The map without the rows of points that are ``far``, which stay where ``x`` tells; one rank."""
         dim, (starts, columns, values) = self.points.dimension, self.operator.getValuesCSR()
         kept_entries = np.repeat(np.repeat(~far, dim), np.diff(starts))
         ends = np.concatenate(([0], np.cumsum(kept_entries)))[starts].astype(PETSc.IntType)
@@ -105,11 +97,8 @@ class ContactMap:
         return replace(self, operator=operator, elsewhere=elsewhere)
 
     def law(self, blocks: Nodal, into: PETSc.Mat | None = None) -> PETSc.Mat:
-        """The matrix with a block of shape (d, d) for each point on its diagonal; collective.
-
-        Args:
-            blocks: shape (n, d, d).
-            into: an earlier one, which is filled again; None: a new one.
+        """The matrix with a block of shape (d, d) for each point on its diagonal; ``into``: an earlier one, which is
+        filled again; collective.
         """
         first, rows = self.operator.getOwnershipRange()[0], self.operator.getSizes()[0]
         if into is None:
@@ -134,9 +123,6 @@ class ContactMap:
     def stiffness(self, diagonal: PETSc.Vec) -> Nodal:
         """What a relative displacement meets at each point if only the diagonal of A resists: 1 / (w B diag(A)^-1 B^T),
         the stiffest component that is not prescribed, stress per length, shape (n,); collective.
-
-        Args:
-            diagonal: of A.
         """
         scale = diagonal.copy()
         scale.reciprocal()
@@ -152,10 +138,7 @@ class ContactMap:
 
     def natural_stiffness(self, diagonal: PETSc.Vec) -> float:
         """That of the stiffest contact point, times the share of its side in that of the contact boundary: of a uniform
-        body its modulus over its size, stress per length; collective.
-
-        Args:
-            diagonal: of A.
+        body its modulus over its size, stress per length; ``diagonal``: of A; collective.
         """
         points, weight = self.points, self.points.weight
         side = (weight / parallel.global_sum(points.comm, weight.sum())) ** (1.0 / (points.dimension - 1))

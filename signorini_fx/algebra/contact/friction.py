@@ -145,11 +145,8 @@ class PointFriction:
         return PointFriction(self.given[points], self.coefficient[points], cap)
 
     def line(self, pressure: Nodal, bilateral: npt.NDArray[np.bool_]) -> tuple[Nodal, Nodal]:
-        """Value at zero and slope of the tangent of the bound at a pressure, stress and number, shapes (n,).
-
-        Args:
-            pressure: stress, shape (n,); a negative one counts as zero but where contact cannot open.
-            bilateral: points where it cannot, shape (n,).
+        """Value at zero and slope of the tangent of the bound at a pressure, stress and number, shapes (n,); a negative
+        pressure counts as zero but where contact cannot open.
         """
         pushing = np.where(bilateral, pressure, np.maximum(pressure, 0.0))
         slope = self.derivative(pushing)
@@ -169,11 +166,8 @@ def as_given(bound: Any) -> PointFriction:
 
 
 def joined(parts: Sequence[PointFriction], points: Sequence[npt.NDArray[np.int64]]) -> PointFriction:
-    """The friction of several parts of the contact points as one.
-
-    Args:
-        parts: of each part.
-        points: the numbers of its points, which together are all of them.
+    """The friction of several parts of the contact points as one; ``points``: the numbers of those of each part, which
+    together are all.
     """
     count = sum(numbers.size for numbers in points)
     given, coefficient, cap, ends = (np.full(count, value) for value in (0.0, 0.0, np.inf, False))

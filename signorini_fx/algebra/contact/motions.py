@@ -24,12 +24,8 @@ from signorini_fx.tuned import NO_FORCE, NOTHING_LEFT, ROOT_OF_EPS
 
 @dataclass(frozen=True)
 class RigidLoad:
-    """A load on the free rigid motions, k of them.
-
-    Attributes:
-        work: on each motion, forces, shape (k,).
-        size: sum of the magnitudes of the nodal forces on the assembly that each motion moves, shape (k,).
-        assembly: number of that assembly, shape (k,).
+    """A load on the free rigid motions: its work on each, forces, shape (k,), the sum of the magnitudes of the nodal
+    forces on the assembly that each motion moves, shape (k,), and the number of that assembly.
     """
 
     work: Nodal
@@ -45,11 +41,7 @@ class RigidLoad:
 
 def total_work(loads: Sequence[tuple[float, RigidLoad]], count: int) -> Nodal:
     """The work of loads times their factors on the free motions, shape (k,); zero for an assembly whose loads balance
-    each other to round-off.  This is the only place that decides whether a load acts on a rigid body.
-
-    Args:
-        loads: factors, and the loads.
-        count: k.
+    each other to round-off. This is the only place that decides whether a load acts on a rigid body.
     """
     work, size = np.zeros(count), np.zeros(count)
     for factor, load in loads:
@@ -121,13 +113,8 @@ class FreeMotions:
         self, normal: npt.NDArray[np.bool_], stick: npt.NDArray[np.bool_], directions: Nodal | None = None
     ) -> npt.NDArray[np.bool_]:
         """Which assemblies have a motion that neither contact at ``normal`` points nor stick at ``stick`` points
-        resists, shape (assemblies,); collective.
-
-        Args:
-            normal: the points in contact, shape (n,).
-            stick: the points that stick, shape (n,).
-            directions: of slip; points also resist perpendicular to them, shape (n, d - 1); zero where they do
-                not.
+        resists, nor, perpendicular to it, slip in ``directions``, shape (n, d - 1), where these are not zero; shape
+        (assemblies,); collective.
         """
         unresisted = np.zeros(self._assembly_count, dtype=bool)
         if not self.count:

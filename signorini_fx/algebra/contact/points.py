@@ -20,32 +20,23 @@ from signorini_fx.tuned import NO_FORCE, ROOT_OF_EPS, SAME_LENGTH, ZERO_IN_SOLUT
 
 
 def inside(overlap: Nodal, bilateral: npt.NDArray[np.bool_] | bool) -> Nodal:
-    """How far what is held lies inside the foundation, or, where contact cannot open, off it too, length, shape (n,).
-
-    Args:
-        overlap: tau_N y - d, length, shape (n,); what is returned where contact can open.
-        bilateral: where it cannot.
+    """How far what is held lies inside the foundation by the overlap tau_N y - d, or, where contact cannot open, off it
+    too, length, shape (n,).
     """
     return np.where(bilateral, np.abs(overlap), overlap)
 
 
 def pushed(depth: Nodal, size: float) -> npt.NDArray[np.bool_]:
-    """Where supports push the body into its foundation, and not round-off, shape (n,).
-
-    Args:
-        depth: see ``ContactPoints.held_inside``, length, shape (n,).
-        size: of the body, length.
+    """Where supports push the body of this size into its foundation, and not round-off, shape (n,); ``depth``: see
+    ``ContactPoints.held_inside``, length.
     """
     return np.asarray(depth > SAME_LENGTH * size)
 
 
 @dataclass(frozen=True)
 class SharedNodes:
-    """Pairs of contact points at one node, each pair both ways round, m of them.
-
-    Attributes:
-        here, beside: the first and the second one, shape (m,).
-        normal: that of the second one in the frame of the first one, shape (m, d).
+    """Pairs of contact points at one node, each pair both ways round, shape (m,), and the normal of the second one in
+    the frame of the first one, shape (m, d).
     """
 
     here: npt.NDArray[np.int64]
@@ -114,11 +105,8 @@ class ContactPoints:
         return np.eye(self.dimension - 1) - onto_range(self.movable[:, 1:, 1:])
 
     def dragged(self, slip: Nodal, motion: Nodal) -> npt.NDArray[np.bool_]:
-        """Points that supports move along their tangents, whatever the friction there, shape (n,).
-
-        Args:
-            slip: the tangential displacement that friction opposes, length, shape (n, d - 1).
-            motion: (tau_N y, tau_T y), length, shape (n, d).
+        """Points that supports move along their tangents, whatever the friction there, shape (n,); ``slip``: what
+        friction opposes, shape (n, d - 1), ``motion``: (tau_N y, tau_T y), shape (n, d), lengths.
         """
         return np.asarray(length(np.einsum("nij,nj->ni", self.still, slip)) > ZERO_IN_SOLUTION * length(motion))
 
@@ -156,14 +144,9 @@ class ContactPoints:
         return float(np.sqrt(parallel.global_sum(self.comm, squares)))
 
     def felt(self, values: Nodal, beside: Nodal | None = None) -> Nodal:
-        """Size of the part of a pressure (n,) or a shear (n, d - 1) that no support takes, stress, shape (n,).
-
-        What supports take does nothing to the body: it is no scale for other nodes.  Neither is what the other one of
-        the two undoes.
-
-        Args:
-            values: the pressure or the shear.
-            beside: the other one; None: it is not looked at.
+        """Size of the part of a pressure (n,) or a shear (n, d - 1) that no support takes, stress, shape (n,). What
+        supports take does nothing to the body: it is no scale for other nodes. Neither is what the other one of the
+        two, ``beside``, undoes.
         """
         alone = self._felt(values)
         size = np.asarray(np.linalg.norm(alone, axis=1))

@@ -124,13 +124,9 @@ def reactions(
     bilateral: npt.NDArray[np.bool_],
     pressing: npt.NDArray[np.bool_] | None = None,
 ) -> Reactions:
-    """What contact can do against the free rigid motions; collective.
-
-    Args:
-        motions: free rigid motions at the contact points.
-        law: of friction, stresses; None without.
-        bilateral: nodes whose contact cannot open, shape (n,).
-        pressing: nodes at which the foundation can press, shape (n,); None: all.  Given friction acts at all nodes.
+    """What contact can do against the free rigid motions; ``law``: of friction, stresses, None without; ``bilateral``:
+    nodes whose contact cannot open, ``pressing``: at which the foundation can press, None: at all; given friction acts
+    at all nodes; collective.
     """
     points, k, tangents = motions.points, motions.count, motions.points.dimension - 1
     law = as_given(np.zeros(points.size)) if law is None else law.forces(points.weight)
@@ -174,14 +170,9 @@ class NearestTractions:
 
 
 def nearest(contact: Reactions, load: Nodal, *, unlimited: bool = False) -> NearestTractions:
-    """The tractions nearest to a load.
-
-    A limited resultant z is the column (z, 1), an unlimited edge e the column (e, 0), and the load (W, 1).
-
-    Args:
-        contact: the reactions of one assembly.
-        load: W, its work on the motions, shape (k,); its size is the unit of force.
-        unlimited: whether tractions with a given bound are left out: how many times the load acts does then not matter.
+    """The tractions of one assembly nearest to a load, its work on the motions, whose size is the unit of force. A
+    limited resultant z is the column (z, 1), an unlimited edge e the column (e, 0), and the load (W, 1). ``unlimited``:
+    whether tractions with a given bound are left out; how many times the load acts does then not matter.
     """
     size = float(np.linalg.norm(load))
     target = np.append(load / size, 0.0 if unlimited else 1.0)
@@ -241,15 +232,9 @@ def most_work(contact: Reactions, motion: Nodal, size: float, forces: float, *, 
 
 
 def combination(columns: Nodal, target: Nodal, passive: list[int]) -> tuple[list[int], Nodal, Nodal]:
-    """The combination of columns of length 1 with non-negative coefficients that is nearest to the target.
-
-    Args:
-        columns: one per row, shape (m, K).
-        target: shape (K,).
-        passive: rows that had positive coefficients with fewer columns.
-
-    Returns:
-        The rows with positive coefficients, these, and what is left of the target.
+    """The combination of columns of length 1, one per row, with non-negative coefficients that is nearest to the
+    target: the rows with positive coefficients, these, and what is left of the target; ``passive``: rows that had
+    positive coefficients with fewer columns.
     """
     passive = list(passive)
     values = _solve(columns[passive], target)
@@ -289,11 +274,8 @@ def _solve(columns: Nodal, target: Nodal) -> Nodal:
 
 
 def escape(contact: Reactions, load: Nodal) -> tuple[Status, Nodal] | None:
-    """How a load moves one assembly away, and the motion that it drives, shape (k,); None: not proved.
-
-    Args:
-        contact: the reactions of the assembly.
-        load: its work on the motions, shape (k,), not zero.
+    """How a load, its work on the motions, not zero, moves one assembly away, and the motion that it drives, shape
+    (k,); None: not proved.
     """
     near = nearest(contact, load)
     if not near.unbalanced:
@@ -339,13 +321,9 @@ def separable(contact: Reactions) -> bool:
 
 
 def squeezed(contact: Reactions, gap: Nodal) -> bool:
-    """Whether one assembly is held by its foundation without a load, as in an interference fit.
-
-    Its nodes overlap with the foundation wherever it is if pressures in balance do work on the gaps that is negative.
-
-    Args:
-        contact: its contact nodes.
-        gap: at these nodes, length, shape (n,).
+    """Whether one assembly is held by its foundation without a load, as in an interference fit with these gaps at its
+    contact nodes. Its nodes overlap with the foundation wherever it is if pressures in balance do work on the gaps that
+    is negative.
     """
     size = float(np.abs(gap).max(initial=0.0))
     if size == 0.0:
@@ -369,14 +347,9 @@ def null_space(rows: Nodal, share: float = NO_FORCE) -> Nodal:
 
 
 def largest_multiple(contact: Reactions, load: Nodal) -> float:
-    """The largest multiple of a load that admissible tractions balance; infinite beyond ``LARGEST_BALANCING_FORCE``.
-
-    The motion that a larger multiple drives shows how much the tractions can do against it at most: Newton's method for
-    the largest one.
-
-    Args:
-        contact: the reactions of one assembly.
-        load: its work on the motions, shape (k,), not zero.
+    """The largest multiple of a load, its work on the motions, not zero, that admissible tractions of one assembly
+    balance; infinite beyond ``LARGEST_BALANCING_FORCE``. The motion that a larger multiple drives shows how much the
+    tractions can do against it at most: Newton's method for the largest one.
     """
     multiple, size = LARGEST_BALANCING_FORCE, float(np.linalg.norm(load))
     while True:

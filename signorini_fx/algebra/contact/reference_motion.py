@@ -21,12 +21,8 @@ from signorini_fx.tuned import CERTIFICATE_TOLERANCE, NOTHING_LEFT
 
 @dataclass(frozen=True)
 class ReferenceMotion:
-    """A rigid motion, and its components at the contact points.
-
-    Attributes:
-        motion: coefficients of the free motions, lengths, shape (k,).
-        u_n: its tau_N y.
-        u_t: its tau_T y.
+    """A rigid motion, coefficients of the free motions, lengths, shape (k,), and its components tau_N y and tau_T y at
+    the contact points.
     """
 
     motion: npt.NDArray[np.float64]

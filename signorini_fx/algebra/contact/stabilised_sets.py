@@ -31,18 +31,9 @@ def hold(
     motions: FreeMotions,
     escaping: Callable[[], Status | None],
 ) -> tuple[ActiveSets, Status | None, bool]:
-    """Sets near ``following`` that hold the body, or the status if it moves away; collective.
-
-    Args:
-        following: the sets that follow from the iterate.
-        sets: those that it was computed with.
-        multipliers: gives lambda and mu of the iterate with ``sets``.
-        data: the problem.
-        motions: free rigid motions at the contact points.
-        escaping: how the body moves away whatever the sets are, see ``statics.no_balance``; None: it may stay.
-
-    Returns:
-        The sets, the status if there is no equilibrium, and whether the sets differ from ``following``.
+    """Sets near ``following`` that hold the body, the status if it moves away, and whether they differ from
+    ``following``; ``sets``: with which the iterate was computed, whose ``multipliers`` are asked for; ``escaping``: how
+    the body moves away whatever the sets are, see ``statics.no_balance``, None: it may stay; collective.
     """
     unresisted = motions.unheld(following.contact, _stick(following, data))
     if not unresisted.any():

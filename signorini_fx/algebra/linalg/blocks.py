@@ -100,11 +100,8 @@ class BlockRows:
         return np.concatenate(([0], self.size * ends)), block, np.repeat(component, counts)
 
     def without(self, unknowns: npt.NDArray[np.int64], left_out: npt.NDArray[np.bool_]) -> BlockRows:
-        """A copy in single precision in which some entries are zero.
-
-        Args:
-            unknowns: local numbers of the rows that have them, each one once.
-            left_out: whether an entry of these rows is zero, as ``rows_at`` orders them.
+        """A copy in single precision in which some entries are zero: of the rows of some unknowns, local numbers, each
+        once, those that are left out, as ``rows_at`` orders them.
         """
         rounded = self.in_single_precision()
         _, block, row = self._places(unknowns)

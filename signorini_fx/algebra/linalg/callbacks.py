@@ -50,14 +50,8 @@ def weakly(method: Callable[..., T]) -> Callable[..., T]:
 
 
 def solve(solver: Callable[..., object], *arguments: Any) -> None:
-    """Call a solver of PETSc that calls back.
-
-    Args:
-        solver: such as ``snes.solve``.
-        arguments: its arguments.
-
-    Raises:
-        BaseException: the first one that a function raised that PETSc called.
+    """Call a solver of PETSc that calls back, such as ``snes.solve``; the first exception that a function raised that
+    PETSc called is raised.
     """
     _raised.clear()
     collecting = gc.isenabled()

@@ -50,12 +50,8 @@ class SystemSize:
 
 
 def choose_system(elasticity: Elasticity, size: SystemSize, requested: str) -> tuple[ElasticSystem, str]:
-    """The elastic system, and the reason for its kind.
-
-    Args:
-        elasticity: what it is made of.
-        size: its figures.
-        requested: ``full``, ``krylov``, ``condensed``, ``auto``, or the name of a solver of another package.
+    """The elastic system, and the reason for its kind; ``requested``: ``full``, ``krylov``, ``condensed``, ``auto``, or
+    the name of a solver of another package.
     """
     kind, reason = choose_kind(size, requested)
     if kind != "krylov" and is_by_blocks(elasticity.matrix):
@@ -84,11 +80,8 @@ def _system(kind: str, elasticity: Elasticity) -> ElasticSystem:
 
 
 def choose_kind(size: SystemSize, requested: str) -> tuple[str, str]:
-    """``full``, ``krylov``, ``condensed`` or the name of another one, and the reason; collective.
-
-    Args:
-        size: of the system; without contact there is nothing to condense onto.
-        requested: as for ``choose_system``.
+    """``full``, ``krylov``, ``condensed`` or the name of another one, and the reason; ``requested``: as for
+    ``choose_system``; without contact there is nothing to condense onto; collective.
     """
     if requested not in ("auto", "full", "condensed"):
         return requested, "as asked for"
@@ -126,11 +119,8 @@ def for_multigrid(size: SystemSize) -> str | None:
 
 
 def krylov_from(size: SystemSize, requested: str) -> float:
-    """Unknowns from which on a mesh of a body gets a Krylov method because it is faster; infinite: none does.
-
-    Args:
-        size: of the system on any of them.
-        requested: as for ``choose_system``.
+    """Unknowns from which on a mesh of a body gets a Krylov method because it is faster; infinite: none does; ``size``:
+    of the system on any of them.
     """
     if requested != "auto":
         return 0.0 if requested == "krylov" else math.inf

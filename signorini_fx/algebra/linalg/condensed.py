@@ -146,13 +146,7 @@ class _CondensedCase:
 
 
 def dense_matrix(comm: MPI.Comm, entries: npt.NDArray[np.float64], owned: int) -> PETSc.Mat:
-    """A symmetric dense matrix that every rank has, distributed; collective.
-
-    Args:
-        comm: the ranks.
-        entries: shape (n, n), the same on all ranks.
-        owned: number of its rows on this rank.
-    """
+    """A symmetric dense matrix that every rank has, distributed with so many rows on this rank; collective."""
     first = parallel.rows_before(comm, owned)
     columns = np.ascontiguousarray(entries[:, first : first + owned])
     matrix = PETSc.Mat().createDense(((owned, None), (owned, None)), array=columns.T, comm=comm)

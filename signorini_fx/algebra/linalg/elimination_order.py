@@ -46,15 +46,10 @@ def nearest_first(rows: sp.csr_array, stay: npt.NDArray[np.bool_]) -> Numbers:
 
 
 def dissected(rows: sp.csr_array, inner: Numbers, positions: Array) -> Numbers:
-    """The inner unknowns in the order of nested dissection, those of a node one after another, shape (m,).
-
-    Args:
-        rows: those of the matrix of the n unknowns of this rank, whose columns come first, shape (n, n or more).
-        inner: numbers of the inner ones, ascending.
-        positions: of the first of the n unknowns, shape (at most n, d); the others are eliminated at the end.
-
-    Returns:
-        Read-only: of the same pattern of the rows of inner unknowns it is found once.
+    """The inner unknowns, ascending in ``inner``, in the order of nested dissection, those of a node one after another,
+    shape (m,), read-only: of the same pattern of the rows of inner unknowns it is found once. ``rows``: of the n
+    unknowns of this rank, whose columns come first; ``positions``: of the first of them, the others are eliminated at
+    the end.
     """
     counts, stays = np.diff(rows.indptr), np.ones(rows.shape[0], dtype=bool)
     stays[inner] = False

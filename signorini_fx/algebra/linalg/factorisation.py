@@ -94,15 +94,10 @@ def use_factor(pc: PETSc.PC, *, symmetric: bool, definite: bool = True) -> None:
 
 
 def use_direct(pc: PETSc.PC, unknowns: int, *, symmetric: bool) -> None:
-    """Make a preconditioner a direct solver, of all ranks together or, for few unknowns, of each alone; collective.
-
-    Few unknowns are factorised no faster by several ranks, and each solve would take more time for messages than for
-    arithmetic: then each rank gathers the right-hand side, and has the whole factor.
-
-    Args:
-        pc: of all ranks that share the matrix.
-        unknowns: of all ranks.
-        symmetric: whether the matrix is symmetric and positive definite.
+    """Make a preconditioner of a matrix with so many unknowns on all ranks a direct solver, of all ranks together or,
+    for few unknowns, of each alone; collective. Few unknowns are factorised no faster by several ranks, and each solve
+    would take more time for messages than for arithmetic: then each rank gathers the right-hand side, and has the whole
+    factor.
     """
     comm = pc.comm.tompi4py()
     alone = comm.size > 1 and (unknowns <= MOST_REPLICATED_UNKNOWNS or not can_factorise(comm))

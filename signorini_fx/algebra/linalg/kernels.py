@@ -29,14 +29,8 @@ _LOADED: dict[str, tuple[Any, str | None]] = {}
 
 
 def load(comm: MPI.Comm, folder: Path) -> str | None:
-    """Compile the kernels on one rank, unless they are there, and load them on all; collective.
-
-    Args:
-        comm: the ranks that share a matrix.
-        folder: of compiled forms.
-
-    Returns:
-        Why there are none; None: there are.
+    """Compile the kernels into the folder of compiled forms on one rank, unless they are there, and load them on all;
+    why there are none; None: there are; collective.
     """
     key = str(folder)
     if parallel.any_rank(comm, key not in _LOADED):
@@ -116,13 +110,8 @@ class BlockProduct:
         return self._cast(f"{kind} *", array.ctypes.data)
 
     def __call__(self, blocks: npt.NDArray[np.floating[Any]], scale: float, x: Array, y: Array) -> None:
-        """Write s A x into y.
-
-        Args:
-            blocks: A, in single or double precision, shape (blocks, size, size).
-            scale: s.
-            x: with what columns of other ranks need.
-            y: of the rows.
+        """Write s A x into y; ``blocks``: A, in single or double precision, ``scale``: s, ``x``: with what columns of
+        other ranks need.
         """
         entries = self._address(_TYPES[blocks.dtype], blocks)
         vectors = self._address("double", x), self._address("double", y)

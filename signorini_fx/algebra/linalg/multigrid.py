@@ -66,11 +66,8 @@ class Hierarchy:
 
     @classmethod
     def of(cls, matrix: PETSc.Mat, level: Level | None = None) -> Hierarchy:
-        """Set up once; collective.
-
-        Args:
-            matrix: A, with the size of its blocks and its near null space.
-            level: its mesh and the coarser ones; None: there are none.
+        """Set up once for A, with the size of its blocks and its near null space, and its mesh and the coarser ones,
+        None: there are none; collective.
         """
         chain = [] if level is None or petsc_options.user_sets("pc_gamg") else _interpolations(level)
         if not chain:
@@ -249,12 +246,8 @@ class ContactLevels:
         self._truncated_at: tuple[Array, Array] | None = None
 
     def truncate(self, held: Array, soft: Array, reduced: PETSc.Mat | None) -> None:
-        """Truncate the levels where the directions held are others; collective.
-
-        Args:
-            held: projections onto the directions that contact holds at the nodes, see ``NodalBlocks.split``.
-            soft: the rest of its stiffness there.
-            reduced: S^T (A + C)_cc S of two bodies.
+        """Truncate the levels where the directions held are others; ``held`` and ``soft``: see ``NodalBlocks.split``;
+        ``reduced``: S^T (A + C)_cc S of two bodies; collective.
         """
         if not parallel.any_rank(self._comm, self._differs(held, soft)):
             return

@@ -13,11 +13,8 @@ Array = npt.NDArray[np.float64]
 
 
 def stiff_and_soft(added: Array, scale: Array) -> tuple[Array, Array]:
-    """Projections E onto the directions that contact holds, and the rest of what it adds, blocks of shape (n, d, d).
-
-    Args:
-        added: what contact adds to the stiffness, relative to ``scale``, shape (n, d, d).
-        scale: force per length, shape (n,).
+    """Projections E onto the directions that contact holds, and the rest of what it adds to the stiffness, blocks of
+    shape (n, d, d); ``added``: relative to ``scale``, force per length, shape (n,).
     """
     # The blocks of the monolithic method are not symmetric: what they hold is what they do not map to nearly zero.
     _, stiffness, directions = np.linalg.svd(added)
@@ -71,12 +68,7 @@ class NodalBlocks:
         return np.asarray(blocks[node, row, column])
 
     def matrix(self, blocks: Array, into: PETSc.Mat | None = None) -> PETSc.Mat:
-        """The matrix with these blocks; collective.
-
-        Args:
-            blocks: see above.
-            into: an earlier one, which is filled again; None: a new one.
-        """
+        """The matrix with these blocks; ``into``: an earlier one, which is filled again; collective."""
         empty_rows = self._sizes[0][0] - self._node.size
         csr = (
             np.pad(self.starts, (0, empty_rows), "edge").astype(PETSc.IntType),
@@ -103,11 +95,9 @@ class NodalBlocks:
         return blocks
 
     def split(self, contact: PETSc.Mat, rows: PETSc.Mat) -> tuple[Array, Array]:
-        """What contact adds to A at each node: projections E onto the directions that it holds, and the rest of it.
-
-        Args:
-            contact: (A + C)_cc; where a constraint is put in, its row and column are empty but for the diagonal.
-            rows: the rows of A + C at the contact unknowns.
+        """What contact adds to A at each node: projections E onto the directions that it holds, and the rest of it;
+        ``contact``: (A + C)_cc, where the row and column of a constraint are empty but for the diagonal; ``rows``: of A
+        + C at the contact unknowns.
         """
         added = (self._blocks(contact) - self._elastic) / self.scale[:, None, None]
         starts, _, values = rows.getValuesCSR()
@@ -175,10 +165,6 @@ class JoinedBodies:
         return blocks
 
     def split(self, reduced: PETSc.Mat | None) -> tuple[Array, Array]:
-        """E, and D of what E does not hold.
-
-        Args:
-            reduced: S^T (A + C)_cc S.
-        """
+        """E, and D of what E does not hold; ``reduced``: S^T (A + C)_cc S."""
         assert reduced is not None
         return stiff_and_soft((self._blocks(reduced) - self._elastic) / self._scale[:, None, None], self._scale)

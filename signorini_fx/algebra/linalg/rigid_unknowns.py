@@ -18,12 +18,7 @@ from signorini_fx.tuned import NOTHING_LEFT, RIGID_STEPS, SAME_NUMBER
 
 
 def of_nodes(matrix: PETSc.Mat, rigid: int) -> PETSc.Mat:
-    """A copy of A without the last unknowns; collective.
-
-    Args:
-        matrix: A.
-        rigid: how many of the unknowns of this rank are those of rigid bodies.
-    """
+    """A copy of A without its last unknowns on this rank, those of rigid bodies; collective."""
     first, last = matrix.getOwnershipRange()
     rows = PETSc.IS().createStride(last - first - rigid, first, 1, comm=matrix.comm)
     submatrix = matrix.createSubMatrix(rows, rows)
@@ -37,13 +32,8 @@ def with_rigid_bodies(
     free: npt.NDArray[np.bool_],
     stiffness: npt.NDArray[np.float64],
 ) -> tuple[tuple[PETSc.Mat, ...], tuple[PETSc.Mat, ...]]:
-    """Interpolations and coarse matrices of a hierarchy of the nodes, with the unknowns of rigid bodies; collective.
-
-    Args:
-        interpolations: P_0, P_1, ...
-        coarse: A_1, A_2, ...
-        free: which of those of this rank are not prescribed; the others are on the finest level alone.
-        stiffness: of the springs that hold these.
+    """Interpolations and coarse matrices of a hierarchy of the nodes, with the unknowns of rigid bodies, on coarse
+    levels those that are free; ``stiffness``: of the springs that hold these; collective.
     """
     ones = np.ones(np.count_nonzero(free))
     all_free, springs = ones.astype(bool), stiffness[free]
@@ -73,12 +63,8 @@ def _bordered(matrix: PETSc.Mat, free: npt.NDArray[np.bool_], entries: npt.NDArr
 
 
 def relative_to_rigid_bodies(contact: ContactMap, places: PETSc.IS, rigid: int) -> PETSc.Mat:
-    """[1, -G; 0, 0] on the contact unknowns: how nodes move relative to rigid bodies; collective.
-
-    Args:
-        contact: B.
-        places: the contact unknowns of this rank, those of rigid bodies last.
-        rigid: how many of them are those of rigid bodies.
+    """[1, -G; 0, 0] on the contact unknowns of this rank, ``places``, of which the last are those of rigid bodies: how
+    nodes move relative to these; collective.
     """
     comm, unknowns = places.comm, places.getIndices()
     nodes, count = unknowns.size - rigid, int(parallel.global_sum(comm.tompi4py(), np.array(rigid)))

@@ -117,13 +117,7 @@ class SchurComplement:
         return self._onto_retained(values, self._condensed[1])
 
     def recover(self, load: PETSc.Vec, between: Array, values: Array) -> PETSc.Vec:
-        """All unknowns, from those that stay: one back substitution.
-
-        Args:
-            load: b.
-            between: of this load.
-            values: x_c of this rank.
-        """
+        """All unknowns, from those of this rank that stay: one back substitution; ``between``: of this load."""
         at_joint, result = np.zeros(self._size), load.duplicate()
         at_joint[self._cut :] = parallel.gather_rows(self._comm, values)
         right = between - self._across @ at_joint[self._cut :]

@@ -123,12 +123,7 @@ class TruncatedLevels:
         return PETSc.Mat().createAIJ(self.interpolation.getSizes(), csr=csr, comm=matrix.comm)
 
     def truncate(self, held: Array, soft: Array) -> None:
-        """Truncate the levels anew; collective.
-
-        Args:
-            held: E.
-            soft: C', force per length.
-        """
+        """Truncate the levels anew by E, ``held``, and C', ``soft``, force per length; collective."""
         self._blocks.matrix(held, self._held)
         self._blocks.matrix(soft, self._soft)
         self._held.matMult(self._functions, result=self._along)

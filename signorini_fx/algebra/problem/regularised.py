@@ -41,13 +41,8 @@ from signorini_fx.tuned import ATTAINABLE_SHARE, NO_FORCE
 
 @dataclass(frozen=True)
 class NextSets:
-    """The active sets of the next linear solve, and where they come from.
-
-    Attributes:
-        sets: the sets of the next linear solve.
-        trial: the sets that follow from the iterate; ``sets`` differ from them if they would not hold the body.
-        repaired: whether ``sets`` differ from them.
-        escapes: the status if the body moves away whatever the sets are; None: it does not.
+    """The active sets of the next linear solve, and those that follow from the iterate, from which they differ,
+    ``repaired``, if these would not hold the body; ``escapes``: the status if it moves away whatever the sets are.
     """
 
     sets: ActiveSets
@@ -58,11 +53,8 @@ class NextSets:
 
 @dataclass(frozen=True)
 class SoftSprings:
-    """Springs at all contact points.
-
-    Attributes:
-        stiffness: stress per length.
-        position: relative displacement (tau_N y, tau_T y) at which they are without stress, length, shape (n, d).
+    """Springs at all contact points: stress per length, and the relative displacement (tau_N y, tau_T y) at which they
+    are without stress, length, shape (n, d).
     """
 
     stiffness: float
@@ -114,11 +106,8 @@ class RegularisedProblem:
         self._stiffness = parallel.largest(system.comm, system.matrix.getDiagonal().getArray(readonly=True))
 
     def set_data(self, data: RegularisedData, first_sets: ActiveSets | None = None) -> None:
-        """Begin a new problem.
-
-        Args:
-            data: its data.
-            first_sets: sets of the first linear solve; None: from the iterate and the sets of the previous problem.
+        """Begin a new problem; ``first_sets``: of the first linear solve, None: from the iterate and the sets of the
+        previous problem.
         """
         self.data = data
         curved = data.follows is not None and not data.follows.affine

@@ -65,14 +65,8 @@ class ContactTangent:
         return with_added(self._matrix, added)
 
     def insert(self, matrix: PETSc.Mat, blocks: Nodal) -> bool:
-        """Put A + B^T D B into a matrix, if it is not there; collective.
-
-        Args:
-            matrix: one that ``create`` made, or a copy of A.
-            blocks: D of each point, stress per length, shape (n, d, d).
-
-        Returns:
-            Whether they are those of the last factorisation; the same on all ranks.
+        """Put A + B^T D B into a matrix that ``create`` made, or a copy of A, if it is not there; D: stress per length,
+        shape (n, d, d); whether it is that of the last factorisation; collective.
         """
         earlier_blocks = [table.get(matrix.handle) for table in (self.inserted, self.factorised)]
         differ = [old is None or bool((old != blocks).any()) for old in earlier_blocks]
