@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import scipy.sparse as sp
-from scipy.sparse.csgraph import breadth_first_order, connected_components
+from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from signorini_fx.tuned import SAME_COORDINATE
@@ -26,23 +26,6 @@ _DEEPEST = 40  # halvings
 # Copies of what the last order was found for, and the order: the tangents of a nonlinear body have one pattern in all
 # iterations, but for what joins the sides of bodies that slide, which stay.
 _last: dict[str, tuple[tuple[npt.NDArray[Any], ...], Numbers]] = {}
-
-
-def nearest_first(rows: sp.csr_array, stay: npt.NDArray[np.bool_]) -> Numbers:
-    """The inner unknowns in the order of their distance in the graph from those that stay, shape (m,).
-
-    Minimum degree takes the first of equal degrees, so that its operations depend on the numbering, up to threefold.
-    """
-    owned, size = rows.shape
-    # A node more, from which the search begins; columns of other ranks have no row and end it.
-    columns = np.concatenate((rows.indices, np.flatnonzero(stay).astype(rows.indices.dtype)))
-    ends = np.concatenate((rows.indptr, np.full(size - owned, rows.indptr[-1]), [columns.size]))
-    graph = sp.csr_array((np.broadcast_to(1.0, columns.size), columns, ends), shape=(size + 1,) * 2)
-    order = breadth_first_order(graph, size, return_predecessors=False)
-    inner = np.append(~stay[:owned], np.zeros(size + 1 - owned, dtype=bool))
-    order = order[inner[order]]
-    inner[order] = False  # what the search has not reached is left
-    return np.concatenate((order, np.flatnonzero(inner)))
 
 
 def dissected(rows: sp.csr_array, inner: Numbers, positions: Array) -> Numbers:

@@ -13,7 +13,7 @@ import numpy.typing as npt
 import scipy.sparse as sp
 from petsc4py import PETSc
 
-from signorini_fx.algebra.linalg.elimination_order import dissected, nearest_first
+from signorini_fx.algebra.linalg.elimination_order import dissected
 from signorini_fx.algebra.linalg.petsc_c import call
 
 Array = npt.NDArray[np.float64]
@@ -64,9 +64,9 @@ class PartialFactor:
         self._count, inside = count, self.inner.size
         # Of an indefinite matrix, with a pressure, minimum degree takes fewer operations.
         self._in_order = positions is not None and definite and _order_is_taken()
-        usable_positions = positions if self._in_order else None
-        stay = places >= 0
-        order = nearest_first(rows, stay) if usable_positions is None else dissected(rows, self.inner, usable_positions)
+        stay, order = places >= 0, self.inner
+        if positions is not None and self._in_order:
+            order = dissected(rows, self.inner, positions)
         rows = sp.csr_array(rows[self.inner])
         # First the inner unknowns in their order, then those that stay, then the loads.
         numbers = np.full(places.size, -1, dtype=rows.indices.dtype)
