@@ -63,7 +63,7 @@ def test_statics_have_no_unit(push, status, stress):
 @pytest.mark.one_quick
 @pytest.mark.parametrize("seed", range(12))
 def test_random_units(seed):
-    """No count hangs on round-off: neither of sets nor of linear solves that use an old factor."""
+    """No count hangs on round-off."""
     rng = np.random.default_rng(seed)
     law = LAWS[seed % 3]
     scene = {
@@ -76,7 +76,6 @@ def test_random_units(seed):
     units = {"length_unit": 10 ** rng.uniform(-6, 6), "stress_unit": 10 ** rng.uniform(-9, 9)}
     here, there = alone(example1(**law, **scene)), alone(example1(**law, **scene, **units))
     assert counts(there) == counts(here)
-    assert any(not record.factorised for record in here.history.iterations)
 
 
 def skew(law, *, mirrored=False, cell="quadrilateral"):
