@@ -29,7 +29,6 @@ from signorini_fx.machine.compilation import compiling
 from signorini_fx.mechanics.assembly.quadrature import strain_degree
 from signorini_fx.mechanics.body.deformation import deformation_of
 from signorini_fx.mechanics.body.discretisation import boundary_facets, held_at, prepare
-from signorini_fx.mechanics.body.element_stress import cells_of_materials
 from signorini_fx.mechanics.body.nonlinear_law import BodyResidual, at_rest, body_residual
 from signorini_fx.mechanics.loads.initial_strains import initial_strain
 from signorini_fx.mechanics.loads.supports import prescribed
@@ -239,7 +238,7 @@ class ProblemOfScene(NonlinearContactProblem):
 
     @property
     def _parts(self) -> list[npt.NDArray[np.int32]]:
-        return cells_of_materials(self.model)
+        return [self.model.tagged.cells(material.region) for material in self.model.statement.material]
 
     def _named(self, step: StepResult) -> StepResult:
         """A load step whose tools have the names of the scene."""

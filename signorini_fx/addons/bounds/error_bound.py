@@ -111,7 +111,9 @@ def known_contact(model: Model, contact: ContactState | None) -> ContactState | 
 
 def bounded(model: Model, rows: Rows) -> Bounded:
     """The problem of the arrays of all ranks."""
-    return Bounded(rows, model.space.element.basix_element.degree, model.statement.body_of_proofs)
+    # The mesh may stand for a body with arcs.
+    assumed = "of the body with the straight cells of the mesh" if model.statement.arcs else ""
+    return Bounded(rows, model.space.element.basix_element.degree, assumed)
 
 
 class Bounded(PlainProblem):

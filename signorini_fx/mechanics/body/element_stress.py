@@ -95,16 +95,8 @@ def element_stress(body: Model, displacement: fem.Function, step: float = 0.0) -
         jump_to(step)
 
     of_law = body.elastic.stress(displacement, displacement if jump is None else displacement + jump, initial)
-    parts = cells_of_materials(body)
+    parts = [body.tagged.cells(material.region) for material in body.statement.material]
     of_body = {"displacement": displacement, "parts": parts, "kinematics": body.kinematics, "move": move}
     stress = ElementStress(**vars(of_law), **of_body)
     stress.refresh(step)
     return stress
-
-
-def cells_of_materials(model: Model) -> list[npt.NDArray[np.int32]]:
-    """The cells of each material, ghosts included."""
-    if len(model.statement.material) > 1:
-        return [model.tagged.cells(str(material.region)) for material in model.statement.material]
-    index_map = model.tagged.mesh.topology.index_map(model.tagged.dimension)
-    return [np.arange(index_map.size_local + index_map.num_ghosts, dtype=np.int32)]

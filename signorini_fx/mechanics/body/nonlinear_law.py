@@ -61,13 +61,10 @@ def volume_degree(statement: Statement, tagged: TaggedMesh) -> int | None:
     return reduced_degree(at_rest(statement), tagged.mesh)
 
 
-def cells_of(material: Any, statement: Statement, tagged: TaggedMesh) -> Cells:
+def cells_of(material: Any, tagged: TaggedMesh) -> Cells:
     """The cells of a material that this rank owns, ascending."""
-    owned = tagged.mesh.topology.index_map(tagged.mesh.topology.dim).size_local
-    if len(statement.material) == 1:
-        return np.arange(owned, dtype=np.int32)
-    cells = tagged.cells(str(material.region))
-    return np.sort(cells[cells < owned]).astype(np.int32)
+    cells = tagged.cells(material.region)
+    return np.sort(cells[cells < tagged.mesh.topology.index_map(tagged.mesh.topology.dim).size_local]).astype(np.int32)
 
 
 @dataclass
@@ -184,7 +181,7 @@ def body_residual(statement: Statement, tagged: TaggedMesh, u: fem.Function) -> 
     kinematics = statement.kinematics_in(tagged.dimension)
     full = max(1, strain_degree(space, kinematics))
     reduced = volume_degree(statement, tagged)
-    cells = [cells_of(material, statement, tagged) for material in statement.material]
+    cells = [cells_of(material, tagged) for material in statement.material]
     # Each rule has cells of its own number: FFCx 0.9 compiles one of one point beside another one wrongly.
     owned_cells = np.arange(tagged.mesh.topology.index_map(tagged.mesh.topology.dim).size_local, dtype=np.int32)
     parts = [*enumerate(cells), *enumerate(cells, len(cells)), (2 * len(cells), owned_cells)]

@@ -70,8 +70,7 @@ def cellwise_stiffness(statement: Statement, tagged: TaggedMesh) -> CellwiseStif
     for number, material in enumerate(statement.material):
         if material.region is not None and material.region not in tagged.regions:
             continue  # which is reported elsewhere
-        count = len(moduli.function_space.dofmap.list)
-        cells = np.arange(count, dtype=np.int32) if material.region is None else tagged.cells(material.region)
+        cells = tagged.cells(material.region)
         axes = np.asarray(material.axes(middles(tagged, cells)))
         if parallel.any_rank(tagged.mesh.comm, axes.shape != (len(cells), 3, 3)):
             wanted = f"axes of {material.words} must have the shape (n, 3, 3) for points of the shape (3, n)"

@@ -93,8 +93,7 @@ class PressureSpace:
         m = len(statement.material)
         part = np.zeros(len(compat.geometry_cells(tagged.mesh)), dtype=np.int32)
         for number, material in enumerate(statement.material):
-            if m > 1:
-                part[tagged.cells(str(material.region))] = number
+            part[tagged.cells(material.region)] = number
         return cls(fem.functionspace(tagged.mesh, ("Lagrange", 1, (m,)) if m > 1 else ("Lagrange", 1)), part)
 
     @property

@@ -163,8 +163,7 @@ def graded(statement: Statement, tagged: TaggedMesh, key: str) -> fem.Function |
         value = _grading(material, key)
         if value is None or (material.region is not None and material.region not in tagged.regions):
             continue  # the latter is reported elsewhere
-        count = len(grading.function_space.dofmap.list)
-        cells = np.arange(count, dtype=np.int32) if material.region is None else tagged.cells(material.region)
+        cells = tagged.cells(material.region)
         values = _in_the_middle(value, tagged, cells)
         pressed = treatment_of(statement).pressed
         least = values > 0 if key == "grading" or pressed else values >= 0

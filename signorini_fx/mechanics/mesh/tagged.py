@@ -67,8 +67,10 @@ class TaggedMesh(TaggedMeshBase):
         """D, 2 or 3, the dimension of the points and of the cells."""
         return int(self.mesh.topology.dim)
 
-    def cells(self, region: str) -> npt.NDArray[np.int32]:
-        """Cells of the part ``region`` on this rank, ghosts included (local numbers)."""
+    def cells(self, region: str | None) -> npt.NDArray[np.int32]:
+        """Cells of the part ``region`` on this rank, ghosts included (local numbers); None: all of them."""
+        if region is None:
+            return np.arange(len(compat.geometry_cells(self.mesh)), dtype=np.int32)
         if self.cell_tags is None or region not in self.regions:
             raise MeshError(f"the mesh has no region {region!r}; its regions are: {', '.join(self.regions) or 'none'}")
         return _tagged(self.cell_tags, self.regions[region])

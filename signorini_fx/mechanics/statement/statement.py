@@ -82,11 +82,6 @@ class Statement:
         return self.effects.get("material", ())
 
     @property
-    def body_of_proofs(self) -> str:
-        """Of which body something is proved, in words; empty: of the body itself."""
-        return "of the body with the straight cells of the mesh" if self.arcs else ""
-
-    @property
     def nonlinear(self) -> bool:
         """Whether some material is not linear, so that the body is solved by ``scenes.nonlinear``."""
         return not all(material.linear for material in self.material)

@@ -163,7 +163,7 @@ class NonlinearForces(NodalForces):
                 continue
             with compiling():
                 compiled = fem.Expression(expression, points)
-            cells = cells_of(material, self._nonlinear, self.tagged)
+            cells = cells_of(material, self.tagged)
             values[cells] = np.asarray(compiled.eval(mesh, cells)).reshape(len(cells), len(points), *shape)
         return values
 
