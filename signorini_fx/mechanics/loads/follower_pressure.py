@@ -91,11 +91,6 @@ def without_followers(statement: Statement) -> Statement:
     return statement.changed(**{key: kept(entries) for key, entries in statement.effects.items()})
 
 
-def degree_of(effect: Any, element: int) -> int:
-    """The degree of quadrature of a pressure that follows the body, for elements of a degree."""
-    return int(effect.degree(element)) + element
-
-
 @dataclass(frozen=True)
 class Followers:
     """The loads of a scene that follow its body.
@@ -125,7 +120,7 @@ class Followers:
         works = [
             -ufl.inner(_traction(factor * on.value(effect.pressure), u, kinematics), v)
             * around(position(u))
-            * ds(number, metadata={"quadrature_degree": degree_of(effect, element)})
+            * ds(number, metadata={"quadrature_degree": effect.degree(element) + element})
             for number, (effect, factor) in enumerate(zip(pressures, factors, strict=False), start=1)
         ]
         works += [
