@@ -49,14 +49,9 @@ class Coulomb(DirectedLaw):
         return self.cohesion is not None
 
     @property
-    def exceptions(self) -> dict[str, str]:
-        capped = {} if self.cap is None else {"a cap": "a cap limits the friction"}
-        return capped | ({} if self.cohesion is None else {"cohesion": "cohesion ends where the contact opens"})
-
-    @property
     def has_derivative(self) -> bool:
         """See ``FrictionLaw``: where it opens with cohesion it has a jump, and a cap is left to the fixed point."""
-        return not self.exceptions
+        return self.cap is None and self.cohesion is None
 
     @property
     def unknown(self) -> str:

@@ -108,11 +108,6 @@ class FrictionLaw(Table):
         return f"of the friction law {self.law} only the bound is known"
 
     @property
-    def exceptions(self) -> dict[str, str]:
-        """What proofs about a bound F lambda do not know, by its name, each with the reason in words."""
-        return {f"the friction law {self.law}": self.unknown} if self.unknown else {}
-
-    @property
     def has_derivative(self) -> bool:
         """Whether Newton's method may follow the bound with the pressure."""
         return True
