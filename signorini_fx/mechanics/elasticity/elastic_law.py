@@ -106,10 +106,6 @@ class ElasticLaw:
         """That of a jump of the displacement, likewise."""
         return self.terms(jump, z)
 
-    def names_of(self, effect: str) -> tuple[str, ...]:
-        """What ``strain_terms`` and ``jump_terms`` of an effect are called."""
-        return effect, f"reduced volumetric {effect}"
-
     def work(self, forms: Sequence[fem.Form], owned: int) -> tuple[_Floats, _Floats | None]:
         """Of these terms, compiled, at the owned unknowns of the displacement, and of the pressure."""
         return sum((assemble(form) for form in forms), np.zeros(owned)), None

@@ -251,9 +251,6 @@ class MixedLaw(SceneLaw):
         """See ``ElasticLaw``: the second one is of the change of volume."""
         return self._terms(jump, z, fem.Function(self.own))[:2]
 
-    def names_of(self, effect: str) -> tuple[str, ...]:
-        return effect, f"divergence of {effect}"
-
     def work(self, forms: Sequence[fem.Form], owned: int) -> tuple[_Floats, _Floats | None]:
         """See ``ElasticLaw``: of a strain on the pressure alone, of a jump on both."""
         *of_displacement, of_pressure = forms

@@ -101,8 +101,7 @@ def jump_loads(
         if parallel.any_rank(space.mesh.comm, held(jump)):
             raise SceneError([(jump.path, "contact or a support holds nodes of the section along its axis: move it")])
         terms = elastic.jump_terms(jump.on(space), z)
-        names = elastic.names_of(jump.entry.name)[: len(terms)]
-        forms = tuple(inventory.compile(name, partial(fem.form, term)) for name, term in zip(names, terms, strict=True))
+        forms = tuple(inventory.compile(jump.entry.name, partial(fem.form, term)) for term in terms)
         owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
         forces, pressure_load = elastic.work(forms, owned)
         ones, zero_displacement = (1.0,) * statement.steps, fem.Function(space)

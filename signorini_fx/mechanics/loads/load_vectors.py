@@ -283,7 +283,7 @@ def applied_load(
     on: FormCoefficients,
     z: Any,
     supports: SupportsAt,
-    compiled: tuple[tuple[str, ...], tuple[fem.Form, ...]] | None = None,
+    compiled: tuple[fem.Form, ...] | None = None,
     step: float = 0,
 ) -> AppliedLoad:
     """Compile and assemble the loads that share their factors; collective.
@@ -294,14 +294,14 @@ def applied_load(
         on: the mesh with its quadrature, times and materials.
         z: the test function of L.
         supports: the prescribed displacements at a place in the lists of factors.
-        compiled: names and forms of an earlier place; None: they are compiled here.
+        compiled: the forms of an earlier place; None: they are compiled here.
         step: the place.
     """
     factors, grows, timed, balanced = group
     space = on.space
     on.move_to(step)
     at_step = {id(load): on.statement.now(load, step)[1] for load in loads if isinstance(load, Force)}
-    _, forms = compiled = compile_loads(loads, on, z) if compiled is None else compiled
+    forms = compile_loads(loads, on, z) if compiled is None else compiled
     prescribed = fem.Function(space)
     axes, turned = supports(step)
     for effect, support in axes:  # the later one applies where two meet
@@ -320,7 +320,7 @@ def applied_load(
         if load.nodal:
             forces = forces + forces_at_nodes(at_step[id(load)], on.path(load), space, on.tagged)
     # No function that refers to itself: such a cycle keeps the mesh until the garbage collector comes.
-    reassemble = partial(applied_load, group, loads, on, z, supports, compiled) if timed else None
+    reassemble = partial(applied_load, group, loads, on, z, supports, forms) if timed else None
     return AppliedLoad(
         factors, forms, forces, prescribed, grows, reassemble, balanced=balanced, pressure_load=pressure_load
     )
@@ -342,28 +342,19 @@ def driving_load(
     )
 
 
-def compile_loads(loads: Sequence[Load], on: FormCoefficients, z: Any) -> tuple[tuple[str, ...], tuple[fem.Form, ...]]:
+def compile_loads(loads: Sequence[Load], on: FormCoefficients, z: Any) -> tuple[fem.Form, ...]:
     """The terms of L of section 2.1 that the loads list, (f, z) and (h, z), compiled together, or those of initial
-    strains, and their names.
+    strains.
     """
     if strains := [load for load in loads if isinstance(load, InitialStrain)]:
-        return _compiled_strains(strains, on, z)
+        name = " + ".join(strain.name for strain in strains)
+        total_strain = sum(_asked(strain, "strain", on) for strain in strains)
+        terms = on.elastic.strain_terms(z, total_strain, strains[0].degree(on.space.element.basix_element.degree))
+        return tuple(on.inventory.compile(name, partial(fem.form, term)) for term in terms)
     formed = (load for load in loads if isinstance(load, Force) and not load.nodal)
     forces = sorted(formed, key=lambda load: load.where is not None)
-    name, form = _compiled(forces, lambda load: ufl.inner(_asked(load, "density", on), z), on)
-    return ((), ()) if form is None else ((name,), (form,))
-
-
-def _compiled_strains(
-    strains: Sequence[InitialStrain], on: FormCoefficients, z: Any
-) -> tuple[tuple[str, ...], tuple[fem.Form, ...]]:
-    name = " + ".join(strain.name for strain in strains)
-    total_strain = sum(_asked(strain, "strain", on) for strain in strains)
-    terms = on.elastic.strain_terms(z, total_strain, strains[0].degree(on.space.element.basix_element.degree))
-    names = on.elastic.names_of(name)[: len(terms)]
-    return names, tuple(
-        on.inventory.compile(name, partial(fem.form, term)) for name, term in zip(names, terms, strict=True)
-    )
+    form = _compiled(forces, lambda load: ufl.inner(_asked(load, "density", on), z), on)
+    return () if form is None else (form,)
 
 
 def compile_resistance(acting: Sequence[Resistance], on: FormCoefficients, y: Any, z: Any) -> fem.Form | None:
@@ -371,7 +362,7 @@ def compile_resistance(acting: Sequence[Resistance], on: FormCoefficients, y: An
     for effect in acting:
         if not is_of_package(type(effect)):
             _check_reaction(effect, on)
-    return _compiled(acting, lambda effect: ufl.inner(_asked(effect, "reaction", on, y), z), on)[1]
+    return _compiled(acting, lambda effect: ufl.inner(_asked(effect, "reaction", on, y), z), on)
 
 
 def _check_reaction(effect: Resistance, on: FormCoefficients) -> None:
@@ -383,7 +374,7 @@ def _check_reaction(effect: Resistance, on: FormCoefficients) -> None:
     y, z, random = fem.Function(on.space), fem.Function(on.space), np.random.default_rng(0)
     a, b = random.standard_normal((2, y.x.array.size))
     of_trial = replace(on, inventory=Inventory())
-    _, form = _compiled([effect], lambda entry: ufl.inner(_asked(entry, "reaction", on, y), z), of_trial)
+    form = _compiled([effect], lambda entry: ufl.inner(_asked(entry, "reaction", on, y), z), of_trial)
 
     assert form is not None
 
@@ -423,12 +414,10 @@ def _asked(effect: Any, method: str, on: FormCoefficients, *arguments: Any) -> A
     raise SceneError([(on.path(effect), reason)])
 
 
-def _compiled(
-    effects: Sequence[Any], integrand: Callable[[Any], Any], on: FormCoefficients
-) -> tuple[str, fem.Form | None]:
-    """The integrals of effects over what each of them acts on, and their name; "" and None without effects."""
+def _compiled(effects: Sequence[Any], integrand: Callable[[Any], Any], on: FormCoefficients) -> fem.Form | None:
+    """The integrals of effects over what each of them acts on; None without effects."""
     if not effects:
-        return "", None
+        return None
     space, inventory = on.space, on.inventory
     element, where = space.element.basix_element.degree, measures(space, effects, on.tagged.facets)
     terms = [
@@ -436,7 +425,7 @@ def _compiled(
         for effect, d in zip(effects, where, strict=True)
     ]
     name = " + ".join(effect.name for effect in effects)
-    return name, inventory.compile(name, lambda: fem.form(sum(terms[1:], terms[0])))
+    return inventory.compile(name, lambda: fem.form(sum(terms[1:], terms[0])))
 
 
 def check_finite(comm: MPI.Comm, loads: list[AppliedLoad]) -> None:

@@ -226,7 +226,7 @@ class NodalForces(BodyNodes):
         forms.on.move_to(step)
         for load in (load for load in self.statement.of(Force) if load.where is None and load.acts):
             factor, _ = self.statement.now(load, step)
-            of_load = partial(_of_loads, [load], forms.on, at)
+            of_load = partial(compile_loads, [load], forms.on, at)
             force -= scale * factor * self._number(forms.kept(("through", jump.path, id(load)), of_load))
         return force
 
@@ -260,7 +260,7 @@ class NodalForces(BodyNodes):
         forms.on.move_to(step)
         for loads in groups.values():
             factor, _ = self.statement.now(loads[0], step)
-            compiled = forms.kept(("loads", *map(id, loads)), partial(_of_loads, loads, forms.on, forms.z))
+            compiled = forms.kept(("loads", *map(id, loads)), partial(compile_loads, loads, forms.on, forms.z))
             total += scale * factor * self._sum(compiled)
             for load in loads:
                 if load.nodal:
@@ -278,11 +278,6 @@ class NodalForces(BodyNodes):
         """The sum of forms without arguments."""
         local_sum = sum((float(fem.assemble_scalar(form)) for form in forms), 0.0)
         return float(parallel.global_sum(self.tagged.mesh.comm, np.array(local_sum)))
-
-
-def _of_loads(loads: Sequence[Force], on: FormCoefficients, z: Any) -> Sequence[fem.Form]:
-    """L of some loads, compiled."""
-    return compile_loads(loads, on, z)[1]
 
 
 def _differ_in_contact_alone(one: Statement, other: Statement) -> bool:
