@@ -272,25 +272,25 @@ class IsotropicLaw(SceneLaw):
 
     def terms(self, y: Any, z: Any) -> tuple[Any, ...]:
         first, second = self.kinematics.strain(y), self.kinematics.strain(z)
-        return self._integrals(ufl.inner(first, second), ufl.tr(first) * ufl.tr(second), self.degree)
+        if self.reduced is None:
+            stress = self.lame[0] * ufl.tr(first) * ufl.Identity(first.ufl_shape[0]) + 2 * self.lame[1] * first
+            return (self._integral(ufl.inner(stress, second), self.degree),)
+        shearing = 2 * self.lame[1] * ufl.inner(first, second)
+        volumetric = self.lame[0] * ufl.tr(first) * ufl.tr(second)
+        return self._integral(shearing, self.degree), self._integral(volumetric, self.reduced)
 
     def strain_terms(self, z: Any, strain: Any, degree: int) -> tuple[Any, ...]:
-        work = strain * ufl.tr(self.kinematics.strain(z))
-        return self._integrals(work, self.kinematics.directions * work, degree)
+        return self._alike(strain * ufl.tr(self.kinematics.strain(z)), degree)
 
     def free_terms(self, strain: Any, degree: int) -> tuple[Any, ...]:
-        directions = self.kinematics.directions
-        half = directions * strain**2 / 2
-        return self._integrals(half, directions * half, degree)
+        return self._alike(self.kinematics.directions * strain**2 / 2, degree)
 
-    def _integrals(self, shearing: Any, volumetric: Any, degree: int) -> tuple[Any, ...]:
-        """2 mu times one product of strains and lambda times another, with a quadrature of this degree; the second one
-        by itself where it is reduced: FFCx 0.9 compiles a rule of one point beside another one wrongly.
-        """
-        lame, mu = self.lame
+    def _alike(self, product: Any, degree: int) -> tuple[Any, ...]:
+        """The stress of a strain that is the same in all directions, times a product of strains."""
+        shearing, volumetric = 2 * self.lame[1], self.kinematics.directions * self.lame[0]
         if self.reduced is None:
-            return (self._integral(2 * mu * shearing + lame * volumetric, degree),)
-        return self._integral(2 * mu * shearing, degree), self._integral(lame * volumetric, self.reduced)
+            return (self._integral((shearing + volumetric) * product, degree),)
+        return self._integral(shearing * product, degree), self._integral(volumetric * product, self.reduced)
 
     def stress(self, y: fem.Function, moved: Any, initial: Any) -> LawStress:
         (lame, mu), kinematics, mesh = self.lame, self.kinematics, self.tagged.mesh
