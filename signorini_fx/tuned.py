@@ -74,13 +74,9 @@ FEWEST_CONDENSED_UNKNOWNS = 1_500
 # Memory is the limit: three dense matrices of this many unknowns take 0.6 GB.
 MOST_CONDENSED_UNKNOWNS = 5_000
 # Of a nonlinear body in 3D those contact points are condensed onto that are in contact, or nearer to their shapes
-# than this many times the largest motion to be expected; not for less than this share of the points to be left out.
-# The answers do not depend on it: what touches beyond is added, and the tangent is condensed once more.  Source:
-# docs/evidence/nonlinear_costs.csv, where no tangent had to be condensed twice.
-RETAINED_REACH, FEWEST_LEFT_OUT = 0.5, 0.2
-# Those of the last tangent are retained again if they are at most this many times those that are needed; else the reach
-# is so many times as large, so that the next tangents may have the same points.  Choice, by the same table.
-RETAINED_AGAIN, RETAINED_MARGIN = 1.3, 1.2
+# than this many times the largest motion to be expected.  The answers do not depend on it: where another one touches,
+# the tangent is condensed once more.  Source: docs/evidence/nonlinear_costs.csv, where no tangent had to be.
+RETAINED_REACH = 0.5
 # From this number of unknowns on a Krylov method with multigrid is taken in 3D; in 2D where the memory ends; the second
 # where the contact points are so few that the system can be condensed onto them.
 # Source: docs/evidence/linear_algebra_in_space.csv.

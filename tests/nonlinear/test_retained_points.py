@@ -14,13 +14,22 @@ from signorini_fx.forms.nonlinear import retained_points
 from signorini_fx.forms.nonlinear.retained_points import RetainedPoints
 from tests.support.nonlinear_bodies import LAME, MU, held, neo_hooke
 
+NONE = -10.0  # a reach with which no point is retained that need not be
 
-def pressed(monkeypatch, *, reach, left_out):
+
+def with_reach(monkeypatch, reach):
+    """Points are chosen with this reach; None: all are retained."""
+    if reach is None:
+        monkeypatch.setattr(RetainedPoints, "far_points", lambda *_: None)
+    else:
+        monkeypatch.setattr(retained_points, "RETAINED_REACH", reach)
+
+
+def pressed(monkeypatch, *, reach):
     """A sphere is pressed into a block of rubber, lifted out of it, and pressed in beside: the displacements, the
     linear solves, how many points were left out of each tangent, and whether these sufficed.
     """
-    monkeypatch.setattr(retained_points, "RETAINED_REACH", reach)
-    monkeypatch.setattr(retained_points, "FEWEST_LEFT_OUT", left_out)
+    with_reach(monkeypatch, reach)
     seen, suffice = [], RetainedPoints.suffice
 
     def told(self, far, begun, outcome):
@@ -44,32 +53,31 @@ def pressed(monkeypatch, *, reach, left_out):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("reach", "repeats"), [(0.5, False), (-10.0, True)])
+@pytest.mark.parametrize(("reach", "repeats"), [(0.5, False), (NONE, True)])
 def test_left_out_points(monkeypatch, reach, repeats):
     """The answers are those with all points, to round-off, also if points are left out that will touch: these are found
     and added.  None is, with the reach that the package has.
     """
     with monkeypatch.context() as patched:
-        expected, solves, all_points = pressed(patched, reach=0.5, left_out=2.0)
+        expected, solves, all_points = pressed(patched, reach=None)
     assert not any(left for left, _ in all_points)
-    found, taken, seen = pressed(monkeypatch, reach=reach, left_out=0.2)
+    found, taken, seen = pressed(monkeypatch, reach=reach)
     assert sum(left > 0 for left, _ in seen) > len(seen) / 2
     assert any(not sufficed for _, sufficed in seen) == repeats
     assert (taken > solves) == repeats
     assert np.abs(found - expected).max() < 1e-10 * np.abs(expected).max()
 
 
-def answers(monkeypatch, make, *, left_out, steps):
+def answers(monkeypatch, make, *, reach, steps):
     """Displacements and nodal forces after each step, and how many points its last tangent has left out.
 
     Args:
         monkeypatch: of pytest.
         make: makes a problem.
-        left_out: see ``FEWEST_LEFT_OUT``.
+        reach: see ``with_reach``.
         steps: each changes the problem before it is solved.
     """
-    monkeypatch.setattr(retained_points, "RETAINED_REACH", -10.0)  # nothing is retained that need not be
-    monkeypatch.setattr(retained_points, "FEWEST_LEFT_OUT", left_out)
+    with_reach(monkeypatch, reach)
     problem, found, left = make(), [], []
     for change in steps:
         change(problem)
@@ -142,7 +150,7 @@ TILTED = {"rotation": (0.0, 15.0, 0.0)}
         (
             partial(small_block, quadratic, shape=PLANE, friction=None),
             [moved(0, 0, 0.5), moved(0, 0, 0.5, **TILTED), moved(0, 0, 0.4), moved(0, 0, 0.1)],
-            3,
+            2,  # in the last one points come into contact, so that all are retained
         ),
     ],
     ids=["tresca", "floating", "tangent-of-before"],
@@ -152,9 +160,9 @@ def test_what_else_acts_on_points(monkeypatch, make, steps, leaves_out):
     none, whatever is chosen.
     """
     with monkeypatch.context() as patched:
-        expected, all_points = answers(patched, make, left_out=2.0, steps=steps)
+        expected, all_points = answers(patched, make, reach=None, steps=steps)
     assert not any(all_points)
-    found, left = answers(monkeypatch, make, left_out=0.2, steps=steps)
+    found, left = answers(monkeypatch, make, reach=NONE, steps=steps)
     if leaves_out is not None:
         assert sum(count > 0 for count in left) == leaves_out, left
     for values in zip(found, expected, strict=True):

@@ -622,7 +622,7 @@ class LinearisedProblem(FormSolver):
     def _outcome_of_now(self) -> Outcome:
         """See ``FormSolver``: once more with more points if one has touched that was taken to be far."""
         outcome = super()._outcome_of_now()
-        while not self._retained.suffice(self.elastic.far, self.begun, outcome):
+        if not self._retained.suffice(self.elastic.far, self.begun, outcome):
             self._last_pattern = None
             self.begun = self.begin_step()
             outcome = super()._outcome_of_now()

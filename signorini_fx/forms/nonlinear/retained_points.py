@@ -3,9 +3,8 @@
 In 3D the contact boundary has far more nodes than the contact.  A point that is farther from its shape than an
 increment may bring it is left out of the dense matrix, as the inside of the body is, and no force acts there.  Where it
 is in the solution of the linearised problem is known afterwards: if it has come into contact, or if friction has a
-bound there without contact, the problem is solved once more with that point and all others that the increment may bring
-into contact, and if there is no solution, with all points.  So solutions do not depend on the choice.  A body that
-nothing holds but contact is condensed onto all of its points.
+bound there without contact, or if there is no solution, it is solved once more with all points.  So solutions do not
+depend on the choice.  A body that nothing holds but contact is condensed onto all of its points.
 """
 
 from __future__ import annotations
@@ -24,7 +23,7 @@ from signorini_fx.forms.nonlinear.moving_shapes import MovingShape
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.records import Status
-from signorini_fx.tuned import FEWEST_LEFT_OUT, RETAINED_AGAIN, RETAINED_MARGIN, RETAINED_REACH
+from signorini_fx.tuned import RETAINED_REACH
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
@@ -43,7 +42,6 @@ class RetainedPoints:
         self._possible = space.mesh.geometry.dim == 3 and space.mesh.comm.size == 1
         self._choosing = self._retain_all = False
         self._moved = 0.0  # the largest increment of this load so far, length
-        self._retained: Flags | None = None  # the last points that were, of earlier loads too
         self.begin_anew()
 
     def begin_anew(self) -> None:
@@ -94,27 +92,11 @@ class RetainedPoints:
         if self._near is not None and self._near.size == near.size:
             near |= self._near
         near[distance.argmin()] = True  # a dense matrix of nothing is none
-        near = self._retained = self._hardly_more(near, near | (distance <= RETAINED_MARGIN * reach))
-        self._near, self._last_values, self._distance = near, values.copy(), distance
-        if np.count_nonzero(near) > (1.0 - FEWEST_LEFT_OUT) * near.size:
-            return None
-        return ~near, self._at
-
-    def _hardly_more(self, needed: Flags, wider: Flags) -> Flags:
-        """Points to retain: the last ones where these are hardly more than are needed, as much of a factorisation
-        depends on which points they are alone; else so many that those of the next iterations may be among them.
-
-        Args:
-            needed: which points must be, shape (n,).
-            wider: these and some more, likewise.
-        """
-        last = self._retained
-        if last is None or last.size != needed.size or (needed & ~last).any():
-            return wider
-        return last if np.count_nonzero(last) <= RETAINED_AGAIN * np.count_nonzero(needed) else wider
+        self._near, self._last_values = near, values.copy()
+        return None if near.all() else (~near, self._at)
 
     def suffice(self, far: tuple[Flags, fem.Function] | None, begun: Start, outcome: Outcome) -> bool:
-        """Whether an outcome is that of the problem with all points; else more of them will be retained.
+        """Whether an outcome is that of the problem with all points; else all of them will be retained.
 
         Args:
             far: what ``far_points`` said.
@@ -125,25 +107,18 @@ class RetainedPoints:
         # Other systems reach all points, and so does a condensed one of a body that only contact holds.
         if far is None or not isinstance(system, CondensedSystem) or system.elasticity.far is None:
             return True
-        points, _ = far
-        begins = begun.sets is not None and bool((begun.sets.contact & points).any())
-        if begins or outcome.status is not Status.CONVERGED:
-            self._retain_all = True
-            return False
-        problem = outcome.problem
-        system.find_far_points(outcome.newton.x)
-        touching = classify(problem.sets, *system.contact.traces(outcome.newton.x), problem.data).contact
-        touching |= problem.sets.contact  # from where they were before
-        if problem.data.bound is not None:
-            touching |= problem.data.bound > 0.0  # such as that of Tresca, which acts without contact
-        touching &= points
-        if not touching.any():
-            return True
-        near = ~points if self._near is None else self._near  # no new tangent was needed for this load
-        contact, began_at = system.elasticity.contact, system.elasticity.far.at
-        ahead, behind = (contact.traces(at)[0] for at in (system.displacement(outcome.newton.x), began_at))
-        self._near = near | touching | (self._distance <= np.abs(ahead - behind).max())
-        return False
+        points, problem = far[0], outcome.problem
+        began_far = begun.sets is not None and bool((begun.sets.contact & points).any())
+        suffices = outcome.status is Status.CONVERGED and not began_far
+        if suffices:
+            system.find_far_points(outcome.newton.x)
+            touching = classify(problem.sets, *system.contact.traces(outcome.newton.x), problem.data).contact
+            touching |= problem.sets.contact  # from where they were before
+            if problem.data.bound is not None:
+                touching |= problem.data.bound > 0.0  # such as that of Tresca, which acts without contact
+            suffices = not (touching & points).any()
+        self._retain_all = not suffices
+        return suffices
 
 
 def distances(boundary: ContactBoundary, shapes: Mapping[int, MovingShape], places: Array) -> Array:
