@@ -384,7 +384,8 @@ def _turning(arms: Array, x: Array, distance: Array) -> Array:
 def _pieces(slave: Side, master: Side) -> list[tuple[int, Piece]]:
     """All pieces of the overlap with the slave facets that they are of."""
     both = [side.undeformed[side.used] for side in (slave, master)]
-    reach = cdist(*both).min() + _REACH * min(float(np.linalg.norm(np.ptp(x, axis=0))) for x in both)
+    sizes = [2 * float(np.linalg.norm(x - x.mean(axis=0), axis=1).max()) for x in both]
+    reach = cdist(*both).min() + _REACH * min(sizes)
     found = []
     for facet, other in product(range(len(slave.nodes)), range(len(master.nodes))):
         some = _in_plane(slave, facet, master, other) if slave.flat else _in_space(slave, facet, master, other)

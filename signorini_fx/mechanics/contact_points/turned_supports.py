@@ -129,14 +129,6 @@ def _frame(directions: _Floats, prescribes: npt.NDArray[np.int64]) -> tuple[_Flo
     Of two supports the later one applies in full.  The earlier one applies in the directions that the later one leaves
     free, exactly if the two do not contradict each other, otherwise in the sense of least squares; this does not depend
     on how the body is turned.
-
-    Args:
-        directions: along which a displacement may be prescribed, unit vectors, shape (n, d).
-        prescribes: position of the support that prescribes it, -1 where none does, shape (n,).
-
-    Returns:
-        The frame, one direction per column, shape (d, d); how many of them are prescribed, the first ones; and the
-        matrix from the n prescribed values to the displacement, shape (d, n).
     """
     identity, free = np.eye(len(directions)), np.eye(directions.shape[1])
     matrix = np.zeros(directions.T.shape)

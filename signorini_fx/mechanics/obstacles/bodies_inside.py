@@ -89,13 +89,7 @@ class PairedBodies:
         return self.sides.gathered(np.ascontiguousarray(places[:owned]))
 
     def _deepest(self, places: Array, cells: npt.NDArray[np.int64], at_most: float) -> InsideBody | None:
-        """The node that is deepest in the other body, of those that are too deep; collective.
-
-        Args:
-            places: of the nodes of this rank, see ``BodyCells.placed``.
-            cells: of this rank that may have nodes of another body inside.
-            at_most: depth from which a node is too deep whatever the facets, length.
-        """
+        """The node that is deepest in the other body, of those that are too deep; collective."""
         sides = self.sides
         at, count = self._at_nodes_of_sides(places), sides.slave.nodes.size
         within = parallel.global_sum(sides.comm, self._within(places, at, cells).astype(np.int64)) > 0
@@ -139,13 +133,7 @@ class PairedBodies:
     def _near_others(
         self, cells: npt.NDArray[np.int64], boxes: tuple[Array, Array], at: Array
     ) -> npt.NDArray[np.int64]:
-        """Some cells of this rank whose boxes meet the box of all points of other pieces.
-
-        Args:
-            cells: their numbers, shape (c,).
-            boxes: of each of them the smallest and the largest coordinates, shapes (c, d).
-            at: the points at some times, shape (k, m, d).
-        """
+        """Some cells of this rank whose boxes meet the box of all points of other pieces."""
         (low, high), of_cell = boxes, self.piece[cells]
         near = np.zeros(len(cells), dtype=bool)
         for piece in np.unique(of_cell):

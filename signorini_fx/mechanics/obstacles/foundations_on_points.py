@@ -129,11 +129,7 @@ class Foundations:
         self.settled = dict(self._distances)
 
     def _shaped(self) -> dict[int, Distance]:
-        """The distances from foundations that have shapes, by their numbers.
-
-        Raises:
-            FormError: a shape does not fit the mesh.
-        """
+        """The distances from foundations that have shapes, by their numbers."""
         distances, problems = dict[int, Distance](), list[tuple[str, str]]()
         for k, contact in enumerate(self._contact):
             if contact.shape is None:
@@ -425,11 +421,7 @@ class Foundations:
         return BodyCells.of(self._space, self._space.mesh.geometry.dim)
 
     def _distance_of(self, number: int) -> Array:
-        """The signed distance from the shape of one contact at all nodes of this rank; collective.
-
-        Raises:
-            FormError: the whole body is inside of it, or its middle is inside the body.
-        """
+        """The signed distance from the shape of one contact at all nodes of this rank; collective."""
         comm, distance = self._space.mesh.comm, self._distances[number]
         distances = self._values[number](distance, f"contact[{number}].shape")
         if not parallel.any_rank(comm, bool((distances >= 0).any())):

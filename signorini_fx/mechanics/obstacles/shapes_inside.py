@@ -177,14 +177,6 @@ class BodyCells:
     ) -> InsideBody | None:
         """The deepest point found of those that are deeper in the shape than these shares of its inradius and of the
         radius of the cell; collective.
-
-        Args:
-            places: see ``inside``.
-            shape: likewise.
-            added: likewise.
-            of_shape: share of the inradius.
-            of_cell: share of the radius of the cell.
-            yielding: by which it may be deeper, length.
         """
         radius = _inradius(shape) - max(added, 0.0)
         endless = radius == math.inf and (of_cell == math.inf or not getattr(shape, "narrows", True))

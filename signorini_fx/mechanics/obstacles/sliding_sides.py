@@ -10,7 +10,6 @@ import numpy.typing as npt
 import scipy.sparse as sp
 from dolfinx import fem
 from mpi4py import MPI
-from scipy.spatial import cKDTree
 
 from signorini_fx.errors import FormError
 from signorini_fx.mechanics.assembly.averages import Averages, from_owners
@@ -19,9 +18,9 @@ from signorini_fx.mechanics.contact_points.contact_boundary import ContactBounda
 from signorini_fx.mechanics.obstacles.paired_points import FacingSides, PairedSide
 from signorini_fx.mechanics.pairs.dual_functions import HeldSides
 from signorini_fx.mechanics.pairs.pair_side import PairSurface
+from signorini_fx.mechanics.pairs.search import default_reach
 from signorini_fx.mechanics.pairs.sliding import Frames, SlidingCoupling, along_vectors, slide
 from signorini_fx.mechanics.pairs.sparse_scaling import beside
-from signorini_fx.tuned import PARTNERS_REACH
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int32]
@@ -76,7 +75,7 @@ class SlidingSides:
         if not points.size:
             raise FormError([(name, "other contacts own all nodes of its side: exchange facets and against")])
         if reach is None:
-            reach = _default_reach(slave.surface.x, master.surface.x)
+            reach = default_reach(slave.surface.x, master.surface.x)
         prescribed = np.concatenate([entries[:, :dim] for entries in facing.entries])
         return cls(space, slave, master, points, facing.unable, facing.held, reach, prescribed, slave.facets, index)
 
@@ -234,15 +233,3 @@ class SlidingSides:
             chosen = sp.csr_array(rows)[np.flatnonzero(of_point)]
             total = total + chosen.T @ chosen
         return JointStiffness(self.nodes, sp.csr_array(total))
-
-
-def _default_reach(slave: Array, master: Array) -> float:
-    """That of ``pairs.search``, from sizes that do not depend on the axes: twice the largest distance from the middle.
-
-    Args:
-        slave: positions of the nodes of the one side, shape (n, 2).
-        master: those of the other one.
-    """
-    nearest = float(cKDTree(master).query(slave)[0].min())
-    sizes = [2.0 * float(np.linalg.norm(x - x.mean(axis=0), axis=1).max()) for x in (slave, master)]
-    return nearest + PARTNERS_REACH * min(sizes)

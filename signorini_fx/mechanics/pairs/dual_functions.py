@@ -52,6 +52,12 @@ class HeldSides:
         """
         return np.asarray(self.slave[slave].all(axis=1) & self.master[master].all(axis=1))
 
+    def _seen(self, met: Any) -> Array:
+        """The share of held nodes in what each node of the slave sees of the master, shape (N,)."""
+        of_held, weight = (np.asarray(met @ flags).ravel() for flags in (self.master * 1.0, np.ones(self.master.size)))
+        # On a part of a facet a quadratic function may have a negative weight, which says nothing.
+        return np.divide(of_held, weight, out=np.zeros_like(weight), where=weight > 0.0)
+
     def constrained_slaves(self, met: Any) -> Flags:
         """Nodes of the slave that are held over what is held of the master, by more than half, shape (N,).
 
@@ -59,9 +65,7 @@ class HeldSides:
             met: integrals of the functions of the nodes of the slave times those of the master, sparse or dense, shape
                 (N, M).
         """
-        of_held, weight = (np.asarray(met @ flags).ravel() for flags in (self.master * 1.0, np.ones(self.master.size)))
-        # On a part of a facet a quadratic function may have a negative weight, which says nothing.
-        return np.asarray(self.slave & (weight > 0.0) & (of_held > (MOSTLY_HELD + SAME_NUMBER) * weight))
+        return np.asarray(self.slave & (self._seen(met) > MOSTLY_HELD + SAME_NUMBER))
 
     def opposite(self, met: Any, others: Indices) -> tuple[Indices, sp.csr_array]:
         """``constrained_slaves`` but for some others, shape (h,), and of each the shares of the held nodes of the
@@ -76,9 +80,7 @@ class HeldSides:
         """By which share nodes of the slave are what can move, or see that, shape (N,); ``met``: see
         ``constrained_slaves``.
         """
-        of_held, weight = (np.asarray(met @ flags).ravel() for flags in (self.master * 1.0, np.ones(self.master.size)))
-        seen = np.divide(of_held, weight, out=np.zeros_like(weight), where=weight > 0.0)
-        return np.where(self.slave, 1.0 - np.clip(seen, 0.0, 1.0), 1.0)
+        return np.where(self.slave, 1.0 - np.clip(self._seen(met), 0.0, 1.0), 1.0)
 
 
 def dual_coefficients(side: PairSurface, overlap: Overlap) -> Array:
@@ -224,12 +226,6 @@ def _given_away(shares: sp.csr_array, chosen: Flags) -> sp.csr_array:
 def _absorbed(beside: _Beside, tested_nodes: Flags, portion: Array, nodes: Indices) -> sp.csr_array:
     """How nodes take over functions: each keeps its own share, and passes on the rest to those beside it, which do
     likewise; columns with the sum one, sparse, shape (n, N).
-
-    Args:
-        beside: which nodes are on a facet together.
-        tested_nodes: which nodes have functions, shape (N,).
-        portion: of its function that each node keeps, shape (N,).
-        nodes: those that keep some, ascending, shape (n,).
     """
     count = tested_nodes.size
     takes = np.where(tested_nodes, portion + NEGLIGIBLE, 0.0)
@@ -256,14 +252,7 @@ def _absorbed(beside: _Beside, tested_nodes: Flags, portion: Array, nodes: Indic
 
 
 def _mixed(shares: sp.csr_array, nodes: Indices, weights: tuple[Array, Array], portion: Array) -> sp.csr_array:
-    """The shares of points that are not all their own with those of the points that took over the rest of them.
-
-    Args:
-        shares: of the points in the functions of all nodes, sparse, shape (n, N).
-        nodes: of the points, shape (n,).
-        weights: of the functions of all nodes, shape (N,), and of those of the points what can move, shape (n,).
-        portion: by how much points are their own, shape (n,).
-    """
+    """The shares of points that are not all their own with those of the points that took over the rest of them."""
     weak = np.flatnonzero(portion < 1.0)
     if not weak.size:
         return shares
@@ -361,13 +350,7 @@ class _Beside:
 def _taken_over(
     beside: sp.csr_array, tested_nodes: npt.NDArray[np.bool_], able: npt.NDArray[np.bool_]
 ) -> tuple[Indices, sp.csr_array]:
-    """Nodes that carry a point, and how they take over the functions of others, ring by ring.
-
-    Args:
-        beside: which nodes are on a facet together, shape (N, N).
-        tested_nodes: nodes of the covered part, shape (N,).
-        able: those of them that carry a point, shape (N,).
-    """
+    """Nodes that carry a point, and how they take over the functions of others, ring by ring."""
     nodes, count = np.flatnonzero(able), tested_nodes.size
     shares = sp.csr_array((np.ones(nodes.size), (np.arange(nodes.size), nodes)), shape=(nodes.size, count))
     done, remaining = able.copy(), tested_nodes & ~able

@@ -319,16 +319,7 @@ def normals_of_points(
 
 
 def _refuse_bare(slave: PairSurface, tested: Tested, shares: sp.csr_array) -> None:
-    """Refuse facets that nobody carries: no point has any of their functions.
-
-    Args:
-        slave: the side with the points.
-        tested: where it sees the other side, and one of both can move.
-        shares: of the functions of the nodes in those of the points, sparse, shape (n, N).
-
-    Raises:
-        NobodyCarriesError: there are some.
-    """
+    """Refuse facets that nobody carries: no point has any of their functions."""
     carried_nodes = np.asarray(abs(shares).sum(axis=0)).ravel() > 0.0
     area = np.where(carried_nodes[slave.points].any(axis=1), 0.0, tested.area)
     bare = np.flatnonzero(area)
@@ -404,14 +395,6 @@ def _mean_normals(
     """N_i of the nodes of the slave, as if each could carry a point, shape (N, d); collective.
 
     Where a node has no point, the normal of the master is the mean of those beside it.
-
-    Args:
-        slave: the side with the points.
-        master: the other one.
-        tested: what was found along the normals of the slave.
-        comm: the ranks that share the work.
-        slides: whether functions are taken over evenly, see ``EvenRedistribution``.
-        needed: nodes of facets that may meet the other side, shape (N,); None: all.
     """
     overlap = tested.overlap
     ones = np.ones((*overlap.weight.shape, 1))
@@ -433,14 +416,7 @@ def _mean_normals(
 
 
 def _check(slave: PairSurface, master: PairSurface, covered: Array, reach: float) -> None:
-    """Whether both sides meet, and every facet has one partner at most at each of its points.
-
-    Args:
-        slave: the side with the points.
-        master: the other side.
-        covered: area (in 2D: length) of each facet that is under the other side, shape (f,).
-        reach: length.
-    """
+    """Whether both sides meet, and every facet has one partner at most at each of its points."""
     if not covered.any():
         raise PairingError(
             f"none of its facets finds one of the other side that faces it within {reach:.3g}; "

@@ -239,16 +239,7 @@ def _fan(polygon: Array, count: Indices) -> tuple[Array, Indices]:
 
 
 def _back(flat: Array, reference: Array, p: Array) -> tuple[Array, Array]:
-    """Where points of the plane are in the reference facet.
-
-    Args:
-        flat: corners of the projected parts, shape (m, c, 2).
-        reference: their corners in the reference facet, shape (m, c, 2).
-        p: the points, shape (m, q, 2).
-
-    Returns:
-        Places, shape (m, q, 2), and the projected area of a unit of the reference facet there, shape (m, q).
-    """
+    """Where points of the plane are in the reference facet."""
     s = np.full(p.shape, 0.5)
 
     def maps(corners: Array) -> tuple[Array, Array, Array]:

@@ -294,10 +294,6 @@ class PairSurface:
 def _nodes_beside(facets: Indices, count: int) -> tuple[Indices, npt.NDArray[np.bool_]]:
     """The nodes that are on a facet with each node, itself included, ascending, and which of these entries are any,
     shape (N, m).
-
-    Args:
-        facets: nodes of each, shape (f, k).
-        count: of all nodes, N.
     """
     keys = np.unique((facets[:, :, None] * count + facets[:, None]).ravel())
     row = keys // count

@@ -45,14 +45,14 @@ class Patches:
 
 def default_reach(slave: Array, master: Array) -> float:
     """A distance beyond which facets cannot come into contact, length: the smallest distance of both sides, and a share
-    of the size of the smaller one, because displacements are small.
+    of the size of the smaller one, twice the largest distance from its middle, which does not depend on the axes.
 
     Args:
         slave: positions of the nodes of the one side, shape (n, d).
         master: those of the other one.
     """
     nearest = float(cKDTree(master).query(slave)[0].min())
-    sizes = [float(np.linalg.norm(np.ptp(x, axis=0))) for x in (slave, master)]
+    sizes = [2.0 * float(np.linalg.norm(x - x.mean(axis=0), axis=1).max()) for x in (slave, master)]
     return nearest + PARTNERS_REACH * min(sizes)
 
 

@@ -217,13 +217,7 @@ def _around_facet(side: PairSurface) -> Indices:
 
 
 def _within(corners: Array, start: Array, along: Array) -> tuple[Array, Array]:
-    """Where lines of the plane enter convex polygons and leave them, as shares of the lines, shape (m,) each.
-
-    Args:
-        corners: of the polygons, in order, shape (m, c, 2).
-        start: shape (m, 2).
-        along: to their ends, shape (m, 2).
-    """
+    """Where lines of the plane enter convex polygons and leave them, as shares of the lines, shape (m,) each."""
     sides = np.roll(corners, -1, axis=1) - corners
     area = np.sum(corners[..., 0] * np.roll(corners[..., 1], -1, axis=1), axis=1)
     area = area - np.sum(corners[..., 1] * np.roll(corners[..., 0], -1, axis=1), axis=1)
