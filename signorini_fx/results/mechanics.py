@@ -87,11 +87,10 @@ class StatedBody(SolidBody):
         step: float,
         last: PreviousStep | None,
         rigid: tuple[RigidBodyMotion, ...],
-        scale: float = 1.0,
     ) -> Certificate:
         from signorini_fx.results.certificate.nodal_forces import NodalForces
 
-        about: Any = {"pairs": self.pairs, "like": NodalForces.on(self), "rigid": rigid, "scale": scale}
+        about: Any = {"pairs": self.pairs, "like": NodalForces.on(self), "rigid": rigid}
         return certify(self.statement, self.tagged, displacement, tractions, law=law, step=step, before=last, **about)
 
     def sides(self, y: fem.Function) -> list[ContactSide]:

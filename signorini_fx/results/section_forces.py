@@ -37,13 +37,13 @@ class SectionForce:
 
 
 def section_forces(
-    statement: Statement, tagged: TaggedMesh, displacement: fem.Function, step: float, scale: float = 1.0
+    statement: Statement, tagged: TaggedMesh, displacement: fem.Function, step: float
 ) -> list[SectionForce]:
-    """What goes through each section that a scene shortens, with all loads times ``scale``; collective."""
+    """What goes through each section that a scene shortens; collective."""
     if not statement.interfaces:
         return []
     nodal = NodalForces(statement, tagged, displacement.function_space)
     return [
-        SectionForce(jump.entry.name, nodal.through(jump, displacement, step, scale), scale * jump.amount(step))
+        SectionForce(jump.entry.name, nodal.through(jump, displacement, step), jump.amount(step))
         for jump in nodal.jumps()
     ]

@@ -392,7 +392,7 @@ class StatedOrigin(Origin):
         def supports(path_step: float) -> tuple[PrescribedNodes, list[str | None]]:
             entries = anew.statement.displacement
             places = [entry.place if entry.holds_at(path_step) else None for entry in entries]
-            return PrescribedNodes.of(anew, path_step, 1.0), places
+            return PrescribedNodes.of(anew, path_step), places
 
         def stresses(model: Model, path: DisplacementsAtPlaces) -> NonlinearStresses:
             return NonlinearStresses.of(model, self.states, path)
@@ -457,7 +457,7 @@ def _drives_at(statement: Statement, dimension: int, path_step: float) -> dict[i
     of their contacts.
     """
     shapes = dict[int, Any]()
-    drives = statement.drives(dimension, path_step, 1.0)
+    drives = statement.drives(dimension, path_step)
     for body, (load, motion) in zip(statement.rigid_bodies, drives, strict=True):
         named = zip(COMPONENTS[dimension], motion.tolist(), strict=True)
         held = Prescribed(**{name: value for name, value in named if not np.isnan(value)})

@@ -169,13 +169,13 @@ class Statement:
         words = {path: effect.depends_on_solution_at(self, step) for path, effect in self.listed()}
         return {path: clause for path, clause in words.items() if clause}
 
-    def drives(self, dimension: int, step: float, scale: float) -> list[tuple[Any, Any]]:
+    def drives(self, dimension: int, step: float) -> list[tuple[Any, Any]]:
         """What drives each rigid body at a place in the lists of factors, see ``now``: forces and moments, and the
-        components that are prescribed, nan where they are free, shapes (m,); ``scale``: a factor more of all of it.
+        components that are prescribed, nan where they are free, shapes (m,).
         """
         drives, given = [], ~self.kinematics_in(dimension).unbalanced
         for body in self.rigid_bodies:
-            factor = scale * (1.0 if body.motion.driven_in_time else factor_at((1.0,) * self.steps, step))
+            factor = 1.0 if body.motion.driven_in_time else factor_at((1.0,) * self.steps, step)
             load, prescribed = body.motion.drive(dimension, self.time_at(step))
             prescribed[given] = 0.0
             drives.append((factor * load, factor * prescribed))

@@ -141,7 +141,6 @@ def certify(
     *,
     law: Law = UNREGULARISED,
     step: float = 0,
-    scale: float = 1.0,
     before: PreviousStep | None = None,
     pairs: Mapping[int, PairedSides] | None = None,
     rigid: tuple[RigidBodyMotion, ...] = (),
@@ -156,7 +155,6 @@ def certify(
         tractions: pressure and shear at the contact nodes; None for a scene without contact.
         law: the contact law that the method promises.
         step: the load step, from 0, or a place between two.
-        scale: factor of all loads and prescribed displacements.
         before: the end of the previous load step; None for the first one.  If that kept to the regularised law and this
             one does not, its elastic slip is removed.
         pairs: bodies in contact as the solver has paired them, see ``sides_of``.
@@ -171,14 +169,14 @@ def certify(
 
     space = displacement.function_space
     forces = NodalForces(statement, tagged, space) if like is None else like.of(statement)
-    balance = balance_of(forces, displacement, step, scale)
+    balance = balance_of(forces, displacement, step)
     sides = sides_of(forces, pairs)
-    drives = [*zip(rigid, statement.drives(tagged.dimension, step, scale), strict=bool(rigid))]
+    drives = [*zip(rigid, statement.drives(tagged.dimension, step), strict=bool(rigid))]
     law = replace(law, overclosures=overclosures_of(statement))
     return judged(displacement, balance, sides, tractions, law=law, before=before, rigid=drives)
 
 
-def balance_of(forces: NodalForces, displacement: fem.Function, step: float, scale: float = 1.0) -> Balance:
+def balance_of(forces: NodalForces, displacement: fem.Function, step: float) -> Balance:
     """The forces on a body without contact at a place in the lists of factors, for the arguments see ``certify``;
     collective.
     """
@@ -189,13 +187,13 @@ def balance_of(forces: NodalForces, displacement: fem.Function, step: float, sca
     return Balance(
         forces,
         forces.internal(displacement),
-        forces.external(step, scale),
-        PrescribedNodes.of(forces, step, scale),
+        forces.external(step),
+        PrescribedNodes.of(forces, step),
         scales,
         stiffest,
         forces.resisted(displacement),
-        *forces.initial(step, scale, displacement),
-        dilation=forces.dilation(displacement, step, scale),
+        *forces.initial(step, displacement),
+        dilation=forces.dilation(displacement, step),
     )
 
 

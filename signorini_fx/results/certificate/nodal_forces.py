@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import ufl
-from dolfinx import default_scalar_type, fem
+from dolfinx import fem
 
 from signorini_fx.machine import parallel
 from signorini_fx.machine.compilation import compiling
@@ -40,14 +40,11 @@ Array = npt.NDArray[np.float64]
 
 
 class CompiledForms:
-    """The linear forms of a statement, compiled when they are first asked for, with coefficients of their own, ``on``;
-    ``scale``: of all that a load step prescribes.
-    """
+    """The linear forms of a statement, compiled when they are first asked for, with coefficients of their own."""
 
     def __init__(self, statement: Statement, tagged: TaggedMesh, space: fem.FunctionSpace) -> None:
         self.on = FormCoefficients(statement, tagged, space, Inventory())
         self.z = ufl.TestFunction(space)
-        self.scale = fem.Constant(tagged.mesh, default_scalar_type(1.0))
         self._kept: dict[Hashable, Sequence[fem.Form]] = {}
 
     @cached_property
@@ -70,32 +67,20 @@ class CompiledForms:
             own.x.array[:] = given.x.array
 
     @cached_property
-    def strain(self) -> tuple[Any, Callable[[float], None]]:
-        """The initial strains, UFL, None without any, and what moves them to a place in the lists of factors."""
-        strain, move_to = initial_strain(self.on.statement, self.on.tagged, self.on.space, 0)
-        return None if strain is None else self.scale * strain, move_to
+    def _given(self) -> tuple[tuple[Any, Callable[[float], None]], tuple[Any, Callable[[float], None]]]:
+        """Initial strains and jumps of the displacement, UFL, None without any, and what moves them to a place."""
+        on = self.on
+        return initial_strain(on.statement, on.tagged, on.space, 0), total_jump(on.statement, on.tagged, on.space)
 
-    @cached_property
-    def jump(self) -> tuple[Any, Callable[[float], None]]:
-        """The jumps of the displacement, likewise."""
-        jump, move_to = total_jump(self.on.statement, self.on.tagged, self.on.space)
-        return None if jump is None else self.scale * jump, move_to
-
-    @property
-    def strain_degree(self) -> int:
-        """Of the quadrature of initial strains."""
-        strain = next(strain for strain in self.on.statement.of(InitialStrain) if strain.acts)
-        return strain.degree(self.on.statement.element.degree)
-
-    def move_to(self, step: float, scale: float) -> tuple[Any, Any, int]:
-        """Initial strains and jumps of a load step times ``scale``, UFL, None without any, and the degree of the
-        quadrature of the former.
+    def move_to(self, step: float) -> tuple[Any, Any, int]:
+        """Initial strains and jumps of a load step, UFL, None without any, and the degree of the quadrature of the
+        former.
         """
-        (strain, move_strain), (jump, move_jump) = self.strain, self.jump
+        (strain, move_strain), (jump, move_jump) = self._given
         move_strain(step)
         move_jump(step)
-        self.scale.value = scale
-        return strain, jump, 0 if strain is None else self.strain_degree
+        acting = [entry for entry in self.on.statement.of(InitialStrain) if entry.acts]
+        return strain, jump, acting[0].degree(self.on.statement.element.degree) if acting else 0
 
     def kept(self, name: Hashable, make: Callable[[], Sequence[fem.Form]]) -> Sequence[fem.Form]:
         """Compiled forms, which are made once."""
@@ -175,13 +160,13 @@ class NodalForces(BodyNodes):
         forms.take(displacement)
         return self._sum(forms.compiled("stress", lambda: forms.on.elastic.force_terms(forms.y, forms.z)))
 
-    def initial(self, step: float, scale: float, displacement: fem.Function) -> tuple[Array, float]:
-        """Forces of the stress that initial strains and jumps of a load step times ``scale`` cause where
+    def initial(self, step: float, displacement: fem.Function) -> tuple[Array, float]:
+        """Forces of the stress that initial strains and jumps of a load step cause where
         they are prevented, shape (owned nodes, d), and its energy; with a pressure those of jumps alone, and what both
         add to the energy of a ``displacement``.
         """
         forms = self._forms
-        strain, jump, degree = forms.move_to(step, scale)
+        strain, jump, degree = forms.move_to(step)
         if strain is None and jump is None:
             return np.zeros((self.owned, self.dimension)), 0.0
         forms.take(displacement)
@@ -190,14 +175,14 @@ class NodalForces(BodyNodes):
         energy = forms.compiled("prevented", lambda: elastic.prevented_terms(forms.y, jump, strain, degree))
         return self._sum(prevented), self._number(energy)
 
-    def dilation(self, displacement: fem.Function, step: float, scale: float) -> tuple[Array, Array] | None:
+    def dilation(self, displacement: fem.Function, step: float) -> tuple[Array, Array] | None:
         """How far the volume changes otherwise than a pressure says, tested with the functions of the pressure, and
         their integrals, volumes, both of shape (owned unknowns of the pressure,); None: no pressure is an unknown.
         """
         if not self.pressed:
             return None
         forms = self._forms
-        strain, jump, degree = forms.move_to(step, scale)
+        strain, jump, degree = forms.move_to(step)
         forms.take(displacement)
         *residual, volume = forms.compiled(
             "dilation", lambda: forms.on.elastic.dilation_terms(forms.y, jump, strain, degree)
@@ -208,12 +193,12 @@ class NodalForces(BodyNodes):
         """The jumps of the displacement."""
         return jumps_in(self.statement, self.tagged, self.space)
 
-    def through(self, jump: Jump, displacement: fem.Function, step: float, scale: float) -> float:
+    def through(self, jump: Jump, displacement: fem.Function, step: float) -> float:
         """The work on a jump of one of the stress in the cells beyond it, without that of the loads in these cells:
         the tension through its section, a force.
         """
         forms = self._forms
-        strain, jumps, degree = forms.move_to(step, scale)
+        strain, jumps, degree = forms.move_to(step)
         forms.take(displacement)
         at, elastic = jump.on(self.space), forms.on.elastic
 
@@ -227,7 +212,7 @@ class NodalForces(BodyNodes):
         for load in (load for load in self.statement.of(Force) if load.where is None and load.acts):
             factor, _ = self.statement.now(load, step)
             of_load = partial(compile_loads, [load], forms.on, at)
-            force -= scale * factor * self._number(forms.kept(("through", jump.path, id(load)), of_load))
+            force -= factor * self._number(forms.kept(("through", jump.path, id(load)), of_load))
         return force
 
     def resisted(self, displacement: fem.Function, resistances: Sequence[Resistance] | None = None) -> Array:
@@ -248,8 +233,8 @@ class NodalForces(BodyNodes):
         y = displacement.x.array.reshape(-1, self.dimension)[: self.owned]
         return float(parallel.global_sum(self.tagged.mesh.comm, np.sum(self.internal(displacement) * y))) / 2
 
-    def external(self, step: float, scale: float = 1.0, some: Sequence[Force] | None = None) -> Array:
-        """The forces in L of a load step times ``scale``, all or some, shape (owned nodes, d); initial strains have
+    def external(self, step: float, some: Sequence[Force] | None = None) -> Array:
+        """The forces in L of a load step, all or some, shape (owned nodes, d); initial strains have
         none.
         """
         forms, total = self._forms, np.zeros((self.owned, self.dimension))
@@ -261,12 +246,12 @@ class NodalForces(BodyNodes):
         for loads in groups.values():
             factor, _ = self.statement.now(loads[0], step)
             compiled = forms.kept(("loads", *map(id, loads)), partial(compile_loads, loads, forms.on, forms.z))
-            total += scale * factor * self._sum(compiled)
+            total += factor * self._sum(compiled)
             for load in loads:
                 if load.nodal:
                     _, current = self.statement.now(load, step)
                     at_nodes = forces_at_nodes(current, load.label, self.space, self.tagged)
-                    total += scale * factor * at_nodes.reshape(total.shape)
+                    total += factor * at_nodes.reshape(total.shape)
         return total
 
     def _sum(self, forms: Sequence[fem.Form]) -> Array:

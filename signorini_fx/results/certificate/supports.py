@@ -31,11 +31,11 @@ class PrescribedNodes:
     turned: TurnedNodes | None = None
 
     @classmethod
-    def of(cls, forces: NodalForces, step: float, scale: float) -> PrescribedNodes:
-        """Those of a load step times ``scale``; collective."""
+    def of(cls, forces: NodalForces, step: float) -> PrescribedNodes:
+        """Those of a load step; collective."""
         statement, tagged, space = forces.statement, forces.tagged, forces.space
         now = [statement.now(entry.in_step(step), step) for entry in statement.displacement]
-        factors = {id(effect): scale * factor for factor, effect in now}
+        factors = {id(effect): factor for factor, effect in now}
         position = {id(effect): number for number, (_, effect) in enumerate(now)}
         facets = {str(effect.boundary): tagged.facets(effect.boundary) for _, effect in now if effect.at is None}
         entries = tuple(effect for _, effect in now)
