@@ -109,8 +109,10 @@ def stress_of(law: Law, y: fem.Function, parts: Sequence[Cells]) -> ElementStres
 
 
 def cellwise_moduli(law: Law, space: fem.FunctionSpace) -> tuple[npt.NDArray[np.float64], Cells]:
-    """The components of the stress over those of the strain, at the middle of each cell, see ``cellwise_stress``, shape
-    (cells, rows, m), and the number of each cell among them: from stresses of fields with one strain each; collective.
+    """The components of the stress over those of the strain, shape (cells, rows, m), see ``cellwise_stress``, and the
+    number of each cell among them; collective.
+
+    They are those at the middle of each cell, from stresses of fields with one strain each.
     """
     mesh, kinematics = space.mesh, CARTESIAN[space.mesh.geometry.dim]
     dim, pairs, x = kinematics.dimension, kinematics.pairs, ufl.SpatialCoordinate(mesh)
@@ -158,9 +160,11 @@ def natural_modulus(law: Law, space: fem.FunctionSpace) -> float | None:
 
 
 def modulus_of_energy(a: Any, space: fem.FunctionSpace, measure: Any = None) -> float | None:
-    """The same from an energy, divided by the UFL that it is multiplied by: from a(y, z) of fields with one strain
-    each, which are zero in the middle of the cell where they are taken, so that no hoop strain adds to theirs; None: it
-    is compiled, or known at points of quadrature alone; collective.
+    """The same from an energy, divided by the UFL that it is multiplied by; None: it is compiled, or known at points of
+    quadrature alone; collective.
+
+    It is that of fields with one strain each.  They are zero in the middle of the cell where they are taken, so that no
+    hoop strain adds to theirs.
     """
     integrals = a.integrals_by_type("cell") if isinstance(a, ufl.Form) else ()
     everywhere = all(integral.subdomain_id() == "everywhere" for integral in integrals)

@@ -120,8 +120,8 @@ class Checkpoint:
         figures: Figures,
         beside: Mapping[str, fem.Function] | None = None,
     ) -> None:
-        """Store a load step: the displacement, values at the contact nodes of this rank, shape (n,) or (n, k), vectors
-        in the axes of space, plain data for JSON, and further displacements by their names.
+        """Store a load step: the displacement, further ones by their names, and plain data for JSON.  Values at the
+        contact nodes of this rank have the shape (n,) or (n, k), and are in the axes of space.
 
         Raises:
             OutputError: it cannot be written.

@@ -87,9 +87,10 @@ class StepEnd:
         start: Start,
         spin: Array | None = None,
     ) -> tuple[Start, PreviousStep]:
-        """Where the next step starts on foundations that have ``moved`` at the points, length, shape (n, d), and this
-        end as it begins from it: slip is relative to them, and friction is that of the pressure with which this step
-        has ended; ``start``: of it in the frames of these points; collective.
+        """Where the next step starts, and this end as it begins from it; ``start``: of it in the frames of these
+        points; ``moved``: by which foundations have moved at them, length, shape (n, d); collective.
+
+        Slip is relative to foundations, and friction is that of the pressure with which this step has ended.
         """
         assert start.multipliers is not None
         data = replace(

@@ -60,7 +60,7 @@ class Increments:
     """Where a problem is on its path through load steps; places are those of ``statement.load_path``.
 
     Without a ramp every time is a load step, and one without a solution ends the way.  In a ramp its increment is
-    halved, until the load is enclosed between one with and one without a solution: the linear solves of the last load
+    halved, until the load is enclosed between one with and one without a solution.  The linear solves of the last load
     step set how many an attempt without one may take.
 
     Args:
