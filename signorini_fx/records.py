@@ -430,14 +430,6 @@ class History:
             for watcher in self.watchers:
                 watcher(self.progress)
 
-    def recall(
-        self, iterations: Sequence[IterationRecord], outer: Sequence[OuterRecord], events: Sequence[str]
-    ) -> None:
-        """Store what an earlier run has recorded, without showing it."""
-        self.iterations += iterations
-        self.outer += outer
-        self.events += events
-
     def add(self, record: Record) -> None:
         """Store a record or an event and show it."""
         match record:

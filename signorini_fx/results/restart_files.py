@@ -78,7 +78,7 @@ class Checkpoint:
         """
         figures = self._complete.get((level, step))
         if figures is None:
-            self._forget((level, step))
+            self.forget(level, step)
         return figures
 
     def read(
@@ -192,9 +192,9 @@ class Checkpoint:
         parallel.on_root(self._comm, make)
         self._begun = True
 
-    def _forget(self, first: tuple[int, int]) -> None:
+    def forget(self, level: int, step: int) -> None:
         """Remove a load step and all later ones: they continue from another state."""
-        later = [key for key in self._complete if key >= first]
+        later = [key for key in self._complete if key >= (level, step)]
         for key in later:
             del self._complete[key]
 
@@ -203,10 +203,6 @@ class Checkpoint:
                 shutil.rmtree(self._folder(*key), ignore_errors=True)
 
         parallel.on_root(self._comm, remove)
-
-    def forget(self, level: int, step: int) -> None:
-        """Remove a load step that turned out to be no solution, and all later ones."""
-        self._forget((level, step))
 
     def _open(self) -> tuple[dict[tuple[int, int], Figures], list[Path]]:
         """The complete load steps on disk, and what is damaged; on one rank."""

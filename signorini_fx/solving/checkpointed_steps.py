@@ -56,11 +56,9 @@ class MeshCheckpoint:
     @staticmethod
     def recall_history(figures: Figures, history: History, timings: Timings) -> None:
         """Take the linear solves, problems and events of a load step of an earlier run for those of this one."""
-        history.recall(
-            [IterationRecord(**row) for row in figures["iterations"]],
-            [OuterRecord(**row) for row in figures["outer"]],
-            figures["events"],
-        )
+        history.iterations += [IterationRecord(**row) for row in figures["iterations"]]
+        history.outer += [OuterRecord(**row) for row in figures["outer"]]
+        history.events += figures["events"]
         # The seconds of the earlier run are counted once, with the last step that was recalled from it.
         timings.earlier.update(figures["seconds"])
 
