@@ -549,12 +549,13 @@ print([name for name in sys.modules if name in ("dolfinx", "mpi4py", "petsc4py",
     assert json.loads((folders["coulomb"] / "summary.json").read_text())["dimension"] == 3
 
 
-def test_lengths_are_within_the_picture(tmp_path):
-    """Arrows and labels of a flat round body, which is far from the corners of its box, are not cut off."""
+@pytest.mark.parametrize("height", [0.5, 12.0])
+def test_lengths_are_within_the_picture(height):
+    """Arrows and labels of a round body, which is far from the corners of its box, are not cut off, flat or tall."""
     needs_pictures_in_3d()
     angle = np.linspace(0.0, 2 * np.pi, 24, endpoint=False)
     rim = np.column_stack((2 * np.cos(angle), 2 * np.sin(angle), np.zeros(24)))
-    points = np.concatenate((rim, rim + np.array([0.0, 0.0, 0.5]), [[0.0, 0.0, 0.5]]))
+    points = np.concatenate((rim, rim + np.array([0.0, 0.0, height]), [[0.0, 0.0, height]]))
     ahead = (np.arange(24) + 1) % 24
     top = np.column_stack((np.arange(24) + 24, ahead + 24, np.full(24, 48)))
     side = np.column_stack((np.arange(24), ahead, ahead + 24))
@@ -563,6 +564,7 @@ def test_lengths_are_within_the_picture(tmp_path):
     body = DrawnBody(points, triangles, tiling(3, 1), np.zeros_like(points), values, recovered=True)
     figure, _ = solid_figure(body, "von_mises", view.oblique())
     lay_out(figure)
+    figure.draw_without_rendering()  # which gives equal axes their place
     renderer = figure.canvas.get_renderer()
     for entry in figure.axes[0].texts:
         if entry.get_text() or entry.arrow_patch is not None:

@@ -18,7 +18,18 @@ from matplotlib.lines import Line2D
 
 from signorini_fx.addons.pictures import view
 from signorini_fx.addons.pictures.marks import draw_lengths
-from signorini_fx.addons.pictures.style import BLUE, INK, ORANGE, SCREEN, STYLE, Floats, finish, math_number, plain
+from signorini_fx.addons.pictures.style import (
+    BLUE,
+    INK,
+    ORANGE,
+    SCREEN,
+    STYLE,
+    Floats,
+    finish,
+    lay_out,
+    math_number,
+    plain,
+)
 from signorini_fx.addons.pictures.tones import spaced
 from signorini_fx.mechanics.statement.units import bracketed, labelled, unit
 from signorini_fx.tuned import (
@@ -101,6 +112,7 @@ class Setup:
                 figure, flat, toward = self._space()
             self._mark(figure.axes[0], flat, toward)
             self._legend(figure)
+            lay_out(figure)  # the layout needs a second pass if equal axes do not fill their place
             finish(figure, path_stem, plain(self.title), suffixes)
 
     @property
