@@ -146,9 +146,8 @@ def deformed_mesh(
         grid = figure.subplots(1, len(panels), squeeze=False, width_ratios=widths)[0]
         for axes, (scale, (low, high)), width in zip(grid, panels, widths, strict=True):
             _draw_body(axes, body, name, tones, scale, inch=width / float(high[0] - low[0]))
-            margin = 0.035 * float(np.max(np.subtract(*(panels[-1][1] if zone is not None else seen)[::-1])))
             for line, side in _foundations(body, pieces, shapes, scale):
-                _draw_foundation(axes, line, side, margin)
+                _draw_foundation(axes, line, side, 0.035 * float(np.max(high - low)))
             undeformed = "" if scale == 1 else ", undeformed"
             axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
             axes.set(xlabel=f"$x${undeformed}{bracketed('length')}", ylabel=f"$y${undeformed}{bracketed('length')}")
