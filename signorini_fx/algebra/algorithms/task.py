@@ -66,16 +66,10 @@ class Start:
 
 @dataclass(frozen=True)
 class Outcome:
-    """How a load step ended, or one of the methods that were tried on it.
-
-    Attributes:
-        status: how it ended.
-        newton: the inner method whose iterate is the result.
-        data: the problem of the load step with the final gamma.
-        monolithic: whether Coulomb friction was solved monolithically.
-        augmented: whether augmentation was used as a fall-back, so that there is no regularisation error.
-        regularised: whether ``ssn`` was used in place of ``alm`` where bodies lie loose, so that there is one.
-        regularisation_error: the estimate of path-following, in the energy norm; None where it did not run.
+    """How a load step ended, or one of the methods that were tried on it: the inner method whose iterate is the result,
+    and the problem with the final gamma. ``augmented``: by augmentation as a fall-back, so that there is no
+    regularisation error, ``regularised``: by ``ssn`` in place of ``alm`` where bodies lie loose, so that there is one;
+    ``regularisation_error``: the estimate of path-following, in the energy norm, None where it did not run.
     """
 
     status: Status
@@ -243,11 +237,9 @@ class Task:
 
 
 class Iterate:
-    """The iterates of a contact problem and the inner methods on them, each set up when it is first needed.
-
-    Attributes:
-        x: the iterate of the regularised problem.
-        fall_back: what is tried if a problem with a given friction bound is not solved by full steps.
+    """The iterates of a contact problem and the inner methods on them, each set up when it is first needed; ``x``: that
+    of the regularised problem; ``fall_back``: what is tried if a problem with a given friction bound is not solved by
+    full steps.
     """
 
     def __init__(

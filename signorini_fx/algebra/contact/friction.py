@@ -33,13 +33,8 @@ class BoundOfPressure(Protocol):
 
 @dataclass(frozen=True)
 class LawAtPoints:
-    """A law that is not its envelope.
-
-    Attributes:
-        law: at its m points.
-        points: their numbers, shape (m,).
-        cap: no bound exceeds it, stress, shape (m,); None: nothing is known.
-        unknown: what is not known of it, in words.
+    """A law at m points, by their numbers, that is not its envelope; ``cap``: no bound exceeds it, stress, shape (m,),
+    None: nothing is known; ``unknown``: what is not known of it, in words.
     """
 
     law: BoundOfPressure

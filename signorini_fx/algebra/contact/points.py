@@ -171,12 +171,9 @@ def onto_range(matrices: Nodal) -> Nodal:
 
 @dataclass(frozen=True)
 class PointGroups:
-    """The contact points of this rank in groups that reach the same pieces of bodies, g groups; methods are collective.
-
-    Attributes:
-        points: the contact points, n of them.
-        number: of the group of each point, shape (n,).
-        pieces: which pieces each group reaches, shape (g, p); the same on every rank.
+    """The contact points of this rank in groups that reach the same pieces of bodies, g groups, by the number of the
+    group of each point, shape (n,); ``pieces``: which pieces each group reaches, shape (g, p), the same on every rank;
+    methods are collective.
     """
 
     points: ContactPoints

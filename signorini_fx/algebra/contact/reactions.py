@@ -152,14 +152,10 @@ def reactions(
 
 @dataclass(frozen=True)
 class NearestTractions:
-    """The admissible tractions of one assembly whose resultant is nearest to a load.
-
-    Attributes:
-        motion: what they leave of the load, in units of force: the motion that it drives, shape (k,).
-        pressed: the nodes that they press with a force that no bound limits, shape (m,).
-        balanced: whether nothing but round-off is left.
-        unbalanced: whether it is proved that no admissible tractions balance the load.
-        forces: the sum of the coefficients of its columns of length 1, in units of the load.
+    """The admissible tractions of one assembly whose resultant is nearest to a load: what they leave of it, the motion
+    that it drives, in units of force, shape (k,), and the nodes that they press with a force that no bound limits.
+    ``balanced``: nothing but round-off is left; ``unbalanced``: it is proved that none balance the load; ``forces``:
+    the sum of the coefficients of columns of length 1, in units of the load.
     """
 
     motion: Nodal

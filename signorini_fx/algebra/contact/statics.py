@@ -24,13 +24,10 @@ from signorini_fx.records import Status
 
 @dataclass(frozen=True)
 class Escape:
-    """How an assembly moves away because no admissible contact tractions balance its load.
-
-    Attributes:
-        status: ``SLIDES``: it would be held if friction had no limit; ``TIPS``: it turns about nodes that stay where
-            they are; ``OPEN``: it leaves the foundation; ``NOT_HELD``: nothing resists a motion.
-        assembly: its number.
-        motion: that the load drives, as coefficients of the free motions, shape (k,); its size means nothing.
+    """How an assembly moves away because no admissible contact tractions balance its load: it ``SLIDES``, held if
+    friction had no limit, ``TIPS`` about nodes that stay where they are, leaves the foundation (``OPEN``), or nothing
+    resists a motion (``NOT_HELD``); and the motion that the load drives, as coefficients of the free motions, shape
+    (k,), whose size means nothing.
     """
 
     status: Status

@@ -122,14 +122,7 @@ class _Context:
 
 
 class BlockStiffness(_Context):
-    """Context of a ``python`` matrix with such rows.
-
-    Args:
-        rows: those of this rank.
-
-    Attributes:
-        rows: see above.
-    """
+    """Context of a ``python`` matrix with such rows of this rank."""
 
     def __init__(self, rows: BlockRows) -> None:
         self.rows = rows
@@ -200,12 +193,7 @@ class BlockStiffness(_Context):
 
 
 class AddedTangent(_Context):
-    """Context of the ``python`` matrix A + C.
-
-    Args:
-        stiffness: A, of blocks.
-        added: C, sparse.
-    """
+    """Context of the ``python`` matrix A + C of A by blocks and C, sparse."""
 
     def __init__(self, stiffness: PETSc.Mat, added: PETSc.Mat) -> None:
         self._stiffness, self._added = stiffness, row_by_row(added)
@@ -323,10 +311,8 @@ def apart(matrix: PETSc.Mat, pattern: PETSc.Mat) -> tuple[PETSc.Mat, PETSc.Mat]:
 
 
 class PreconditionerByEntries:
-    """Context of a ``python`` preconditioner that makes another one for the entries of a matrix by blocks.
-
-    Args:
-        configure: sets the kind of the preconditioner, which has its matrix already.
+    """Context of a ``python`` preconditioner that makes another one for the entries of a matrix by blocks;
+    ``configure``: sets its kind, once it has its matrix.
     """
 
     def __init__(self, configure: Callable[[PETSc.PC], None]) -> None:

@@ -26,17 +26,11 @@ from signorini_fx.tuned import (
 
 @dataclass(frozen=True)
 class SystemSize:
-    """The figures that decide which kind a system gets.
-
-    Attributes:
-        comm: the ranks that share the system.
-        unknowns: global number of unknowns.
-        dimension: d.
-        retained: unknowns that contact touches, of two bodies on both sides; 0 without contact.
-        held: whether contact and stick at all contact points hold every piece of the body.
-        compressible: whether the material is far enough from incompressible for multigrid.
-        definite: whether the matrix is positive semi-definite.
-        enclosed: whether what contact does not touch is singular: contact and supports enclose an incompressible body.
+    """The figures that decide which kind a system gets: the ranks that share it, the global number of unknowns, d, and
+    ``retained``: unknowns that contact touches, of two bodies on both sides. ``held``: whether contact and stick at all
+    contact points hold every piece of the body; ``compressible``: enough for multigrid; ``definite``: the matrix is
+    positive semi-definite; ``enclosed``: contact and supports enclose an incompressible body, so that what contact does
+    not touch is singular.
     """
 
     comm: MPI.Comm

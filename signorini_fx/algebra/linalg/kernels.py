@@ -89,13 +89,8 @@ def _function(size: int, kind: str) -> str:
 
 
 class BlockProduct:
-    """Products with matrices of one pattern; ``load`` must have succeeded.
-
-    Args:
-        folder: as there.
-        size: of blocks.
-        starts: where rows of blocks begin, shape (rows + 1,).
-        columns: of the blocks, shape (blocks,).
+    """Products with matrices of blocks of one size and pattern: where rows of blocks begin, shape (rows + 1,), and
+    their columns; ``load`` must have succeeded.
     """
 
     def __init__(self, folder: Path, size: int, starts: npt.NDArray[np.int64], columns: npt.NDArray[np.int32]) -> None:

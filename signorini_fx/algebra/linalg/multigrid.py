@@ -50,13 +50,10 @@ _FEW = 300  # unknowns that PETSc's own factor, without the overhead of a packag
 
 @dataclass(frozen=True)
 class Hierarchy:
-    """Levels of A, the finest first: coarser meshes as far as there are any, then smoothed aggregation.
-
-    Attributes:
-        interpolations: P_0, P_1, ..., from each level to the finer one.
-        coarse: A_1 = P_0^T A P_0, A_2 = P_1^T A_1 P_1, ...
-        smoothed: A as smoothers take it, in single precision where it is by blocks, which is made for them alone.
-        largest: its largest eigenvalue over its diagonal, as CG sees it in a few steps.
+    """Levels of A, the finest first: coarser meshes as far as there are any, then smoothed aggregation. From each level
+    P_0, P_1, ... interpolate to the finer one, and A_1 = P_0^T A P_0, ... are ``coarse``; ``smoothed``: A as smoothers
+    take it, in single precision where it is by blocks; ``largest``: its largest eigenvalue over its diagonal, as CG
+    sees it in a few steps.
     """
 
     interpolations: tuple[PETSc.Mat, ...]
@@ -188,22 +185,10 @@ def _largest_eigenvalue(matrix: PETSc.Mat) -> float:
 
 class ContactLevels:
     """All that the preconditioners of one system share: it follows from A, but for the truncation of the levels.
-
-    Args:
-        hierarchy: of A.
-        matrix: A.
-        unknowns: the contact unknowns of this rank, in the local part of x, ascending.
-        contact: the map B, by which two bodies move together on coarse levels; see ``JoinedBodies``.
-        rigid: how many of the contact unknowns of this rank are those of rigid bodies, the last ones.
-
-    Attributes:
-        places: the contact unknowns, by their numbers.
-        diagonal: of A; infinite where a rigid body moves.
-        nodes: the blocks of the nodes in contact.
-        joined: the blocks of two bodies; None: contact is with a rigid foundation.
-        inverse: D^-1, zero where contact holds.
-        truncated: the levels.
-        times: how many times they were truncated.
+    ``unknowns``: the contact unknowns of this rank, in the local part of x, ascending, the last ``rigid`` of them those
+    of rigid bodies, and ``places`` their numbers; ``diagonal``: of A, infinite where a rigid body moves; ``joined``:
+    the blocks of two bodies, None with a rigid foundation; ``inverse``: D^-1, zero where contact holds; ``times``: how
+    often the levels were truncated.
     """
 
     def __init__(
@@ -293,12 +278,8 @@ class ContactLevels:
 
 
 class ContactPreconditioner:
-    """F, V-cycle, F for a tangent of contact, as a context of PETSc's ``python`` preconditioner.
-
-    Args:
-        levels: of the system.
-        fixed: the prescribed unknowns of this rank.
-        symmetric: whether the tangent is.
+    """F, V-cycle, F for a tangent of contact, as a context of PETSc's ``python`` preconditioner; ``fixed``: the
+    prescribed unknowns of this rank.
     """
 
     def __init__(self, levels: ContactLevels, fixed: npt.NDArray[np.bool_], *, symmetric: bool) -> None:

@@ -26,19 +26,10 @@ def stiff_and_soft(added: Array, scale: Array) -> tuple[Array, Array]:
 
 
 class NodalBlocks:
-    """The blocks that contact matrices have at the nodes of this rank.
-
-    A node has those of its unknowns that are contact unknowns; blocks are of shape (nodes, size, size), with zeros for
-    the others.
-
-    Args:
-        elastic: A_cc, where unknowns of rigid bodies may follow.
-        unknowns: the contact unknowns of this rank that nodes have, in the local part of x, ascending.
-        size: unknowns per node.
-
-    Attributes:
-        starts, columns: the rows of this rank of a matrix with these blocks, columns by their place in ``unknowns``.
-        scale: mean stiffness of each node, force per length, shape (nodes,).
+    """The blocks that contact matrices have at the nodes of this rank, which have those of their ``size`` unknowns that
+    are contact unknowns, ``unknowns`` in the local part of x, ascending; blocks are of shape (nodes, size, size), with
+    zeros for the others. ``starts``, ``columns``: the rows of a matrix with these blocks, columns by their place in
+    ``unknowns``; ``scale``: mean stiffness of each node, force per length.
     """
 
     def __init__(self, elastic: PETSc.Mat, unknowns: npt.NDArray[np.int64], size: int) -> None:

@@ -29,25 +29,11 @@ _SMALL = 20  # powers of two by which the entries of a load are smaller than tho
 
 
 class PartialFactor:
-    """The symmetric matrix of inner unknowns i, factorised, and what is left of it for those that stay, c; one rank.
-
-    A load is one row and column more that stay: the factorisation condenses it, and no back substitution is needed.
-
-    Args:
-        rows: those of A of the unknowns of this rank, shape (n, n or more); A_ii must be regular.
-        places: of each column its place among those that stay, -1: it is inner, or if it is none of this rank empty.
-        count: number of those that stay.
-        loads: right-hand sides b, shape (n,).
-        positions: of the first of these unknowns, shape (at most n, d), from which the order of their elimination is
-            taken; None: minimum degree.
-        definite: whether A_ii is positive definite.
-
-    Attributes:
-        inner: the m inner unknowns.
-        toward: A_ic, shape (m, c).
-
-    Raises:
-        PETSc.Error: PETSc has no MUMPS.
+    """The symmetric matrix of inner unknowns i, factorised, and what is left of it for those that stay, c; one rank. A
+    load is one row and column more that stay: the factorisation condenses it, and no back substitution is needed.
+    ``rows``: of A, shape (n, n or more); ``places``: of each column its place among the ``count`` that stay, -1: it is
+    inner, or if it is none of this rank empty; ``positions``: of the first unknowns, from which the order of their
+    elimination is taken, None: minimum degree. ``inner``: the m inner unknowns; ``toward``: A_ic, shape (m, c).
     """
 
     def __init__(

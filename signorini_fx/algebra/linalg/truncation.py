@@ -44,21 +44,9 @@ class Blocks(Protocol):
 
 
 class TruncatedLevels:
-    """(I - E) P_0 and the coarse matrices, which change in place.
-
-    Args:
-        blocks: of the points.
-        lift: S; None: it is the unit matrix.
-        functions: G.
-        elastic: A_cc.
-        product: (A P)_c.
-        interpolations: P_0, P_1, ...
-        coarse: A_1, A_2, ...
-        places: c, numbers of the contact unknowns of this rank.
-
-    Attributes:
-        interpolation: (I - E) P_0.
-        coarse: A_1', A_2', ...
+    """(I - E) P_0, ``interpolation``, and the coarse matrices A_1', A_2', ..., which change in place; ``lift``: S,
+    None: the unit matrix; ``functions``: G; ``elastic``: A_cc; ``product``: (A P)_c; ``places``: c, numbers of the
+    contact unknowns of this rank.
     """
 
     def __init__(

@@ -14,15 +14,9 @@ from signorini_fx.machine import parallel
 
 
 class ContactTangent:
-    """What the Jacobians of one problem hold, by their handles.  Of A only the entries that contact adds to are set.
-
-    Args:
-        matrix: A, by blocks or with a pattern that has that of B^T D B, see ``ContactMap.admitted``.
-        contact: B.
-
-    Attributes:
-        inserted: the blocks D of each.
-        factorised: those of its last factorisation.
+    """The Jacobians of one problem, by their handles: ``inserted`` blocks D, and those of the last factorisation. Of A,
+    by blocks or with a pattern that has that of B^T D B (``ContactMap.admitted``), only the entries that contact adds
+    to are set.
     """
 
     def __init__(self, matrix: PETSc.Mat, contact: ContactMap) -> None:
