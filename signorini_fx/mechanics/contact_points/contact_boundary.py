@@ -221,8 +221,7 @@ class ContactBoundary:
         nodes = np.split(order, np.flatnonzero(np.diff(self.nodes[order])) + 1)
         pairs = [pair for group in nodes for pair in permutations(map(int, group), 2)]
         points, beside = np.array(pairs, dtype=np.int64).reshape(-1, 2).T
-        coframes = np.concatenate((self.normal[:, :, None], self.cotangents), axis=2)
-        return SharedNodes(points, beside, np.einsum("nji,nj->ni", coframes[points], self.normal[beside]))
+        return SharedNodes(points, beside, np.einsum("nji,nj->ni", self.coframes[points], self.normal[beside]))
 
     def traces(self, y: Nodal) -> tuple[Nodal, Nodal]:
         """(tau_N y, tau_T y), shapes (n,) and (n, d - 1), from nodal displacements of shape (n, d)."""

@@ -66,20 +66,25 @@ class PairedBodies:
             ended: likewise.
         """
         comm = self.sides.comm
-        boxes = [_boxes(places[self.cells.nodes]) for places in (begun, ended)]
-        lengths = np.linalg.norm(boxes[1][1] - boxes[1][0], axis=1)
+        first, last = begun[self.cells.nodes], ended[self.cells.nodes]
+        lengths = np.linalg.norm(np.ptp(last, axis=1), axis=1)
         total, count = parallel.global_sum(comm, np.array([lengths.sum(), lengths.size]))
         way = parallel.largest(comm, np.linalg.norm(ended - begun, axis=1), 0.0) / (SHAPE_INSIDE * total / count)
         steps = math.ceil(min(max(float(way), 1.0), MOST_PLACES))
-        (low_begun, high_begun), (low, high) = boxes
-        swept = np.minimum(low_begun, low), np.maximum(high_begun, high)
+        low = np.minimum(first.min(axis=1), last.min(axis=1))
+        high = np.maximum(first.max(axis=1), last.max(axis=1))
         nodes = np.stack([self._at_nodes_of_sides(places) for places in (begun, ended)])
-        near = self._near_others(np.arange(len(low)), swept, nodes)  # of all places on the way
+        near = np.zeros(len(self.piece), dtype=bool)  # cells whose boxes on the way meet that of all points of others
+        for piece in np.unique(self.piece):
+            points = nodes[:, self.of_node != piece].reshape(-1, nodes.shape[2])
+            if len(points):
+                meets = (high >= points.min(axis=0)) & (low <= points.max(axis=0))
+                near |= (self.piece == piece) & meets.all(axis=1)
         for share in np.arange(1, steps + 1) / steps:
             # Contact at the end would not see what is deeper than its reach.
             seen = self.sides.reach if share == 1.0 else math.inf
             places = (1.0 - share) * begun + share * ended
-            if (deep := self._deepest(places, near, seen)) is not None:
+            if (deep := self._deepest(places, np.flatnonzero(near), seen)) is not None:
                 return deep
         return None
 
@@ -114,10 +119,7 @@ class PairedBodies:
         within = np.zeros(len(at), dtype=bool)
         if not len(cells):
             return within
-        near_others = self._near_others(cells, _boxes(places[self.cells.nodes[cells]]), at[None])
-        corners, piece = self.cells.corners(places)[near_others], self.piece[near_others]
-        if not len(corners):
-            return within
+        corners, piece = self.cells.corners(places)[cells], self.piece[cells]
         middles = corners.mean(axis=1)
         reach = np.linalg.norm(corners - middles[:, None], axis=2).max(axis=1)
         near = cKDTree(at).query_ball_point(middles, reach)
@@ -129,24 +131,6 @@ class PairedBodies:
         beyond = np.einsum("kfd,kfd->kf", at[point, None] - on_planes[cell], outward[cell])
         within[point[(beyond <= 0.0).all(axis=1)]] = True
         return within
-
-    def _near_others(
-        self, cells: npt.NDArray[np.int64], boxes: tuple[Array, Array], at: Array
-    ) -> npt.NDArray[np.int64]:
-        """Some cells of this rank whose boxes meet the box of all points of other pieces."""
-        (low, high), of_cell = boxes, self.piece[cells]
-        near = np.zeros(len(cells), dtype=bool)
-        for piece in np.unique(of_cell):
-            points = at[:, self.of_node != piece].reshape(-1, at.shape[2])
-            if len(points):
-                meets = (high >= points.min(axis=0)) & (low <= points.max(axis=0))
-                near |= (of_cell == piece) & meets.all(axis=1)
-        return cells[near]
-
-
-def _boxes(corners: Array) -> tuple[Array, Array]:
-    """The smallest and the largest coordinates of cells with these nodes, shape (c, n, d), shapes (c, d)."""
-    return corners.min(axis=1), corners.max(axis=1)
 
 
 def _from_parts(surface: PairSurface, places: Array, x: Array) -> tuple[Array, Array]:
