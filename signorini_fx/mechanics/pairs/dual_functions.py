@@ -112,12 +112,6 @@ def _inverse(matrices: Array) -> Array:
     return inverse
 
 
-def hats(side: PairSurface) -> Array:
-    """The functions themselves, as coefficients for each facet, shape (f, t, t)."""
-    count = len(side.tests.places)
-    return np.tile(np.eye(count), (len(side.nodes), 1, 1))
-
-
 def carried(
     side: PairSurface, covered: Indices, weight: Array, unable: npt.NDArray[np.bool_]
 ) -> tuple[Indices, sp.csr_array]:
@@ -208,7 +202,7 @@ class EvenRedistribution:
         """
         portion = self.portion[:, None]
         nodal = np.array(side.nodal_normals)
-        passed = _given_away(self.taken, self.idle)
+        passed = sp.csr_array(scaled_columns(self.taken, self.idle * 1.0).T)
         beyond = np.flatnonzero(np.diff(passed.indptr))
         seen = np.concatenate((self.nodes, beyond))
         order = np.argsort(seen)
@@ -216,11 +210,6 @@ class EvenRedistribution:
         directions = nodal - extended(side, seen[order], values[order], needed)
         directions[self.nodes] = portion * of_slave + (1.0 - portion) * nodal[self.nodes] - of_master
         return side.in_planes(directions, np.arange(len(directions)))
-
-
-def _given_away(shares: sp.csr_array, chosen: Flags) -> sp.csr_array:
-    """The shares in points of the functions of some nodes, sparse, shape (N, n)."""
-    return sp.csr_array(scaled_columns(shares, chosen.astype(np.float64)).T)
 
 
 def _absorbed(beside: _Beside, tested_nodes: Flags, portion: Array, nodes: Indices) -> sp.csr_array:

@@ -38,7 +38,6 @@ from signorini_fx.mechanics.pairs.dual_functions import (
     carried,
     dual_coefficients,
     extended,
-    hats,
 )
 from signorini_fx.mechanics.pairs.mean_rotation import turning_of, without_round_off
 from signorini_fx.mechanics.pairs.overlap_plane import facing_facets, plane_overlap, turned_in_plane
@@ -157,7 +156,8 @@ class Tested:
         local_area = np.bincount(overlap.slave, overlap.weight.sum(axis=1), minlength=len(slave.nodes))
         area: Array = parallel.global_sum(comm, local_area.astype(np.float64))
         uses_hats = bonded and len(slave.tests.places) < len(slave.functions.places)
-        coefficients = hats(slave) if uses_hats else dual_coefficients(slave, overlap)
+        hats = np.tile(np.eye(len(slave.tests.places)), (len(slave.nodes), 1, 1))
+        coefficients = hats if uses_hats else dual_coefficients(slave, overlap)
         psi = np.einsum("pij,pqj->pqi", coefficients[overlap.slave], slave.tests.values(overlap.at))
         return cls(overlap, area, psi * overlap.weight[..., None], uses_hats, coefficients)
 
