@@ -41,8 +41,9 @@ class Rotation(Force):
         dimension = len(on.position)  # displacements out of a section have one more than its point and axis
         about, axis = np.zeros(dimension), np.zeros(dimension)
         about[: len(self.about or ())] = self.about or ()
-        given = np.array((0.0, 0.0, 1.0)[:dimension] if self.axis is None else self.axis)
-        axis[: len(given)] = given / np.linalg.norm(given)
+        given = np.array((0.0, 0.0, 1.0) if self.axis is None else self.axis)
+        unit = (given / np.linalg.norm(given))[:dimension]  # in the plane it has no part along x[2]
+        axis[: len(unit)] = unit
         arm = on.position - on.vector(tuple(about.tolist()))
         along = sum(component * part for component, part in zip(axis.tolist(), arm, strict=True))
         return on.density * on.value(self.speed) ** 2 * (arm - along * on.vector(tuple(axis.tolist())))
