@@ -81,12 +81,10 @@ class MovingPair:
 
     @property
     def opening(self) -> Array:
-        """See ``SlidingSides``."""
         return self.sides.opening(self.coupling, self.displacement)
 
     @property
     def slip_origin(self) -> Array:
-        """See ``SlidingSides``."""
         return self.sides.slip_origin(self.coupling, self._start_of(self.coupling), self.displacement)
 
     def _start_of(self, coupling: SlidingCoupling) -> Frames:

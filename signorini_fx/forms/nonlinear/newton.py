@@ -233,7 +233,6 @@ class EquilibriumSolver:
             self.solved = SolvedBody.of(self.linear, self.u, *self._certified(residual), solves, status)
 
     def advance(self) -> None:
-        """See ``NonlinearContactProblem.advance``."""
         if self.status is not Status.CONVERGED:
             raise RuntimeError("there is no solution to advance from")
         self.linear.tools = self.linear.moving_tools.motions

@@ -115,11 +115,9 @@ class PathSizes(StepSizes):
 
     @property
     def next(self) -> float:
-        """See ``StepSizes``: no step goes beyond the next time."""
         return next_place(self.reached, self._step)
 
     def shown(self, end: float) -> float:
-        """See ``StepSizes``: a time."""
         return self._path.time_at(end)
 
 

@@ -1,7 +1,6 @@
-"""Nodal forces of nonlinear materials by their residual, assembled anew with a displacement of its own.
+"""Nodal forces and stresses of nonlinear materials at the displacement of any load step, for results and derivatives.
 
-As of ``nodal_forces`` no matrix and nothing that the solver keeps enters: of materials with a state that of the last
-load step is given, and updated here.
+Of materials with a state that of the load step before is given, and updated here.
 """
 
 from __future__ import annotations
