@@ -702,8 +702,6 @@ SHAPE_MIDDLE = 0.9
 # Projections onto a cell and a shape in turn, by which a point of both is sought.  Choice: where both share more than a
 # point few are needed.
 PROJECTIONS = 50
-# Points of a body, of all of them, at which an effect of a user's own is tried.  Choice.
-SAMPLED_POINTS = 100
 # Along a normal of a shape of a user's own its distance may grow by so much less than a distance does: normals that are
 # smoothed where facets meet.  Choice: eight degrees.
 WRONG_NORMAL = 1e-2

@@ -161,8 +161,8 @@ def test_fields_of_every_step(failed):
 
 
 def test_a_ramp_without_contact_says_where_it_ends():
-    """At the load at which the deformation reaches its limit: it is proportional to the load; there is no other record
-    of the attempts beyond it.
+    """At the load at which the deformation reaches its limit: it is proportional to the load; the history has the
+    attempts beyond it, too.
     """
     scene = {
         "mesh": {"generator": "rectangle", "parameters": {"length": 3.0, "nx": 6, "ny": 2}},
@@ -179,7 +179,7 @@ def test_a_ramp_without_contact_says_where_it_ends():
     expected = f"there is a solution at time {held.time:.6g}, and none at time {failed.time:.6g}"
     assert solution.history.events[-1].startswith(f"the ramp ends: {expected}")
     assert {step.linear_solves for step in solution.steps} == {1}
-    assert solution.history.linear_solves == 0
+    assert solution.history.linear_solves > len(solution.steps)
 
 
 # --- bad input --------------------------------------------------------------------------------------------------------
