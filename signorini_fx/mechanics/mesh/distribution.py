@@ -1,8 +1,6 @@
-"""A mesh and its tags distributed over the ranks, from cells and nodes that some or all of them hold."""
+"""A mesh and its tags distributed over the ranks, from the arrays that the first one has."""
 
 from __future__ import annotations
-
-from dataclasses import dataclass
 
 import basix.ufl
 import mpi4py.MPI  # noqa: F401  # first, see signorini_fx.mechanics.body
@@ -19,50 +17,6 @@ from signorini_fx.machine import compat
 from signorini_fx.mechanics.mesh.files.arrays import MeshArrays
 from signorini_fx.mechanics.mesh.files.cells import CELLS, Cell
 from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
-
-
-@dataclass(frozen=True)
-class Tagged:
-    """Entities of one dimension and their tags, as this rank knows them.
-
-    Attributes:
-        nodes: numbers of the nodes of each entity in the input, in dolfinx's order, shape (n, nodes of each).
-        tags: shape (n,).
-    """
-
-    nodes: npt.NDArray[np.int64]
-    tags: npt.NDArray[np.int32]
-
-
-def distributed(
-    comm: MPI.Comm,
-    domain: ufl.Mesh,
-    cells: npt.NDArray[np.int64],
-    points: npt.NDArray[np.float64],
-    tagged: dict[int, Tagged],
-) -> tuple[dmesh.Mesh, dict[int, dmesh.MeshTags]]:
-    """The mesh with its cells in about equal shares on the ranks; collective.
-
-    Args:
-        comm: the ranks that share the mesh.
-        domain: kind, degree and dimension of the cells.
-        cells: the nodes of those cells that this rank brings, in dolfinx's order, shape (m, k).
-        points: those nodes that this rank brings, shape (n, d); nodes are numbered through the ranks.
-        tagged: dimension -> entities that this rank brings; the same dimensions on all ranks.
-
-    Returns:
-        The mesh, and the tags of each dimension.
-    """
-    mesh = dmesh.create_mesh(comm, cells=cells, x=points, e=domain)
-    mesh_tags = {}
-    for dim, entities in tagged.items():
-        local, values = distribute_entity_data(mesh, dim, entities.nodes, entities.tags)
-        mesh.topology.create_connectivity(dim, 0)
-        mesh.topology.create_connectivity(dim, mesh.topology.dim)
-        mesh_tags[dim] = dmesh.meshtags_from_entities(
-            mesh, dim, adjacencylist(local), values.astype(np.int32, copy=False)
-        )
-    return mesh, mesh_tags
 
 
 def from_root(
@@ -91,12 +45,18 @@ def from_root(
         points = arrays.points
         nodes = {dim: arrays.cells[:, order_of_nodes(kind)], dim - 1: arrays.facets[:, order_of_nodes(facet)]}
         tags = {dim: of_cell, dim - 1: of_side}
-    tagged = {
-        entity_dim: Tagged(nodes[entity_dim][values > 0], values[values > 0].astype(np.int32))
-        for entity_dim, values in tags.items()
-    }
-    even = domain(_word(kind), kind.degree, dim, int(basix.LagrangeVariant.equispaced))
-    mesh, mesh_tags = distributed(comm, even, nodes[dim], points, tagged)
+    even = basix.ufl.element("Lagrange", _word(kind), kind.degree, basix.LagrangeVariant.equispaced, shape=(dim,))
+    mesh = dmesh.create_mesh(comm, cells=nodes[dim], x=points, e=ufl.Mesh(even))
+    mesh_tags = {}
+    for entity_dim, values in tags.items():
+        has_tag = values > 0
+        tagged_nodes, tagged_values = nodes[entity_dim][has_tag], values[has_tag].astype(np.int32)
+        local, of_local = distribute_entity_data(mesh, entity_dim, tagged_nodes, tagged_values)
+        mesh.topology.create_connectivity(entity_dim, 0)
+        mesh.topology.create_connectivity(entity_dim, dim)
+        mesh_tags[entity_dim] = dmesh.meshtags_from_entities(
+            mesh, entity_dim, adjacencylist(local), of_local.astype(np.int32, copy=False)
+        )
     return mesh, mesh_tags[dim - 1], mesh_tags[dim]
 
 
@@ -116,8 +76,3 @@ def order_of_nodes(kind: Cell) -> npt.NDArray[np.int64]:
     """Node k of dolfinx is the node with this number here."""
     of_gmsh = np.asarray(kind.gmsh_order)
     return of_gmsh[cell_perm_gmsh(dmesh.to_type(_word(kind)), len(kind.nodes))]
-
-
-def domain(word: str, degree: int, dim: int, variant: int) -> ufl.Mesh:
-    """Cells of a shape, by dolfinx's word for it, with nodes at places that ``basix.LagrangeVariant`` numbers."""
-    return ufl.Mesh(basix.ufl.element("Lagrange", word, degree, basix.LagrangeVariant(variant), shape=(dim,)))
