@@ -63,9 +63,8 @@ def _nearest_value(
         if u is None:
             break
         distance = on_mesh.norm(v - u)
-        if nearest is not None and distance >= nearest[1]:
-            break
-        nearest = alternative.text(value), distance
+        if nearest is None or distance < nearest[1]:
+            nearest = alternative.text(value), distance
         slope = (u - u_before) / (value - before)
         square = on_mesh.product(slope, slope)
         if distance <= enough or not square > 0:
