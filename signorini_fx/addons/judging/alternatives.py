@@ -46,10 +46,9 @@ def nearest_alternative(on_mesh: SolutionOnMesh, v: Floats, enough: float) -> tu
         enough: a distance at which no nearer value is sought, in the energy norm.
     """
     size = float(np.abs(on_mesh.displacement).max())
-    found = [
-        _nearest_value(on_mesh, v, alternative, enough) for alternative in _alternatives(on_mesh.problem.scene, size)
-    ]
-    return min((nearest for nearest in found if nearest is not None), key=lambda nearest: nearest[1], default=None)
+    alternatives = _alternatives(on_mesh.problem.scene, size)
+    tried = (_nearest_value(on_mesh, v, alternative, enough) for alternative in alternatives)
+    return min((one for one in tried if one is not None), key=lambda nearest: nearest[1], default=None)
 
 
 def _nearest_value(
@@ -62,14 +61,15 @@ def _nearest_value(
         u = _solved(on_mesh, alternative, value)
         if u is None:
             break
-        distance = on_mesh.norm(v - u)
+        off: Floats = np.asarray(v - u)
+        distance = on_mesh.norm(off)
         if nearest is None or distance < nearest[1]:
             nearest = alternative.text(value), distance
-        slope = (u - u_before) / (value - before)
+        slope: Floats = np.asarray((u - u_before) / (value - before))
         square = on_mesh.product(slope, slope)
         if distance <= enough or not square > 0:
             break
-        following = max(value + on_mesh.product(v - u, slope) / square, alternative.least)
+        following = max(value + on_mesh.product(off, slope) / square, alternative.least)
         if following == value:
             break
         value, before, u_before = following, value, u

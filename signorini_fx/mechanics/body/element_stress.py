@@ -96,7 +96,7 @@ def element_stress(body: Model, displacement: fem.Function, step: float = 0.0) -
 
     of_law = body.elastic.stress(displacement, displacement if jump is None else displacement + jump, initial)
     parts = [body.tagged.cells(material.region) for material in body.statement.material]
-    of_body = {"displacement": displacement, "parts": parts, "kinematics": body.kinematics, "move": move}
+    of_body = dict[str, Any](displacement=displacement, parts=parts, kinematics=body.kinematics, move=move)
     stress = ElementStress(**vars(of_law), **of_body)
     stress.refresh(step)
     return stress

@@ -202,7 +202,7 @@ class EvenRedistribution:
         """
         portion = self.portion[:, None]
         nodal = np.array(side.nodal_normals)
-        passed = sp.csr_array(scaled_columns(self.taken, self.idle * 1.0).T)
+        passed = sp.csr_array(scaled_columns(self.taken, self.idle.astype(np.float64)).T)
         beyond = np.flatnonzero(np.diff(passed.indptr))
         seen = np.concatenate((self.nodes, beyond))
         order = np.argsort(seen)
