@@ -48,7 +48,8 @@ def nearest_alternative(on_mesh: SolutionOnMesh, v: Floats, enough: float) -> tu
     size = float(np.abs(on_mesh.displacement).max())
     alternatives = _alternatives(on_mesh.problem.scene, size)
     tried = (_nearest_value(on_mesh, v, alternative, enough) for alternative in alternatives)
-    return min((one for one in tried if one is not None), key=lambda nearest: nearest[1], default=None)
+    found: list[tuple[str, float]] = [one for one in tried if one is not None]
+    return min(found, key=lambda nearest: nearest[1], default=None)
 
 
 def _nearest_value(
