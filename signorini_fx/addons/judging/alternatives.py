@@ -49,7 +49,7 @@ def nearest_alternative(on_mesh: SolutionOnMesh, v: Floats, enough: float) -> tu
     alternatives = _alternatives(on_mesh.problem.scene, size)
     tried = (_nearest_value(on_mesh, v, alternative, enough) for alternative in alternatives)
     found: list[tuple[str, float]] = [one for one in tried if one is not None]
-    return min(found, key=lambda nearest: nearest[1], default=None)
+    return min(found, key=lambda nearest: nearest[1]) if found else None
 
 
 def _nearest_value(
