@@ -81,10 +81,12 @@ class MovingPair:
 
     @property
     def opening(self) -> Array:
+        """The linearised gap of the points at the displacement, length, shape (n,)."""
         return self.sides.opening(self.coupling, self.displacement)
 
     @property
     def slip_origin(self) -> Array:
+        """Where the slip of the points counts from, length, shape (n, d)."""
         return self.sides.slip_origin(self.coupling, self._start_of(self.coupling), self.displacement)
 
     def _start_of(self, coupling: SlidingCoupling) -> Frames:

@@ -233,6 +233,7 @@ class EquilibriumSolver:
             self.solved = SolvedBody.of(self.linear, self.u, *self._certified(residual), solves, status)
 
     def advance(self) -> None:
+        """Begin the next step where the last one has ended."""
         if self.status is not Status.CONVERGED:
             raise RuntimeError("there is no solution to advance from")
         self.linear.tools = self.linear.moving_tools.motions
