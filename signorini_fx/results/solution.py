@@ -36,6 +36,7 @@ from signorini_fx.results.mechanics import SolidBody, StepResult
 from signorini_fx.results.requested_law import RequestedLaw, requested_law
 from signorini_fx.results.resultants import Resultants
 from signorini_fx.results.stresses import RawStresses
+from signorini_fx.tuned import ZERO_IN_SOLUTION
 
 if TYPE_CHECKING:
     from signorini_fx.quantities.proved_statements import ErrorBound, Interval
@@ -352,6 +353,8 @@ class Solution:
                 return "forms alone have no error estimate: give stress="
             elif not (error := self.known_stress.error):
                 return "there is no stress, or no error of it"
+        if error < ZERO_IN_SOLUTION:
+            return "the error that this mesh leaves is round-off"
         seconds = parallel.largest_timings(self.comm, self.timings.total)
         starting = seconds.get("compile", 0.0) + seconds.get("mesh", 0.0)
         solved = [(price.dofs, price.seconds) for price in prices] or [(self.model.dofs, sum(seconds.values()))]
