@@ -85,7 +85,6 @@ class FormBody(SolidBody):
         return Balance(surface, internal, external, supports, scales, scales, nothing)
 
     def stress(self, y: fem.Function, step: float, shared: dict[str, StressRecovery]) -> RawStresses | str:
-        """See ``SolidBody``."""
         forms, (fixed, _) = self.user_forms, self.prescribed_dofs
         if forms.stress is None:
             return NO_STRESS

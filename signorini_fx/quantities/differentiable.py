@@ -33,11 +33,9 @@ class OfDisplacement(Functional):
     row: Array  # its coefficients at the owned dofs
 
     def value(self, y: fem.Function, boundary: ContactBoundary, pressure: Nodal, shear: Nodal) -> float:
-        """See ``Functional``."""
         return float(parallel.global_sum(boundary.comm, self.row @ y.x.array[: self.row.size]))
 
     def by_displacement(self, y: fem.Function) -> Array | None:
-        """See ``Functional``."""
         return self.row
 
     @classmethod
@@ -81,12 +79,10 @@ class ContactForce(Functional):
         return directions
 
     def value(self, y: fem.Function, boundary: ContactBoundary, pressure: Nodal, shear: Nodal) -> float:
-        """See ``Functional``."""
         force = -(boundary.nodal_forces(pressure, shear) * self.directions(boundary)).sum()
         return float(parallel.global_sum(boundary.comm, np.array(force)))
 
     def by_traction(self, boundary: ContactBoundary, pressure: Nodal, shear: Nodal) -> Nodal:
-        """See ``Functional``."""
         return -np.einsum("nij,ni->nj", boundary.frames, self.directions(boundary))
 
 
@@ -101,7 +97,6 @@ class LargestPressure(Functional):
     power: float  # p
 
     def value(self, y: fem.Function, boundary: ContactBoundary, pressure: Nodal, shear: Nodal) -> float:
-        """See ``Functional``."""
         return self._norm(boundary, pressure)
 
     def _norm(self, boundary: ContactBoundary, pressure: Nodal) -> float:
@@ -115,7 +110,6 @@ class LargestPressure(Functional):
         return float(largest * (power / area) ** (1 / self.power))
 
     def by_traction(self, boundary: ContactBoundary, pressure: Nodal, shear: Nodal) -> Nodal:
-        """See ``Functional``."""
         slopes = np.zeros((pressure.size, 1 + shear.shape[1]))
         on_part = boundary.part == self.part
         value = self._norm(boundary, pressure)
@@ -138,7 +132,6 @@ class ContactArea(Functional):
     power: float  # q, above 1
 
     def value(self, y: fem.Function, boundary: ContactBoundary, pressure: Nodal, shear: Nodal) -> float:
-        """See ``Functional``."""
         return self._sums(boundary, pressure)[0]
 
     def _sums(self, boundary: ContactBoundary, pressure: Nodal) -> tuple[float, float, float, float]:
@@ -152,7 +145,6 @@ class ContactArea(Functional):
         return (once**self.power / power_sum) ** (1 / (self.power - 1)), largest, once, power_sum
 
     def by_traction(self, boundary: ContactBoundary, pressure: Nodal, shear: Nodal) -> Nodal:
-        """See ``Functional``."""
         slopes, q = np.zeros((pressure.size, 1 + shear.shape[1])), self.power
         area, largest, once, power_sum = self._sums(boundary, pressure)
         if largest > 0:

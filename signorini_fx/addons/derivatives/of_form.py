@@ -44,7 +44,6 @@ class OfForm(Functional):
     u: fem.Function
 
     def value(self, y: fem.Function, boundary: ContactBoundary, pressure: Nodal, shear: Nodal) -> float:
-        """See ``Functional``."""
         saved = self.u.x.array.copy()
         self.u.x.array[:] = y.x.array
         try:
@@ -53,7 +52,6 @@ class OfForm(Functional):
             self.u.x.array[:] = saved
 
     def by_displacement(self, y: fem.Function) -> Array | None:
-        """See ``Functional``."""
         return assemble(self.derivative)
 
 

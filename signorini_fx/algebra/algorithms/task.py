@@ -288,7 +288,6 @@ class Iterate:
 
 
 def _proposed_sets(newton: SemismoothNewton, data: RegularisedData) -> ActiveSets | None:
-    """See ``interior_point.proposed_sets``."""
     from signorini_fx.algebra.algorithms.interior_point import proposed_sets
 
     return proposed_sets(newton, data)
