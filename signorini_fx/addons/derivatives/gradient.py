@@ -149,7 +149,7 @@ class SolvedStep:
         length = float(np.abs(parallel.global_bounds(boundary.comm, boundary.centre)).max()) or 1.0
         share = _wave(boundary.centre, length)[:, None] * tractions
         motion, x = y.copy(), node_positions(y.function_space)
-        motion.x.array[:] = (_wave(x, length)[:, None] * y.x.array.reshape(len(x), -1)).ravel()
+        motion.x.array[:] = (_wave(x, length)[:, None] * y.x.array.reshape(-1, y.function_space.dofmap.bs)).ravel()
 
         def value(step: float) -> float:
             moved, changed = y.copy(), tractions + step * share

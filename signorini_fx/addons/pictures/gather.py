@@ -176,7 +176,7 @@ def _values_at(function: fem.Function, points: Floats, cells: Cells) -> Floats:
 
 
 def _basis(element: Any, points: Floats) -> Floats:
-    return np.asarray(element.tabulate(0, np.ascontiguousarray(points))[0]).reshape(len(points), -1)
+    return np.asarray(element.tabulate(0, np.ascontiguousarray(points))[0]).reshape(len(points), element.dim)
 
 
 def _fields(solution: Solution, fields: Sequence[str]) -> tuple[dict[str, Values], bool]:

@@ -50,7 +50,7 @@ class PrescribedNodes:
             turned = replace(turned, supports=scaled)
             turned.place(value, entries)
         owned = forces.owned
-        return cls(supports.fixed.reshape(owned, -1), value[:owned], by[:owned], turned)
+        return cls(supports.fixed.reshape(value[:owned].shape), value[:owned], by[:owned], turned)
 
     def missed(self, y: Nodal) -> Nodal:
         """How far displacements of the owned nodes are from what is prescribed, length, as a list."""
