@@ -139,6 +139,7 @@ class NonlinearForces(NodalForces):
         with compiling():
             places = fem.Expression(ufl.SpatialCoordinate(mesh), points)
         x = np.asarray(places.eval(mesh, cells)).reshape(cells.size, len(points), mesh.geometry.dim)
+        x = x[:, :, : points.shape[1]]
         reduced = volume_degree(self._nonlinear, self.tagged)
         parts = [stress_parts(material, self._u, self.kinematics, self._body.free) for material in self.materials]
         shape, volume = ([part[k] for part in parts] for k in range(2))
@@ -146,11 +147,11 @@ class NonlinearForces(NodalForces):
         for state in self._points.values():
             stress[state.cells] = state.response()[0].reshape(*state.begun.shape[:2], 3, 3)
         if reduced is None:
-            return PointStress(points, weights, x[:, :, : points.shape[1]], stress + self._evaluated(volume, points, (3, 3)))
+            return PointStress(points, weights, x, stress + self._evaluated(volume, points, (3, 3)))
         fewer, their_weights = basix.make_quadrature(cell_type, reduced)
         mean = self._evaluated(volume, fewer, (3, 3))
         between = _between(cell_type, self.space.element.basix_element.degree - 1, fewer, their_weights, points)
-        return PointStress(points, weights, x[:, :, : points.shape[1]], stress + np.einsum("pq,cqij->cpij", between, mean))
+        return PointStress(points, weights, x, stress + np.einsum("pq,cqij->cpij", between, mean))
 
     def _evaluated(self, expressions: Sequence[Any], points: Array, shape: tuple[int, ...]) -> Array:
         """Expressions of the materials, UFL, None: zero, at points of the cells that this rank owns, shape (c, q,
