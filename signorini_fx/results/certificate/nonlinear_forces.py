@@ -138,8 +138,8 @@ class NonlinearForces(NodalForces):
         mesh, cells = self.space.mesh, np.arange(self._owned_cells, dtype=np.int32)
         with compiling():
             places = fem.Expression(ufl.SpatialCoordinate(mesh), points)
-        x = np.asarray(places.eval(mesh, cells)).reshape(cells.size, len(points), mesh.geometry.dim)
-        x = x[:, :, : points.shape[1]]
+        at = np.asarray(places.eval(mesh, cells)).reshape(cells.size, len(points), mesh.geometry.dim)
+        x = at[:, :, : points.shape[1]]
         reduced = volume_degree(self._nonlinear, self.tagged)
         parts = [stress_parts(material, self._u, self.kinematics, self._body.free) for material in self.materials]
         shape, volume = ([part[k] for part in parts] for k in range(2))
