@@ -191,8 +191,8 @@ def attempts_for(statement: Statement) -> tuple[tuple[str, tuple[str, ...], str]
     rows.append(("a load step", (METHOD,), f"at most {limit} linear solves together"))
     if ramp:
         solves_limit = (
-            f"an increment that fails takes at most {FAILED_STEP} times the linear solves of the load step before it, "
-            f"all that fail together {FAILED_RAMP} times those that do not"
+            f"at most {FAILED_STEP} times the linear solves of the last load step before the increment is halved, "
+            f"{FAILED_STEP * FAILED_RAMP} times at the smallest increment"
         )
         rows.append(("a load step of the ramp", (METHOD, HALF), solves_limit))
     return tuple((purpose, tuple(map(str, names)), solves_limit) for purpose, names, solves_limit in rows)
