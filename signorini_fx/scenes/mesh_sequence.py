@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 from mpi4py import MPI
 
+from signorini_fx.machine import parallel
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.contact_points.contact_table import contact_table
 from signorini_fx.mechanics.mesh.files.size_field import SizeField
@@ -77,12 +78,7 @@ def meshed_scene(
     """A scene on one of several meshes; ``shown``: whether somebody may look at the result, else nothing is said about
     the scene on this mesh.
     """
-    kind: type[MeshedProblem[Scene]] = MeshedProblem
-    if scene.statement.nonlinear:
-        from signorini_fx.scenes.nonlinear_meshes import NonlinearMesh
-
-        kind = NonlinearMesh
-    return kind(
+    return MeshedProblem(
         source=scene,
         comm=comm,
         history=history,
@@ -90,7 +86,7 @@ def meshed_scene(
         paired=scene.statement.sides[1] is not None,
         soft=bool(overclosures_of(scene.statement)),
         stated=lambda source: source.solver,
-        solve=partial(_solved, shown=shown),
+        solve=_solved_nonlinear if scene.statement.nonlinear else partial(_solved, shown=shown),
         on_cells=scene_with,
         keep=_with_points_kept,
         stored=stored,
@@ -121,6 +117,26 @@ def _solved(
         scene.statement, load, problem.history, state, estimate, coarser, checkpoint, with_findings=shown
     )
     return SolvedMesh(solution, solution.model.tagged, task, modulus, outcome)
+
+
+def _solved_nonlinear(
+    problem: MeshedProblem[Scene],
+    state: ContactState | None,
+    coarser: MeshLevel | None,
+    checkpoint: MeshCheckpoint | None,
+    step_errors: list[Errors],
+) -> SolvedMesh:
+    """Solved anew, along the whole load path; the error is that of the stress after the last load step."""
+    from signorini_fx.mechanics.body.nonlinear_law import at_rest
+    from signorini_fx.scenes.nonlinear import solve_nonlinear
+
+    scene, comm = problem.source.model_copy(update={"solver": problem.settings}), problem.comm
+    solution = solve_nonlinear(scene, comm, problem.history, checkpoint)
+    if solution.converged and not isinstance(shares := solution.error_shares, str):
+        error = float(np.sqrt(parallel.global_sum(comm, shares.sum())))
+        step_errors.append(Errors(error, None, 0.0, 0.0, 1.0, 0.0, {"energy": shares}))
+    modulus = max(map(plane_modulus, at_rest(scene.statement).material))
+    return SolvedMesh(solution, solution.model.tagged, None, modulus)
 
 
 def _with_points_kept(scene: Scene, solved: SolvedMesh) -> Scene:

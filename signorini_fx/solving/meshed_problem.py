@@ -145,8 +145,8 @@ class MeshedProblem(Generic[P]):
         step_errors: list[Errors] = []
         checkpoint = None if self.stored is None else MeshCheckpoint(self.stored, number)
         solved = self.solve(self, state, coarser, checkpoint, step_errors)
-        solution, task, outcome = solved.solution, solved.task, solved.outcome
-        if not solution.converged or outcome is None or task is None:
+        solution = solved.solution
+        if not solution.converged:
             return replace(solved, outcome=None)
         if not step_errors:
             return solved
@@ -154,8 +154,8 @@ class MeshedProblem(Generic[P]):
         level = level_result(
             number,
             solution.model,
-            task,
-            outcome,
+            solved.task,
+            solved.outcome,
             step_errors[-1].size,
             errors,
             solution.table,

@@ -16,7 +16,7 @@ from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.elastic_body import ElasticBody
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable
-from signorini_fx.records import IterationRecord
+from signorini_fx.records import IterationRecord, Status
 from signorini_fx.results.accuracy.error_estimates import Errors
 from signorini_fx.results.accuracy.mesh_level import LevelResult
 
@@ -51,8 +51,8 @@ def _spacing(table: ContactTable) -> float:
 def level_result(
     level: int,
     body: ElasticBody,
-    task: Task,
-    outcome: Outcome,
+    task: Task | None,
+    outcome: Outcome | None,
     size: float,
     errors: Errors,
     table: ContactTable,
@@ -61,13 +61,14 @@ def level_result(
     cost: tuple[float, float],
     contacts: Sequence[ContactState],
 ) -> LevelResult:
-    """The errors and the cost of a mesh; two back substitutions, collective; ``size``: energy norm of the solution;
+    """The errors and the cost of a mesh with a solution; two back substitutions, collective; ``task``, ``outcome``:
+    None of a nonlinear body, with no regularisation and no Krylov method; ``size``: energy norm of the solution;
     ``own``: the linear solves on this mesh; ``cost``: seconds on this rank, and peak memory so far of all ranks, MB;
     ``contacts``: after each load step.
     """
-    data = outcome.problem.data
     regularisation = pressure_regularisation = 0.0
-    if compliance_of(outcome, body.comm) > 0 and size > 0:
+    if task is not None and outcome is not None and compliance_of(outcome, body.comm) > 0 and size > 0:
+        data = outcome.problem.data
         iterate = task.iterate
         newton = iterate.unsymmetric_newton if data.follows is not None else iterate.newton
         make_ready(newton)
@@ -75,7 +76,7 @@ def level_result(
         pressure = contacts[-1].points.norm(contacts[-1].pressure)
         regularisation = model.distance / size
         pressure_regularisation = model.pressure_distance / pressure if pressure > 0 else 0.0
-    change = task.history.outer[-1].change
+    change = None if task is None else task.history.outer[-1].change
     return LevelResult(
         level=level,
         h=_spacing(table) if table.facets is None and not body.kinematics.uniform else _root_of_weight(table),
@@ -84,7 +85,7 @@ def level_result(
         factorisations=sum(record.factorised for record in own),
         seconds=parallel.global_max(body.comm, cost[0]),
         memory=cost[1],
-        status=outcome.status.value,
+        status=Status.CONVERGED.value,
         energy=errors.energy,
         pressure=errors.pressure,
         inside=errors.inside,
@@ -94,7 +95,7 @@ def level_result(
         iteration=max(own[-1].residual if own else 0.0, change or 0.0),
         table=table,
         force=np.concatenate([contact.forces_of_each.ravel() for contact in contacts]),
-        krylov_from=krylov_from(body.system_size, body.settings.linear_algebra),
+        krylov_from=np.inf if task is None else krylov_from(body.system_size, body.settings.linear_algebra),
         paired=body.boundary is not None and body.boundary.paired,
         degree=body.space.element.basix_element.degree,
     )
