@@ -138,7 +138,7 @@ class ResultPictures:
             largest: where the von Mises stress is largest, and its value; None: there is none that may be used.
 
         Raises:
-            PictureError: a body in 3D cannot be drawn; all others pictures are there.
+            PictureError: a body in 3D cannot be drawn; all other pictures are there.
         """
         with labelled(self.units):
             if self.setup is not None:
