@@ -1,7 +1,7 @@
 # Everything runs through ./env: on this machine if it has dolfinx, otherwise in the image of the Dockerfile.
 # DEBIAN=sid make TARGET uses the image of that release.
 .DEFAULT_GOAL := help
-.PHONY: help demo test golden nightly test-core test-slow test-wheel test-report test-sid golden-two lint format paper bench oracle mutants-drawn docs dist clean
+.PHONY: help demo test golden nightly test-core test-slow test-wheel test-report test-sid golden-two lint format paper bench oracle oracle-today mutants-drawn docs dist clean
 DEMOS := example1_tresca example1_coulomb
 REPORTS := $(addprefix demos/scenes/,example1_coulomb press_and_slide bracket) tests/data/three_feet
 SIDE_BY_SIDE := ./env python3 -m pytest -q -n auto --maxprocesses 8 --dist worksteal
@@ -29,7 +29,7 @@ golden:     ## compare the answers of hundreds of problems with those recorded, 
 	./env python3 -m tests.golden
 
 nightly:    ## run what .ci/run leaves out: hours; it goes on after a failure
-	$(MAKE) -k test-slow golden golden-two test-sid test-wheel oracle
+	$(MAKE) -k test-slow golden golden-two test-sid test-wheel oracle-today
 
 golden-two: ## compare the same answers on two ranks
 	./env python3 -m tests.golden --ranks 2 --jobs 1
@@ -45,8 +45,8 @@ test-slow:  ## run the slow tests, and on three ranks the quick ones as well
 test-core:  ## run the quick tests with no add-on installed; those that ask for one are skipped
 	SFX_WITHOUT_ADD_ONS=1 $(SIDE_BY_SIDE) tests
 
-test-wheel: ## run the tests of one rank with wheels of FEniCSx from PyPI, in a virtual environment
-	SFX_WHEELS=1 $(SIDE_BY_SIDE) -m "slow or not slow" tests
+test-wheel: ## run the quick tests of one rank with wheels of FEniCSx from PyPI, in a virtual environment
+	SFX_WHEELS=1 $(SIDE_BY_SIDE) tests
 
 test-report:  ## open reports in Chromium at two widths and print them (results/report); installs it where it may
 	for d in $(REPORTS); do out=results/report/$${d##*/}; \
@@ -70,6 +70,10 @@ bench:      ## measure time and memory (results/bench.csv)
 
 oracle:     ## check 5,000 random scenes with a program that shares no code with the package (results/oracle, half an hour)
 	./env python3 -m benchmarks.stability.oracle --jobs 2
+
+oracle-today: ## check 300 random scenes in the same way, others each day (results/oracle)
+	./env python3 -m benchmarks.stability.oracle --jobs 2 --first $$(date +%y%j0) \
+	  --plane 100 --space 60 --bodies 60 --effects 50 --space-effects 30
 
 mutants-drawn: $(COSMIC_RAY)  ## put mistakes drawn by cosmic-ray on the lines that changed since SINCE, and print those that no test notices
 	git diff -U0 $(SINCE) -- signorini_fx | ./env python3 -m benchmarks.stability.drawn
