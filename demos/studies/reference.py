@@ -16,13 +16,13 @@ from mpi4py import MPI
 from dolfinx import fem
 
 from signorini_fx.machine import compat
+from signorini_fx.mechanics.contact_points.contact_table import ContactTable
 from signorini_fx.mechanics.mesh.points import cells_of_points
 from signorini_fx.mechanics.mesh.refinement import mark, refine
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.statement.mesh_sources import MeshGenerator
 from signorini_fx.mechanics.statement.settings import SolverSettings
 from signorini_fx.results.accuracy.contact_surface import interpolated
-from signorini_fx.results.accuracy.convergence_table import zone_change
 from signorini_fx.results.solution import Solution
 from signorini_fx.scenes.mesh import load_mesh, scene_on
 from signorini_fx.scenes.scene import Scene
@@ -40,6 +40,19 @@ FIRST_CELLS = 2.0
 OUTSIDE_OTHER_MESH = 1.0
 # How errors decrease with h on smooth parts of the boundary.
 _EXPECTED = {"energy": 1.0, **EXPECTED_RATES}
+
+
+def zone_change(coarse: ContactTable, fine: ContactTable) -> float | None:
+    """Change of the ends of the contact zones from node to node, relative to their length; in 3D that of their area."""
+    pressed = [table.columns["pressure"] > 0 for table in (coarse, fine)]
+    if fine.facets is not None:
+        areas = [float(np.sum(table.columns["weight"][on])) for table, on in zip((coarse, fine), pressed, strict=True)]
+        return abs(areas[1] - areas[0]) / areas[1] if areas[1] > 0 else None
+    ends = [np.array(table.zones(on)) for table, on in zip((coarse, fine), pressed, strict=True)]
+    if ends[0].shape != ends[1].shape or not ends[1].size:
+        return None
+    length = float(np.linalg.norm(np.diff(ends[1], axis=1), axis=2).sum())
+    return float(np.linalg.norm(ends[1] - ends[0], axis=2).max()) / length if length > 0 else None
 
 
 def varied(scene: Scene, cells: float | TaggedMesh, element: str, settings: dict[str, Any]) -> Scene:

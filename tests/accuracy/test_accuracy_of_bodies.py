@@ -13,7 +13,6 @@ from signorini_fx import MeshError, SceneError, Status, solve
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable
 from signorini_fx.mechanics.mesh.tagged import generate_mesh
 from signorini_fx.results.accuracy.contact_surface import interpolated
-from signorini_fx.results.accuracy.convergence_table import zone_change
 from signorini_fx.scenes.reading import parse_scene
 
 WORLD = MPI.COMM_WORLD
@@ -224,7 +223,6 @@ def test_pressures_are_compared_by_place():
     for coarse in (arc(201), arc(201, first=0.3)):
         away = interpolated(coarse, fine, "pressure") - fine.columns["pressure"]
         assert np.sqrt(np.mean(away**2) / np.mean(fine.columns["pressure"] ** 2)) < 0.02
-        assert zone_change(coarse, fine) < 0.005
 
 
 def pressed_blocks(dimension, goal, friction=None, push=(0.0, 0.0)):

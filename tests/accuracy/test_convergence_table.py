@@ -12,7 +12,6 @@ from signorini_fx.mechanics.contact_points.contact_table import ContactTable
 from signorini_fx.mechanics.statement.settings import Accuracy
 from signorini_fx.results.accuracy import convergence_table as prices
 from signorini_fx.results.accuracy.force_error import force_error
-from signorini_fx.results.accuracy.forecast import seconds_to_come
 from signorini_fx.results.accuracy.pressure_error import interval_squares, pressure_square
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve
@@ -26,27 +25,13 @@ def table(s, pressure):
 
 
 def zone_ends(table):
-    """Arc lengths where the contact zones begin and end."""
-    return prices.zone_ends(table)[:, :, 0].ravel().tolist()
+    """Where the contact zones begin and end, from node to node."""
+    return np.array(table.zones(table.columns["pressure"] > 0))[:, :, 0].ravel()
 
 
 def pressure_error(table):
     """Estimated error of the contact pressure, relative in L2."""
     return np.sqrt(sum(squares.sum() for squares in interval_squares(table)) / pressure_square(table))
-
-
-def test_zone_ends_of_a_square_root_profile():
-    """p = sqrt(x (5.5 - x)) near its ends is p^2 linear: the ends are found between the nodes."""
-    s = np.arange(10.0)
-    distance = np.minimum(s - 1.75, 6.25 - s)
-    assert zone_ends(table(s, np.sqrt(np.maximum(0.0, distance)))) == pytest.approx([1.75, 6.25])
-
-
-def test_zone_end_at_the_end_of_the_boundary():
-    """A zone that reaches the end of the boundary, or has a single node, ends at its node."""
-    assert zone_ends(table([0, 1, 2, 3], [1, 1, 0, 0]))[0] == 0.0
-    assert zone_ends(table([0, 1, 2, 3], [0, 1, 0, 0])) == [1.0, 1.0]
-    assert zone_ends(table([0, 1], [0, 0])) == []
 
 
 @pytest.mark.parametrize("paired", [False, True])
@@ -234,15 +219,6 @@ def test_prediction_tells_what_stays_from_what_grows():
     assert prices.predict([row_of(10_000, 1.0, 200), row_of(40_000, 0.8, 200)], 150.0).seconds > 1.2
 
 
-def test_what_a_change_says_of_the_error():
-    """An error that is halved with h changes by as much as is left of it; two changes are averaged."""
-    assert prices._error(1.0, [0.3], [1.0, 2.0]) == pytest.approx(0.3)
-    assert prices._error(2.0, [0.3], [1.0, 2.0]) == pytest.approx(0.1)
-    assert prices._error(1.0, [0.4, 0.2], [1.0, 2.0, 4.0]) == pytest.approx(0.2)
-    assert prices._error(1.0, [0.4, 0.2], [2.0, 4.0, 3.9]) == pytest.approx(0.4 * 4 / 3.9)  # the last one is no finer
-    assert prices._error(1.0, [0.2], [4.0, 4.0]) is None
-
-
 def test_regularisation_part(nested):
     """The error that gamma leaves, estimated on the path, is the distance to the unregularised solution."""
     level = nested[0].levels[-1]
@@ -283,10 +259,10 @@ def test_seconds_of_the_meshes_to_come():
     solved = [(dofs, 0.1 + 1e-6 * dofs**1.2) for dofs in (10_000, 40_000)]
     wanted = [0.1 + 1e-6 * dofs**1.2 for dofs in (160_000, 640_000)]
     never = float("inf")
-    assert seconds_to_come(solved, 2, 2, never) == pytest.approx(sum(wanted))
-    assert seconds_to_come([(10_000, 1.0)], 1, 2, never) == pytest.approx(4**1.2)
-    assert seconds_to_come([(10_000, 1.0)], 2, 3, 300_000) == pytest.approx(8**1.6 + 64)
-    assert seconds_to_come(solved, 0, 2, never) == 0.0
+    assert prices.seconds_to_come(solved, 2, 2, never) == pytest.approx(sum(wanted))
+    assert prices.seconds_to_come([(10_000, 1.0)], 1, 2, never) == pytest.approx(4**1.2)
+    assert prices.seconds_to_come([(10_000, 1.0)], 2, 3, 300_000) == pytest.approx(8**1.6 + 64)
+    assert prices.seconds_to_come(solved, 0, 2, never) == 0.0
 
 
 @pytest.mark.parametrize(("zone", "force"), [(0.7, 1.2), (0.6, 3.4523), (0.7, 3.4523), (0.5, 2.4)])

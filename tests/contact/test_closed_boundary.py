@@ -6,7 +6,7 @@ from scenes import alone, table_of
 
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable, is_closed
 from signorini_fx.results.accuracy.contact_surface import interpolated
-from signorini_fx.results.accuracy.convergence_table import zone_ends
+from signorini_fx.results.accuracy.convergence_table import ends_of_zones
 from signorini_fx.results.accuracy.pressure_error import on_facets
 from signorini_fx.scenes.reading import parse_scene
 
@@ -58,4 +58,4 @@ def test_between_the_last_node_and_the_first():
     values = interpolated(coarse, fine, "pressure")
     p = coarse.columns["pressure"]
     assert values[-1] == pytest.approx((p[-1] + p[0]) / 2)  # as far from the last coarse node as from the first
-    assert not zone_ends(ring_table(12, np.ones_like)).size
+    assert ends_of_zones(ring_table(12, np.ones_like)) is None
