@@ -4,11 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
-
 from signorini_fx.errors import FormError
 from signorini_fx.forms.solver import FormSolver
-from signorini_fx.mechanics.assembly.mesh_entities import facet_entities
 from signorini_fx.mechanics.contact_points.contact_table import contact_table
 from signorini_fx.mechanics.statement.load_path import LoadPath
 from signorini_fx.records import Status
@@ -55,13 +52,9 @@ def errors_of(solver: FormSolver, stress: RawStresses) -> Errors:
     if forms.weighted:
         raise FormError([("stress", "there is no error estimate where the forms are multiplied by a measure")])
     assert outcome is not None
-    squares = stress.recovery().squares(solver.u)
-    cells = facet_entities(forms.mesh, np.concatenate(forms.facets))[:, 0]
-    blur, table = (
-        compliance_of(outcome, forms.mesh.comm) * solver.scales.modulus,
-        contact_table(solver.state, forms.names),
-    )
-    return combined(solver.boundary, table, cells, squares, np.zeros(squares.size), stress.energy(), blur)
+    blur = compliance_of(outcome, forms.mesh.comm) * solver.scales.modulus
+    table, squares = contact_table(solver.state, forms.names), stress.recovery().squares(solver.u)
+    return combined(solver.model(), table, squares, stress.energy(), blur=blur)
 
 
 def level_of(solver: FormSolver, number: int, errors: Errors) -> LevelResult:

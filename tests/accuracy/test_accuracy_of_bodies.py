@@ -263,7 +263,6 @@ def test_a_force_where_contact_ends_at_edges(dimension, target, force):
     found = solve(pressed_blocks(dimension, {"target": target, "of": "force"}), MPI.COMM_SELF)
     assert found.status is Status.CONVERGED
     levels, rows = found.levels, found.convergence_table[:-1]
-    assert levels[-1].inside > 0.8 * levels[-2].inside or levels[-1].dofs < 2 * levels[-2].dofs
     for level, row in list(zip(levels, rows, strict=True))[2:]:
         true = abs(level.force[dimension - 1] / force - 1)
         assert true < 2 * row.force < 10 * true

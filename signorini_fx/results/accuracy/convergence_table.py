@@ -18,22 +18,25 @@ import numpy as np
 
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable
 from signorini_fx.results.accuracy.contact_surface import ContactSurface, interpolated
-from signorini_fx.results.accuracy.force_error import force_error
 from signorini_fx.results.accuracy.mesh_level import LevelResult, MeshCost
 from signorini_fx.results.accuracy.peak_error import peak_error
 from signorini_fx.results.accuracy.pressure_error import pressure_square
 from signorini_fx.tuned import (
+    CHANGES_USED,
     ENERGY_RATES,
     EXPECTED_RATES,
     FEW_NODES,
+    FORCE_OF_ENERGY,
     LEAST_GROWING_TIME,
     MEMORY_POWER,
     POLLUTION,
     POLLUTION_OF_PEAK,
     POLYGON_ERRORS,
     POLYGON_PEAK,
+    SLOWEST_DECREASE,
     SMOOTH_RATE,
     TIME_POWER,
+    ZERO_IN_SOLUTION,
 )
 
 
@@ -127,6 +130,30 @@ def convergence_table(
 def fineness_of(dofs: float, dimension: int) -> float:
     """1 / h of a mesh with so many unknowns, but for a factor; of a quotient of unknowns, how many times finer."""
     return float(np.sqrt(dofs) if dimension == 2 else np.cbrt(dofs))
+
+
+def force_error(levels: Sequence[LevelResult], *, uniform: bool = True) -> float | None:
+    """Error of contact and friction force on the last mesh, relative; None where there is no force; ``levels``: at
+    least two, coarsest first; ``uniform``: whether each mesh is finer than the one before everywhere.
+
+    A force is an average: by J. A. Nitsche's argument its error decreases like the square of that of the displacement,
+    by which its changes are extrapolated.  On meshes that are divided here and there a change is no error where cells
+    stay as they are: the error is at least a share of that square, unless statics determines the force, which then does
+    not change at all.  Of several contact boundaries it is that of all their forces together, relative to these: their
+    resultant may vanish, as that of a body between two walls does.
+    """
+    fine = levels[-1]
+    size = float(np.linalg.norm(fine.force))
+    if size == 0.0:
+        return None
+    seen = 0.0
+    for coarse in levels[-1 - CHANGES_USED : -1]:
+        # A coarse mesh without any error, such as one on which nothing touches, says nothing: all of it may be left.
+        left = min((fine.energy / coarse.energy) ** 2 if coarse.energy > 0 else 1.0, SLOWEST_DECREASE)
+        seen = max(seen, float(np.linalg.norm(fine.force - coarse.force)) / size * left / (1 - left))
+    if not uniform and seen > ZERO_IN_SOLUTION:
+        seen = max(seen, FORCE_OF_ENERGY * fine.energy**2)
+    return seen + fine.loads
 
 
 def _confirmed(coarse: LevelResult, fine: LevelResult, *, uniform: bool) -> float:

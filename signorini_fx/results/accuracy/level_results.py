@@ -88,7 +88,6 @@ def level_result(
         status=Status.CONVERGED.value,
         energy=errors.energy,
         pressure=errors.pressure,
-        inside=errors.inside,
         loads=errors.loads,
         regularisation=regularisation,
         pressure_regularisation=pressure_regularisation,

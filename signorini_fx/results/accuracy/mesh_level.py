@@ -43,7 +43,6 @@ class LevelResult(MeshCost):
         status: how it ended.
         energy: estimated discretisation error, relative in the energy norm, loads included.
         pressure: the same of the contact pressure, relative in L2(Gamma_c); None without contact.
-        inside: the same except beside corners, without loads.
         loads: the error of the loads on the mesh.
         polygon: effect of straight facets of a curved contact boundary, which no refinement reduces;
             ``pressure_error.polygon_error``.
@@ -60,7 +59,6 @@ class LevelResult(MeshCost):
     status: str
     energy: float
     pressure: float | None
-    inside: float
     loads: float
     regularisation: float
     pressure_regularisation: float

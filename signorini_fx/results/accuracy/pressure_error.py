@@ -35,12 +35,9 @@ Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
 
 
-def interval_squares(
-    table: ContactTable, kinematics: Kinematics = PLANE_STRAIN, *, corners: bool = True, blur: float = 0.0
-) -> list[Floats]:
+def interval_squares(table: ContactTable, kinematics: Kinematics = PLANE_STRAIN, blur: float = 0.0) -> list[Floats]:
     """Estimated squared error of the pressure between neighbouring nodes, stress^2 times length, or area of a ring;
-    ``corners``: whether to include the singular intervals at corners; ``blur``: length over which the regularisation
-    smears the pressure there, 0 without.
+    ``blur``: length over which the regularisation smears the pressure at corners, 0 without.
 
     Returns:
         One array for each path of the table, shape (rows - 1,).
@@ -48,11 +45,11 @@ def interval_squares(
     squares = []
     for path, measure in zip(table.paths, around(table, kinematics), strict=True):
         rows, s, path_slice = table.unrolled(path)
-        squares.append(_squares(table, rows, s, blur, corners=corners)[path_slice] * measure)
+        squares.append(_squares(table, rows, s, blur)[path_slice] * measure)
     return squares
 
 
-def _squares(table: ContactTable, rows: Ints, s: Floats, blur: float, *, corners: bool) -> Floats:
+def _squares(table: ContactTable, rows: Ints, s: Floats, blur: float) -> Floats:
     pressure = table.columns["pressure"][rows]
     h = np.diff(s)
     squares = np.zeros(h.size)
@@ -66,19 +63,15 @@ def _squares(table: ContactTable, rows: Ints, s: Floats, blur: float, *, corners
     squares[1:] += h[1:] * jumps**2 / 12
     for corner, interval in _corners(table, rows, s, blur):
         inside = interval if interval == corner - 1 else interval + 1  # the other node of the interval
-        beside = inside if interval == corner else inside - 1  # the next interval
-        if corners:
-            r, values = _away(s, pressure, corner, interval)
-            near, far = _slopes(r, values, blur)
-            # A regularised pressure is less steep at the corner itself.
-            steeper = 1.0 if blur > r[1] else BENDING
-            squares[interval] = max(
-                squares[interval],
-                CORNER_SHARE * h[interval] ** 3 * kinks[inside - 1],
-                0.0 if near >= steeper * far else singular_square(r, values, blur),
-            )
-        else:
-            squares[[interval, beside]] = 0.0
+        r, values = _away(s, pressure, corner, interval)
+        near, far = _slopes(r, values, blur)
+        # A regularised pressure is less steep at the corner itself.
+        steeper = 1.0 if blur > r[1] else BENDING
+        squares[interval] = max(
+            squares[interval],
+            CORNER_SHARE * h[interval] ** 3 * kinks[inside - 1],
+            0.0 if near >= steeper * far else singular_square(r, values, blur),
+        )
     return squares
 
 

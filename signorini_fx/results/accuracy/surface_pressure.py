@@ -19,11 +19,8 @@ Floats = npt.NDArray[np.float64]
 _STRETCHES = ([0, 1, 2, 3, 4], [0, 1, 4, 5, 6])
 
 
-def piece_squares(surface: ContactSurface, pressure: Floats, *, corners: bool = True, blur: float = 0.0) -> Floats:
-    """Estimated squared error of the pressure on each piece, stress^2 times area, shape (pieces,); ``corners``: whether
-    to include pieces at the rim where the pressure may be singular; ``blur``: length up to which the regularisation
-    blurs the pressure there, 0 without.
-    """
+def piece_squares(surface: ContactSurface, pressure: Floats) -> Floats:
+    """Estimated squared error of the pressure on each piece, stress^2 times area, shape (pieces,)."""
     jumps = surface.jumps(pressure)
     kinks = surface.sides * surface.heights**3 * jumps**2
     squares = KINK_SHARE / 2 * kinks.sum(axis=1)
@@ -33,18 +30,16 @@ def piece_squares(surface: ContactSurface, pressure: Floats, *, corners: bool = 
     pressed = (pressure != 0)[surface.corners].all(axis=1)  # the end of a contact zone is another matter
     both_pressed = pressed[:, None] & pressed[np.maximum(surface.across, 0) // surface.corners.shape[1]]
     convex = np.where(both_pressed & ~(ends | next_ends) & (jumps < 0), kinks, 0.0).sum(axis=1) * ends.any(axis=1)
-    if not corners:
-        return np.where(CORNER_SHARE * convex > squares, 0.0, squares)
     squares = np.maximum(squares, CORNER_SHARE * convex)
     pieces, sides = np.nonzero(surface.rim & ends & next_ends)
     r, beneath = _profiles(surface, pressure, pieces, sides)
     for row, (piece, side) in enumerate(zip(pieces, sides, strict=True)):
-        square = _singular(r[row], beneath[row], blur)
+        square = _singular(r[row], beneath[row])
         squares[piece] = max(squares[piece], surface.sides[piece, side] * square)
     return squares
 
 
-def _singular(r: Floats, pressure: Floats, blur: float) -> float:
+def _singular(r: Floats, pressure: Floats) -> float:
     """``singular_square`` where the pressure falls like a power of the distance, ever more slowly; else 0.
 
     Towards the end of a contact zone that reaches the rim it falls ever faster, and beyond the surface it is not known.
@@ -55,7 +50,7 @@ def _singular(r: Floats, pressure: Floats, blur: float) -> float:
     near, middle, far = pressure[[2, 4, 6]]  # each twice as far away: a power falls by the same factor each time
     if near * far < SAME_POWER * middle**2 or bends(r[[2, 4, 6]], pressure[[2, 4, 6]]):
         return 0.0
-    return min(singular_square(r[places], pressure[places], blur) for places in _STRETCHES)
+    return min(singular_square(r[places], pressure[places], 0.0) for places in _STRETCHES)
 
 
 def _profiles(
