@@ -24,7 +24,6 @@ from signorini_fx.mechanics.statement.rigid_shape import turning
 from signorini_fx.mechanics.statement.settings import Accuracy
 from signorini_fx.records import History
 from signorini_fx.results.accuracy.error_estimates import Errors, combined, estimate_errors
-from signorini_fx.results.accuracy.level_results import compliance_of
 from signorini_fx.results.certificate.law_of_method import overclosures_of
 from signorini_fx.results.restart_files import Checkpoint
 from signorini_fx.results.solution import Solution
@@ -108,8 +107,8 @@ def _solved(
         if result.contact is None or result.strain_energy is None:
             return
         table = contact_table(result.contact, *model.statement.sides)
-        displacement, compliance = model.function(outcome.displacement()), compliance_of(outcome, comm)
-        step_errors.append(estimate_errors(model, displacement, result.strain_energy, table, result.place, compliance))
+        displacement = model.function(outcome.displacement())
+        step_errors.append(estimate_errors(model, displacement, result.strain_energy, table, result.place))
 
     load, modulus = partial(load_mesh, scene, comm), max(map(plane_modulus, scene.material))
     solution, task, outcome = solve_mesh(

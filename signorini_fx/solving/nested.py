@@ -23,7 +23,7 @@ from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.rigid.mesh_levels import MeshLevel
 from signorini_fx.records import History
 from signorini_fx.results.accuracy.convergence_table import convergence_table, seconds_to_come, with_polygon
-from signorini_fx.results.accuracy.mesh_level import LevelResult
+from signorini_fx.results.accuracy.level_results import LevelResult
 from signorini_fx.results.solution import Solution
 from signorini_fx.solving.meshed_problem import MeshedProblem, Unsolved
 from signorini_fx.tuned import MIDDLE_RATIO

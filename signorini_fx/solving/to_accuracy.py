@@ -29,7 +29,7 @@ from signorini_fx.results.accuracy.convergence_table import (
     predict,
     with_polygon,
 )
-from signorini_fx.results.accuracy.mesh_level import LevelResult
+from signorini_fx.results.accuracy.level_results import LevelResult
 from signorini_fx.results.accuracy.next_accuracy import LOCAL
 from signorini_fx.results.accuracy.peak_error import diverging_row
 from signorini_fx.results.deferred_quantities import failure_in_words
@@ -130,7 +130,7 @@ def solve_to_accuracy(
         allowed = goal.target * (1 - REGULARISATION_SHARE)
         if not enough or error > allowed:
             excess = error / (goal.target - min(regularisation, goal.target - allowed))
-            # That of the pressure is corrected by its change from mesh to mesh, which is extrapolated.
+            # Its ends at nodes make the error of the pressure fall unevenly: meshes hardly finer are not worth a solve.
             compared, rate = goal.of not in LOCAL or goal.of == "pressure", rates.get(goal.of) or _seen_rate(levels)
             touching = level.table.touching if goal.of == "peak" else FEW_NODES
             jump = meshes.jump(excess, rate, compared=compared, dimension=level.dimension, touching=touching)

@@ -211,26 +211,6 @@ def test_equilibrium_leaves_no_error_of_the_force(nested):
     assert all(row.force < 1e-9 for row in nested[0].convergence_table[1:])
 
 
-@pytest.mark.parametrize("a", [0.1, 0.3, 0.45])
-def test_pressure_error_at_a_corner(a):
-    """Of r^-a, averaged as a finite element solution averages it, the estimate is within a factor of two."""
-    s = np.concatenate(([0.0], np.geomspace(1e-4, 1.0, 200)))
-    s[2:4] = [2e-4, 3e-4]  # equal intervals at the corner, as of a quadratic element
-    s = np.unique(s)
-    pressure = np.append(np.nan, s[1:] ** -a)
-    h = s[1]
-    pressure[0] = 2 * (1 / (1 - a) - 1 / (2 - a)) * h**-a  # the moment with a hat function over its length
-    weight = np.gradient(s)
-    estimated = pressure_error(ContactTable({"s": s, "pressure": pressure, "weight": weight}, [range(s.size)]))
-    # The integral of (r^-a - line)^2 over the first interval; elsewhere nothing is missing to speak of.
-    slope = pressure[1] - pressure[0]
-    square = h ** (1 - 2 * a) / (1 - 2 * a)
-    square -= 2 * h ** (1 - a) * (pressure[0] / (1 - a) + slope / (2 - a))
-    square += h * (pressure[0] ** 2 + pressure[0] * slope + slope**2 / 3)
-    true = np.sqrt(square / np.dot(weight, pressure**2))
-    assert 0.5 < estimated / true < 2.0
-
-
 def test_seconds_of_the_meshes_to_come():
     """As the next row of the convergence table tells, mesh by mesh; with one mesh all of its time grows."""
     solved = [(dofs, 0.1 + 1e-6 * dofs**1.2) for dofs in (10_000, 40_000)]

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 from mpi4py import MPI
+from reference import interpolated
 from support.nonlinear_scenes import material
 
 from signorini_fx import Status, solve
 from signorini_fx.errors import SceneError
-from signorini_fx.results.accuracy.contact_surface import interpolated
 from signorini_fx.results.accuracy.error_estimates import combined
 from signorini_fx.scenes.reading import parse_scene
 

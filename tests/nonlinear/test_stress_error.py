@@ -5,10 +5,10 @@ import pytest
 import ufl
 from dolfinx import fem, mesh
 from mpi4py import MPI
+from reference import interpolated
 
 from signorini_fx import Foundation, NonlinearContactProblem
 from signorini_fx.forms.nonlinear.stress_error import stress_error, stress_of
-from signorini_fx.results.accuracy.contact_surface import interpolated
 
 WORLD = MPI.COMM_WORLD
 YOUNG, POISSON = 100.0, 0.4

@@ -17,10 +17,9 @@ from typing import Any
 import numpy as np
 
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable
-from signorini_fx.results.accuracy.contact_surface import ContactSurface, interpolated
-from signorini_fx.results.accuracy.mesh_level import LevelResult, MeshCost
+from signorini_fx.results.accuracy.contact_surface import ContactSurface
+from signorini_fx.results.accuracy.level_results import LevelResult, MeshCost
 from signorini_fx.results.accuracy.peak_error import peak_error
-from signorini_fx.results.accuracy.pressure_error import pressure_square
 from signorini_fx.tuned import (
     CHANGES_USED,
     ENERGY_RATES,
@@ -29,12 +28,10 @@ from signorini_fx.tuned import (
     FORCE_OF_ENERGY,
     LEAST_GROWING_TIME,
     MEMORY_POWER,
-    POLLUTION,
-    POLLUTION_OF_PEAK,
+    POLLUTION_OF_PRESSURE,
     POLYGON_ERRORS,
     POLYGON_PEAK,
     SLOWEST_DECREASE,
-    SMOOTH_RATE,
     TIME_POWER,
     ZERO_IN_SOLUTION,
 )
@@ -114,10 +111,8 @@ def convergence_table(
             errors["peak"] = error = peak_error([level.table for level in so_far])
             if error is not None:
                 # Changes of meshes that are divided here and there do not show the error elsewhere.
-                elsewhere = 0.0 if uniform else min(error, POLLUTION_OF_PEAK * level.energy**2)
+                elsewhere = 0.0 if uniform else min(error, POLLUTION_OF_PRESSURE * level.energy**2)
                 errors["peak"] = error + elsewhere + level.loads + POLYGON_PEAK * level.polygon
-            if level.pressure is not None:
-                errors["pressure"] = _confirmed(levels[index - 1], level, uniform=uniform)
         errors["zone"] = border_of(level.table) if level.dimension == 3 else ends_of_zones(level.table)
         level_fields = (*(field.name for field in fields(MeshCost)), "energy", "regularisation", "iteration")
         row: dict[str, Any] = {name: getattr(level, name) for name in level_fields} | errors
@@ -154,24 +149,6 @@ def force_error(levels: Sequence[LevelResult], *, uniform: bool = True) -> float
     if not uniform and seen > ZERO_IN_SOLUTION:
         seen = max(seen, FORCE_OF_ENERGY * fine.energy**2)
     return seen + fine.loads
-
-
-def _confirmed(coarse: LevelResult, fine: LevelResult, *, uniform: bool) -> float:
-    """The error of the pressure, corrected by its change from the previous mesh.
-
-    A change that is larger than the estimated error of the coarse mesh shows by how much the estimate is too small.  On
-    uniform meshes the change of a pressure that the mesh resolves is caused elsewhere in the body.
-    """
-    estimate = fine.pressure or 0.0
-    if uniform and fine.dofs <= coarse.dofs:
-        return estimate
-    columns = fine.table.columns
-    square = np.dot(columns["weight"], (columns["pressure"] - interpolated(coarse.table, fine.table, "pressure")) ** 2)
-    change = float(np.sqrt(square / pressure_square(fine.table)))
-    if uniform:
-        return max(estimate, float(change / ((fine.dofs / coarse.dofs) ** (SMOOTH_RATE / fine.dimension) - 1)))
-    times = max(1.0, change / coarse.pressure) if coarse.pressure else 1.0
-    return float(np.hypot(estimate * times, POLLUTION * fine.energy**2))
 
 
 def border_of(table: ContactTable) -> float | None:

@@ -26,8 +26,7 @@ from signorini_fx.results.accuracy.pressure_error import (
     pressure_square,
 )
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery
-from signorini_fx.results.accuracy.surface_pressure import piece_squares
-from signorini_fx.tuned import POLLUTION
+from signorini_fx.tuned import POLLUTION, POLLUTION_OF_PRESSURE
 
 Floats = npt.NDArray[np.float64]
 
@@ -62,11 +61,9 @@ class Errors:
 
 
 def estimate_errors(
-    model: Model, displacement: fem.Function, energy: float, table: ContactTable, step: float, compliance: float
+    model: Model, displacement: fem.Function, energy: float, table: ContactTable, step: float
 ) -> Errors:
-    """Estimate the errors on a mesh; ``energy``: strain energy of the solution; ``compliance``: 1 / gamma_1 of the
-    regularisation, 0 without; collective.
-    """
+    """Estimate the errors on a mesh; ``energy``: strain energy of the solution; collective."""
     missed = missed_loads(model, step)
     squares = np.zeros(missed.shape)
     if energy > 0:
@@ -75,7 +72,7 @@ def estimate_errors(
         pressed = float(np.dot(table.columns["weight"], np.abs(table.columns["pressure"])))
         forces = sum(factor * load.pushing for factor, load in model.applied_at(step))
         missed /= max(float(parallel.global_sum(model.comm, np.abs(forces).sum())), pressed)
-    return combined(model, table, squares, energy, missed, compliance * model.statement.young)
+    return combined(model, table, squares, energy, missed)
 
 
 def combined(
@@ -84,7 +81,6 @@ def combined(
     recovery: Floats,
     energy: float,
     missed: Floats | float = 0.0,
-    blur: float = 0.0,
 ) -> Errors:
     """All error estimates from those in the body; collective.
 
@@ -95,7 +91,6 @@ def combined(
             square, of each owned cell, shape (cells,).
         energy: strain energy of the solution, 1/2 of a nonlinear body.
         missed: share of all forces that is missed in each owned cell, shape (cells,).
-        blur: length over which the regularisation smears the pressure at a corner; 0 without.
     """
     boundary = model.boundary
     assert boundary is not None
@@ -113,7 +108,7 @@ def combined(
     loads, error = total(missed), float(np.sqrt(total(body)))
     contact, pressed = np.zeros_like(body), pressure_square(table)
     if pressed > 0:
-        np.add.at(contact, cells, _facet_squares(boundary, table, blur, model.kinematics) / pressed)
+        np.add.at(contact, cells, _facet_squares(boundary, table, model.kinematics) / pressed)
     local = total(contact)
     top: Floats = np.zeros_like(body)
     if pressed > 0 and table.facets is None:
@@ -121,7 +116,7 @@ def combined(
         np.add.at(top, cells, local * on_facets(boundary, table, beside(table, rows)))
     return Errors(
         energy=error + loads,
-        pressure=float(np.sqrt(local)) + loads if pressed > 0 else None,
+        pressure=float(np.hypot(np.sqrt(local), POLLUTION_OF_PRESSURE * error**2)) + loads if pressed > 0 else None,
         loads=loads,
         size=float(np.sqrt(size)),
         pressed=float(np.sqrt(pressed)),
@@ -135,12 +130,12 @@ def combined(
     )
 
 
-def _facet_squares(boundary: ContactBoundary, table: ContactTable, blur: float, kinematics: Kinematics) -> Floats:
+def _facet_squares(boundary: ContactBoundary, table: ContactTable, kinematics: Kinematics) -> Floats:
     """Squared error of the pressure on each facet of this rank, as in ``boundary.segments``; collective."""
     if table.facets is None:
-        return on_facets(boundary, table, interval_squares(table, kinematics, blur))
+        return on_facets(boundary, table, interval_squares(table, kinematics))
     surface = ContactSurface.of(table)
-    return surface.of_rank(boundary, piece_squares(surface, table.columns["pressure"]))
+    return surface.of_rank(boundary, surface.squares(table.columns["pressure"]))
 
 
 def worst_of(steps: list[Errors]) -> Errors:
