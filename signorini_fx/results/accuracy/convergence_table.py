@@ -28,7 +28,7 @@ from signorini_fx.tuned import (
     FORCE_OF_ENERGY,
     LEAST_GROWING_TIME,
     MEMORY_POWER,
-    POLLUTION_OF_PRESSURE,
+    POLLUTION_OF_PEAK,
     POLYGON_ERRORS,
     POLYGON_PEAK,
     SLOWEST_DECREASE,
@@ -111,7 +111,7 @@ def convergence_table(
             errors["peak"] = error = peak_error([level.table for level in so_far])
             if error is not None:
                 # Changes of meshes that are divided here and there do not show the error elsewhere.
-                elsewhere = 0.0 if uniform else min(error, POLLUTION_OF_PRESSURE * level.energy**2)
+                elsewhere = 0.0 if uniform else min(error, POLLUTION_OF_PEAK * level.energy**2)
                 errors["peak"] = error + elsewhere + level.loads + POLYGON_PEAK * level.polygon
         errors["zone"] = border_of(level.table) if level.dimension == 3 else ends_of_zones(level.table)
         level_fields = (*(field.name for field in fields(MeshCost)), "energy", "regularisation", "iteration")

@@ -26,7 +26,7 @@ from signorini_fx.results.accuracy.pressure_error import (
     pressure_square,
 )
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery
-from signorini_fx.tuned import POLLUTION, POLLUTION_OF_PRESSURE
+from signorini_fx.tuned import POLLUTION
 
 Floats = npt.NDArray[np.float64]
 
@@ -116,7 +116,7 @@ def combined(
         np.add.at(top, cells, local * on_facets(boundary, table, beside(table, rows)))
     return Errors(
         energy=error + loads,
-        pressure=float(np.hypot(np.sqrt(local), POLLUTION_OF_PRESSURE * error**2)) + loads if pressed > 0 else None,
+        pressure=float(np.hypot(np.sqrt(local), error**2)) + loads if pressed > 0 else None,
         loads=loads,
         size=float(np.sqrt(size)),
         pressed=float(np.sqrt(pressed)),
