@@ -216,10 +216,8 @@ MOST_UNIFORM_UNKNOWNS = 2.5e6
 # Generated meshes begin with cells this many times as large as those of the scene; quadratic ones with as many
 # unknowns. Choice, by degree.
 COARSER_START = {1: 4, 2: 8}
-# Estimates that compare meshes need three of them (see to_accuracy), these two: one to begin with and one to confirm.
-# By dimension: in 3D, where the first meshes are coarse, a force was seen to change by 1e-3 between two of them that
-# were both wrong by a tenth (docs/evidence/effectivity_in_space.csv).
-FEWEST_MESHES = {2: {"energy": 2, "pressure": 2, "force": 2}, 3: {"energy": 2, "pressure": 2}}
+# Estimates that compare meshes need three of them, these two: one to begin with and one to confirm.
+FEWEST_MESHES = {"energy": 2, "pressure": 2}
 # No run came close to this number of meshes.  Choice.
 MOST_MESHES = 40
 # Estimates are multiplied by this, by quantity and degree, and all others by the second: what they may be too small by.

@@ -49,8 +49,7 @@ from signorini_fx.results.resultants import NamedForces
 from signorini_fx.results.solution import ConvergenceError, Solution, advice_on_nonlinear
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.scene import Scene
-from signorini_fx.solving.check.findings import nonlinear_findings
-from signorini_fx.solving.check.refusals import refuse_beforehand
+from signorini_fx.solving.check.findings import nonlinear_findings, refuse_beforehand
 from signorini_fx.solving.check.result_findings import untouched
 from signorini_fx.solving.checkpointed_steps import MeshCheckpoint
 

@@ -105,9 +105,8 @@ def convergence_table(
         so_far = levels[: index + 1]
         errors: dict[str, float | None] = {"pressure": level.pressure, "force": None, "peak": None}
         if index > 0:
-            # In 3D and between two bodies a single change was seen to mislead.
-            enough = index > 1 or not (level.dimension == 3 or level.paired)
-            errors["force"] = force_error(so_far, uniform=uniform) if enough else None
+            # A single change was seen to mislead.
+            errors["force"] = force_error(so_far, uniform=uniform) if index > 1 else None
             errors["peak"] = error = peak_error([level.table for level in so_far])
             if error is not None:
                 # Changes of meshes that are divided here and there do not show the error elsewhere.

@@ -62,7 +62,6 @@ class LevelResult(MeshCost):
         table: the contact boundary.
         force: contact and friction force of each contact boundary in all load steps, shape (2 d boundaries steps,).
         krylov_from: unknowns from which on a mesh is solved by a Krylov method; infinite: none is.
-        paired: whether contact is between two bodies.
     """
 
     status: str
@@ -76,7 +75,6 @@ class LevelResult(MeshCost):
     force: npt.NDArray[np.float64]
     polygon: float = 0.0
     krylov_from: float = np.inf
-    paired: bool = False
 
     @property
     def dimension(self) -> int:
@@ -158,5 +156,4 @@ def level_result(
         table=table,
         force=np.concatenate([contact.forces_of_each.ravel() for contact in contacts]),
         krylov_from=np.inf if task is None else krylov_from(body.system_size, body.settings.linear_algebra),
-        paired=body.boundary is not None and body.boundary.paired,
     )
