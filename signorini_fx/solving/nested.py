@@ -71,7 +71,8 @@ def solve_nested(
             )
             levels.clear()
         sides = solution.statement.sides
-        coarser = solution.model.level(coarser, solution.displacement)
+        if solved.task is not None:
+            coarser = solution.model.level(coarser, solution.displacement)
         if solution.converged:
             state, certified = solved.state, solution
             if number + 1 < count:

@@ -67,6 +67,20 @@ def test_errors_on_one_mesh(name):
         assert 1 / 3 < errors.pressure / distances(found, fine)[1] < 3
 
 
+def test_a_mesh_study():
+    """Each mesh is solved anew, and the last row of the table tells its errors."""
+    fine = pressed("rubber", times=16)
+    parameters = {**PRESSED["mesh"]["parameters"], "nx": 32, "ny": 16}
+    study = PRESSED | {"mesh": {"generator": "rectangle", "parameters": parameters}, "solver": {"levels": 3}}
+    found = solve(parse_scene(study | {"material": MATERIALS["rubber"]}), MPI.COMM_SELF, check=False)
+    row = found.convergence_table[-2]
+    alone = pressed("rubber", times=4)
+    np.testing.assert_allclose(found.displacement.x.array, alone.displacement.x.array, atol=1e-9)
+    force, pressure = distances(found, fine)
+    assert force < 3 * row.force < 9 * 0.01
+    assert 1 / 3 < row.pressure / pressure < 3
+
+
 @pytest.mark.slow
 def test_the_command_reaches_what_was_foretold():
     """In the time that was told, but for compiling and what else the machine does."""
