@@ -221,7 +221,7 @@ FEWEST_MESHES = {"energy": 2, "pressure": 2}
 # No run came close to this number of meshes.  Choice.
 MOST_MESHES = 40
 # Estimates are multiplied by this, by quantity and degree, and all others by the second: what they may be too small by.
-# Source: docs/evidence/effectivity.csv, where they are, displacement 0.79 to 1.14, pressure 0.54 to 3.14.
+# Source: docs/evidence/effectivity.csv, where they are, displacement 0.79 to 1.14, pressure 0.50 to 1.85.
 MARGIN, MARGIN_OF_OTHERS = {("energy", 1): 1.7, ("energy", 2): 1.4}, 2.0
 # Share of the allowed error that the regularisation may take.  Choice.
 REGULARISATION_SHARE = 0.2
