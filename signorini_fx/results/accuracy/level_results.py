@@ -18,7 +18,7 @@ from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.elastic_body import ElasticBody
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable
-from signorini_fx.records import IterationRecord, Status
+from signorini_fx.records import IterationRecord
 from signorini_fx.results.accuracy.error_estimates import Errors
 
 
@@ -50,7 +50,6 @@ class LevelResult(MeshCost):
     """Results and errors on one mesh; its cost is that of ``MeshCost``.
 
     Attributes:
-        status: how it ended.
         energy: estimated discretisation error, relative in the energy norm, loads included.
         pressure: the same of the contact pressure, relative in L2(Gamma_c); None without contact.
         loads: the error of the loads on the mesh.
@@ -64,7 +63,6 @@ class LevelResult(MeshCost):
         krylov_from: unknowns from which on a mesh is solved by a Krylov method; infinite: none is.
     """
 
-    status: str
     energy: float
     pressure: float | None
     loads: float
@@ -146,7 +144,6 @@ def level_result(
         factorisations=sum(record.factorised for record in own),
         seconds=parallel.global_max(body.comm, cost[0]),
         memory=cost[1],
-        status=Status.CONVERGED.value,
         energy=errors.energy,
         pressure=errors.pressure,
         loads=errors.loads,
