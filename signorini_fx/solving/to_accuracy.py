@@ -45,13 +45,11 @@ from signorini_fx.tuned import (
     MARGIN_OF_OTHERS,
     MEMORY_SHARE,
     MOST_MESHES,
+    POLYGON_ERRORS,
     REGULARISATION_SHARE,
     SMALLEST_JUMP,
     SMALLEST_REMADE_JUMP,
 )
-
-# The field with the polygon's error of a quantity.
-_POLYGON_COLUMN = {"energy": "energy", "pressure": "pressure"}
 
 
 def solve_to_accuracy(
@@ -212,8 +210,8 @@ def _out_of_reach(goal: Accuracy, levels: list[LevelResult], margin: float, size
             f"the largest pressure has no finite value: it grows with every refinement at ({at}); ask for the "
             f"pressure, a force or the energy, or round off the {'corner' if table.facets is None else 'edge'}"
         )
-    bare = replace(levels[-1], energy=0.0, pressure=0.0, loads=0.0)
-    polygon = getattr(with_polygon(bare, levels[-1].polygon), _POLYGON_COLUMN.get(goal.of, "loads")) * margin
+    share, power = POLYGON_ERRORS.get(goal.of, POLYGON_ERRORS["force"])
+    polygon = margin * share * levels[-1].polygon ** power
     if polygon > goal.target:
         return (
             f"the straight facets of the mesh on a curved contact boundary are worth an error of {polygon:.2g}, which "

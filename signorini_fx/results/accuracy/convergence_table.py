@@ -30,7 +30,6 @@ from signorini_fx.tuned import (
     MEMORY_POWER,
     POLLUTION_OF_PEAK,
     POLYGON_ERRORS,
-    POLYGON_PEAK,
     SLOWEST_DECREASE,
     TIME_POWER,
     ZERO_IN_SOLUTION,
@@ -111,7 +110,7 @@ def convergence_table(
             if error is not None:
                 # Changes of meshes that are divided here and there do not show the error elsewhere.
                 elsewhere = 0.0 if uniform else min(error, POLLUTION_OF_PEAK * level.energy**2)
-                errors["peak"] = error + elsewhere + level.loads + POLYGON_PEAK * level.polygon
+                errors["peak"] = error + elsewhere + level.loads + POLYGON_ERRORS["peak"][0] * level.polygon
         errors["zone"] = border_of(level.table) if level.dimension == 3 else ends_of_zones(level.table)
         level_fields = (*(field.name for field in fields(MeshCost)), "energy", "regularisation", "iteration")
         row: dict[str, Any] = {name: getattr(level, name) for name in level_fields} | errors
