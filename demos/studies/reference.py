@@ -14,15 +14,16 @@ import numpy.typing as npt
 import ufl
 from mpi4py import MPI
 from dolfinx import fem
+from scipy.spatial import cKDTree
 
 from signorini_fx.machine import compat
+from signorini_fx.mechanics.contact_points.contact_table import ContactTable
 from signorini_fx.mechanics.mesh.points import cells_of_points
 from signorini_fx.mechanics.mesh.refinement import mark, refine
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.statement.mesh_sources import MeshGenerator
 from signorini_fx.mechanics.statement.settings import SolverSettings
-from signorini_fx.results.accuracy.contact_surface import interpolated
-from signorini_fx.results.accuracy.convergence_table import zone_change
+from signorini_fx.results.accuracy.contact_surface import ContactSurface, places
 from signorini_fx.results.solution import Solution
 from signorini_fx.scenes.mesh import load_mesh, scene_on
 from signorini_fx.scenes.scene import Scene
@@ -30,6 +31,9 @@ from signorini_fx.scenes.solver import solve
 from signorini_fx.tuned import EXPECTED_RATES
 
 Floats = npt.NDArray[np.float64]
+Ints = npt.NDArray[np.int64]
+# Pieces of a surface near a point that are looked at for the one that it is in.
+NEAR = 8
 LIMIT = {"algorithm": "alm", "linear_algebra": "condensed"}
 # The slowest rate that is assumed of the errors of a reference: half of the rate of a square-root end.
 SLOWEST_RATE = 0.5
@@ -40,6 +44,91 @@ FIRST_CELLS = 2.0
 OUTSIDE_OTHER_MESH = 1.0
 # How errors decrease with h on smooth parts of the boundary.
 _EXPECTED = {"energy": 1.0, **EXPECTED_RATES}
+
+
+def interpolated(coarse: ContactTable, fine: ContactTable, name: str) -> Floats:
+    """A column of the coarse table at the nodes of the fine one, interpolated on the facet that is nearest there.
+
+    Arc lengths would not do: that of a curve grows with the facets, and between two bodies pieces begin elsewhere.
+    """
+    if fine.facets is not None:
+        return _interpolated_in_space(coarse, fine, name)
+    x, old, column = places(fine), places(coarse), coarse.columns[name]
+    previous_node, next_node = np.arange(len(old)), np.arange(len(old))
+    for path in coarse.paths:
+        next_node[path[:-1]], previous_node[path[1:]] = path[1:], path[:-1]
+    values, nearest = np.zeros(len(x)), np.full(len(x), np.inf)
+    of_fine, of_coarse = fine.columns["boundary"], coarse.columns["boundary"]
+    for boundary in np.unique(of_fine):
+        fine_rows, coarse_rows = np.flatnonzero(of_fine == boundary), np.flatnonzero(of_coarse == boundary)
+        if not coarse_rows.size:
+            continue
+        node = coarse_rows[cKDTree(old[coarse_rows]).query(x[fine_rows])[1]]
+        for neighbour in (previous_node[node], next_node[node]):
+            side, away = old[neighbour] - old[node], x[fine_rows] - old[node]
+            square = (side**2).sum(axis=1)
+            share = np.divide((side * away).sum(axis=1), square, out=np.zeros(fine_rows.size), where=square > 0)
+            share = np.clip(share, 0.0, 1.0)
+            distance = np.linalg.norm(share[:, None] * side - away, axis=1)
+            candidate = column[node] + share * (column[neighbour] - column[node])
+            values[fine_rows] = np.where(distance < nearest[fine_rows], candidate, values[fine_rows])
+            nearest[fine_rows] = np.minimum(distance, nearest[fine_rows])
+    return values
+
+
+def _interpolated_in_space(coarse: ContactTable, fine: ContactTable, name: str) -> Floats:
+    surface, c = ContactSurface.of(coarse), fine.columns
+    x, values = np.column_stack([c[axis] for axis in "xyz"]), np.zeros(len(fine.columns["x"]))
+    assert fine.nodes is not None
+    assert coarse.nodes is not None
+    part = coarse.nodes[surface.corners[:, 0], 0]
+    for number in np.unique(part):
+        on_part = fine.nodes[:, 0] == number
+        near, weights = _nearest(surface, np.flatnonzero(part == number), x[on_part])
+        values[on_part] = np.einsum("nk,nk->n", weights, coarse.columns[name][surface.corners[near]])
+    return values
+
+
+def _nearest(surface: ContactSurface, pieces: Ints, points: Floats) -> tuple[Ints, Floats]:
+    """The piece whose nearest place is nearest to each point, shape (n,), and the weights of its corners there."""
+    count = min(NEAR, pieces.size)
+    centres = surface.x[surface.corners[pieces]].mean(axis=1)
+    near = pieces[cKDTree(centres).query(points, count)[1].reshape(-1, count)]
+    x = surface.x[surface.corners[near]]
+    if x.shape[2] == 3:
+        a, b = x[:, :, 1] - x[:, :, 0], x[:, :, 2] - x[:, :, 0]
+        s, t = _affine(a, b, points[:, None, :] - x[:, :, 0])
+        weights = np.maximum(np.stack((1 - s - t, s, t), axis=2), 0.0)
+        weights /= weights.sum(axis=2, keepdims=True)
+    else:
+        a = (x[:, :, 1] + x[:, :, 2] - x[:, :, 0] - x[:, :, 3]) / 2
+        b = (x[:, :, 2] + x[:, :, 3] - x[:, :, 0] - x[:, :, 1]) / 2
+        s, t = (np.clip(part + 0.5, 0.0, 1.0) for part in _affine(a, b, points[:, None, :] - x.mean(axis=2)))
+        weights = np.stack(((1 - s) * (1 - t), s * (1 - t), s * t, (1 - s) * t), axis=2)
+    away = np.linalg.norm(np.einsum("nck,nckd->ncd", weights, x) - points[:, None, :], axis=2)
+    rows, best = np.arange(len(points)), away.argmin(axis=1)
+    return near[rows, best], weights[rows, best]
+
+
+def _affine(a: Floats, b: Floats, d: Floats) -> tuple[Floats, Floats]:
+    """S and t with s a + t b nearest to d, shapes (n, c, 3) -> (n, c)."""
+    aa, ab, bb = (np.einsum("nck,nck->nc", first, second) for first, second in ((a, a), (a, b), (b, b)))
+    ad, bd = (np.einsum("nck,nck->nc", first, d) for first in (a, b))
+    determinant = aa * bb - ab**2
+    return (bb * ad - ab * bd) / determinant, (aa * bd - ab * ad) / determinant
+
+
+def zone_change(coarse: ContactTable, fine: ContactTable) -> float | None:
+    """Change of the ends of the contact zones from node to node, relative to their length; in 3D that of their area."""
+    pressed = [table.columns["pressure"] > 0 for table in (coarse, fine)]
+    if fine.facets is not None:
+        areas = [float(np.sum(table.columns["weight"][on])) for table, on in zip((coarse, fine), pressed, strict=True)]
+        return abs(areas[1] - areas[0]) / areas[1] if areas[1] > 0 else None
+    ends = [np.array(table.zones(on)) for table, on in zip((coarse, fine), pressed, strict=True)]
+    if ends[0].shape != ends[1].shape or not ends[1].size:
+        return None
+    length = float(np.linalg.norm(np.diff(ends[1], axis=1), axis=2).sum())
+    return float(np.linalg.norm(ends[1] - ends[0], axis=2).max()) / length if length > 0 else None
 
 
 def varied(scene: Scene, cells: float | TaggedMesh, element: str, settings: dict[str, Any]) -> Scene:

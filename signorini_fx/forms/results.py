@@ -4,17 +4,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
-
 from signorini_fx.errors import FormError
 from signorini_fx.forms.solver import FormSolver
-from signorini_fx.mechanics.assembly.mesh_entities import facet_entities
 from signorini_fx.mechanics.contact_points.contact_table import contact_table
 from signorini_fx.mechanics.statement.load_path import LoadPath
 from signorini_fx.records import Status
 from signorini_fx.results.accuracy.error_estimates import Errors, combined
-from signorini_fx.results.accuracy.level_results import compliance_of, level_result
-from signorini_fx.results.accuracy.mesh_level import LevelResult
+from signorini_fx.results.accuracy.level_results import LevelResult, level_result
 from signorini_fx.results.solution import Solution
 from signorini_fx.results.stresses import RawStresses
 from signorini_fx.solving.load_steps import StepProgress
@@ -49,19 +45,13 @@ def errors_of(solver: FormSolver, stress: RawStresses) -> Errors:
     Raises:
         FormError: the forms are multiplied by a measure, which the estimate does not know; or there is no contact.
     """
-    forms, outcome = solver.forms, solver.outcome
+    forms = solver.forms
     if not forms.contact:
         raise FormError([("contact", "there is none, and no error of its pressure: of the stress see stress.error")])
     if forms.weighted:
         raise FormError([("stress", "there is no error estimate where the forms are multiplied by a measure")])
-    assert outcome is not None
-    squares = stress.recovery().squares(solver.u)
-    cells = facet_entities(forms.mesh, np.concatenate(forms.facets))[:, 0]
-    blur, table = (
-        compliance_of(outcome, forms.mesh.comm) * solver.scales.modulus,
-        contact_table(solver.state, forms.names),
-    )
-    return combined(solver.boundary, table, cells, squares, np.zeros(squares.size), stress.energy(), blur)
+    table, squares = contact_table(solver.state, forms.names), stress.recovery().squares(solver.u)
+    return combined(solver.model(), table, squares, stress.energy())
 
 
 def level_of(solver: FormSolver, number: int, errors: Errors) -> LevelResult:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from dolfinx import fem
@@ -11,13 +11,13 @@ from dolfinx import fem
 from signorini_fx.mechanics.body.deformation import Deformation
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.model import Model
-from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodyMotion
+from signorini_fx.mechanics.rigid.rigid_bodies import Drive, RigidBodyMotion
 from signorini_fx.mechanics.statement.effect import Force, Resistance
 from signorini_fx.records import Finding, Status, StepRecord
-from signorini_fx.results.certificate.certificate import Certificate, balance_of, certify, judged
+from signorini_fx.results.certificate.certificate import Certificate, balance_of, judged
 from signorini_fx.results.certificate.contact_nodes import ContactSide
 from signorini_fx.results.certificate.equilibrium import Balance
-from signorini_fx.results.certificate.law_of_method import Law, PreviousStep, Tractions
+from signorini_fx.results.certificate.law_of_method import Law, PreviousStep, Tractions, overclosures_of
 
 if TYPE_CHECKING:
     from signorini_fx.results.accuracy.stress_recovery import StressRecovery
@@ -66,10 +66,15 @@ class SolidBody(Model, ABC):
         rigid: tuple[RigidBodyMotion, ...],
     ) -> Certificate:
         """The certificate of a result at a place; ``last``: the end of the last load step; for the other arguments see
-        ``results.certificate.certificate.certify``; collective.
+        ``results.certificate.certificate.judged``; collective.
         """
-        balance, drives = self.balance(displacement, step), [*zip(rigid, self.rigid.drives(), strict=True)]
+        balance, drives = self.balance(displacement, step), [*zip(rigid, self.drives(step), strict=bool(rigid))]
+        law = replace(law, overclosures=overclosures_of(self.statement))
         return judged(displacement, balance, self.sides(displacement), tractions, law=law, before=last, rigid=drives)
+
+    def drives(self, step: float) -> list[Drive]:
+        """What drives rigid bodies at a place."""
+        return self.rigid.drives()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,20 +83,8 @@ class StatedBody(SolidBody):
 
     no_bounds: ClassVar[str] = ""
 
-    def certified(
-        self,
-        displacement: fem.Function,
-        tractions: Tractions | None,
-        *,
-        law: Law,
-        step: float,
-        last: PreviousStep | None,
-        rigid: tuple[RigidBodyMotion, ...],
-    ) -> Certificate:
-        from signorini_fx.results.certificate.nodal_forces import NodalForces
-
-        about: Any = {"pairs": self.pairs, "like": NodalForces.on(self), "rigid": rigid}
-        return certify(self.statement, self.tagged, displacement, tractions, law=law, step=step, before=last, **about)
+    def drives(self, step: float) -> list[Drive]:
+        return self.statement.drives(self.tagged.dimension, step)
 
     def sides(self, y: fem.Function) -> list[ContactSide]:
         from signorini_fx.results.certificate.contact_sides import sides_of

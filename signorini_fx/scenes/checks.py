@@ -27,9 +27,8 @@ from signorini_fx.scenes.mesh import coarser_scenes, load_mesh, scene_on
 from signorini_fx.scenes.plan import planned
 from signorini_fx.scenes.scene import Scene
 from signorini_fx.solving.check.cost import Cost, attempts_for, estimated_cost, memory_finding
-from signorini_fx.solving.check.findings import nonlinear_findings, scene_findings
+from signorini_fx.solving.check.findings import nonlinear_findings, refuse_beforehand, scene_findings
 from signorini_fx.solving.check.petsc_options import refuse_mistyped
-from signorini_fx.solving.check.refusals import refuse_beforehand
 from signorini_fx.solving.check.uniqueness import uniqueness_findings
 from signorini_fx.tuned import NEWTON_SOLVES, NO_FORCE
 

@@ -12,7 +12,6 @@ import numpy as np
 import numpy.typing as npt
 from mpi4py import MPI
 
-from signorini_fx.machine import parallel
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.contact_points.contact_table import contact_table
 from signorini_fx.mechanics.mesh.files.size_field import SizeField
@@ -24,8 +23,7 @@ from signorini_fx.mechanics.statement.mesh_sources import MeshFile, MeshGenerato
 from signorini_fx.mechanics.statement.rigid_shape import turning
 from signorini_fx.mechanics.statement.settings import Accuracy
 from signorini_fx.records import History
-from signorini_fx.results.accuracy.error_estimates import Errors, estimate_errors
-from signorini_fx.results.accuracy.level_results import compliance_of
+from signorini_fx.results.accuracy.error_estimates import Errors, combined, estimate_errors
 from signorini_fx.results.certificate.law_of_method import overclosures_of
 from signorini_fx.results.restart_files import Checkpoint
 from signorini_fx.results.solution import Solution
@@ -109,8 +107,8 @@ def _solved(
         if result.contact is None or result.strain_energy is None:
             return
         table = contact_table(result.contact, *model.statement.sides)
-        displacement, compliance = model.function(outcome.displacement()), compliance_of(outcome, comm)
-        step_errors.append(estimate_errors(model, displacement, result.strain_energy, table, result.place, compliance))
+        displacement = model.function(outcome.displacement())
+        step_errors.append(estimate_errors(model, displacement, result.strain_energy, table, result.place))
 
     load, modulus = partial(load_mesh, scene, comm), max(map(plane_modulus, scene.material))
     solution, task, outcome = solve_mesh(
@@ -126,15 +124,14 @@ def _solved_nonlinear(
     checkpoint: MeshCheckpoint | None,
     step_errors: list[Errors],
 ) -> SolvedMesh:
-    """Solved anew, along the whole load path; the error is that of the stress after the last load step."""
+    """Solved anew, along the whole load path; the errors are those after the last load step."""
     from signorini_fx.mechanics.body.nonlinear_law import at_rest
     from signorini_fx.scenes.nonlinear import solve_nonlinear
 
     scene, comm = problem.source.model_copy(update={"solver": problem.settings}), problem.comm
     solution = solve_nonlinear(scene, comm, problem.history, checkpoint)
     if solution.converged and not isinstance(shares := solution.error_shares, str):
-        error = float(np.sqrt(parallel.global_sum(comm, shares.sum())))
-        step_errors.append(Errors(error, None, 0.0, 0.0, 1.0, 0.0, {"energy": shares}))
+        step_errors.append(combined(solution.model, solution.table, shares, 0.5))
     modulus = max(map(plane_modulus, at_rest(scene.statement).material))
     return SolvedMesh(solution, solution.model.tagged, None, modulus)
 

@@ -49,8 +49,7 @@ from signorini_fx.results.resultants import NamedForces
 from signorini_fx.results.solution import ConvergenceError, Solution, advice_on_nonlinear
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.scene import Scene
-from signorini_fx.solving.check.findings import nonlinear_findings
-from signorini_fx.solving.check.refusals import refuse_beforehand
+from signorini_fx.solving.check.findings import nonlinear_findings, refuse_beforehand
 from signorini_fx.solving.check.result_findings import untouched
 from signorini_fx.solving.checkpointed_steps import MeshCheckpoint
 
@@ -59,7 +58,7 @@ Array = npt.NDArray[np.float64]
 # What is compiled of the body.
 RESIDUAL_FORMS = ("residual", "tangent")
 # Settings that a nonlinear problem has not, with the values that change nothing.
-_LEFT_OUT = {"levels": 1, "initial_contact": "auto", "error_bound": False}
+_LEFT_OUT = {"initial_contact": "auto", "error_bound": False}
 
 
 def solve_nonlinear(
@@ -155,7 +154,7 @@ class ProblemOfScene(NonlinearContactProblem):
         u = fem.Function(space, name="displacement")
         body = body_residual(statement, tagged, u)
         held, bcs = _conditions(model)
-        settings = {key: value for key, value in statement.solver if _LEFT_OUT.get(key) != value}
+        settings = {key: value for key, value in statement.solver if key != "levels" and _LEFT_OUT.get(key) != value}
         try:
             problem = cls(
                 body.form,

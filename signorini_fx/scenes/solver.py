@@ -93,7 +93,7 @@ def _solved(
 ) -> Solution:
     """The solution, or the last iterate; arguments as for ``solve``."""
     stored = _checkpoint(scene, comm, history, checkpoint, restart=restart)
-    if scene.statement.nonlinear and scene.accuracy is None:
+    if scene.statement.nonlinear and scene.accuracy is None and scene.solver.levels == 1:
         from signorini_fx.scenes.nonlinear import solve_nonlinear
 
         return solve_nonlinear(scene, comm, history, _of_first_mesh(stored))

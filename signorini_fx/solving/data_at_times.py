@@ -53,7 +53,7 @@ def on_moved_foundations(
     earlier: Model, moved: Model, task: Task, start: Start, end: StepEnd | None
 ) -> tuple[Start, PreviousStep]:
     """A load step on foundations that have moved: where it starts, and the end of the last one as it begins from it;
-    supports hold the body, see ``check.refusals``; collective.
+    supports hold the body, see ``check.findings``; collective.
     """
     assert earlier.boundary is not None
     assert moved.boundary is not None

@@ -22,8 +22,7 @@ from signorini_fx.mechanics.rigid.mesh_levels import MeshLevel
 from signorini_fx.mechanics.statement.settings import SolverSettings
 from signorini_fx.records import ACCURACY, History, Status
 from signorini_fx.results.accuracy.error_estimates import Errors, worst_of
-from signorini_fx.results.accuracy.level_results import level_result
-from signorini_fx.results.accuracy.mesh_level import LevelResult
+from signorini_fx.results.accuracy.level_results import LevelResult, level_result
 from signorini_fx.results.accuracy.pressure_error import polygon_error
 from signorini_fx.results.restart_files import Checkpoint
 from signorini_fx.results.solution import Solution

@@ -22,9 +22,8 @@ from signorini_fx.mechanics.contact_points.contact_boundary import ContactBounda
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.rigid.mesh_levels import MeshLevel
 from signorini_fx.records import History
-from signorini_fx.results.accuracy.convergence_table import convergence_table, with_polygon
-from signorini_fx.results.accuracy.forecast import seconds_to_come
-from signorini_fx.results.accuracy.mesh_level import LevelResult
+from signorini_fx.results.accuracy.convergence_table import convergence_table, seconds_to_come, with_polygon
+from signorini_fx.results.accuracy.level_results import LevelResult
 from signorini_fx.results.solution import Solution
 from signorini_fx.solving.meshed_problem import MeshedProblem, Unsolved
 from signorini_fx.tuned import MIDDLE_RATIO
@@ -72,7 +71,8 @@ def solve_nested(
             )
             levels.clear()
         sides = solution.statement.sides
-        coarser = solution.model.level(coarser, solution.displacement)
+        if solved.task is not None:
+            coarser = solution.model.level(coarser, solution.displacement)
         if solution.converged:
             state, certified = solved.state, solution
             if number + 1 < count:

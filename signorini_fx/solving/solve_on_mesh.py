@@ -32,8 +32,7 @@ from signorini_fx.results.functionals import functionals
 from signorini_fx.results.mechanics import SolidBody, StatedBody, StepResult
 from signorini_fx.results.solution import Solution
 from signorini_fx.solving.check.cost import estimated_cost
-from signorini_fx.solving.check.findings import scene_findings
-from signorini_fx.solving.check.refusals import refuse_beforehand
+from signorini_fx.solving.check.findings import refuse_beforehand, scene_findings
 from signorini_fx.solving.check.result_findings import (
     facets_in_result,
     held_in_result,

@@ -29,7 +29,7 @@ from signorini_fx.results.accuracy.convergence_table import (
     predict,
     with_polygon,
 )
-from signorini_fx.results.accuracy.mesh_level import LevelResult
+from signorini_fx.results.accuracy.level_results import LevelResult
 from signorini_fx.results.accuracy.next_accuracy import LOCAL
 from signorini_fx.results.accuracy.peak_error import diverging_row
 from signorini_fx.results.deferred_quantities import failure_in_words
@@ -45,13 +45,11 @@ from signorini_fx.tuned import (
     MARGIN_OF_OTHERS,
     MEMORY_SHARE,
     MOST_MESHES,
+    POLYGON_ERRORS,
     REGULARISATION_SHARE,
     SMALLEST_JUMP,
     SMALLEST_REMADE_JUMP,
 )
-
-# The field with the polygon's error of a quantity.
-_POLYGON_COLUMN = {"energy": "energy", "pressure": "pressure"}
 
 
 def solve_to_accuracy(
@@ -109,7 +107,7 @@ def solve_to_accuracy(
         estimate = getattr(rows[-2], goal.of) if rows else _estimate_on_one(levels[0], goal)
         margin = MARGIN.get((goal.of, meshes.problem.degree), MARGIN_OF_OTHERS)
         error = inf if estimate is None else estimate * margin
-        enough = len(levels) >= FEWEST_MESHES[level.dimension].get(goal.of, 3)
+        enough = len(levels) >= FEWEST_MESHES.get(goal.of, 3)
         certified = goal.certified and (len(levels) == 1 or error + regularisation <= goal.target)
         if certified:  # where not even the estimate meets the target the bound does not; the first mesh may be refused
             solved, certain, without = _certified(solved, first=len(levels) == 1)
@@ -130,7 +128,7 @@ def solve_to_accuracy(
         allowed = goal.target * (1 - REGULARISATION_SHARE)
         if not enough or error > allowed:
             excess = error / (goal.target - min(regularisation, goal.target - allowed))
-            # That of the pressure is corrected by its change from mesh to mesh, which is extrapolated.
+            # Its ends at nodes make the error of the pressure fall unevenly: meshes hardly finer are not worth a solve.
             compared, rate = goal.of not in LOCAL or goal.of == "pressure", rates.get(goal.of) or _seen_rate(levels)
             touching = level.table.touching if goal.of == "peak" else FEW_NODES
             jump = meshes.jump(excess, rate, compared=compared, dimension=level.dimension, touching=touching)
@@ -212,8 +210,8 @@ def _out_of_reach(goal: Accuracy, levels: list[LevelResult], margin: float, size
             f"the largest pressure has no finite value: it grows with every refinement at ({at}); ask for the "
             f"pressure, a force or the energy, or round off the {'corner' if table.facets is None else 'edge'}"
         )
-    bare = replace(levels[-1], energy=0.0, pressure=0.0, loads=0.0)
-    polygon = getattr(with_polygon(bare, levels[-1].polygon), _POLYGON_COLUMN.get(goal.of, "loads")) * margin
+    share, power = POLYGON_ERRORS.get(goal.of, POLYGON_ERRORS["force"])
+    polygon = margin * share * levels[-1].polygon ** power
     if polygon > goal.target:
         return (
             f"the straight facets of the mesh on a curved contact boundary are worth an error of {polygon:.2g}, which "

@@ -10,10 +10,7 @@ from scipy.sparse.linalg import spsolve
 from two_bodies import facets, forms, held, per_cell
 
 from signorini_fx import MeshError, SceneError, Status, solve
-from signorini_fx.mechanics.contact_points.contact_table import ContactTable
 from signorini_fx.mechanics.mesh.tagged import generate_mesh
-from signorini_fx.results.accuracy.contact_surface import interpolated
-from signorini_fx.results.accuracy.convergence_table import zone_change
 from signorini_fx.scenes.reading import parse_scene
 
 WORLD = MPI.COMM_WORLD
@@ -208,25 +205,6 @@ def test_sides_that_change_between_levels():
     np.testing.assert_allclose(forces, forces[0], rtol=1e-6)
 
 
-def arc(count, first=0.0):
-    """A pressure around the lowest point of a circle of radius 8, from the angle ``first`` on, at so many nodes."""
-    angle = np.linspace(first, np.pi, count)
-    x, y = 8 * np.cos(angle), -8 * np.sin(angle)
-    steps = np.hypot(np.diff(x), np.diff(y))
-    pressure = np.sqrt(np.maximum(1 - (x / 2) ** 2, 0.0))
-    columns = {"x": x, "y": y, "s": np.append(0.0, np.cumsum(steps)), "pressure": pressure}
-    return ContactTable({**columns, "boundary": np.full(count, "arc"), "weight": np.ones(count)}, [range(count)])
-
-
-def test_pressures_are_compared_by_place():
-    """Where a piece begins elsewhere, and where a polygon is shorter than the next one, nothing moves."""
-    fine = arc(801)
-    for coarse in (arc(201), arc(201, first=0.3)):
-        away = interpolated(coarse, fine, "pressure") - fine.columns["pressure"]
-        assert np.sqrt(np.mean(away**2) / np.mean(fine.columns["pressure"] ** 2)) < 0.02
-        assert zone_change(coarse, fine) < 0.005
-
-
 def pressed_blocks(dimension, goal, friction=None, push=(0.0, 0.0)):
     """A block on a wider and softer one, both held sideways, where contact ends at edges: singular pressures."""
     generator, counts, sides = {
@@ -265,7 +243,6 @@ def test_a_force_where_contact_ends_at_edges(dimension, target, force):
     found = solve(pressed_blocks(dimension, {"target": target, "of": "force"}), MPI.COMM_SELF)
     assert found.status is Status.CONVERGED
     levels, rows = found.levels, found.convergence_table[:-1]
-    assert levels[-1].inside > 0.8 * levels[-2].inside or levels[-1].dofs < 2 * levels[-2].dofs
     for level, row in list(zip(levels, rows, strict=True))[2:]:
         true = abs(level.force[dimension - 1] / force - 1)
         assert true < 2 * row.force < 10 * true

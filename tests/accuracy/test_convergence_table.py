@@ -11,8 +11,6 @@ from scenes import alone, example1
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable
 from signorini_fx.mechanics.statement.settings import Accuracy
 from signorini_fx.results.accuracy import convergence_table as prices
-from signorini_fx.results.accuracy.force_error import force_error
-from signorini_fx.results.accuracy.forecast import seconds_to_come
 from signorini_fx.results.accuracy.pressure_error import interval_squares, pressure_square
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve
@@ -26,8 +24,8 @@ def table(s, pressure):
 
 
 def zone_ends(table):
-    """Arc lengths where the contact zones begin and end."""
-    return prices.zone_ends(table)[:, :, 0].ravel().tolist()
+    """Where the contact zones begin and end, from node to node."""
+    return np.array(table.zones(table.columns["pressure"] > 0))[:, :, 0].ravel()
 
 
 def pressure_error(table):
@@ -35,65 +33,29 @@ def pressure_error(table):
     return np.sqrt(sum(squares.sum() for squares in interval_squares(table)) / pressure_square(table))
 
 
-def test_zone_ends_of_a_square_root_profile():
-    """p = sqrt(x (5.5 - x)) near its ends is p^2 linear: the ends are found between the nodes."""
-    s = np.arange(10.0)
-    distance = np.minimum(s - 1.75, 6.25 - s)
-    assert zone_ends(table(s, np.sqrt(np.maximum(0.0, distance)))) == pytest.approx([1.75, 6.25])
+def level(force, energy):
+    """What a mesh says of a force."""
+    return SimpleNamespace(force=np.array([0.0, force]), energy=energy, loads=0.0)
 
 
-def test_zone_end_at_the_end_of_the_boundary():
-    """A zone that reaches the end of the boundary, or has a single node, ends at its node."""
-    assert zone_ends(table([0, 1, 2, 3], [1, 1, 0, 0]))[0] == 0.0
-    assert zone_ends(table([0, 1, 2, 3], [0, 1, 0, 0])) == [1.0, 1.0]
-    assert zone_ends(table([0, 1], [0, 0])) == []
+@pytest.mark.parametrize("meshes", [[0.4, 0.2], [0.4, 0.2, 0.1]])
+def test_error_of_a_force(meshes):
+    """That of 1 + h^2 is h^2, where that of the displacement is h."""
+    found = prices.force_error([level(1 + h**2, h) for h in meshes])
+    assert found == pytest.approx(meshes[-1] ** 2 / (1 + meshes[-1] ** 2))
 
 
-@pytest.mark.parametrize("paired", [False, True])
-def test_error_of_a_force(paired):
-    """That of 1 + h^2 is h^2; between two bodies the pressure is its lower limit, and its rate does not matter."""
-
-    def level(h, inside):
-        return SimpleNamespace(force=np.array([0.0, 1 + h**2]), energy=h, h=h, inside=inside, loads=0.0, paired=paired)
-
-    for meshes in ([0.4, 0.2], [0.4, 0.2, 0.1]):
-        found = force_error([level(h, 1e-3 if paired else h / 3) for h in meshes])
-        assert found == pytest.approx(meshes[-1] ** 2 / (1 + meshes[-1] ** 2))
-    found = force_error([level(h, 0.5) for h in (0.2, 0.1)])
-    assert found == pytest.approx(0.25) if paired else found > 0.1
-
-
-@pytest.mark.parametrize(
-    ("dimension", "degree", "change", "expected"),
-    [(3, 1, 1e-4, 0.12 * 0.1**2), (3, 2, 1e-4, None), (2, 1, 1e-4, None), (3, 1, 0.0, None)],
-)
-def test_error_of_a_force_on_meshes_that_are_divided_here_and_there(dimension, degree, change, expected):
-    """In 3D it is at least a share of the squared error of the displacement, where no statics determine it."""
-
-    def level(force, energy):
-        about = {"force": np.array([0.0, force]), "energy": energy, "inside": energy, "h": energy, "loads": 0.0}
-        return SimpleNamespace(**about, paired=False, dimension=dimension, degree=degree)
-
+@pytest.mark.parametrize(("change", "expected"), [(1e-4, 0.12 * 0.1**2), (0.0, 0.0)])
+def test_error_of_a_force_on_meshes_that_are_divided_here_and_there(change, expected):
+    """It is at least a share of the squared error of the displacement, where no statics determine it."""
     levels = [level(1 - change, 0.2), level(1.0, 0.1)]
-    by_changes = force_error(levels)
-    assert by_changes == pytest.approx(change / 3)
-    assert force_error(levels, uniform=False) == (pytest.approx(expected) if expected else by_changes)
+    assert prices.force_error(levels) == pytest.approx(change / 3)
+    assert prices.force_error(levels, uniform=False) == pytest.approx(expected)
 
 
 def test_error_of_a_force_that_a_coarse_mesh_does_not_have():
     """Where nothing touches on the mesh before, nothing is known to be left of its error: all of the force is new."""
-
-    def level(force, error):
-        return SimpleNamespace(
-            force=np.array([0.0, force]),
-            energy=error,
-            h=0.1,
-            inside=error,
-            loads=0.0,
-            paired=False,
-        )
-
-    assert force_error([level(0.0, 0.0), level(1.0, 0.1)]) > 0.5
+    assert prices.force_error([level(0.0, 0.0), level(1.0, 0.1)]) > 0.5
 
 
 @pytest.fixture(scope="module", params=[{"bound": 1.5}, {"coefficient": 0.3}], ids=["tresca", "coulomb"])
@@ -234,15 +196,6 @@ def test_prediction_tells_what_stays_from_what_grows():
     assert prices.predict([row_of(10_000, 1.0, 200), row_of(40_000, 0.8, 200)], 150.0).seconds > 1.2
 
 
-def test_what_a_change_says_of_the_error():
-    """An error that is halved with h changes by as much as is left of it; two changes are averaged."""
-    assert prices._error(1.0, [0.3], [1.0, 2.0]) == pytest.approx(0.3)
-    assert prices._error(2.0, [0.3], [1.0, 2.0]) == pytest.approx(0.1)
-    assert prices._error(1.0, [0.4, 0.2], [1.0, 2.0, 4.0]) == pytest.approx(0.2)
-    assert prices._error(1.0, [0.4, 0.2], [2.0, 4.0, 3.9]) == pytest.approx(0.4 * 4 / 3.9)  # the last one is no finer
-    assert prices._error(1.0, [0.2], [4.0, 4.0]) is None
-
-
 def test_regularisation_part(nested):
     """The error that gamma leaves, estimated on the path, is the distance to the unregularised solution."""
     level = nested[0].levels[-1]
@@ -255,27 +208,7 @@ def test_regularisation_part(nested):
 
 def test_equilibrium_leaves_no_error_of_the_force(nested):
     """The contact force balances the load on every mesh, and the list knows it."""
-    assert all(row.force < 1e-9 for row in nested[0].convergence_table[1:])
-
-
-@pytest.mark.parametrize("a", [0.1, 0.3, 0.45])
-def test_pressure_error_at_a_corner(a):
-    """Of r^-a, averaged as a finite element solution averages it, the estimate is within a factor of two."""
-    s = np.concatenate(([0.0], np.geomspace(1e-4, 1.0, 200)))
-    s[2:4] = [2e-4, 3e-4]  # equal intervals at the corner, as of a quadratic element
-    s = np.unique(s)
-    pressure = np.append(np.nan, s[1:] ** -a)
-    h = s[1]
-    pressure[0] = 2 * (1 / (1 - a) - 1 / (2 - a)) * h**-a  # the moment with a hat function over its length
-    weight = np.gradient(s)
-    estimated = pressure_error(ContactTable({"s": s, "pressure": pressure, "weight": weight}, [range(s.size)]))
-    # The integral of (r^-a - line)^2 over the first interval; elsewhere nothing is missing to speak of.
-    slope = pressure[1] - pressure[0]
-    square = h ** (1 - 2 * a) / (1 - 2 * a)
-    square -= 2 * h ** (1 - a) * (pressure[0] / (1 - a) + slope / (2 - a))
-    square += h * (pressure[0] ** 2 + pressure[0] * slope + slope**2 / 3)
-    true = np.sqrt(square / np.dot(weight, pressure**2))
-    assert 0.5 < estimated / true < 2.0
+    assert all(row.force < 1e-9 for row in nested[0].convergence_table[2:])
 
 
 def test_seconds_of_the_meshes_to_come():
@@ -283,10 +216,10 @@ def test_seconds_of_the_meshes_to_come():
     solved = [(dofs, 0.1 + 1e-6 * dofs**1.2) for dofs in (10_000, 40_000)]
     wanted = [0.1 + 1e-6 * dofs**1.2 for dofs in (160_000, 640_000)]
     never = float("inf")
-    assert seconds_to_come(solved, 2, 2, never) == pytest.approx(sum(wanted))
-    assert seconds_to_come([(10_000, 1.0)], 1, 2, never) == pytest.approx(4**1.2)
-    assert seconds_to_come([(10_000, 1.0)], 2, 3, 300_000) == pytest.approx(8**1.6 + 64)
-    assert seconds_to_come(solved, 0, 2, never) == 0.0
+    assert prices.seconds_to_come(solved, 2, 2, never) == pytest.approx(sum(wanted))
+    assert prices.seconds_to_come([(10_000, 1.0)], 1, 2, never) == pytest.approx(4**1.2)
+    assert prices.seconds_to_come([(10_000, 1.0)], 2, 3, 300_000) == pytest.approx(8**1.6 + 64)
+    assert prices.seconds_to_come(solved, 0, 2, never) == 0.0
 
 
 @pytest.mark.parametrize(("zone", "force"), [(0.7, 1.2), (0.6, 3.4523), (0.7, 3.4523), (0.5, 2.4)])

@@ -26,9 +26,8 @@ from signorini_fx.mechanics.mesh.tagged import TaggedMesh, generate_mesh
 from signorini_fx.mechanics.statement.settings import Accuracy
 from signorini_fx.records import History, Status
 from signorini_fx.results.accuracy.contact_surface import ContactSurface
-from signorini_fx.results.accuracy.convergence_table import border_of, fineness_of, predict, zone_change
+from signorini_fx.results.accuracy.convergence_table import border_of, fineness_of, predict
 from signorini_fx.results.accuracy.pressure_error import interval_squares, polygon_error
-from signorini_fx.results.accuracy.surface_pressure import piece_squares
 from signorini_fx.scenes.mesh_sequence import meshed_scene, solve_scenes
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve
@@ -51,7 +50,7 @@ def test_a_pressure_along_one_direction_is_that_of_a_curve(cells):
     curve = ContactTable({"s": x + 1, "pressure": along, "weight": weight}, [range(x.size)])
     (expected,) = interval_squares(curve)
     surface = ContactSurface.of(table)
-    squares = piece_squares(surface, (1 - table.columns["x"] ** 2) ** 3)
+    squares = surface.squares((1 - table.columns["x"] ** 2) ** 3)
     middle = np.abs(surface.x[surface.corners].mean(axis=1)[:, 1] - 0.25) < 0.15  # not at the rim
     assert squares.sum() == pytest.approx(0.5 * expected.sum(), rel=1e-9)
     assert squares[middle].sum() == pytest.approx(0.3 * expected.sum(), rel=1e-9)
@@ -72,46 +71,14 @@ def test_a_linear_pressure_has_no_kink_on_a_distorted_surface(cells):
 
 
 def test_a_pressure_that_is_convex_at_the_rim():
-    """The pieces there have the share of a corner, of which nothing is left without them; else no more than others."""
+    """The pieces there have the share of a corner; else no more than others."""
     table = grid(np.arange(6.0), np.arange(6.0), "squares")
     surface, x = ContactSurface.of(table), table.columns["x"]
     first = np.isclose(surface.x[surface.corners].mean(axis=1)[:, 0], 0.5)
     inner = first & (np.abs(surface.x[surface.corners].mean(axis=1)[:, 1] - 2.5) < 1)
-    convex, concave = (piece_squares(surface, 10 + sign * (5 - x) ** 2) for sign in (1.0, -0.1))
+    convex, concave = (surface.squares(10 + sign * (5 - x) ** 2) for sign in (1.0, -0.1))
     np.testing.assert_allclose(convex[inner], CORNER_SHARE * 2.0**2)
     np.testing.assert_allclose(concave[inner], KINK_SHARE / 2 * 0.2**2)
-    without = piece_squares(surface, 10 + (5 - x) ** 2, corners=False)
-    assert not without[inner].any()
-    np.testing.assert_allclose(without[convex < 1], convex[convex < 1])
-    np.testing.assert_allclose(piece_squares(surface, 10 - 0.1 * (5 - x) ** 2, corners=False), concave)
-
-
-@pytest.mark.parametrize("a", [0.2, 0.4])
-def test_a_pressure_that_is_singular_at_the_rim(a):
-    """Of r^-a, averaged as a finite element solution averages it, the estimate is within a factor of two."""
-    n = 16
-    table = grid(np.arange(n + 1.0), np.arange(7.0), "squares")
-    surface, x = ContactSurface.of(table), table.columns["x"]
-    # The best piecewise linear function with mass lumping at the first node.
-    power = np.where(x > 0, np.maximum(x, 1.0) ** -a, 2 / ((1 - a) * (2 - a)))
-    squares = piece_squares(surface, power)
-    start, h = 2 / ((1 - a) * (2 - a)), np.linspace(0, 1, 200_001)[1:]
-    true = 1 / (1 - 2 * a) - 2 * np.mean(h**-a * (start + (1 - start) * h)) + np.mean((start + (1 - start) * h) ** 2)
-    row = np.abs(surface.x[surface.corners].mean(axis=1) - (0.5, 2.5, 0.0)).max(axis=1) < 0.1
-    assert 0.5 < np.sqrt(squares[row].sum() / true) < 2
-
-
-@CELLS
-def test_values_between_the_nodes(cells):
-    """Linear functions exactly, also above the surface; beside it a place on the rim counts."""
-    table = grid(np.linspace(0.0, 2.0, 7), np.linspace(0.0, 1.0, 4), cells)
-    surface, c = ContactSurface.of(table), table.columns
-    points = np.column_stack((*np.random.default_rng(1).uniform(0, 1, (2, 50)), np.full(50, 0.1)))
-    values = np.column_stack((c["x"], 3 * c["y"]))
-    np.testing.assert_allclose(surface.at(points, values, 0), points[:, :2] * (1, 3), atol=1e-12)
-    ((x, y),) = surface.at(np.array([[2.1, 0.5, 0.0]]), values, 0)
-    assert x == pytest.approx(2.0)
-    assert y == pytest.approx(1.5, abs=0.2)
 
 
 def test_a_facet_of_degree_2_is_four_pieces():
@@ -250,13 +217,12 @@ def test_rows_of_the_convergence_table():
 
 
 def test_the_contact_area():
-    """Its change, relative to that of the finer mesh; and the half of the pieces that it ends in."""
+    """The half of the pieces that it ends in."""
     tables = []
     for pressed in (4, 8):
         table = grid(np.arange(4.0), np.arange(4.0), "squares")
         table.columns["pressure"][:pressed] = 1.0
         tables.append(table)
-    assert zone_change(*tables) == 0.5
     # A row of three squares of nine, with four nodes or eight in contact.
     assert [border_of(table) for table in tables] == pytest.approx([3 / 2 / 4, 3 / 2 / 8])
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from certifying import certify
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from scenes import alone
@@ -11,7 +12,6 @@ from signorini_fx.mechanics.kinematics import AXISYMMETRIC
 from signorini_fx.mechanics.mesh.tagged import tag_boundaries
 from signorini_fx.records import Status
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery
-from signorini_fx.results.certificate.certificate import certify
 from signorini_fx.results.certificate.law_of_method import Tractions
 from signorini_fx.scenes.checks import check_scene
 from signorini_fx.scenes.reading import parse_scene

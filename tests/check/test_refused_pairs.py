@@ -36,7 +36,11 @@ WITH = {
     "nested iteration": {"solver": {"levels": 2}},
     "requested accuracy": {"accuracy": {"target": 0.3}},
     "accuracy of the energy": {"accuracy": {"target": 0.3, "of": "energy"}},
-    "accuracy of something else": {"accuracy": {"target": 0.3, "of": "pressure"}},
+    "accuracy of the zone or the peak": {"accuracy": {"target": 0.3, "of": "peak"}},
+    "accuracy of contact on cells that lock": {
+        "accuracy": {"target": 0.3, "of": "pressure"},
+        "material": {"poisson": 0.49},
+    },
     "local refinement": TRIANGLES | {"accuracy": {"target": 0.3, "refinement": "adaptive"}},
     "local refinement for contact": TRIANGLES
     | {"accuracy": {"target": 0.3, "refinement": "adaptive", "of": "pressure"}},

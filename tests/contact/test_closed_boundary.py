@@ -5,8 +5,7 @@ import pytest
 from scenes import alone, table_of
 
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable, is_closed
-from signorini_fx.results.accuracy.contact_surface import interpolated
-from signorini_fx.results.accuracy.convergence_table import zone_ends
+from signorini_fx.results.accuracy.convergence_table import ends_of_zones
 from signorini_fx.results.accuracy.pressure_error import on_facets
 from signorini_fx.scenes.reading import parse_scene
 
@@ -52,10 +51,6 @@ def test_every_facet_has_its_intervals(degree):
     assert table.arc(path)[-1] == pytest.approx(sum(expected))
 
 
-def test_between_the_last_node_and_the_first():
-    """A finer mesh sees the coarse values there too; all of it in contact is one zone without ends."""
-    coarse, fine = ring_table(12, np.cos), ring_table(24, np.cos)
-    values = interpolated(coarse, fine, "pressure")
-    p = coarse.columns["pressure"]
-    assert values[-1] == pytest.approx((p[-1] + p[0]) / 2)  # as far from the last coarse node as from the first
-    assert not zone_ends(ring_table(12, np.ones_like)).size
+def test_all_of_it_in_contact():
+    """It is one zone without ends."""
+    assert ends_of_zones(ring_table(12, np.ones_like)) is None

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import ufl
 from boxes import Box, boxes_mesh
+from certifying import certify
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
@@ -17,7 +18,6 @@ from scipy.optimize import lsq_linear
 
 from signorini_fx import solve
 from signorini_fx.records import Status
-from signorini_fx.results.certificate.certificate import certify
 from signorini_fx.results.certificate.law_of_method import Tractions
 from signorini_fx.scenes.reading import parse_scene
 

@@ -5,13 +5,13 @@ import dataclasses
 import numpy as np
 import pytest
 from boxes import Box, boxes_mesh
+from certifying import certify
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
 from signorini_fx import ConvergenceError, SceneError, solve
 from signorini_fx.mechanics.mesh.tagged import tag_boundaries
 from signorini_fx.records import Status
-from signorini_fx.results.certificate.certificate import certify
 from signorini_fx.results.certificate.law_of_method import Tractions
 from signorini_fx.scenes.reading import parse_scene
 

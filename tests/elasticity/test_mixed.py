@@ -5,6 +5,7 @@ from functools import partial
 import numpy as np
 import pytest
 import ufl
+from certifying import certify
 from dolfinx import fem
 from mpi4py import MPI
 from scenes import alone, rectangle
@@ -16,7 +17,6 @@ from signorini_fx.errors import SceneError
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.elasticity.mixed_pressure import MixedDisplacement
 from signorini_fx.mechanics.mesh.tagged import tag_boundaries
-from signorini_fx.results.certificate.certificate import certify
 from signorini_fx.results.certificate.law_of_method import Tractions
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.scene import Discretised

@@ -5,6 +5,7 @@ import pytest
 import ufl
 from dolfinx import fem, mesh
 from mpi4py import MPI
+from reference import interpolated
 
 from signorini_fx import Foundation, NonlinearContactProblem
 from signorini_fx.forms.nonlinear.stress_error import stress_error, stress_of
@@ -87,6 +88,14 @@ def test_against_a_fine_mesh(cells, degree):
     error = np.sqrt(coarse.solution.error_shares.sum())
     assert 0.5 < error / np.sqrt(squares[0] / squares[1]) < 2.0
     assert str(coarse.cost).startswith(f"{100 * error:.2g} % error of the stress took")
+    errors, force = coarse.errors, [sum(problem.solution.contact.forces) for problem in (coarse, fine)]
+    assert errors.energy == pytest.approx(error)
+    assert errors.force == pytest.approx(error**2)
+    columns = fine.table().columns
+    away = interpolated(coarse.table(), fine.table(), "pressure") - columns["pressure"]
+    true = np.sqrt(np.dot(columns["weight"], away**2) / np.dot(columns["weight"], columns["pressure"] ** 2))
+    assert 1 / 3 < errors.pressure / true < 3
+    assert np.linalg.norm(force[0] - force[1]) < 3 * errors.force * np.linalg.norm(force[1])
 
 
 def test_an_earlier_solve():

@@ -5,6 +5,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from certifying import certify
 from dolfinx.mesh import meshtags
 from mpi4py import MPI
 from scenes import alone, example1, table_of
@@ -21,7 +22,6 @@ from signorini_fx.mechanics.mesh.refinement import refine
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.records import Status
 from signorini_fx.results import last_digits
-from signorini_fx.results.certificate.certificate import certify
 from signorini_fx.results.certificate.law_of_method import Law, PreviousStep, Tractions
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import parse_scene

@@ -5,10 +5,10 @@ from functools import cache
 
 import numpy as np
 import pytest
+from certifying import certify
 from scenes import alone
 
 from signorini_fx import Status
-from signorini_fx.results.certificate.certificate import certify
 from signorini_fx.results.certificate.law_of_method import Tractions
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.tuned import CERTIFICATE_TOLERANCE

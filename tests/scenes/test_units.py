@@ -9,13 +9,13 @@ from itertools import product
 
 import numpy as np
 import pytest
+from certifying import certify
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from scenes import alone
 from spaces import CELLS
 
 from signorini_fx.mechanics.mesh.tagged import tag_boundaries
-from signorini_fx.results.certificate.certificate import certify
 from signorini_fx.results.certificate.law_of_method import Tractions
 from signorini_fx.scenes.reading import parse_scene
 

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -40,6 +40,9 @@ from signorini_fx.results.mechanics import StepResult
 from signorini_fx.results.solution import ConvergenceError, Solution
 from signorini_fx.solving.loose_bodies import loose_in
 from signorini_fx.tuned import SMALLEST_STEP
+
+if TYPE_CHECKING:
+    from signorini_fx.results.accuracy.error_estimates import Errors
 
 # Iterations of Newton's method, unless it is said otherwise.
 MOST_ITERATIONS = 30
@@ -184,6 +187,24 @@ class NonlinearContactProblem(ProblemOfForms):
     def cost(self) -> CostOfAccuracy | str:
         """Error of the last solution, and what a smaller one would take, see ``Solution``; collective."""
         return self.solution.cost
+
+    @property
+    def errors(self) -> Errors:
+        """Estimated errors of the last solution: of the stress, the contact pressure and the contact force, relative;
+        collective.
+
+        Raises:
+            RuntimeError: there is no solution so far, or no stress in it.
+            FormError: there is no contact.
+        """
+        from signorini_fx.results.accuracy.error_estimates import combined
+
+        if not self.contact:
+            raise FormError([("contact", "there is none, and no error of its pressure")])
+        solution = self.solution
+        if isinstance(shares := solution.error_shares, str):
+            raise RuntimeError(shares)
+        return combined(solution.model, solution.table, shares, 0.5)
 
     @property
     def _parts(self) -> Sequence[npt.NDArray[np.int32]]:

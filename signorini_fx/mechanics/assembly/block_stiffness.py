@@ -10,7 +10,6 @@ import mpi4py.MPI as MPI  # first, see signorini_fx.mechanics.body
 import numpy as np
 import numpy.typing as npt
 from dolfinx import fem, jit, la
-from dolfinx.fem import petsc as fem_petsc
 from petsc4py import PETSc
 
 from signorini_fx.algebra.linalg import kernels
@@ -68,20 +67,6 @@ def block_stiffness(
     largest = parallel.largest(comm, rows.diagonal) or 1.0
     rows.set_diagonal(np.flatnonzero(fixed), largest)
     return block_matrix(rows, comm)
-
-
-def scalar_matrix(form: fem.Form, stiffness: PETSc.Mat) -> PETSc.Mat:
-    """The sparse matrix of a scalar form on the nodes of a stiffness by blocks, whose pattern it has; collective.
-
-    To find the pattern anew takes more memory than the matrix.
-    """
-    rows = stiffness.getPythonContext().rows
-    owned, comm = rows.starts.size - 1, stiffness.comm
-    csr = rows.starts.astype(PETSc.IntType), rows.names[rows.columns].astype(PETSc.IntType), np.zeros(rows.columns.size)
-    matrix = PETSc.Mat().createAIJ(((owned, None), (owned, None)), csr=csr, comm=comm)
-    matrix.setLGMap(PETSc.LGMap().create(rows.names.astype(PETSc.IntType), comm=comm))
-    fem_petsc.assemble_matrix(matrix, form)  # type: ignore[arg-type]
-    return matrix
 
 
 def _leave_out(

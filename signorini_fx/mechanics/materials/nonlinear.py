@@ -53,8 +53,9 @@ class NonlinearMaterial(Material):
             "axisymmetric, torsion": "a nonlinear material with torsion is not possible yet",
             "mixed element": "a pressure as an unknown is not possible yet with a nonlinear material: take 'reduced' "
             "or 'auto'",
-            "nested iteration": "several meshes are not possible yet with a nonlinear material",
-            "accuracy of something else": "of a nonlinear body the error of the stress is known alone: 'energy'",
+            "accuracy of the zone or the peak": "of a nonlinear body the error of the stress, of the pressure and of "
+            "the force is known: take 'energy', 'pressure' or 'force'",
+            "accuracy of contact on cells that lock": "is not known where cells lock: take element.volumetric = 'auto'",
             "statement of an error bound": "a nonlinear body has no guaranteed bound",
             "soft contact": "soft contact is for linear materials: leave 'overclosure' out",
             "fluid": "changes as the body moves, which is not possible yet with a nonlinear material",

@@ -30,19 +30,22 @@ REFUSED_BY_SETTINGS: Mapping[str, Mapping[str, str]] = {
 def features(statement: Any) -> Iterator[tuple[str, Keys]]:
     """Each with the key that asks for it."""
     solver, accuracy, treatment = statement.solver, statement.accuracy, treatment_of(statement)
+    of = None if accuracy is None else accuracy.of
+    locking = treatment.reduced is False and any(material.locks for material in statement.material)
     for name, path, used in (
         (statement.kinematics.words, ("material",), True),
         (treatment.words, ("element", "volumetric"), bool(treatment.words)),
         ("krylov", ("solver", "linear_algebra"), solver.linear_algebra == "krylov"),
         ("nested iteration", ("solver", "levels"), solver.levels > 1),
         ("requested accuracy", ("accuracy",), accuracy is not None),
-        ("accuracy of the energy", ("accuracy", "of"), accuracy is not None and accuracy.of == "energy"),
-        ("accuracy of something else", ("accuracy", "of"), accuracy is not None and accuracy.of != "energy"),
+        ("accuracy of the energy", ("accuracy", "of"), of == "energy"),
+        ("accuracy of the zone or the peak", ("accuracy", "of"), of in ("zone", "peak")),
+        ("accuracy of contact on cells that lock", ("accuracy", "of"), of not in (None, "energy") and locking),
         ("local refinement", ("accuracy", "refinement"), _divides_cells(statement)),
         (
             "local refinement for contact",
             ("accuracy", "refinement"),
-            _divides_cells(statement) and accuracy.of != "energy",
+            _divides_cells(statement) and of != "energy",
         ),
         ("statement of an error bound", ("solver", "error_bound"), solver.error_bound),
         ("statement of an error bound", ("accuracy", "certified"), accuracy is not None and accuracy.certified),

@@ -11,11 +11,11 @@ from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial import cKDTree
 
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable
+from signorini_fx.tuned import CORNER_SHARE, KINK_SHARE
 
 Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
@@ -29,8 +29,6 @@ _PIECES = {
     6: [[0, 5, 4], [5, 1, 3], [4, 3, 2], [3, 4, 5]],
     9: [[0, 4, 8, 5], [4, 1, 6, 8], [5, 8, 7, 2], [8, 6, 3, 7]],
 }
-# Pieces near a point that are looked at for the one that it is in.
-_NEAR = 8
 
 
 @dataclass(frozen=True)
@@ -40,7 +38,6 @@ class ContactSurface:
     Attributes:
         x: position of the nodes, length, shape (rows, 3).
         corners: the rows of the contact table at the corners of each piece, around it, shape (pieces, k).
-        part: position in ``statement.contact`` of the boundary that each piece is of, shape (pieces,).
         per_facet: how many pieces a facet has; those of one facet follow each other.
         facets: which facets of the table have pieces: between two bodies those whose nodes all carry a point.
         count: of all facets of the table.
@@ -48,7 +45,6 @@ class ContactSurface:
 
     x: Floats
     corners: Ints
-    part: Ints
     per_facet: int
     facets: Ints
     count: int
@@ -57,7 +53,6 @@ class ContactSurface:
     def of(cls, table: ContactTable) -> ContactSurface:
         """The contact surface of a table in 3D."""
         assert table.facets is not None
-        assert table.nodes is not None
         facets = table.facets
         vertices = {6: 3, 9: 4}.get(facets.shape[1], facets.shape[1])
         if (facets[:, vertices:] < 0).all():  # no contact nodes but the vertices
@@ -66,7 +61,7 @@ class ContactSurface:
         pieces = np.array(_PIECES[facets.shape[1]])
         corners = facets[complete][:, pieces].reshape(-1, pieces.shape[1])
         x = np.column_stack([table.columns[axis] for axis in "xyz"])
-        return cls(x, corners, table.nodes[corners[:, 0], 0], len(pieces), complete, len(facets))
+        return cls(x, corners, len(pieces), complete, len(facets))
 
     @cached_property
     def _normal_area(self) -> Floats:
@@ -148,39 +143,22 @@ class ContactSurface:
         sine = np.linalg.norm(np.cross(self.normal[:, None, :], neighbour_normal), axis=2)
         return np.where(self.rim, 0.0, np.arctan2(sine, cosine))
 
-    def at(self, points: Floats, values: Floats, part: int) -> Floats:
-        """Values between the nodes of a boundary; beside the surface those at a place on its rim that is near;
-        ``points``: shape (n, 3); ``values``: at the nodes, shape (rows, m); ``part``: position of the boundary in
-        ``statement.contact``; shape (n, m).
+    def squares(self, pressure: Floats) -> Floats:
+        """Estimated squared error of the pressure on each piece, stress^2 times area, shape (pieces,).
 
-        Returns:
-            Shape (n, m).
+        It is that along a curve, see ``pressure_error``, side by side: a pressure that changes along one direction only
+        has the same error here as there.
         """
-        pieces = np.flatnonzero(self.part == part)
-        count = min(_NEAR, pieces.size)
-        centres = self.x[self.corners[pieces]].mean(axis=1)
-        near = pieces[cKDTree(centres).query(points, count)[1].reshape(-1, count)]
-        weights = self._weights(near, points)
-        # The piece that holds the point is that whose nearest point is nearest.
-        nearest = np.einsum("nck,nckd->ncd", weights, self.x[self.corners[near]])
-        best = np.linalg.norm(nearest - points[:, None, :], axis=2).argmin(axis=1)
-        rows = np.arange(len(points))
-        return np.einsum("nk,nkm->nm", weights[rows, best], values[self.corners[near[rows, best]]])
-
-    def _weights(self, pieces: Ints, points: Floats) -> Floats:
-        """Weights of the corners at the place in each piece, shape (n, c), that is near a point, shape (n, c, k)."""
-        x = self.x[self.corners[pieces]]
-        if x.shape[2] == 3:
-            a, b = x[:, :, 1] - x[:, :, 0], x[:, :, 2] - x[:, :, 0]
-            s, t = _affine(a, b, points[:, None, :] - x[:, :, 0])
-            weights = np.maximum(np.stack((1 - s - t, s, t), axis=2), 0.0)
-            return np.asarray(weights / weights.sum(axis=2, keepdims=True))
-        a = (x[:, :, 1] + x[:, :, 2] - x[:, :, 0] - x[:, :, 3]) / 2
-        b = (x[:, :, 2] + x[:, :, 3] - x[:, :, 0] - x[:, :, 1]) / 2
-        s, t = (
-            np.clip(coordinate + 0.5, 0.0, 1.0) for coordinate in _affine(a, b, points[:, None, :] - x.mean(axis=2))
-        )
-        return np.stack(((1 - s) * (1 - t), s * (1 - t), s * t, (1 - s) * t), axis=2)
+        jumps = self.jumps(pressure)
+        kinks = self.sides * self.heights**3 * jumps**2
+        squares = KINK_SHARE / 2 * kinks.sum(axis=1)
+        on_rim = (self.rim_nodes & (pressure != 0))[self.corners]
+        # A pressure that is convex towards the rim may be singular there; at a plane of symmetry it is concave.
+        pressed = (pressure != 0)[self.corners].all(axis=1)  # the end of a contact zone is another matter
+        both_pressed = pressed[:, None] & pressed[np.maximum(self.across, 0) // self.corners.shape[1]]
+        inside = both_pressed & ~(on_rim | np.roll(on_rim, -1, axis=1)) & (jumps < 0)
+        convex = np.where(inside, kinks, 0.0).sum(axis=1) * on_rim.any(axis=1)
+        return np.maximum(squares, CORNER_SHARE * convex)
 
     def of_rank(self, boundary: ContactBoundary, values: Floats) -> Floats:
         """Sums of what the pieces have for each facet of this rank, as in ``boundary.segments``; ``values``: of each
@@ -192,55 +170,6 @@ class ContactSurface:
         return np.asarray(facets[first : first + len(boundary.segments)])
 
 
-def _affine(a: Floats, b: Floats, d: Floats) -> tuple[Floats, Floats]:
-    """S and t with s a + t b nearest to d, shapes (n, c, 3) -> (n, c)."""
-    aa, ab, bb = (np.einsum("nck,nck->nc", first, second) for first, second in ((a, a), (a, b), (b, b)))
-    ad, bd = (np.einsum("nck,nck->nc", first, d) for first in (a, b))
-    determinant = aa * bb - ab**2
-    return (bb * ad - ab * bd) / determinant, (aa * bd - ab * ad) / determinant
-
-
 def places(table: ContactTable) -> npt.NDArray[np.float64]:
     """The positions of the nodes in 2D, length, shape (rows, 2)."""
     return np.column_stack((table.columns["x"], table.columns["y"]))
-
-
-def interpolated(coarse: ContactTable, fine: ContactTable, name: str) -> npt.NDArray[np.float64]:
-    """A column of the coarse table at the nodes of the fine one, interpolated on the facet that is nearest there.
-
-    Arc lengths would not do: that of a curve grows with the facets, and between two bodies pieces begin elsewhere.
-    """
-    if fine.facets is not None:
-        return _interpolated_in_space(coarse, fine, name)
-    x, old, column = places(fine), places(coarse), coarse.columns[name]
-    previous_node, next_node = np.arange(len(old)), np.arange(len(old))
-    for path in coarse.paths:
-        next_node[path[:-1]], previous_node[path[1:]] = path[1:], path[:-1]
-    values, nearest = np.zeros(len(x)), np.full(len(x), np.inf)
-    of_fine, of_coarse = fine.columns["boundary"], coarse.columns["boundary"]
-    for boundary in np.unique(of_fine):
-        fine_rows, coarse_rows = np.flatnonzero(of_fine == boundary), np.flatnonzero(of_coarse == boundary)
-        if not coarse_rows.size:
-            continue
-        node = coarse_rows[cKDTree(old[coarse_rows]).query(x[fine_rows])[1]]
-        for neighbour in (previous_node[node], next_node[node]):
-            side, away = old[neighbour] - old[node], x[fine_rows] - old[node]
-            square = (side**2).sum(axis=1)
-            share = np.divide((side * away).sum(axis=1), square, out=np.zeros(fine_rows.size), where=square > 0)
-            share = np.clip(share, 0.0, 1.0)
-            distance = np.linalg.norm(share[:, None] * side - away, axis=1)
-            candidate = column[node] + share * (column[neighbour] - column[node])
-            values[fine_rows] = np.where(distance < nearest[fine_rows], candidate, values[fine_rows])
-            nearest[fine_rows] = np.minimum(distance, nearest[fine_rows])
-    return values
-
-
-def _interpolated_in_space(coarse: ContactTable, fine: ContactTable, name: str) -> npt.NDArray[np.float64]:
-    surface, c = ContactSurface.of(coarse), fine.columns
-    x = np.column_stack([c[axis] for axis in "xyz"])
-    values = np.zeros(len(x))
-    assert fine.nodes is not None
-    for part in np.unique(surface.part):
-        on_part = fine.nodes[:, 0] == part
-        values[on_part] = surface.at(x[on_part], coarse.columns[name][:, None], int(part))[:, 0]
-    return values

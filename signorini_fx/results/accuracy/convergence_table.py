@@ -2,38 +2,37 @@
 next.
 
 It needs no solves beyond those of the nested iteration.  The error of the displacement in the energy norm is estimated
-on every mesh by stress recovery, that of the contact pressure by its kinks at the nodes; errors of contact force, zone
-ends and largest pressure by the changes from the previous meshes, extrapolated; the regularisation error by the
-dependence on gamma; that of the iteration by its last residual or change.
+on every mesh by stress recovery, that of the contact pressure by its kinks at the nodes, that of the ends of its zones
+by the intervals in which they are; errors of contact force and largest pressure by the changes from the previous
+meshes, extrapolated; the regularisation error by the dependence on gamma; that of the iteration by its last residual or
+change.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from signorini_fx.mechanics.contact_points.contact_table import ContactTable, is_closed
-from signorini_fx.results.accuracy.contact_surface import ContactSurface, interpolated, places
-from signorini_fx.results.accuracy.force_error import force_error
-from signorini_fx.results.accuracy.forecast import grown, powers
-from signorini_fx.results.accuracy.mesh_level import LevelResult, MeshCost
+from signorini_fx.mechanics.contact_points.contact_table import ContactTable
+from signorini_fx.results.accuracy.contact_surface import ContactSurface
+from signorini_fx.results.accuracy.level_results import LevelResult, MeshCost
 from signorini_fx.results.accuracy.peak_error import peak_error
 from signorini_fx.tuned import (
     CHANGES_USED,
     ENERGY_RATES,
     EXPECTED_RATES,
     FEW_NODES,
+    FORCE_OF_ENERGY,
     LEAST_GROWING_TIME,
-    POLLUTION,
+    MEMORY_POWER,
     POLLUTION_OF_PEAK,
     POLYGON_ERRORS,
-    POLYGON_PEAK,
-    SMOOTH_RATE,
+    SLOWEST_DECREASE,
+    TIME_POWER,
+    ZERO_IN_SOLUTION,
 )
 
 
@@ -98,34 +97,21 @@ def convergence_table(
         base_memory: memory before the first mesh, MB.
         rates: how the errors are expected to decrease with h.
         uniform: whether each mesh is finer than the previous one everywhere, and by about the same factor.  Otherwise
-            the change from mesh to mesh is no error: where nothing was divided nothing changes.  Then the ends of the
-            zones are told to one interval.
+            the change from mesh to mesh is no error: where nothing was divided nothing changes.
     """
-    changes = [_changes(coarse, fine) for coarse, fine in pairwise(levels)]
     rows = []
     for index, level in enumerate(levels):
-        errors: dict[str, float | None] = dict.fromkeys(EXPECTED_RATES)
+        so_far = levels[: index + 1]
+        errors: dict[str, float | None] = {"pressure": level.pressure, "force": None, "peak": None}
         if index > 0:
-            fineness = [fineness_of(level.dofs, level.dimension) for level in levels[: index + 1]]
-            errors = {
-                name: _error(rates[name], [c[name] for c in changes[:index]], fineness) for name in ("pressure", "zone")
-            }
-            # In 3D and between two bodies a single change was seen to mislead.
-            enough = index > 1 or not (level.dimension == 3 or level.paired)
-            errors["force"] = force_error(levels[: index + 1], uniform=uniform) if enough else None
-            errors["peak"] = error = peak_error([level.table for level in levels[: index + 1]])
+            # A single change was seen to mislead.
+            errors["force"] = force_error(so_far, uniform=uniform) if index > 1 else None
+            errors["peak"] = error = peak_error([level.table for level in so_far])
             if error is not None:
                 # Changes of meshes that are divided here and there do not show the error elsewhere.
                 elsewhere = 0.0 if uniform else min(error, POLLUTION_OF_PEAK * level.energy**2)
-                errors["peak"] = error + elsewhere + level.loads + POLYGON_PEAK * level.polygon
-        if level.dimension == 3:
-            errors["zone"] = border_of(level.table)
-        elif not uniform:
-            errors["zone"] = max(errors["zone"] or 0.0, ends_of_zones(level.table) or 0.0) or None
-        errors["pressure"] = level.pressure
-        change = changes[index - 1]["pressure"] if index > 0 else None
-        if change is not None and level.pressure is not None:
-            errors["pressure"] = _confirmed(levels[index - 1], level, change, uniform=uniform)
+                errors["peak"] = error + elsewhere + level.loads + POLYGON_ERRORS["peak"][0] * level.polygon
+        errors["zone"] = border_of(level.table) if level.dimension == 3 else ends_of_zones(level.table)
         level_fields = (*(field.name for field in fields(MeshCost)), "energy", "regularisation", "iteration")
         row: dict[str, Any] = {name: getattr(level, name) for name in level_fields} | errors
         rows.append(Price(**row))
@@ -139,47 +125,28 @@ def fineness_of(dofs: float, dimension: int) -> float:
     return float(np.sqrt(dofs) if dimension == 2 else np.cbrt(dofs))
 
 
-def _confirmed(coarse: LevelResult, fine: LevelResult, change: float, *, uniform: bool) -> float:
-    """The error of the pressure, corrected by its change from the previous mesh.
+def force_error(levels: Sequence[LevelResult], *, uniform: bool = True) -> float | None:
+    """Error of contact and friction force on the last mesh, relative; None where there is no force; ``levels``: at
+    least two, coarsest first; ``uniform``: whether each mesh is finer than the one before everywhere.
 
-    A change that is larger than the estimated error of the coarse mesh shows by how much the estimate is too small.  On
-    uniform meshes the change of a pressure that the mesh resolves is caused elsewhere in the body.
+    A force is an average: by J. A. Nitsche's argument its error decreases like the square of that of the displacement,
+    by which its changes are extrapolated.  On meshes that are divided here and there a change is no error where cells
+    stay as they are: the error is at least a share of that square, unless statics determines the force, which then does
+    not change at all.  Of several contact boundaries it is that of all their forces together, relative to these: their
+    resultant may vanish, as that of a body between two walls does.
     """
-    estimate = fine.pressure or 0.0
-    if uniform and fine.dofs <= coarse.dofs:
-        return estimate
-    if uniform:
-        return max(estimate, float(change / ((fine.dofs / coarse.dofs) ** (SMOOTH_RATE / fine.dimension) - 1)))
-    times = max(1.0, change / coarse.pressure) if coarse.pressure else 1.0
-    return float(np.hypot(estimate * times, POLLUTION * fine.energy**2))
-
-
-def _changes(coarse: LevelResult, fine: LevelResult) -> dict[str, float | None]:
-    """Relative change of every quantity from one mesh to the next; None where it cannot be compared."""
-    f = fine.table.columns
-    weight, pressure = f["weight"], f["pressure"]
-    size = float(np.sqrt(np.dot(weight, pressure**2)))
-    difference = pressure - interpolated(coarse.table, fine.table, "pressure")
-    force = float(np.linalg.norm(fine.force))
-    return {
-        "pressure": float(np.sqrt(np.dot(weight, difference**2))) / size if size > 0 else None,
-        "force": float(np.linalg.norm(fine.force - coarse.force)) / force if force > 0 else None,
-        "zone": zone_change(coarse.table, fine.table),
-    }
-
-
-def zone_change(coarse: ContactTable, fine: ContactTable) -> float | None:
-    """Change of the ends of the contact zones, relative to their length; in 3D that of their area."""
-    if fine.facets is not None:
-        coarse_area, fine_area = (
-            float(np.sum(table.columns["weight"][table.columns["pressure"] > 0])) for table in (coarse, fine)
-        )
-        return abs(fine_area - coarse_area) / fine_area if fine_area > 0 else None
-    ends_c, ends_f = zone_ends(coarse), zone_ends(fine)
-    length = float(np.abs(np.diff(ends_f[:, :, 0])).sum())
-    if ends_c.shape != ends_f.shape or length == 0:
+    fine = levels[-1]
+    size = float(np.linalg.norm(fine.force))
+    if size == 0.0:
         return None
-    return float(np.linalg.norm((ends_f - ends_c)[:, :, 1:], axis=2).max()) / length
+    seen = 0.0
+    for coarse in levels[-1 - CHANGES_USED : -1]:
+        # A coarse mesh without any error, such as one on which nothing touches, says nothing: all of it may be left.
+        left = min((fine.energy / coarse.energy) ** 2 if coarse.energy > 0 else 1.0, SLOWEST_DECREASE)
+        seen = max(seen, float(np.linalg.norm(fine.force - coarse.force)) / size * left / (1 - left))
+    if not uniform and seen > ZERO_IN_SOLUTION:
+        seen = max(seen, FORCE_OF_ENERGY * fine.energy**2)
+    return seen + fine.loads
 
 
 def border_of(table: ContactTable) -> float | None:
@@ -197,61 +164,12 @@ def border_of(table: ContactTable) -> float | None:
 def ends_of_zones(table: ContactTable) -> float | None:
     """In 2D: the longest interval in which the contact ends, relative to its length; None if it has no ends."""
     length = longest = 0.0
-    for _, s, _, start, stop in _zones(table):
-        length += s[stop] - s[start]
-        beyond = [k for k in (start - 1, stop) if 0 <= k < len(s) - 1]
-        longest = max([longest, *(float(s[k + 1] - s[k]) for k in beyond)])
+    pressed = table.columns["pressure"] > 0
+    for path in table.paths:
+        lengths, begin, end = np.diff(table.arc(path)), pressed[path[:-1]], pressed[path[1:]]
+        length += float(lengths[begin & end].sum())
+        longest = max(longest, float(lengths[begin != end].max(initial=0.0)))
     return longest / length if length > 0 and longest > 0 else None
-
-
-def _zones(table: ContactTable) -> Iterator[tuple[Any, npt.NDArray[np.float64], npt.NDArray[np.float64], int, int]]:
-    """Rows, arc length and pressure along the boundary of each contact zone with ends, and where these are in them."""
-    pressure = table.columns["pressure"]
-    for path, first, last in table.runs(pressure > 0):
-        if is_closed(path) and (pressure[path] > 0).all():
-            continue
-        rows, s, path_slice = table.unrolled(path)
-        start, stop = (path_slice.start + int(np.flatnonzero(path == row)[0]) for row in (first, last))
-        yield rows, s, pressure[rows], start, stop + (path_slice.stop - path_slice.start) * (stop < start)
-
-
-def zone_ends(table: ContactTable) -> npt.NDArray[np.float64]:
-    """Start and end of each contact zone: arc length and position there, length, shape (zones, 2, 3).
-
-    Between the last node in contact and the next one the pressure falls like the square root of the distance to the
-    end, so its square is extrapolated linearly.
-    """
-    zones, x = [], places(table)
-    for rows, s, p, start, stop in _zones(table):
-        ends = [_end(s, p, start, -1, stop), _end(s, p, stop, 1, start)]
-        zones.append([[end, *(np.interp(end, s, axis) for axis in x[rows].T)] for end in ends])
-    return np.array(zones).reshape(-1, 2, 3)
-
-
-def _end(s: npt.NDArray[np.float64], p: npt.NDArray[np.float64], row: int, step: int, opposite: int) -> float:
-    """Where p^2 vanishes beyond ``row`` in the direction ``step``."""
-    outside, inside = row + step, row - step
-    if not (0 <= outside < p.size and 0 <= inside < p.size) or row == opposite or p[inside] <= p[row]:
-        return float(s[row])
-    reach = p[row] ** 2 / (p[inside] ** 2 - p[row] ** 2) * abs(s[row] - s[inside])
-    return float(s[row] + np.sign(s[outside] - s[row]) * min(reach, abs(s[outside] - s[row])))
-
-
-def _error(rate: float, changes: list[float | None], fineness: Sequence[float]) -> float | None:
-    """Error of the last mesh: the geometric mean of the estimates from the last changes, extrapolated to it;
-    ``fineness``: 1 / h of the meshes, one more than changes.
-
-    A mesh with no more unknowns than the one before it, as generators make it of smaller cells here and there, says
-    nothing; None: no mesh says anything.
-    """
-    if not changes[-1]:
-        return changes[-1]
-    estimates = [
-        change / ((fine / coarse) ** rate - 1) * (fine / fineness[-1]) ** rate
-        for change, (coarse, fine) in list(zip(changes, pairwise(fineness), strict=True))[-CHANGES_USED:]
-        if change and fine > coarse
-    ]
-    return float(np.exp(np.mean(np.log(estimates)))) if estimates else None
 
 
 def predict(
@@ -297,6 +215,41 @@ def predict(
         peak=next_error("peak"),
         predicted=True,
     )
+
+
+def grown(
+    value: float, earlier: float, seen: float, growth: float, power: float, *, offset: float = 0.0, least: float = 0.0
+) -> float:
+    """A constant part, at least ``offset``, and one that grows like this power of the unknowns; ``seen``: quotient of
+    the unknowns of the last two meshes; ``growth``: of the next mesh and the last; ``least``: the least share of the
+    rest that grows.
+    """
+    growing = (value - earlier) / (1 - seen**-power)
+    excess = max(value - offset, 0.0)
+    return float(value + np.clip(growing, least * excess, excess) * (growth**power - 1))
+
+
+def powers(dofs: float, dimension: int, krylov_from: float) -> tuple[float, float]:
+    """The powers of the unknowns with which time and memory grow up to a mesh; ``krylov_from``: unknowns from which on
+    a Krylov method is taken, whose time and memory are those of its products.
+    """
+    return (1.0, 1.0) if dofs >= krylov_from else (TIME_POWER[dimension], MEMORY_POWER[dimension])
+
+
+def seconds_to_come(solved: Sequence[tuple[int, float]], meshes: int, dimension: int, krylov_from: float) -> float:
+    """The time that more meshes will take, each with cells half as large as the previous one; ``solved``: unknowns and
+    seconds of the solved meshes, at least one; all of the time of a single one grows.
+    """
+    (earlier_dofs, earlier), (dofs, seconds) = solved[-2] if len(solved) > 1 else solved[-1], solved[-1]
+    total = 0.0
+    for number in range(1, meshes + 1):
+        growth = 2.0 ** (dimension * number)
+        power, _ = powers(dofs * growth, dimension, krylov_from)
+        if earlier_dofs < dofs:
+            total += grown(seconds, earlier, dofs / earlier_dofs, growth, power, least=LEAST_GROWING_TIME)
+        else:
+            total += seconds * growth**power
+    return total
 
 
 def render(rows: list[Price]) -> str:

@@ -13,7 +13,6 @@ from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import assemble, facet_entities
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable
-from signorini_fx.mechanics.kinematics.cartesian import PLANE_STRAIN
 from signorini_fx.mechanics.kinematics.protocol import Kinematics
 from signorini_fx.mechanics.loads.load_vectors import measures
 from signorini_fx.mechanics.model import Model
@@ -27,7 +26,6 @@ from signorini_fx.results.accuracy.pressure_error import (
     pressure_square,
 )
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery
-from signorini_fx.results.accuracy.surface_pressure import piece_squares
 from signorini_fx.tuned import POLLUTION
 
 Floats = npt.NDArray[np.float64]
@@ -38,10 +36,9 @@ class Errors:
     """The error estimates on one mesh; all errors are relative.
 
     Attributes:
-        energy: of the displacement, energy norm, loads included.
+        energy: of the displacement, energy norm, loads included; of a nonlinear body that of the stress.
         pressure: of the contact pressure, L2(Gamma_c), loads included, as the contact boundary shows it; None without
             contact.
-        inside: of the contact pressure except beside corners, without loads.
         loads: error of the loads on the mesh.
         size: energy norm of the solution.
         pressed: norm of its contact pressure in L2(Gamma_c).
@@ -50,20 +47,23 @@ class Errors:
 
     energy: float
     pressure: float | None
-    inside: float
     loads: float
     size: float
     pressed: float
     squares: dict[str, Floats]
 
+    @property
+    def force(self) -> float:
+        """Of contact and friction force, by J. A. Nitsche's argument: where displacements press the body 0.3 to 3 times
+        the error, where loads do, far above it.
+        """
+        return self.energy**2
+
 
 def estimate_errors(
-    model: Model, displacement: fem.Function, energy: float, table: ContactTable, step: float, compliance: float
+    model: Model, displacement: fem.Function, energy: float, table: ContactTable, step: float
 ) -> Errors:
-    """Estimate the errors on a mesh; ``energy``: strain energy of the solution; ``compliance``: 1 / gamma_1 of the
-    regularisation, 0 without; collective.
-    """
-    assert model.boundary is not None
+    """Estimate the errors on a mesh; ``energy``: strain energy of the solution; collective."""
     missed = missed_loads(model, step)
     squares = np.zeros(missed.shape)
     if energy > 0:
@@ -72,41 +72,31 @@ def estimate_errors(
         pressed = float(np.dot(table.columns["weight"], np.abs(table.columns["pressure"])))
         forces = sum(factor * load.pushing for factor, load in model.applied_at(step))
         missed /= max(float(parallel.global_sum(model.comm, np.abs(forces).sum())), pressed)
-    facets = np.concatenate([model.tagged.facets(effect.boundary) for effect in model.statement.contact])
-    return combined(
-        model.boundary,
-        table,
-        facet_entities(model.tagged.mesh, facets)[:, 0],
-        squares,
-        missed,
-        energy,
-        compliance * model.statement.young,
-        model.kinematics,
-    )
+    return combined(model, table, squares, energy, missed)
 
 
 def combined(
-    boundary: ContactBoundary,
+    model: Model,
     table: ContactTable,
-    cells: npt.NDArray[np.int32],
     recovery: Floats,
-    missed: Floats,
     energy: float,
-    blur: float,
-    kinematics: Kinematics = PLANE_STRAIN,
+    missed: Floats | float = 0.0,
 ) -> Errors:
     """All error estimates from those in the body; collective.
 
     Args:
-        boundary: the contact points of this rank.
-        table: the contact boundary.
-        cells: of each facet, in the order of ``boundary.segments``.
-        recovery: squared error of the displacement in the energy norm, of each owned cell, shape (cells,).
+        model: the body.
+        table: its contact boundary.
+        recovery: squared error of the displacement in the energy norm, of a nonlinear body that of the stress over its
+            square, of each owned cell, shape (cells,).
+        energy: strain energy of the solution, 1/2 of a nonlinear body.
         missed: share of all forces that is missed in each owned cell, shape (cells,).
-        energy: strain energy of the solution.
-        blur: length over which the regularisation smears the pressure at a corner; 0 without.
-        kinematics: of the body.
     """
+    boundary = model.boundary
+    assert boundary is not None
+    facets = np.concatenate([model.tagged.facets(effect.boundary) for effect in model.statement.contact])
+    cells = facet_entities(model.tagged.mesh, facets)[:, 0]
+    missed = np.zeros(recovery.shape) + missed
 
     def total(squares: Floats) -> float:
         return float(parallel.global_sum(boundary.comm, squares.sum()))
@@ -116,22 +106,17 @@ def combined(
     if energy > 0:
         body[:] = recovery / size
     loads, error = total(missed), float(np.sqrt(total(body)))
-    contact, inside, pressed = np.zeros_like(body), np.zeros_like(body), pressure_square(table)
+    contact, pressed = np.zeros_like(body), pressure_square(table)
     if pressed > 0:
-        for squares, corners in ((contact, True), (inside, False)):
-            facet_squares = _facet_squares(boundary, table, blur, kinematics, corners=corners)
-            np.add.at(squares, cells, facet_squares / pressed)
-    local, inside_total = total(contact), total(inside)
+        np.add.at(contact, cells, _facet_squares(boundary, table, model.kinematics) / pressed)
+    local = total(contact)
     top: Floats = np.zeros_like(body)
     if pressed > 0 and table.facets is None:
         rows = np.append(corner_rows(table), np.argmax(table.columns["pressure"]))
         np.add.at(top, cells, local * on_facets(boundary, table, beside(table, rows)))
-    wholes = ((body, error**2), (inside, inside_total), (missed, loads))
-    shares: list[Floats] = [np.asarray(squares / scale) for squares, scale in wholes if scale > 0]
     return Errors(
         energy=error + loads,
-        pressure=float(np.sqrt(local)) + loads if pressed > 0 else None,
-        inside=float(np.sqrt(inside_total)),
+        pressure=float(np.hypot(np.sqrt(local), error**2)) + loads if pressed > 0 else None,
         loads=loads,
         size=float(np.sqrt(size)),
         pressed=float(np.sqrt(pressed)),
@@ -141,19 +126,16 @@ def combined(
             # Half of it at the top, where the kinks of the pressure are small and the error of the largest one is, and
             # at corners, where it may become the largest.
             "peak": contact + top + (POLLUTION * error) ** 2 * body + loads * missed,
-            "force": sum(shares, np.zeros_like(body)),
         },
     )
 
 
-def _facet_squares(
-    boundary: ContactBoundary, table: ContactTable, blur: float, kinematics: Kinematics, *, corners: bool
-) -> Floats:
+def _facet_squares(boundary: ContactBoundary, table: ContactTable, kinematics: Kinematics) -> Floats:
     """Squared error of the pressure on each facet of this rank, as in ``boundary.segments``; collective."""
     if table.facets is None:
-        return on_facets(boundary, table, interval_squares(table, kinematics, corners=corners, blur=blur))
+        return on_facets(boundary, table, interval_squares(table, kinematics))
     surface = ContactSurface.of(table)
-    return surface.of_rank(boundary, piece_squares(surface, table.columns["pressure"], corners=corners))
+    return surface.of_rank(boundary, surface.squares(table.columns["pressure"]))
 
 
 def worst_of(steps: list[Errors]) -> Errors:
@@ -163,7 +145,7 @@ def worst_of(steps: list[Errors]) -> Errors:
     size, pressed = (max(getattr(step, name) for step in steps) for name in ("size", "pressed"))
     of_size = [step.size / size if size > 0 else 0.0 for step in steps]
     of_pressed = [step.pressed / pressed if pressed > 0 else 0.0 for step in steps]
-    shares = {"energy": of_size, "pressure": of_pressed, "peak": of_pressed, "force": [1.0] * len(steps)}
+    shares = {"energy": of_size, "pressure": of_pressed, "peak": of_pressed}
     pressures = [(step.pressure or 0.0) * share for step, share in zip(steps, of_pressed, strict=True)]
 
     def added(name: str, weights: list[float]) -> Floats:
@@ -173,7 +155,6 @@ def worst_of(steps: list[Errors]) -> Errors:
     return Errors(
         energy=max(step.energy * share for step, share in zip(steps, of_size, strict=True)),
         pressure=max(pressures) if pressed > 0 else None,
-        inside=max(step.inside * share for step, share in zip(steps, of_pressed, strict=True)),
         loads=max(step.loads for step in steps),
         size=size,
         pressed=pressed,

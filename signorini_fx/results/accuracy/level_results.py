@@ -1,10 +1,12 @@
-"""Errors and cost of a solution on one mesh, from which convergence tables are made."""
+"""Results, errors and cost of a solution on one mesh, from which convergence tables are made."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 from mpi4py import MPI
 
 from signorini_fx.algebra.algorithms.path_following import path_model
@@ -16,9 +18,66 @@ from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.elastic_body import ElasticBody
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable
-from signorini_fx.records import IterationRecord, Status
+from signorini_fx.records import IterationRecord
 from signorini_fx.results.accuracy.error_estimates import Errors
-from signorini_fx.results.accuracy.mesh_level import LevelResult
+
+
+@dataclass(frozen=True)
+class MeshCost:
+    """A mesh and the cost of a solve on it.
+
+    Attributes:
+        level: its number, the coarsest is 0.
+        h: mean spacing of the contact nodes, length; in 3D the square root of the mean area that they stand for.
+        dofs: unknowns.
+        linear_solves: linear solves on this mesh.
+        factorisations: of them with a new factorisation.
+        seconds: wall time of everything on this mesh, largest over the ranks.
+        memory: peak memory so far of all ranks together, MB.
+    """
+
+    level: int
+    h: float
+    dofs: int
+    linear_solves: int
+    factorisations: int
+    seconds: float
+    memory: float
+
+
+@dataclass(frozen=True)
+class LevelResult(MeshCost):
+    """Results and errors on one mesh; its cost is that of ``MeshCost``.
+
+    Attributes:
+        energy: estimated discretisation error, relative in the energy norm, loads included.
+        pressure: the same of the contact pressure, relative in L2(Gamma_c); None without contact.
+        loads: the error of the loads on the mesh.
+        polygon: effect of straight facets of a curved contact boundary, which no refinement reduces;
+            ``pressure_error.polygon_error``.
+        regularisation: regularisation error, relative in the energy norm; 0 without regularisation.
+        pressure_regularisation: the same of the contact pressure, relative in L2(Gamma_c).
+        iteration: relative residual, or last change of the outer iteration, whichever is larger.
+        table: the contact boundary.
+        force: contact and friction force of each contact boundary in all load steps, shape (2 d boundaries steps,).
+        krylov_from: unknowns from which on a mesh is solved by a Krylov method; infinite: none is.
+    """
+
+    energy: float
+    pressure: float | None
+    loads: float
+    regularisation: float
+    pressure_regularisation: float
+    iteration: float
+    table: ContactTable
+    force: npt.NDArray[np.float64]
+    polygon: float = 0.0
+    krylov_from: float = np.inf
+
+    @property
+    def dimension(self) -> int:
+        """Of the body, 2 or 3."""
+        return 2 if self.table.facets is None else 3
 
 
 def compliance_of(outcome: Outcome, comm: MPI.Comm) -> float:
@@ -85,10 +144,8 @@ def level_result(
         factorisations=sum(record.factorised for record in own),
         seconds=parallel.global_max(body.comm, cost[0]),
         memory=cost[1],
-        status=Status.CONVERGED.value,
         energy=errors.energy,
         pressure=errors.pressure,
-        inside=errors.inside,
         loads=errors.loads,
         regularisation=regularisation,
         pressure_regularisation=pressure_regularisation,
@@ -96,6 +153,4 @@ def level_result(
         table=table,
         force=np.concatenate([contact.forces_of_each.ravel() for contact in contacts]),
         krylov_from=np.inf if task is None else krylov_from(body.system_size, body.settings.linear_algebra),
-        paired=body.boundary is not None and body.boundary.paired,
-        degree=body.space.element.basix_element.degree,
     )

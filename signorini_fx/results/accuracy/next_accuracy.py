@@ -214,7 +214,7 @@ def times_of(meshes: Sequence[float], dofs: float, dimension: int) -> float:
 LOCAL = ("energy", "pressure", "force")
 
 # For which of these the cells are divided if another quantity is asked for.
-DIVIDED_FOR = {"zone": "force"}
+DIVIDED_FOR = {"zone": "pressure", "force": "energy"}
 
 
 def divides(statement: Statement, of: str, cell: str, *, straight: bool) -> bool:

@@ -1,10 +1,9 @@
 """The error of the contact pressure along a curve in L2(Gamma_c), where it is, estimated from its kinks at the nodes.
 
 Between the nodes the pressure is linear.  The change of its slope at the nodes indicates its error, in smooth parts as
-well as at the ends of the contact zones.  At a corner of the body the stress may be singular,
-the pressure like r^(a - 1) with 1/2 < a < 1: then nearly all of the error is in the one interval at the corner.  A
-singular pressure is steepest there; one that is as steep farther away is bending, and one that is steeper there belongs
-to a plane of symmetry or to an axis, which is no corner.
+well as at the ends of the contact zones.  At a corner of the body the stress may be singular, the pressure like
+r^(a - 1) with 1/2 < a < 1: then nearly all of the error is in the one interval at the corner.  There the pressure is
+convex; at a plane of symmetry or an axis, which is no corner, it is concave.
 """
 
 from __future__ import annotations
@@ -18,16 +17,11 @@ from signorini_fx.mechanics.kinematics.cartesian import PLANE_STRAIN
 from signorini_fx.mechanics.kinematics.protocol import Kinematics
 from signorini_fx.results.accuracy.contact_surface import ContactSurface
 from signorini_fx.tuned import (
-    BENDING,
     CORNER_ANGLE,
     CORNER_ERROR_SHARE,
     CORNER_SHARE,
-    FIT_STRETCH,
     JUMP_RATIO,
     KINK_SHARE,
-    LARGEST_EXPONENT,
-    SAME_LENGTH,
-    STEEP_EXPONENT,
     STRAIGHT_ANGLE,
 )
 
@@ -35,12 +29,8 @@ Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
 
 
-def interval_squares(
-    table: ContactTable, kinematics: Kinematics = PLANE_STRAIN, *, corners: bool = True, blur: float = 0.0
-) -> list[Floats]:
-    """Estimated squared error of the pressure between neighbouring nodes, stress^2 times length, or area of a ring;
-    ``corners``: whether to include the singular intervals at corners; ``blur``: length over which the regularisation
-    smears the pressure there, 0 without.
+def interval_squares(table: ContactTable, kinematics: Kinematics = PLANE_STRAIN) -> list[Floats]:
+    """Estimated squared error of the pressure between neighbouring nodes, stress^2 times length, or area of a ring.
 
     Returns:
         One array for each path of the table, shape (rows - 1,).
@@ -48,11 +38,11 @@ def interval_squares(
     squares = []
     for path, measure in zip(table.paths, around(table, kinematics), strict=True):
         rows, s, path_slice = table.unrolled(path)
-        squares.append(_squares(table, rows, s, blur, corners=corners)[path_slice] * measure)
+        squares.append(_squares(table, rows, s)[path_slice] * measure)
     return squares
 
 
-def _squares(table: ContactTable, rows: Ints, s: Floats, blur: float, *, corners: bool) -> Floats:
+def _squares(table: ContactTable, rows: Ints, s: Floats) -> Floats:
     pressure = table.columns["pressure"][rows]
     h = np.diff(s)
     squares = np.zeros(h.size)
@@ -64,21 +54,9 @@ def _squares(table: ContactTable, rows: Ints, s: Floats, blur: float, *, corners
     jumps = _jumps(s, pressure)
     squares[:-1] += h[:-1] * jumps**2 / 12
     squares[1:] += h[1:] * jumps**2 / 12
-    for corner, interval in _corners(table, rows, s, blur):
+    for corner, interval in _corners(table, rows, s):
         inside = interval if interval == corner - 1 else interval + 1  # the other node of the interval
-        beside = inside if interval == corner else inside - 1  # the next interval
-        if corners:
-            r, values = _away(s, pressure, corner, interval)
-            near, far = _slopes(r, values, blur)
-            # A regularised pressure is less steep at the corner itself.
-            steeper = 1.0 if blur > r[1] else BENDING
-            squares[interval] = max(
-                squares[interval],
-                CORNER_SHARE * h[interval] ** 3 * kinks[inside - 1],
-                0.0 if near >= steeper * far else singular_square(r, values, blur),
-            )
-        else:
-            squares[[interval, beside]] = 0.0
+        squares[interval] = max(squares[interval], CORNER_SHARE * h[interval] ** 3 * kinks[inside - 1])
     return squares
 
 
@@ -102,94 +80,22 @@ def _jumps(s: Floats, pressure: Floats) -> Floats:
     return jumps
 
 
-def singular_square(r: Floats, pressure: Floats, blur: float) -> float:
-    """Squared error beside a corner if the pressure is K r^-a there, fitted to the nodes farther away; ``r``: distance
-    of the nodes from the corner, which is the first; ``blur``: up to this distance the regularisation smears the
-    pressure.
+def _corners(table: ContactTable, rows: Ints, s: Floats) -> list[tuple[int, int]]:
+    """Nodes in contact at a corner of the body or at the ends of these rows, each with an interval beside it at whose
+    other node the pressure is convex.
     """
-    # Neighbouring nodes of quadratic elements behave differently, every second one alike.
-    even = np.arange(2, r.size, 2)
-    near = even[r[even] >= 2 * max(r[1], blur) * (1 - SAME_LENGTH)]
-    if near.size < 2 or not 0 < pressure[near[1]] < pressure[near[0]]:
-        return 0.0
-    first = near[0]
-    if bends(r[near], pressure[near]):
-        return 0.0
-    falling = near[: 1 + int(np.argmin(np.append(np.diff(pressure[near]) < 0, False)))]
-    stretch = falling[(r[falling] <= FIT_STRETCH * r[first] * (1 + SAME_LENGTH)) & (pressure[falling] > 0)]
-
-    def growth(node: int) -> float:
-        return float(np.log(pressure[first] / pressure[node]) / np.log(r[node] / r[first]))
-
-    a = growth(near[1])
-    if a > STEEP_EXPONENT and stretch[-1] > first:
-        # Two neighbours mostly reflect their element; a singularity shows over the whole range where it dominates.
-        a = max(a, growth(stretch[-1]))
-    a = min(a, LARGEST_EXPONENT)
-    h, start, slope = r[1], pressure[0], pressure[1] - pressure[0]
-    k = pressure[first] * (r[first] / h) ** a  # at the end of the interval
-    square = k**2 / (1 - 2 * a) - 2 * k * (start / (1 - a) + slope / (2 - a))
-    total = h * (square + start**2 + start * slope + slope**2 / 3)
-    if blur > h:
-        inner = slice(1, int(np.searchsorted(r, blur)) + 1)
-        missing = k * (r[inner] / h) ** -a - pressure[inner]
-        total += float(np.dot(missing[:-1] ** 2 + missing[1:] ** 2, np.diff(r[inner])) / 2)
-    return float(max(0.0, total))
-
-
-def bends(r: Floats, pressure: Floats) -> bool:
-    """Whether a pressure falls like a line, as that of bending does, or faster, and not like a power; ``r``: distance
-    of nodes from the corner, ascending, at least two.
-
-    In the logarithm of the distance a power falls ever more slowly, a line twice as fast at twice the distance.
-    """
-    third = 1 + int(np.searchsorted(r[1:], r[1] ** 2 / r[0] * (1 - SAME_LENGTH)))  # as many times farther as the second
-    if third >= r.size:
-        return False
-    p, x = pressure[[0, 1, third]], np.log(r[[0, 1, third]])
-    slopes = np.diff(p) / np.diff(x)
-    return bool(p[2] > 0 and slopes[1] < BENDING * slopes[0])
-
-
-def _away(s: Floats, pressure: Floats, corner: int, interval: int) -> tuple[Floats, Floats]:
-    """Distance of the nodes from the corner, which is the first, and their pressure, on the side of the interval."""
-    away = slice(corner, None) if interval == corner else slice(corner, None, -1)
-    return np.abs(s[away] - s[corner]), pressure[away]
-
-
-def _slopes(r: Floats, pressure: Floats, blur: float) -> tuple[float, float]:
-    """Slopes of the pressure from the corner to the first node that ``singular_square`` looks at, and from there to one
-    twice as far away; nan where there are no such nodes; arguments as of that.
-    """
-    even = np.arange(0, r.size, 2)
-    first = 1 + int(np.searchsorted(r[even[1:]], 2 * max(r[1], blur) * (1 - SAME_LENGTH)))
-    if first >= even.size:
-        return np.nan, np.nan
-    second = first + int(np.searchsorted(r[even[first:]], 2 * r[even[first]] * (1 - SAME_LENGTH)))
-    if second >= even.size:
-        return np.nan, np.nan
-    nodes = even[[0, first, second]]
-    near, far = np.diff(pressure[nodes]) / np.diff(r[nodes])
-    return float(near), float(far)
-
-
-def _corners(table: ContactTable, rows: Ints, s: Floats, blur: float = 0.0) -> list[tuple[int, int]]:
-    """Nodes in contact at a corner of the body or at the ends of these rows, each with an interval beside it.
-
-    A pressure that falls from a corner is steepest there if it is singular.  Where it is less steep there is no corner
-    but a plane of symmetry or an axis.
-    """
-    pressure, last = table.columns["pressure"][rows], len(rows) - 1
+    pressure, last = np.abs(table.columns["pressure"][rows]), len(rows) - 1
     pairs = [(0, 0), (last, last - 1)]
     if "x" in table.columns:
         x, y = table.columns["x"][rows], table.columns["y"][rows]
         for node in np.flatnonzero(turning(x, y) > CORNER_ANGLE) + 1:
             pairs += [(node, k) for k in (node - 1, node) if 0 < k < last - 1]
+    bends = np.diff(np.diff(pressure) / np.diff(s))
     corners = []
     for node, interval in pairs:
-        near, far = _slopes(*_away(s, pressure, node, interval), blur)
-        flatter = near * pressure[node] < 0 and abs(far) > BENDING * abs(near) and near * far > 0
-        if pressure[node] != 0 and not flatter:
+        inside = interval if interval == node - 1 else interval + 1
+        pressed = (pressure[[node, inside, 2 * inside - node]] > 0).all()  # the end of a contact zone is another matter
+        if pressed and bends[inside - 1] > 0:
             corners.append((node, interval))
     return corners
 

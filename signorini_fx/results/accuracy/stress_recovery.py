@@ -15,9 +15,7 @@ from dolfinx.fem import petsc as fem_petsc
 from petsc4py import PETSc
 
 from signorini_fx.algebra.linalg import petsc_options
-from signorini_fx.algebra.linalg.blocks import is_by_blocks
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.assembly.block_stiffness import scalar_matrix
 from signorini_fx.mechanics.assembly.mesh_entities import assemble, measure
 from signorini_fx.mechanics.assembly.quadrature import parallelepipeds, strain_degree
 from signorini_fx.mechanics.body.element_stress import ElementStress, element_stress
@@ -49,7 +47,6 @@ class StressRecovery:
         residual: Callable[[Any], tuple[Callable[[float], None], Any]],
         inventory: Inventory,
         degree: int | None = None,
-        pattern: PETSc.Mat | None = None,
     ) -> None:
         """Compile; collective.
 
@@ -60,7 +57,6 @@ class StressRecovery:
                 of factors, and the squared residual of the traction, see ``boundary_residual``.
             inventory: what was compiled and assembled.
             degree: of the quadrature in the cells, exact for all that is integrated there; None: UFL estimates it.
-            pattern: a stiffness by blocks, one for each pair of vertices; None: there is none.
         """
         self._stress, self._displacement, self._inventory = stress, stress.displacement, inventory
         mesh, raw = self._displacement.function_space.mesh, stress.components
@@ -75,7 +71,7 @@ class StressRecovery:
         weight = fem.Function(cellwise.ufl_function_space())  # 1 in one material, 0 in the others
         compiled = inventory.compile
         moment = ufl.inner(raw, ufl.TestFunction(space))
-        self._weight, self._pattern = weight, pattern
+        self._weight = weight
         dx = ufl.dx if degree is None else ufl.dx(metadata={"quadrature_degree": degree})
         self._moments = compiled("stress moments", lambda: fem.form(weight * moment * dx))
         squares = stress.squared(self._recovered - raw, weight * cellwise, dx)
@@ -89,15 +85,13 @@ class StressRecovery:
     def of(cls, model: Model, inventory: Inventory | None = None) -> StressRecovery:
         """That of a scene; ``inventory``: where it is recorded; None: that of the scene."""
         empty = model.elastic.displacement(model.space, np.zeros(model.elastic.count))
-        stress, statement = element_stress(model, empty), model.statement
+        stress = element_stress(model, empty)
         # Without the radius, and expressions in the stress, all is a product of two polynomials like the strain.
-        strained = any(effect.strains for _, effect in statement.listed())
+        strained = any(effect.strains for _, effect in model.statement.listed())
         plain = model.kinematics.uniform and not strained and not model.elastic.pressed
         degree = strain_degree(model.space) if plain and parallelepipeds(model.tagged.mesh) else None
         inventory = model.inventory if inventory is None else inventory
-        linear = model.space.element.basix_element.degree == 1 and not model.elastic.pressed
-        pattern = model.stiffness if linear and is_by_blocks(model.stiffness) else None
-        return cls(stress, partial(boundary_residual, model, stress), inventory, degree, pattern)
+        return cls(stress, partial(boundary_residual, model, stress), inventory, degree)
 
     def _choose(self, cells: npt.NDArray[np.int32]) -> None:
         """Restrict the forms to these cells (local numbers, ghosts included)."""
@@ -110,8 +104,7 @@ class StressRecovery:
         It is made anew each time: quadrature of its result copies all values of each cell, and the peak of memory would
         be where both are alive.
         """
-        form, pattern = self._mass, self._pattern
-        mass = fem_petsc.assemble_matrix(form) if pattern is None else scalar_matrix(form, pattern)
+        mass = fem_petsc.assemble_matrix(self._mass)
         mass.assemble()
         diagonal = mass.getDiagonal()
         diagonal.getArray()[:] = np.where(diagonal.getArray(readonly=True) == 0.0, 1.0, 0.0)

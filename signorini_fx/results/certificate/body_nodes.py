@@ -116,7 +116,3 @@ class BodyNodes:
     def pieces(self) -> RigidPart:
         """The pieces of the mesh; collective."""
         return RigidPart(self.space, self.at_nodes[: self.owned, : self.dimension])
-
-    def zero(self) -> Array:
-        """Zeros at the nodes of this rank, ghosts included, shape (n, d)."""
-        return np.zeros((len(self.at_nodes), self.dimension))

@@ -19,7 +19,7 @@ materials, loads and supports.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -28,7 +28,6 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.rigid.rigid_bodies import Drive, RigidBodyMotion
 from signorini_fx.mechanics.scales import Scales
 from signorini_fx.records import JUDGED, REPORTED
@@ -40,13 +39,11 @@ from signorini_fx.results.certificate.equilibrium import (
     equilibrium,
     share,
 )
-from signorini_fx.results.certificate.law_of_method import UNREGULARISED, Law, PreviousStep, Tractions, overclosures_of
+from signorini_fx.results.certificate.law_of_method import UNREGULARISED, Law, PreviousStep, Tractions
 from signorini_fx.results.certificate.supports import PrescribedNodes
 from signorini_fx.tuned import ABOVE_THE_MEAN, CERTIFICATE_TOLERANCE, LOST_UNITS, NEGLIGIBLE, NO_FORCE
 
 if TYPE_CHECKING:
-    from signorini_fx.mechanics.obstacles.paired_points import PairedSides
-    from signorini_fx.mechanics.statement.statement import Statement
     from signorini_fx.results.certificate.nodal_forces import NodalForces
 
 Nodal = npt.NDArray[np.float64]
@@ -133,53 +130,8 @@ class Certificate:
         return {**figures, "law": str(self.law), "holds": self.holds}
 
 
-def certify(
-    statement: Statement,
-    tagged: TaggedMesh,
-    displacement: fem.Function,
-    tractions: Tractions | None,
-    *,
-    law: Law = UNREGULARISED,
-    step: float = 0,
-    before: PreviousStep | None = None,
-    pairs: Mapping[int, PairedSides] | None = None,
-    rigid: tuple[RigidBodyMotion, ...] = (),
-    like: NodalForces | None = None,
-) -> Certificate:
-    """Check the conditions of a load step from the displacement and the contact tractions alone; collective.
-
-    Args:
-        statement: what is stated of the problem.
-        tagged: its mesh.
-        displacement: y.
-        tractions: pressure and shear at the contact nodes; None for a scene without contact.
-        law: the contact law that the method promises.
-        step: the load step, from 0, or a place between two.
-        before: the end of the previous load step; None for the first one.  If that kept to the regularised law and this
-            one does not, its elastic slip is removed.
-        pairs: bodies in contact as the solver has paired them, see ``sides_of``.
-        rigid: how rigid bodies have moved.
-        like: what has evaluated another certificate of this space; None: there is none.
-
-    Raises:
-        ValueError: the tractions are not those of the contact nodes of the scene.
-    """
-    from signorini_fx.results.certificate.contact_sides import sides_of
-    from signorini_fx.results.certificate.nodal_forces import NodalForces
-
-    space = displacement.function_space
-    forces = NodalForces(statement, tagged, space) if like is None else like.of(statement)
-    balance = balance_of(forces, displacement, step)
-    sides = sides_of(forces, pairs)
-    drives = [*zip(rigid, statement.drives(tagged.dimension, step), strict=bool(rigid))]
-    law = replace(law, overclosures=overclosures_of(statement))
-    return judged(displacement, balance, sides, tractions, law=law, before=before, rigid=drives)
-
-
 def balance_of(forces: NodalForces, displacement: fem.Function, step: float) -> Balance:
-    """The forces on a body without contact at a place in the lists of factors, for the arguments see ``certify``;
-    collective.
-    """
+    """The forces on a body without contact at a place in the lists of factors; ``displacement``: y; collective."""
     statement, tagged = forces.statement, forces.tagged
     scales = Scales(tagged.dimension, statement.young, tagged.size, forces.kinematics.depth(tagged.size))
     pressed = forces.pressed  # then forces are not those of a change of volume
@@ -223,8 +175,17 @@ def judged(
     before: PreviousStep | None = None,
     rigid: Sequence[tuple[RigidBodyMotion, Drive]] = (),
 ) -> Certificate:
-    """Check equilibrium and contact conditions of a problem; ``rigid``: how rigid bodies have moved, and what drives
-    them; for the other arguments see ``certify``; collective.
+    """Check the conditions of a load step from the displacement and the contact tractions alone; collective.
+
+    Args:
+        displacement: y.
+        balance: the forces on the body without contact.
+        sides: the parts of the boundary with contact.
+        tractions: pressure and shear at the contact points; None without contact.
+        law: the contact law that the method promises.
+        before: the end of the previous load step; None for the first one.  If that kept to the regularised law and this
+            one does not, its elastic slip is removed.
+        rigid: how rigid bodies have moved, and what drives them.
 
     Raises:
         ValueError: the tractions are not those of the contact points.

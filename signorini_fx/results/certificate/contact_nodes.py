@@ -210,11 +210,6 @@ class ContactNodes:
         """The points of some contact boundaries."""
         return np.concatenate([np.arange(self.nodes.size)[self.parts()[number]] for number in numbers])
 
-    @property
-    def area(self) -> float:
-        """Of all contact boundaries; collective."""
-        return float(parallel.global_sum(self.body.comm, np.array(self.weight.sum())))
-
     def resultant(self, motion: RigidBodyMotion, displacements: Nodal) -> tuple[Nodal, float, float]:
         """What the tractions of its contact boundaries do to a rigid body: force and moment about its pivot, shape
         (m,), the sum of the magnitudes of forces, and how far from the pivot they act; ``displacements``: of nodes with

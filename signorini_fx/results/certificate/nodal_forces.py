@@ -228,11 +228,6 @@ class NodalForces(BodyNodes):
 
         return self._sum(forms.kept(("resisted", *map(id, acting)), make))
 
-    def strain_energy(self, displacement: fem.Function) -> float:
-        """The energy of the strains, per thickness."""
-        y = displacement.x.array.reshape(-1, self.dimension)[: self.owned]
-        return float(parallel.global_sum(self.tagged.mesh.comm, np.sum(self.internal(displacement) * y))) / 2
-
     def external(self, step: float, some: Sequence[Force] | None = None) -> Array:
         """The forces in L of a load step, all or some, shape (owned nodes, d); initial strains have
         none.

@@ -40,7 +40,8 @@ class PrescribedNodes:
         facets = {str(effect.boundary): tagged.facets(effect.boundary) for _, effect in now if effect.at is None}
         entries = tuple(effect for _, effect in now)
         supports = Supports.of(statement.changed(displacement=entries), space, facets, tagged)
-        value, by = forces.zero(), np.full(forces.zero().shape, -1)
+        value = np.zeros((len(forces.at_nodes), forces.dimension))
+        by = np.full(value.shape, -1)
         for effect, condition in supports.conditions:  # the last one is what holds nodes on an axis of revolution
             condition.set(value.reshape(-1), alpha=factors.get(id(effect), 1.0))
             by.reshape(-1)[condition.dof_indices()[0]] = position.get(id(effect), len(now))
