@@ -39,15 +39,6 @@ def test_it_is_met(name):
     assert np.linalg.norm(force - exact) < 0.06 * np.linalg.norm(exact)
 
 
-@pytest.mark.slow
-def test_the_command_reaches_what_was_foretold():
-    """In the time that was told, but for compiling and what else the machine does."""
-    first = pressed("rubber")
-    target = float(first.cost.command.partition("--accuracy ")[2])
-    assert first.cost.local
-    assert pressed("rubber", target=target).cost.error <= first.cost.next_error
-
-
 def test_what_is_not_known():
     """Forces and pressures have no estimate, in 3D cells are not divided, and bounds are for linear bodies."""
     for accuracy in ({"of": "force"}, {"of": "peak"}, {"certified": True}):

@@ -7,7 +7,7 @@ import pytest
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
-from support.nonlinear_bodies import PLATE, held, rectangle, residual
+from support.nonlinear_bodies import held, rectangle, residual
 
 from signorini_fx import Coulomb, Foundation, NonlinearContactProblem
 from signorini_fx.forms.nonlinear.displaced_certificate import certified, mechanics_at
@@ -48,26 +48,6 @@ def test_pressed_and_released(algorithm, friction):
     assert not judged(lambda t: replace(t, shear=t.shear + 1e-10)).holds
     u.x.array[np.argmax(~problem.linear.prescribed[0])] += 1e-11
     assert not judged().holds
-
-
-def test_a_node_of_two_shapes():
-    """The corner of a block under a plate and at a wall, both rough and moving: slips are relative to each of them."""
-    space, side = rectangle([1.0, 1.0], [4, 4], MPI.COMM_SELF)
-    u = fem.Function(space)
-    wall = {"shape": "plane", "point": (1.0, 0.0), "normal": (-1.0, 0.0)}
-    contact = [
-        Foundation(side(1, 1.0), shape=PLATE, friction=Coulomb(0.3)),
-        Foundation(side(0, 1.0), shape=wall, friction=Coulomb(0.3)),
-    ]
-    bcs = [held(space, side(1, 0.0), 1), held(space, side(0, 0.0))]
-    problem = NonlinearContactProblem(residual(u), u, bcs=bcs, contact=contact)
-    for step in (1, 2, 3):
-        problem.place(0, shift=(0.01 * step, -0.02 * step))
-        problem.place(1, shift=(-0.02 * step, 0.01 * step))
-        problem.solve()
-        problem.advance()
-        assert problem.certificate.holds
-        assert problem.iterations <= 6
 
 
 def turned(angle, dimension):

@@ -1,8 +1,5 @@
 """Tools that forces move against nonlinear bodies: balance, the run driven by displacements, limits, and outcomes."""
 
-import json
-
-import jsonschema
 import numpy as np
 import pytest
 from dolfinx import fem
@@ -17,10 +14,8 @@ from signorini_fx import (
     SceneError,
     Status,
     solve,
-    write_results,
 )
 from signorini_fx.records import StepRecord
-from signorini_fx.scenes.template import summary_schema
 
 LAWS = {
     "rubber": material("neo-hooke"),
@@ -43,47 +38,6 @@ def rolled(tool, law="rubber", friction=ROUGH, **further):
 def total(step):
     """What the tool exerts on the body; collective."""
     return np.sum(step.contact.forces, axis=0)
-
-
-def polyline(values):
-    """An expression of t that is zero at 0 and has these values at 1, 2, 3."""
-    steps = np.diff([0.0, *values])
-    return " + ".join(f"({float(step)!r}) * min(max(t - {k}, 0), 1)" for k, step in enumerate(steps))
-
-
-@pytest.mark.slow
-@pytest.mark.mpi(slow=True)
-@pytest.mark.parametrize("law", ["rubber", pytest.param("metal", marks=pytest.mark.slow)])
-def test_the_forces_of_a_way_give_the_way(law, tmp_path):
-    """Pressed, dragged and lifted by displacements; then by the forces of these, with the drag prescribed."""
-    times = {"load_steps": {"times": [1.0, 2.0, 3.0], "names": ["press", "drag", "lift"]}}
-    way = ["0.05 * max(t - 1, 0)", "-0.1 * min(t, 1) + 0.02 * max(t - 2, 0)"]
-    by_way = solve(rolled(CIRCLE | {"shift": way}, law, **times))
-    forces = np.array([total(step) for step in by_way.steps])
-    drive = {"force": ["0", polyline(forces[:, 1])], "prescribed": UPRIGHT | {"x": way[0]}}
-    by_force = solve(rolled(CIRCLE | drive, law, **times))
-    assert [step.time for step in by_force.steps] == [1.0, 2.0, 3.0]
-    for step, force, moved in zip(by_force.steps, forces, [(0.0, -0.1), (0.05, -0.1), (0.1, -0.08)], strict=True):
-        (tool,) = step.tools
-        assert tool.translation == pytest.approx(moved, abs=1e-8)
-        assert total(step) == pytest.approx(force, abs=1e-7 * np.abs(forces).max())
-        assert step.certificate.holds
-    u, v = (solution.displacement.x.array for solution in (by_force, by_way))
-    assert np.abs(u - v).max() < 1e-8
-    summary = write_results(by_force, MPI.COMM_WORLD.bcast(str(tmp_path)), pictures=False)
-    (row,) = summary["tools"]
-    assert row["boundary"] == "top"
-    assert row["displacement"] == pytest.approx([0.1, -0.08], abs=1e-8)
-    assert row["force"] == pytest.approx(-forces[2], abs=1e-7 * np.abs(forces).max())
-    assert row["gap_error"] is None
-    held_by = by_force.resultants.of("bottom")  # which is what the tool takes: the body is in balance
-    arm = np.array(row["reference"]) + row["displacement"] - held_by.about
-    moment = row["moment"] + arm[0] * row["force"][1] - arm[1] * row["force"][0]
-    assert held_by.force == pytest.approx(row["force"], abs=1e-6 * np.abs(forces).max())
-    if law == "rubber":  # at small strains moments are in balance about the undeformed places
-        assert held_by.moment == pytest.approx(moment, abs=1e-6 * np.abs(forces).max())
-    schema = jsonschema.Draft202012Validator(summary_schema())
-    schema.validate(json.loads(json.dumps(summary)))
 
 
 def pressed(**prescribed):

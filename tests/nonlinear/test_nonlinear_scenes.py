@@ -247,27 +247,6 @@ def test_ranks(name):
         assert force(mine) == pytest.approx(force(theirs), rel=1e-7)
 
 
-def test_a_confined_block_yields_and_unloads():
-    """Radial return by hand, with a table: the deviator is 2/3 of the strain along one axis."""
-    young, poisson, table = 1000.0, 0.3, [[0.0, 5.0], [0.01, 7.0], [0.03, 8.0]]
-    depths = (0.002, 0.02, 0.04, 0.035)
-    law = {"law": "j2", "young": young, "poisson": poisson, "yield_stress": 5.0, "hardening": table[1:]}
-    walls = [{"boundary": side, "x": 0.0} for side in ("left", "right")] + [{"boundary": "bottom", "y": 0.0}]
-    path = "0.002*t if t <= 1 else (0.018*t - 0.016 if t <= 2 else (0.02*t - 0.02 if t <= 3 else 0.055 - 0.005*t))"
-    solution = solve(block(law, path, displacement=walls, load_steps={"times": [1, 2, 3, 4]}), MPI.COMM_SELF)
-    bulk, shear = young / 3 / (1 - 2 * poisson), young / 2 / (1 + poisson)
-    plastic = grown = 0.0
-    for depth, step in zip(depths, solution.steps, strict=True):
-        mises = 2 * shear * (depth - 1.5 * plastic)
-        excess = lambda flow: abs(mises) - 3 * shear * flow - np.interp(grown + flow, *np.transpose(table))  # noqa: B023, E731
-        flow = brentq(excess, 0.0, 1.0, xtol=1e-15) if excess(0.0) > 0 else 0.0
-        plastic, grown = plastic + flow * np.sign(mises), grown + flow
-        expected = bulk * depth + 2 / 3 * (abs(mises) - 3 * shear * flow) * np.sign(mises)
-        assert -force(step)[1] == pytest.approx(expected, rel=1e-7)
-    assert grown > 0.02
-    assert force(solution.steps[3])[1] > force(solution.steps[2])[1]
-
-
 @pytest.mark.one_quick
 @pytest.mark.mpi
 @pytest.mark.parametrize("law", ["neo-hooke", "j2"])

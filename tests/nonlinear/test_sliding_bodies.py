@@ -4,9 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import ufl
 from dolfinx import fem
-from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from support.nonlinear_bodies import stress_of_block
 from support.sliding_bodies import as_linear_bodies, blocks, bump, out_of_balance, roller
@@ -15,7 +13,6 @@ from signorini_fx import (
     ConvergenceError,
     Coulomb,
     FormError,
-    NonlinearContactProblem,
     Pair,
     Status,
 )
@@ -222,13 +219,3 @@ def test_sides_that_share_nodes():
     contact = Pair(facets[:2], facets[2:])
     with pytest.raises(FormError, match=r"contact\[0\]: its sides share nodes"):
         type(scene.problem)(scene.form, scene.u, bcs=scene.bcs, contact=contact).solve()
-
-
-def test_degree_2_in_space():
-    """Not yet, with the reason."""
-    mesh = dmesh.create_unit_cube(MPI.COMM_SELF, 1, 1, 1)
-    u = fem.Function(fem.functionspace(mesh, ("Lagrange", 2, (3,))))
-    form = ufl.inner(ufl.grad(u), ufl.grad(ufl.TestFunction(u.function_space))) * ufl.dx
-    sides = [dmesh.locate_entities_boundary(mesh, 2, lambda x, z=z: np.isclose(x[2], z)) for z in (0.0, 1.0)]
-    with pytest.raises(FormError, match=r"contact\[0\]: in 3D two bodies slide on each other with degree 1 only"):
-        NonlinearContactProblem(form, u, contact=Pair(*sides))

@@ -2,11 +2,9 @@
 
 import numpy as np
 import pytest
-from mpi4py import MPI
 from scenes import alone
 
 from signorini_fx.mechanics.contact_points.contact_table import contact_table
-from signorini_fx.mechanics.mesh.tagged import generate_mesh
 from signorini_fx.scenes.reading import parse_scene
 
 YOUNG, POISSON, RADIUS = 200.0, 0.3, 8.0
@@ -107,21 +105,6 @@ def test_along_the_normal():
 
 
 @pytest.mark.slow
-def test_friction_raises_the_peak():
-    """Elastic on rigid: the surface is drawn inwards where friction lets it, so friction narrows the contact (C.7)."""
-    widths, peaks, sticking = [], [], []
-    for coefficient in (0.0, 0.1, 0.3, 1.0):
-        x, pressure, weight, state = profile(alone(half_disk(friction=coefficient)))
-        assert np.dot(weight, pressure) == pytest.approx(load(0.4) / 2, rel=1e-8)
-        widths.append(width_from_moment(x, pressure, weight) / 0.4)
-        peaks.append(pressure.max() / peak(0.4))
-        sticking.append(np.abs(x[state == "stick"]).max(initial=0.0))
-    assert widths == pytest.approx([1.0, 0.982, 0.9525, 0.932], abs=0.003)
-    assert min(peaks[1:]) > 1.05 > 1.005 > peaks[0]
-    assert sticking[0] <= sticking[1] < sticking[2] < sticking[3]
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("coefficient", [0.3, 0.6])
 def test_stick_zone_grows_with_the_contact(coefficient):
     """Under growing load all lengths grow alike, so c/a does not depend on it (Spence)."""
@@ -174,22 +157,3 @@ def test_block_on_cylinder(cell, degree):
     assert solution.contact.pressure.max() == pytest.approx(7.989, rel=2e-3)
     assert height == pytest.approx(1.0, abs=6e-3)
     assert width == pytest.approx(1.0, abs=8e-3)
-
-
-@pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
-@pytest.mark.parametrize("symmetric", [True, False])
-def test_mesh_of_half_a_disk(cell, symmetric):
-    """Vertices of the arc on the circle, the facets that were asked for, and the same mesh every time."""
-    parameters = {"radius": 2.0, "size": 0.4, "contact_size": 0.02, "contact_zone": 0.1, "symmetric": symmetric}
-    first, second = (generate_mesh("half_disk", parameters | {"cell": cell}, MPI.COMM_SELF) for _ in range(2))
-    np.testing.assert_array_equal(first.mesh.geometry.x, second.mesh.geometry.x)
-    assert set(first.boundaries) == {"arc", "top", "symmetry"} - (set() if symmetric else {"symmetry"})
-    x = first.mesh.geometry.x
-    distance = np.hypot(x[:, 0], x[:, 1] - 2.0)
-    assert distance.max() == pytest.approx(2.0, rel=1e-9)
-    on_arc = np.sort(x[np.isclose(distance, 2.0, atol=1e-9), 0])
-    assert on_arc.size == first.facets("arc").size + 1
-    near = np.diff(on_arc)[(np.abs(on_arc) < 0.09)[1:]]
-    np.testing.assert_allclose(near, 0.02, rtol=0.3)
-    assert x[:, 0].min() == pytest.approx(0.0 if symmetric else -2.0, abs=1e-9)
-    assert x[:, 1].min() == pytest.approx(0.0, abs=1e-12)
