@@ -7,7 +7,7 @@ from mpi4py import MPI
 
 from signorini_fx import SceneError, solve
 from signorini_fx.mechanics.mesh.files.formats import read_file
-from signorini_fx.mechanics.mesh.tagged import gmsh_mesh, tag_boundaries
+from signorini_fx.mechanics.mesh.tagged import tag_boundaries
 from signorini_fx.results.section_forces import section_forces
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import parse_scene
@@ -201,48 +201,6 @@ def test_axisymmetric():
     assert np.isclose(solution.stress.largest().value, YOUNG * 0.01, rtol=1e-8)
     with pytest.raises(SceneError, match="axis: must be that of the body"):
         parse_scene(scene | {"preload": scene["preload"] | {"axis": [1.0, 1.0]}})
-
-
-def drawn(comm, dim, *, whole=True):
-    """A bar of two halves, or a plate with a crack line that ends inside, with the facets between them."""
-
-    def draw(gmsh):
-        occ = gmsh.model.occ
-        if dim == 2:
-            parts = [(2, occ.addRectangle(0, 0, 0, 1.2, 1)), (2, occ.addRectangle(1.2, 0, 0, 1.8, 1))]
-        else:
-            parts = [(3, occ.addBox(0, 0, 0, 1.2, 1, 1)), (3, occ.addBox(1.2, 0, 0, 1.8, 1, 1))]
-        if not whole:
-            parts = [parts[0], (1, occ.addLine(occ.addPoint(0.6, 0, 0), occ.addPoint(0.6, 0.5, 0)))]
-        occ.fragment(parts[:1], parts[1:])
-        occ.synchronize()
-        at = 1.2 if whole else 0.6
-        groups = {"left": 0.0, "cut": at, "right": 3.0 if whole else 1.2}
-        for name, x in groups.items():
-            box = (x - 0.01, -0.01, -0.01, x + 0.01, 1.01, 1.01)
-            sides = [tag for _, tag in gmsh.model.getEntitiesInBoundingBox(*box, dim - 1)]
-            gmsh.model.setPhysicalName(dim - 1, gmsh.model.addPhysicalGroup(dim - 1, sides), name)
-        every = [tag for _, tag in gmsh.model.getEntities(dim)]
-        gmsh.model.setPhysicalName(dim, gmsh.model.addPhysicalGroup(dim, every), "body")
-        gmsh.option.setNumber("Mesh.MeshSizeMax", 0.4)
-        gmsh.model.mesh.generate(dim)
-
-    return gmsh_mesh(comm, draw, "bar")
-
-
-@pytest.mark.one_quick
-@pytest.mark.parametrize("dim", [2, 3])
-def test_a_section_of_named_facets(dim):
-    still = dict.fromkeys("xyz"[:dim], 0.0)
-    scene = {
-        "mesh": drawn(COMM, dim),
-        "material": {"young": YOUNG, "poisson": 0.0},
-        "displacement": [{"boundary": "left", **still}, {"boundary": "right", "x": 0.0}],
-        "preload": {"section": "cut", "shortening": 0.03},
-    }
-    (section,) = solve(parse_scene(scene)).preloads
-    assert np.isclose(section.force, YOUNG * 0.03 / 3.0, rtol=1e-10)
-    assert section.name == "preload cut"
 
 
 DRAWN = """

@@ -1,7 +1,6 @@
 """``ContactProblem.run``: the load steps, ramps and restarts of scenes, for forms of the user's own."""
 
 import os
-import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -106,19 +105,6 @@ def program(ranks, folder, what):
     alone["PYTHONPATH"] = os.pathsep.join(map(str, [Path(__file__).parent, *sys.path]))
     command = [*launcher, sys.executable, "-c", PROGRAM, str(folder), what]
     return subprocess.run(command, env=alone, capture_output=True, text=True, timeout=500, check=False)
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(COMM.size > 1, reason="starts ranks itself")
-def test_a_killed_program_goes_on(tmp_path):
-    """Killed with -9 and restarted on two ranks, it solves what is missing, and ends as one that was not."""
-    assert program(1, tmp_path, "kill").returncode == -signal.SIGKILL
-    ended = program(2, tmp_path, "restart")
-    assert ended.returncode == 0, ended.stderr
-    assert "restart: 3 complete load steps" in ended.stdout
-    assert program(1, tmp_path, "whole").returncode == 0
-    again, whole = (np.load(tmp_path / f"{name}.npy") for name in ("restart", "whole"))
-    np.testing.assert_allclose(again, whole, rtol=1e-8)
 
 
 @pytest.mark.parametrize(

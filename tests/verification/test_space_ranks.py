@@ -7,7 +7,6 @@ from spaces import block, box, friction_of
 from test_ranks import same_on_all_ranks
 from test_space_patch import rotation
 
-from signorini_fx.errors import SceneError
 from signorini_fx.mechanics.mesh.tagged import tag_boundaries
 from signorini_fx.records import Status
 from signorini_fx.scenes.reading import parse_scene
@@ -125,31 +124,3 @@ def agree(scene, *, counts=True):
     assert same_on_all_ranks(together.certificate.holds) == alone.certificate.holds is True
     np.testing.assert_allclose(together.contact.forces, alone.contact.forces, atol=1e-8)
     assert same_on_all_ranks(together.contact.areas) == pytest.approx(alone.contact.areas)
-
-
-def test_errors_are_raised_alike():
-    """What has no meaning in 3D is refused with the same words everywhere."""
-    scene = brick(WORLD, material={"young": 1.0, "poisson": 0.3, "hypothesis": "plane strain"})
-    with pytest.raises(SceneError, match="hypothesis") as caught:
-        solve(scene, WORLD)
-    same_on_all_ranks(str(caught.value))
-
-
-QUADRATIC = {
-    "continuation": {"algorithm": "continuation"},
-    "path-following": {"algorithm": "path-following"},
-    "path-following, monolithic": {"algorithm": "path-following", "coulomb": "newton"},
-    "alm": {"algorithm": "alm"},
-    "alm, monolithic": {"algorithm": "alm", "coulomb": "newton"},
-    "krylov": {"linear_algebra": "krylov"},
-    "krylov, alm": {"algorithm": "alm", "linear_algebra": "krylov"},
-    "fall-backs": {"gamma_n": 1e9, "gamma_t": 1e3, "max_iterations": 2},
-}
-
-
-@pytest.mark.one_quick
-@pytest.mark.parametrize("name", QUADRATIC)
-def test_quadratic_tetrahedra_by_every_algorithm(name):
-    """Contact points average over nodes of other ranks, which no algorithm may look for on its own."""
-    given = {"coefficient": 0.3, "degree": 2, "gamma": "auto", **QUADRATIC[name]}
-    agree(lambda comm: block(3, "tetrahedra", comm=comm, **given), counts="krylov" not in name)

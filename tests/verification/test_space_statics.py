@@ -122,15 +122,6 @@ def test_held_or_not(law, press, status):
     assert alone(brick(law, press=press), check=False).status is status
 
 
-def test_the_free_motion_is_named():
-    """What is left free is said with its direction."""
-    solution = alone(brick({}, displacement={"boundary": "left", "x": 0.0}), check=False)
-    assert solution.status is Status.NOT_HELD
-    assert "the translation along (0, -1, 0)" in solution.findings[0].message.replace("(0, 1, 0)", "(0, -1, 0)")
-    tilted = alone(brick({}, displacement=[{"boundary": "left", "x": 0.0}, {"boundary": "front", "y": 0.0}]))
-    assert tilted.converged
-
-
 def test_reference_motion():
     """A brick that drops on a foundation that is tilted against it comes to rest on it; the results are those of one
     that lies there, but for the motion.
