@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 from scenes import alone
-from test_springs import COMM, ELEMENTS, PLANE, SIZE, YOUNG, body, scene
+from steel_blocks import COMM, ELEMENTS, PLANE, SIZE, YOUNG, body, scene
 
 from signorini_fx import SceneError
 from signorini_fx.scenes.checks import check_scene

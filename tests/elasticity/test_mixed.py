@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 import ufl
 from dolfinx import fem
+from hertz import RADIUS, YOUNG, ellipse, half_disk, profile
 from mpi4py import MPI
 from scenes import alone, rectangle
 from spaces import box
 from test_axisymmetric import section
-from test_hertz import RADIUS, YOUNG, ellipse, half_disk, profile
 
 from signorini_fx.errors import SceneError
 from signorini_fx.machine import parallel

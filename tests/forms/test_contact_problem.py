@@ -10,6 +10,7 @@ import pytest
 import ufl
 from dolfinx import fem
 from dolfinx import mesh as dmesh
+from forms import Block
 from mpi4py import MPI
 
 from signorini_fx import (
@@ -51,33 +52,6 @@ def counted(monkeypatch, owner, name):
     with monkeypatch.context() as patch:
         patch.setattr(owner, name, count)
         yield calls
-
-
-class Block:
-    """A block 3 x 1 (x 1) on a floor, its top pressed down and moved aside."""
-
-    def __init__(
-        self, counts=(12, 4), degree=1, kind=None, comm=COMM, friction=None, gap=0.0, load=0.0, mesh=None, **settings
-    ):
-        d = len(counts)
-        self.mesh = forms.box((3.0, 1.0, 1.0)[:d], list(counts), kind, comm) if mesh is None else mesh
-        self.V = fem.functionspace(self.mesh, ("Lagrange", degree, (d,)))
-        u, v = ufl.TrialFunction(self.V), ufl.TestFunction(self.V)
-        self.bottom, self.top = forms.side(self.mesh, d - 1, 0.0), forms.side(self.mesh, d - 1, 1.0)
-        self.young, self.load = fem.Constant(self.mesh, 1000.0), fem.Constant(self.mesh, load)
-        self.down, self.aside = fem.Constant(self.mesh, -0.01), fem.Constant(self.mesh, 0.0)
-        self.a = self.young * forms.hooke(u, v, 1.0)
-        self.L = self.load * v[d - 1] * ufl.dx
-        self.bcs = [
-            self.held(d - 1, self.top, self.down),
-            *(self.held(k, self.top, self.aside if k == 0 else fem.Constant(self.mesh, 0.0)) for k in range(d - 1)),
-        ]
-        self.foundation = Foundation(self.bottom, gap=gap, friction=friction)
-        self.problem = ContactProblem(self.a, self.L, self.bcs, self.foundation, **settings)
-
-    def held(self, component, facets, value):
-        sub = self.V.sub(component)
-        return fem.dirichletbc(value, fem.locate_dofs_topological(sub, self.mesh.topology.dim - 1, facets), sub)
 
 
 # --- gallery ---------------------------------------------------------------------------------------------------------

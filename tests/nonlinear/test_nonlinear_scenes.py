@@ -8,7 +8,7 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from scipy.optimize import brentq
 from support.nonlinear_bodies import held, rectangle
-from support.nonlinear_scenes import LAWS, block, flattened_disk, force, indented, material
+from support.nonlinear_scenes import LAWS, block, energy_of_stretches, flattened_disk, force, indented, material
 
 from signorini_fx import (
     ConvergenceError,
@@ -28,32 +28,6 @@ HYPERELASTIC = [name for name in LAWS if name != "j2"]
 def but_slow(names, *quick):
     """All names, of which a few are tried by `make test`."""
     return [name if name in quick else pytest.param(name, marks=pytest.mark.slow) for name in names]
-
-
-def energy_of_stretches(name):
-    """The stored energy of a law as a function of three principal stretches, written from the literature."""
-    constants = LAWS[name]
-    if "young" in constants:
-        mu = constants["young"] / 2 / (1 + constants["poisson"])
-        lame = 2 * mu * constants["poisson"] / (1 - 2 * constants["poisson"])
-
-    def energy(*stretches):
-        along, volume = np.array(stretches), np.prod(stretches)
-        same = along * volume ** (-1 / 3)
-        if name == "neo-hooke":
-            return mu / 2 * np.sum(along**2 - 1) - mu * np.log(volume) + lame / 2 * np.log(volume) ** 2
-        if name == "neo-hooke, isochoric":
-            return mu / 2 * np.sum(same**2 - 1) + (lame + 2 * mu / 3) / 2 * (volume - 1) ** 2
-        if name == "saint-venant-kirchhoff":
-            green = (along**2 - 1) / 2
-            return mu * np.sum(green**2) + lame / 2 * np.sum(green) ** 2
-        bulk = constants["bulk"] / 2 * (volume - 1) ** 2
-        if name == "mooney-rivlin":
-            return constants["c10"] * (np.sum(same**2) - 3) + constants["c01"] * (np.sum(same**-2) - 3) + bulk
-        terms = zip(constants["mu"], constants["alpha"], strict=True)
-        return sum(mu_p / alpha * (np.sum(same**alpha) - 3) for mu_p, alpha in terms) + bulk
-
-    return energy
 
 
 def pressed_block(energy, height, free):

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 from scipy.optimize import brentq
-from support.nonlinear_scenes import LAWS, force, indented, material
-from test_nonlinear_scenes import energy_of_stretches
+from support.nonlinear_scenes import LAWS, energy_of_stretches, force, indented, material
 
 from signorini_fx import SceneError, Status, solve
 from signorini_fx.scenes.reading import parse_scene
@@ -48,27 +47,6 @@ def test_free_expansion(name, change):
     expected = EXPANSION * change * x
     assert np.abs(solution.displacement.x.array.reshape(-1, 3) - expected).max() < 1e-13
     assert np.abs(stresses(solution)[-1]).max() < 1e-11 * 100.0
-
-
-@pytest.mark.one_quick
-@pytest.mark.parametrize("name", but_slow(["mooney-rivlin", "ogden"], "ogden"))
-@pytest.mark.parametrize("degree", [1, 2])
-def test_free_expansion_of_revolution(name, degree):
-    """A cylinder of which the mesh is a section, with quadratic elements too."""
-    size = {"length": 1.0, "height": 1.0, "nx": 3, "ny": 3}
-    scene = {
-        "mesh": {"generator": "rectangle", "parameters": size},
-        "material": material(name, hypothesis="axisymmetric", expansion=EXPANSION),
-        "temperature": {"change": "30 * t"},
-        "element": {"degree": degree},
-        "displacement": {"boundary": "bottom", "y": 0.0},
-        "load_steps": {"times": [0.5, 1.0]},
-    }
-    solution = solve(parse_scene(scene), MPI.COMM_SELF)
-    for step, stress, share in zip(solution.steps, stresses(solution), (0.15, 0.3), strict=True):
-        expected = share * solution.model.space.tabulate_dof_coordinates()[:, :2]
-        assert np.abs(step.displacement.x.array.reshape(-1, 2) - expected).max() < 1e-13
-        assert np.abs(stress).max() < 1e-11 * 100.0
 
 
 def held_bar(name, expansion):

@@ -14,12 +14,12 @@ from scenes import example1
 
 from signorini_fx.algebra.algorithms import ssn
 from signorini_fx.algebra.linalg import callbacks, multigrid, schur
-from signorini_fx.algebra.problem import regularised, tangent
+from signorini_fx.algebra.problem import regularised
 from signorini_fx.machine import signals
 from signorini_fx.machine.manifest import MANIFEST
 from signorini_fx.records import History
 from signorini_fx.results import files
-from signorini_fx.results.accuracy import level_results, stress_recovery
+from signorini_fx.results.accuracy import stress_recovery
 from signorini_fx.results.certificate.nodal_forces import NodalForces
 from signorini_fx.results.files import write_results
 from signorini_fx.scenes import cli, mesh_sequence, solver
@@ -58,18 +58,10 @@ PLACES = {
     "assembly": (solve_on_mesh, "discretise", (PLANE, f"{FULL}, levels = 2")),
     "condense": (schur.SchurComplement, "__init__", (PLANE, f"{CONDENSED}, levels = 2")),
     "residual": (regularised.RegularisedProblem, "_hold", (PLANE, FULL)),
-    "residual, space": (regularised.RegularisedProblem, "_hold", (SOLID, FULL)),
-    "residual, condensed": (regularised.RegularisedProblem, "_hold", (PLANE, CONDENSED)),
     "residual, krylov": (regularised.RegularisedProblem, "_hold", (SOLID, KRYLOV)),
-    "jacobian": (tangent.ContactTangent, "insert", (SOLID, FULL)),
-    "convergence": (ssn.SemismoothNewton, "_record", (SOLID, FULL)),
     "convergence, krylov": (ssn.SemismoothNewton, "_record", (SOLID, KRYLOV)),
-    "record": (History, "add", (SOLID, KRYLOV)),
     "monitor": (History, "move", (SOLID, KRYLOV)),
-    "before krylov": (multigrid.ContactPreconditioner, "solve_contact", (SOLID, KRYLOV)),
-    "preconditioner is set up": (multigrid.ContactPreconditioner, "_truncate", (SOLID, KRYLOV)),
     "preconditioner": (multigrid.NodalBlocks, "split", (SOLID, KRYLOV)),
-    "path": (level_results, "path_model", (PLANE, f'{FULL}, algorithm = "path-following", levels = 2')),
     "certificate": (NodalForces, "internal", (SOLID, FULL)),
     "estimate": (stress_recovery.StressRecovery, "squares", (PLANE, f"{FULL}, levels = 2")),
     "writing": (files, "write_columns", (PLANE, FULL)),

@@ -5,8 +5,6 @@ import pytest
 from scenes import PATCH, alone, energy, example1, on_mesh, rectangle, table_of
 
 from signorini_fx.mechanics.effects.traction import SurfaceTraction
-from signorini_fx.mechanics.laws.coulomb import Coulomb
-from signorini_fx.mechanics.laws.tresca import Tresca
 from signorini_fx.records import Status
 from signorini_fx.scenes.reading import parse_scene
 
@@ -150,15 +148,6 @@ def test_a_law_that_transmits_nothing_is_no_friction(nothing):
     np.testing.assert_array_equal(zero.displacement.x.array, without.displacement.x.array)
     np.testing.assert_array_equal(zero.contact.pressure, without.contact.pressure)
     assert (zero.algorithm, counts(zero)) == (without.algorithm, counts(without))
-
-
-@pytest.mark.parametrize("nothing", [Tresca(bound="0*x[0]"), Coulomb(coefficient="0*x[0]")])
-def test_a_bound_that_happens_to_be_zero(nothing):
-    """As an expression, zero is not seen beforehand; the friction path finds the frictionless solution all the same."""
-    scene = example1(nx=60, ny=20)
-    effect = scene.contact[0].model_copy(update={"friction": nothing})
-    zero, without = alone(scene.model_copy(update={"contact": (effect,)})), alone(scene)
-    close(zero.displacement.x.array, without.displacement.x.array)
 
 
 def test_the_start_does_not_matter():

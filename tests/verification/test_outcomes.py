@@ -217,8 +217,3 @@ def test_too_few_iterations():
 def test_gamma_beyond_double_precision():
     """A penalty that drowns the stiffness ends in a name, not in a wrong result."""
     assert outcome(example1(bound=1.5, gamma=1e16, patch=PATCH, **SMALL)).status is Status.ROUND_OFF
-
-
-def test_every_outcome_has_advice():
-    """Each status tells the user what to do."""
-    assert all(status.advice for status in Status)

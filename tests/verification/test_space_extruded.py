@@ -6,8 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from spaces import box, turned_tangents
-from test_space_patch import rotation
+from spaces import box, rotation, turned_tangents
 
 from signorini_fx.algebra.algorithms.strategy import solve_task
 from signorini_fx.mechanics.body.discretisation import discretise

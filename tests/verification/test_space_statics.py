@@ -3,27 +3,13 @@
 import numpy as np
 import pytest
 from scenes import alone
-from spaces import box, disc, friction_of
+from spaces import box, brick, disc, friction_of
 
 from signorini_fx.records import Status
-from signorini_fx.scenes.reading import parse_scene
 
 PRESS, AREA, VOLUME = 10.0, 4.0, 4.0
 FRICTION = {"coulomb": {"coefficient": 0.3}, "tresca": {"bound": 3.0}}
 LIMIT = 0.3 * PRESS * AREA
-
-
-def brick(law, *, mesh=None, press=PRESS, **effects):
-    """A brick 2 x 2 x 1 on its foundation, pressed on, and held by nothing else."""
-    return parse_scene(
-        {
-            "mesh": mesh or box("hexahedra", (6, 6, 3), size=(2.0, 2.0, 1.0)),
-            "material": {"young": 1000.0, "poisson": 0.3},
-            "traction": {"boundary": "top", "pressure": press},
-            "contact": {"boundary": "bottom", "friction": friction_of(**law)},
-            **effects,
-        }
-    )
 
 
 def pushed(law, angle, share, **more):
