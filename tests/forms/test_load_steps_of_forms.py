@@ -9,7 +9,6 @@ import pytest
 import ufl
 from dolfinx import fem
 from dolfinx import mesh as dmesh
-from mpi4py import MPI
 from pushed_block import FRICTION, LIMIT, PRESSURE
 
 from signorini_fx import (
@@ -20,7 +19,6 @@ from signorini_fx import (
     LoadPath,
 )
 
-COMM = MPI.COMM_WORLD
 GAMMA = {"gamma_n": 1e6, "gamma_t": 1e6}
 
 

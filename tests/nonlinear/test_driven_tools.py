@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from dolfinx import fem
 from mpi4py import MPI
-from support.nonlinear_bodies import Killed, held, neo_hooke, rectangle, residual
+from support.nonlinear_bodies import held, neo_hooke, rectangle, residual
 from support.nonlinear_scenes import block, indented, material
 
 from signorini_fx import (
@@ -15,7 +15,6 @@ from signorini_fx import (
     Status,
     solve,
 )
-from signorini_fx.records import StepRecord
 
 LAWS = {
     "rubber": material("neo-hooke"),
@@ -123,32 +122,6 @@ def test_what_pulls_away():
     assert 1.4 < ends[1].last_step.time <= 1.5  # when it has no force, and stays where it is
     assert ends[1].last_step.certificate.holds
     assert "body not held" in ends[2].findings[0].message
-
-
-@pytest.mark.slow
-@pytest.mark.mpi
-@pytest.mark.parametrize("alone", [False, pytest.param(True, marks=pytest.mark.slow)])
-@pytest.mark.parametrize("law", ["metal", pytest.param("rubber", marks=pytest.mark.slow)])
-def test_restart(tmp_path, law, alone):
-    """A tool goes on from where it was, with its slips, also on all ranks after a beginning on one."""
-    folder = MPI.COMM_WORLD.bcast(str(tmp_path))
-    drive = {"force": ["0", "-1.5 * min(t, 2) + max(t - 2, 0)"], "prescribed": UPRIGHT | {"x": "0.03 * t"}}
-    scene = rolled(CIRCLE | drive, law, load_steps={"times": [1.0, 2.0, 3.0]})
-
-    def watch(record):
-        if isinstance(record, StepRecord) and record.step == 3:
-            raise Killed
-
-    if not alone or MPI.COMM_WORLD.rank == 0:
-        with pytest.raises(Killed):
-            solve(scene, MPI.COMM_SELF if alone else MPI.COMM_WORLD, checkpoint=folder, observers=[watch])
-    MPI.COMM_WORLD.barrier()
-    solution, reference = solve(scene, checkpoint=folder, restart=True), solve(scene)
-    assert solution.history.events[0].startswith("restart: 2 complete load steps")
-    assert not any("solved again" in event for event in solution.history.events)
-    for ours, theirs in zip(solution.steps, reference.steps, strict=True):
-        assert ours.tools[0].translation == pytest.approx(theirs.tools[0].translation, abs=1e-9)
-        assert total(ours) == pytest.approx(total(theirs), abs=1e-8)
 
 
 def test_what_is_refused():

@@ -175,7 +175,7 @@ def test_a_step_begins_with_what_supports_fix_there(dim, kind, upto):
     assert scene.problem.state.in_contact.any()
 
 
-ANGLES = (0.0, np.pi / 2, 0.4, 1.0, 2.0, 3.0, 4.5, 5.5)
+ANGLES = (0.0, np.pi / 2, 1.0, 4.5)
 
 
 @pytest.mark.slow
@@ -183,9 +183,6 @@ ANGLES = (0.0, np.pi / 2, 0.4, 1.0, 2.0, 3.0, 4.5, 5.5)
     ("degree", "upto", "friction"),
     [
         (1, 0.05, None),
-        (1, -0.4, Coulomb(0.3)),
-        (2, 0.05, Coulomb(0.3)),
-        (2, -0.4, None),
         (2, -0.4, Coulomb(0.3)),
     ],
 )

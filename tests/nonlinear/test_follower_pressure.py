@@ -143,12 +143,10 @@ def chord(solution, ends):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("contact", [False, True])
-def test_a_cantilever(contact, tmp_path):
+def test_a_cantilever(tmp_path):
     """Its tangent is not symmetric.  What holds it takes p times the chord of the deformed side, turned."""
     ground = {"boundary": "bottom", "foundation": {"shape": "circle", "centre": [3.0, -1.5], "radius": 0.5}}
-    further = {"contact": ground} if contact else {}
-    solution = solve(beam("0.5 * t", load_steps={"times": [1.0]}, **further), MPI.COMM_SELF)
+    solution = solve(beam("0.5 * t", load_steps={"times": [1.0]}, contact=ground), MPI.COMM_SELF)
     assert solution.status is Status.CONVERGED
     assert solution.certificate.holds
     assert any("the tangent is not symmetric" in event for event in solution.history.events)
@@ -159,6 +157,6 @@ def test_a_cantilever(contact, tmp_path):
     resultants = solution.resultants
     assert resultants.of("top").force == pytest.approx(pushed, abs=1e-9)
     on_ground = np.sum(solution.contact.forces, axis=0)
-    assert bool(np.abs(on_ground).max() > 0.1) is contact
+    assert np.abs(on_ground).max() > 0.1
     assert resultants.of("left").force + on_ground == pytest.approx(-pushed, abs=1e-7)
     assert summary["converged"]

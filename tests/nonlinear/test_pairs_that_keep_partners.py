@@ -38,6 +38,7 @@ def turned_as_a_whole(scene, way, angle, steps=4):
     ("make", "way"),
     [
         (lambda: blocks(lower=(6, 3), upper=(3, 2), **KEPT), (0.0, -0.1)),
+        (lambda: blocks(lower=(6, 3), upper=(3, 2), pair={"sliding": False, "bonded": True}), (0.0, 0.1)),
         (lambda: blocks(lower=(4, 2), upper=(3, 2), degree=2, slave=1, **KEPT), (0.0, -0.1)),
         pytest.param(
             lambda: stacked("hexahedron", lower=(2, 2, 1), upper=(1, 1, 1), degree=2, **KEPT),
@@ -45,11 +46,11 @@ def turned_as_a_whole(scene, way, angle, steps=4):
             marks=pytest.mark.slow,
         ),
     ],
-    ids=["plane", "quadratic", "space"],
+    ids=["plane", "tied", "quadratic", "space"],
 )
 def test_joint_rotations_do_not_matter(make, way):
-    """Blocks that are pressed, and pressed and turned by half a right angle together: the same force, turned, to what
-    Newton's method leaves.
+    """Blocks that are pressed, or tied and pulled, and turned by half a right angle together: the same force, turned,
+    to what Newton's method leaves.
     """
     still, _ = turned_as_a_whole(make(), way, 0.0)
     turned, problem = turned_as_a_whole(make(), way, np.pi / 4)

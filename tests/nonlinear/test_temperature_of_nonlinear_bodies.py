@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 from scipy.optimize import brentq
-from support.nonlinear_scenes import LAWS, energy_of_stretches, force, indented, material
+from support.nonlinear_scenes import LAWS, energy_of_stretches, material
 
 from signorini_fx import SceneError, Status, solve
 from signorini_fx.scenes.reading import parse_scene
@@ -141,26 +141,6 @@ def test_metal_of_calculix():
     expected = [(-1.860600e-3, 3.728933e-3, 3.728933e-3), (-4.114901e-3, 8.300234e-3, 8.300234e-3)]
     for step, moved in zip(solution.steps, expected, strict=True):
         assert at_middle(solution, step) == pytest.approx(np.array(moved), abs=2e-9)
-
-
-def warm(law, change, **further):
-    """``indented`` of a body that becomes warmer, here more than there."""
-    return indented(law | {"expansion": 1e-3}, temperature={"change": change}, **further)
-
-
-@pytest.mark.parametrize("name", but_slow(LAWS, "neo-hooke"))
-def test_small_changes_are_those_of_the_linear_scene(name):
-    """To first order in the strain, with a temperature that is linear in the place."""
-    change, exact = "1e-3 * (1 + x[0] - 2 * x[1]) * t", {"solver": {"algorithm": "alm"}}
-    solution = solve(warm(material(name), change, depth=1e-6, **exact), MPI.COMM_SELF)
-    rest = solution.statement.material[0].at_rest
-    linear = solve(warm({"young": rest.young, "poisson": rest.poisson}, change, depth=1e-6, **exact), MPI.COMM_SELF)
-    cold = solve(indented(material(name), depth=1e-6, **exact), MPI.COMM_SELF)
-    for mine, theirs, without in zip(solution.steps, linear.steps, cold.steps, strict=True):
-        assert np.abs(force(mine) - force(theirs)).max() < 5e-5 * np.abs(force(theirs)).max()
-        assert np.abs(force(mine) - force(without)).max() > 0.1 * np.abs(force(theirs)).max()
-    mine, theirs = solution.displacement.x.array, linear.displacement.x.array
-    assert np.abs(mine - theirs).max() < 2e-5 * np.abs(theirs).max()
 
 
 def test_what_would_shrink_to_nothing_is_refused():

@@ -172,26 +172,9 @@ def one_percent_more_in_the_body(name, given):
     return moved(given, 0.01 * given.steps[-1].displacement * away[:, None])
 
 
-def turned(name, given):
-    """A small rotation as a whole."""
-    x = given.place - given.place.mean(axis=0)
-    return moved(given, 1e-4 * np.stack([-x[:, 1], x[:, 0]], axis=1))
-
-
-def shifted(name, given):
-    """A small translation as a whole."""
-    return moved(given, np.array([2e-5, 1e-5]))
-
-
 def one_pressure(name, given):
     table, rows = nodes(name, given)
     table["pressure"][rows[0]] *= 1.0001
-    return given
-
-
-def pressure_of_an_open_node(name, given):
-    table, rows = nodes(name, given, lambda table: table["state"] == "open")
-    table["pressure"][rows[0]] = 1e-4 * table["pressure"].max()
     return given
 
 
@@ -225,26 +208,9 @@ def slip_for_stick(name, given):
     return given
 
 
-def stick_for_slip(name, given):
-    table, rows = nodes(name, given, lambda table: np.char.startswith(table["state"], "slip"))
-    table["state"][rows[0]] = "stick"
-    return given
-
-
-def slip_the_other_way(name, given):
-    table, rows = nodes(name, given, lambda table: np.char.startswith(table["state"], "slip"))
-    table["state"][rows[0]] = "slip+" if table["state"][rows[0]] == "slip-" else "slip-"
-    return given
-
-
 def gap_forgotten(name, given):
     given.steps[-1].table["gap"][:] = 0.0
     return given
-
-
-def node_forgotten(name, given):
-    step = given.steps[-1]
-    return replace(given, steps=[*given.steps[:-1], replace(step, table={k: v[1:] for k, v in step.table.items()})])
 
 
 def not_a_number(name, given):
@@ -261,19 +227,13 @@ EVERYWHERE = ("tresca", "coulomb", "limit", "steps", "loose")
 INJECTED = {
     one_percent_more: EVERYWHERE,
     one_percent_more_in_the_body: EVERYWHERE,
-    turned: EVERYWHERE,
-    shifted: EVERYWHERE,
     one_pressure: EVERYWHERE,
-    pressure_of_an_open_node: ("tresca", "coulomb", "limit", "steps"),
     sign_of_the_shear: EVERYWHERE,
     shear_beyond_the_bound: ("tresca", "coulomb", "limit", "steps"),
     bound_of_another_law: EVERYWHERE,
     open_for_closed: EVERYWHERE,
     slip_for_stick: ("tresca", "coulomb", "limit", "steps"),
-    stick_for_slip: ("tresca", "coulomb", "limit", "steps"),
-    slip_the_other_way: ("tresca", "coulomb", "limit", "steps"),
     gap_forgotten: EVERYWHERE,
-    node_forgotten: EVERYWHERE,
     not_a_number: EVERYWHERE,
     another_gamma: ("tresca", "coulomb", "steps", "loose"),
 }

@@ -122,7 +122,7 @@ def test_nothing_presses(gap):
 @pytest.mark.one_quick
 @pytest.mark.parametrize("friction", [{"law": "coulomb", "coefficient": 0.3}, {"law": "tresca", "bound": 0.3}])
 @pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
-@pytest.mark.parametrize(("nx", "ny"), [(3, 2), (6, 3), (8, 2), (14, 3)])
+@pytest.mark.parametrize(("nx", "ny"), [(3, 2), (14, 3)])
 def test_loads_that_balance_each_other(friction, cell, nx, ny):
     """A resultant of round-off is no load: nothing presses the body on, on any mesh and in any units."""
     for length, force in ((1.0, 1.0), (1e-7, 1e9)):
@@ -198,7 +198,7 @@ def test_held_by_friction_where_a_beam_bends_down(pressure, status, algorithm):
 
 
 @pytest.mark.one_quick
-@pytest.mark.parametrize("gamma", [1e6, 1e7, 1e8])
+@pytest.mark.parametrize("gamma", [1e6, 1e8])
 def test_cycling(gamma):
     """sigma = 1 / gamma_2 cycles (section 7.1); the advice names the cure, and the cure works."""
     solution = outcome(example1(bound=1.5, gamma=gamma, sigma=1 / gamma, patch=PATCH, fallbacks=False))

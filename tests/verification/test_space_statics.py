@@ -20,7 +20,7 @@ def pushed(law, angle, share, **more):
 
 @pytest.mark.one_quick
 @pytest.mark.parametrize("law", FRICTION)
-@pytest.mark.parametrize("angle", np.arange(12) * np.pi / 6 + 0.1)
+@pytest.mark.parametrize("angle", [0.1, 2.0, 4.4])
 def test_limit_push(law, angle):
     """The limit is F N in every direction: held at 0.99 of it, *slides* at 1.01."""
     held = pushed(FRICTION[law], angle, 0.99)
