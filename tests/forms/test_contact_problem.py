@@ -71,35 +71,6 @@ def test_exact_states(name):
     assert repr(found["problem"]).endswith("unknowns, converged>")
 
 
-@pytest.mark.mpi
-def test_stress_of_the_orthotropic_block():
-    """Uniform; the estimated error is round-off of the projection."""
-    found = run("orthotropic_block")
-    stress, expected = found["problem"].stress, np.diag([0.0, -found["formula"], 0.0])
-    for one in (stress, stress.recovered):
-        assert np.abs(one.tensor.x.array.reshape(-1, 3, 3) - expected).max(initial=0) <= 1e-6 * found["formula"]
-    assert stress.largest().value == pytest.approx(found["formula"], rel=1e-11)
-    assert stress.error < 1e-6
-    size, modulus = 2.0, found["formula"] / found["CLOSER"]
-    assert stress.energy() == pytest.approx(size * modulus * found["CLOSER"] ** 2 / 2, rel=1e-11)
-
-
-@pytest.mark.mpi(slow=True)
-def test_axisymmetric_hertz():
-    """Radius and pressure of Hertz's formula; the body is finite."""
-    found = run("axisymmetric_hertz")
-    state, force = found["problem"].state, found["force"]
-    radius = (0.75 * force * found["RADIUS"] * (1 - found["NU"] ** 2) / found["E"]) ** (1 / 3)
-    r = state.boundary.x[:, 0]
-    hertz = 1.5 * force / (np.pi * radius**2) * np.sqrt(np.maximum(0, 1 - (r / radius) ** 2))
-    inside = r < 0.8 * radius
-    assert state.pressure[inside] == pytest.approx(hertz[inside], rel=0.015)
-    assert (state.pressure[r > 1.1 * radius] == 0).all()
-    assert found["problem"].certificate.holds
-    total = state.forces[0][1]
-    assert total == pytest.approx(force, rel=1e-3)
-
-
 # --- time loops and changes ------------------------------------------------------------------------------------------
 
 

@@ -23,7 +23,6 @@ from support.nonlinear_bodies import (
 from signorini_fx import (
     ConvergenceError,
     Coulomb,
-    FormError,
     Foundation,
     NonlinearContactProblem,
     Status,
@@ -203,16 +202,3 @@ def test_certificate_notices_what_is_wrong():
     top = int(np.argmax(u.x.array))
     u.x.array[top] += 1e-4
     assert not judged().holds
-
-
-def test_a_shape_of_a_users_own():
-    """Is tried before anything is solved, as in linear problems."""
-
-    class Steep:
-        def distance(self, x):
-            return 2.0 - 2.0 * x[:, 1], np.broadcast_to([0.0, -1.0], x.shape)
-
-    space, side = rectangle([1.0, 1.0], [2, 2])
-    u = fem.Function(space)
-    with pytest.raises(FormError, match=r"contact\[0\].shape: distance of Steep does not grow along its normals"):
-        NonlinearContactProblem(residual(u), u, contact=Foundation(side(1, 1.0), shape=Steep()))

@@ -5,7 +5,6 @@ import pytest
 from surfaces import nothing_held
 
 from benchmarks.stability.oracle.mortar import Side, points_of_moved
-from signorini_fx.mechanics.pairs import mortar_coupling
 from signorini_fx.mechanics.pairs.mortar_coupling import couple
 from signorini_fx.mechanics.pairs.pair_side import Lagrange, PairSurface
 from signorini_fx.mechanics.pairs.sliding import slide
@@ -100,29 +99,3 @@ def test_sides_that_have_moved(kind, seed):
 def test_undeformed_sides(kind):
     """Curved ones, which keep their partners."""
     assert max(differences(kind, 0, slides=False)) < 1e-8
-
-
-def straight(monkeypatch):
-    """Places of displaced sides are shifted at the last nodes of facets."""
-    displaced = PairSurface.displaced
-
-    def moved(self, displacement):
-        places = np.array(displacement)
-        places[self.nodes[:, -1]] *= 1.001
-        return displaced(self, places)
-
-    monkeypatch.setattr(PairSurface, "displaced", moved)
-
-
-def turned(monkeypatch):
-    """Directions of projection that enclose 5 degrees with the mean normals."""
-    right = mortar_coupling._mean_normals
-    c, s = np.cos(np.radians(5.0)), np.sin(np.radians(5.0))
-
-    def wrong(*given, **settings):
-        directions = right(*given, **settings)
-        first, last = directions[:, 0].copy(), directions[:, -1].copy()
-        directions[:, 0], directions[:, -1] = c * first - s * last, s * first + c * last
-        return directions
-
-    monkeypatch.setattr(mortar_coupling, "_mean_normals", wrong)

@@ -13,7 +13,7 @@ from mpi4py import MPI
 from signorini_fx import ContactProblem, Coulomb, FormError, Foundation, SceneError, solve
 from signorini_fx.mechanics.statement.rigid_shape import distance_from, read_shape
 from signorini_fx.scenes.checks import check_scene
-from signorini_fx.scenes.reading import parse_scene, read_scene
+from signorini_fx.scenes.reading import parse_scene
 
 COMM = MPI.COMM_WORLD
 HILL = ((-1.5, 0.0), (-1.0, 0.5), (0.0, 0.2), (1.0, 0.6), (1.5, 0.0))
@@ -430,28 +430,6 @@ def test_bad_surfaces(tmp_path):
     (tmp_path / "it.stl").write_bytes(b"")
     (wrong,) = [why for _, why in read_shape({"shape": "surface", "file": tmp_path / "it.stl"}).contradictions(3)]
     assert "it.stl" in wrong
-
-
-def test_files_are_found_from_the_scene(files):
-    """Like the mesh, from the folder of the scene."""
-    text = """
-[mesh]
-generator = "box"
-parameters = { nx = 3, ny = 2, nz = 2 }
-[material]
-young = 1.0
-poisson = 0.3
-[[displacement]]
-boundary = "top"
-x = 0.0
-y = 0.0
-z = 0.0
-[[contact]]
-boundary = "bottom"
-foundation = { shape = "surface", file = "cube.stl", shift = [0.0, 0.0, -1.1] }
-"""
-    (files / "it.toml").write_text(text, encoding="utf-8")
-    assert "at a distance from 0.1 to" in "; ".join(check_scene(read_scene(files / "it.toml")).acts)
 
 
 # --- foundations that move -------------------------------------------------------------------------------------------

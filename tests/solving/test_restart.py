@@ -284,7 +284,7 @@ def test_a_ramp(tmp_path, push, method):
 
 @pytest.mark.slow
 @pytest.mark.mpi(slow=True)
-@pytest.mark.parametrize("method", ["fp", "newton", "krylov"])
+@pytest.mark.parametrize("method", ["fp", "krylov"])
 def test_meshes(tmp_path, method):
     """Of a nested iteration the complete meshes are kept, and the convergence table has a row with all errors for
     each.
@@ -478,7 +478,7 @@ def uninterrupted(tmp_path_factory):
 
 @pytest.mark.slow
 @pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="starts ranks itself")
-@pytest.mark.parametrize(("before", "after"), [(1, 2), (2, 1), (3, 1)])
+@pytest.mark.parametrize(("before", "after"), [(1, 2), (2, 1)])
 def test_killed(tmp_path, uninterrupted, before, after):
     """Killed with -9 and restarted on another number of ranks, the tables are those of an uninterrupted run."""
     file, out = tmp_path / "scene.toml", tmp_path / "out"

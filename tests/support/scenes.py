@@ -10,7 +10,6 @@ from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve
 
 PATCH = {"x": [1.25, 1.75]}
-PATCH_AT_THE_END = {"x": [0.0, 0.5]}
 
 
 def example1(

@@ -10,7 +10,7 @@ from benchmarks.contactbench import command
 from benchmarks.contactbench.adapters import ADAPTERS
 from benchmarks.contactbench.answers import CannotRun
 from benchmarks.contactbench.judging import Result, ResultError, distance, judge, read_results, without_value
-from benchmarks.contactbench.problem import Quantity, problem_names, read_problem
+from benchmarks.contactbench.problem import problem_names, read_problem
 
 PROBLEM = read_problem("smooth-edge")
 GOOD = "quantity,value,unknowns,seconds\nforce,6.67,306,0.1\nmoment, 4.0,,\n\nopening,0.0121,,2e-1\n"
@@ -65,10 +65,6 @@ def test_no_file(tmp_path, capsys):
         assert "cannot be read as text" in capsys.readouterr().err
     assert command.main(["judge", "smooth", str(tmp_path / "bytes.csv")]) == 2
     assert "there is no problem 'smooth'" in capsys.readouterr().err
-
-
-def reference(kind, *numbers, scale=2.0):
-    return Quantity("q", "normal force", "b", (), 0, "N", "q", kind, numbers, ("s",), "", 0.01, scale)
 
 
 @pytest.mark.parametrize("name", problem_names())

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from benchmarks.contactbench.elasticity import nodal_loads, nodal_weights, prescribed, values_at
-from benchmarks.contactbench.expressions import ExpressionError, evaluate
 from benchmarks.contactbench.grids import make_grid
 from benchmarks.contactbench.mesh_files import write_inp, write_msh
 from benchmarks.contactbench.problem import FOLDER, ON_BOUNDARY, ProblemError, problem_names, read_problem
@@ -15,9 +14,6 @@ from signorini_fx.mechanics.mesh.files.formats import read_file
 
 NAMES = problem_names()
 each_problem = pytest.mark.parametrize("name", NAMES)
-NEEDED = ["example1-frictionless", "example1-tresca", "example1-coulomb", "smooth-edge", "smooth-edge-tresca"]
-NEEDED += ["smooth-edge-coulomb", "press-fit-plane", "wedge", "flat-punch", "ring", "lug-and-pin", "two-spheres"]
-NEEDED += ["cattaneo-mindlin"]
 
 
 @pytest.mark.one_quick
@@ -115,17 +111,3 @@ def test_a_spoiled_file_is_refused(tmp_path, pattern, other, message):
     with pytest.raises(ProblemError, match=re.escape(message)) as error:
         read_problem(tmp_path / "mine.toml")
     assert str(error.value).startswith("mine.toml: ")
-
-
-def test_formulas():
-    """As Python would evaluate them, in any order of the names, and with the symbols of others."""
-    values = {"b": "a * 2", "a": 3.0, "x": np.array([-1.0, 2.0])}
-    np.testing.assert_allclose(evaluate("where(x < 0, b, a ** -1)", values), [6.0, 1 / 3])
-    assert evaluate("-pi + acosh(2) - max(1, 2)", {}) == pytest.approx(-np.pi + np.arccosh(2) - 2)
-    for wrong in ("a.b", "[1]", "f(1)", "lambda: 1", "1 if 2 else 3", "x[0]", "'a'", "True", "1 < 2 < 3", "sin(x=1)"):
-        with pytest.raises(ExpressionError):
-            evaluate(wrong, {"a": 1.0, "x": 1.0})
-    with pytest.raises(ExpressionError, match="'c' in 'c' is not known"):
-        evaluate("c", {})
-    with pytest.raises(ExpressionError, match="not known"):
-        evaluate("d", {"d": "d + 1"})

@@ -25,15 +25,6 @@ def test_half_disk(cell, degree, algorithm):
     assert np.abs(x[pressure > 0]).max() == pytest.approx(0.4, abs=0.02)
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("half_width", [0.2, 0.4, 0.8])
-def test_loads(half_width):
-    """a grows like the square root of the load, and so does the peak."""
-    x, pressure, weight, _ = profile(alone(half_disk(half_width, size=half_width / 20)))
-    assert width_from_moment(x, pressure, weight) == pytest.approx(half_width, rel=5e-3)
-    assert ellipse(x, pressure, half_width) == pytest.approx((half_width, peak(half_width)), rel=5e-3)
-
-
 def test_along_the_normal():
     """Contact along the normals of the disk, the gap measured along them, is the same up to a/R.
 
