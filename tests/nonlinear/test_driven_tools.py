@@ -126,11 +126,11 @@ def test_what_pulls_away():
 
 def test_what_is_refused():
     """By one sentence that names the place: what moves it, and what turns it without a place to turn about."""
-    with pytest.raises(SceneError, match="give the point where the force acts, about which the foundation turns"):
+    with pytest.raises(SceneError, match="give the point where the force acts"):
         solve(rolled(CIRCLE | {"force": [0.0, -1.0]}, load_steps={}), MPI.COMM_SELF)
     space, side = rectangle([1.0, 1.0], [2, 2], MPI.COMM_SELF)
     u = fem.Function(space)
     circle = CIRCLE | {"force": (0.0, -1.0), "prescribed": UPRIGHT, "pivot": (0.8, 1.5)}
     problem = NonlinearContactProblem(residual(u, neo_hooke), u, contact=Foundation(side(1, 1.0), shape=circle))
-    with pytest.raises(FormError, match=r"contact\[0\].shape.shift: stays: this foundation is moved by what drives it"):
+    with pytest.raises(FormError, match=r"contact\[0\].shape.shift: stays"):
         problem.place(0, shift=(0.0, -0.1))

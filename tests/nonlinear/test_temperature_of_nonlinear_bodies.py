@@ -145,5 +145,5 @@ def test_metal_of_calculix():
 
 def test_what_would_shrink_to_nothing_is_refused():
     """By the temperature of any load step."""
-    with pytest.raises(SceneError, match="temperature: must be less: it would shrink the body to nothing"):
+    with pytest.raises(SceneError, match="temperature: must be less"):
         solve(cube(material("neo-hooke"), "-60 * t", load_steps={"times": [1.0, 2.0]}), MPI.COMM_SELF)

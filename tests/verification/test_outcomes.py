@@ -47,10 +47,8 @@ def test_free_sideways_without_friction():
     assert solution.status is Status.NOT_HELD
     assert solution.history.iterations == []
     # What to do is said once, with the motion.
-    assert solution.advice == (
-        "nothing holds the body: neither the supports nor the contact resists the translation along (1, 0); "
-        "prescribe a displacement, or add friction"
-    )
+    assert "the translation along (1, 0)" in solution.advice
+    assert "friction" in solution.advice
     assert render(summarise(solution)).split().count("prescribe") == 1
 
 
