@@ -106,7 +106,7 @@ def table_of(solution):
     return contact_table(solution.contact, [effect.boundary for effect in solution.statement.contact])
 
 
-def stack_of_three(lift, below, above, gap=0.0, size=1.0, stress=1.0, factors=None, aside=0.0, **solver):
+def stack_of_three(lift, below, above, gap=0.0, size=1.0, stress=1.0, **solver):
     """Three blocks of the height ``size``, the lower one held at its bottom, the upper one moved by its top.
 
     Args:
@@ -116,8 +116,6 @@ def stack_of_three(lift, below, above, gap=0.0, size=1.0, stress=1.0, factors=No
         gap: below it, in ``size``; negative: an interference.
         size: a length.
         stress: Young's modulus is 100 times that.
-        factors: of the lift.
-        aside: how far the top moves sideways, in ``size``, or an expression of it in the unit of lengths.
         solver: its settings.
     """
     bodies = []
@@ -129,7 +127,7 @@ def stack_of_three(lift, below, above, gap=0.0, size=1.0, stress=1.0, factors=No
     def friction(law):
         return law | ({"bound": law["bound"] * stress} if "bound" in law else {})
 
-    moved = {"boundary": "upper.top", "x": aside if isinstance(aside, str) else aside * size, "y": lift * size}
+    moved = {"boundary": "upper.top", "x": 0.0, "y": lift * size}
     contact = {"boundary": "middle.bottom", "against": "lower.top", "gap": gap * size, "friction": friction(below)}
     return parse_scene(
         {
@@ -137,7 +135,7 @@ def stack_of_three(lift, below, above, gap=0.0, size=1.0, stress=1.0, factors=No
             "material": {"young": 100.0 * stress, "poisson": 0.3},
             "displacement": [
                 {"boundary": "lower.bottom", "x": 0.0, "y": 0.0},
-                moved if factors is None else moved | {"factors": factors},
+                moved,
             ],
             "contact": [contact, {"boundary": "upper.bottom", "against": "middle.top", "friction": friction(above)}],
             "solver": solver,

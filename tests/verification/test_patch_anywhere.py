@@ -208,14 +208,14 @@ def test_pressed_with_fixed_sides(cell, degree, algorithm, angle, kind):
 
 FRICTION = [{"law": "tresca", "bound": SHEAR}, {"law": "coulomb", "coefficient": SHEAR / PRESSURE}]
 COULOMB = FRICTION[1]
-each_law = pytest.mark.parametrize("friction", FRICTION, ids=lambda f: f["law"])
-both_ways = pytest.mark.parametrize("sign", [1, -1])
+law_and_way = pytest.mark.parametrize(
+    ("friction", "sign"), [(FRICTION[0], 1), (FRICTION[1], -1)], ids=["tresca", "coulomb"]
+)
 CONFINED = {"xx": -POISSON / (1 - POISSON) * PRESSURE, "yy": -PRESSURE}  # stress of a body that cannot widen
 
 
 @pytest.mark.one_quick
-@each_law
-@both_ways
+@law_and_way
 @everywhere
 def test_full_stick(cell, degree, algorithm, angle, kind, friction, sign):
     """(c) Tractions of the constant state, |mu| at 0.9 of its bound: nothing but friction holds the body sideways."""
@@ -248,8 +248,7 @@ def slide(state, angle, **contact):
 
 
 @pytest.mark.one_quick
-@each_law
-@both_ways
+@law_and_way
 @everywhere
 def test_full_slip(cell, degree, algorithm, angle, kind, friction, sign):
     """(d) The top moved so far that everything slips: mu = F p against the motion."""
