@@ -237,6 +237,3 @@ def test_arguments_are_refused_by_name():
     wrong = pressed.solved(J=1.5 * other, stability=False)
     with pytest.raises(FormError, match="J: is not the derivative of F"):
         wrong.gradient(pressed.of[1], [pressed.data["mu"]])
-
-
-# --- a gap beside a shape ---------------------------------------------------------------------------------------------

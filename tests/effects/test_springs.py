@@ -1,4 +1,4 @@
-"""Springs between a boundary and the ground: exact states, the same by a form of one's own, statics, what is said."""
+"""Springs between a boundary and the ground: exact states, statics, and what is said."""
 
 import numpy as np
 import pytest
@@ -121,15 +121,6 @@ def test_beam_on_an_elastic_foundation():
     middle = np.argmin(np.hypot(x[:, 0] - 30.0, x[:, 1] - 0.5))
     assert -y[middle] == pytest.approx(expected, rel=2 * (height * beta) ** 2)
     assert solution.resultants.of("bottom").force[1] == pytest.approx(force, rel=1e-9)
-
-
-# --- the same by a form of the user's own ----------------------------------------------------------------------------
-
-
-# --- the independent check, load steps, units -------------------------------------------------------------------------
-
-
-# --- an effect is a file ---------------------------------------------------------------------------------------------
 
 
 # --- supports, and what is said --------------------------------------------------------------------------------------

@@ -1,4 +1,4 @@
-"""Foundations that forces move: the same as prescribed motions, statics by hand, Hertz by force, named outcomes."""
+"""Foundations that forces move, in scenes and forms: as prescribed motions, statics by hand, named outcomes."""
 
 import forms
 import numpy as np

@@ -1,10 +1,10 @@
-"""Tools that forces move against nonlinear bodies: balance, the run driven by displacements, limits, and outcomes."""
+"""Tools that forces move against nonlinear bodies: balance, limits, and outcomes."""
 
 import numpy as np
 import pytest
 from dolfinx import fem
 from mpi4py import MPI
-from support.nonlinear_bodies import held, neo_hooke, rectangle, residual
+from support.nonlinear_bodies import neo_hooke, rectangle, residual
 from support.nonlinear_scenes import block, indented, material
 
 from signorini_fx import (
@@ -37,15 +37,6 @@ def rolled(tool, law="rubber", friction=ROUGH, **further):
 def total(step):
     """What the tool exerts on the body; collective."""
     return np.sum(step.contact.forces, axis=0)
-
-
-def pressed(**prescribed):
-    """A block under a smooth circle that a force presses, midway between two nodes: it is stable above nodes alone."""
-    space, side = rectangle([2.0, 1.0], [12, 6], MPI.COMM_SELF)
-    u = fem.Function(space)
-    circle = CIRCLE | {"centre": (11 / 12, 1.5), "force": (0.0, -20.0), "prescribed": UPRIGHT | prescribed}
-    contact = Foundation(side(1, 1.0), shape=circle)
-    return NonlinearContactProblem(residual(u), u, bcs=[held(space, side(1, 0.0))], contact=contact)
 
 
 @pytest.mark.parametrize("law", ["saint-venant-kirchhoff", pytest.param("j2", marks=pytest.mark.slow)])

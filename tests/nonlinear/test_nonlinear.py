@@ -1,4 +1,4 @@
-"""Contact of nonlinear bodies: closed forms, energies minimised by a library, the linear limit, and named outcomes."""
+"""Contact of nonlinear bodies: energies minimised by a library, the certificate, and named outcomes."""
 
 import re
 

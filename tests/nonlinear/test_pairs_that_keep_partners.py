@@ -1,4 +1,4 @@
-"""Two nonlinear bodies whose points keep their partners: invariances, limits, ties, stability and the certificate."""
+"""Two nonlinear bodies whose points keep their partners: joint rotations, limits, arguments and ranks."""
 
 import re
 

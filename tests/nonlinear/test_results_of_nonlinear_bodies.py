@@ -1,4 +1,4 @@
-"""Results of nonlinear bodies: load steps, forces in balance at the displaced points, and the result folder."""
+"""Results of nonlinear bodies: load steps, forces in balance at the displaced points, and fields."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Tools that turn as forces and moments ask for it: rolling, statics, objectivity, restart, and what is refused."""
+"""Tools that turn as forces and moments ask for it: rolling, statics, objectivity, and what is refused."""
 
 import numpy as np
 import pytest

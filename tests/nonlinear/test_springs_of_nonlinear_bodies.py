@@ -1,4 +1,4 @@
-"""Nonlinear bodies on springs: closed forms, the linear limit, ranks, resultants, and the certificate."""
+"""Nonlinear bodies on springs: closed forms and resultants."""
 
 import numpy as np
 import pytest

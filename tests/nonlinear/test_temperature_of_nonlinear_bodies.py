@@ -1,4 +1,4 @@
-"""Nonlinear bodies that expand as they become warmer: closed forms, CalculiX, the linear limit, ranks and restart."""
+"""Nonlinear bodies that expand as they become warmer: closed forms, CalculiX, and what is refused."""
 
 import numpy as np
 import pytest

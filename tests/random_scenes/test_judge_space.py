@@ -253,6 +253,3 @@ def test_the_room_that_statics_leaves():
     assert kind(given((0.3, 0.3), half), OPEN) == DENIED
     assert kind(given((0.4, 0.4), half), OPEN) == NO_BALANCE
     assert kind(given((0.3, 0.3), half), NOT_CERTIFIED) == UNCERTIFIED
-
-
-# ---- units and the command

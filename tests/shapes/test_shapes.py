@@ -503,6 +503,3 @@ def test_bad_motions(more, message):
         solve(moving(tool=True, **({"shift": ["0.01*t", 0.0]} | more)))
     assert message in str(error.value)
     assert len(error.value.problems) == 1
-
-
-# --- known answers ---------------------------------------------------------------------------------------------------

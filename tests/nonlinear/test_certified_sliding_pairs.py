@@ -1,4 +1,4 @@
-"""States of a solver of sliding pairs that are not those of the displacement: the certificate makes the map anew."""
+"""Sliding pairs whose certificate makes the map anew: held sides, tips on an axis, and points that supports fix."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Faults of the maps of linear pairs: their entries, and what is said of them, are refused; round-off is none."""
+"""Maps of linear pairs at their limits: small parts of facets, the reach, and facets that another contact owns."""
 
 import numpy as np
 import pytest
@@ -6,32 +6,8 @@ from dolfinx.mesh import compute_midpoints
 from support.sliding_bodies import SlidingBodies, as_linear_bodies
 from two_bodies import grid
 
-from signorini_fx import Coulomb, Pair
+from signorini_fx import Pair
 from signorini_fx.errors import FormError
-
-DEPTH = 0.02
-
-
-def bodies(dim, kind, degree=1, **pair):
-    """A parabola that is driven into a block, and along it with friction; ``pair``: see ``Pair``."""
-    up, away = dim - 1, 1e-6
-
-    def height(x):
-        return 0.1 * np.sum(x[:up] ** 2, axis=0)
-
-    def bent(x):
-        return np.column_stack((x[:, :up], x[:, up] + height(x.T) * (0.3 - x[:, up]) / 0.3))
-
-    meshes = (
-        grid(kind, (*[6] * up, 3), [*[-0.75] * up, -1.0], [*[0.75] * up, 0.0]),
-        grid(kind, (*[7 - 2 * (dim - 2)] * up, 1), [*[-0.5] * up, away], [*[0.5] * up, 0.3], bent),
-    )
-    touching = [lambda x: np.isclose(x[up], 0.0), lambda x: x[up] <= height(x) + 2 * away]
-    held = [lambda x: np.isclose(x[up], -1.0), lambda x: np.isclose(x[up], 0.3)]
-    pair = pair or {"friction": Coulomb(0.3), "sliding": degree * dim != 6}
-    scene = SlidingBodies(kind, meshes, touching, held, degree=degree, pair={"reach": 0.5, **pair})
-    scene.drive.value[0], scene.drive.value[-1] = DEPTH / 2, -DEPTH
-    return scene
 
 
 def stacked(kind, counts, low, high, degree):
