@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 import ufl
 from dolfinx import fem
+from manufactured_in_space import YOUNG, made_up, stress
 from mesh_files import write_msh
 from mpi4py import MPI
+from ranks import same_on_all_ranks
 from reference import Reference
 from scenes import table_of
 from spaces import block, box
 from surfaces import grid
-from test_ranks import same_on_all_ranks
-from test_space_manufactured import YOUNG, made_up, stress
 
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.machine import parallel

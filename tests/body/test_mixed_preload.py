@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from bolts import PULL, TIGHT, clamped, figures
 from mpi4py import MPI
 from test_mixed import uneven
-from test_preload import PULL, TIGHT, clamped, figures
 
 from signorini_fx.results.section_forces import section_forces
 from signorini_fx.scenes.reading import parse_scene

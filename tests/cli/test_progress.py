@@ -5,9 +5,9 @@ import sys
 
 import pytest
 from mpi4py import MPI
+from ranks import same_on_all_ranks
 from scenes import example1
 from test_cli import SCENE
-from test_ranks import same_on_all_ranks
 
 from signorini_fx.scenes.cli import main
 from signorini_fx.scenes.solver import solve

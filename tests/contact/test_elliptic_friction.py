@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 from scenes import alone
-from spaces import block, box
-from test_space_statics import PRESS, brick
+from spaces import block, box, brick
 
 from benchmarks.stability.oracle import convex
 from benchmarks.stability.oracle.judge import FAILURES, RIGHT, judge
@@ -20,6 +19,7 @@ from signorini_fx.scenes.reading import parse_scene
 F1, F2 = 0.4, 0.15
 AXIS = 0.5
 ALONG = [float(np.cos(AXIS)), float(np.sin(AXIS)), 0.3]  # its part along the normal does not count
+PRESS = 10.0  # of the brick
 LAWS = {
     "coulomb": {"law": "coulomb", "coefficient": F1, "ratio": F2 / F1, "along": ALONG},
     "tresca": {"law": "tresca", "bound": F1 * PRESS, "ratio": F2 / F1, "along": ALONG},
@@ -137,8 +137,8 @@ def test_a_circle_is_the_disc():
 @pytest.mark.parametrize("seed", range(3))
 def test_cone_programme(seed, tmp_path):
     """Random scenes under the oracle, which solves given friction as a cone programme, and statics as another one."""
-    from test_judge_space import block as turned_block
-    from test_judge_space import scene as turned_scene
+    from turned_scenes import block as turned_block
+    from turned_scenes import scene as turned_scene
 
     rng = np.random.default_rng([5, seed])
     law = {"ratio": float(rng.uniform(0.2, 3.0)), "along": [float(v) for v in rng.normal(size=3)]}

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 import ufl
 from dolfinx import fem
-from test_contact_problem import Block
-from test_two_bodies import blocks
-from two_bodies import facets, forms, held
+from forms import Block
+from two_bodies import blocks, facets, forms, held
 
 from signorini_fx import (
     ContactProblem,

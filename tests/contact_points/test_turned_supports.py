@@ -5,8 +5,7 @@ import pytest
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from scenes import alone
-from spaces import friction_of
-from test_space_patch import (
+from space_patches import (
     ELEMENTS,
     GAMMA,
     GAP,
@@ -18,13 +17,11 @@ from test_space_patch import (
     assert_displacement,
     contact,
     pressed,
-    rotation,
     run,
 )
+from spaces import friction_of, rotation
 
 from signorini_fx.errors import SceneError
-from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
-from signorini_fx.mechanics.loads.supports import flat_normal
 from signorini_fx.mechanics.mesh.tagged import tag_boundaries
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve
@@ -251,24 +248,3 @@ def test_refused():
     )
     with pytest.raises(SceneError, match="is not flat"):
         solve(scene, MPI.COMM_SELF)
-
-
-@pytest.mark.parametrize("turned", [False, True])
-@pytest.mark.parametrize(("bend", "accepted"), [(1e-11, True), (1e-7, False)])
-def test_flat_to_round_off(bend, accepted, turned):
-    """A boundary that is bent by 1e-7 of the size of the body is not flat; by round-off it is, and along its axis."""
-    mesh = dmesh.create_box(MPI.COMM_SELF, [(0.0, 0.0, 0.0), (1.0, 1.0, 1.0)], (2, 2, 2), dmesh.CellType.hexahedron)
-    x = mesh.geometry.x
-    tagged = tag_boundaries(mesh, {"left": lambda x: np.abs(x[0]) < 1e-9})
-    middle = (np.abs(x[:, 0]) < 1e-9) & (np.abs(x[:, 1:] - 0.5).max(axis=1) < 1e-9)
-    assert middle.sum() == 1
-    x[middle, 0] -= bend * np.sqrt(3.0)
-    back = rotation(0.9, (0.3, -0.8, 0.5)) if turned else np.eye(3)
-    x[:] = x @ back.T
-    support = PrescribedDisplacement(boundary="left", normal=0.0)
-    if accepted:
-        normal = flat_normal(support, 0, tagged)
-        np.testing.assert_allclose(normal, -back[:, 0], rtol=0, atol=1e-15 if not turned else 1e-10)
-    else:
-        with pytest.raises(SceneError, match=r"displacement\[0\].normal.*is not flat"):
-            flat_normal(support, 0, tagged)

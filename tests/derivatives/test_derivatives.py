@@ -7,16 +7,12 @@ from dolfinx import fem
 from dolfinx import mesh as dmesh
 from forms import box as plain_box
 from forms import hooke, side
-from mpi4py import MPI
+from sensitivities import COMM, COULOMB, TRESCA, agrees
 from spaces import box
 
 from signorini_fx import ContactProblem, Coulomb, Foundation, SceneError, sensitivity
-from signorini_fx.addons.derivatives.entries import varied
 from signorini_fx.scenes.reading import parse_scene
 
-COMM = MPI.COMM_WORLD
-COULOMB = {"law": "coulomb", "coefficient": 0.3}
-TRESCA = {"law": "tresca", "bound": 1.5}
 PLANE = ["force bottom x", "moment bottom", "pressure bottom 6", "area bottom", "mean top y", "displacement 1.7,0.6 x"]
 SPACE = ["force bottom y", "moment bottom x", "pressure bottom", "area bottom 1.5", "displacement 1.7,0.6,0.4 x"]
 
@@ -52,26 +48,6 @@ def space(friction, cells="hexahedra", degree=1, **solver):
             "solver": {"gamma_n": 1e7, "gamma_t": 1e7, **solver},
         }
     )
-
-
-def agrees(scene, of, by, tolerance=1e-5):
-    """The derivatives are the central differences; those that are round-off beside the others of a result are not
-    compared.
-    """
-    found = sensitivity(scene, of, by, COMM)
-    assert all(one.between == 0 for one in found)
-    slopes = np.array([one.derivatives for one in found])
-    data = np.array([1.0 if datum == 0 or not np.isfinite(datum) else abs(datum) for datum in found[0].data])
-    for k, path in enumerate(by):
-        step = 1e-5 * data[k] if "gap" not in path and "foundation" not in path else 1e-5
-        scenes = (scene.model_copy(update=varied(scene.statement, path, sign * step, 3)) for sign in (1, -1))
-        high, low = (np.array([one.value for one in sensitivity(changed, of, [], COMM)]) for changed in scenes)
-        wanted = (high - low) / (2 * step)
-        values = np.abs([one.value for one in found])
-        least = 1e-7 * values / data[k] + 1e-11 * values.max() / step  # round-off of the solves
-        away = np.abs(slopes[:, k] - wanted)
-        assert (away <= tolerance * np.abs(wanted) + least).all(), (path, slopes[:, k], wanted)
-    return found
 
 
 DATA = ["contact.gap", "material.poisson", "traction[0]", "displacement[1].x"]

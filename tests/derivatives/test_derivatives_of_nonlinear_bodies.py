@@ -77,26 +77,20 @@ def of_revolution():
 BOTH = ["traction[0].x", "material[0].young", "material[0].poisson", "contact[0].gap"]
 PLACES = ["contact[0].foundation.centre[0]", "displacement[0].x", "displacement[0].y"]
 HELD = ["displacement[1].x", "contact[0].gap"]
-REGULARISED = {"algorithm": "ssn", "gamma_n": 1e4, "gamma_t": 3000.0}
 COEFFICIENT = ["contact[0].friction.coefficient"]
 MOONEY = [{"law": "mooney-rivlin", "c10": 12.0, "c01": 5.0, "bulk": 100.0}]
 SCENES = {
-    "frictionless": (rubber(), [*BOTH, *PLACES]),
     "friction": (rubber(COULOMB), [*BOTH, *PLACES, *COEFFICIENT]),
     "friction without pressure": (rubber({"law": "tresca", "bound": 2.0}), [*BOTH, "contact[0].friction.bound"]),
-    "steps": (rubber(COULOMB, MOVED, **STEPS), [*BOTH, PLACES[0], *COEFFICIENT]),
     "steps that turn": (rubber(COULOMB, TURNED, **STEPS), [BOTH[0], *COEFFICIENT]),
     "steps, regularised": (rubber(COULOMB, MOVED, "ssn", **STEPS), [*BOTH, PLACES[0], *COEFFICIENT]),
-    "degree 2": (rubber(COULOMB, MOVED, element={"degree": 2}, **STEPS), [*BOTH, *COEFFICIENT]),
     "of revolution": (of_revolution(), [*BOTH[1:], *COEFFICIENT]),
     "space": (in_space(COULOMB, MOVED_IN_SPACE, **STEPS), [*BOTH, PLACES[0], *COEFFICIENT]),
-    "space, regularised": (in_space(COULOMB, MOVED_IN_SPACE, solver=REGULARISED, **STEPS), [*BOTH, *COEFFICIENT]),
-    "held beside contact": (held_beside(), HELD),
     "held beside contact in one step": (held_beside(holds=[False, True, False]), HELD),
     "another material": (rubber(COULOMB, material=MOONEY), ["material[0].c10", "material[0].bulk"]),
 }
 
-ON_RANKS = ("steps", "space", "held beside contact in one step")
+ON_RANKS = ("steps that turn", "space", "held beside contact in one step")
 
 
 @pytest.mark.slow
@@ -243,6 +237,3 @@ def test_arguments_are_refused_by_name():
     wrong = pressed.solved(J=1.5 * other, stability=False)
     with pytest.raises(FormError, match="J: is not the derivative of F"):
         wrong.gradient(pressed.of[1], [pressed.data["mu"]])
-
-
-# --- a gap beside a shape ---------------------------------------------------------------------------------------------

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from mpi4py import MPI
-from test_derivatives import COMM, COULOMB, TRESCA, agrees
+from sensitivities import COMM, COULOMB, TRESCA, agrees
 
 from signorini_fx import SceneError, sensitivity
 from signorini_fx.scenes.reading import parse_scene

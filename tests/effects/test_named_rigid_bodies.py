@@ -133,43 +133,6 @@ def test_a_sphere_in_a_conical_seat(turn):
     assert solution.certificate.equilibrium < 1e-9
 
 
-def key(force, law=None):
-    """A rigid key, half of it in the shaft and half in the hub; the shaft pushes it to the right, without Poisson."""
-    sides = {"lower": [[-2.0, 0.0], "right", "left"], "upper": [[1.0, 0.5], "left", "right"]}
-    shape = {"shape": "polyline", "points": [[-1.0, -0.2], [-1.0, 1.2], [1.0, 1.2], [1.0, -0.2], [-1.0, -0.2]]}
-    return {
-        "body": [rectangle(name, 1.0, 0.5, 4, 4, shift=shift) for name, (shift, *_) in sides.items()],
-        "material": {"young": 1e4, "poisson": 0.0},
-        "displacement": [
-            {"boundary": "upper.right", "x": 0.0, "y": 0.0},
-            {"boundary": "lower.bottom", "y": 0.0},
-        ],
-        "traction": {"boundary": "lower.left", "x": force / 0.5},
-        "rigid": {
-            "name": "key",
-            "shape": shape,
-            "pivot": [0.0, 0.5],
-            "prescribed": {"y": 0.0, "rotation": 0.0},
-        },
-        "contact": [
-            {"boundary": f"{name}.{touched}", "foundation": "key", "friction": law or {"law": "none"}}
-            for name, (_, touched, _) in sides.items()
-        ],
-    }
-
-
-def test_a_key():
-    """It moves by what the hub yields, P L / (E A), and carries P from one half to the other: the couple P h / 2."""
-    force = 5.0
-    solution = solve(parse_scene(key(force)))
-    (row,), ((shaft, _), (hub, _)) = rows(solution), sums(solution)
-    assert np.allclose([shaft, hub], force, rtol=1e-9)
-    assert np.isclose(row["displacement"][0], force * 1.0 / (1e4 * 0.5), rtol=1e-4)
-    assert abs(row["force"][0]) < 1e-9 * force
-    assert np.isclose(row["moment"], force * 0.5, rtol=1e-6)
-    assert solution.certificate.equilibrium < 1e-9
-
-
 def wedge(share, *, law=FRICTION, mirrored=False, **driving):
     """A rigid wedge between two blocks that are pressed on its sides, inclined by an angle whose tangent is a share of
     F.
@@ -236,7 +199,7 @@ def test_what_nothing_holds_ends_with_its_name(scene, status):
 
 
 MISTAKES = [
-    ({"name": "another"}, r"contact\[0\].foundation: no \[\[rigid\]\] has the name 'roller'; there are: 'another'"),
+    ({"name": "another"}, r"contact\[0\].foundation: .*'roller'; there are: 'another'"),
     ({"shape": None}, r"contact\[0\].foundation: \[\[rigid\]\] 'roller' has no shape"),
     ({"force": [0.0, 0.0, 0.0]}, "the mesh is plane"),
     ({"pivot": None}, "give the point where the force acts"),

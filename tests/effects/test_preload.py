@@ -2,104 +2,13 @@
 
 import numpy as np
 import pytest
-from dolfinx import mesh as dmesh
+from bolts import BOLT, COMM, MORE, PULL, SLEEVE, TIGHT, YOUNG, clamped, figures
 from mpi4py import MPI
 
 from signorini_fx import SceneError, solve
 from signorini_fx.mechanics.mesh.files.formats import read_file
-from signorini_fx.mechanics.mesh.tagged import gmsh_mesh, tag_boundaries
-from signorini_fx.results.section_forces import section_forces
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import parse_scene
-
-COMM = MPI.COMM_WORLD
-CELLS = {
-    "triangle": dmesh.CellType.triangle,
-    "quadrilateral": dmesh.CellType.quadrilateral,
-    "tetrahedron": dmesh.CellType.tetrahedron,
-    "hexahedron": dmesh.CellType.hexahedron,
-}
-YOUNG, HEIGHT, SHANK, SLEEVES, TIGHT, PULL = 1000.0, 4.0, 1.0, 2.0, 20.0, 6.0
-BOLT, SLEEVE = YOUNG * SHANK / HEIGHT, YOUNG * SLEEVES / HEIGHT  # stiffnesses; the thickness is 1
-MORE = BOLT / (BOLT + SLEEVE)  # the share of an external load that the bolt takes
-
-
-def bodies(cell, length):
-    """A shank with a head, and a sleeve with the same height, both standing at x[1] = 0."""
-    plane = cell in ("triangle", "quadrilateral")
-    make, deep = (dmesh.create_rectangle, []) if plane else (dmesh.create_box, [length])
-
-    def block(low, high, parts):
-        corners = [np.array([*(length * np.array(low)), *(0.0 for _ in deep)]), [*(length * np.array(high)), *deep]]
-        return make(COMM, corners, (*parts, *(2 for _ in deep)), CELLS[cell])
-
-    whole = block((-2.0, 0.0), (2.0, 5.0), (8, 10))
-    dim = whole.topology.dim
-    middle = dmesh.compute_midpoints(whole, dim, np.arange(whole.topology.index_map(dim).size_local, dtype=np.int32))
-    kept = (np.abs(middle[:, 0]) < 0.5 * length) | (middle[:, 1] > HEIGHT * length)
-    bolt = dmesh.create_submesh(whole, dim, np.flatnonzero(kept).astype(np.int32))[0]
-    foot = {"foot": lambda x: np.isclose(x[1], 0.0, atol=1e-9 * length)}
-    under = {"under": lambda x: np.isclose(x[1], HEIGHT * length) & (np.abs(x[0]) > 0.49 * length)}
-    top = {"top": lambda x: np.isclose(x[1], HEIGHT * length)}
-    over = {"over": lambda x: np.isclose(x[1], 5.0 * length)}
-    return tag_boundaries(bolt, foot | under | over), tag_boundaries(
-        block((0.0, 0.0), (1.0, HEIGHT), (3, 4)), foot | top
-    )
-
-
-def clamped(
-    cell="quadrilateral",
-    *,
-    degree=1,
-    unit=(1.0, 1.0),
-    solver=None,
-    friction=None,
-    gap=0.0,
-    poisson=0.0,
-    stiff=1.0,
-    more=None,
-    expansion=0.0,
-    **preload,
-):
-    """A bolt between two sleeves, all of which stand on the ground; in the second step its head is pulled; ``stiff``:
-    by how much the head is stiffer than the rest.
-    """
-    (length, force), plane = unit, cell in ("triangle", "quadrilateral")
-    stress = force / length**2
-    axes, (bolt, sleeve) = "xy" if plane else "xyz", bodies(cell, length)
-    still, at = dict.fromkeys(axes, 0.0), [0.0] * (len(axes) - 2)
-    section = {"region": "bolt", "point": [0.0, 1.8 * length, *at], "axis": [0.0, -3.0, *at]}
-    soft = {"young": YOUNG * stress, "poisson": poisson, "expansion": expansion}
-    head = soft
-    if stiff != 1.0:
-        head = soft | {"young": stiff * soft["young"], "grading": f"{1 / stiff} if x[1] < {HEIGHT * length} else 1"}
-    under = {"against": "bolt.under", "gap": gap * length, "friction": friction or {"law": "none"}}
-    return parse_scene(
-        {
-            "body": [
-                {"name": "bolt", "mesh": bolt},
-                {"name": "left", "mesh": sleeve, "shift": [-2.0 * length, 0.0, *at]},
-                {"name": "right", "mesh": sleeve, "shift": [1.0 * length, 0.0, *at]},
-            ],
-            "element": {"degree": degree},
-            "material": [{"region": "bolt", **head}, {"region": "left", **soft}, {"region": "right", **soft}],
-            "displacement": [{"boundary": name, **still} for name in ("bolt.foot", "left.foot", "right.foot")],
-            "force": {"boundary": "over", "y": PULL * force, "factors": [0.0, 1.0]},
-            "contact": [{"boundary": f"{side}.top", **under} for side in ("left", "right")],
-            "preload": {**section, **(preload or {"force": TIGHT * force})},
-            "solver": {"gamma_n": 1e7 * stress / length, "gamma_t": 1e7 * stress / length, **(solver or {})},
-            **(more or {}),
-        }
-    )
-
-
-def figures(solution, step, unit=(1.0, 1.0)):
-    """Bolt force, clamp force and shortening of a load step, in units of force and length."""
-    scene, tagged, result = solution.statement, solution.model.tagged, solution.steps[step]
-    (section,) = section_forces(scene, tagged, result.displacement, result.place)
-    clamp = np.linalg.norm(result.contact.forces[0])
-    return section.force / unit[1], clamp / unit[1], section.shortening / unit[0]
-
 
 WAYS = [
     ("quadrilateral", 1, {"linear_algebra": "full"}, (1.0, 1.0)),
@@ -201,48 +110,6 @@ def test_axisymmetric():
     assert np.isclose(solution.stress.largest().value, YOUNG * 0.01, rtol=1e-8)
     with pytest.raises(SceneError, match="axis: must be that of the body"):
         parse_scene(scene | {"preload": scene["preload"] | {"axis": [1.0, 1.0]}})
-
-
-def drawn(comm, dim, *, whole=True):
-    """A bar of two halves, or a plate with a crack line that ends inside, with the facets between them."""
-
-    def draw(gmsh):
-        occ = gmsh.model.occ
-        if dim == 2:
-            parts = [(2, occ.addRectangle(0, 0, 0, 1.2, 1)), (2, occ.addRectangle(1.2, 0, 0, 1.8, 1))]
-        else:
-            parts = [(3, occ.addBox(0, 0, 0, 1.2, 1, 1)), (3, occ.addBox(1.2, 0, 0, 1.8, 1, 1))]
-        if not whole:
-            parts = [parts[0], (1, occ.addLine(occ.addPoint(0.6, 0, 0), occ.addPoint(0.6, 0.5, 0)))]
-        occ.fragment(parts[:1], parts[1:])
-        occ.synchronize()
-        at = 1.2 if whole else 0.6
-        groups = {"left": 0.0, "cut": at, "right": 3.0 if whole else 1.2}
-        for name, x in groups.items():
-            box = (x - 0.01, -0.01, -0.01, x + 0.01, 1.01, 1.01)
-            sides = [tag for _, tag in gmsh.model.getEntitiesInBoundingBox(*box, dim - 1)]
-            gmsh.model.setPhysicalName(dim - 1, gmsh.model.addPhysicalGroup(dim - 1, sides), name)
-        every = [tag for _, tag in gmsh.model.getEntities(dim)]
-        gmsh.model.setPhysicalName(dim, gmsh.model.addPhysicalGroup(dim, every), "body")
-        gmsh.option.setNumber("Mesh.MeshSizeMax", 0.4)
-        gmsh.model.mesh.generate(dim)
-
-    return gmsh_mesh(comm, draw, "bar")
-
-
-@pytest.mark.one_quick
-@pytest.mark.parametrize("dim", [2, 3])
-def test_a_section_of_named_facets(dim):
-    still = dict.fromkeys("xyz"[:dim], 0.0)
-    scene = {
-        "mesh": drawn(COMM, dim),
-        "material": {"young": YOUNG, "poisson": 0.0},
-        "displacement": [{"boundary": "left", **still}, {"boundary": "right", "x": 0.0}],
-        "preload": {"section": "cut", "shortening": 0.03},
-    }
-    (section,) = solve(parse_scene(scene)).preloads
-    assert np.isclose(section.force, YOUNG * 0.03 / 3.0, rtol=1e-10)
-    assert section.name == "preload cut"
 
 
 DRAWN = """

@@ -1,11 +1,11 @@
-"""Springs between a boundary and the ground: exact states, the same by a form of one's own, statics, what is said."""
+"""Springs between a boundary and the ground: exact states, statics, and what is said."""
 
 import numpy as np
 import pytest
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from scenes import alone
-from spaces import box
+from steel_blocks import COMM, ELEMENTS, PLANE, YOUNG, body, scene
 
 from signorini_fx import SceneError
 from signorini_fx.mechanics.body.discretisation import discretise
@@ -13,32 +13,7 @@ from signorini_fx.mechanics.mesh.tagged import tag_boundaries
 from signorini_fx.records import Timings
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery
 from signorini_fx.scenes.checks import check_scene
-from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve
-
-COMM = MPI.COMM_WORLD
-YOUNG, POISSON = 5000.0, 0.3
-SIZE = (2.0, 1.0)
-PLANE = {"triangle": dmesh.CellType.triangle, "quadrilateral": dmesh.CellType.quadrilateral}
-ELEMENTS = [("quadrilateral", 1), ("triangle", 1), ("triangle", 2), ("hexahedra", 1), ("tetrahedra", 2)]
-
-
-def body(cells="quadrilateral", comm=COMM, fine=1):
-    """A block from the origin, 2 long, with names of its sides; in 3D it is as wide as it is high."""
-    if cells not in PLANE:
-        return box(cells, (4 * fine, 2 * fine, 2 * fine), size=(*SIZE, 1.0), comm=comm)
-    mesh = dmesh.create_rectangle(comm, [(0.0, 0.0), SIZE], (6 * fine, 3 * fine), PLANE[cells])
-    near = {"left": (0, 0.0), "right": (0, 2.0), "bottom": (1, 0.0), "top": (1, 1.0)}
-    return tag_boundaries(
-        mesh, {name: lambda x, k=k, at=at: np.abs(x[k] - at) < 1e-9 for name, (k, at) in near.items()}
-    )
-
-
-def scene(tagged, degree=1, material=None, **more):
-    """A block of steel-like material."""
-    material = material or {"young": YOUNG, "poisson": POISSON}
-    return parse_scene({"mesh": tagged, "element": {"degree": degree}, "material": material, **more})
-
 
 # --- exact states ----------------------------------------------------------------------------------------------------
 
@@ -146,15 +121,6 @@ def test_beam_on_an_elastic_foundation():
     middle = np.argmin(np.hypot(x[:, 0] - 30.0, x[:, 1] - 0.5))
     assert -y[middle] == pytest.approx(expected, rel=2 * (height * beta) ** 2)
     assert solution.resultants.of("bottom").force[1] == pytest.approx(force, rel=1e-9)
-
-
-# --- the same by a form of the user's own ----------------------------------------------------------------------------
-
-
-# --- the independent check, load steps, units -------------------------------------------------------------------------
-
-
-# --- an effect is a file ---------------------------------------------------------------------------------------------
 
 
 # --- supports, and what is said --------------------------------------------------------------------------------------

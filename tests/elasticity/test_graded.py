@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 from scenes import alone
+from steel_blocks import PLANE, body
 from test_axisymmetric import section
-from test_springs import PLANE, body
 
 from signorini_fx import SceneError
 from signorini_fx.scenes.checks import check_scene

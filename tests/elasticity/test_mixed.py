@@ -7,11 +7,11 @@ import pytest
 import ufl
 from certifying import certify
 from dolfinx import fem
+from hertz import RADIUS, YOUNG, ellipse, half_disk, profile
 from mpi4py import MPI
 from scenes import alone, rectangle
 from spaces import box
 from test_axisymmetric import section
-from test_hertz import RADIUS, YOUNG, ellipse, half_disk, profile
 
 from signorini_fx.errors import SceneError
 from signorini_fx.machine import parallel

@@ -7,7 +7,7 @@ import pytest
 from mpi4py import MPI
 from scenes import rectangle
 from spaces import box
-from test_two_bodies_scenes import altered, in_balance
+from two_cylinders import altered, in_balance
 
 from signorini_fx.mechanics.mesh.tagged import tag_boundaries
 from signorini_fx.scenes.reading import parse_scene

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 from scenes import alone, rectangle
-from test_springs import PLANE, body
+from steel_blocks import PLANE, body
 
 from signorini_fx import SceneError
 from signorini_fx.scenes.reading import parse_scene

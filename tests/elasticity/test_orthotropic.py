@@ -7,8 +7,8 @@ import pytest
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from scenes import alone
+from steel_blocks import PLANE, body, pushed_down
 from test_axisymmetric import section
-from test_springs import PLANE, body
 
 from signorini_fx import SceneError
 from signorini_fx.mechanics.elasticity.moduli import middles
@@ -181,26 +181,6 @@ def test_tube():
 # --- isotropic constants, turned scenes ------------------------------------------------------------------------------
 
 
-def pressed(tagged, material, turn=None, **more):
-    """A block that is pushed down and sideways on a rough plane; ``turn``: a rotation of everything."""
-    dim = tagged.dimension
-    turn = np.eye(dim) if turn is None else turn
-    down, push = -turn[:, dim - 1], turn @ np.array([0.5, *[0.2] * (dim - 2), -1.0])
-    return parse_scene(
-        {
-            "mesh": tagged,
-            "material": material,
-            "traction": {"boundary": "top", **dict(zip("xyz", 4 * push, strict=False))},
-            "contact": {
-                "boundary": "bottom",
-                "direction": list(down),
-                "friction": {"law": "coulomb", "coefficient": 0.6},
-            },
-            **more,
-        }
-    )
-
-
 @pytest.mark.one_quick
 @pytest.mark.parametrize("hypothesis", ["plane strain", "plane stress", "axisymmetric", None])
 def test_isotropic_constants(hypothesis):
@@ -212,7 +192,7 @@ def test_isotropic_constants(hypothesis):
     constants = {"young": [young] * 3, "poisson": [poisson] * 3, "shear": [shear] * 3}
     tagged = body("hexahedra" if hypothesis is None else "quadrilateral", MPI.COMM_SELF)
     one, other = (
-        alone(pressed(tagged, material | more))
+        alone(pushed_down(tagged, material | more))
         for material in ({"young": young, "poisson": poisson}, {"orthotropic": constants | axes})
     )
     assert other.converged
@@ -240,7 +220,7 @@ def test_turned_and_mirrored(dim):
         own = [one.copy() for one in (tagged.facets("bottom"), tagged.facets("top"))]
         tagged.mesh.geometry.x[:, :dim] = tagged.mesh.geometry.x[:, :dim] @ motion.T
         axes = {"direction": list(motion @ first)} | ({} if dim == 2 else {"second": list(motion @ second)})
-        solution = alone(pressed(tagged, wood(**axes), motion))
+        solution = alone(pushed_down(tagged, wood(**axes), motion))
         assert solution.certificate.holds
         assert all(
             np.array_equal(a, b) for a, b in zip(own, (tagged.facets("bottom"), tagged.facets("top")), strict=True)
@@ -300,7 +280,7 @@ def test_bar_of_two_woods(cells):
 )
 def test_wrong_constants(change, place, message):
     with pytest.raises(SceneError, match=rf"orthotropic.*{place}.*{message}") as raised:
-        check_scene(pressed(body(comm=MPI.COMM_SELF), wood(**change)), MPI.COMM_SELF)
+        check_scene(pushed_down(body(comm=MPI.COMM_SELF), wood(**change)), MPI.COMM_SELF)
     assert len(raised.value.problems) == 1
 
 

@@ -6,15 +6,13 @@ from itertools import pairwise
 import pytest
 from mpi4py import MPI
 
-from benchmarks.stability.fronts import SAME, Differences, RandomProblem, compared, iterations, numbers_in
+from benchmarks.stability.fronts import RandomProblem, compared, iterations
 from signorini_fx import solve
 from signorini_fx.scenes.reading import parse_scene
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize(
-    "seed", [7, 2012, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (4, 5, 18, 153, 1026))]
-)
+@pytest.mark.parametrize("seed", [7, 2012, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (18, 153))])
 def test_fronts_agree(seed):
     """Status, load steps, sets, forces, displacements, pressures, states and estimated error."""
     _, found = compared(RandomProblem.drawn(seed), MPI.COMM_WORLD)
@@ -39,19 +37,3 @@ def test_load_steps_begin_with_the_sets_of_the_last_one(moves):
     for earlier, later in pairwise(steps):
         assert firsts[later][:3] == lasts[earlier][:3]
         assert sum(step == later for step, *_ in iterations(solution)) < 8
-
-
-def test_numbers_are_found_in_quantities():
-    """At any depth, without places and words."""
-    value = {"stress": {"value": 2.0, "place": [7.0, 8.0]}, "name": "top", "rows": [[1, 3.5], None]}
-    assert numbers_in(value) == [2.0, 1.0, 3.5]
-
-
-def test_differences_are_seen():
-    """Of values, and of shapes."""
-    differences = Differences(MPI.COMM_SELF, [])
-    differences.look("equal", [1.0, 2.0], [1.0, 2.0 + SAME], 2.0)
-    assert differences.found == []
-    differences.look("apart", [1.0, 2.0], [1.0, 2.0 + 3 * SAME], 2.0)
-    differences.look("longer", [1.0], [1.0, 2.0], 2.0)
-    assert differences.found == ["apart: 1.5e-08", "longer: shapes (1,) and (2,)"]

@@ -1,9 +1,5 @@
 """``ContactProblem.run``: the load steps, ramps and restarts of scenes, for forms of the user's own."""
 
-import os
-import signal
-import subprocess
-import sys
 from pathlib import Path
 from runpy import run_path
 
@@ -13,8 +9,7 @@ import pytest
 import ufl
 from dolfinx import fem
 from dolfinx import mesh as dmesh
-from mpi4py import MPI
-from test_load_steps import FRICTION, LIMIT, PRESSURE
+from pushed_block import FRICTION, LIMIT, PRESSURE
 
 from signorini_fx import (
     ContactProblem,
@@ -24,12 +19,11 @@ from signorini_fx import (
     LoadPath,
 )
 
-COMM = MPI.COMM_WORLD
 GAMMA = {"gamma_n": 1e6, "gamma_t": 1e6}
 
 
 def block(mesh, pushing=0.0, young=5000.0, friction=FRICTION, **settings):
-    """The block of ``test_load_steps``, and the Constant with the force that pushes it on its left side."""
+    """The block of ``pushed_block``, and the Constant with the force that pushes it on its left side."""
     V = fem.functionspace(mesh, ("Lagrange", 1, (2,)))
     u, v = ufl.TrialFunction(V), ufl.TestFunction(V)
     facets = [forms.side(mesh, axis, at) for axis, at in ((0, 0.0), (1, 1.0), (1, 0.0))]
@@ -72,53 +66,6 @@ def test_limit_load():
     """Statics: the block slides at the coefficient times its weight, which the ramp encloses to 1 %."""
     found = run_path(str(Path(__file__).parents[2] / "demos" / "forms" / "limit_load.py"))
     assert 0.99 * 18.0 <= found["limit"] <= 18.0
-
-
-# A program that is killed in its fourth load step, where a second argument says so.
-PROGRAM = """
-import os, signal, sys
-import numpy as np
-from mpi4py import MPI
-import forms
-from test_load_steps_of_forms import LIMIT, block
-
-problem, push = block(forms.box((3.0, 1.0), (9, 3)))
-
-def at(time):
-    push.value = LIMIT * np.interp(time, range(6), [0.0, 0.4, 0.8, 0.2, -0.4, -0.8])
-
-def kill(step):
-    if step.step == 4 and sys.argv[2] == "kill":
-        MPI.COMM_WORLD.barrier()
-        os.kill(os.getpid(), signal.SIGKILL)
-
-solved = problem.run(range(6), at, folder=sys.argv[1], restart=sys.argv[2] == "restart", on_step=kill)
-if MPI.COMM_WORLD.rank == 0:
-    print([event for event in problem.history.events if "restart" in event])
-np.save(f"{sys.argv[1]}/{sys.argv[2]}.npy", [problem.state.forces[1][0], float(problem.history.linear_solves)])
-"""
-
-
-def program(ranks, folder, what):
-    """How the program ends on several ranks, and what it prints."""
-    launcher = ["mpirun", "-n", str(ranks)] if ranks > 1 else []
-    alone = {name: value for name, value in os.environ.items() if not name.startswith(("OMPI_COMM", "PMIX"))}
-    alone["PYTHONPATH"] = os.pathsep.join(map(str, [Path(__file__).parent, *sys.path]))
-    command = [*launcher, sys.executable, "-c", PROGRAM, str(folder), what]
-    return subprocess.run(command, env=alone, capture_output=True, text=True, timeout=500, check=False)
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(COMM.size > 1, reason="starts ranks itself")
-def test_a_killed_program_goes_on(tmp_path):
-    """Killed with -9 and restarted on two ranks, it solves what is missing, and ends as one that was not."""
-    assert program(1, tmp_path, "kill").returncode == -signal.SIGKILL
-    ended = program(2, tmp_path, "restart")
-    assert ended.returncode == 0, ended.stderr
-    assert "restart: 3 complete load steps" in ended.stdout
-    assert program(1, tmp_path, "whole").returncode == 0
-    again, whole = (np.load(tmp_path / f"{name}.npy") for name in ("restart", "whole"))
-    np.testing.assert_allclose(again, whole, rtol=1e-8)
 
 
 @pytest.mark.parametrize(

@@ -5,12 +5,12 @@ from dataclasses import replace
 import forms
 import numpy as np
 import pytest
-import test_load_steps_of_forms as load_steps
 import ufl
 from dolfinx import fem
 from dolfinx import mesh as dmesh
+from forms import block_on_a_floor, stress_of
+from hertz import POISSON, RADIUS, YOUNG, load
 from mpi4py import MPI
-from test_hertz import POISSON, RADIUS, YOUNG, load, peak
 
 from signorini_fx import (
     Accuracy,
@@ -20,7 +20,6 @@ from signorini_fx import (
     FormError,
     Foundation,
     MeshError,
-    TaggedMesh,
     Tresca,
     generate_mesh,
     solve,
@@ -31,16 +30,6 @@ from signorini_fx.records import Status
 from signorini_fx.scenes.reading import parse_scene
 
 COMM = MPI.COMM_WORLD
-
-
-def stress_of(young, poisson, dim):
-    """Hooke's law, plane strain or space, as a function of the displacement."""
-
-    def stress(y):
-        e = ufl.sym(ufl.grad(y))
-        return young / (1 + poisson) * (e + poisson / (1 - 2 * poisson) * ufl.tr(e) * ufl.Identity(dim))
-
-    return stress
 
 
 def disks(size, cell="triangle"):
@@ -73,49 +62,12 @@ def hertz(degree=1, friction=0.0, **settings):
 
 
 GAMMA = {"gamma_n": 1e5, "gamma_t": 1e5}
-# Of the half disk itself, from quadratic elements on finer and finer meshes: (a/R)^2 = .0025 below no formula's peak.
-PEAK_OF_DISK = 5.4906
-
-
-@pytest.mark.slow
-@pytest.mark.mpi(slow=True)
-@pytest.mark.parametrize(("degree", "size", "meshes", "most"), [(1, 0.3, 4, 4.0), (2, 0.24, 3, 2.0)])
-def test_hertz_to_one_per_cent_of_the_peak(degree, size, meshes, most):
-    """The peak is Hertz's within what was asked for, and its estimated error is right within a factor of two, with
-    degree 1 at most four times too large.
-    """
-    solution = solve_to_accuracy(hertz(degree), disks(size), Accuracy(target="1%", of="peak"))
-    largest = solution.table.columns["pressure"].max()
-    assert largest == pytest.approx(peak(0.4), rel=0.01)
-    assert len(solution.levels) == meshes
-    assert solution.certificate.holds
-    estimate, true = solution.convergence_table[-2].peak, abs(largest / PEAK_OF_DISK - 1)
-    assert 0.5 <= estimate / true <= most
-    assert solution.convergence_table[-1].predicted
-    assert solution.convergence_table[-1].peak < estimate
-
-
-def block(degree=1, friction=None, **settings):
-    """A block held at its left end and pressed on a rigid floor, in 2D or in 3D."""
-
-    def make(mesh):
-        mesh = mesh.mesh if isinstance(mesh, TaggedMesh) else mesh
-        dim = mesh.topology.dim
-        V = fem.functionspace(mesh, ("Lagrange", degree, (dim,)))
-        u, v = ufl.TrialFunction(V), ufl.TestFunction(V)
-        stress = stress_of(1000.0, 0.3, dim)
-        held = fem.dirichletbc(np.zeros(dim), fem.locate_dofs_topological(V, dim - 1, forms.side(mesh, 0, 0.0)), V)
-        floor = Foundation(forms.side(mesh, dim - 1, 0.0), gap=0.002, friction=friction)
-        a, L = ufl.inner(stress(u), ufl.grad(v)) * ufl.dx, -8.0 * v[dim - 1] * ufl.dx
-        return ContactProblem(a, L, [held], floor, stress=stress, **settings)
-
-    return make
 
 
 @pytest.mark.mpi(slow=True)
 def test_tetrahedra_are_divided():
     """In 3D, from a mesh of dolfinx: the finest solution is that of its mesh alone, from fewer solves."""
-    make = block(friction=Coulomb(0.3))
+    make = block_on_a_floor(friction=Coulomb(0.3))
     nested = solve_nested(make, forms.box((3.0, 1.0, 1.0), (6, 2, 2)), 2)
     alone = make(nested.displacement.function_space.mesh)
     alone.solve()
@@ -145,7 +97,7 @@ def test_adaptive_meshes_are_those_of_the_scene(of):
         }
     )
     theirs = solve(scene.model_copy(update={"mesh": coarsest, "accuracy": goal}), COMM)
-    ours = solve_to_accuracy(block(2, Tresca(bound), **({} if of == "pressure" else GAMMA)), coarsest, goal)
+    ours = solve_to_accuracy(block_on_a_floor(2, Tresca(bound), **({} if of == "pressure" else GAMMA)), coarsest, goal)
     assert [level.dofs for level in ours.levels] == [level.dofs for level in theirs.levels]
     assert ours.convergence_table[-2].pressure == pytest.approx(theirs.convergence_table[-2].pressure, rel=1e-6)
     assert ours.convergence_table[-2].energy == pytest.approx(theirs.convergence_table[-2].energy, rel=1e-6)
@@ -160,16 +112,11 @@ def test_adaptive_meshes_are_those_of_the_scene(of):
     assert costs[0].next_seconds[1] > took
 
 
-def pushed(mesh):
-    """The block of ``test_load_steps_of_forms``, and the force that pushes it."""
-    return load_steps.block(mesh, **{"stress": stress_of(5000.0, 0.3, 2)})
-
-
 def test_budget_ends_by_name():
     """The answer is that of the last mesh, in the error."""
     goal = Accuracy(target=1e-6, memory=1e-3)
     with pytest.raises(ConvergenceError, match="budget ends before the accuracy") as error:
-        solve_to_accuracy(block(), forms.box((3.0, 1.0), (6, 2), comm=MPI.COMM_SELF), goal)
+        solve_to_accuracy(block_on_a_floor(), forms.box((3.0, 1.0), (6, 2), comm=MPI.COMM_SELF), goal)
     assert error.value.solution.status is Status.BUDGET
     assert error.value.solution.certificate.holds
 
@@ -181,21 +128,27 @@ def test_what_is_refused():
     adaptive = {"target": 0.1, "refinement": "adaptive"}
 
     def without_stress(mesh):
-        problem = block()(mesh)
+        problem = block_on_a_floor()(mesh)
         problem.assembled.forms = replace(problem.assembled.forms, stress=None)
         return problem
 
     with pytest.raises(MeshError, match="only triangles can be refined"):
-        solve_nested(block(), squares)
+        solve_nested(block_on_a_floor(), squares)
     for wrong, reason in (
-        (lambda: solve_nested(block(), 3), "mesh: must be a mesh"),
-        (lambda: solve_nested(block(), mesh, 0), "levels: must be a whole number from 1, got 0"),
-        (lambda: solve_nested(block(), mesh, restart=True), "restart: needs the folder"),
+        (lambda: solve_nested(block_on_a_floor(), 3), "mesh: must be a mesh"),
+        (lambda: solve_nested(block_on_a_floor(), mesh, 0), "levels: must be a whole number from 1, got 0"),
+        (lambda: solve_nested(block_on_a_floor(), mesh, restart=True), "restart: needs the folder"),
         (lambda: solve_nested(lambda mesh: None, mesh), "make: must return a ContactProblem, not"),
-        (lambda: solve_nested(block(), mesh, path=[0.0, 1.0]), r"make: must return \(problem, at\)"),
-        (lambda: solve_nested(pushed, mesh), "make: must return the problem alone"),
+        (lambda: solve_nested(block_on_a_floor(), mesh, path=[0.0, 1.0]), r"make: must return \(problem, at\)"),
+        (
+            lambda: solve_nested(lambda mesh: (block_on_a_floor()(mesh), print), mesh),
+            "make: must return the problem alone",
+        ),
         (lambda: solve_to_accuracy(without_stress, mesh, Accuracy(target=0.1)), "stress: is needed"),
-        (lambda: solve_to_accuracy(block(), mesh, Accuracy(target=0.1, certified=True)), "certified: is for scenes"),
+        (
+            lambda: solve_to_accuracy(block_on_a_floor(), mesh, Accuracy(target=0.1, certified=True)),
+            "certified: is for scenes",
+        ),
         (lambda: solve_to_accuracy(hertz(), family, Accuracy(**adaptive)), "give the coarsest mesh, not a function"),
     ):
         with pytest.raises(FormError, match=reason):
@@ -206,7 +159,7 @@ def test_without_stress_there_is_no_estimate():
     """The meshes are nested all the same."""
 
     def make(mesh):
-        problem = block()(mesh)
+        problem = block_on_a_floor()(mesh)
         problem.assembled.forms = replace(problem.assembled.forms, stress=None)
         return problem
 

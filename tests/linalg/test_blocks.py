@@ -10,11 +10,11 @@ from dolfinx import default_scalar_type, fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from petsc4py import PETSc
+from ranks import same_on_all_ranks
 from scenes import example1
 from spaces import block, box
 from test_krylov import LAWS, agree
-from test_ranks import same_on_all_ranks
-from test_two_bodies import paraboloids
+from two_bodies import paraboloids
 
 from signorini_fx.algebra.linalg import blocks, callbacks, factorisation, kernels, krylov
 from signorini_fx.errors import MachineError

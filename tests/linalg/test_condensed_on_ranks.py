@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 from mpi4py import MPI
+from ranks import agree, same_on_all_ranks
 from scenes import example1
-from test_ranks import agree, same_on_all_ranks
 
 from signorini_fx import solve
 from signorini_fx.algebra.linalg import partial_factor

@@ -5,10 +5,10 @@ import sys
 
 import forms
 import pytest
+from forms import block_on_a_floor
 from mpi4py import MPI
 from petsc4py import PETSc
 from scenes import example1
-from test_meshes_of_forms import block
 
 from signorini_fx import ConvergenceError, solve_to_accuracy
 from signorini_fx.algebra.linalg.callbacks import called_back
@@ -126,11 +126,11 @@ def test_forms(monkeypatch):
     boxed, settings = forms.box((3.0, 1.0), (6, 2), comm=MPI.COMM_SELF), {"linear_algebra": "full"}
     lacking("petsc", monkeypatch, above=100)
     with pytest.raises(ConvergenceError, match="memory ends before the accuracy") as error:
-        solve_to_accuracy(block(**settings), boxed, Accuracy(target=1e-6))
+        solve_to_accuracy(block_on_a_floor(**settings), boxed, Accuracy(target=1e-6))
     assert error.value.solution.certificate.holds
     lacking("petsc", monkeypatch)
     with pytest.raises(ConvergenceError, match="memory ends before a solution: the memory was used up"):
-        block(**settings)(boxed).solve()
+        block_on_a_floor(**settings)(boxed).solve()
 
 
 def test_an_error_that_is_no_outcome(capsys):

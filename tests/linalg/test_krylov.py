@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 from petsc4py import PETSc
+from ranks import same_on_all_ranks
 from scenes import alone, example1
-from spaces import block, friction_of
+from spaces import block, friction_of, pushed_brick
 from test_linalg import turned
-from test_ranks import same_on_all_ranks
-from test_space_ranks import brick
 
 from signorini_fx.algebra.linalg import choice, factorisation, krylov, multigrid
 from signorini_fx.mechanics.body.discretisation import discretise
@@ -73,14 +72,14 @@ def leaning(comm=MPI.COMM_SELF, **solver):
     """A brick that friction alone holds on a foundation whose normal is along no axis."""
     friction = friction_of(coefficient=0.5)
     contact = {"boundary": "bottom", "direction": [0.1, -0.2, -1.0], "friction": friction}
-    return brick(comm, contact=contact, solver=solver)
+    return pushed_brick(comm, contact=contact, solver=solver)
 
 
 def glued(**solver):
     """A brick that its foundation does not let go, pulled up and aside."""
     contact = {"boundary": "bottom", "kind": "bilateral", "friction": friction_of(bound=5.0)}
     load = {"boundary": "top", "x": 0.4, "z": 5.0}
-    return brick(MPI.COMM_SELF, contact=contact, traction=load, solver=solver)
+    return pushed_brick(MPI.COMM_SELF, contact=contact, traction=load, solver=solver)
 
 
 SCENES = {
@@ -91,7 +90,7 @@ SCENES = {
     "plane, fixed point": lambda **s: example1(coefficient=0.5, nx=60, ny=20, **s),
     "nested": lambda **s: example1(coefficient=0.5, nx=60, ny=20, levels=3, **s),
     "bilateral": glued,
-    "held by contact alone": lambda **s: brick(MPI.COMM_SELF, solver=s),
+    "held by contact alone": lambda **s: pushed_brick(MPI.COMM_SELF, solver=s),
     "tilted, held by contact alone": turned,
     "leaning": leaning,
     "leaning, augmented": lambda **s: leaning(algorithm="alm", **s),
@@ -246,7 +245,7 @@ def test_chosen_for_large_bodies_in_space(monkeypatch):
 RANKED = {
     "hexahedra": lambda comm: block(9, gamma=1e8, linear_algebra="krylov", comm=comm, **LAWS["tresca"]),
     "tetrahedra": lambda comm: block(6, "tetrahedra", gamma=1e8, linear_algebra="krylov", comm=comm, **LAWS["coulomb"]),
-    "held by contact": lambda comm: brick(comm, solver={"linear_algebra": "krylov"}),
+    "held by contact": lambda comm: pushed_brick(comm, solver={"linear_algebra": "krylov"}),
     "plane": lambda comm: example1(bound=1.5, nx=30, ny=10, linear_algebra="krylov"),
     "leaning, augmented": lambda comm: leaning(comm, algorithm="alm", linear_algebra="krylov"),
 }

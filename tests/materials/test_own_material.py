@@ -6,8 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from mpi4py import MPI
-from test_orthotropic import pressed
-from test_springs import body
+from steel_blocks import body, pushed_down
 
 from signorini_fx import InstallationError, SceneError, extensions, solve
 from signorini_fx.extensions import MATERIALS
@@ -54,7 +53,7 @@ def test_as_the_orthotropic_one(hypothesis):
     dimension = tagged.dimension
     held = {"displacement": [{"boundary": "left", "x": 0.0}], "temperature": {"change": 3.0}}
     first, second = (
-        solve(pressed(tagged, material, **held), COMM)
+        solve(pushed_down(tagged, material, **held), COMM)
         for material in (own(dimension, **more, expansion=1e-4), orthotropic(dimension, **more, expansion=1e-4))
     )
     assert first.certificate.holds
@@ -107,7 +106,7 @@ def doubled(self, strain):
 )
 def test_materials_that_are_not_what_they_say(methods, message):
     """Are refused by name before anything is assembled."""
-    scene = pressed(body("triangle", comm=MPI.COMM_SELF), own(2, lying(**methods)))
+    scene = pushed_down(body("triangle", comm=MPI.COMM_SELF), own(2, lying(**methods)))
     with pytest.raises(SceneError, match=message):
         solve(scene, MPI.COMM_SELF)
 
@@ -115,14 +114,14 @@ def test_materials_that_are_not_what_they_say(methods, message):
 def test_by_name():
     """As a scene file has it; wrong names, wrong keys and what is no material are named."""
     table = {"law": "fibres", **MODULI, "direction": [1.0, 0.5]}
-    assert pressed(body(), table).material[0] == own(2)
+    assert pushed_down(body(), table).material[0] == own(2)
     for wrong, message in (
         ({"law": "fibre"}, r"material.*there is no material 'fibre'.*fibres"),
         ({**table, "n": "many"}, r"material.*n: must be a number"),
         ({**table, "young": 1.0}, r"material.*young: unknown key"),
     ):
         with pytest.raises(SceneError, match=message):
-            pressed(body(), wrong)
+            pushed_down(body(), wrong)
     extensions.register(MATERIALS, "fibres", dict)
     with pytest.raises(InstallationError, match="is not a Material"):
-        pressed(body(), table)
+        pushed_down(body(), table)

@@ -81,15 +81,6 @@ def test_a_mesh_study():
     assert 1 / 3 < row.pressure / pressure < 3
 
 
-@pytest.mark.slow
-def test_the_command_reaches_what_was_foretold():
-    """In the time that was told, but for compiling and what else the machine does."""
-    first = pressed("rubber")
-    target = float(first.cost.command.partition("--accuracy ")[2])
-    assert first.cost.local
-    assert pressed("rubber", target=target).cost.error <= first.cost.next_error
-
-
 def test_what_is_not_known():
     """Of zones, of the largest pressure and of cells that lock no error is known, and bounds are for linear bodies."""
     for accuracy, match in (

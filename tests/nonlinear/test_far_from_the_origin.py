@@ -31,9 +31,9 @@ def moved(stated, far):
     return parse_scene(stated | {"mesh": tagged})
 
 
-# With a pull before there is contact (0, 15, 35), pressed by ways of 1e-4 of the size (6, 21, 23), and others.
+# With a pull before there is contact (15, 35), and pressed by ways of 1e-4 of the size (6).
 @pytest.mark.one_quick
-@pytest.mark.parametrize("seed", [6, 15, 21, 23, 35, *(pytest.param(k, marks=pytest.mark.slow) for k in (0, 2, 4, 7))])
+@pytest.mark.parametrize("seed", [6, 15, 35])
 def test_a_scene_as_the_judge_sees_it(seed):
     """1e6 times its size away from the origin: certified, right for another program that looks at the origin, and with
     the displacements of the scene at the origin, to the last digits of coordinates.
@@ -60,8 +60,7 @@ def test_a_scene_as_the_judge_sees_it(seed):
 
 
 @pytest.mark.one_quick
-@pytest.mark.parametrize("unit", [1e-6, 1e6])
-@pytest.mark.parametrize("far", [1e3, 1e6])
+@pytest.mark.parametrize(("unit", "far"), [(1e-6, 1e6), (1e6, 1e3)])
 def test_block_between_plates(unit, far):
     """Compressed by a third in plane strain: the pressure in closed form, to the digits of coordinates over a cell."""
     plate = {"shape": "plane", "point": [0.0, unit], "normal": [0.0, -1.0], "shift": [0.0, f"-{unit / 3}*t"]}

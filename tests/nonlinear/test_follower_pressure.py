@@ -121,20 +121,6 @@ def test_a_tube_by_its_radial_equilibrium():
     assert widest == pytest.approx(exact, rel=1e-5)
 
 
-def test_a_tube_that_is_hardly_compressible():
-    """p = mu [ln(r^2 - c) / 2 - ln r - c / (2 r^2)] between its radii a and b, with c = a^2 - A^2."""
-    shear, a, outside = 1.0, 1.5, 2.0
-    c = a**2 - 1.0
-    radii = np.array([a, np.sqrt(outside**2 + c)])
-    ends = np.log(radii**2 - c) / 2 - np.log(radii) - c / (2 * radii**2)
-    pressure = shear * (ends[1] - ends[0])
-    law = {"law": "mooney-rivlin", "c10": shear / 2, "bulk": 1e4 * shear}
-    solution = solve(tube(float(pressure), law, MPI.COMM_SELF, load_steps={"steps": 4}), MPI.COMM_SELF)
-    u = solution.displacement
-    inside = np.isclose(u.function_space.tabulate_dof_coordinates()[:, 0], 1.0)
-    assert u.x.array[::2][inside] == pytest.approx(np.full(np.count_nonzero(inside), a - 1.0), rel=1e-3)
-
-
 def beam(pressure, **further):
     """A cantilever with free edges that is pressed from above, over a foundation that it may reach."""
     scene = {
@@ -157,12 +143,10 @@ def chord(solution, ends):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("contact", [False, True])
-def test_a_cantilever(contact, tmp_path):
+def test_a_cantilever(tmp_path):
     """Its tangent is not symmetric.  What holds it takes p times the chord of the deformed side, turned."""
     ground = {"boundary": "bottom", "foundation": {"shape": "circle", "centre": [3.0, -1.5], "radius": 0.5}}
-    further = {"contact": ground} if contact else {}
-    solution = solve(beam("0.5 * t", load_steps={"times": [1.0]}, **further), MPI.COMM_SELF)
+    solution = solve(beam("0.5 * t", load_steps={"times": [1.0]}, contact=ground), MPI.COMM_SELF)
     assert solution.status is Status.CONVERGED
     assert solution.certificate.holds
     assert any("the tangent is not symmetric" in event for event in solution.history.events)
@@ -173,6 +157,6 @@ def test_a_cantilever(contact, tmp_path):
     resultants = solution.resultants
     assert resultants.of("top").force == pytest.approx(pushed, abs=1e-9)
     on_ground = np.sum(solution.contact.forces, axis=0)
-    assert bool(np.abs(on_ground).max() > 0.1) is contact
+    assert np.abs(on_ground).max() > 0.1
     assert resultants.of("left").force + on_ground == pytest.approx(-pushed, abs=1e-7)
     assert summary["converged"]

@@ -13,25 +13,6 @@ from signorini_fx.algebra.linalg.blocks import is_by_blocks
 
 
 @pytest.mark.one_quick
-@pytest.mark.parametrize(("friction", "degree"), [(None, 1), (None, 2), (0.3, 1), (0.3, 2)])
-def test_iterations_with_curved_tools(friction, degree):
-    """A circle pressed and slid, with sliding friction too, in the iterations of a bonded body: normals and frictional
-    frames that turn are in the tangent, and normals in the slope of the line search.
-    """
-    space, side = rectangle([3.0, 1.0], [24 // degree, 8 // degree], MPI.COMM_SELF, degree=degree)
-    u = fem.Function(space)
-    circle = {"shape": "circle", "centre": (1.1, 1.4), "radius": 0.4}
-    contact = Foundation(side(1, 1.0), shape=circle, friction=None if friction is None else Coulomb(friction))
-    problem = NonlinearContactProblem(residual(u), u, bcs=[held(space, side(1, 0.0))], contact=contact, stability=False)
-    for shift in ((0.0, -0.05), (0.0, -0.1), (0.05, -0.1), (0.1, -0.1), (0.15, -0.1)):
-        problem.place(0, shift=shift)
-        problem.solve()
-        problem.advance()
-        assert problem.iterations <= 6
-    assert friction is None or sum(problem.state.forces)[0] > 1.0
-
-
-@pytest.mark.one_quick
 @pytest.mark.parametrize(("hollow", "most"), [(False, 6), (True, 8)])
 def test_a_deep_press_from_rest(hollow, most):
     """Points that stick come along a plane that turns by the way to the shape over its radius: Newton's method knows,

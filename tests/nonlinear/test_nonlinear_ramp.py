@@ -60,61 +60,34 @@ class Unlike(Exception):
     """What a user's function may raise."""
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("fault", ["update", "newton", "not finite", "unstable"])
+@pytest.mark.parametrize("fault", ["update", "unstable"])
 def test_a_failure_goes_back_to_the_last_step(fault, monkeypatch):
-    """Displacement, tractions, certificate and shapes are those of the last step, at which ``update`` was called; a
-    step begins there again, not at the iterate that has failed.
+    """Displacement, tractions, certificate and shapes are those of the last step, at which ``update`` was called, and
+    from which it goes on.
     """
-    called, ends, attempts = [], [], []
-    problem = None
+    called, kept, problem = [], [], None
+
+    def fails():
+        return np.abs(problem.u.x.array).max() > 0.12
 
     def update():
         called.append(problem.u.x.array.copy())
-        if fault == "update" and np.abs(problem.u.x.array).max() > 0.12:
+        if fault == "update" and fails():
             raise Unlike("no return to the yield surface")
 
     problem = pressed(update, max_newton=8, stability=fault == "unstable")
-    if fault == "not finite":
-        residual = problem._solver.residual
-        residual.at = lambda values, whole=residual.at: (
-            whole(values) if np.abs(values).max() < 0.12 else whole(values) * np.nan
-        )
-    iterate = problem._solver._iterate
-
-    def counted(**how):
-        attempts.append(len(ends))
-        assert (problem.u.x.array == (ends[-1] if ends else 0.0)).all()
-        status = iterate(**how)
-        fails = fault == "newton" and np.abs(problem.u.x.array).max() > 0.12
-        return Status.MAX_ITERATIONS if fails else status
-
-    problem._solver._iterate = counted
     inertia = "signorini_fx.forms.nonlinear.stability.negative_directions"
     values = problem.u.x.array
-    monkeypatch.setattr(inertia, lambda *_: (int(fault == "unstable" and np.abs(values).max() > 0.12), values))
-    kept = []
-
-    def keep(step):
-        kept.append(everything(problem))
-        ends.append(problem.u.x.array.copy())
-
-    expected = FormError if fault == "update" else ConvergenceError
-    with pytest.raises(expected) as raised:
-        problem.ramp(down(problem), first=0.25, smallest=1 / 16, on_step=keep)
+    monkeypatch.setattr(inertia, lambda *_: (int(fault == "unstable" and fails()), values))
+    with pytest.raises(FormError if fault == "update" else ConvergenceError) as raised:
+        problem.ramp(down(problem), first=0.25, smallest=1 / 16, on_step=lambda step: kept.append(everything(problem)))
     assert everything(problem) == pytest.approx(kept[-1], rel=0, abs=0)
     assert (called[-1] == problem.u.x.array).all()
-    reason, said = {
-        "update": (None, "update: raised Unlike: no return to the yield surface"),
-        "newton": (Status.MAX_ITERATIONS, "maximum iterations reached"),
-        "not finite": (Status.INVERTED, "cells turned inside out"),
-        "unstable": (Status.UNSTABLE, "unstable equilibrium"),
-    }[fault]
-    assert problem.status is reason
+    said = {"update": "update: raised Unlike: no return to the yield surface", "unstable": "unstable equilibrium"}[
+        fault
+    ]
+    assert problem.status is (Status.UNSTABLE if fault == "unstable" else None)
     assert re.search(rf"{said}.*at load 0\.\d+; there is a solution at 0\.\d+ of 1", str(raised.value))
-    assert attempts.count(len(kept)) > 1
-    # It goes on from there.
-    problem._solver._iterate = iterate
     problem.place(0, shift=(0.0, 1.05 * problem.shapes[0].shape.shift[1]))
     fault = ""
     problem.solve()

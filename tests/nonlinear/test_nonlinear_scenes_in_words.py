@@ -37,7 +37,7 @@ REFUSED = {
     },
     "solver.error_bound: a nonlinear body has no guaranteed bound": {"solver": {"error_bound": True}},
     "solver.regularisation_error: must be a number": {"solver": {"algorithm": "path-following"}},
-    "accuracy.of: of a nonlinear body the error of the stress, of the pressure and of the force is known": {
+    "accuracy.of: of a nonlinear body": {
         "accuracy": {"target": 0.05, "of": "peak"}
     },
     "accuracy.of: is not known where cells lock": {
@@ -45,11 +45,11 @@ REFUSED = {
         "accuracy": {"target": 0.05, "of": "force"},
     },
     "material.grading: is not possible yet": {"material": RUBBER | {"grading": "1/(1+x[0])"}},
-    "contact[0].foundation.pivot: give the point where the force acts": {
+    "contact[0].foundation.pivot: give the point": {
         "contact": contact(foundation=CIRCLE | {"shift": [0.0, 0.0], "force": [0.0, -1.0]}),
         "load_steps": {},
     },
-    "contact[0].kind: is not possible yet: nonlinear bodies are not tied to rigid ones: prescribe the displacement": {
+    "contact[0].kind: is not possible yet: nonlinear bodies": {
         "contact": {
             "boundary": "top",
             "kind": "bonded",
@@ -61,14 +61,12 @@ REFUSED = {
     "displacement.rotation: is a small one": {
         "displacement": {"boundary": "bottom", "x": 0.0, "y": 0.0, "rotation": 0.1}
     },
-    "there is no material 'neohooke': leave law out, or take another one: j2": {
-        "material": RUBBER | {"law": "neohooke"}
-    },
+    "there is no material 'neohooke'": {"material": RUBBER | {"law": "neohooke"}},
     "material.poisson: must be less than 0.5": {"material": RUBBER | {"poisson": 0.5}},
     "material.young: must be greater than 0": {"material": RUBBER | {"young": -1.0}},
     "material.mu[1]: must have the sign of its exponent": {"material": material("ogden", mu=[40.0, -2.0, -5.0])},
     "material.alpha: has 1 exponents, one for each of 3": {"material": material("ogden", alpha=[2.0])},
-    "material.hardening[1]: the yield stress grows by 1e+31 per plastic strain": {
+    "material.hardening[1]: the yield stress grows by 1e+31": {
         "material": material("j2", hardening=[[0.1, 2e3], [0.2, 1e30]])
     },
     "material.hardening[1]: plastic strains must increase": {

@@ -52,6 +52,7 @@ POST = {"corner": (0.5, 2.0), "cells": (3, 10), "sides": ((0, 0.0), (0, 0.5), (1
 @pytest.mark.parametrize(
     "shape",
     [
+        {"shape": "circle", "centre": (-2.0, 1.5), "radius": 0.3},
         {"shape": "cone", "tip": (-2.0, 1.03), "axis": (0.0, 1.0), "angle": 20.0},
         {"shape": "edge", "point": (-2.0, 1.03), "normals": ((-1.0, -0.3), (1.0, -0.3))},
         {"shape": "polyline", "points": ((-1.0, 4.0), (-2.0, 1.03), (-3.0, 4.0))},
@@ -59,12 +60,12 @@ POST = {"corner": (0.5, 2.0), "cells": (3, 10), "sides": ((0, 0.0), (0, 0.5), (1
     ],
     ids=lambda shape: shape["shape"],
 )
-def test_the_way_of_what_has_no_largest_ball(shape):
-    """A tip that is led through a post in one step has passed through it; around it, it has not."""
+def test_the_way_through_a_body(shape):
+    """A ball or a tip that is led through a post in one step has passed through it; around it, it has not."""
     found = with_shape(shape, **POST)
     found.solve()
     found.place(0, shift=(5.0, 0.0))
-    with pytest.raises(ConvergenceError, match=r"rigid shape inside the body \(contact\[0\]: on its way, 0\."):
+    with pytest.raises(ConvergenceError, match=r"rigid shape inside the body \(contact\[0\]: on its way, "):
         found.solve()
     for place in ((0.0, 2.0), (5.0, 2.0), (5.0, 0.0)):
         found.place(0, shift=place)
@@ -86,20 +87,6 @@ def test_a_post_is_not_passed_through(first):
     found.ramp(lambda t: found.place(0, shift=(8.0 * t, 0.0)), 0.49, first=first, on_step=on_step)
     assert forces[-1][0] == 0.49
     assert forces[-1][1] > 0.05
-
-
-def test_a_step_through_is_refused():
-    """After a solution on one side there is none on the other, however free of overlap both are."""
-    sides = ((0, 0.0), (0, 0.5), (1, 2.0))
-    found = problem((0.5, 2.0), (2, 8), {"centre": (-1.0, 1.5), "radius": 0.3}, sides)
-    found.solve()
-    found.place(0, shift=(3.0, 0.0))
-    with pytest.raises(ConvergenceError, match=r"rigid shape inside the body \(contact\[0\]: on its way, "):
-        found.solve()
-    for place in ((0.0, 2.0), (3.0, 2.0), (3.0, 0.0)):  # around it
-        found.place(0, shift=place)
-        found.solve()
-    assert found.status is Status.CONVERGED
 
 
 @pytest.mark.one_quick

@@ -69,33 +69,6 @@ def test_a_strain_that_is_held_relaxes():
     assert at_last * 0.01 < found[-1] < found[2] < at_first * 0.01
 
 
-@pytest.mark.slow
-def test_a_load_that_is_held_creeps():
-    """The strain under a pressure that comes at once and stays, with load steps that become as short as the fastest
-    branch needs: towards that of the differential equation, with the second order of the steps.
-    """
-    times = np.concatenate((np.geomspace(1e-6, 0.05, 12), np.linspace(0.1, 3.0, 30)))
-    pressing = {"traction": [{"boundary": "top", "y": -1.0, "factors": [1.0] * len(times)}]}
-    walls = [{"boundary": side, "x": 0.0} for side in ("left", "right")]
-    solution = confined("0", times.tolist(), displacement=walls, **pressing)
-    heights = [step.displacement.x.array.reshape(-1, 2)[:, 1].min() for step in solution.steps]
-
-    stiffness = BULK + 4 / 3 * SHEAR
-    added = [4 / 3 * shear for shear, _ in BRANCHES]
-    at_once = 1.0 / (stiffness + sum(added))
-
-    def rates(t, parts):
-        # 1 = stiffness e + sum of q, dq/dt = c de/dt - q / tau
-        decays = [part / time for part, (_, time) in zip(parts, BRANCHES, strict=True)]
-        rate = sum(decays) / (stiffness + sum(added))
-        return [share * rate - decay for share, decay in zip(added, decays, strict=True)]
-
-    begun = [share * at_once for share in added]
-    parts = solve_ivp(rates, (0.0, 3.0), begun, rtol=1e-10, atol=1e-13).y[:, -1]
-    assert -heights[-1] == pytest.approx((1.0 - parts.sum()) / stiffness, rel=1e-3)
-    assert -heights[0] == pytest.approx(at_once, rel=1e-4)
-
-
 def test_fast_and_slow_limits_are_those_of_the_linear_material():
     """A load step far shorter than all times knows the stiffness at first alone, a far longer one that at last."""
     for times, shear in (([1e-9], SHEAR + 85.0), ([1e9], SHEAR)):

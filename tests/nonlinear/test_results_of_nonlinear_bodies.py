@@ -1,8 +1,5 @@
-"""Results of nonlinear bodies: load steps, forces in balance at the displaced points, and the result folder."""
+"""Results of nonlinear bodies: load steps, forces in balance at the displaced points, and fields."""
 
-import json
-
-import jsonschema
 import numpy as np
 import pytest
 import ufl
@@ -11,14 +8,11 @@ from mpi4py import MPI
 from support.nonlinear_bodies import held, neo_hooke, rectangle, residual
 
 from signorini_fx import (
-    ContactProblem,
     Coulomb,
     Foundation,
     NonlinearContactProblem,
     Status,
-    read_results,
 )
-from signorini_fx.scenes.template import summary_schema
 
 CIRCLE = {"shape": "circle", "centre": (0.8, 1.5), "radius": 0.5}
 
@@ -91,53 +85,3 @@ def test_what_a_nonlinear_body_does_not_have():
     assert solution.cost == problem.cost
     with pytest.raises(RuntimeError, match="only the residual knows"):
         solution.stress  # noqa: B018
-
-
-@pytest.mark.slow
-def test_folder(tmp_path):
-    """A result folder with a report, as of linear bodies, without what is not known."""
-    problem = pressed()
-    problem.ramp(moved(problem), first=0.5, largest=0.5)
-    summary = problem.write(tmp_path, title="rubber", report=True)
-    assert not {"strain_energy", "stress", "convergence_table", "friction_used"} & set(summary)
-    jsonschema.Draft202012Validator(summary_schema()).validate(json.loads((tmp_path / "summary.json").read_text()))
-    read = read_results(tmp_path)
-    total = np.sum(problem.state.forces, axis=0)
-    assert np.allclose(np.add(summary["contact_force"], summary["friction_force"]), total, rtol=1e-9)
-    assert [row.time for row in read.summary.steps] == [0.5, 1.0]
-    page = (tmp_path / "report.html").read_text(encoding="utf-8")
-    assert "rubber" in page
-    assert "error of the stress took" in page
-    assert {"deformed.png", "profiles.png", "load_steps.png", "fields.pvd"} <= {
-        path.name for path in tmp_path.iterdir()
-    }
-
-
-@pytest.mark.mpi
-def test_linear_residual():
-    """Of a residual that is linear, with a gap: tables and forces are those of ``ContactProblem``, up to where Newton's
-    method ends.
-    """
-    space, side = rectangle([2.0, 1.0], [16, 8], MPI.COMM_WORLD)
-    u, v, y = fem.Function(space), ufl.TestFunction(space), ufl.TrialFunction(space)
-
-    def form(displacement):
-        strain = ufl.sym(ufl.grad(displacement))
-        stress = 2 * 40.0 * strain + 60.0 * ufl.tr(strain) * ufl.Identity(2)
-        return ufl.inner(stress, ufl.sym(ufl.grad(v))) * ufl.dx
-
-    load = ufl.inner(ufl.as_vector((0.05, -0.4)), v) * ufl.dx
-    contact = Foundation(side(1, 0.0), gap=lambda x: 0.01 * (x[0] - 0.7) ** 2, friction=Coulomb(0.4))
-    names, bcs = {"left": side(0, 0.0)}, [held(space, side(0, 0.0))]
-    shared = {"bcs": bcs, "contact": contact, "boundaries": names, "gamma_n": 1e5, "gamma_t": 1e5}
-    linear = ContactProblem(form(y), load, **shared)
-    linear.solve()
-    nonlinear = NonlinearContactProblem(form(u) - load, u, **shared)
-    nonlinear.solve()
-    tables = [problem.solution.table for problem in (linear, nonlinear)]
-    for name in ("pressure", "shear", "u_n", "gap"):
-        first, second = (table.columns[name] for table in tables)
-        assert np.abs(first).max() > 0
-        assert np.abs(first - second).max() <= 1e-7 * np.abs(first).max()
-    forces = [problem.solution.resultants.of("left").force for problem in (linear, nonlinear)]
-    assert np.allclose(*forces, rtol=1e-7)

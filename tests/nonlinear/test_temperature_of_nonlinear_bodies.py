@@ -1,11 +1,10 @@
-"""Nonlinear bodies that expand as they become warmer: closed forms, CalculiX, the linear limit, ranks and restart."""
+"""Nonlinear bodies that expand as they become warmer: closed forms, CalculiX, and what is refused."""
 
 import numpy as np
 import pytest
 from mpi4py import MPI
 from scipy.optimize import brentq
-from support.nonlinear_scenes import LAWS, force, indented, material
-from test_nonlinear_scenes import energy_of_stretches
+from support.nonlinear_scenes import LAWS, energy_of_stretches, material
 
 from signorini_fx import SceneError, Status, solve
 from signorini_fx.scenes.reading import parse_scene
@@ -48,27 +47,6 @@ def test_free_expansion(name, change):
     expected = EXPANSION * change * x
     assert np.abs(solution.displacement.x.array.reshape(-1, 3) - expected).max() < 1e-13
     assert np.abs(stresses(solution)[-1]).max() < 1e-11 * 100.0
-
-
-@pytest.mark.one_quick
-@pytest.mark.parametrize("name", but_slow(["mooney-rivlin", "ogden"], "ogden"))
-@pytest.mark.parametrize("degree", [1, 2])
-def test_free_expansion_of_revolution(name, degree):
-    """A cylinder of which the mesh is a section, with quadratic elements too."""
-    size = {"length": 1.0, "height": 1.0, "nx": 3, "ny": 3}
-    scene = {
-        "mesh": {"generator": "rectangle", "parameters": size},
-        "material": material(name, hypothesis="axisymmetric", expansion=EXPANSION),
-        "temperature": {"change": "30 * t"},
-        "element": {"degree": degree},
-        "displacement": {"boundary": "bottom", "y": 0.0},
-        "load_steps": {"times": [0.5, 1.0]},
-    }
-    solution = solve(parse_scene(scene), MPI.COMM_SELF)
-    for step, stress, share in zip(solution.steps, stresses(solution), (0.15, 0.3), strict=True):
-        expected = share * solution.model.space.tabulate_dof_coordinates()[:, :2]
-        assert np.abs(step.displacement.x.array.reshape(-1, 2) - expected).max() < 1e-13
-        assert np.abs(stress).max() < 1e-11 * 100.0
 
 
 def held_bar(name, expansion):
@@ -165,27 +143,7 @@ def test_metal_of_calculix():
         assert at_middle(solution, step) == pytest.approx(np.array(moved), abs=2e-9)
 
 
-def warm(law, change, **further):
-    """``indented`` of a body that becomes warmer, here more than there."""
-    return indented(law | {"expansion": 1e-3}, temperature={"change": change}, **further)
-
-
-@pytest.mark.parametrize("name", but_slow(LAWS, "neo-hooke"))
-def test_small_changes_are_those_of_the_linear_scene(name):
-    """To first order in the strain, with a temperature that is linear in the place."""
-    change, exact = "1e-3 * (1 + x[0] - 2 * x[1]) * t", {"solver": {"algorithm": "alm"}}
-    solution = solve(warm(material(name), change, depth=1e-6, **exact), MPI.COMM_SELF)
-    rest = solution.statement.material[0].at_rest
-    linear = solve(warm({"young": rest.young, "poisson": rest.poisson}, change, depth=1e-6, **exact), MPI.COMM_SELF)
-    cold = solve(indented(material(name), depth=1e-6, **exact), MPI.COMM_SELF)
-    for mine, theirs, without in zip(solution.steps, linear.steps, cold.steps, strict=True):
-        assert np.abs(force(mine) - force(theirs)).max() < 5e-5 * np.abs(force(theirs)).max()
-        assert np.abs(force(mine) - force(without)).max() > 0.1 * np.abs(force(theirs)).max()
-    mine, theirs = solution.displacement.x.array, linear.displacement.x.array
-    assert np.abs(mine - theirs).max() < 2e-5 * np.abs(theirs).max()
-
-
 def test_what_would_shrink_to_nothing_is_refused():
     """By the temperature of any load step."""
-    with pytest.raises(SceneError, match="temperature: must be less: it would shrink the body to nothing"):
+    with pytest.raises(SceneError, match="temperature: must be less"):
         solve(cube(material("neo-hooke"), "-60 * t", load_steps={"times": [1.0, 2.0]}), MPI.COMM_SELF)

@@ -1,7 +1,5 @@
 """Two bodies that end at a plane of symmetry: half a model is the whole one, with no shear across the plane."""
 
-import sys
-
 import numpy as np
 import pytest
 import ufl
@@ -155,69 +153,32 @@ def test_where_it_is_no_plane_of_symmetry(of_master):
         assert (shear[on_plane, 1] > 0.1 * pressure[on_plane]).all()
 
 
-GENERATOR = """
-import numpy as np
-from test_planes_of_symmetry import doubled
-from two_bodies import assembled, grid
+def two_boxes(support, **further):
+    """A box upon another one, both of which end at y = 0, where supports hold them along the normal."""
 
-from signorini_fx.mechanics.mesh.tagged import tag_boundaries
-from signorini_fx.meshes import generator
+    def body(name, count, height):
+        size = {"length": 2.0, "nx": count, "ny": 2, "nz": 1, "cell": "hexahedron"}
+        return {"name": name, "mesh": {"generator": "box", "parameters": size}, "shift": [0.0, 0.0, height]}
 
-
-@generator()
-def generate(comm, /, *, half: bool = True):
-    c, s = np.cos(0.4), np.sin(0.4)
-    turn = np.array([[1, 0, 0], [0, c, -s], [0, s, c]])
-    bodies = [
-        grid("hexahedron", counts, (-1, 0, low), (1, 1, high))
-        for counts, low, high in (((4, 2, 1), -0.001, 1), ((5, 3, 1), -1, 0))
-    ]
-    bodies = [(cells, x @ turn.T) for cells, x in (bodies if half else [doubled(*body, 1) for body in bodies])]
-    places = {"bottom": (2, -1), "top": (2, 1), "lower": (2, 0), "upper": (2, -0.001), "plane": (1, 0)}
-    if not half:
-        places.pop("plane")
-    return tag_boundaries(
-        assembled("hexahedron", *bodies, comm=comm),
-        {name: lambda x, k=k, at=at: np.isclose((turn.T @ x)[k], at) for name, (k, at) in places.items()},
-    )
-"""
-
-
-@pytest.fixture
-def halved(tmp_path, monkeypatch):
-    """A generator of two blocks turned in 3D, the half or the whole of them."""
-    data = tmp_path / "halved-1.0.dist-info"
-    data.mkdir()
-    (data / "METADATA").write_text("Metadata-Version: 2.1\nName: halved\nVersion: 1.0\n", encoding="utf-8")
-    (data / "entry_points.txt").write_text("[signorini_fx.generators]\nhalved = halved:generate", encoding="utf-8")
-    (tmp_path / "halved.py").write_text(GENERATOR, encoding="utf-8")
-    monkeypatch.syspath_prepend(tmp_path)
-    monkeypatch.delitem(sys.modules, "halved", raising=False)
-    down = dict(zip("yz", (np.sin(0.4) * 0.03, -np.cos(0.4) * 0.03), strict=True))
     friction = {"law": "coulomb", "coefficient": 0.3}
-
-    def scene(normal, half=True, **load_steps):
-        return parse_scene(
-            {
-                "mesh": {"generator": "halved", "parameters": {"half": half}},
-                "material": [{"young": 100.0, "poisson": 0.3}],
-                "displacement": [
-                    {"boundary": "bottom", "x": 0.0, "y": 0.0, "z": 0.0},
-                    *([{"boundary": "plane", "normal": normal}] if half else []),
-                    {"boundary": "top", "x": 0.01, **down},
-                ],
-                "contact": [{"boundary": "upper", "against": "lower", "points": "boundary", "friction": friction}],
-                "solver": EXACT,
-                **load_steps,
-            }
-        )
-
-    return scene
+    return parse_scene(
+        {
+            "body": [body("lower", 5, 0.0), body("upper", 4, 1.0)],
+            "material": {"young": 100.0, "poisson": 0.3},
+            "displacement": [
+                {"boundary": "lower.bottom", "x": 0.0, "y": 0.0, "z": 0.0},
+                *({"boundary": f"{name}.front", "normal": support} for name in ("lower", "upper")),
+                {"boundary": "upper.top", "x": 0.01, "z": -0.03},
+            ],
+            "contact": {"boundary": "upper.bottom", "against": "lower.top", "points": "boundary", "friction": friction},
+        }
+        | further
+    )
 
 
-@pytest.mark.parametrize(("normal", "symmetric"), [(0.0, True), (0.001, False), ("0.001 * t", False)])
-def test_supports_that_move(halved, normal, symmetric):
+@pytest.mark.parametrize(("support", "symmetric"), [(0.0, True), (0.001, False), ("0.001 * t", False)])
+def test_supports_that_move(support, symmetric):
     """A support that moves, now or later, is no plane of symmetry."""
-    scene = halved(normal, **({"load_steps": {"times": [0.0, 1.0]}} if isinstance(normal, str) else {}))
+    scene = two_boxes(support, **({"load_steps": {"times": [0.0, 1.0]}} if isinstance(support, str) else {}))
     found = prepare(scene.statement, load_mesh(scene, MPI.COMM_SELF), Timings())
     assert found.pairs[0].across.any() == symmetric

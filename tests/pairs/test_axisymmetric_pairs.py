@@ -21,9 +21,6 @@ DEMO = Path(__file__).parents[2] / "demos" / "scenes" / "press_fit.toml"
 EXACT = {"solver": {"algorithm": "alm", "tolerance": 1e-10}}
 
 
-# --- an independent program ------------------------------------------------------------------------------------------
-
-
 # --- fits of rings ---------------------------------------------------------------------------------------------------
 
 
@@ -118,26 +115,6 @@ def test_ring_that_the_friction_of_a_fit_holds(radii, height, along, stiff, fit,
     assert found.status is Status.CONVERGED
     axial = force * np.pi * (radii[1] ** 2 - radii[0] ** 2)
     assert abs(found.contact_figures[0].friction_force[1]) == pytest.approx(abs(axial), rel=1e-9)
-
-
-def cylinders(**more):
-    """A cylinder upon another one, with friction, and meshes that do not match."""
-
-    def body(name, count, height):
-        across = {"length": 2.0, "height": 1.0, "nx": count, "ny": 2}
-        return {"name": name, "mesh": {"generator": "rectangle", "parameters": across}, "shift": [0.0, height]}
-
-    friction = {"law": "coulomb", "coefficient": 0.2}
-    contact = [{"boundary": "upper.bottom", "against": "lower.top", "friction": friction}]
-    return parse_scene(
-        {
-            "body": [body("lower", 4, 0.0), body("upper", 5, 1.0)],
-            "material": {"young": 200.0, "poisson": 0.3, "hypothesis": "axisymmetric"},
-            "displacement": [{"boundary": "lower.bottom", "y": 0.0}],
-        }
-        | more
-        | {"contact": contact + more.pop("contact", [])}
-    )
 
 
 # --- patches ---------------------------------------------------------------------------------------------------------
@@ -320,61 +297,3 @@ def test_hollow_spheres(young, poisson, inside, outside):
     weight = found.contact.boundary.weight
     assert found.contact.pressure @ weight / weight.sum() == pytest.approx(expected, rel=0.01)
     assert found.contact.pressure == pytest.approx(expected, rel=0.06)
-
-
-SPHERES = """
-SetFactory("Built-in");
-Mesh.ElementOrder = 2;
-fine = {fine}; coarse = 1.0;
-Point(1) = {{0, 0, 0, fine}}; Point(2) = {{8, 8, 0, coarse}}; Point(3) = {{0, 8, 0, coarse}};
-Circle(1) = {{1, 3, 2}}; Line(2) = {{2, 3}}; Line(3) = {{3, 1}};
-Curve Loop(1) = {{1, 2, 3}}; Plane Surface(1) = {{1}};
-Point(11) = {{0, 0, 0, fine}}; Point(12) = {{12, -12, 0, coarse}}; Point(13) = {{0, -12, 0, coarse}};
-Circle(11) = {{12, 13, 11}}; Line(12) = {{11, 13}}; Line(13) = {{13, 12}};
-Curve Loop(11) = {{11, 12, 13}}; Plane Surface(11) = {{11}};
-Physical Curve("upper") = {{1}}; Physical Curve("top") = {{2}};
-Physical Curve("lower") = {{11}}; Physical Curve("bottom") = {{13}};
-Physical Surface("soft") = {{1}}; Physical Surface("stiff") = {{11}};
-"""
-
-
-def pressed_spheres(folder, force, fine, friction=None):
-    """Spheres of radii 8 and 12 and of different materials, pressed by a force: half-discs up to their middles."""
-    (folder / "spheres.geo").write_text(SPHERES.format(fine=fine), encoding="utf-8")
-    return parse_scene(
-        {
-            "mesh": {"file": str(folder / "spheres.geo")},
-            "element": {"degree": 2},
-            "material": [
-                {"region": "soft", "young": 200.0, "poisson": 0.3, "hypothesis": "axisymmetric"},
-                {"region": "stiff", "young": 600.0, "poisson": 0.2, "hypothesis": "axisymmetric"},
-            ],
-            "displacement": {"boundary": "bottom", "y": 0.0},
-            "traction": {"boundary": "top", "y": -force / (np.pi * 64.0)},
-            "contact": {"boundary": "upper", "against": "lower"} | ({"friction": friction} if friction else {}),
-        }
-    )
-
-
-def hertz(force):
-    """Radius of the contact and largest pressure."""
-    modulus = 1 / ((1 - 0.3**2) / 200.0 + (1 - 0.2**2) / 600.0)
-    radius = 1 / (1 / 8 + 1 / 12)
-    a = (3 * force * radius / (4 * modulus)) ** (1 / 3)
-    return a, 3 * force / (2 * np.pi * a**2)
-
-
-@pytest.mark.slow
-def test_two_spheres(tmp_path):
-    """Hertz: the largest pressure of two unequal spheres to half a per cent, on and beside the axis."""
-    force = 0.5
-    a, largest = hertz(force)
-    assert a / 4.8 < 0.05
-    found = solve(pressed_spheres(tmp_path, force, a / 12))
-    (figures,) = found.contact_figures
-    assert figures.pressure_integral == pytest.approx(force, rel=2e-3)
-    x, pressure = found.table.columns["x"], found.table.columns["pressure"]
-    inside = x < 0.8 * a
-    expected = largest * np.sqrt(1 - (x[inside] / a) ** 2)
-    assert pressure[inside] == pytest.approx(expected, abs=0.01 * largest)
-    assert pressure.max() == pytest.approx(largest, rel=0.005)

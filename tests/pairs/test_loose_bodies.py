@@ -2,51 +2,12 @@
 
 import numpy as np
 import pytest
-from scenes import alone
+from scenes import alone, stack_of_three
 
 from signorini_fx.records import Status
 from signorini_fx.scenes.reading import parse_scene
 
 COULOMB, TRESCA = {"law": "coulomb", "coefficient": 0.5}, {"law": "tresca", "bound": 1.0}
-
-
-def stack(lift, below, above, gap=0.0, size=1.0, stress=1.0, factors=None, aside=0.0, **solver):
-    """Three blocks of the height ``size``, the lower one held at its bottom, the upper one moved by its top.
-
-    Args:
-        lift: of the top, in ``size``.
-        below: friction below the middle block.
-        above: friction above it.
-        gap: below it, in ``size``; negative: an interference.
-        size: a length.
-        stress: Young's modulus is 100 times that.
-        factors: of the lift.
-        aside: how far the top moves sideways, in ``size``, or an expression of it in the unit of lengths.
-        solver: its settings.
-    """
-    bodies = []
-    for k, (name, cells) in enumerate((("lower", 3), ("middle", 2), ("upper", 3))):
-        parameters = {"length": size, "height": size, "nx": cells, "ny": cells, "cell": "quadrilateral"}
-        mesh = {"generator": "rectangle", "parameters": parameters}
-        bodies.append({"name": name, "mesh": mesh, "shift": [0.0, k * size]})
-
-    def friction(law):
-        return law | ({"bound": law["bound"] * stress} if "bound" in law else {})
-
-    moved = {"boundary": "upper.top", "x": aside if isinstance(aside, str) else aside * size, "y": lift * size}
-    contact = {"boundary": "middle.bottom", "against": "lower.top", "gap": gap * size, "friction": friction(below)}
-    return parse_scene(
-        {
-            "body": bodies,
-            "material": {"young": 100.0 * stress, "poisson": 0.3},
-            "displacement": [
-                {"boundary": "lower.bottom", "x": 0.0, "y": 0.0},
-                moved if factors is None else moved | {"factors": factors},
-            ],
-            "contact": [contact, {"boundary": "upper.bottom", "against": "middle.top", "friction": friction(above)}],
-            "solver": solver,
-        }
-    )
 
 
 def forces(solution):
@@ -72,7 +33,7 @@ def test_lifted(below, above, solver):
 
     By round-off an iteration may end at one of the many positions without forces, with dolfinx 0.11 the first one.
     """
-    solution = alone(stack(0.02, below, above, **solver), check=False)
+    solution = alone(stack_of_three(0.02, below, above, **solver), check=False)
     if solution.status is Status.CONVERGED:
         np.testing.assert_allclose(forces(solution), 0.0, atol=1e-9)
         return
@@ -85,7 +46,7 @@ def test_lifted(below, above, solver):
 @pytest.mark.parametrize(("gap", "size", "stress"), [(0.5, 1.0, 1.0), (0.02, 1e-6, 1e9), (0.02, 1e5, 1e-3)])
 def test_nothing_moves(gap, size, stress):
     """Nothing is loaded or moved, and the block has room: that is found wherever the methods have left the body."""
-    solution = alone(stack(0.0, COULOMB, COULOMB, gap, size, stress), check=False)
+    solution = alone(stack_of_three(0.0, COULOMB, COULOMB, gap, size, stress), check=False)
     assert solution.status is Status.OPEN
     assert "body 'middle'" in solution.advice
     assert sum(step.linear_solves for step in solution.steps) < 500  # how soon is a matter of round-off
@@ -97,7 +58,7 @@ def test_nothing_moves(gap, size, stress):
 )
 def test_pressed_or_squeezed(lift, gap, size, stress):
     """Where the blocks overlap by more than the upper one is lifted, both contacts carry the same force."""
-    below, above = forces(alone(stack(lift, TRESCA, COULOMB, gap, size, stress)))
+    below, above = forces(alone(stack_of_three(lift, TRESCA, COULOMB, gap, size, stress)))
     assert below == pytest.approx(above, rel=1e-6)
     assert below / (size * stress) > 0.1
 

@@ -1,13 +1,10 @@
 """The maps of two sides: points, gaps, frames and shares are those of the oracle's own integrals."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from surfaces import nothing_held
 
 from benchmarks.stability.oracle.mortar import Side, points_of_moved
-from signorini_fx.mechanics.pairs import mortar_coupling
 from signorini_fx.mechanics.pairs.mortar_coupling import couple
 from signorini_fx.mechanics.pairs.pair_side import Lagrange, PairSurface
 from signorini_fx.mechanics.pairs.sliding import slide
@@ -102,86 +99,3 @@ def test_sides_that_have_moved(kind, seed):
 def test_undeformed_sides(kind):
     """Curved ones, which keep their partners."""
     assert max(differences(kind, 0, slides=False)) < 1e-8
-
-
-def straight(monkeypatch):
-    """Places of displaced sides are shifted at the last nodes of facets."""
-    displaced = PairSurface.displaced
-
-    def moved(self, displacement):
-        places = np.array(displacement)
-        places[self.nodes[:, -1]] *= 1.001
-        return displaced(self, places)
-
-    monkeypatch.setattr(PairSurface, "displaced", moved)
-
-
-def deformed_areas(monkeypatch):
-    """Areas are those of the displaced sides."""
-    displaced = PairSurface.displaced
-    monkeypatch.setattr(PairSurface, "displaced", lambda *given: replace(displaced(*given), undeformed=None))
-
-
-def hats(monkeypatch):
-    """The functions of the points are those of the displacement, not their duals."""
-    monkeypatch.setattr(
-        mortar_coupling,
-        "dual_coefficients",
-        lambda side, overlap: np.tile(np.eye(side.nodes.shape[1]), (len(side.nodes), 1, 1)),
-    )
-
-
-def of_overlap(change):
-    """Another overlap."""
-
-    def wrong(monkeypatch):
-        right = mortar_coupling.Tested.of
-        monkeypatch.setattr(
-            mortar_coupling.Tested,
-            "of",
-            lambda slave, master, overlap, *rest, **more: right(slave, master, change(overlap), *rest, **more),
-        )
-
-    return wrong
-
-
-def turned(monkeypatch):
-    """Directions of projection that enclose 5 degrees with the mean normals."""
-    right = mortar_coupling._mean_normals
-    c, s = np.cos(np.radians(5.0)), np.sin(np.radians(5.0))
-
-    def wrong(*given, **settings):
-        directions = right(*given, **settings)
-        first, last = directions[:, 0].copy(), directions[:, -1].copy()
-        directions[:, 0], directions[:, -1] = c * first - s * last, s * first + c * last
-        return directions
-
-    monkeypatch.setattr(mortar_coupling, "_mean_normals", wrong)
-
-
-def of_first(values, change):
-    """The same with another value of the first piece."""
-    values = np.array(values)
-    values[0] = change(values[0])
-    return values
-
-
-FAULTS = {
-    "places": straight,
-    "areas": deformed_areas,
-    "functions": hats,
-    "directions": turned,
-    "a piece is left out": of_overlap(lambda overlap: overlap.chosen(np.arange(len(overlap.slave)) > 0)),
-    "an area": of_overlap(lambda overlap: replace(overlap, weight=of_first(overlap.weight, lambda w: 1.001 * w))),
-    "partners are shifted": of_overlap(
-        lambda overlap: replace(overlap, over=of_first(overlap.over, lambda x: x + 0.01))
-    ),
-}
-
-
-@pytest.mark.parametrize("fault", FAULTS)
-@pytest.mark.parametrize("kind", [3, pytest.param("quadrilateral", marks=pytest.mark.slow)])
-def test_faults_are_seen(kind, fault, monkeypatch):
-    """Wrong places, areas, functions, directions and pieces."""
-    FAULTS[fault](monkeypatch)
-    assert max(differences(kind, 0, slides=True)) > 1e-5

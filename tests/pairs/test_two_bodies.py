@@ -4,42 +4,30 @@ import numpy as np
 import pytest
 import ufl
 from dolfinx import fem
+from dolfinx import mesh as dmesh
+from dolfinx.graph import adjacencylist
 from mpi4py import MPI
-from two_bodies import KINDS, assembled, facets, facets_of_cells, facets_of_piece, forms, grid, held, on, per_cell
+from two_bodies import (
+    KINDS,
+    assembled,
+    blocks,
+    facets,
+    facets_of_cells,
+    facets_of_piece,
+    forms,
+    grid,
+    held,
+    nothing,
+    on,
+    paraboloids,
+    per_cell,
+    turn_of_blocks,
+)
 
 from signorini_fx import ContactProblem, ConvergenceError, Coulomb, FormError, Foundation, Pair, Status, Tresca
+from signorini_fx.machine import parallel
 
 ELEMENTS = [(kind, degree) for kind in KINDS for degree in (1, 2)]
-COUNTS = {2: ((5, 2), (3, 2)), 3: ((3, 1, 2), (2, 1, 2))}
-
-
-def rotation(dimension, angle=0.4):
-    """Of the plane x[0], x[1]; in 3D about a skew axis."""
-    turn = np.eye(dimension)
-    turn[:2, :2] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
-    if dimension == 3:
-        other = np.eye(3)
-        other[1:, 1:] = turn[:2, :2]
-        turn = turn @ other
-    return turn
-
-
-def blocks(kind, turn, counts=None):
-    """Unit blocks on each other, turned about the origin, and the facets of both there, first the upper ones."""
-    dim = KINDS[kind]
-    lower, upper = counts or COUNTS[dim]
-    up = np.eye(dim)[1]
-
-    def place(x):
-        return x @ turn.T
-
-    bodies = grid(kind, lower, -up, np.ones(dim) - up, place), grid(kind, upper, np.zeros(dim), np.ones(dim), place)
-    mesh = assembled(kind, *bodies)
-    both = [
-        facets_of_piece(mesh, lambda x: np.isclose((turn.T @ x)[1], 0), lambda x, s=s: s * (turn.T @ x)[1] > 0)
-        for s in (1, -1)
-    ]
-    return mesh, both
 
 
 @pytest.mark.one_quick
@@ -49,7 +37,7 @@ def blocks(kind, turn, counts=None):
 def test_patch(kind, degree, law, exchanged):
     """A state of constant stress in two blocks in any direction, with stick, oblique slip, or tied: exact."""
     dim = KINDS[kind]
-    turn = rotation(dim)
+    turn = turn_of_blocks(dim)
     mesh, both = blocks(kind, turn)
     young, poisson = 100.0, 0.3
     normal = turn @ np.eye(dim)[1] * -1.0  # of the upper body
@@ -97,11 +85,6 @@ def test_patch(kind, degree, law, exchanged):
     found = np.einsum("ijk,ik->ij", state.boundary.tangents, state.shear)
     np.testing.assert_allclose(found, np.tile(sign * shear, (len(found), 1)), rtol=0, atol=1e-8 * pressure)
     assert problem.certificate.coupling < 1e-9
-
-
-def nothing(mesh, v):
-    """No load."""
-    return ufl.inner(fem.Constant(mesh, (0.0,) * mesh.geometry.dim), v) * ufl.dx
 
 
 def example1(count, degree=1, stiffer=1.0, rigid=False, comm=MPI.COMM_SELF, **settings):
@@ -226,34 +209,6 @@ def test_bodies_in_the_wrong_place(shift, faces, match):
         ContactProblem(a, nothing(mesh, v), contact=pair).solve()
 
 
-def paraboloids(kind, degree, counts, comm=MPI.COMM_SELF, **settings):
-    """Two bodies with rounded faces pressed and sheared in 3D."""
-
-    def body(radius, sign, along, through):
-        def place(x):
-            face = sign * (x[:, 0] ** 2 + x[:, 1] ** 2) / (2 * radius)
-            return np.column_stack((x[:, :2], face + (sign - face) * x[:, 2]))
-
-        return grid(kind, (along, along, through), (-1, -1, 0), (1, 1, 1), place)
-
-    mesh = assembled(kind, body(8.0, 1.0, counts[0], 2), body(12.0, -1.0, counts[1], 2), comm=comm)
-    space, a, v = forms(mesh, degree, per_cell(mesh, lambda x: 200.0 if x[2] > 0 else 600.0))
-    sides = [
-        facets_of_piece(
-            mesh,
-            lambda x, of=of: np.isclose(x[2], of[1] * (x[0] ** 2 + x[1] ** 2) / (2 * of[0])),
-            lambda x, of=of: of[1] * x[2] > 0,
-        )
-        for of in ((8.0, 1.0), (12.0, -1.0))
-    ]
-    top, bottom = (facets(mesh, lambda x, z=z: np.isclose(x[2], z)) for z in (1.0, -1.0))
-    bcs = [held(space, top, k, value) for k, value in enumerate((0.004, 0.002, -0.02))]
-    bcs += [held(space, bottom, k) for k in range(3)]
-    problem = ContactProblem(a, nothing(mesh, v), bcs, contact=Pair(*sides, friction=Coulomb(0.3)), **settings)
-    problem.solve()
-    return problem
-
-
 def stack(kind, comm=MPI.COMM_SELF):
     """Three bodies on each other and on a foundation, that nothing else holds, with meshes of all sizes."""
     heights, counts = (0.0, 1.0, 1.6, 2.6), ((5, 3), (4, 2), (7, 3))
@@ -365,3 +320,70 @@ def test_bodies_that_do_not_touch(kind, pressed, friction, linear_algebra):
     here = (space.tabulate_dof_coordinates()[:, 0] < 1.5) & (space.tabulate_dof_coordinates()[:, 1] > 0.01)
     moved = problem.u.x.array.reshape(-1, dim)[here]
     np.testing.assert_allclose(moved, np.tile((0.01, -0.02, 0.005)[:dim], (len(moved), 1)), atol=1e-12)
+
+
+WORLD = MPI.COMM_WORLD
+
+# Newton's method may leave a residual of 1e-8 of the forces, unless less is asked for.
+KRYLOV = {"linear_algebra": "krylov", "petsc_options": {"snes_rtol": "1e-10"}}
+PROBLEMS = {
+    "plane": lambda comm: example1(24, comm=comm),
+    "Q2": lambda comm: example1(12, 2, comm=comm),
+    "stack": lambda comm: stack("triangle", comm),
+    "hexahedra": lambda comm: paraboloids("hexahedron", 1, (4, 5), comm, linear_algebra="full"),
+    "hexahedra, krylov": lambda comm: paraboloids("hexahedron", 1, (4, 5), comm, **KRYLOV),
+    "tetrahedra, krylov": lambda comm: paraboloids("tetrahedron", 1, (4, 5), comm, **KRYLOV),
+    "P2": lambda comm: paraboloids("tetrahedron", 2, (4, 5), comm, linear_algebra="full"),
+    "P2, krylov": lambda comm: paraboloids("tetrahedron", 2, (4, 5), comm, **KRYLOV),
+}
+
+
+def points_of(state):
+    """Part, position, weight, pressure and shear of the points of all ranks, sorted by place."""
+    boundary = state.boundary
+    shear = np.einsum("ijk,ik->ij", boundary.tangents, state.shear)
+    columns = (boundary.part, boundary.x, boundary.weight, state.pressure, shear)
+    rows = parallel.gather_rows(boundary.comm, np.column_stack(columns))
+    return rows[np.lexsort(np.round(rows[:, : 1 + boundary.x.shape[1]], 9).T)]
+
+
+@pytest.mark.one_quick
+@pytest.mark.mpi(slow=True)
+@pytest.mark.parametrize("name", PROBLEMS)
+def test_one_rank_or_many(name):
+    """Every kind of element and system; the certificate tries the map on all ranks."""
+    together, alone = (PROBLEMS[name](comm) for comm in (WORLD, MPI.COMM_SELF))
+    loose = name.endswith("krylov")  # directions of slip are those of the linear solver
+    counts = [[(r.active_contact, r.slip_plus, r.slip_minus) for r in p.history.iterations] for p in (together, alone)]
+    assert loose or counts[0] == counts[1]
+    ours, theirs = points_of(together.state), points_of(alone.state)
+    assert ours.shape == theirs.shape
+    size, close = np.abs(theirs).max(axis=0), 1e-9
+    dimension = alone.state.boundary.x.shape[1]
+    size[1 : 1 + dimension] = size[1 : 1 + dimension].max()  # places: heights above y = 0 are round-off
+    size[-1 - dimension :] = size[-1 - dimension]  # tractions
+    assert (np.abs(ours - theirs) <= close * np.maximum(size, 1e-300)).all()
+    np.testing.assert_allclose(together.state.forces, alone.state.forces, atol=close * np.abs(alone.state.forces).max())
+    assert together.certificate.coupling < 1e-9
+    assert together.certificate.holds
+
+
+@pytest.mark.mpi(slow=True)
+def test_ranks_without_cells(monkeypatch):
+    """All cells are of the first rank; the others have nothing, and the certificate is the same."""
+    plain = dmesh.create_cell_partitioner
+
+    def all_to_the_first(*given):
+        divide = plain(*given)
+
+        def owners(*cells):
+            count = divide(*cells).num_nodes
+            links = adjacencylist(np.zeros(count, dtype=np.int32), np.arange(count + 1, dtype=np.int32))
+            return getattr(links, "_cpp_object", links)  # which is wrapped since dolfinx 0.10
+
+        return owners
+
+    monkeypatch.setattr(dmesh, "create_cell_partitioner", all_to_the_first)
+    mesh = PROBLEMS["Q2"](WORLD).u.function_space.mesh
+    assert WORLD.rank == 0 or mesh.topology.index_map(2).size_local == 0
+    test_one_rank_or_many("Q2")

@@ -5,12 +5,10 @@ import pytest
 import ufl
 from dolfinx import fem
 from dolfinx import mesh as dmesh
-from test_fits import share_found
 from two_bodies import (
     KINDS,
     assembled,
     facets,
-    facets_of_cells,
     facets_of_piece,
     forms,
     grid,
@@ -20,80 +18,12 @@ from two_bodies import (
     stress_of,
 )
 
-from signorini_fx import ContactProblem, ConvergenceError, Coulomb, Pair, Status
+from signorini_fx import ContactProblem, Coulomb, Pair
 
 
 def nothing(mesh, v):
     """No load."""
     return ufl.inner(fem.Constant(mesh, (0.0,) * mesh.geometry.dim), v) * ufl.dx
-
-
-def closed_ring(counts, inner, outer):
-    """A whole ring of quadrilaterals, cells and points."""
-
-    def place(x):
-        return np.stack((x[:, 0] * np.cos(x[:, 1]), x[:, 0] * np.sin(x[:, 1])), axis=1)
-
-    cells, x = grid("quadrilateral", counts, (inner, 0.0), (outer, 2 * np.pi), place)
-    around = counts[1] + 1
-    kept = np.arange(len(x)) % around != counts[1]
-    number = np.cumsum(kept) - 1
-    last = ~kept
-    number[last] = number[np.flatnonzero(last) - counts[1]]
-    return number[cells], x[kept]
-
-
-def shrunk_ring(torque, friction=0.2, fit=0.002, radius=2.0):
-    """A ring shrunk onto another one, which is held in its bore along the circle; a torque on the outer one as a share
-    of what Lame's pressure can hold by friction.
-    """
-    pressure = 0.048940
-    mesh = assembled("quadrilateral", closed_ring((3, 30), 1.0, radius), closed_ring((3, 40), radius, 3.0))
-
-    def inner(x):
-        return np.hypot(*x[:2]) < radius
-
-    young, poisson = (per_cell(mesh, lambda x, of=of: of[0] if inner(x) else of[1]) for of in ((100, 300), (0.3, 0.25)))
-    space, a, v = forms(mesh, 2, young, poisson)
-    sides = [
-        facets_of_piece(mesh, lambda x: np.isclose(np.hypot(*x), radius), lambda x, s=s: inner(x) == s)
-        for s in (True, False)
-    ]
-    bore, rim = (on(mesh, facets(mesh, lambda x, r=r: np.isclose(np.hypot(*x), r))) for r in (1.0, 3.0))
-    u, x = ufl.TrialFunction(space), ufl.SpatialCoordinate(mesh)
-    around = ufl.as_vector((-x[1], x[0])) / ufl.sqrt(ufl.dot(x, x))
-    a += 100.0 * ufl.dot(u, around) * ufl.dot(v, around) * bore
-    # Its moment about the axis, from the integral over the polygon that the rim is.
-    arm = ufl.sqrt(ufl.dot(x, x))
-    turn = fem.assemble_scalar(fem.form(arm * rim))
-    moment = friction * pressure * 2 * np.pi * radius**2
-    load = torque * moment / turn * ufl.dot(v, around) * rim
-    problem = ContactProblem(a, load, contact=Pair(*sides, gap=-fit, friction=Coulomb(friction)))
-    return problem, moment
-
-
-def test_a_shrunk_ring_holds_the_torque_of_friction():
-    """At 0.99 of what Lame's pressure can transmit it sticks or creeps, and the contact carries the whole torque."""
-    problem, moment = shrunk_ring(0.99)
-    problem.solve()
-    state = problem.state
-    weight, x = state.boundary.weight, state.boundary.centre
-    assert state.pressure @ weight / weight.sum() == pytest.approx(0.048940, rel=2e-3)
-    forces = -state.boundary.nodal_forces(state.pressure, state.shear)
-    carried = np.sum(x[:, 0] * forces[:, 1] - x[:, 1] * forces[:, 0])
-    assert abs(carried) == pytest.approx(0.99 * moment, rel=1e-6)
-
-
-@pytest.mark.slow
-def test_a_shrunk_ring_turns_under_more():
-    """At 1.01 it slides at the pressure found, which carries the share that Lame's pressure does; statics alone cannot
-    prove more, as the pressure of a fit balances itself, whatever it is.
-    """
-    problem, _ = shrunk_ring(1.01)
-    with pytest.raises(ConvergenceError):
-        problem.solve()
-    assert problem.status is Status.SLIDES_AT_PRESSURES
-    assert share_found(problem) == pytest.approx(1 / 1.01, rel=5e-3)
 
 
 def quarter(kind, counts, inner, outer):
@@ -151,73 +81,6 @@ def test_disc_that_sticks_in_a_ring(exchanged):
     assert np.sqrt(np.mean(away[inside] ** 2)) < 0.08 * part
 
 
-def octant(count, layers, inner, outer):
-    """An eighth of a hollow ball of tetrahedra: prisms over a grid of triangles, three tetrahedra each."""
-    corners = [(i, j, count - i - j) for i in range(count + 1) for j in range(count + 1 - i)]
-    number = {corner: k for k, corner in enumerate(corners)}
-    triangles = []
-    for i, j, k in corners:
-        if k > 0:
-            triangles.append([(i, j, k), (i + 1, j, k - 1), (i, j + 1, k - 1)])
-        if k > 1:
-            triangles.append([(i + 1, j, k - 1), (i, j + 1, k - 1), (i + 1, j + 1, k - 2)])
-    # A little towards equal angles, so that triangles are of like sizes.
-    directions = np.tan(np.array(corners) / count * np.pi / 4)
-    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    radii = np.linspace(inner, outer, layers + 1)
-    points = np.concatenate([r * directions for r in radii])
-    cells = []
-    for layer in range(layers):
-        for triangle in triangles:
-            a, b, c = sorted(number[corner] + layer * len(corners) for corner in triangle)
-            up = len(corners)
-            cells += [(a, b, c, c + up), (a, b, b + up, c + up), (a, a + up, b + up, c + up)]
-    return np.array(cells), points
-
-
-def between_balls(degree, counts, layers):
-    """The mean pressure between hollow balls of radii 20, 30, 40 under 25 inside, with so many facets along an edge."""
-    bodies = octant(counts[0], layers, 20.0, 30.0), octant(counts[1], layers, 30.0, 40.0)
-    mesh = assembled("tetrahedron", *bodies)
-    space, a, v = forms(mesh, degree, per_cell(mesh, lambda x: 2000.0), 0.3)
-
-    def at(radius):
-        return lambda x: np.isclose(np.linalg.norm(x, axis=0), radius)
-
-    # On coarse meshes the middles of cells do not tell of which ball they are.
-    count = len(bodies[0][0])
-    sides = [
-        facets_of_cells(mesh, at(30.0), np.arange(*some)) for some in ((0, count), (count, len(bodies[1][0]) + count))
-    ]
-    inner = on(mesh, facets(mesh, at(20.0)))
-    bcs = [held(space, facets(mesh, lambda x, k=k: np.isclose(x[k], 0.0)), k) for k in range(3)]
-    load = -25.0 * ufl.dot(ufl.FacetNormal(mesh), v) * inner
-    problem = ContactProblem(a, load, bcs, contact=Pair(*sides, gap=0.0))
-    problem.solve()
-    weight = problem.state.boundary.weight
-    assert problem.certificate.coupling < 1e-9
-    return problem.state.pressure @ weight / weight.sum()
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("degree", "meshes", "errors"),
-    [(1, (((8, 11), 3), ((11, 15), 4)), (0.02, 0.0115)), (2, (((5, 8), 3), ((8, 11), 3)), (0.021, 0.009))],
-)
-def test_hollow_balls_in_each_other(degree, meshes, errors):
-    """Lame's pressure 4.894180 (SSNP173 of the Code_Aster manuals).  What is missing is of the second order for either
-    element, as straight facets are chords of the balls: two meshes give the limit.
-    """
-    wanted, sizes = 4.894180, [counts[0] for counts, _ in meshes]
-    found = [between_balls(degree, *one) for one in meshes]
-    for pressure, error in zip(found, errors, strict=True):
-        assert wanted * (1 - error) < pressure < wanted
-    coarse, fine = (1 - pressure / wanted for pressure in found)
-    assert 1.6 < np.log(coarse / fine) / np.log(sizes[1] / sizes[0]) < 2.2
-    limit = (sizes[1] ** 2 * found[1] - sizes[0] ** 2 * found[0]) / (sizes[1] ** 2 - sizes[0] ** 2)
-    assert limit == pytest.approx(wanted, rel=2.5e-3)
-
-
 @pytest.mark.one_quick
 @pytest.mark.parametrize("finer", ["slave", "master"])
 @pytest.mark.parametrize(("kind", "degree"), [("triangle", 1), ("quadrilateral", 1), ("triangle", 2)])
@@ -250,45 +113,6 @@ def test_bonded_blocks_converge(kind, degree, finer):
         away = ufl.sym(ufl.grad(problem.u - exact))
         errors.append(np.sqrt(fem.assemble_scalar(fem.form(ufl.inner(away, away) * ufl.dx(degree=8)))))
     assert np.log2(errors[0] / errors[1]) == pytest.approx(degree, abs=0.15)
-
-
-def cap(radius, sign, along, through, size=3.0, power=1.7):
-    """A quarter of a body with a rounded face at the origin, hexahedra that are small there."""
-    cells, x = grid("hexahedron", (along, along, through), (0, 0, 0), (1, 1, 1))
-    x = np.column_stack([size * x[:, k] ** power for k in range(3)])
-    face = (x[:, 0] ** 2 + x[:, 1] ** 2) / (2 * radius)
-    return cells, np.column_stack((x[:, :2], sign * (face + (size - face) * x[:, 2] / size)))
-
-
-@pytest.mark.slow
-def test_hertz_of_two_bodies_in_space():
-    """Paraboloids of radii 8 and 12 pressed together: the largest pressure and the radius of the contact are Hertz's
-    for the force that is found.
-    """
-    mesh = assembled("hexahedron", cap(8.0, 1.0, 13, 8), cap(12.0, -1.0, 10, 7))
-    young = per_cell(mesh, lambda x: 200.0 if x[2] > 0 else 600.0)
-    poisson = per_cell(mesh, lambda x: 0.3 if x[2] > 0 else 0.2)
-    space, a, v = forms(mesh, 1, young, poisson)
-    sides = [
-        facets_of_piece(
-            mesh,
-            lambda x, r=r, s=s: np.isclose(x[2], s * (x[0] ** 2 + x[1] ** 2) / (2 * r)),
-            lambda x, s=s: s * x[2] > 0,
-        )
-        for r, s in ((8.0, 1.0), (12.0, -1.0))
-    ]
-    ends = [facets(mesh, lambda x, z=z: np.isclose(x[2], z)) for z in (3.0, -3.0)]
-    bcs = [held(space, facets(mesh, lambda x, k=k: np.isclose(x[k], 0.0)), k) for k in (0, 1)]
-    bcs += [held(space, ends[0], 2, -0.05), held(space, ends[1], 2)]
-    problem = ContactProblem(a, nothing(mesh, v), bcs, contact=Pair(*sides))
-    problem.solve()
-    state = problem.state
-    force = 4 * abs(state.forces[0][2])
-    stiffness, radius = 1 / ((1 - 0.3**2) / 200 + (1 - 0.2**2) / 600), 1 / (1 / 8 + 1 / 12)
-    half = (3 * force * radius / (4 * stiffness)) ** (1 / 3)
-    assert state.pressure.max() == pytest.approx(3 * force / (2 * np.pi * half**2), rel=0.03)
-    touching = np.hypot(*state.boundary.x[state.pressure > 0, :2].T).max()
-    assert touching == pytest.approx(half, rel=0.12)
 
 
 @pytest.mark.one_quick

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 from products import Product
+from ranks import same_on_all_ranks
 from scenes import table_of
-from test_ranks import same_on_all_ranks
 
 from signorini_fx.records import Status
 

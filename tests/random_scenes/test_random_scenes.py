@@ -1,9 +1,7 @@
 """Random scenes, valid and invalid: an outcome with a name, or an error with a path; never a traceback."""
 
 import contextlib
-import copy
 import tomllib
-from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -13,7 +11,7 @@ from mpi4py import MPI
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.records import Status
 from signorini_fx.scenes.checks import check_scene
-from signorini_fx.scenes.reading import parse_scene, parse_scene_text
+from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve
 from signorini_fx.scenes.template import starting_scene
 
@@ -158,14 +156,6 @@ def test_random_scenes(data):
     ends_well(data)
 
 
-def places(node, path=()):
-    """Paths of everything in nested data."""
-    yield path
-    if isinstance(node, dict | list):
-        for key, value in node.items() if isinstance(node, dict) else enumerate(node):
-            yield from places(value, (*path, key))
-
-
 junk = st.recursive(
     st.one_of(
         st.none(),
@@ -179,34 +169,6 @@ junk = st.recursive(
     max_leaves=4,
 )
 GOOD = tomllib.loads(starting_scene())
-
-
-def spoilt(data, path, value):
-    """A copy with something else at a path; an unknown key where the value is a table."""
-    data = copy.deepcopy(data)
-    node = data
-    for part in path[:-1]:
-        node = node[part]
-    if not path:
-        return value if isinstance(value, dict) else {"surprise": value}
-    node[path[-1]] = value
-    return data
-
-
-@pytest.mark.slow
-@settings(FEW, max_examples=200)
-@given(st.sampled_from(list(places(GOOD))), junk)
-def test_spoilt_scenes(path, value):
-    """Anything in the place of anything: a scene, or mistakes with their paths."""
-    attempt(parse_scene, spoilt(GOOD, path, value))
-
-
-@pytest.mark.slow
-@settings(FEW, max_examples=200)
-@given(st.sampled_from(starting_scene().splitlines()), st.text(max_size=20))
-def test_spoilt_text(line, text):
-    """A line of the file replaced by any text."""
-    attempt(parse_scene_text, starting_scene().replace(line, text, 1), Path("scene.toml"))
 
 
 @settings(FEW, max_examples=30)

@@ -8,9 +8,8 @@ import pytest
 from certifying import certify
 from dolfinx.mesh import meshtags
 from mpi4py import MPI
-from scenes import alone, example1, table_of
+from scenes import alone, example1, stack_of_three, table_of
 from spaces import block as block_in_space
-from test_loose_bodies import stack
 from two_bodies import assembled, facets, grid
 
 from signorini_fx import ConvergenceError, solve
@@ -516,7 +515,7 @@ def test_a_body_that_moves_far_does_not_deform_another_one(size, stress):
     by a share of what deforms them is not right because they have moved far.
     """
     friction = {"law": "coulomb", "coefficient": 0.5}
-    solution = alone(stack(-0.5005, friction, friction, gap=0.5, size=size, stress=stress))
+    solution = alone(stack_of_three(-0.5005, friction, friction, gap=0.5, size=size, stress=stress))
     assert solution.certificate.holds
     x = solution.model.space.tabulate_dof_coordinates()[:, :2]
     u = solution.displacement.x.array.reshape(-1, 2)

@@ -8,13 +8,12 @@ import numpy as np
 import pytest
 import ufl
 from dolfinx import fem
-from dolfinx.mesh import CellType
 from mpi4py import MPI
 
 from signorini_fx import ContactProblem, Coulomb, FormError, Foundation, SceneError, solve
 from signorini_fx.mechanics.statement.rigid_shape import distance_from, read_shape
 from signorini_fx.scenes.checks import check_scene
-from signorini_fx.scenes.reading import parse_scene, read_scene
+from signorini_fx.scenes.reading import parse_scene
 
 COMM = MPI.COMM_WORLD
 HILL = ((-1.5, 0.0), (-1.0, 0.5), (0.0, 0.2), (1.0, 0.6), (1.5, 0.0))
@@ -134,23 +133,6 @@ def test_distance_and_normal(table):
     assert (nearest > np.abs(signed) - 1e-9).all()
     assert (signed > 0).any()
     assert (signed < 0).any()
-
-
-def test_spline_near_its_centres_of_curvature():
-    """Where the distance is as good as flat along the line, its gradient is still the normal."""
-    points = [[-1.0, 0.0], [0.0, -1.0], [1.0, 0.0], [0.2, 0.8], [-1.0, 0.0]]
-    shape = read_shape({"shape": "spline", "points": points, "hollow": True})
-    # The lower centres of curvature lie near (0, -0.24), those of the sides near (-0.44, -0.05) and (0.35, -0.03).
-    x = np.random.default_rng(8).normal(size=(3, 3000, 2)) * 0.03 + [[[0.01, -0.24]], [[-0.44, -0.05]], [[0.35, -0.03]]]
-    x = x.reshape(-1, 2)
-    normal = shape.distance(x)[1]
-    step = 1e-6
-    around = [[shape.distance(x + way * step * e) for way in (1, -1)] for e in np.eye(2)]
-    slope = np.stack([(ahead[0] - behind[0]) / (2 * step) for ahead, behind in around], axis=1)
-    # Elsewhere the gradient jumps, or changes so fast that differences over this step do not tell it.
-    smooth = np.all([np.linalg.norm(one[1] - normal, axis=1) < 1e-4 for pair in around for one in pair], axis=0)
-    assert np.mean(smooth) > 0.9
-    assert slope[smooth] == pytest.approx(normal[smooth], abs=1e-7)
 
 
 @pytest.mark.one_quick
@@ -307,17 +289,6 @@ def test_the_same_by_formula(name, files):
         assert getattr(first.state, field) == pytest.approx(getattr(second.state, field), abs=1e-8 * largest)
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize(("dim", "kind", "degree"), [(2, None, 2), (3, CellType.tetrahedron, 2)])
-def test_other_elements(dim, kind, degree):
-    """On quadratic tetrahedra the distance is averaged like any gap."""
-    table, formula = SAME["sphere" if dim == 3 else "circle"][1:]
-    u, v = (
-        pressed(one, block(dim, MPI.COMM_SELF, kind), degree, **more)[1] for one, more in ((table, {}), (None, formula))
-    )
-    assert u.x.array == pytest.approx(v.x.array, abs=1e-10 * np.abs(v.x.array).max())
-
-
 def test_gap_is_added():
     """To the distance; and any object with a distance is a shape."""
 
@@ -461,28 +432,6 @@ def test_bad_surfaces(tmp_path):
     assert "it.stl" in wrong
 
 
-def test_files_are_found_from_the_scene(files):
-    """Like the mesh, from the folder of the scene."""
-    text = """
-[mesh]
-generator = "box"
-parameters = { nx = 3, ny = 2, nz = 2 }
-[material]
-young = 1.0
-poisson = 0.3
-[[displacement]]
-boundary = "top"
-x = 0.0
-y = 0.0
-z = 0.0
-[[contact]]
-boundary = "bottom"
-foundation = { shape = "surface", file = "cube.stl", shift = [0.0, 0.0, -1.1] }
-"""
-    (files / "it.toml").write_text(text, encoding="utf-8")
-    assert "at a distance from 0.1 to" in "; ".join(check_scene(read_scene(files / "it.toml")).acts)
-
-
 # --- foundations that move -------------------------------------------------------------------------------------------
 
 
@@ -554,65 +503,3 @@ def test_bad_motions(more, message):
         solve(moving(tool=True, **({"shift": ["0.01*t", 0.0]} | more)))
     assert message in str(error.value)
     assert len(error.value.problems) == 1
-
-
-# --- known answers ---------------------------------------------------------------------------------------------------
-
-
-def test_hertz_by_a_circle():
-    """The block on a cylinder of the demonstration, without a formula and without friction."""
-    from test_hertz import MODULUS, RADIUS, profile
-
-    mesh = {"length": 10.0, "height": 5.0, "nx": 120, "ny": 60, "layout": "graded", "grading": 60.0}
-    circle = {"shape": "circle", "centre": (5.0, -RADIUS), "radius": RADIUS}
-    solution = solve(scene(circle, mesh={"generator": "block", "parameters": mesh}))
-    x, pressure, weight, _ = profile(solution, 5.0)
-    force = pressure @ weight
-    half_width = np.sqrt(4 * force * RADIUS / (np.pi * MODULUS))
-    hertz = 2 * force / (np.pi * half_width) * np.sqrt(np.maximum(0, 1 - (x / half_width) ** 2))
-    inside = np.abs(x) < 0.8 * half_width
-    assert inside.sum() > 10
-    assert pressure[inside] == pytest.approx(hertz[inside], rel=0.02)
-    assert (pressure[np.abs(x) > 1.1 * half_width] == 0).all()
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("boundary", "hollow"), [("inner", False), ("outer", True)])
-def test_fits(boundary, hollow):
-    """A pin in the hole of a ring, and a ring in a bore: Lame's pressure for the displacement of one side."""
-    young, poisson, by, (inner, outer) = 1000.0, 0.3, 1e-3, (1.0, 2.0)
-    side = {"inner": inner + by, "outer": outer - by}[boundary]
-    shape = {"shape": "cylinder", "centre": (0, 0, 0), "axis": (0, 0, 1), "radius": side, "hollow": hollow}
-    ring = {"generator": "ring", "parameters": {"nr": 8, "nt": 12, "nz": 1, "order": 2}}
-    given = {"mesh": ring, "element": {"degree": 2}, "material": {"young": young, "poisson": poisson}}
-    given["displacement"] = [{"boundary": "bottom", "z": 0.0}, {"boundary": "top", "z": 0.0}]
-    # Friction only keeps the ring from turning.
-    friction = {"law": "coulomb", "coefficient": 0.3}
-    solution = solve(
-        parse_scene(given | {"contact": {"boundary": boundary, "foundation": shape, "friction": friction}})
-    )
-    # u = A r + B / r, plane strain, no pressure on the other side.
-    ratio = (outer / inner) ** 2
-    if boundary == "inner":
-        compliance = (1 + poisson) / young * inner / (ratio - 1) * (1 - 2 * poisson + ratio)
-    else:
-        compliance = (1 + poisson) / young * outer / (ratio - 1) * ((1 - 2 * poisson) * ratio + 1)
-    assert solution.certificate.holds
-    assert solution.contact.pressure == pytest.approx(by / compliance, rel=0.02)
-
-
-@pytest.mark.one_quick
-@pytest.mark.parametrize("name", ["ball.step", "ball.stl"])
-def test_an_indenter_from_a_drawing(files, name):
-    """Presses almost as the sphere that it is the drawing of: its facets are as fine as those of the body."""
-    sphere = {"shape": "sphere", "centre": (0.0, 0.0, 0.0), "radius": 1.5}
-    drawn = {"shape": "surface", "file": files / name, "scale": 1.5}
-    there = {"shift": (0.9, 0.5, -1.49)}
-
-    def force(shape):
-        state = pressed(shape | there)[0].state
-        return state.forces[0][2]
-
-    exact = force(sphere)
-    assert exact > 0
-    assert force(drawn | ({"size": 0.1} if name.endswith("step") else {})) == pytest.approx(exact, rel=0.05)

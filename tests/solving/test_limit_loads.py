@@ -79,33 +79,6 @@ def corner(coefficient, cells, beyond=1.3):
     )
 
 
-def plate(cells, layers, beyond=1.3, *, aside=False):
-    """A plate on a base between two rails, clamped at four places, and pulled off one rail.
-
-    Pulled at its whole side it slides straight along the other rail: the limit is F times the loads that press, as
-    that of the cube.  Pulled beside its middle it turns as well.  The clamps end at edges of cells if ``cells`` is a
-    multiple of 20.
-    """
-    size = {"length": 10.0, "width": 10.0, "height": 0.5, "nx": cells, "ny": cells, "nz": layers}
-    clamp, side, coefficient = 20.0, 4.0, 0.2
-    down, across = 4 * 2.5**2 * clamp, side * 10 * 0.5
-    force = beyond * coefficient * (down + across)
-    pull = force / (10 * 0.5)
-    clamped = f"{-clamp} if 1 <= abs(x[0] - 5) <= 3.5 and 1 <= abs(x[1] - 5) <= 3.5 else 0"
-    return Case(
-        pulled(
-            size,
-            70000.0,
-            coefficient,
-            ({"boundary": "top", "z": clamped}, {"boundary": "back", "y": -side}),
-            {"boundary": "right", "x": f"{2 * pull} if x[1] >= 5 else 0" if aside else pull},
-        ),
-        [((0, 0, -down), (5, 5, 0.5)), ((0, -across, 0), (5, 10, 0.25))],
-        ((force, 0, 0), (10, 7.5 if aside else 5, 0.25)),
-        None if aside else 1 / beyond,
-    )
-
-
 def limit_by_programme(case, solution):
     """The time at which the body moves away as a rigid one, with the friction bounds of the last load step.
 
@@ -198,11 +171,3 @@ def test_regularised_steps_end_early_and_say_so():
     solution = solve(scene, check=False)
     assert 0.85 * case.limit < solution.last_step.time < case.limit
     assert "set solver.algorithm = 'alm' and solver.coulomb = 'newton'" in solution.advice
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("aside", [False, True])
-def test_a_plate_between_two_rails(aside):
-    """Directions of slip settle also at the edges of two contacts, where the plate hardly slips."""
-    below, beyond = enclosed(plate(cells=20, layers=1, aside=aside))
-    assert beyond < below

@@ -1,13 +1,10 @@
 """Load steps with names and times, and ramps that find their own increments."""
 
-from xml.etree import ElementTree
-
 import numpy as np
 import pytest
 from mpi4py import MPI
+from pushed_block import LENGTH, LIMIT, PRESSURE, block, friction_force
 from scenes import alone
-from test_fields import arrays_of
-from test_load_steps import LENGTH, LIMIT, PRESSURE, block, friction_force
 
 from signorini_fx.errors import FormError, SceneError
 from signorini_fx.mechanics.statement.load_path import LoadPath
@@ -143,21 +140,6 @@ def test_the_load_that_is_held_is_named(failed):
     solution, _, _ = failed
     held = solution.steps[-2].place
     assert f"({held:.4g} times traction[1])" in solution.advice
-
-
-def test_fields_of_every_step(failed):
-    """The files are of all steps with a solution, at their times, with their values."""
-    solution, summary, folder = failed
-    steps = solution.steps[:-1]
-    assert summary["fields"] == ["fields.pvd"]
-    listed = list(ElementTree.parse(folder / "fields.pvd").iter("DataSet"))
-    assert [float(row.get("timestep")) for row in listed] == [step.time for step in steps]
-    for row, step in zip(listed, steps, strict=True):
-        arrays = arrays_of(folder / row.get("file"))
-        _, once = np.unique(arrays["points"].round(9), axis=0, return_index=True)  # each cell has points of its own
-        ours = np.sort(np.linalg.norm(arrays["displacement"][once], axis=1))
-        theirs = np.sort(np.linalg.norm(step.displacement.x.array.reshape(-1, 2), axis=1))
-        np.testing.assert_allclose(ours, theirs, rtol=0, atol=1e-12 * theirs.max())
 
 
 def test_a_ramp_without_contact_says_where_it_ends():

@@ -1,4 +1,4 @@
-"""Random problems of a user's own forms, and a judge of their solutions that knows nothing of the solver."""
+"""Problems of a user's own forms: blocks, and random ones with a judge that knows nothing of the solver."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
-from signorini_fx import ContactProblem, Coulomb, Foundation, Tresca
+from signorini_fx import ContactProblem, Coulomb, Foundation, TaggedMesh, Tresca
 from signorini_fx.records import Status
 
 CELLS = {2: (dmesh.CellType.triangle, dmesh.CellType.quadrilateral), 3: (dmesh.CellType.tetrahedron,)}
@@ -181,3 +181,66 @@ def verdict(seed):
         return {type(error).__name__: str(error).splitlines()[0]}
     assert drawn.problem.status is Status.CONVERGED
     return judge(drawn)
+
+
+def stress_of(young, poisson, dim):
+    """Hooke's law, plane strain or space, as a function of the displacement."""
+
+    def stress(y):
+        e = ufl.sym(ufl.grad(y))
+        return young / (1 + poisson) * (e + poisson / (1 - 2 * poisson) * ufl.tr(e) * ufl.Identity(dim))
+
+    return stress
+
+
+def block_on_a_floor(degree=1, friction=None, **settings):
+    """A block held at its left end and pressed on a rigid floor, in 2D or in 3D."""
+
+    def make(mesh):
+        mesh = mesh.mesh if isinstance(mesh, TaggedMesh) else mesh
+        dim = mesh.topology.dim
+        V = fem.functionspace(mesh, ("Lagrange", degree, (dim,)))
+        u, v = ufl.TrialFunction(V), ufl.TestFunction(V)
+        stress = stress_of(1000.0, 0.3, dim)
+        held = fem.dirichletbc(np.zeros(dim), fem.locate_dofs_topological(V, dim - 1, side(mesh, 0, 0.0)), V)
+        floor = Foundation(side(mesh, dim - 1, 0.0), gap=0.002, friction=friction)
+        a, L = ufl.inner(stress(u), ufl.grad(v)) * ufl.dx, -8.0 * v[dim - 1] * ufl.dx
+        return ContactProblem(a, L, [held], floor, stress=stress, **settings)
+
+    return make
+
+
+class Block:
+    """A block 3 x 1 (x 1) on a floor, its top pressed down and moved aside."""
+
+    def __init__(
+        self,
+        counts=(12, 4),
+        degree=1,
+        kind=None,
+        comm=MPI.COMM_WORLD,
+        friction=None,
+        gap=0.0,
+        load=0.0,
+        mesh=None,
+        **settings,
+    ):
+        d = len(counts)
+        self.mesh = box((3.0, 1.0, 1.0)[:d], list(counts), kind, comm) if mesh is None else mesh
+        self.V = fem.functionspace(self.mesh, ("Lagrange", degree, (d,)))
+        u, v = ufl.TrialFunction(self.V), ufl.TestFunction(self.V)
+        self.bottom, self.top = side(self.mesh, d - 1, 0.0), side(self.mesh, d - 1, 1.0)
+        self.young, self.load = fem.Constant(self.mesh, 1000.0), fem.Constant(self.mesh, load)
+        self.down, self.aside = fem.Constant(self.mesh, -0.01), fem.Constant(self.mesh, 0.0)
+        self.a = self.young * hooke(u, v, 1.0)
+        self.L = self.load * v[d - 1] * ufl.dx
+        self.bcs = [
+            self.held(d - 1, self.top, self.down),
+            *(self.held(k, self.top, self.aside if k == 0 else fem.Constant(self.mesh, 0.0)) for k in range(d - 1)),
+        ]
+        self.foundation = Foundation(self.bottom, gap=gap, friction=friction)
+        self.problem = ContactProblem(self.a, self.L, self.bcs, self.foundation, **settings)
+
+    def held(self, component, facets, value):
+        sub = self.V.sub(component)
+        return fem.dirichletbc(value, fem.locate_dofs_topological(sub, self.mesh.topology.dim - 1, facets), sub)

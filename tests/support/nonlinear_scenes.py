@@ -95,3 +95,29 @@ def flattened_disk(law, cells, path, **load_steps):
         "load_steps": load_steps,
     }
     return parse_scene(scene)
+
+
+def energy_of_stretches(name):
+    """The stored energy of a law as a function of three principal stretches, written from the literature."""
+    constants = LAWS[name]
+    if "young" in constants:
+        mu = constants["young"] / 2 / (1 + constants["poisson"])
+        lame = 2 * mu * constants["poisson"] / (1 - 2 * constants["poisson"])
+
+    def energy(*stretches):
+        along, volume = np.array(stretches), np.prod(stretches)
+        same = along * volume ** (-1 / 3)
+        if name == "neo-hooke":
+            return mu / 2 * np.sum(along**2 - 1) - mu * np.log(volume) + lame / 2 * np.log(volume) ** 2
+        if name == "neo-hooke, isochoric":
+            return mu / 2 * np.sum(same**2 - 1) + (lame + 2 * mu / 3) / 2 * (volume - 1) ** 2
+        if name == "saint-venant-kirchhoff":
+            green = (along**2 - 1) / 2
+            return mu * np.sum(green**2) + lame / 2 * np.sum(green) ** 2
+        bulk = constants["bulk"] / 2 * (volume - 1) ** 2
+        if name == "mooney-rivlin":
+            return constants["c10"] * (np.sum(same**2) - 3) + constants["c01"] * (np.sum(same**-2) - 3) + bulk
+        terms = zip(constants["mu"], constants["alpha"], strict=True)
+        return sum(mu_p / alpha * (np.sum(same**alpha) - 3) for mu_p, alpha in terms) + bulk
+
+    return energy

@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from mpi4py import MPI
-from spaces import box
-from test_space_patch import rotation
+from spaces import box, rotation
 
 from signorini_fx.records import StepRecord
 from signorini_fx.scenes.reading import parse_scene

@@ -10,7 +10,6 @@ from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve
 
 PATCH = {"x": [1.25, 1.75]}
-PATCH_AT_THE_END = {"x": [0.0, 0.5]}
 
 
 def example1(
@@ -105,3 +104,40 @@ def energy(solution):
 def table_of(solution):
     """The contact nodes as a table, in order along the boundary."""
     return contact_table(solution.contact, [effect.boundary for effect in solution.statement.contact])
+
+
+def stack_of_three(lift, below, above, gap=0.0, size=1.0, stress=1.0, **solver):
+    """Three blocks of the height ``size``, the lower one held at its bottom, the upper one moved by its top.
+
+    Args:
+        lift: of the top, in ``size``.
+        below: friction below the middle block.
+        above: friction above it.
+        gap: below it, in ``size``; negative: an interference.
+        size: a length.
+        stress: Young's modulus is 100 times that.
+        solver: its settings.
+    """
+    bodies = []
+    for k, (name, cells) in enumerate((("lower", 3), ("middle", 2), ("upper", 3))):
+        parameters = {"length": size, "height": size, "nx": cells, "ny": cells, "cell": "quadrilateral"}
+        mesh = {"generator": "rectangle", "parameters": parameters}
+        bodies.append({"name": name, "mesh": mesh, "shift": [0.0, k * size]})
+
+    def friction(law):
+        return law | ({"bound": law["bound"] * stress} if "bound" in law else {})
+
+    moved = {"boundary": "upper.top", "x": 0.0, "y": lift * size}
+    contact = {"boundary": "middle.bottom", "against": "lower.top", "gap": gap * size, "friction": friction(below)}
+    return parse_scene(
+        {
+            "body": bodies,
+            "material": {"young": 100.0 * stress, "poisson": 0.3},
+            "displacement": [
+                {"boundary": "lower.bottom", "x": 0.0, "y": 0.0},
+                moved,
+            ],
+            "contact": [contact, {"boundary": "upper.bottom", "against": "middle.top", "friction": friction(above)}],
+            "solver": solver,
+        }
+    )

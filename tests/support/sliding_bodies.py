@@ -10,7 +10,7 @@ from two_bodies import assembled, facets, facets_of_cells, grid, per_cell
 
 from signorini_fx import ContactProblem, NonlinearContactProblem, Pair
 
-OF_PAIR = ("friction", "reach", "allowance")
+OF_PAIR = ("friction", "reach")
 
 
 class SlidingBodies:
@@ -30,7 +30,6 @@ class SlidingBodies:
         quarter: whether x[0] = 0 and x[1] = 0 are held like that.
         revolved: whether the bodies are of revolution about x[0] = 0, and forces those of whole rings.
         degree: of the displacement.
-        unit: of length, by which all places and ways are multiplied.
         settings: of the pair and of the problem, and the ranks, ``comm``.
     """
 
@@ -48,13 +47,12 @@ class SlidingBodies:
         quarter=False,
         revolved=False,
         degree=1,
-        unit=1.0,
         **settings,
     ):
         self.half = half
         dim = bodies[0][1].shape[1]
-        self.turn = unit * turn_of(angle, dim)
-        back = self.turn.T / unit**2
+        self.turn = turn_of(angle, dim)
+        back = self.turn.T
         count = len(bodies[0][0])
         numbers = np.arange(count), np.arange(count, count + len(bodies[1][0]))
         comm, turned = settings.pop("comm", MPI.COMM_SELF), [(cells, x @ self.turn.T) for cells, x in bodies]
@@ -99,17 +97,14 @@ class SlidingBodies:
         self.iterations = []
 
     def move(self, *way):
-        """Drive the second body, in the axes before the scene is turned, and end a step; the force on the slave, over
-        the unit of area, in 2D of length.
-        """
+        """Drive the second body, in the axes before the scene is turned, and end a step; the force on the slave."""
         self.drive.value[:] = self.turn @ np.array(way)
         if self.driven is not None:
-            self.driven.value = np.linalg.norm(self.turn[0]) * way[-1]
+            self.driven.value = way[-1]
         self.problem.solve()
         self.problem.advance()
         self.iterations.append(self.problem.iterations)
-        unit = np.linalg.norm(self.turn[0])
-        return self.turn.T @ sum(self.problem.state.forces) / unit ** len(way)
+        return self.turn.T @ sum(self.problem.state.forces)
 
 
 def turn_of(angle, dim):
@@ -142,27 +137,24 @@ def bump(kind="quadrilateral", height=2e-4, lower=(24, 8), upper=(18, 6), **sett
     return SlidingBodies(kind, bodies, [level[0], below], level[1:], **settings)
 
 
-def roller(kind="quadrilateral", cells=(32, 8), around=16, radius=0.5, gap=0.0, far=0.0, half_driven=False, **settings):
-    """Half a ring above a block [0, 4] x [0, 1], above x = 1.5, driven at its ends; ``far``: added to all x;
-    ``half_driven``: its outer nodes are driven, too, from the left up to its middle.
-    """
+def roller(kind="quadrilateral", cells=(32, 8), around=16, radius=0.5, gap=0.0, **settings):
+    """Half a ring above a block [0, 4] x [0, 1], above x = 1.5, driven at its ends."""
 
     def ring(x):
         angle, r = np.pi * (x[:, 0] - 1), radius * (0.3 + 0.7 * x[:, 1])
-        return np.column_stack((far + 1.5 + r * np.cos(angle), 1 + gap + radius + r * np.sin(angle)))
+        return np.column_stack((1.5 + r * np.cos(angle), 1 + gap + radius + r * np.sin(angle)))
 
     bodies = (
-        grid(kind, cells, [far, 0.0], [far + 4.0, 1.0]),
+        grid(kind, cells, [0.0, 0.0], [4.0, 1.0]),
         grid(kind, (around, max(2, around // 4)), [0.0, 0.0], [1.0, 1.0], ring),
     )
-    middle = np.array([far + 1.5, 1 + gap + radius])
+    middle = np.array([1.5, 1 + gap + radius])
 
     def outer(x):
         return np.isclose(np.linalg.norm(x - middle[:, None], axis=0), radius)
 
     touching = [lambda x: np.isclose(x[1], 1.0), outer]
-    driven = (lambda x: outer(x) & (x[0] < middle[0] + 1e-9 * radius)) if half_driven else (lambda x: x[0] > np.inf)
-    held = [lambda x: np.isclose(x[1], 0.0), lambda x: np.isclose(x[1], middle[1]) | driven(x)]
+    held = [lambda x: np.isclose(x[1], 0.0), lambda x: np.isclose(x[1], middle[1])]
     return SlidingBodies(kind, bodies, touching, held, **settings)
 
 
@@ -199,18 +191,16 @@ def cylinders(kind="quadrilateral", lower=(5, 3), upper=(3, 2), inner=0.0, **set
     )
 
 
-def dome(kind="quadrilateral", height=2e-7, lower=(18, 8), upper=(13, 6), power=1.0, revolved=True, **settings):
+def dome(kind="quadrilateral", height=2e-7, lower=(18, 8), upper=(13, 6), **settings):
     """A cylinder with the radius and the height 1 and a paraboloid of this height below, clamped above, on one with the
-    radius 1.5; ``power``: of what facets are graded by towards the axis; or in 2D the right half of both.
+    radius 1.5.
     """
 
     def bent(x):
-        r = x[:, 0] ** power
-        up = x[:, 1] ** power
-        return np.column_stack((r, up + height * (1 - up) * r**2))
+        return np.column_stack((x[:, 0], x[:, 1] + height * (1 - x[:, 1]) * x[:, 0] ** 2))
 
     def below(x):
-        return np.column_stack((1.5 * x[:, 0] ** power, -((-x[:, 1]) ** power)))
+        return np.column_stack((1.5 * x[:, 0], x[:, 1]))
 
     bodies = grid(kind, lower, [0.0, -1.0], [1.0, 0.0], below), grid(kind, upper, [0.0, 0.0], [1.0, 1.0], bent)
     level = [lambda x, y=y: np.isclose(x[1], y, atol=1e-12) for y in (0.0, -1.0, 1.0)]
@@ -218,56 +208,33 @@ def dome(kind="quadrilateral", height=2e-7, lower=(18, 8), upper=(13, 6), power=
     def rounded(x):
         return np.isclose(x[1], height * x[0] ** 2, atol=1e-12) & (x[0] <= 1.0)
 
-    return SlidingBodies(kind, bodies, [level[0], rounded], level[1:], half=True, revolved=revolved, **settings)
+    return SlidingBodies(kind, bodies, [level[0], rounded], level[1:], half=True, revolved=True, **settings)
 
 
-def ring_on_cone(kind="quadrilateral", cells=(32, 6), around=12, size=0.2, slope=1.0, up=1.0, scale=1.0, **settings):
-    """Half a ring of this size around a cone of this slope, at the radius 1 on the middle of its side, driven along the
-    axis at its flat end, where it is free to widen.
-
-    Args:
-        kind: of the cells.
-        cells: of the cone, a shell from the radius 0.5 to 2.
-        around: cells of the ring along its half circle.
-        size: its outer radius.
-        slope: how steep the cone falls.
-        up: 1 or -1, which turns all upside down.
-        scale: of all lengths.
-        settings: see ``SlidingBodies``.
+def ring_on_cone(kind="quadrilateral", cells=(32, 6), around=12, size=0.2, **settings):
+    """Half a ring of this outer radius around a shell of a cone from the radius 0.5 to 2, which falls by 45 degrees, at
+    the radius 1 on the middle of its side, driven along the axis at its flat end, where it is free to widen.
     """
-    upright = np.array([0.0, 1.0])
-    normal = np.array([slope, 1.0]) / np.hypot(slope, 1.0)
-    middle = np.array([1.0, -slope]) + size * normal
-
-    def place(x):
-        return scale * x * [1.0, up]
+    middle = np.array([1.0, -1.0]) + size / np.sqrt(2.0)
 
     def shell(x):
-        return place(np.column_stack((x[:, 0], -slope * x[:, 0] - x[:, 1])))
+        return np.column_stack((x[:, 0], -x[:, 0] - x[:, 1]))
 
     def ring(x):
         angle, r = np.pi * (x[:, 0] - 1), size * (0.4 + 0.6 * x[:, 1])
-        return place(middle + np.column_stack((r * np.cos(angle), r * np.sin(angle))))
+        return middle + np.column_stack((r * np.cos(angle), r * np.sin(angle)))
 
     bodies = (
         grid(kind, cells, [0.5, 0.0], [2.0, 0.5], shell),
         grid(kind, (around, max(2, around // 6)), [0.0, 0.0], [1.0, 1.0], ring),
     )
-
-    def back(x):
-        return x / scale * np.array([[1.0], [up]])
-
-    def outer(x):
-        return np.isclose(np.linalg.norm(back(x) - middle[:, None], axis=0), size)
-
-    touching = [lambda x: np.isclose(back(x)[1], -slope * back(x)[0]), outer]
-    held = [
-        lambda x: np.isclose(back(x)[1], -slope * back(x)[0] - 0.5),
-        lambda x: np.isclose(back(x)[1], upright @ middle),
+    touching = [
+        lambda x: np.isclose(x[1], -x[0]),
+        lambda x: np.isclose(np.linalg.norm(x - middle[:, None], axis=0), size),
     ]
-    return SlidingBodies(
-        kind, bodies, touching, held, smooth=lambda x: np.isclose(x[0], 0.0), revolved=True, **settings
-    )
+    held = [lambda x: np.isclose(x[1], -x[0] - 0.5), lambda x: np.isclose(x[1], middle[1])]
+    smooth = {"smooth": lambda x: np.isclose(x[0], 0.0)}
+    return SlidingBodies(kind, bodies, touching, held, revolved=True, **smooth, **settings)
 
 
 def as_linear_bodies(scene, **settings):
@@ -327,7 +294,7 @@ def bulge(kind="hexahedron", height=2e-4, lower=(8, 8, 4), upper=(6, 5, 3), **se
     )
 
 
-def pillow(kind="hexahedron", lower=(10, 7, 3), upper=(5, 5, 2), height=0.5, gap=0.0, **settings):
+def pillow(kind="hexahedron", lower=(10, 7, 3), upper=(5, 5, 2), height=0.5, **settings):
     """A block [0, 2] x [0, 1.4] x [0, 0.6], and above its part around (0.6, 0.7) a square of the side 1 with a
     paraboloid of this height at its corners below, driven at its top.
     """
@@ -336,22 +303,22 @@ def pillow(kind="hexahedron", lower=(10, 7, 3), upper=(5, 5, 2), height=0.5, gap
         return 2 * ((x[0] - 0.6) ** 2 + (x[1] - 0.7) ** 2)
 
     def bent(x):
-        return np.column_stack((x[:, :2], x[:, 2] + gap + height * (0.7 - x[:, 2]) / 0.4 * away(x.T)))
+        return np.column_stack((x[:, :2], x[:, 2] + height * (0.7 - x[:, 2]) / 0.4 * away(x.T)))
 
     ends = [0.1, 0.2, 0.3], [1.1, 1.2, 0.7]
     bodies = grid(kind, lower, [0.0, 0.0, -0.3], [2.0, 1.4, 0.3]), grid(kind, upper, *ends, bent)
 
     def below(x):
-        return np.isclose(x[2], 0.3 + gap + height * away(x))
+        return np.isclose(x[2], 0.3 + height * away(x))
 
     touching = [lambda x: np.isclose(x[2], 0.3), below]
-    held = [lambda x: np.isclose(x[2], -0.3), lambda x: np.isclose(x[2], 0.7 + gap)]
+    held = [lambda x: np.isclose(x[2], -0.3), lambda x: np.isclose(x[2], 0.7)]
     return SlidingBodies(kind, bodies, touching, held, **settings)
 
 
-def rounded(kind="hexahedron", height=0.2, half=False, **settings):
+def rounded(kind="hexahedron", height=0.2, **settings):
     """A block of the width 2 below z = 0, and a smaller one with a paraboloid below, both around (0, 0), driven at its
-    top; ``half``: where x > 0 alone.
+    top.
     """
 
     def away(x):
@@ -360,20 +327,21 @@ def rounded(kind="hexahedron", height=0.2, half=False, **settings):
     def bent(x):
         return np.column_stack((x[:, :2], x[:, 2] + height * (0.5 - x[:, 2]) * 2 * away(x.T)))
 
-    parts = 1 if half else 2
     bodies = (
-        grid(kind, (4 * parts, 7, 2), [-parts + 1.0, -1.0, -0.6], [1.0, 1.0, 0.0]),
-        grid(kind, (2 * parts, 5, 1), [0.6 - 0.6 * parts, -0.6, 0.0], [0.6, 0.6, 0.5], bent),
+        grid(kind, (8, 7, 2), [-1.0, -1.0, -0.6], [1.0, 1.0, 0.0]),
+        grid(kind, (4, 5, 1), [-0.6, -0.6, 0.0], [0.6, 0.6, 0.5], bent),
     )
     touching = [lambda x: np.isclose(x[2], 0.0), lambda x: np.isclose(x[2], height * away(x), atol=1e-12)]
     held = [lambda x: np.isclose(x[2], -0.6), lambda x: np.isclose(x[2], 0.5)]
-    return SlidingBodies(kind, bodies, touching, held, half=half, **settings)
+    return SlidingBodies(kind, bodies, touching, held, **settings)
 
 
-def quarter_of_a_bulge(kind="hexahedron", height=2e-3, cells=(12, 8), power=2.5, **settings):
+def quarter_of_a_bulge(kind="hexahedron", height=2e-3, cells=(12, 8), **settings):
     """A quarter of a block with a paraboloid of this height at the radius 1 below, on one that is half as wide again,
-    clamped at their ends; facets are graded by ``power`` towards the axis.
+    clamped at their ends; facets are graded towards the axis.
     """
+
+    power = 2.5
 
     def graded(x, width):
         return np.column_stack((width * x[:, :2] ** power, np.sign(x[:, 2]) * np.abs(x[:, 2]) ** power))

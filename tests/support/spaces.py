@@ -87,3 +87,29 @@ def turned_tangents(normal, rng):
     angle = rng.uniform(0.0, 2 * np.pi, len(normal))
     turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
     return np.einsum("nij,jkn->nik", TANGENTS_OF(normal), turn)
+
+
+def rotation(angle, axis):
+    """The matrix that turns by an angle about an axis."""
+    a, b, c = np.array(axis) / np.linalg.norm(axis)
+    cross = np.array([[0.0, -c, b], [c, 0.0, -a], [-b, a, 0.0]])
+    return np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
+
+
+def brick(law, *, mesh=None, press=10.0, **effects):
+    """A brick 2 x 2 x 1 on its foundation, pressed on, and held by nothing else."""
+    return parse_scene(
+        {
+            "mesh": mesh or box("hexahedra", (6, 6, 3), size=(2.0, 2.0, 1.0)),
+            "material": {"young": 1000.0, "poisson": 0.3},
+            "traction": {"boundary": "top", "pressure": press},
+            "contact": {"boundary": "bottom", "friction": friction_of(**law)},
+            **effects,
+        }
+    )
+
+
+def pushed_brick(comm, **effects):
+    """A coarser one that friction alone holds, pushed obliquely."""
+    mesh = box("hexahedra", (4, 4, 2), size=(2.0, 2.0, 1.0), comm=comm)
+    return brick({"coefficient": 0.3}, mesh=mesh, **({"body_force": {"x": 2.0, "y": 1.5}} | effects))

@@ -7,6 +7,7 @@ from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
+from signorini_fx import ContactProblem, Coulomb, Pair
 from signorini_fx.machine import compat
 
 # Of a cube with the corners numbered x first, six tetrahedra along a diagonal.
@@ -104,3 +105,68 @@ def held(space, listed, component=None, value=0.0):
     function = fem.Function(space)
     function.interpolate(value)
     return fem.dirichletbc(function, fem.locate_dofs_topological(space, dim - 1, listed))
+
+
+COUNTS = {2: ((5, 2), (3, 2)), 3: ((3, 1, 2), (2, 1, 2))}
+
+
+def turn_of_blocks(dimension, angle=0.4):
+    """Of the plane x[0], x[1]; in 3D about a skew axis."""
+    turn = np.eye(dimension)
+    turn[:2, :2] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
+    if dimension == 3:
+        other = np.eye(3)
+        other[1:, 1:] = turn[:2, :2]
+        turn = turn @ other
+    return turn
+
+
+def blocks(kind, turn, counts=None):
+    """Unit blocks on each other, turned about the origin, and the facets of both there, first the upper ones."""
+    dim = KINDS[kind]
+    lower, upper = counts or COUNTS[dim]
+    up = np.eye(dim)[1]
+
+    def place(x):
+        return x @ turn.T
+
+    bodies = grid(kind, lower, -up, np.ones(dim) - up, place), grid(kind, upper, np.zeros(dim), np.ones(dim), place)
+    mesh = assembled(kind, *bodies)
+    both = [
+        facets_of_piece(mesh, lambda x: np.isclose((turn.T @ x)[1], 0), lambda x, s=s: s * (turn.T @ x)[1] > 0)
+        for s in (1, -1)
+    ]
+    return mesh, both
+
+
+def nothing(mesh, v):
+    """No load."""
+    return ufl.inner(fem.Constant(mesh, (0.0,) * mesh.geometry.dim), v) * ufl.dx
+
+
+def paraboloids(kind, degree, counts, comm=MPI.COMM_SELF, **settings):
+    """Two bodies with rounded faces pressed and sheared in 3D."""
+
+    def body(radius, sign, along, through):
+        def place(x):
+            face = sign * (x[:, 0] ** 2 + x[:, 1] ** 2) / (2 * radius)
+            return np.column_stack((x[:, :2], face + (sign - face) * x[:, 2]))
+
+        return grid(kind, (along, along, through), (-1, -1, 0), (1, 1, 1), place)
+
+    mesh = assembled(kind, body(8.0, 1.0, counts[0], 2), body(12.0, -1.0, counts[1], 2), comm=comm)
+    space, a, v = forms(mesh, degree, per_cell(mesh, lambda x: 200.0 if x[2] > 0 else 600.0))
+    sides = [
+        facets_of_piece(
+            mesh,
+            lambda x, of=of: np.isclose(x[2], of[1] * (x[0] ** 2 + x[1] ** 2) / (2 * of[0])),
+            lambda x, of=of: of[1] * x[2] > 0,
+        )
+        for of in ((8.0, 1.0), (12.0, -1.0))
+    ]
+    top, bottom = (facets(mesh, lambda x, z=z: np.isclose(x[2], z)) for z in (1.0, -1.0))
+    bcs = [held(space, top, k, value) for k, value in enumerate((0.004, 0.002, -0.02))]
+    bcs += [held(space, bottom, k) for k in range(3)]
+    problem = ContactProblem(a, nothing(mesh, v), bcs, contact=Pair(*sides, friction=Coulomb(0.3)), **settings)
+    problem.solve()
+    return problem

@@ -2,18 +2,15 @@
 
 import csv
 import sys
-from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from benchmarks.contactbench import command
 from benchmarks.contactbench.adapters import ADAPTERS
-from benchmarks.contactbench.answers import Answer, CannotRun, ContactForces, measured
-from benchmarks.contactbench.grids import make_grid
+from benchmarks.contactbench.answers import CannotRun
 from benchmarks.contactbench.judging import Result, ResultError, distance, judge, read_results, without_value
-from benchmarks.contactbench.problem import Quantity, problem_names, read_problem
+from benchmarks.contactbench.problem import problem_names, read_problem
 
 PROBLEM = read_problem("smooth-edge")
 GOOD = "quantity,value,unknowns,seconds\nforce,6.67,306,0.1\nmoment, 4.0,,\n\nopening,0.0121,,2e-1\n"
@@ -70,20 +67,6 @@ def test_no_file(tmp_path, capsys):
     assert "there is no problem 'smooth'" in capsys.readouterr().err
 
 
-def reference(kind, *numbers, scale=2.0):
-    return Quantity("q", "normal force", "b", (), 0, "N", "q", kind, numbers, ("s",), "", 0.01, scale)
-
-
-def test_distances():
-    """Of the number, or of the nearer end; relative to the scale."""
-    assert distance(reference("exact", 2.0), 1.9) == distance(reference("exact", 2.0), 2.1) == pytest.approx(0.05)
-    for kind in ("interval", "values"):
-        assert distance(reference(kind, 1.0, 2.0), 1.5) == 0.0
-        assert distance(reference(kind, 1.0, 2.0), 2.5) == pytest.approx(0.25)
-        assert distance(reference(kind, 1.0, 2.0), 0.5) == pytest.approx(0.25)
-    assert distance(reference("values", 2.0, 1.0), 2.5) == pytest.approx(0.25)
-
-
 @pytest.mark.parametrize("name", problem_names())
 def test_verdicts(name):
     """Beyond the tolerance of a reference on either side nothing passes; within it everything does."""
@@ -123,31 +106,6 @@ def test_list_show_mesh(tmp_path, capsys):
     assert command.main(["mesh", "nothing", "--out", str(tmp_path)]) == 2
 
 
-def test_measures():
-    """Of made-up forces and displacements, each measure by hand."""
-    grid = make_grid(PROBLEM)
-    x = np.array([[-1.0, 0.0], [0.5, 0.0], [1.0, 0.0]])
-    friction = np.array([[2.0, 0], [-3, 0], [0, 0]])
-    contact = ContactForces(x, np.array([0.5, 1.0, 0.0]), np.array([1.0, 4.0, 0.0]), friction)
-    u = grid.points * [0.0, 0.25] + [0.5, 1.0]
-    answer = Answer(u, {"bottom": contact}, 1, 0.0, energy=7.0)
-
-    def found(measure, **more):
-        quantity = replace(PROBLEM.quantities[0], measure=measure, **more)
-        return measured(replace(PROBLEM, quantities=(quantity,)), grid, answer)["force"]
-
-    assert found("normal force") == 5.0
-    assert found("friction force") == -1.0
-    assert found("largest pressure") == 4.0
-    assert found("pressure at", point=(-0.9, 0)) == 2.0
-    assert found("pressure moment") == 1.0
-    assert found("pressure mean square") == pytest.approx(2 / 5)
-    assert found("displacement", point=(1, 1), axis=1) == 1.25
-    assert found("strain energy") == 7.0
-    with pytest.raises(ValueError, match="no node of the mesh"):
-        found("displacement", point=(0.01, 0.3))
-
-
 def test_programs_that_are_not_there_are_named(monkeypatch, capsys, tmp_path):
     """No program is passed over in silence, no failure ends the others, and both are in the CSV."""
     for name in ("signorini_fx", "dolfinx", "getfem"):
@@ -173,28 +131,6 @@ def test_programs_that_are_not_there_are_named(monkeypatch, capsys, tmp_path):
         ("wedge", "skipped", "it has no wedges"),
         ("ring", "failed", "it diverged"),
     ] * 2
-
-
-def test_finer_meshes_end_where_one_took_long(monkeypatch, capsys, tmp_path):
-    """Each level is run until one takes more seconds than are allowed; that is said."""
-    seconds = {0: 1.0, 1: 5.0}
-
-    def solve(problem, grid):
-        x = grid.points[grid.nodes("bottom")]
-        one = np.ones(len(x))
-        level = int(len(grid.cells) > len(make_grid(problem).cells))
-        return Answer(0 * grid.points, {"bottom": ContactForces(x, one, one, 0 * x)}, 7, seconds[level])
-
-    monkeypatch.setattr(command, "adapter", lambda program: solve)
-    arguments = ["run", "wedge", "--program", "getfem", "--levels", "4", "--csv", str(tmp_path / "found.csv")]
-    for limit, levels in (("0.5", "0"), ("2", "01")):
-        (tmp_path / "found.csv").unlink(missing_ok=True)
-        assert command.main([*arguments, "--seconds", limit]) == 1
-        with (tmp_path / "found.csv").open(encoding="utf-8", newline="") as file:
-            rows = list(csv.DictReader(file))
-        assert "".join(sorted({row["level"] for row in rows})) == levels
-        assert {row["meets"] for row in rows} == {"no"}
-        assert f"level {levels[-1]}: took" in capsys.readouterr().out
 
 
 @pytest.mark.slow

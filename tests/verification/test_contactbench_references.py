@@ -140,39 +140,6 @@ def test_fields_are_in_equilibrium(name):
         assert all(np.abs(part(beside)).max() < 1e-5 * np.abs(surface[0](0.5 * high)) for part in surface)
 
 
-def test_stress_of_complex_functions():
-    """The plane fields again with complex numbers: Westergaard's of pressures, Kolosov's of friction."""
-    random = np.random.default_rng(2)
-    x, y = random.uniform(0.05, 1.5, 50), random.uniform(0.05, 1.5, 50)
-    z = x + 1j * y
-
-    def root(a):  # sqrt(a^2 - z^2), cut along the real axis outside
-        return np.sqrt(a - z) * np.sqrt(a + z)
-
-    wedge, punch, hertz, edge = (read_problem(n) for n in ("wedge", "flat-punch", "hertz-line", "smooth-edge"))
-    size, a = wedge.numbers["size"], wedge.numbers["a"]
-    forms = [(wedge, -size * np.log((a + root(a)) / z), size * a / (z * root(a)))]
-    load, a = punch.numbers["load"] / np.pi, punch.numbers["a"]
-    forms.append((punch, -load / root(a), -load * z / root(a) ** 3))
-    p, a = hertz.numbers["peak"] / hertz.numbers["a"], hertz.numbers["a"]
-    forms.append((hertz, -p * (root(a) + 1j * z), p * (z / root(a) - 1j)))
-    c = edge.numbers["size"]
-    forms.append((edge, -c * np.sqrt(z), -c / 2 / np.sqrt(z)))
-    for problem, function, slope in forms:
-        expected = {"s_xx": function.real - y * slope.imag, "s_yy": function.real + y * slope.imag}
-        for component, values in (expected | {"s_xy": -y * slope.real}).items():
-            np.testing.assert_allclose(stress(problem, component, x, y), values, rtol=1e-9, atol=1e-9)
-    for name, kappa in (("smooth-edge-tresca", 1.8), ("smooth-edge-coulomb", 1.0)):
-        problem = read_problem(name)
-        phi, slope, psi = 1.5j * np.sqrt(z), 0.75j / np.sqrt(z), -1.5j * (kappa + 1.5) * np.sqrt(z)
-        both, apart = 4 * phi.real, 2 * (np.conj(z) * slope + psi)
-        nu = problem.numbers["poisson"]
-        parts = {"s_yy": (both + apart.real) / 2 - 20, "s_xy": apart.imag / 2 + 5}
-        parts["s_xx"] = (both - apart.real) / 2 - 20 * nu / (1 - nu)
-        for component, values in parts.items():
-            np.testing.assert_allclose(stress(problem, component, x, y), values, rtol=1e-9, atol=1e-9)
-
-
 def energy_of_edge(name):
     """Half of the work of tractions on the displacement of the closed form, by complex numbers, over the boundary."""
     problem = read_problem(name)
@@ -213,51 +180,6 @@ def test_energies_of_edges(name):
 
 
 # --- others ----------------------------------------------------------------------------------------------------------
-
-
-def tubes(inner, outer, fit):
-    """Displacements A r + B / r of tubes in plane strain that touch with an overlap: pressure, and u of the outside.
-
-    Args:
-        inner: E, nu, inner and outer radius; None: rigid.
-        outer: the same.
-        fit: the overlap.
-    """
-
-    def row(young, nu, r):  # radial stress of (A, B)
-        mu, lam = young / (2 * (1 + nu)), young * nu / ((1 + nu) * (1 - 2 * nu))
-        return [2 * (lam + mu), -2 * mu / r**2]
-
-    young, nu, b, c = outer
-    rows, right = [[*row(young, nu, c), 0, 0]], [0.0]
-    if inner is None:
-        rows += [[b, 1 / b, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]
-        right += [fit, 0.0, 0.0]
-    else:
-        young_i, nu_i, a, _ = inner
-        rows += [[0, 0, *row(young_i, nu_i, a)], [b, 1 / b, -b, -1 / b]]
-        rows += [[*row(young, nu, b), *(-value for value in row(young_i, nu_i, b))]]
-        right += [0.0, fit, 0.0]
-    found = np.linalg.solve(rows, right)
-    return -np.dot(row(young, nu, b), found[:2]), found[0] * c + found[1] / c
-
-
-STEEL, BRASS = (210e3, 0.3), (70e3, 0.33)
-
-
-def test_tubes():
-    """Lame's tubes by a linear system for the four constants."""
-    for name, inner in (("tube-on-shaft", None), ("press-fit-axisymmetric", (*BRASS, 4.0, 10.0))):
-        pressure, outside = tubes(inner, (*STEEL, 10.0, 25.0), 0.01)
-        problem = read_problem(name)
-        found = {"largest pressure": pressure, "force": pressure * 2 * np.pi * 10 * 4}
-        found["strain energy"] = found["force"] * 0.01 / 2
-        if inner is None:
-            found["widening"] = outside
-        assert {q.name: q.numbers[0] for q in problem.quantities} == pytest.approx(found, rel=1e-9)
-    pressure, outside = tubes((*BRASS, 4.0, 10.0), (*STEEL, 10.0, 25.0), 0.01)
-    found = {"force": pressure * np.pi / 2 * 10, "strain energy": pressure * 0.01 * np.pi * 10 / 4, "widening": outside}
-    assert {q.name: q.numbers[0] for q in read_problem("press-fit-plane").quantities} == pytest.approx(found, rel=1e-9)
 
 
 @pytest.mark.parametrize("name", ["wavy-quarter", "wavy-three-quarters", "wavy-two-bodies"])
@@ -349,14 +271,6 @@ def test_layer_on_a_cylinder():
     assert peak == pytest.approx(0.02 / 2, rel=1e-3)
 
 
-def test_two_materials_of_spheres():
-    """E* and load of two spheres, and both fields have the same pressure."""
-    n = read_problem("two-spheres").numbers
-    soft = (1 - n["nu_u"] ** 2) / n["young_u"] + (1 - n["nu_l"] ** 2) / n["young_l"]
-    # Two spheres of radius R: the gap is x^2 / R = x^2 / (2 R'), R' = R / 2; P = 4 a^3 / (3 R' soft).
-    assert n["load"] == pytest.approx(4 * n["a"] ** 3 / (3 * n["R"] / 2 * soft))
-
-
 def test_loads_are_balanced():
     """Where no support takes a force, that of the contact balances the tractions of the file."""
     every = 0
@@ -418,32 +332,3 @@ IN_WORDS = [
     ("wavy-three-quarters", "mean square of x"),
     ("wavy-two-bodies", "mean square of x"),
 ]
-
-
-def test_patches():
-    """Displacements of constant states from Hooke's law as a matrix, whatever the formulas in the files."""
-    for name in ("patch-stick", "patch-slip", "patch-compression"):
-        problem = read_problem(name)
-        n = problem.numbers
-        compliance = (np.eye(3) * (1 + n["poisson"]) - n["poisson"]) / n["young"]
-        sides = 0.0 if name == "patch-compression" else -n["poisson"] / (1 - n["poisson"]) * n["pressed"]
-        # Plane strain: the third strain is zero.
-        out = n["poisson"] * (sides - n["pressed"])
-        strain = compliance @ [sides, -n["pressed"], out]
-        assert strain[2] == pytest.approx(0.0, abs=1e-15)
-        if name == "patch-compression":
-            assert problem.quantity("widening").numbers[0] == pytest.approx(2 * strain[0])
-            energy = np.dot(strain, [sides, -n["pressed"], out]) / 2 * 2
-            assert problem.quantity("strain energy").numbers[0] == pytest.approx(energy)
-        else:
-            assert strain[0] == pytest.approx(0.0, abs=1e-15)
-            angle = n["shear"] * 2 * (1 + n["poisson"]) / n["young"]
-            top = angle if name == "patch-stick" else n["moved"] - angle
-            key = "sideways" if name == "patch-stick" else "slip"
-            assert problem.quantity(key).numbers[0] == pytest.approx(top)
-    n = read_problem("stacked-blocks").numbers
-    down = n["pressed"] * ((1 - n["nu_u"] ** 2) / n["young_u"] + (1 - n["nu_l"] ** 2) / n["young_l"])
-    assert read_problem("stacked-blocks").quantity("shortening").numbers[0] == pytest.approx(-down)
-    n = read_problem("patch-slip-space").numbers
-    angle = 0.4 * n["pressed"] * 2 * (1 + n["poisson"]) / n["young"]
-    assert read_problem("patch-slip-space").quantity("slip").numbers[0] == pytest.approx(0.8 * (0.05 - angle))

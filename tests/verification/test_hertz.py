@@ -2,70 +2,13 @@
 
 import numpy as np
 import pytest
-from mpi4py import MPI
+from hertz import MODULUS, POISSON, RADIUS, YOUNG, ellipse, half_disk, load, peak, profile, width_from_moment
 from scenes import alone
 
-from signorini_fx.mechanics.contact_points.contact_table import contact_table
-from signorini_fx.mechanics.mesh.tagged import generate_mesh
 from signorini_fx.scenes.reading import parse_scene
 
-YOUNG, POISSON, RADIUS = 200.0, 0.3, 8.0
-MODULUS = YOUNG / (1 - POISSON**2)
 ELEMENTS = [("triangle", 1), ("quadrilateral", 1), ("triangle", 2), ("quadrilateral", 2)]
 each_element = pytest.mark.parametrize(("cell", "degree"), ELEMENTS)
-
-
-def load(half_width):
-    """The load per thickness that makes a contact of that half-width: a^2 = 4 P R / (pi E*)."""
-    return np.pi * MODULUS * half_width**2 / (4 * RADIUS)
-
-
-def peak(half_width):
-    """p0 = 2 P / (pi a)."""
-    return 2 * load(half_width) / (np.pi * half_width)
-
-
-def half_disk(half_width=0.4, *, cell="triangle", degree=1, symmetric=True, size=0.02, friction=0.0, **changes):
-    """Pressed so that the formula gives ``half_width``, facets of length ``size`` around the contact."""
-    parameters = {"radius": RADIUS, "contact_size": size, "contact_zone": 0.6, "symmetric": symmetric, "cell": cell}
-    support = {"boundary": "symmetry", "normal": 0.0} if symmetric else {"boundary": "top", "x": 0.0}
-    contact = {
-        "boundary": "arc",
-        # The circle, not the chord on which midside nodes are: a polygon would press with its corners.
-        "gap": f"{RADIUS} - sqrt(max(0, {RADIUS**2} - x[0]**2))",
-        "direction": [0, -1],
-        "friction": {"law": "coulomb", "coefficient": friction},
-    }
-    return parse_scene(
-        {
-            "mesh": {"generator": "half_disk", "parameters": parameters},
-            "element": {"degree": degree},
-            "material": {"young": YOUNG, "poisson": POISSON},
-            "displacement": support,
-            "traction": {"boundary": "top", "pressure": load(half_width) / (2 * RADIUS)},
-            "contact": contact | changes.pop("contact", {}),
-            **changes,
-        }
-    )
-
-
-def profile(solution, centre=0.0):
-    """(distance from the centre, pressure, weight, state) along the contact boundary."""
-    columns = contact_table(solution.contact, [solution.statement.contact[0].boundary]).columns
-    return columns["x"] - centre, columns["pressure"], columns["weight"], columns["state"]
-
-
-def width_from_moment(x, pressure, weight):
-    """a from the mean of x^2, which is a^2 / 4 for an ellipse: it does not depend on where the last node is."""
-    return 2 * np.sqrt(np.dot(weight, pressure * x**2) / np.dot(weight, pressure))
-
-
-def ellipse(x, pressure, half_width):
-    """(a, p0) of the ellipse that fits p^2 in the inner nine tenths."""
-    inner = np.abs(x) < 0.9 * half_width
-    terms = np.column_stack((np.ones(np.count_nonzero(inner)), x[inner] ** 2))
-    square, slope = np.linalg.lstsq(terms, pressure[inner] ** 2, rcond=None)[0]
-    return np.sqrt(-square / slope), np.sqrt(square)
 
 
 @pytest.mark.one_quick
@@ -82,15 +25,6 @@ def test_half_disk(cell, degree, algorithm):
     assert np.abs(x[pressure > 0]).max() == pytest.approx(0.4, abs=0.02)
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("half_width", [0.2, 0.4, 0.8])
-def test_loads(half_width):
-    """a grows like the square root of the load, and so does the peak."""
-    x, pressure, weight, _ = profile(alone(half_disk(half_width, size=half_width / 20)))
-    assert width_from_moment(x, pressure, weight) == pytest.approx(half_width, rel=5e-3)
-    assert ellipse(x, pressure, half_width) == pytest.approx((half_width, peak(half_width)), rel=5e-3)
-
-
 def test_along_the_normal():
     """Contact along the normals of the disk, the gap measured along them, is the same up to a/R.
 
@@ -104,21 +38,6 @@ def test_along_the_normal():
     half_width = np.sqrt(4 * np.dot(weight, pressure) * RADIUS / (np.pi * MODULUS))
     assert half_width == pytest.approx(0.281, abs=0.002)
     assert ellipse(x, pressure, half_width) == pytest.approx((half_width, peak(half_width)), rel=1e-2)
-
-
-@pytest.mark.slow
-def test_friction_raises_the_peak():
-    """Elastic on rigid: the surface is drawn inwards where friction lets it, so friction narrows the contact (C.7)."""
-    widths, peaks, sticking = [], [], []
-    for coefficient in (0.0, 0.1, 0.3, 1.0):
-        x, pressure, weight, state = profile(alone(half_disk(friction=coefficient)))
-        assert np.dot(weight, pressure) == pytest.approx(load(0.4) / 2, rel=1e-8)
-        widths.append(width_from_moment(x, pressure, weight) / 0.4)
-        peaks.append(pressure.max() / peak(0.4))
-        sticking.append(np.abs(x[state == "stick"]).max(initial=0.0))
-    assert widths == pytest.approx([1.0, 0.982, 0.9525, 0.932], abs=0.003)
-    assert min(peaks[1:]) > 1.05 > 1.005 > peaks[0]
-    assert sticking[0] <= sticking[1] < sticking[2] < sticking[3]
 
 
 @pytest.mark.slow
@@ -174,22 +93,3 @@ def test_block_on_cylinder(cell, degree):
     assert solution.contact.pressure.max() == pytest.approx(7.989, rel=2e-3)
     assert height == pytest.approx(1.0, abs=6e-3)
     assert width == pytest.approx(1.0, abs=8e-3)
-
-
-@pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
-@pytest.mark.parametrize("symmetric", [True, False])
-def test_mesh_of_half_a_disk(cell, symmetric):
-    """Vertices of the arc on the circle, the facets that were asked for, and the same mesh every time."""
-    parameters = {"radius": 2.0, "size": 0.4, "contact_size": 0.02, "contact_zone": 0.1, "symmetric": symmetric}
-    first, second = (generate_mesh("half_disk", parameters | {"cell": cell}, MPI.COMM_SELF) for _ in range(2))
-    np.testing.assert_array_equal(first.mesh.geometry.x, second.mesh.geometry.x)
-    assert set(first.boundaries) == {"arc", "top", "symmetry"} - (set() if symmetric else {"symmetry"})
-    x = first.mesh.geometry.x
-    distance = np.hypot(x[:, 0], x[:, 1] - 2.0)
-    assert distance.max() == pytest.approx(2.0, rel=1e-9)
-    on_arc = np.sort(x[np.isclose(distance, 2.0, atol=1e-9), 0])
-    assert on_arc.size == first.facets("arc").size + 1
-    near = np.diff(on_arc)[(np.abs(on_arc) < 0.09)[1:]]
-    np.testing.assert_allclose(near, 0.02, rtol=0.3)
-    assert x[:, 0].min() == pytest.approx(0.0 if symmetric else -2.0, abs=1e-9)
-    assert x[:, 1].min() == pytest.approx(0.0, abs=1e-12)

@@ -1,7 +1,5 @@
 """Hertz's ball of revolution: contact that reaches the axis, where elements of degree 2 have a node without a point."""
 
-from itertools import product
-
 import numpy as np
 import pytest
 from mpi4py import MPI
@@ -11,12 +9,10 @@ from signorini_fx.scenes.reading import parse_scene
 
 DEPTH, POISSON = 1e-4, 0.3
 MODULUS = 1 / (1 - POISSON**2)
-CELLS = ("triangle", "quadrilateral")
 FOUNDATIONS = {
     "plane": {"shape": "plane", "point": [0.0, 0.0], "normal": [0.0, 1.0]},
     "ball": {"shape": "circle", "centre": [0.0, -1.0], "radius": 1.0},
 }
-SLOW = pytest.mark.slow
 
 
 def pressed(cell, degree, share, *, on="plane", law="linear", friction=0.0):
@@ -58,15 +54,7 @@ def pressed(cell, degree, share, *, on="plane", law="linear", friction=0.0):
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("cell", "on", "law"),
-    [
-        ("triangle", "plane", "linear"),
-        ("quadrilateral", "ball", "neo-hooke"),
-        *(
-            pytest.param(*case, marks=SLOW)
-            for case in product(CELLS, FOUNDATIONS, ("linear", "neo-hooke"))
-            if case not in (("triangle", "plane", "linear"), ("quadrilateral", "ball", "neo-hooke"))
-        ),
-    ],
+    [("triangle", "plane", "linear"), ("quadrilateral", "ball", "linear"), ("quadrilateral", "ball", "neo-hooke")],
 )
 def test_pressure_near_the_axis(cell, on, law):
     """It is Hertz's to a part in 250 of the largest one, from the point beside the axis to three quarters of the radius
@@ -83,13 +71,7 @@ def test_pressure_near_the_axis(cell, on, law):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("cell", "law"),
-    [
-        ("quadrilateral", "linear"),
-        *(pytest.param(*case, marks=SLOW) for case in product(CELLS, ("linear", "neo-hooke")) if case[0] == "triangle"),
-    ],
-)
+@pytest.mark.parametrize(("cell", "law"), [("quadrilateral", "linear"), ("triangle", "neo-hooke")])
 def test_friction_near_the_axis(cell, law):
     """As of degree 1 on cells a quarter as large; friction raises the force by less than a bond does, which raises it
     by (1 - nu) ln(3 - 4 nu) / (1 - 2 nu) (D. A. Spence, 1968).

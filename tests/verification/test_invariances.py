@@ -5,8 +5,6 @@ import pytest
 from scenes import PATCH, alone, energy, example1, on_mesh, rectangle, table_of
 
 from signorini_fx.mechanics.effects.traction import SurfaceTraction
-from signorini_fx.mechanics.laws.coulomb import Coulomb
-from signorini_fx.mechanics.laws.tresca import Tresca
 from signorini_fx.records import Status
 from signorini_fx.scenes.reading import parse_scene
 
@@ -58,24 +56,6 @@ def test_statics_have_no_unit(push, status, stress):
     aside = SurfaceTraction(boundary="top", x=1.5 * push * stress)
     free = scene.model_copy(update={"displacement": (), "traction": (*scene.traction, aside)})
     assert alone(free, check=False).status is status
-
-
-@pytest.mark.one_quick
-@pytest.mark.parametrize("seed", range(12))
-def test_random_units(seed):
-    """No count hangs on round-off."""
-    rng = np.random.default_rng(seed)
-    law = LAWS[seed % 3]
-    scene = {
-        "gamma": "auto",
-        "nx": 36,
-        "ny": 12,
-        "poisson": rng.uniform(0.1, 0.45),
-        "coulomb": ("fp", "newton")[seed % 2],
-    }
-    units = {"length_unit": 10 ** rng.uniform(-6, 6), "stress_unit": 10 ** rng.uniform(-9, 9)}
-    here, there = alone(example1(**law, **scene)), alone(example1(**law, **scene, **units))
-    assert counts(there) == counts(here)
 
 
 def skew(law, *, mirrored=False, cell="quadrilateral"):
@@ -168,15 +148,6 @@ def test_a_law_that_transmits_nothing_is_no_friction(nothing):
     np.testing.assert_array_equal(zero.displacement.x.array, without.displacement.x.array)
     np.testing.assert_array_equal(zero.contact.pressure, without.contact.pressure)
     assert (zero.algorithm, counts(zero)) == (without.algorithm, counts(without))
-
-
-@pytest.mark.parametrize("nothing", [Tresca(bound="0*x[0]"), Coulomb(coefficient="0*x[0]")])
-def test_a_bound_that_happens_to_be_zero(nothing):
-    """As an expression, zero is not seen beforehand; the friction path finds the frictionless solution all the same."""
-    scene = example1(nx=60, ny=20)
-    effect = scene.contact[0].model_copy(update={"friction": nothing})
-    zero, without = alone(scene.model_copy(update={"contact": (effect,)})), alone(scene)
-    close(zero.displacement.x.array, without.displacement.x.array)
 
 
 def test_the_start_does_not_matter():

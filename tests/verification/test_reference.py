@@ -46,9 +46,3 @@ def test_measured_energy_error(cell, degree, material):
         measured = Reference(reference).errors(coarse)
     assert measured["energy"] == pytest.approx(expected, rel=0.05)
     assert measured["pressure"] is None
-
-
-def test_no_error_against_itself():
-    """All errors of the reference vanish."""
-    solution = solve(example1(bound=1.0, nx=30, ny=10), MPI.COMM_SELF)
-    assert all(error == pytest.approx(0.0, abs=1e-12) for error in Reference(solution).errors(solution).values())

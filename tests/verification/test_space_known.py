@@ -81,7 +81,7 @@ def test_hertz_on_curved_quadratic_tetrahedra():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("share", [0.9, 1.3, 2.0, 4.0])
+@pytest.mark.parametrize("share", [0.9, 2.0])
 def test_torsion(share):
     """M(phi) of a pressed cylinder whose stick radius moves in, to half a per cent of a scalar problem in (r, z).
 

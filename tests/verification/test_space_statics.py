@@ -3,27 +3,13 @@
 import numpy as np
 import pytest
 from scenes import alone
-from spaces import box, disc, friction_of
+from spaces import box, brick, disc, friction_of
 
 from signorini_fx.records import Status
-from signorini_fx.scenes.reading import parse_scene
 
 PRESS, AREA, VOLUME = 10.0, 4.0, 4.0
 FRICTION = {"coulomb": {"coefficient": 0.3}, "tresca": {"bound": 3.0}}
 LIMIT = 0.3 * PRESS * AREA
-
-
-def brick(law, *, mesh=None, press=PRESS, **effects):
-    """A brick 2 x 2 x 1 on its foundation, pressed on, and held by nothing else."""
-    return parse_scene(
-        {
-            "mesh": mesh or box("hexahedra", (6, 6, 3), size=(2.0, 2.0, 1.0)),
-            "material": {"young": 1000.0, "poisson": 0.3},
-            "traction": {"boundary": "top", "pressure": press},
-            "contact": {"boundary": "bottom", "friction": friction_of(**law)},
-            **effects,
-        }
-    )
 
 
 def pushed(law, angle, share, **more):
@@ -34,7 +20,7 @@ def pushed(law, angle, share, **more):
 
 @pytest.mark.one_quick
 @pytest.mark.parametrize("law", FRICTION)
-@pytest.mark.parametrize("angle", np.arange(12) * np.pi / 6 + 0.1)
+@pytest.mark.parametrize("angle", [0.1, 2.0, 4.4])
 def test_limit_push(law, angle):
     """The limit is F N in every direction: held at 0.99 of it, *slides* at 1.01."""
     held = pushed(FRICTION[law], angle, 0.99)
@@ -120,15 +106,6 @@ def torque_of(solution):
 def test_held_or_not(law, press, status):
     """Three translations and three rotations; contact takes one and two of them, friction the rest."""
     assert alone(brick(law, press=press), check=False).status is status
-
-
-def test_the_free_motion_is_named():
-    """What is left free is said with its direction."""
-    solution = alone(brick({}, displacement={"boundary": "left", "x": 0.0}), check=False)
-    assert solution.status is Status.NOT_HELD
-    assert "the translation along (0, -1, 0)" in solution.findings[0].message.replace("(0, 1, 0)", "(0, -1, 0)")
-    tilted = alone(brick({}, displacement=[{"boundary": "left", "x": 0.0}, {"boundary": "front", "y": 0.0}]))
-    assert tilted.converged
 
 
 def test_reference_motion():

@@ -1,6 +1,4 @@
-"""States of a solver of sliding pairs that are not those of the displacement: the certificate makes the map anew."""
-
-from dataclasses import replace
+"""Sliding pairs whose certificate makes the map anew: held sides, tips on an axis, and points that supports fix."""
 
 import numpy as np
 import pytest
@@ -9,10 +7,6 @@ from support.sliding_bodies import SlidingBodies, cylinders, wheel
 from two_bodies import grid
 
 from signorini_fx import Coulomb, NonlinearContactProblem, Pair
-from signorini_fx.forms import solver
-from signorini_fx.forms.nonlinear import linearised
-from signorini_fx.forms.nonlinear.moving_pairs import MovingPair
-from signorini_fx.results.solution import ConvergenceError
 
 DEPTH = 0.02
 KINDS = {2: "quadrilateral", 3: "hexahedron"}
@@ -108,77 +102,6 @@ def two_pairs(slave=0):
 # --- faults ---
 
 
-def of_map(**changes):
-    """A solver whose map has another one of its figures."""
-
-    def wrong(monkeypatch):
-        right = MovingPair.move
-
-        def move(self, u):
-            last = self.coupling
-            right(self, u)
-            if self.coupling is not last:
-                found = self.coupling
-                new = {name: change(getattr(found, name), found) for name, change in changes.items()}
-                self.coupling = replace(found, **new)
-
-        monkeypatch.setattr(MovingPair, "move", move)
-
-    return wrong
-
-
-def stale(monkeypatch):
-    """A solver that keeps the map of the first displacement that it has seen."""
-    right = MovingPair.move
-
-    def move(self, u):
-        if not self.displacement.any():
-            right(self, u)
-
-    monkeypatch.setattr(MovingPair, "move", move)
-
-
-def turned_by(vectors, angle=0.05):
-    """Vectors of the first and the last direction, turned."""
-    turned = np.array(vectors)
-    c, s = np.cos(angle), np.sin(angle)
-    turned[:, 0], turned[:, -1] = c * vectors[:, 0] - s * vectors[:, -1], s * vectors[:, 0] + c * vectors[:, -1]
-    return turned
-
-
-def forgets_where_steps_begin(monkeypatch):
-    """Slips that are counted from the undeformed bodies in the second step."""
-
-    def settle(self):
-        if not hasattr(self, "settled"):
-            self.settled, self.begun = self.displacement, self.coupling.frames
-
-    monkeypatch.setattr(MovingPair, "settle", settle)
-
-
-def begins_elsewhere(monkeypatch):
-    """Slips that are counted from a thousandth of the depth beside."""
-    right = MovingPair.settle
-
-    def settle(self):
-        right(self)
-        self.begun = replace(self.begun, way=self.begun.way + 1e-3 * DEPTH)
-
-    monkeypatch.setattr(MovingPair, "settle", settle)
-
-
-def driven_less(monkeypatch):
-    """Supports that move by nine tenths of what is prescribed."""
-    right = solver.prescribed
-
-    def wrong(space, bcs):
-        fixed, values = right(space, bcs)
-        return fixed, 0.9 * values
-
-    for module in (solver, linearised):
-        monkeypatch.setattr(module, "prescribed", wrong)
-
-
 def slid(dim=2, kind=None, degree=1):
     """See ``driven``."""
     return driven(punch(dim, kind, degree))
@@ -189,30 +112,7 @@ def stuck(dim=2):
     return driven(punch(dim), far=0.01)
 
 
-def larger(values, found):
-    """A thousandth more."""
-    return 1.001 * np.asarray(values)
-
-
-def partners_of_others(frames, found):
-    """Points whose partners are those of the next one."""
-    shares = frames.master.toarray()
-    return replace(frames, master=type(frames.master)(np.roll(shares, 1, axis=0)))
-
-
 SCENES = slid, stuck, two_pairs, clamped, far, revolved, half
-FAULTS = {
-    "supports move less": (slid, driven_less),
-    "the map of another displacement": (slid, stale),
-    "weights": (slid, of_map(weight=larger)),
-    "normals": (slid, of_map(normal=lambda normal, found: turned_by(normal))),
-    "gaps": (slid, of_map(gap=lambda gap, found: gap + 1e-3 * DEPTH)),
-    "forces of pressures": (slid, of_map(normal_rows=lambda rows, found: 1.001 * rows)),
-    "forces of shears": (slid, of_map(tangent_rows=lambda rows, found: 1.001 * rows)),
-    "other partners": (slid, of_map(frames=partners_of_others)),
-    "slips from the undeformed bodies": (stuck, forgets_where_steps_begin),
-    "slips from elsewhere": (stuck, begins_elsewhere),
-}
 
 
 @pytest.mark.parametrize("scene", SCENES)
@@ -275,7 +175,7 @@ def test_a_step_begins_with_what_supports_fix_there(dim, kind, upto):
     assert scene.problem.state.in_contact.any()
 
 
-ANGLES = (0.0, np.pi / 2, 0.4, 1.0, 2.0, 3.0, 4.5, 5.5)
+ANGLES = (0.0, np.pi / 2, 1.0, 4.5)
 
 
 @pytest.mark.slow
@@ -283,9 +183,6 @@ ANGLES = (0.0, np.pi / 2, 0.4, 1.0, 2.0, 3.0, 4.5, 5.5)
     ("degree", "upto", "friction"),
     [
         (1, 0.05, None),
-        (1, -0.4, Coulomb(0.3)),
-        (2, 0.05, Coulomb(0.3)),
-        (2, -0.4, None),
         (2, -0.4, Coulomb(0.3)),
     ],
 )
@@ -299,13 +196,3 @@ def test_nodes_over_each_other_that_are_held(degree, upto, friction):
         forces.append(scene.move(0.0, -DEPTH))
     assert np.abs(forces[0][1]) > 0.1
     assert np.array(forces) == pytest.approx(np.tile(forces[0], (len(ANGLES), 1)), abs=1e-9 * np.abs(forces[0]).max())
-
-
-@pytest.mark.one_quick
-@pytest.mark.parametrize("fault", FAULTS)
-def test_faults_of_the_map_are_refused(fault, monkeypatch):
-    """A solve with the fault is not certified."""
-    scene, spoil = FAULTS[fault]
-    spoil(monkeypatch)
-    with pytest.raises(ConvergenceError, match="certificate does not hold"):
-        scene()
