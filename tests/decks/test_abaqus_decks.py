@@ -332,47 +332,14 @@ def test_rigid_lines_and_arcs(tmp_path, capsys, turned):
     assert lines_of(said) == ["CONTACT PAIR: arcs of the rigid surface 'GROUND': polygons of 64 sides each"]
 
 
-def test_a_rigid_body_that_a_force_moves(tmp_path, capsys):
-    """It presses the body from below with its force, step by step; what holds it in the deck holds it here."""
-    lines = [
-        *block(),
-        *MATERIAL,
-        *RIGID[:4],
-        "*CONTACT PAIR",
-        "FLOOR SIDE, GROUND",
-        "*BOUNDARY",
-        *(f"{n}, 1, 2" for n in TOP),
-    ]
-    lines += [
-        "REF, 1, 1",
-        "1001, 6, 6",
-        "*STEP, NAME=touch",
-        "*STATIC",
-        "*CLOAD",
-        "REF, 2, 1.5",
-        "1001, 2, 0.5",
-        "*END STEP",
-    ]
-    lines += ["*STEP, NAME=press", "*STATIC", "*BOUNDARY", "REF, 1, 1, 0.001", "*CLOAD", "REF, 2, 3.", "*END STEP"]
-    scene, data, said = drafted(tmp_path, lines, capsys)
-    tool = {"shape": "plane", "point": [1.0, -0.01], "normal": [0.0, 1.0], "pivot": [0.5, -1.0]}
-    tool["force"] = [0.0, "2.0 if t < 1.5 else 3.0"]
-    tool["prescribed"] = {"x": "0.0 if t < 1.5 else 0.001", "rotation": 0.0}
-    assert data["contact"] == [{"boundary": "FLOOR SIDE", "foundation": tool}]
-    assert data["load_steps"] == {"names": ["touch", "press"], "times": [1.0, 2.0]}
-    assert not lines_of(said)
-    solution = solve(read_scene(scene), MPI.COMM_SELF)
-    for step, force in zip(solution.steps, (2.0, 3.0), strict=True):
-        np.testing.assert_allclose(step.contact.forces[0], [0.0, force], rtol=1e-7, atol=1e-9)
-    # Of a deck whose rigid body touches nothing, it is said.
-    kept = [line for line in lines if line not in ("*CONTACT PAIR", "FLOOR SIDE, GROUND")]
-    scene.unlink()
-    _, data, said = drafted(tmp_path, kept, capsys)
-    assert "contact" not in data
-    assert lines_of(said) == [
-        "BOUNDARY: the motion of the rigid body of node 1001: no contact with it is in the scene",
-        "CLOAD: the motion of the rigid body of node 1001: no contact with it is in the scene",
-    ]
+def test_the_motion_of_a_rigid_body_is_lost(tmp_path, capsys):
+    """It is at rest, and each keyword that moves it is named; what holds it is not."""
+    lines = [*block(), *MATERIAL, *RIGID[:4], "*CONTACT PAIR", "FLOOR SIDE, GROUND", "*BOUNDARY", "REF, 1, 6"]
+    lines += ["*STEP", "*STATIC", "*BOUNDARY", "REF, 2, 2, 0.001", "*CLOAD", "REF, 1, 3.", "*END STEP"]
+    _, data, said = drafted(tmp_path, lines, capsys)
+    assert data["contact"] == [{"boundary": "FLOOR SIDE", "gap": "0.01 + x[1]", "direction": [0.0, -1.0]}]
+    why = "rigid bodies are at rest: state the motion in the foundation of the contact"
+    assert lines_of(said) == [f"BOUNDARY: {why}", f"CLOAD: {why}"]
 
 
 def two_blocks():

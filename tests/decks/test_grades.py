@@ -14,6 +14,7 @@ HARD = "*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=HARD"
 BASE = stacked([HARD])
 STEP, END = BASE.index("*STEP"), BASE.index("*END STEP")
 NODE = ["*NODE", "900, 5., 5."]
+RIGID = [*NODE, "*ELSET, ELSET=TOOL", "*RIGID BODY, ELSET=TOOL, REF NODE=900"]
 RUBBER = ["*MATERIAL, NAME=RUBBER", "*HYPERELASTIC, NEO HOOKE", "1., 0.01"]
 PAIR = "*CONTACT PAIR, INTERACTION=I"
 OTHER = "*SURFACE INTERACTION, NAME=J"
@@ -102,6 +103,8 @@ SAID = {
     ("BOUNDARY", "of tied other nodes"): ([*NODE, "*EQUATION", "2", "900,1,1.,111,1,1.", "*BOUNDARY", "900, 1"], []),
     ("DLOAD", "body force or weight on a part"): ([], ["*DLOAD", "LOW, BY, -1."]),
     ("CLOAD", "components 4 to 6"): ([], ["*CLOAD", "111, 6, 1."]),
+    ("BOUNDARY", "of the reference node of a rigid body"): (RIGID, ["*BOUNDARY", "900, 2, 2, 0.1"]),
+    ("CLOAD", "of the reference node of a rigid body"): (RIGID, ["*CLOAD", "900, 2, 1."]),
     ("DSLOAD", "on another surface"): ([], ["*DSLOAD", "NOWHERE, P, 1."]),
     ("TEMPERATURE", "of some nodes of a body"): (
         ["*MATERIAL, NAME=STEEL", "*EXPANSION", "1."],

@@ -109,11 +109,10 @@ def read_ties(deck: Deck, block: DeckBlock) -> None:
         deck.pairs += [SurfacePair(row[0], (*row, row[0])[1], None, block) for row in block.rows]
 
 
-def contact_tables(deck: Deck, steps: int) -> tuple[list[list[str]], list[str]]:
+def contact_tables(deck: Deck) -> tuple[list[list[str]], list[str]]:
     """The lines of each [[contact]], and those of [solver] with their stiffness."""
     tables: list[list[str]] = []
     interactions: list[Interaction | None] = []
-    used: set[int] = set()
     taken: dict[str, Ints] = {}  # facets with contact points: they are in one contact only
     touched: dict[str, Ints] = {}  # by others, which may be several
     for pair in sorted(_oriented(deck), key=lambda pair: pair.interaction is not None):  # ties come first
@@ -134,28 +133,20 @@ def contact_tables(deck: Deck, steps: int) -> tuple[list[list[str]], list[str]]:
         if shared:
             deck.lose(pair.block, f"{label}: facets of {first!r} are in another contact, and have one only")
             continue
-        node = deck.movers.get(plain_name(surfaces[0])) if surfaces else None
-        moving = "" if node is None else rigid.motion(deck, node, steps)
         kind = _kind(deck, interaction)
-        if kind == "bonded" and surfaces and not moving:
+        if kind == "bonded" and surfaces:
             deck.lose(pair.block, f"{label}: {surfaces[0]!r} is rigid: give displacements instead")
             continue
-        used |= set() if node is None else {node}
         taken[first] = facets[first]
         touched |= {side: facets[side] for side in opposite}
         lines = [f"# {pair.block.origin}", f"boundary = {quoted(first)}"]
         lines += [f"against = {quoted(side)}" for side in opposite]
-        lines += rigid.foundation(deck, pair.block, first, surfaces[0], moving) if surfaces else []
+        lines += rigid.foundation(deck, pair.block, first, surfaces[0]) if surfaces else []
         lines += ['kind = "bonded"'] * (kind == "bonded")
         if kind != "bonded" and interaction is not None:
             lines += _adjust(deck, pair, label, opposite) + _friction(interaction)
         tables.append(lines)
         interactions.append(interaction)
-    for load in deck.loads.values():
-        if load.table == "tool" and int(load.target) not in used and any(deck.course(load, steps)):
-            deck.lose(
-                load.block, f"the motion of the rigid body of node {load.target}: no contact with it is in the scene"
-            )
     return tables, _stiffness(deck, interactions, tables)
 
 

@@ -73,6 +73,7 @@ ROUGH = "ROUGH is not read: this contact has no friction"
 OTHER_BEHAVIOUR = "soft contact is read as LINEAR or TIED only: this contact is hard"
 ADJUSTED_SET = "ADJUST: a set with only some nodes of the dependent surface is not read"
 NO_BOUNDARY = "is no boundary of the body"
+MOVING = "rigid bodies are at rest: state the motion in the foundation of the contact"
 NO_BODY_PART = "no part of the body"
 _MOMENTS = "moments at nodes are not read"
 
@@ -131,6 +132,7 @@ RULES: tuple[Rule, ...] = (
     *_rules(Grade.LOST, "which a constraint may tie to it", "BOUNDARY", case="of tied other nodes"),
     *_rules(Grade.LOST, "a part of the body", "DLOAD", case="body force or weight on a part"),
     *_rules(Grade.LOST, _MOMENTS, "CLOAD", case="components 4 to 6"),
+    *_rules(Grade.LOST, MOVING, "BOUNDARY", "CLOAD", case="of the reference node of a rigid body"),
     *_rules(Grade.LOST, NO_BOUNDARY, "DSLOAD", case="on another surface"),
     *_rules(Grade.LOST, NODES_DIFFER, "TEMPERATURE", "INITIAL CONDITIONS", case="of some nodes of a body"),
     *_rules(Grade.LOST, UNKNOWN, "INITIAL CONDITIONS", case="neither TEMPERATURE nor VELOCITY"),

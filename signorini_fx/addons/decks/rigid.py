@@ -20,14 +20,12 @@ def read_rigid_body(deck: Deck, block: DeckBlock) -> None:
     """*RIGID BODY: a rigid surface and the nodes that move it."""
     parameters = block.parameters
     names = [parameters[key] for key in ("ANALYTICALSURFACE", "ELSET") if key in parameters]
-    node, turner = (deck.single(parameters.get(key, "")) for key in ("REFNODE", "ROTNODE"))
     if not names or any(deck.region(name) is not None for name in names):
         deck.lose(block, "a rigid part of the body is not read: it deforms here")
         return
-    if node is not None and turner is not None:
-        deck.turners[turner] = node
     deck.rigid |= {plain_name(name) for name in names}
-    deck.movers |= {plain_name(name): node for name in names if node is not None}
+    nodes = (deck.single(parameters.get(key, "")) for key in ("REFNODE", "ROTNODE"))
+    deck.movers |= {node for node in nodes if node is not None}
 
 
 def find_surfaces(deck: Deck) -> None:
@@ -43,62 +41,18 @@ def find_surfaces(deck: Deck) -> None:
         elif block.rows and all(plain_name(row[0]) in deck.rigid for row in block.rows):
             deck.rigid.add(name)
             deck.parts[name] = [plain_name(row[0]) for row in block.rows]
-            nodes = [deck.movers[part] for part in deck.parts[name] if part in deck.movers]
-            deck.movers |= {name: nodes[0]} if nodes else {}
     deck.rigid.discard("")
 
 
-def motion(deck: Deck, node: int, steps: int) -> str:
-    """The loads and motions of a rigid body by its reference node, as keys of a foundation; empty: it rests."""
-    courses = {
-        load.keys: deck.course(load, steps)
-        for load in deck.loads.values()
-        if load.table == "tool" and load.target == str(node)
-    }
-    if not any(any(values) for values in courses.values()):
-        return ""
-    axes, planar = deck.axes, deck.mesh.dim == 2
-    turns = ("rotation",) if planar else tuple(f"rotation_{axis}" for axis in axes)
-    share = deck.thickness if planar else 1.0
-
-    def sums(kind: str, names: Sequence[str]) -> list[str]:
-        selected = [courses.get((kind, name)) for name in names]
-        return [of_time([value / share for value in course or [0.0] * steps]) for course in selected] * any(selected)
-
-    keys = [f"pivot = {plain(deck.model.raw.points[deck.model.places[node]][: deck.mesh.dim])}"]
-    if force := sums("force", axes):
-        keys.append(f"force = [{', '.join(force)}]")
-    if moment := sums("moment", turns):
-        keys.append(f"moment = {moment[0]}" if planar else f"moment = [{', '.join(moment)}]")
-    held = {name: course for name in (*axes, *turns) if (course := courses.get(("prescribed", name))) is not None}
-    if held:
-        keys.append(f"prescribed = {{ {', '.join(f'{name} = {of_time(course)}' for name, course in held.items())} }}")
-    return ", ".join(keys)
-
-
-def of_time(values: Sequence[float]) -> str:
-    """A number, or an expression of the time t, which is 1, 2, 3 and so on in the steps."""
-    *earlier, last = values
-    if all(value == last for value in earlier):
-        return repr(last)
-    pairs = zip(earlier, values[1:], strict=True)
-    parts = [
-        f"{value!r} if t < {step + 0.5} else" for step, (value, following) in enumerate(pairs, 1) if value != following
-    ]
-    return f'"{" ".join(parts)} {last!r}"'
-
-
-def foundation(deck: Deck, block: DeckBlock, where: str, surface: str, moving: str) -> list[str]:
-    """A rigid surface as lines of a contact: the distance to a plane at rest as a formula, else a shape.
+def foundation(deck: Deck, block: DeckBlock, where: str, surface: str) -> list[str]:
+    """A rigid surface as lines of a contact: the distance to a plane as a formula, else a shape.
 
     Args:
         deck: what has been read.
         block: the contact pair.
         where: the boundary of the body.
         surface: the name of the rigid surface.
-        moving: see ``motion``.
     """
-    driven = f", {moving}" if moving else ""
     name = plain_name(surface)
     points = _points_of(deck, name)
     body = deck.mesh.points[np.unique(deck.mesh.facet_corners[deck.mesh.boundaries[where]])]
@@ -107,7 +61,7 @@ def foundation(deck: Deck, block: DeckBlock, where: str, surface: str, moving: s
         if len(points) > len(deck.drawn[name]):
             deck.note(block, f"arcs of the rigid surface {surface!r}: polygons of {_PIECES} sides each")
         shape = f'shape = "polyline", points = {plain(_with_left(points, body.mean(axis=0)))}'
-        return [f"foundation = {{ {shape}{driven} }}"]
+        return [f"foundation = {{ {shape} }}"]
     if plane is None:
         deck.lose(block, f"the shape of the rigid surface {surface!r} is not read: give its distance in gap")
         return ["gap = 0.0  # the distance to the foundation, which is not known here"]
@@ -116,9 +70,6 @@ def foundation(deck: Deck, block: DeckBlock, where: str, surface: str, moving: s
     if abs(side) <= DIGITS_OF_FILES * float(np.ptp(deck.mesh.points, axis=0).max()):
         side = -float((body.mean(axis=0) - deck.mesh.points.mean(axis=0)) @ normal)
     toward = -normal if side > 0 else normal
-    if moving:
-        shape = f'shape = "plane", point = {plain(middle)}, normal = {plain(-toward + 0.0)}'
-        return [f"foundation = {{ {shape}{driven} }}"]
     at, toward = float(middle @ toward), toward + 0.0  # without negative zeros
     terms = "".join(
         f" {'-' if share > 0 else '+'} {'' if abs(share) == 1 else f'{abs(share)!r}*'}x[{k}]"
