@@ -493,9 +493,6 @@ BYTES_PER_CELL = 1000.0
 # A rank with more cells than this times the mean makes the others wait for longer than a new distribution takes.
 # No record.
 UNEVEN = 1.2
-# The area or volume of a cell with edges of length 1, where it is no formula, from counts: a tetrahedron has less than
-# the regular one, 0.12; four hexahedra have that of one with edges of length 2.
-TETRAHEDRON_VOLUME, HEXAHEDRON_VOLUME = 0.075, 0.15
 # Cells become longer by this much per length away from facets of a given length.  Choice: at the depth of Hertz's half
 # width, eight facets, cells are three facets long.
 SIZE_GROWTH = 0.25

@@ -21,7 +21,6 @@ from signorini_fx.mechanics.mesh.files.gmsh_session import gmsh_session
 from signorini_fx.mechanics.mesh.files.raw import RawMesh
 from signorini_fx.mechanics.mesh.files.shape import Ints
 from signorini_fx.mechanics.mesh.files.size_field import Sizes, with_sizes
-from signorini_fx.tuned import BYTES_PER_CELL, TETRAHEDRON_VOLUME
 
 # Drawings of CAD programs, by what OpenCASCADE calls them.
 CAD = {".step": "step", ".stp": "step", ".brep": "brep"}
@@ -34,8 +33,6 @@ _HEADERS = {
 _LAST = {"step": re.compile(rb"END-ISO-10303-21\s*;\s*$"), "brep": re.compile(rb"\n[+-]\d+ \d+\s*$")}
 # A body's diagonal is so many cells long where no size is given.
 _CELLS_ALONG = 25
-# The area and volume of a triangle and a tetrahedron with edges of length 1.
-_CONTENT = {2: 0.43, 3: TETRAHEDRON_VOLUME}
 # Where the surface is curved, so many cells are a full turn.
 _TO_A_TURN = 16
 # Elements by gmsh's number, in meshio's words.
@@ -201,7 +198,7 @@ def _import(gmsh: Any, file: Path, form: str, size: float | None, *, joined: boo
     """Import a CAD drawing; each surface is a physical group with its number, and so is each solid.
 
     Raises:
-        MeshError: there is no body, or too many cells for the memory.
+        MeshError: there is no body.
     """
     with _silence():
         shapes = gmsh.model.occ.importShapes(str(file.absolute()), highestDimOnly=True, format=form)
@@ -213,13 +210,6 @@ def _import(gmsh: Any, file: Path, form: str, size: float | None, *, joined: boo
         raise MeshError(f"{file}: it has neither solids nor faces")
     low, high = (gmsh.model.getBoundingBox(-1, -1)[k : k + 3] for k in (0, 3))
     length = size or sum((b - a) ** 2 for a, b in zip(low, high, strict=True)) ** 0.5 / _CELLS_ALONG
-    with np.errstate(over="ignore", divide="ignore"):
-        masses = sum(abs(gmsh.model.occ.getMass(dim, tag)) for dim, tag in gmsh.model.getEntities(top))
-        cells = np.float64(masses) / _CONTENT[top] / np.float64(length) ** top
-    if BYTES_PER_CELL * cells > os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"):
-        raise MeshError(
-            f"{file}: cells of size {length:g} would be about {cells:.2g}, too many for the memory: use larger ones"
-        )
     # Cells are smaller where the surface is curved, by a factor of 8 at most.
     gmsh.option.setNumber("Mesh.MeshSizeMax", length)
     gmsh.option.setNumber("Mesh.MeshSizeMin", length / 8)
