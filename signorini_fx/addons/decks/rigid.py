@@ -1,9 +1,8 @@
-"""Rigid bodies of an Abaqus input file, as rigid foundations of a scene: planes, and in 2D lines and arcs."""
+"""Rigid bodies of an Abaqus input file, as rigid foundations of a scene: planes at rest."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
 
 import numpy as np
 
@@ -12,8 +11,6 @@ from signorini_fx.addons.decks.text import DeckBlock, real
 from signorini_fx.mechanics.mesh.files.arrays import plain
 from signorini_fx.mechanics.mesh.files.shape import Floats
 from signorini_fx.tuned import DIGITS_OF_FILES, SAME_NUMBER
-
-_PIECES = 64  # straight ones that an arc of a rigid surface becomes
 
 
 def read_rigid_body(deck: Deck, block: DeckBlock) -> None:
@@ -45,7 +42,7 @@ def find_surfaces(deck: Deck) -> None:
 
 
 def foundation(deck: Deck, block: DeckBlock, where: str, surface: str) -> list[str]:
-    """A rigid surface as lines of a contact: the distance to a plane as a formula, else a shape.
+    """A rigid surface as lines of a contact: the distance to a plane as a formula.
 
     Args:
         deck: what has been read.
@@ -53,17 +50,14 @@ def foundation(deck: Deck, block: DeckBlock, where: str, surface: str) -> list[s
         where: the boundary of the body.
         surface: the name of the rigid surface.
     """
-    name = plain_name(surface)
-    points = _points_of(deck, name)
+    points = _points_of(deck, plain_name(surface))
     body = deck.mesh.points[np.unique(deck.mesh.facet_corners[deck.mesh.boundaries[where]])]
     plane = None if points is None else _plane(points[:, : deck.mesh.dim])
-    if plane is None and points is not None and name in deck.drawn:
-        if len(points) > len(deck.drawn[name]):
-            deck.note(block, f"arcs of the rigid surface {surface!r}: polygons of {_PIECES} sides each")
-        shape = f'shape = "polyline", points = {plain(_with_left(points, body.mean(axis=0)))}'
-        return [f"foundation = {{ {shape} }}"]
     if plane is None:
-        deck.lose(block, f"the shape of the rigid surface {surface!r} is not read: give its distance in gap")
+        deck.lose(
+            block,
+            f"the shape of the rigid surface {surface!r} is not read: give it as foundation, or its distance as gap",
+        )
         return ["gap = 0.0  # the distance to the foundation, which is not known here"]
     middle, normal = plane
     side = float(np.mean(body, axis=0) @ normal - middle @ normal)
@@ -81,11 +75,13 @@ def foundation(deck: Deck, block: DeckBlock, where: str, surface: str) -> list[s
 
 
 def _points_of(deck: Deck, name: str) -> Floats | None:
-    """Points of a rigid surface that consists of elements, or in 2D of lines and arcs, which are in order."""
+    """Points of a rigid surface that consists of elements, or in 2D of lines."""
     if (rows := deck.drawn.get(name)) is not None:
+        if deck.mesh.dim == 3 or any(row[0].upper() not in ("START", "LINE") for row in rows):
+            return None
         try:
-            return None if deck.mesh.dim == 3 else _walked(rows)
-        except (ValueError, IndexError) as error:
+            return np.array([[real(word) for word in row[1:3]] for row in rows])
+        except ValueError as error:
             raise ValueError(f"the rigid surface {name!r}: {error}") from None
     labels = {name, *deck.parts.get(name, ())}
     nodes = [
@@ -95,33 +91,6 @@ def _points_of(deck: Deck, name: str) -> Floats | None:
         for (_, block), rows in zip(deck.model.raw.blocks, members, strict=True)
     ]
     return np.asarray(deck.model.raw.points, dtype=np.float64)[np.unique(np.concatenate(nodes))] if nodes else None
-
-
-def _walked(rows: Sequence[list[str]]) -> Floats | None:
-    """Points along START, LINE and CIRCL of a rigid surface; None: it has other pieces."""
-    points: list[Floats] = []
-    for kind, *words in rows:
-        end = np.array([real(word) for word in words[:2]])
-        if kind.upper() == "CIRCL":
-            centre = np.array([real(word) for word in words[2:4]])
-            (x, y), radius = points[-1] - centre, float(np.hypot(*(end - centre)))
-            first, last = np.arctan2(y, x), np.arctan2(*(end - centre)[::-1])
-            turn = (last - first + np.pi) % (2 * np.pi) - np.pi  # an arc is less than half a circle
-            angles = first + turn * np.arange(1, _PIECES) / _PIECES
-            points += list(centre + radius * np.column_stack((np.cos(angles), np.sin(angles))))
-        elif kind.upper() not in ("START", "LINE"):
-            return None
-        points.append(end)
-    return np.array(points)
-
-
-def _with_left(points: Floats, point: Floats) -> Floats:
-    """The points in the order in which a place is on the left of the nearest piece."""
-    ahead = np.diff(points, axis=0)
-    share = np.clip(((point - points[:-1]) * ahead).sum(axis=1) / (ahead**2).sum(axis=1), 0.0, 1.0)
-    near = int(np.argmin(np.linalg.norm(points[:-1] + share[:, None] * ahead - point, axis=1)))
-    (along, across), (x, y) = ahead[near], point - points[near]
-    return points if along * y - across * x > 0 else points[::-1]
 
 
 def _plane(points: Floats) -> tuple[Floats, Floats] | None:
