@@ -320,8 +320,8 @@ def test_rigid_surfaces_that_are_no_plane_are_lost(tmp_path, capsys, rows):
     rigid = ["*SURFACE, TYPE=SEGMENTS, NAME=GROUND", "START, -1.0, 0.0", *rows]
     rigid += ["*RIGID BODY, ANALYTICAL SURFACE=GROUND, REF NODE=REF"]
     _, _, said = drafted(tmp_path, [*block(), *MATERIAL, *rigid, "*CONTACT PAIR", "FLOOR SIDE, GROUND"], capsys)
-    why = "is not read: give it as foundation, or its distance as gap"
-    assert lines_of(said) == [f"CONTACT PAIR: the shape of the rigid surface 'GROUND' {why}"]
+    why = "only planes are read: give its shape as foundation, or its distance as gap"
+    assert lines_of(said) == [f"CONTACT PAIR: rigid surface 'GROUND': {why}"]
 
 
 def test_the_motion_of_a_rigid_body_is_lost(tmp_path, capsys):

@@ -127,6 +127,9 @@ SAID = {
     ("FRICTION", "ROUGH"): ([], [], {HARD: "*FRICTION, ROUGH"}),
     ("CONTACTPAIR", "ADJUST with a smaller set"): ([], [], {PAIR: f"{PAIR}, ADJUST=UP_WALL"}),
     ("CONTACTPAIR", "of another surface"): ([PAIR, "NOWHERE, UP_TOP"], []),
+    ("CONTACTPAIR", "with another rigid surface"): (
+        *(["*SURFACE, NAME=ARC, TYPE=SEGMENTS", "START, 0., 0.", "CIRCL, 1., 0., .5, 0.", PAIR, "UP_TOP, ARC"], []),
+    ),
     ("TIE", "of another surface"): (["*TIE, NAME=T", "NOWHERE, UP_TOP"], []),
     ("TIE", "CYCLIC SYMMETRY"): (["*TIE, CYCLIC SYMMETRY, NAME=T", "UP_TOP, LOW_BOTTOM"], []),
     ("CLEARANCE", ""): (["*CLEARANCE, MASTER=LOW_TOP, SLAVE=UP_BOTTOM, VALUE=0.001"], []),

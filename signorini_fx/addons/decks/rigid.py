@@ -7,6 +7,7 @@ import re
 import numpy as np
 
 from signorini_fx.addons.decks.content import Deck, plain_name
+from signorini_fx.addons.decks.keywords import NO_PLANE
 from signorini_fx.addons.decks.text import DeckBlock, real
 from signorini_fx.mechanics.mesh.files.arrays import plain
 from signorini_fx.mechanics.mesh.files.shape import Floats
@@ -54,10 +55,7 @@ def foundation(deck: Deck, block: DeckBlock, where: str, surface: str) -> list[s
     body = deck.mesh.points[np.unique(deck.mesh.facet_corners[deck.mesh.boundaries[where]])]
     plane = None if points is None else _plane(points[:, : deck.mesh.dim])
     if plane is None:
-        deck.lose(
-            block,
-            f"the shape of the rigid surface {surface!r} is not read: give it as foundation, or its distance as gap",
-        )
+        deck.lose(block, f"rigid surface {surface!r}: {NO_PLANE}")
         return ["gap = 0.0  # the distance to the foundation, which is not known here"]
     middle, normal = plane
     side = float(np.mean(body, axis=0) @ normal - middle @ normal)
