@@ -709,8 +709,6 @@ TRIED_STRAINS = (0.0, 1e-3, 0.02, 0.2)
 
 # Nodes of a result are those of the problem up to this share of its size: print of six digits.
 JUDGED_SAME_PLACE = 1e-5
-# CalculiX has of a body of revolution a sector that reaches so far to both sides, radians.
-HALF_SECTOR_OF_CALCULIX = 3.141592653589793 / 180
 # Digits of print that are needed: three leave 1e-2 of the energy norm.
 JUDGED_DIGITS = 4
 # The last increment of a result ends with the step up to this share of its time.  Choice.
