@@ -24,12 +24,11 @@ import math
 from typing import Any, Literal
 
 import numpy as np
-import numpy.typing as npt
 from mpi4py import MPI
 
-from signorini_fx.mechanics.mesh.drawing import Drawing, Sizes, Surface, approximate_cells, mesh_solid, plane
+from signorini_fx.mechanics.mesh.drawing import Drawing, Sizes, Surface, mesh_solid, plane
 from signorini_fx.mechanics.mesh.tagged import gmsh_mesh
-from signorini_fx.meshes import Length, generator, refuse, refuse_too_large
+from signorini_fx.meshes import Length, generator, refuse
 
 
 @generator(sizes=("size", "contact_size"))
@@ -131,14 +130,6 @@ def generate(
         mesh_solid(drawing, names, sizes, distance, cell=cell, order=order)
 
     sizes = Sizes(contact_size, size, zone=contact_zone, reach=max(length, height) / 2)
-    share = 0.5 if symmetric else 1.0
-    most = width * thickness * (length + height)
-
-    def within(d: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-        """The volume around the axis of the hole, beyond the seat by d at most."""
-        return np.where(d > 0, np.minimum(math.pi * thickness * (seat_radius + d) ** 2, most), 0.0)
-
-    refuse_too_large(comm, share * approximate_cells(sizes, within, cell))
     return gmsh_mesh(comm, draw, name="bracket", unit=unit)
 
 

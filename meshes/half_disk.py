@@ -17,12 +17,11 @@ from __future__ import annotations
 
 from typing import Any, Literal
 
-import numpy as np
 from mpi4py import MPI
 
-from signorini_fx.mechanics.mesh.drawing import Drawing, Sizes, approximate_cells, mesh_surface
+from signorini_fx.mechanics.mesh.drawing import Drawing, Sizes, mesh_surface
 from signorini_fx.mechanics.mesh.tagged import gmsh_mesh
-from signorini_fx.meshes import Length, generator, refuse_too_large
+from signorini_fx.meshes import Length, generator
 
 
 @generator(sizes=("size", "contact_size"))
@@ -73,6 +72,4 @@ def generate(
         mesh_surface(drawing, [body], names, sizes, points=[lowest], cell=cell, order=order)
 
     sizes = Sizes(contact_size, size, zone=min(contact_zone, 0.99 * radius), reach=radius)
-    share = 0.5 if symmetric else 1.0
-    refuse_too_large(comm, approximate_cells(sizes, lambda r: share * np.pi / 2 * r**2, cell))
     return gmsh_mesh(comm, draw, name="half_disk", unit=unit)

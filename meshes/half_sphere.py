@@ -23,9 +23,9 @@ from typing import Any, Literal
 import numpy as np
 from mpi4py import MPI
 
-from signorini_fx.mechanics.mesh.drawing import Drawing, Part, Sizes, approximate_cells, cut_to_part, mesh_solid, plane
+from signorini_fx.mechanics.mesh.drawing import Drawing, Part, Sizes, cut_to_part, mesh_solid, plane
 from signorini_fx.mechanics.mesh.tagged import gmsh_mesh
-from signorini_fx.meshes import Length, generator, refuse_too_large
+from signorini_fx.meshes import Length, generator
 
 
 @generator(sizes=("size", "contact_size"))
@@ -74,8 +74,6 @@ def generate(
         mesh_solid(drawing, names, sizes, lambda x, y, z: math.sqrt(x * x + y * y + z * z), cell=cell, order=order)
 
     sizes = Sizes(contact_size, size, zone=min(contact_zone, 0.99 * radius), reach=radius)
-    share = {"whole": 1.0, "half": 0.5, "quarter": 0.25}[part]
-    refuse_too_large(comm, approximate_cells(sizes, lambda r: share * 2 / 3 * np.pi * r**3, cell))
     return gmsh_mesh(comm, draw, name="half_sphere", unit=unit)
 
 

@@ -465,9 +465,6 @@ BYTES_PER_CELL = 1000.0
 # A rank with more cells than this times the mean makes the others wait for longer than a new distribution takes.
 # No record.
 UNEVEN = 1.2
-# The area or volume of a cell with edges of length 1, where it is no formula, from counts: a tetrahedron has less than
-# the regular one, 0.12; four hexahedra have that of one with edges of length 2.
-TETRAHEDRON_VOLUME, HEXAHEDRON_VOLUME = 0.075, 0.15
 # Cells become longer by this much per length away from facets of a given length.  Choice: at the depth of Hertz's half
 # width, eight facets, cells are three facets long.
 SIZE_GROWTH = 0.25
@@ -684,8 +681,6 @@ TRIED_STRAINS = (0.0, 1e-3, 0.02, 0.2)
 
 # Nodes of a result are those of the problem up to this share of its size: print of six digits.
 JUDGED_SAME_PLACE = 1e-5
-# CalculiX has of a body of revolution a sector that reaches so far to both sides, radians.
-HALF_SECTOR_OF_CALCULIX = 3.141592653589793 / 180
 # Digits of print that are needed: three leave 1e-2 of the energy norm.
 JUDGED_DIGITS = 4
 # The last increment of a result ends with the step up to this share of its time.  Choice.

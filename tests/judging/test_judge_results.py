@@ -24,8 +24,9 @@ DEMOS = Path(__file__).parents[2] / "demos" / "scenes"
 
 def displacements(name):
     """Of a .dat file, in the order of the nodes of the deck."""
-    table = read_dat(DATA / f"{name}.dat").displacement
-    return np.array([table[node][0] for node in judged_problem(DATA / f"{name}.inp").names.tolist()])
+    printed, names = read_dat(DATA / f"{name}.dat"), judged_problem(DATA / f"{name}.inp").names
+    order = np.argsort(printed.numbers)
+    return printed.displacement[order[np.searchsorted(printed.numbers, names, sorter=order)]]
 
 
 def changed(name, folder, pattern, new):

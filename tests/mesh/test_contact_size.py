@@ -5,13 +5,13 @@ import tomllib
 import numpy as np
 import pytest
 from mesh_files import write_msh
+from mesh_quality import quality
 from mpi4py import MPI
 
 from signorini_fx import MeshError, SceneError, TaggedMesh
 from signorini_fx.machine import compat
 from signorini_fx.mechanics.mesh.files import formats
 from signorini_fx.mechanics.mesh.files.gmsh_session import gmsh_session
-from signorini_fx.mechanics.mesh.files.shape import quality
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import parse_scene
 

@@ -8,12 +8,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from mesh_quality import quality
 from mpi4py import MPI
 from scenes import alone, table_of
 
 from signorini_fx.errors import SceneError
 from signorini_fx.machine.compat import geometry_cells, geometry_degree
-from signorini_fx.mechanics.mesh.files.shape import quality
 from signorini_fx.mechanics.mesh.tagged import generate_mesh, simplex_parameters
 from signorini_fx.scenes.checks import check_scene
 from signorini_fx.scenes.reading import parse_scene

@@ -7,12 +7,13 @@ import pytest
 import ufl
 from dolfinx import default_scalar_type, fem
 from dolfinx import mesh as dmesh
+from mesh_quality import quality
 from mpi4py import MPI
 
 from signorini_fx.errors import SceneError
 from signorini_fx.machine.compat import geometry_cells, geometry_degree, geometry_element
 from signorini_fx.mechanics.mesh.files.cells import CELLS
-from signorini_fx.mechanics.mesh.files.shape import check_shape, quality
+from signorini_fx.mechanics.mesh.files.shape import check_shape
 from signorini_fx.mechanics.mesh.refinement import refine
 from signorini_fx.mechanics.mesh.tagged import generate_mesh, simplex_parameters
 

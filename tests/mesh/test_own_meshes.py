@@ -1,5 +1,6 @@
-"""Meshes of one's own: their boundaries, a session of gmsh that is open already, drawings, what is no mesh."""
+"""Meshes of one's own: their boundaries, gmsh that is open already, drawings, what is no mesh."""
 
+import gmsh
 import numpy as np
 import pytest
 import ufl
@@ -7,8 +8,9 @@ from dolfinx import fem, mesh
 from mpi4py import MPI
 from scenes import alone
 
+from signorini_fx.errors import MeshError
 from signorini_fx.machine.compat import geometry_degree
-from signorini_fx.mechanics.mesh.tagged import tag_boundaries
+from signorini_fx.mechanics.mesh.tagged import generate_mesh, tag_boundaries
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import parse_scene
 
@@ -44,11 +46,15 @@ def test_forces_on_boundaries_that_overlap():
     assert (table["pressure"] * table["weight"]).sum() == pytest.approx(7.0, rel=1e-9)
 
 
-# --- gmsh ------------------------------------------------------------------------------------------------------------
-
-# Options of each kind, one of them a text that gmsh itself cannot write and read again.
-NUMBERS = {"Mesh.MeshSizeMax": 1 / 3, "Mesh.ElementOrder": 2, "Mesh.Algorithm": 5, "General.AbortOnError": 3}
-NUMBERS |= {"Print.Format": 27, "General.Terminal": 0}
+def test_gmsh_that_is_open_already():
+    """Its options would change the mesh: it is left open, and the error says what to call."""
+    gmsh.initialize(readConfigFiles=False)
+    try:
+        with pytest.raises(MeshError, match=r"call gmsh\.finalize\(\)"):
+            generate_mesh("punch", {}, SELF)
+        assert gmsh.isInitialized()
+    finally:
+        gmsh.finalize()
 
 
 # --- drawings --------------------------------------------------------------------------------------------------------

@@ -114,9 +114,8 @@ class Deck:
         assumed: the assumption of plane elements, of which ``hypothesis`` is the key.
         ends: step -> the total time at its end.
         temperatures: those of the nodes at the end of each step that changes them, and at rest as step -1.
-        rigid: names of rigid surfaces, in capitals; ``movers`` has the reference nodes of such names, ``drawn`` the
-            rows of analytical ones, ``parts`` the sets of others.
-        turners: node whose displacements are, in CalculiX, the rotations of a rigid body -> its reference node.
+        rigid: names of rigid surfaces, in capitals; ``drawn`` has the rows of analytical ones, ``parts`` the sets of
+            others, and ``movers`` the nodes that move and turn them.
         bolts: reference node of a *PRE-TENSION SECTION -> its surface.
         nonlinear: the last step with NLGEOM; None: there is none.
     """
@@ -146,8 +145,7 @@ class Deck:
     pairs: list[SurfacePair] = field(default_factory=list)
     rigid: set[str] = field(default_factory=set)
     parts: dict[str, list[str]] = field(default_factory=dict)
-    movers: dict[str, int] = field(default_factory=dict)
-    turners: dict[int, int] = field(default_factory=dict)
+    movers: set[int] = field(default_factory=set)
     drawn: dict[str, Sequence[list[str]]] = field(default_factory=dict)
     bolts: dict[int, str] = field(default_factory=dict)
 
@@ -210,11 +208,10 @@ class Deck:
             releases: whether the scene has supports that hold in some steps only; else they are lost.
         """
         values = load.by_step(steps)
-        prescribes = (load.table == "displacement" and not releases) or load.keys[0] == "prescribed"
+        prescribes = load.table == "displacement" and not releases
         if prescribes and None in values and any(value is not None for value in values):
             free = ", ".join(name for name, value in zip(self.steps, values, strict=False) if value is None)
-            where = f"the rigid body of node {load.target}" if load.table == "tool" else repr(load.target)
-            where = load.lines[0] if load.lines else where
+            where = load.lines[0] if load.lines else repr(load.target)
             self.lose(load.block, f"{where} is free along {load.keys[-1]} in {free}: here it is held there")
         return [value or 0.0 for value in values]
 
@@ -348,7 +345,7 @@ class Deck:
     @cached_property
     def driven(self) -> set[int]:
         """All nodes that move or turn rigid bodies, or tighten bolts."""
-        return {*self.movers.values(), *self.turners, *self.bolts}
+        return {*self.movers, *self.bolts}
 
     @cached_property
     def given_singly(self) -> set[int]:

@@ -10,9 +10,17 @@ import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from signorini_fx.addons.decks import keywords, loads, material, rigid
+from signorini_fx.addons.decks import keywords, loads, material
 from signorini_fx.addons.decks.bolts import read_bolt
-from signorini_fx.addons.decks.contact import read_behaviour, read_friction, read_interaction, read_pairs, read_ties
+from signorini_fx.addons.decks.contact import (
+    find_surfaces,
+    read_behaviour,
+    read_friction,
+    read_interaction,
+    read_pairs,
+    read_rigid_body,
+    read_ties,
+)
 from signorini_fx.addons.decks.content import Deck
 from signorini_fx.addons.decks.keywords import NOT_READ, OUTPUT, Grade
 from signorini_fx.addons.decks.mesh import NO_BODY, POINTS, read_model
@@ -47,7 +55,7 @@ def read_deck(file: Path) -> Deck:
         if block.keyword in _DEFINITIONS:
             with placed(file, block):
                 _DEFINITIONS[block.keyword](deck, block)
-    rigid.find_surfaces(deck)
+    find_surfaces(deck)
     for block in _used_keywords(file, deck):
         with placed(file, block):
             _say_undefined(deck, block)
@@ -195,7 +203,7 @@ _SETS = ("NODE", "ELEMENT", "NSET", "ELSET", "SURFACE")
 _DEFINITIONS: dict[str, Reader] = {
     "AMPLITUDE": _read_amplitude,
     "PRE-TENSIONSECTION": read_bolt,
-    "RIGIDBODY": rigid.read_rigid_body,
+    "RIGIDBODY": read_rigid_body,
 }
 _READERS: dict[str, Reader] = {
     **dict.fromkeys((*_SETS, *_DEFINITIONS, "ENDSTEP", "SYSTEM"), _read_nothing),

@@ -71,7 +71,7 @@ def _tables(deck: Deck) -> list[tuple[str, list[str]]]:
     element = ["degree = 2"] if deck.mesh.degree == 2 else []
     element += ['volumetric = "auto"'] if has_rubber(deck) else []
     heat = temperature_tables(deck, steps)
-    contacts, stiffness = contact_tables(deck, steps)
+    contacts, stiffness = contact_tables(deck)
     obstacle = obstacle_of(deck, contacts, heated=bool(heat))
     if is_nonlinear(deck, obstacle):
         contacts = say_partners(deck, contacts)
@@ -84,10 +84,8 @@ def _tables(deck: Deck) -> list[tuple[str, list[str]]]:
         *(("[[contact]]", lines) for lines in contacts),
     ]
     all_lines = [line for _, lines in tables for line in lines]
-    timed = any(line.startswith("foundation") and " if t < " in line for line in all_lines)
-    if timed or any(line.startswith(("factors", "holds")) for line in all_lines):  # else all steps are the same
-        times = [f"times = {[float(step) for step in range(1, steps + 1)]}"] if timed else []
-        tables.append(("[load_steps]", [f"names = [{', '.join(map(quoted, deck.steps))}]", *times]))
+    if any(line.startswith(("factors", "holds")) for line in all_lines):  # else all steps are the same
+        tables.append(("[load_steps]", [f"names = [{', '.join(map(quoted, deck.steps))}]"]))
     return tables + ([("[solver]", stiffness)] if stiffness else [])
 
 
@@ -96,7 +94,7 @@ def _loads(deck: Deck, steps: int, *, releases: bool) -> list[tuple[str, list[st
     merged: dict[tuple[Any, ...], dict[str, float]] = {}
     origins: dict[tuple[Any, ...], list[DeckBlock]] = {}
     for load in deck.loads.values():
-        if load.table in ("tool", "bolt"):
+        if load.table == "bolt":
             continue
         values = deck.course(load, steps, releases=releases)
         largest = max(values, key=abs)

@@ -10,7 +10,7 @@ import numpy as np
 from signorini_fx.addons.decks import bolts
 from signorini_fx.addons.decks.content import Deck, DeckLoad, plain_name
 from signorini_fx.addons.decks.groups import Group
-from signorini_fx.addons.decks.keywords import OTHER_AMPLITUDE, TOTAL_TIME
+from signorini_fx.addons.decks.keywords import MOVING, OTHER_AMPLITUDE, TOTAL_TIME
 from signorini_fx.addons.decks.text import ROTATIONS, DeckBlock, DeckError, components, parameter, real
 from signorini_fx.mechanics.mesh.files.arrays import plain
 from signorini_fx.mechanics.mesh.files.cells import completed
@@ -67,18 +67,11 @@ def read_boundary(deck: Deck, block: DeckBlock) -> None:
 
 
 def _drive(deck: Deck, block: DeckBlock, kind: str, node: int, component: int, value: float) -> None:
-    """A load of the reference node of a rigid body or of a bolt, or of the node that turns a rigid body."""
+    """What the reference node of a bolt is given; rigid bodies are at rest."""
     if node in deck.bolts:
         bolts.drive(deck, block, kind, node, component, value)
-        return
-    if node in deck.turners:
-        node, component = deck.turners[node], component + 3
-    name = _AXES.get(component, "")
-    if component in ROTATIONS:
-        name = f"rotation_{_AXES[component - 3]}" if deck.mesh.dim == 3 else "rotation" if component == 6 else ""
-        kind = "moment" if kind == "force" else kind
-    if name and (deck.mesh.dim == 3 or name != "z"):
-        _set_load(deck, DeckLoad("tool", str(node), (kind, name), block), value)
+    elif value:
+        deck.lose(block, MOVING)
 
 
 def read_surface_loads(deck: Deck, block: DeckBlock) -> None:

@@ -201,10 +201,8 @@ def has_rubber(deck: Deck) -> bool:
 def obstacle_of(deck: Deck, contacts: Sequence[Sequence[str]], *, heated: bool) -> str:
     """The part of a scene that excludes nonlinear materials; "": there is none."""
     lines = [line for contact in contacts for line in contact]
-    tied_rigid = any('kind = "bonded"' in contact and "against" not in "".join(contact) for contact in contacts)
     finite = deck.nonlinear is not None or has_rubber(deck)
     for wrong, words in (
-        (tied_rigid, "with a rigid body that is tied"),
         (any(line.startswith("overclosure") for line in lines), "with soft contact"),
         (deck.hypothesis == "plane stress", "in plane stress"),
         # CalculiX takes alpha T from grad u there: another material than one that expands and is deformed then.

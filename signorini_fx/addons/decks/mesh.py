@@ -23,6 +23,7 @@ from signorini_fx.addons.decks.text import (
     DeckError,
     check_rows,
     coordinates,
+    files_of,
     number_of,
     placed,
     read_keywords,
@@ -30,6 +31,8 @@ from signorini_fx.addons.decks.text import (
 from signorini_fx.mechanics.mesh.files.arrays import plain
 from signorini_fx.mechanics.mesh.files.raw import RawMesh
 from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
+
+__all__ = ["files_of", "read_mesh"]  # what readers of meshes need
 
 _SOLID = re.compile(r"(?:C3D|DC3D|AC3D)(\d+)")
 _PLANE = re.compile(r"(?:CPEG|CPE|CPS|CAX|DC2D|STRI|M3D|SFM3D|R3D|DS|S)([34689])")

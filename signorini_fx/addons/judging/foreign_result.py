@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -12,9 +11,7 @@ from scipy.spatial import cKDTree
 
 from signorini_fx.addons.judging.judged_problem import JudgedProblem
 from signorini_fx.addons.judging.printed_results import (
-    NodeTables,
-    PointTable,
-    Table,
+    Printed,
     read_csv,
     read_dat,
     read_frd,
@@ -24,7 +21,7 @@ from signorini_fx.addons.judging.printed_results import (
 from signorini_fx.errors import MeshError
 from signorini_fx.mechanics.mesh.files.arrays import plain
 from signorini_fx.mechanics.mesh.files.shape import Floats
-from signorini_fx.tuned import DIGITS_OF_FILES, HALF_SECTOR_OF_CALCULIX, JUDGED_SAME_PLACE
+from signorini_fx.tuned import DIGITS_OF_FILES, JUDGED_SAME_PLACE
 
 
 @dataclass(frozen=True)
@@ -77,27 +74,24 @@ def read_result(result: object, problem: JudgedProblem) -> ForeignResult:
     return ForeignResult("the result", "", values, np.zeros_like(values))
 
 
+_READERS = {".dat": read_dat, ".frd": read_frd, ".csv": read_csv, ".vtu": read_vtu}
+
+
 def _read(file: Path, problem: JudgedProblem) -> ForeignResult:
-    tables: dict[str, Any] = {".dat": read_dat, ".frd": read_frd}
-    points: dict[str, Any] = {".csv": read_csv, ".vtu": read_vtu}
+    """By the numbers of nodes where there are some, else by their positions."""
     kind = file.suffix.lower()
-    if kind in tables:
-        return _of_tables(file.name, tables[kind](file), problem)
-    if kind in points:
-        return _of_points(file, points[kind](file), problem)
-    raise MeshError(f"{file}: results are read from {', '.join([*tables, *points])}")
-
-
-def _of_tables(name: str, tables: NodeTables, problem: JudgedProblem) -> ForeignResult:
-    """By the numbers of the nodes."""
-    displacement, half = _rows(tables.displacement, problem)
-    if tables.positions and (away := _misplaced(tables, problem)):
-        raise MeshError(f"{name}: {away}: it is the result of another mesh")
+    if kind not in _READERS:
+        raise MeshError(f"{file}: results are read from {', '.join(_READERS)}")
+    printed = _READERS[kind](file)
+    rows, held = _rows_at(file, printed, problem) if printed.numbers is None else _rows_of(file, printed, problem)
+    displacement, half = np.full(problem.points.shape, np.nan), np.zeros(problem.points.shape)
+    displacement[held] = _finite(printed.displacement[rows[held], : problem.arrays.dim])
+    half[held] = printed.half_units[rows[held], : problem.arrays.dim]
     digits = significant_digits(np.nan_to_num(displacement), half)
-    if tables.program.startswith("CalculiX") and problem.scene.statement.kinematics.words == "axisymmetric":
-        # It prints means over a sector.
-        half += np.abs(np.nan_to_num(displacement)) * (1 - np.cos(HALF_SECTOR_OF_CALCULIX))
-    return ForeignResult(name, tables.program, displacement, half, tables.time, digits)
+    # Programs print nodes of their own, too; a table has those that are asked for.
+    own = printed.program or printed.cells
+    further = 0 if own else len(printed.displacement) - len(np.unique(rows[held]))
+    return ForeignResult(file.name, printed.program, displacement, half, printed.time, digits, further)
 
 
 def _finite(values: Floats) -> Floats:
@@ -105,55 +99,29 @@ def _finite(values: Floats) -> Floats:
     return np.where(np.isnan(values), np.inf, values)
 
 
-def _rows(table: Table, problem: JudgedProblem) -> tuple[Floats, Floats]:
-    values, half = np.full(problem.points.shape, np.nan), np.zeros(problem.points.shape)
-    for row, name in enumerate(plain(problem.names)):
-        if name in table:
-            components, units = table[name]
-            values[row] = _finite(np.array(components[: problem.arrays.dim]))
-            half[row] = units[: problem.arrays.dim]
-    return values, half
+def _rows_of(file: Path, table: Printed, problem: JudgedProblem) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.bool_]]:
+    """The row of the table with the number of each node, and which nodes have one."""
+    assert table.numbers is not None
+    order = np.argsort(table.numbers, kind="stable")
+    again = order[1:][np.diff(table.numbers[order]) == 0]
+    first = order[np.searchsorted(table.numbers[order], table.numbers[again])]
+    other = (table.displacement[again] != table.displacement[first]).any(axis=1)
+    if other.any():
+        node = table.numbers[again[np.argmax(other)]]
+        raise MeshError(f"{file}: node {node} is there several times, with different displacements")
+    rows = order[np.minimum(np.searchsorted(table.numbers[order], problem.names), len(order) - 1)]
+    held = table.numbers[rows] == problem.names
+    if table.points is not None:
+        dim = min(problem.arrays.dim, table.points.shape[1])
+        away = np.linalg.norm(table.points[rows, :dim] - problem.points[:, :dim], axis=1)
+        for row in np.flatnonzero(held & (away > JUDGED_SAME_PLACE * problem.size))[:1]:
+            places = f"at {tuple(plain(table.points[rows[row], :dim]))}, in the problem at"
+            where = f"node {problem.names[row]} is {places} {tuple(plain(problem.points[row]))}"
+            raise MeshError(f"{file}: {where}: it is the result of another mesh")
+    return rows, held
 
 
-def _misplaced(tables: NodeTables, problem: JudgedProblem) -> str:
-    """A node that is somewhere else than in the problem, in words; "": none is."""
-    for name, x in zip(plain(problem.names), plain(problem.points), strict=True):
-        at = tables.positions.get(name)
-        if (
-            at is not None
-            and np.linalg.norm(np.subtract(at[: problem.arrays.dim], x)) > JUDGED_SAME_PLACE * problem.size
-        ):
-            return f"node {name} is at {tuple(at[: problem.arrays.dim])}, in the problem at {tuple(x)}"
-    return ""
-
-
-def _of_points(file: Path, table: PointTable, problem: JudgedProblem) -> ForeignResult:
-    """By the numbers of nodes where there are some, else by their positions."""
-    shape = problem.points.shape
-    displacement, half = np.full(shape, np.nan), np.zeros(shape)
-    if table.numbers is not None:
-        order = np.argsort(table.numbers, kind="stable")
-        again = order[1:][np.diff(table.numbers[order]) == 0]
-        first = order[np.searchsorted(table.numbers[order], table.numbers[again])]
-        other = (table.displacement[again] != table.displacement[first]).any(axis=1)
-        if other.any():
-            node = table.numbers[again[np.argmax(other)]]
-            raise MeshError(f"{file}: node {node} is there several times, with different displacements")
-        at = np.minimum(np.searchsorted(table.numbers[order], problem.names), len(order) - 1)
-        rows = order[at]
-        held = table.numbers[rows] == problem.names
-    else:
-        rows, held = _rows_at(file, table, problem)
-    displacement[held] = _finite(table.displacement[rows[held], : problem.arrays.dim])
-    half[held] = table.half_units[rows[held], : problem.arrays.dim]
-    digits = significant_digits(np.nan_to_num(displacement), half)
-    further = 0 if table.cells else len(table.displacement) - len(np.unique(rows[held]))
-    return ForeignResult(file.name, "", displacement, half, None, digits, further)
-
-
-def _rows_at(
-    file: Path, table: PointTable, problem: JudgedProblem
-) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.bool_]]:
+def _rows_at(file: Path, table: Printed, problem: JudgedProblem) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.bool_]]:
     """The row of the table at each node, and which nodes have one."""
     near = JUDGED_SAME_PLACE * problem.size
     if table.points is None:
@@ -179,7 +147,7 @@ def _rows_at(
 
 
 def _rows_by_cells(
-    file: Path, table: PointTable, problem: JudgedProblem, near: float
+    file: Path, table: Printed, problem: JudgedProblem, near: float
 ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.bool_]]:
     """``_rows_at`` where several nodes are at one place: cells with the same middle are the same, with their points.
 

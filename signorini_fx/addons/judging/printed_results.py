@@ -6,7 +6,7 @@ import csv
 import math
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +21,7 @@ _WITHOUT_LETTER = re.compile(r"(?<=[\d.])(?:[dD]([-+]?)|([-+]))(?=\d+\s*$)")
 _CUT = re.compile(r"[eEdD][-+]?\d?$")
 _NUMERIC = re.compile(r"[-+.\d]")
 # Values by numbers of nodes, each with half a unit of its last digit.
-Table = dict[int, tuple[list[float], list[float]]]
+Rows = dict[int, tuple[list[float], list[float]]]
 _HEADING = re.compile(
     r"^ (displacements|forces|total force)\b.*? for set (\S+) and time\s+([-+.\dEe]+)\s*$", re.IGNORECASE
 )
@@ -77,42 +77,48 @@ def significant_digits(values: Floats, half_units: Floats) -> int | None:
     return int(np.floor(np.log10(value))) - int(np.round(np.log10(2 * half))) + 1
 
 
-# --- CalculiX, the last increment -------------------------------------------------------------------------------------
-
-
-@dataclass
-class NodeTables:
-    """Results at nodes by their numbers.
+@dataclass(frozen=True)
+class Printed:
+    """Displacements at nodes or points.
 
     Attributes:
-        displacement: three components of each, length, each with half a unit of its last digit.
-        positions: of the nodes, length; none in tables.
-        time: of the increment.
+        displacement: length, shape (n, 2 or 3).
+        half_units: half a unit of the last digit of each, shape (n, 2 or 3).
+        numbers: of the nodes, shape (n,); None: not known.
+        points: positions, length, shape (n, 2 or 3); None: not known.
+        cells: points of the cells of each kind, shape (m, k); none where only points are known.
+        time: of the last increment; None: not known.
         program: that wrote them; "": it does not say.
     """
 
-    displacement: Table = field(default_factory=dict)
-    positions: dict[int, list[float]] = field(default_factory=dict)
+    displacement: Floats
+    half_units: Floats
+    numbers: Ints | None = None
+    points: Floats | None = None
+    cells: tuple[Ints, ...] = ()
     time: float | None = None
     program: str = ""
 
 
-def read_dat(file: Path) -> NodeTables:
+# --- CalculiX, the last increment -------------------------------------------------------------------------------------
+
+
+def read_dat(file: Path) -> Printed:
     """The displacements of the last increment of a .dat file.
 
     Raises:
         MeshError: it cannot be read, a row is none, or no table has displacements.
     """
-    tables = NodeTables(program="CalculiX")
-    of_sets: dict[str, Table] = {}
-    rows: Table | None = None
+    last: float | None = None
+    of_sets: dict[str, Rows] = {}
+    rows: Rows | None = None
     apart = True  # whether the last line was empty
     for row, line in _lines(file):
         if match := _HEADING.match(line):
             time = _number(file, row, match[3])
-            if tables.time is not None and time != tables.time:
+            if last is not None and time != last:
                 of_sets = {}
-            tables.time = time
+            last = time
             # Increments that are nearer to each other than times are printed have the same: the last one counts.
             rows, apart = None, True
             if match[1].lower() == "displacements":
@@ -127,8 +133,8 @@ def read_dat(file: Path) -> NodeTables:
             node = _node(file, row, words[0])
             rows[node] = _row(file, row, words[1:4])
             apart = False
-    tables.displacement = {node: values for table in of_sets.values() for node, values in table.items()}
-    return _with_displacements(file, tables)
+    rows = {node: values for rows_of_set in of_sets.values() for node, values in rows_of_set.items()}
+    return _of_nodes(file, rows, {}, last, "CalculiX")
 
 
 def _begins_table(words: list[str]) -> bool:
@@ -136,32 +142,33 @@ def _begins_table(words: list[str]) -> bool:
     return words[0][0].isalpha() and not (len(words) > 2 and all(map(_NUMERIC.match, words[1:])))
 
 
-def read_frd(file: Path) -> NodeTables:
+def read_frd(file: Path) -> Printed:
     """The displacements of the last increment of a .frd file.
 
     Raises:
         MeshError: it cannot be read, a row is none, or no field has displacements.
     """
-    tables = NodeTables()
-    rows: Table | None = None
-    places = False
+    displacements, positions = Rows(), dict[int, list[float]]()
+    rows: Rows | None = None
+    last: float | None = None
+    program, places = "a program that writes .frd", False
     increment: list[str] = []
     for row, line in _lines(file):
         head = line[:5]
         if line.startswith("    1PSTEP"):
             if increment != (increment := line.split()[2:]):
-                tables.displacement = {}
+                displacements = {}
         elif line.startswith("    1UPGM"):
-            tables.program = line[9:].strip() or tables.program
+            program = line[9:].strip() or program
         elif head == "    2":
             places, rows = True, None
         elif line.startswith("  100C"):
             time = _number(file, row, line[12:24])
-            if tables.time is not None and time != tables.time:
-                tables.displacement = {}
-            tables.time = time
+            if last is not None and time != last:
+                displacements = {}
+            last = time
         elif line.startswith(" -4"):
-            rows = tables.displacement if line[5:13].strip() == "DISP" else None
+            rows = displacements if line[5:13].strip() == "DISP" else None
             places = False
         elif line.startswith(" -3"):
             rows, places = None, False
@@ -169,11 +176,10 @@ def read_frd(file: Path) -> NodeTables:
             node = _node(file, row, line[3:13])
             words = [line[k : k + 12] for k in range(13, len(line.rstrip("\n")), 12)][:3]
             if places:
-                tables.positions[node] = [_number(file, row, word) for word in words]
+                positions[node] = [_number(file, row, word) for word in words]
             elif rows is not None:
                 rows[node] = _row(file, row, words)
-    tables.program = tables.program or "a program that writes .frd"
-    return _with_displacements(file, tables)
+    return _of_nodes(file, displacements, positions, last, program)
 
 
 def _lines(file: Path) -> Iterator[tuple[int, str]]:
@@ -209,36 +215,19 @@ def _row(file: Path, line: int, words: list[str]) -> tuple[list[float], list[flo
     return [_number(file, line, word) for word in words], [last_digit(word) / 2 for word in words]
 
 
-def _with_displacements(file: Path, tables: NodeTables) -> NodeTables:
-    if not tables.displacement:
+def _of_nodes(file: Path, rows: Rows, positions: dict[int, list[float]], time: float | None, program: str) -> Printed:
+    if not rows:
         cure = "print them: *NODE PRINT, NSET=ALL with U, or *NODE FILE with U"
         raise MeshError(f"{file}: has no displacements: {cure}")
-    return tables
+    values, half = (np.array(table) for table in zip(*rows.values(), strict=True))
+    points = np.array([positions.get(node, [np.nan] * 3) for node in rows]) if positions else None
+    return Printed(values, half, np.array(list(rows)), points, time=time, program=program)
 
 
 # --- points -----------------------------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class PointTable:
-    """Displacements at points.
-
-    Attributes:
-        numbers: of the nodes, shape (n,); None: not known.
-        points: positions, length, shape (n, 2 or 3); None: not known.
-        displacement: length, shape (n, 2 or 3).
-        half_units: half a unit of the last digit of each, shape (n, 2 or 3).
-        cells: points of the cells of each kind, shape (m, k); none where only points are known.
-    """
-
-    numbers: Ints | None
-    points: Floats | None
-    displacement: Floats
-    half_units: Floats
-    cells: tuple[Ints, ...] = ()
-
-
-def read_csv(file: Path) -> PointTable:
+def read_csv(file: Path) -> Printed:
     """A table with a heading.
 
     Raises:
@@ -276,7 +265,7 @@ def read_csv(file: Path) -> PointTable:
     moved_values = values(moved)
     half = np.stack([units_of_column([row[column] for row in rows]) / 2 for column in moved], axis=1)
     numbers = None if number is None else _whole(file, heading[number], values([number])[:, 0])
-    return PointTable(numbers, values(places) if places else None, moved_values, half)
+    return Printed(moved_values, half, numbers, values(places) if places else None)
 
 
 def _whole(file: Path, name: str, values: Floats) -> Ints:
@@ -292,7 +281,7 @@ def _whole(file: Path, name: str, values: Floats) -> Ints:
     return np.asarray(values.astype(np.int64))
 
 
-def read_vtu(file: Path) -> PointTable:
+def read_vtu(file: Path) -> Printed:
     """A field of vectors at the points of a .vtu file.
 
     Raises:
@@ -316,4 +305,4 @@ def read_vtu(file: Path) -> PointTable:
         half = np.abs(values) * np.finfo(np.float32).eps / 2
     points = np.asarray(mesh.points, dtype=np.float64)
     cells = tuple(block.data.astype(np.int64) for block in mesh.cells if block.dim > 0)
-    return PointTable(None, points, values, half, cells)
+    return Printed(values, half, None, points, cells)

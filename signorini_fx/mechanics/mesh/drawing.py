@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from signorini_fx.errors import MeshError
 from signorini_fx.mechanics.statement.generators import refuse
-from signorini_fx.tuned import DIGITS_OF_FILES, HEXAHEDRON_VOLUME, TETRAHEDRON_VOLUME
+from signorini_fx.tuned import DIGITS_OF_FILES
 
 # Of a body around the axis x[2]: all of it, x[1] >= 0, or x[0] >= 0 as well.
 Part = Literal["whole", "half", "quarter"]
@@ -138,34 +138,6 @@ def _refuse_short(sizes: Sizes, fine: float) -> None:
             refuse(name, f"{short:g} is too short: {long / short:.2g} facets along {long:g}")
 
 
-# The dimension of a cell, and its area or volume for edges of length 1.
-_CELLS = {
-    "triangle": (2, math.sqrt(3) / 4),
-    "quadrilateral": (2, math.sqrt(3) / 2),
-    "tetrahedron": (3, TETRAHEDRON_VOLUME),
-    "hexahedron": (3, HEXAHEDRON_VOLUME),
-}
-
-
-def approximate_cells(
-    sizes: Sizes, within: Callable[[npt.NDArray[np.float64]], npt.NDArray[np.float64]], cell: str
-) -> float:
-    """The approximate number of cells of these sizes in a body.
-
-    Args:
-        sizes: lengths of their edges.
-        within: the area or volume of the body up to distances from the places where they are small.
-        cell: their kind.
-    """
-    _refuse_short(sizes, sizes.zone)
-    far = max(sizes.reach, sizes.zone)
-    r = np.concatenate([[0.0, sizes.zone], sizes.zone + np.geomspace(1e-9, 1.0, 400) * (far - sizes.zone)])
-    h = sizes.at(r)
-    dimension, content = _CELLS[cell]
-    with np.errstate(over="ignore", divide="ignore"):
-        return float((np.diff(within(r)) / (content * (0.5 * (h[1:] + h[:-1])) ** dimension)).sum())
-
-
 def mesh_surface(
     drawing: Drawing,
     bodies: Iterable[int],
@@ -279,7 +251,11 @@ def mesh_solid(
         distance: distance of a position from the places where they are small, in units of the drawing.
         cell: ``tetrahedron``, or ``hexahedron``: tetrahedra of twice the size, each divided into four hexahedra.
         order: degree of the geometry; 2: edges have nodes between, which are on the surfaces.
+
+    Raises:
+        SceneError: the edges are so short that no machine could mesh the body.
     """
+    _refuse_short(sizes, sizes.zone)
     gmsh, stretch = drawing.gmsh, 2.0 if cell == "hexahedron" else 1.0
     gmsh.model.occ.synchronize()
     drawn = Sizes(*(drawing.length(value) for value in (sizes.near, sizes.far, sizes.zone, sizes.reach)))

@@ -1,4 +1,4 @@
-"""A description of a mesh file for writing a scene: names, counts, quality, size, and what has no name."""
+"""A description of a mesh file for writing a scene: names, counts, size, and what has no name."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from signorini_fx.mechanics.mesh.files.arrays import MeshArrays, plain, sides_of
 from signorini_fx.mechanics.mesh.files.raw import row_keys
-from signorini_fx.mechanics.mesh.files.shape import Floats, Ints, measures, quality
+from signorini_fx.mechanics.mesh.files.shape import Floats, Ints, measures
 from signorini_fx.tuned import NOTHING_LEFT
 
 # The names of the size of the body, of its surface and of a boundary, by dimension.
@@ -22,13 +22,11 @@ def mesh_info(mesh: MeshArrays) -> dict[str, Any]:
     Returns:
         ``cells``, ``kind``, ``degree`` (of the geometry), ``points``, ``bounds`` ([low, high], one pair of coordinates
         each), ``area`` and ``perimeter``, in 3D ``volume`` and ``surface``, with curved sides where they are;
-        ``quality`` with ``min``, ``mean`` and ``worst`` (where the worst cell is);
         ``pieces`` (parts of the body that share no facet), ``coincident`` (points at the place of another one);
         ``boundaries`` and ``unnamed`` (exterior facets without a name) with ``facets``, ``bounds`` and
         ``length``, in 3D ``area``; ``regions`` and ``rest`` (cells without a name) with ``cells`` and ``area``, in
         space ``volume``.
     """
-    shape = quality(mesh.points, mesh.corners)
     size, outside = measures(mesh.points, mesh.cells, mesh.cell), measures(mesh.points, mesh.facets, mesh.facet)
     measure, around, of_facets = _MEASURES[mesh.dim]
     diagonal = float(np.linalg.norm(np.ptp(mesh.points, axis=0)))
@@ -48,11 +46,6 @@ def mesh_info(mesh: MeshArrays) -> dict[str, Any]:
         "bounds": _bounds(mesh.points),
         measure: float(size.sum()),
         around: float(outside.sum()),
-        "quality": {
-            "min": float(shape.min()),
-            "mean": float(shape.mean()),
-            "worst": plain(mesh.points[mesh.corners[np.argmin(shape)]].mean(axis=0)),
-        },
         "pieces": _pieces(mesh),
         "coincident": _coincident(mesh.points, NOTHING_LEFT * diagonal),
         "boundaries": {name: facets(rows) for name, rows in mesh.boundaries.items()},
@@ -93,7 +86,7 @@ def _coincident(points: Floats, near: float) -> int:
 
 def render(info: Mapping[str, Any], name: str) -> str:
     """The summary for a terminal."""
-    shape, lines = info["quality"], []
+    lines: list[str] = []
 
     def row(title: str, text: str) -> None:
         lines.append(f"  {title:14s}{text}")
@@ -102,7 +95,6 @@ def render(info: Mapping[str, Any], name: str) -> str:
     lines.append(f"{name}: {info['cells']} {info['kind']}, {info['points']} points{degree}")
     measure = "volume" if "volume" in info else "area"
     row("extent", f"{_extent(info['bounds'])}; {measure} {info[measure]:g}")
-    row("quality", f"min {shape['min']:.3f}, mean {shape['mean']:.3f} (best 1), worst at ({_point(shape['worst'])})")
     if info["pieces"] > 1:
         shared = "face" if "volume" in info else "side"
         row("pieces", f"{info['pieces']} parts of the body share no {shared}: each must be held by itself")
@@ -119,10 +111,6 @@ def render(info: Mapping[str, Any], name: str) -> str:
     if info["rest"]["cells"] and info["regions"]:
         row("unnamed", f"{'cells':16s} {_amount(info['rest'])}")
     return "\n".join(lines)
-
-
-def _point(x: list[float]) -> str:
-    return ", ".join(f"{value:.4g}" for value in x)
 
 
 def _amount(entry: Mapping[str, Any]) -> str:

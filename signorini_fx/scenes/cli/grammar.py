@@ -117,7 +117,7 @@ def parser() -> argparse.ArgumentParser:
     new.add_argument(
         "--from", dest="deck", type=named_path, metavar="DECK", help="draft it from an .inp of Abaqus or CalculiX"
     )
-    info = commands.add_parser("mesh-info", help="describe a mesh file: names, counts, quality, what is unnamed")
+    info = commands.add_parser("mesh-info", help="describe a mesh file: names, counts, what is unnamed")
     info.add_argument("file", type=named_path, metavar="FILE", help=f"mesh: {_READ}")
     info.add_argument("--size", type=float, help="cell size for a .step, .stp or .brep")
     info.add_argument("--json", action="store_true", help="print JSON instead of a table")

@@ -16,12 +16,10 @@ import numpy as np
 from signorini_fx.errors import MeshError, SignoriniError
 from signorini_fx.mechanics.mesh.files.arrays import MeshArrays
 from signorini_fx.mechanics.mesh.files.cells import CELLS, completed
-from signorini_fx.mechanics.mesh.files.gmsh_script import check_script
 from signorini_fx.mechanics.mesh.files.gmsh_session import gmsh_session
 from signorini_fx.mechanics.mesh.files.raw import RawMesh
 from signorini_fx.mechanics.mesh.files.shape import Ints
 from signorini_fx.mechanics.mesh.files.size_field import Sizes, with_sizes
-from signorini_fx.tuned import BYTES_PER_CELL, TETRAHEDRON_VOLUME
 
 # Drawings of CAD programs, by what OpenCASCADE calls them.
 CAD = {".step": "step", ".stp": "step", ".brep": "brep"}
@@ -34,13 +32,22 @@ _HEADERS = {
 _LAST = {"step": re.compile(rb"END-ISO-10303-21\s*;\s*$"), "brep": re.compile(rb"\n[+-]\d+ \d+\s*$")}
 # A body's diagonal is so many cells long where no size is given.
 _CELLS_ALONG = 25
-# The area and volume of a triangle and a tetrahedron with edges of length 1.
-_CONTENT = {2: 0.43, 3: TETRAHEDRON_VOLUME}
 # Where the surface is curved, so many cells are a full turn.
 _TO_A_TURN = 16
 # Elements by gmsh's number, in meshio's words.
 _TYPES = {cell.gmsh: kind for kind, cell in CELLS.items()} | {15: "vertex", 16: "quad8", 17: "hexahedron20"}
 _TYPES |= {6: "wedge", 7: "pyramid", 13: "wedge18", 14: "pyramid14", 18: "wedge15", 19: "pyramid13"}
+
+# Comments and texts, whose words are no commands.
+_SKIPPED = re.compile(r'//[^\n]*|/\*.*?\*/|"[^"\n]*"|\'[^\'\n]*\'', re.DOTALL)
+_FORBIDDEN = re.compile(
+    r"\b(?:(?:System|SystemCall|NonBlockingSystemCall|OnelabRun|ExternalProcess|CommandLine|Parse|Exit|Abort|Save|Print"
+    r"|CreateDir)\b|(?:Error|Printf)\s*\([^;]*>)"
+)
+# These read another file, whose name follows.
+_READS = re.compile(r"\b(?:Include|Merge|MergeFile|Open|ListFromFile|ShapeFromFile|FileName)\b")
+_NAMED = re.compile(r"\s*[\[(=]?\s*[\"']([^\"'\n]*)[\"']")
+_NO_SCRIPTS = (b"$MeshFormat", b"$Comments", b"ISO-10303-21", b"DBRep_DrawableShape", b"\nCASCADE Topology")
 
 
 def read_gmsh(
@@ -168,6 +175,53 @@ def _check_ends(file: Path, form: str) -> None:
         raise MeshError(f"{file}: gmsh cannot read it: it ends before its last line")
 
 
+def _check_script(file: Path, name: str = "", checked: frozenset[Path] = frozenset()) -> None:
+    """Refuse a script with a word that starts programs, writes files, or reads files outside its folder.
+
+    The language of gmsh has such words, and drawings of others may contain them.
+
+    Args:
+        file: the script.
+        name: of the file that a scene names, in messages; "" if it is this one.
+        checked: the scripts that include it.
+
+    Raises:
+        MeshError: with the word and its line.
+        OSError: it cannot be read.
+    """
+    where = f"{name}: {file.name}" if name else str(file)
+    text = file.read_text(encoding="utf-8-sig", errors="replace")
+    if name and not text.endswith("\n"):
+        raise MeshError(f"{where}: its last line does not end, so that gmsh would leave it out: add a line break")
+    # Blanks in place of comments and texts leave all other places where they are.
+    bare = _SKIPPED.sub(lambda skipped: re.sub(r"[^\n]", " ", skipped[0]), text)
+    if word := _FORBIDDEN.search(bare):
+        raise _refused(where, text, word.start(), "runs programs, writes files or ends the process")
+    for word in _READS.finditer(bare):
+        argument = _NAMED.match(text, word.end())
+        if argument is None or Path(argument[1]).name != argument[1]:
+            raise _refused(where, text, word.start(), "may read a file outside the folder of the script")
+        other = file.with_name(argument[1])
+        if other.is_file() and other not in checked and not _has_header(other):
+            _check_script(other, name or str(file), checked | {file, other})
+
+
+def _refused(where: str, text: str, start: int, reason: str) -> MeshError:
+    word = re.match(r"\w+", text[start:])
+    line = text.count("\n", 0, start) + 1
+    return MeshError(
+        f"{where}: line {line}: {word and word[0]} is not allowed in a script, as it {reason}; give the .msh that gmsh "
+        "makes of it"
+    )
+
+
+def _has_header(file: Path) -> bool:
+    """Whether a file is a mesh or a drawing, which gmsh does not take for a script."""
+    with file.open("rb") as stream:
+        start = stream.read(256)
+    return any(word in start for word in _NO_SCRIPTS)
+
+
 def _run(gmsh: Any, file: Path) -> None:
     """Run a script, to its end in any case: gmsh's parser would begin the next one where it left this one.
 
@@ -177,7 +231,7 @@ def _run(gmsh: Any, file: Path) -> None:
     text = file.read_bytes()
     if text.startswith(b"$"):
         raise MeshError(f"{file}: is not a gmsh script: it begins with $; a mesh must end in .msh")
-    check_script(file)
+    _check_script(file)
     gmsh.logger.start()
     gmsh.option.setNumber("General.AbortOnError", 0)
     try:
@@ -201,7 +255,7 @@ def _import(gmsh: Any, file: Path, form: str, size: float | None, *, joined: boo
     """Import a CAD drawing; each surface is a physical group with its number, and so is each solid.
 
     Raises:
-        MeshError: there is no body, or too many cells for the memory.
+        MeshError: there is no body.
     """
     with _silence():
         shapes = gmsh.model.occ.importShapes(str(file.absolute()), highestDimOnly=True, format=form)
@@ -213,13 +267,6 @@ def _import(gmsh: Any, file: Path, form: str, size: float | None, *, joined: boo
         raise MeshError(f"{file}: it has neither solids nor faces")
     low, high = (gmsh.model.getBoundingBox(-1, -1)[k : k + 3] for k in (0, 3))
     length = size or sum((b - a) ** 2 for a, b in zip(low, high, strict=True)) ** 0.5 / _CELLS_ALONG
-    with np.errstate(over="ignore", divide="ignore"):
-        masses = sum(abs(gmsh.model.occ.getMass(dim, tag)) for dim, tag in gmsh.model.getEntities(top))
-        cells = np.float64(masses) / _CONTENT[top] / np.float64(length) ** top
-    if BYTES_PER_CELL * cells > os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"):
-        raise MeshError(
-            f"{file}: cells of size {length:g} would be about {cells:.2g}, too many for the memory: use larger ones"
-        )
     # Cells are smaller where the surface is curved, by a factor of 8 at most.
     gmsh.option.setNumber("Mesh.MeshSizeMax", length)
     gmsh.option.setNumber("Mesh.MeshSizeMin", length / 8)
