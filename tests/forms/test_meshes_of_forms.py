@@ -109,7 +109,6 @@ def test_adaptive_meshes_are_those_of_the_scene(of):
         assert getattr(costs[0], name) == pytest.approx(getattr(costs[1], name), rel=1e-6), name
     took = sum(level.seconds for level in ours.levels)
     assert costs[0].seconds == pytest.approx(took)
-    assert costs[0].next_seconds[1] > took
 
 
 def test_budget_ends_by_name():

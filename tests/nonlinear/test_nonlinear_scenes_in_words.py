@@ -37,9 +37,7 @@ REFUSED = {
     },
     "solver.error_bound: a nonlinear body has no guaranteed bound": {"solver": {"error_bound": True}},
     "solver.regularisation_error: must be a number": {"solver": {"algorithm": "path-following"}},
-    "accuracy.of: of a nonlinear body": {
-        "accuracy": {"target": 0.05, "of": "peak"}
-    },
+    "accuracy.of: of a nonlinear body": {"accuracy": {"target": 0.05, "of": "peak"}},
     "accuracy.of: is not known where cells lock": {
         "material": RUBBER | {"poisson": 0.49},
         "accuracy": {"target": 0.05, "of": "force"},

@@ -81,7 +81,7 @@ def nodes_of(displacement):
 
 
 @pytest.mark.one_quick
-@pytest.mark.parametrize(("law", "bodies", "path", "rough", "held"), table())
+@pytest.mark.parametrize(("law", "bodies", "path", "rough", "held"), list(table()))
 def test_stays_near_to_where_it_was(law, bodies, path, rough, held):
     """No forces, no strain but that of heat and of yielding, each body on what is below it, and not moved sideways."""
     solution = solve(stack(law, bodies, path, rough=rough, held=held), MPI.COMM_SELF)

@@ -20,6 +20,7 @@ sys.path.append(str(Path(__file__).resolve().parents[2]))
 from scenes import alone
 
 from signorini_fx.errors import SignoriniError
+from signorini_fx.machine import compat
 from signorini_fx.mechanics.mesh.refinement import refine
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import parse_scene
@@ -120,14 +121,16 @@ def energy_of_difference(coarse, fine):
     """Energy norm of the difference of two displacements on nested meshes, the second one finer and of degree 2."""
     d, (t, space) = fine.model.tagged.dimension, (fine.model.tagged.mesh, fine.displacement.function_space)
     cells = coarse.model.tagged.mesh
-    x = cells.geometry.x[cells.geometry.dofmap][..., :d]
+    x = cells.geometry.x[compat.geometry_cells(cells)][..., :d]
     inverse = np.linalg.inv((x[:, 1:] - x[:, :1]).transpose(0, 2, 1))
     nodes = coarse.displacement.x.array.reshape(-1, d)[coarse.displacement.function_space.dofmap.list]
     element = coarse.displacement.function_space.element.basix_element
     places = space.tabulate_dof_coordinates()[:, :d]
     difference = fem.Function(space)
     values = difference.x.array.reshape(-1, d)
-    for dofs, middle in zip(space.dofmap.list, t.geometry.x[t.geometry.dofmap][..., :d].mean(axis=1), strict=True):
+    for dofs, middle in zip(
+        space.dofmap.list, t.geometry.x[compat.geometry_cells(t)][..., :d].mean(axis=1), strict=True
+    ):
         local = np.einsum("nij,nj->ni", inverse, middle - x[:, 0])
         owner = int(np.minimum(local.min(axis=1), 1 - local.sum(axis=1)).argmax())  # the cell of the same body
         at = (places[dofs] - x[owner, 0]) @ inverse[owner].T

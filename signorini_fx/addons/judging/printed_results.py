@@ -148,7 +148,8 @@ def read_frd(file: Path) -> Printed:
     Raises:
         MeshError: it cannot be read, a row is none, or no field has displacements.
     """
-    displacements, positions = Rows(), dict[int, list[float]]()
+    displacements: Rows = {}
+    positions: dict[int, list[float]] = {}
     rows: Rows | None = None
     last: float | None = None
     program, places = "a program that writes .frd", False

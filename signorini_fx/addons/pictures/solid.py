@@ -76,7 +76,7 @@ class Cut:
         kind = {4: pyvista.CellType.TETRA, 8: pyvista.CellType.HEXAHEDRON}[volume.cells.shape[1]]
         grid = pyvista.UnstructuredGrid({kind: volume.cells}, volume.points + factor * volume.displacement)
         grid.point_data["field"] = volume.values
-        left = grid.clip(normal=self.normal, origin=origin, invert=True).extract_surface().triangulate()
+        left = grid.clip(normal=self.normal, origin=origin, invert=True).extract_geometry().triangulate()
         triangles = left.faces.reshape(-1, 4)[:, 1:]
         return left.points, triangles, left.point_data["field"][triangles]
 
