@@ -95,6 +95,19 @@ def test_units_and_single_nodes():
     assert (judgement.word, judgement.reason, judgement.exit_code) == (NOT_TOLD, "nothing moves at all", 7)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize(("share", "condition"), [(-0.7, "penetration"), (0.7, "complementarity")])
+def test_a_rigid_motion_has_no_strain(share, condition):
+    """The upper body of a stack is moved along the gap: its energy norm is that of the good result."""
+    u, deck = displacements("stack_CPE8R"), DATA / "stack_CPE8R.inp"
+    stack = judged_problem(deck)
+    upper = stack.names <= stack.names[stack.points[:, 1] > 0.1].max()
+    u[upper, 1] += share * np.abs(u).max()
+    judgement = judge(deck, u)
+    assert (judgement.word, judgement.exit_code) == (VIOLATES + condition, 6), str(judgement)
+    assert judgement.figures["distance"]["value"] < judgement.figures["distance"]["threshold"]
+
+
 def test_what_a_result_lacks(tmp_path):
     """Digits, nodes, and time."""
     text = (DATA / "shelf_CPE4.dat").read_text()

@@ -7,6 +7,7 @@ Beyond that error the certificate of the result says which condition it violates
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -163,17 +164,17 @@ class _Judging:
             return VIOLATES + "supports", violated["supports"]
         on_mesh = ours.norm(v - ours.displacement)
         if on_mesh <= printed + NEGLIGIBLE * size:
-            return AGREES, ""
+            return self._strained_alike(violated)
         if distance > allowed and self._in_increments() <= allowed:
             self.lines["distance"] += f"; solved in {JUDGED_INCREMENTS} increments, within the error"
-            return AGREES, ""
+            return self._strained_alike(violated)
         # So far elements with fewer points may be away.
         farthest = _COARSER * error + printed
         other_problem = self._other_problem(on_mesh, farthest, printed, agrees=distance <= allowed)
         if other_problem:
             return ANOTHER, other_problem
         if distance <= allowed:
-            return AGREES, ""
+            return self._strained_alike(violated)
         if any(contact.adjust is not None for contact in self.problem.scene.contact):
             return NOT_TOLD, "ADJUST moves nodes, and it is not a result of the mesh as it is before"
         if self.problem.lost:
@@ -187,6 +188,12 @@ class _Judging:
         if shares[worst] > allowed / size:
             return VIOLATES + worst, violated[worst]
         return ANOTHER, "no single load, modulus, gap or friction explains it, and it violates no condition"
+
+    def _strained_alike(self, violated: Mapping[str, str]) -> tuple[str, str]:
+        """The word where strains are ours: a rigid motion, which they do not show, may yet violate contact."""
+        shares = {key: self.figures[key]["value"] for key in ("penetration", "complementarity") if key in violated}
+        worst = max(shares, key=lambda key: shares[key], default="")
+        return (VIOLATES + worst, violated[worst]) if worst and shares[worst] > _HALF else (AGREES, "")
 
     def _figure(self, name: str, value: float, threshold: float) -> None:
         self.figures[name] = {"value": float(value), "threshold": float(threshold)}
