@@ -190,17 +190,6 @@ def test_parameters_that_are_refused(name, changes, path):
     assert [problem[0] for problem in caught.value.problems] == [f"mesh.parameters.{path}"]
 
 
-@pytest.mark.parametrize("changes", [{"contact_size": 1e-9}, {"size": 1e-6, "contact_zone": 1e-9}], ids=str)
-@each_curved
-def test_more_cells_than_there_could_be(name, changes):
-    """A size that no machine could mesh is refused before it is tried, also along a whole curve."""
-    with pytest.raises(SceneError, match=r"mesh\.parameters"):
-        make(name, **changes)
-    if name in ("plate_with_hole", "dovetail", "block_on_cylinder"):
-        with pytest.raises(SceneError, match=r"mesh\.parameters"):
-            make(name, contact_size=1e-6, contact_zone=1e-9)
-
-
 # --- generators of other packages ------------------------------------------------------------------------------------
 
 GUIDE = Path(__file__).parents[2] / "docs" / "meshes.md"
