@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from corner_scenes import QUANTITIES, Block
 from corner_scenes import reference as corner_reference
-from dolfinx import mesh as dmesh
 from mesh_files import write_msh
 from mpi4py import MPI
 from reference import Reference, divided
@@ -15,11 +14,10 @@ from scenes import example1, on_mesh, rectangle
 
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.machine import compat, parallel
-from signorini_fx.mechanics.mesh.tagged import generate_mesh
 from signorini_fx.mechanics.statement.mesh_sources import MeshGenerator
 from signorini_fx.mechanics.statement.settings import Accuracy
 from signorini_fx.records import History, IterationRecord, Status
-from signorini_fx.results.accuracy.convergence_table import fineness_of, predict
+from signorini_fx.results.accuracy.convergence_table import predict
 from signorini_fx.results.summary import render, summarise
 from signorini_fx.scenes.checks import check_scene
 from signorini_fx.scenes.mesh_sequence import meshes_of
@@ -45,18 +43,6 @@ def reference(request):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("target", [1e-1, 3e-2, 1e-2])
-def test_pressure(reference, target):
-    """The true error of the contact pressure is what was asked for, or less."""
-    friction, fine = reference
-    solution = solve(asked(friction, target=target, of="pressure"))
-    coarse = solution.table.columns
-    difference = np.interp(fine["s"], coarse["s"], coarse["pressure"]) - fine["pressure"]
-    true = np.sqrt(np.dot(fine["weight"], difference**2) / np.dot(fine["weight"], fine["pressure"] ** 2))
-    assert true <= target
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize(("of", "targets"), [("energy", (1e-1, 1e-2, 2e-3)), ("pressure", (1e-1, 1e-2, 3e-3))])
 def test_true_error_on_the_meshes_that_the_program_chooses(with_reference, of, targets):
     """Displacement and pressure on triangles of degree 2, refined where the error is: met, and with few unknowns."""
@@ -74,16 +60,6 @@ def with_reference(request):
     return request.param, Reference(divided(scene, 2.0, 60_000)[-1])
 
 
-@pytest.mark.slow
-@pytest.mark.mpi(slow=True)
-def test_every_number_of_ranks_meets_it():
-    """The same meshes, and with them the same answer, on any number of ranks."""
-    scene = asked("coulomb", target=3e-2, of="pressure")
-    ours, alone = solve(scene), solve(scene, MPI.COMM_SELF)
-    assert [level.dofs for level in ours.levels] == [level.dofs for level in alone.levels]
-    assert ours.convergence_table[-2].pressure == pytest.approx(alone.convergence_table[-2].pressure, rel=1e-6)
-
-
 def test_nodes_where_loads_jump_are_kept():
     """The first mesh is part of the scene's own; one that cannot be halved is where it begins."""
     for (nx, ny), (coarse_nx, coarse_ny) in (((120, 40), (15, 5)), ((60, 20), (15, 5)), ((45, 15), (45, 15))):
@@ -91,48 +67,6 @@ def test_nodes_where_loads_jump_are_kept():
         first = meshes_of(scene, Accuracy(target=0.1), MPI.COMM_SELF, History()).problem.source
         assert first.mesh.parameters["nx"] == coarse_nx
         assert first.mesh.parameters["ny"] == coarse_ny
-
-
-def test_supports_begin_where_the_scene_says():
-    """A first mesh on which a named side would begin elsewhere is none: cells that are divided would keep it there."""
-    scene = parse_scene(
-        {
-            "mesh": {"generator": "notched_sides", "parameters": {"nx": 60, "ny": 20, "lower": 0.25}},
-            "material": {"young": 1e4, "poisson": 0.3},
-            "displacement": [{"boundary": side, "x": 0.0, "y": -0.004} for side in ("left", "right")],
-            "contact": {"boundary": "bottom", "gap": 0.0015},
-            "accuracy": {"target": 0.2},
-        }
-    )
-    solution = solve(scene, MPI.COMM_SELF)
-    tagged = solution.model.tagged
-    for side in ("left", "right"):
-        points = tagged.mesh.geometry.x[dmesh.entities_to_geometry(tagged.mesh, 1, tagged.facets(side))]
-        assert points[:, :, 1].min() == pytest.approx(0.25)
-
-
-@pytest.mark.slow
-def test_uniform_meshes_jump_to_what_is_needed():
-    """The scene's own elements, in whole multiples of the coarsest, with few meshes in between."""
-    solution = solve(asked("tresca", target=2e-2, of="energy", refinement="uniform"), MPI.COMM_SELF)
-    assert solution.statement.element.degree == 1
-    counts = [(level.table.columns["s"].size - 1) / 30 for level in solution.levels]
-    assert counts == [round(count) for count in counts]
-    assert counts[-1] > 8 > len(counts)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("of", ["energy", "pressure"])
-def test_own_triangles(with_reference, of):
-    """A mesh that no generator makes gets degree 2 as well: the accuracy is met with few unknowns."""
-    friction, fine = with_reference
-    scene = asked(friction, target=1e-2, of=of)
-    generator = {**scene.mesh.parameters, "nx": 30, "ny": 10, "cell": "triangle"}
-    own = generate_mesh(scene.mesh.generator, generator, MPI.COMM_SELF)
-    solution = solve(scene.model_copy(update={"mesh": own}), MPI.COMM_SELF)
-    assert solution.statement.element.degree == 2
-    assert fine.errors(solution)[of] <= 1e-2
-    assert solution.model.dofs < 20_000
 
 
 @pytest.mark.one_quick
@@ -149,23 +83,6 @@ def test_gamma_is_raised_where_it_is_in_the_way():
     scene = example1(bound=1.5, gamma=1e5, nx=60, ny=20)
     solution = solve(scene.model_copy(update={"accuracy": Accuracy(target=3e-2, of="pressure")}))
     assert solution.parameters["gamma_n"] > 1e6
-    assert solution.levels[-1].pressure_regularisation < 0.5 * 3e-2
-
-
-@pytest.mark.slow
-def test_path_following_leaves_less_where_it_is_in_the_way():
-    """What the scene lets it leave is more than the target: it is lowered, and no mesh is solved for ever."""
-    meshes = []
-
-    def watch(record):
-        if isinstance(record, str) and record.startswith("level "):
-            meshes.append(record)
-            assert len(meshes) < 15
-
-    path = {"algorithm": "path-following", "regularisation_error": 0.1}
-    scene = example1(bound=1.5, gamma="auto", nx=24, ny=8, **path)
-    goal = Accuracy(target=3e-2, of="pressure")
-    solution = solve(scene.model_copy(update={"accuracy": goal}), MPI.COMM_SELF, observers=[watch])
     assert solution.levels[-1].pressure_regularisation < 0.5 * 3e-2
 
 
@@ -234,33 +151,6 @@ def test_the_memory_of_the_machine_is_a_budget(monkeypatch):
     assert not any(line.startswith("  fall-backs") for line in told)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("refinement", ["adaptive", "uniform"])
-def test_forecasts_are_of_the_mesh_that_follows(monkeypatch, refinement):
-    """How much finer it is was guessed once, as twice the unknowns: in 3D there were six times as many."""
-    finer = []
-
-    def noted(*given, **named):
-        finer.append(named["finer"])
-        return predict(*given, **named)
-
-    monkeypatch.setattr(to_accuracy, "predict", noted)
-    scene = asked("tresca", target=0.03, of="energy", refinement=refinement)
-    if refinement == "adaptive":
-        cells = {**scene.mesh.parameters, "cell": "triangle", "nx": 24, "ny": 8}
-        scene = scene.model_copy(update={"mesh": MeshGenerator(generator="block", parameters=cells)})
-    solution = solve(scene, MPI.COMM_SELF)
-    dofs = [level.dofs for level in solution.levels][-1 - len(finer) :]
-    made = [fineness_of(fine / coarse, 2) for coarse, fine in pairwise(dofs)]
-    assert len(made) >= 1
-    assert finer == pytest.approx(made, rel=0.1)  # cells are counted, and not unknowns
-
-
-def test_no_more_than_asked_for():
-    """A rough answer costs two small meshes."""
-    assert len(solve(asked("tresca", target=0.5, of="pressure")).levels) == 2
-
-
 def test_arcs_get_degree_2():
     """Half a disk is refined uniformly with elements and cells of degree 2, and comes to Hertz's peak pressure.
 
@@ -286,26 +176,6 @@ TABLE = {
 }
 
 
-@pytest.fixture(scope="module")
-def block_on_table():
-    """A solution that resolves the corner of the block: 25 halvings there, and degree 2."""
-    return corner_reference(parse_scene(TABLE), Block(2.0, 1.0, (8, 4)), 25, 20_000)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("target", [0.1, 0.05, 0.02])
-def test_contact_up_to_a_corner(block_on_table, target):
-    """The pressure at the corner is singular: what is asked for is met there too, and the estimate is no fluke."""
-    fine, own = block_on_table
-    assert own["pressure"] < 0.2 * target
-    scene = parse_scene({**TABLE, "accuracy": {"target": target, "of": "pressure"}})
-    solution = solve(scene, MPI.COMM_SELF)
-    true = fine.errors(solution)["pressure"]
-    assert true <= target
-    assert 2 * solution.convergence_table[-2].pressure >= 0.7 * true
-    assert solution.model.dofs < 4_000
-
-
 def test_the_largest_pressure_at_a_corner_has_no_value():
     """It grows with every refinement: that is said, and no number is called right."""
     scene = parse_scene({**TABLE, "accuracy": {"target": 0.05, "of": "peak"}})
@@ -314,19 +184,6 @@ def test_the_largest_pressure_at_a_corner_has_no_value():
     assert solution.convergence_table[-2].peak is None
     assert any("no finite value" in event and "at (2, " in event for event in solution.history.events)
     assert "the largest pressure has no finite value" in solution.advice  # and so in the first lines
-
-
-@pytest.mark.slow
-def test_a_pressure_without_a_finite_norm():
-    """Much friction against a slipping corner: the pressure grows like r^-0.54, and has no finite norm."""
-    mesh = {"generator": "rectangle", "parameters": {"length": 3.0, "nx": 30, "ny": 10}}
-    held = [{"boundary": "left", "x": 0.0, "y": 0.0}]
-    middle = [{"boundary": "top", "y": "where(x[0] > 1.1 and x[0] < 1.9, -20, 0)"}]
-    goal = {"target": 0.05, "of": "pressure"}
-    scene = parse_scene({**TABLE, "mesh": mesh, "displacement": held, "traction": middle, "accuracy": goal})
-    solution = solve(scene, MPI.COMM_SELF, check=False)
-    assert solution.status is Status.OUT_OF_REACH
-    assert any("no finite norm" in event or "double precision" in event for event in solution.history.events)
 
 
 @pytest.mark.one_quick

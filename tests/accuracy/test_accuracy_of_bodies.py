@@ -2,12 +2,8 @@
 
 import numpy as np
 import pytest
-import ufl
-from dolfinx import fem, mesh
 from mesh_files import write_msh
 from mpi4py import MPI
-from scipy.sparse.linalg import spsolve
-from two_bodies import facets, forms, held, per_cell
 
 from signorini_fx import MeshError, SceneError, Status, solve
 from signorini_fx.mechanics.mesh.tagged import generate_mesh
@@ -82,17 +78,6 @@ def test_two_cylinders(friction):
     assert (np.abs(table["shear"]).max() > 0.29) == (friction is not None)
 
 
-@pytest.mark.slow
-def test_units():
-    """The same meshes, errors and steps where lengths are micrometres and forces giganewtons."""
-    goal = {"target": 0.2, "of": "energy"}
-    one, other = (solve(cylinders(goal, length=a, force=b), MPI.COMM_SELF) for a, b in ((1.0, 1.0), (1e-6, 1e9)))
-    assert [level.dofs for level in one.levels] == [level.dofs for level in other.levels]
-    for name in ("energy", "pressure", "force", "zone", "peak"):
-        theirs, mine = (getattr(solution.convergence_table[-2], name) for solution in (one, other))
-        assert mine is theirs is None or mine == pytest.approx(theirs, rel=1e-4)
-
-
 def block(count, **more):
     return {"generator": "rectangle", "parameters": {"length": 1.0, "height": 1.0, "nx": count, "ny": count, **more}}
 
@@ -159,16 +144,6 @@ Curve Loop(1) = {1, 2, 3, 4}; Plane Surface(1) = {1};
 Physical Curve("bottom") = {1}; Physical Curve("top") = {3}; Physical Surface("body") = {1};
 Mesh.MeshSizeMax = 0.3;
 """
-
-
-def test_errors_of_a_file_name_its_body(tmp_path):
-    (tmp_path / "block.geo").write_text(BLOCK)
-    mesh = {"file": str(tmp_path / "block.geo"), "boundaries": {"nowhere": "x[0] > 7"}}
-    with pytest.raises(SceneError) as caught:
-        solve(stacked((block(2), mesh), accuracy={"target": 0.1}), MPI.COMM_SELF)
-    assert [path for path, _ in caught.value.problems] == ["body[1].mesh.boundaries.nowhere"]
-    with pytest.raises(MeshError, match=r"body 'upper': .*nothing\.geo"):
-        solve(stacked((block(2), {"file": str(tmp_path / "nothing.geo")}), accuracy={"target": 0.1}), MPI.COMM_SELF)
 
 
 def test_what_cannot_be_divided():
@@ -260,109 +235,6 @@ def test_energy_of_two_bodies_by_local_refinement(target):
     assert 0.5 < found.convergence_table[-2].energy / true < 2
 
 
-# Of three grids of cubes with 4, 8 and 12 cells along the upper block, node on node, by nonlinear Gauss-Seidel on their
-# condensed compliance, extrapolated by the rate that they show: to about 0.5 %.  Without friction it is 1.863.
-PUSHED = np.array([0.0941, 0.0470, 1.897])
-
-
-@pytest.mark.slow
-def test_a_force_with_friction():
-    """Pressed and pushed aside by displacements, in no direction of the mesh: the blocks stick but for their edges."""
-    scene = pressed_blocks(3, {"target": 0.12, "of": "force"}, {"law": "coulomb", "coefficient": 0.3}, (0.005, 0.0025))
-    found = solve(scene, MPI.COMM_SELF)
-    assert found.status is Status.CONVERGED
-    normal, shear = found.contact.forces
-    true = np.linalg.norm(np.abs(normal + shear) - PUSHED) / np.linalg.norm(PUSHED)
-    assert true < found.convergence_table[-2].force < 5 * true
-    assert np.abs(shear[:2]) == pytest.approx(PUSHED[:2], rel=0.025)
-    assert {"stick", "slip"} <= set(found.table.columns["friction"])
-
-
-def spheres(size, order, **more):
-    """Quarters of two equal half spheres of radius 8, which meet in a plane, pressed together by 0.2."""
-    turned = 90 * np.sqrt(2)  # upside down about the diagonal
-    bodies = [
-        {
-            "name": name,
-            "rotation": [turn, turn, 0.0],
-            "mesh": {
-                "generator": "half_sphere",
-                "parameters": {
-                    "contact_size": share * size,
-                    "size": 8 * share * size,
-                    "part": "quarter",
-                    "order": order,
-                },
-            },
-        }
-        for name, turn, share in (("upper", 0.0, 1.0), ("lower", turned, 0.8))
-    ]
-    cut = [("upper.symmetry_x", "x"), ("upper.symmetry_y", "y"), ("lower.symmetry_x", "y"), ("lower.symmetry_y", "x")]
-    ends = [{"boundary": name, "x": 0.0, "y": 0.0, "z": z} for name, z in (("lower.top", 0.0), ("upper.top", -0.2))]
-    return parse_scene(
-        {
-            "body": bodies,
-            "element": {"degree": order},
-            "material": {"young": 200.0, "poisson": 0.3},
-            "displacement": [*({"boundary": name, axis: 0.0} for name, axis in cut), *ends],
-            "contact": {"boundary": "upper.sphere", "against": "lower.sphere"},
-            **more,
-        }
-    )
-
-
-def pressed_sphere(size):
-    """The force on a half sphere of radius 8 that is pressed on a plane by 0.1: a body of revolution, linear triangles,
-    nodes that touch the plane or not.
-    """
-    shape = {"contact_size": size, "size": 40 * size, "contact_zone": 1.3, "symmetric": True}
-    domain = generate_mesh("half_disk", shape, MPI.COMM_SELF).mesh
-    space, radius = fem.functionspace(domain, ("Lagrange", 1, (2,))), ufl.SpatialCoordinate(domain)[0]
-    u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
-
-    def strain(w):
-        g = ufl.sym(ufl.grad(w))
-        return ufl.as_tensor(((g[0, 0], g[0, 1], 0), (g[1, 0], g[1, 1], 0), (0, 0, w[0] / radius)))
-
-    mu, lame = 200.0 / 2.6, 200.0 * 0.3 / (1.3 * 0.4)
-    energy = 2 * mu * ufl.inner(strain(u), strain(v)) + lame * ufl.tr(strain(u)) * ufl.tr(strain(v))
-    dx = ufl.dx(metadata={"quadrature_degree": 4})
-    stiffness = fem.assemble_matrix(fem.form(2 * np.pi * radius * energy * dx)).to_scipy().tocsr()
-    r, z = space.tabulate_dof_coordinates().T[:2]
-    top, axis = np.isclose(z, 8.0), np.isclose(r, 0.0)
-    touching = arc = np.isclose(np.hypot(r, z - 8.0), 8.0, rtol=1e-7) & ~top
-    for _ in range(40):
-        y, fixed = np.zeros((r.size, 2)), np.column_stack((axis | top, touching | top))
-        y[touching, 1], y[top, 1] = -z[touching], -0.1
-        y, held = y.ravel(), fixed.ravel()
-        y[~held] = spsolve(stiffness[~held][:, ~held], -stiffness[~held][:, held] @ y[held])
-        reaction = (stiffness @ y).reshape(-1, 2)[:, 1]
-        following = arc & np.where(touching, reaction > 0, y[1::2] + z < 0)
-        if (following == touching).all():
-            return reaction[touching].sum()
-        touching = following
-    raise AssertionError("the sets of the reference do not repeat")
-
-
-@pytest.mark.slow
-def test_two_spheres():
-    """Against one on a plane, beyond which its twin is a mirror image; Hertz's half-spaces are 8 % softer."""
-    coarse, fine = pressed_sphere(0.08), pressed_sphere(0.04)
-    force = (fine + (fine - coarse) / 3) / 4
-    assert force == pytest.approx(1.087 * 4 / 3 * 200 / (2 * 0.91) * np.sqrt(4) * 0.2**1.5 / 4, rel=0.01)
-    found = solve(spheres(0.4, 1, accuracy={"target": 0.2, "of": "force"}), MPI.COMM_SELF)
-    assert found.status is Status.CONVERGED
-    true = abs(abs(found.contact.forces[0][2]) / force - 1)
-    assert true < found.convergence_table[-2].force < 8 * true
-    assert 2 * found.convergence_table[-2].force < 0.2
-
-
-@pytest.mark.slow
-def test_curved_facets():
-    """The map between facets that arcs of 40 degrees bound."""
-    assert solve(spheres(2.4, 2), MPI.COMM_SELF).certificate.coupling < 1e-8
-
-
 def ring_in_ring(goal):
     """A quarter of two rings of radii 1, 2 and 3, the outer one 0.002 too small."""
     bodies = []
@@ -416,73 +288,3 @@ def test_a_shrink_fit(of, target):
     # Before, other cells of the same size may change much: meshes are made anew, and differ between versions of gmsh.
     assert 2 * getattr(row, of) < 10 * true
     assert true < target
-
-
-def bonded_as_one(count):
-    """Forces on the top of both blocks of ``test_bonded``, along x and y, and their energy: one mesh, degree 2."""
-    domain = mesh.create_rectangle(MPI.COMM_SELF, [[0.0, 0.0], [1.0, 2.0]], [count, 2 * count])
-    young = per_cell(domain, lambda x: 100.0 if x[1] < 1 else 200.0)
-    space, form, v = forms(domain, 2, young)
-    ends = [facets(domain, lambda x, y=y: np.isclose(x[1], y)) for y in (0.0, 2.0)]
-    moved = held(space, ends[1], value=lambda x: np.vstack((np.full(x.shape[1], 0.008), np.full(x.shape[1], -0.02))))
-    fixed = held(space, ends[0], value=lambda x: np.zeros((2, x.shape[1])))
-    u, free = fem.Function(space), np.full(space.dofmap.index_map.size_local * 2, True)
-    for condition in (fixed, moved):
-        condition.set(u.x.array)
-        free[condition.dof_indices()[0]] = False
-    stiffness = fem.assemble_matrix(fem.form(form)).to_scipy().tocsr()
-    u.x.array[free] = spsolve(stiffness[free][:, free], -stiffness[free][:, ~free] @ u.x.array[~free])
-    of_top = []
-    for axis in range(2):
-        w = fem.Function(space)
-        w.interpolate(lambda x, axis=axis: np.array([np.isclose(x[1], 2.0) * float(k == axis) for k in range(2)]))
-        of_top.append(fem.assemble_scalar(fem.form(ufl.action(ufl.replace(form, {v: w}), u))))
-    return np.array(of_top), fem.assemble_scalar(fem.form(ufl.action(ufl.replace(form, {v: u}), u))) / 2
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("of", "target"), [("force", 5e-3), ("energy", 0.1)])
-def test_bonded(of, target):
-    """Two blocks, one twice as stiff, sheared and pressed, against one mesh of both (programmed here)."""
-    held_and_moved = [
-        {"boundary": "lower.bottom", "x": 0.0, "y": 0.0},
-        {"boundary": "upper.top", "x": 0.008, "y": -0.02},
-    ]
-    more = {
-        "material": [{"young": e, "poisson": 0.3, "region": name} for name, e in (("lower", 100.0), ("upper", 200.0))],
-        "contact": {"boundary": "lower.top", "against": "upper.bottom", "kind": "bonded"},
-        "accuracy": {"target": target, "of": of},
-        "displacement": held_and_moved,
-    }
-    found = solve(stacked((block(8), block(10)), traction=[], **more), MPI.COMM_SELF)
-    assert found.status is Status.CONVERGED
-    forces, energy = bonded_as_one(32)
-    normal, shear = found.contact.forces
-    errors = {
-        "force": np.linalg.norm(np.abs(normal + shear) - np.abs(forces)) / np.linalg.norm(forces),
-        "energy": np.sqrt(abs(found.last_step.strain_energy / energy - 1)),
-    }
-    assert errors[of] < target
-    assert errors[of] < 2 * getattr(found.convergence_table[-2], of) < 10 * errors[of]
-
-
-def test_a_side_with_a_single_point():
-    """A narrow body on a coarse side touches one of its nodes, which has no neighbour with a point, on two meshes."""
-    bodies = [
-        {"name": "up", "mesh": block(1, length=0.04, height=0.04), "shift": [0.98, 1.0]},
-        {"name": "low", "mesh": block(2, length=2.0)},
-    ]
-    scene = parse_scene(
-        {
-            "body": bodies,
-            "material": {"young": 1000.0, "poisson": 0.3},
-            "displacement": [
-                {"boundary": "low.bottom", "x": 0.0, "y": 0.0},
-                {"boundary": "up.top", "x": 0.0, "y": -1e-3},
-            ],
-            "contact": {"boundary": "low.top", "against": "up.bottom", "points": "boundary"},
-            "accuracy": {"target": 0.5, "of": "energy"},
-        }
-    )
-    solution = solve(scene, MPI.COMM_SELF)
-    assert [len(level.table.columns["x"]) for level in solution.levels[:2]] == [1, 1]

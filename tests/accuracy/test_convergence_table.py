@@ -53,11 +53,6 @@ def test_error_of_a_force_on_meshes_that_are_divided_here_and_there(change, expe
     assert prices.force_error(levels, uniform=False) == pytest.approx(expected)
 
 
-def test_error_of_a_force_that_a_coarse_mesh_does_not_have():
-    """Where nothing touches on the mesh before, nothing is known to be left of its error: all of the force is new."""
-    assert prices.force_error([level(0.0, 0.0), level(1.0, 0.1)]) > 0.5
-
-
 @pytest.fixture(scope="module", params=[{"bound": 1.5}, {"coefficient": 0.3}], ids=["tresca", "coulomb"])
 def nested(request):
     """A nested solve, a much finer one by another method, and the scene of the first."""
@@ -209,17 +204,6 @@ def test_regularisation_part(nested):
 def test_equilibrium_leaves_no_error_of_the_force(nested):
     """The contact force balances the load on every mesh, and the list knows it."""
     assert all(row.force < 1e-9 for row in nested[0].convergence_table[2:])
-
-
-def test_seconds_of_the_meshes_to_come():
-    """As the next row of the convergence table tells, mesh by mesh; with one mesh all of its time grows."""
-    solved = [(dofs, 0.1 + 1e-6 * dofs**1.2) for dofs in (10_000, 40_000)]
-    wanted = [0.1 + 1e-6 * dofs**1.2 for dofs in (160_000, 640_000)]
-    never = float("inf")
-    assert prices.seconds_to_come(solved, 2, 2, never) == pytest.approx(sum(wanted))
-    assert prices.seconds_to_come([(10_000, 1.0)], 1, 2, never) == pytest.approx(4**1.2)
-    assert prices.seconds_to_come([(10_000, 1.0)], 2, 3, 300_000) == pytest.approx(8**1.6 + 64)
-    assert prices.seconds_to_come(solved, 0, 2, never) == 0.0
 
 
 @pytest.mark.parametrize(("zone", "force"), [(0.7, 1.2), (0.6, 3.4523), (0.7, 3.4523), (0.5, 2.4)])

@@ -1,7 +1,6 @@
 """What the next accuracy costs: the arithmetic of the forecast, and that it is the same wherever it is said."""
 
 from dataclasses import replace
-from itertools import pairwise
 
 import pytest
 from scenes import alone, example1
@@ -9,39 +8,7 @@ from scenes import alone, example1
 from signorini_fx.mechanics.statement.settings import Accuracy
 from signorini_fx.results.accuracy import next_accuracy
 from signorini_fx.scenes.checks import check_scene
-from signorini_fx.tuned import MESHES_TIMES, NEXT_ERROR, UNIFORM_RATE, UNIFORM_SPREAD
-
-
-@pytest.mark.parametrize("dofs", [500, 10_000, 200_000])
-def test_meshes_on_the_way(dofs):
-    """Each is at most 1.7 times as large as the one before, and the last one falls with the error like 1 / n."""
-    generated = next_accuracy.local_meshes(dofs, 1, generated=True)
-    assert generated[0] == pytest.approx(140 * dofs**0.5)
-    assert all(fine <= 1.7001 * coarse for fine, coarse in pairwise(generated))
-    assert generated[-1] == 300
-    for degree, first in ((1, 4 * dofs), (2, dofs)):
-        own = next_accuracy.local_meshes(dofs, degree, generated=False)
-        assert own[-1] == max(first, generated[0] / 1.7 ** (len(own) - 1))
-    assert len(next_accuracy.local_meshes(dofs, 2, generated=False)) == 6  # 1.7^5 is the first power beyond 10
-    assert next_accuracy.local_meshes(dofs, 2, generated=True, divided=True)[0] == 10 * dofs
-
-
-def test_meshes_take_as_long_as_they_have_unknowns():
-    """But for what every solve takes."""
-    assert next_accuracy.times_of([1e7, 3e7], 1e7, 2) == pytest.approx(4 * MESHES_TIMES, rel=1e-3)
-    assert next_accuracy.times_of([100], 10, 3) < 1.3 * MESHES_TIMES
-
-
-def test_all_cells_smaller():
-    """A tenth of the error by the rate; of a residual nothing can be asked for."""
-    scene = example1(coefficient=0.3, gamma="auto", nx=30, ny=10)
-    tagged = alone(scene).model.tagged
-    refinement = next_accuracy.next_refinement(scene.statement, tagged, "energy", 682, able=False)
-    assert refinement.unknowns == pytest.approx(682 * 10 ** (2 / UNIFORM_RATE))
-    assert refinement.times[1] / refinement.times[0] == pytest.approx(UNIFORM_SPREAD**2)
-    cost = next_accuracy.next_cost(scene.statement, tagged, "energy", 0.5, [(682, 1.0)], 0.0, able=False)
-    assert not cost.local
-    assert "with" not in str(cost)
+from signorini_fx.tuned import NEXT_ERROR
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""The largest pressure to a requested accuracy: at corners in contact, near and far from them; and its estimate."""
+"""The largest pressure to a requested accuracy: at corners in contact, near and far from them."""
 
 import numpy as np
 import pytest
@@ -6,9 +6,7 @@ from dolfinx import mesh
 from mpi4py import MPI
 
 from signorini_fx import solve, tag_boundaries
-from signorini_fx.mechanics.contact_points.contact_table import ContactTable
 from signorini_fx.records import Status
-from signorini_fx.results.accuracy.peak_error import diverging_row, peak_error
 from signorini_fx.scenes.reading import parse_scene
 
 
@@ -99,87 +97,3 @@ def test_corners_in_contact(name, degree, target, refinement):
     else:
         assert solution.converged
         assert largest == pytest.approx(expected, rel=target)
-
-
-def curve(pressure, spacing=1.0, turn=0.0):
-    """A boundary with these pressures, which turns by an angle at its third node."""
-    pressure = np.asarray(pressure, dtype=float)
-    s = spacing * np.arange(len(pressure))
-    beyond = np.maximum(s - s[2], 0.0)
-    columns = {"x": s - beyond * (1 - np.cos(turn)), "y": beyond * np.sin(turn), "s": s, "pressure": pressure}
-    columns["state"] = np.where(pressure > 0, "slip+", "open")
-    columns["boundary"] = np.full(len(s), "bottom")
-    return ContactTable(columns, [range(len(s))])
-
-
-def hertz(count, top=1.0):
-    """With the pressure of Hertz, and its spacing."""
-    x = np.arange(-count - 2, count + 3)
-    return curve(top * np.sqrt(np.maximum(1 - (x / count) ** 2, 0.0)), 1 / count)
-
-
-def test_an_error_that_falls_with_the_rate():
-    tables = [hertz(count, 1 + 0.1 / count**1.5) for count in (8, 16, 32)]
-    assert peak_error(tables) == pytest.approx(0.1 / 32**1.5, rel=0.3)
-
-
-def test_an_error_that_falls_more_slowly():
-    tables = [hertz(count, 1 + 0.1 / count) for count in (8, 16, 32)]
-    assert peak_error(tables) == pytest.approx(0.1 / 32, rel=0.1)
-
-
-def test_a_change_that_is_small_by_chance():
-    """The change before counts."""
-    assert peak_error([hertz(8, 1.1), hertz(16), hertz(32)]) > 0.1 / (4**1.5 - 1) * 0.99
-
-
-def test_meshes_that_are_alike_at_the_peak_say_nothing():
-    """Nor do meshes with few nodes in contact, or without any."""
-    assert peak_error([hertz(16, 1.1), hertz(16)]) is None
-    assert peak_error([hertz(8, 1.1), hertz(16, 1.1), hertz(16)]) == peak_error([hertz(8, 1.1), hertz(16)])
-    assert peak_error([hertz(1, 1.1), hertz(3)]) is None
-    nothing = curve(np.zeros(20))
-    assert peak_error([nothing, nothing]) is None
-    assert diverging_row([nothing, nothing, nothing]) is None
-
-
-def growing(powers, turns=(0.0, 0.0, 0.0), row=0):
-    """Pressures that grow by these powers of 1 / h at a node, and are 1 elsewhere, on meshes that are halved."""
-    sizes = 0.5 * 2.0 ** np.cumsum([0.0, *powers])
-    tables = []
-    for number, (size, turn) in enumerate(zip(sizes, turns, strict=True)):
-        pressure = np.ones(9 * 2**number)
-        pressure[row] = size
-        tables.append(curve(pressure, 2.0**-number, turn))
-    return tables
-
-
-def test_a_corner_that_grows():
-    """It has no limit, though the pressure is larger elsewhere on all meshes."""
-    tables = growing([0.3, 0.3])
-    assert diverging_row(tables) == 0
-    assert peak_error(tables) is None
-
-
-def test_a_corner_that_may_grow():
-    """It did so on the last mesh alone, or after a mesh before it on the whole."""
-    for powers in ([0.0, 0.3], [0.4, -0.1]):
-        tables = growing(powers)
-        assert diverging_row(tables) is None
-        assert peak_error(tables) is None
-    assert peak_error(growing([0.3, 0.1])) is not None
-    assert peak_error(growing([-0.3, 0.2, -0.2], (0.0,) * 4)) is not None
-
-
-def test_a_rounding_is_no_corner():
-    """Its facets turn ever less; a corner inside of the boundary always turns alike."""
-
-    def at_third(turns):
-        tables = growing([0.3, 0.3], turns, row=2)
-        for number, table in enumerate(tables):  # so that the node is at the same place on all meshes
-            shift = 2 - 2 * 2.0**-number
-            table.columns["x"] += shift
-        return diverging_row(tables)
-
-    assert at_third((1.5, 1.5, 1.5)) == 2
-    assert at_third((1.5, 0.8, 0.45)) is None

@@ -12,7 +12,7 @@ from mpi4py import MPI
 from signorini_fx import SceneError, solve
 from signorini_fx.machine import compat
 from signorini_fx.mechanics.mesh.files.size_field import SizeField
-from signorini_fx.mechanics.mesh.remeshing import lengths_of_cells, shorter_lengths, size_fields
+from signorini_fx.mechanics.mesh.remeshing import lengths_of_cells, size_fields
 from signorini_fx.mechanics.mesh.tagged import generate_mesh
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import parse_scene
@@ -160,40 +160,6 @@ def test_largest_pressure(tmp_path, bodies, axisymmetric, degree):
     assert solution.model.dofs < {1: 9_000, 2: 2_500}[degree] * {"one": 1, "two": 2}[bodies]
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(("bodies", "degree"), [("one", 1), ("one", 2), ("two", 2)])
-def test_largest_pressure_in_space(bodies, degree):
-    """A quarter of the body of revolution: the same pressure, cells that are small where it touches."""
-    mesh = f'mesh = {{ generator = "half_sphere", parameters = {{ part = "quarter", order = {degree}, '
-    mesh += "radius = 8.0, size = 4.0, contact_size = 4.0 } }\n"
-    goal = f"[element]\ndegree = {degree}\n{accuracy(0.1, 'peak')}"
-    held = '[[displacement]]\nboundary = "{0}symmetry_x"\n{1} = 0.0\n'
-    held += '[[displacement]]\nboundary = "{0}symmetry_y"\n{2} = 0.0\n'
-    load = '[[traction]]\nboundary = "{0}top"\npressure = 0.4\n'
-    if bodies == "one":
-        contact = '[[contact]]\nboundary = "sphere"\ngap = "x[2]"\ndirection = [0.0, 0.0, -1.0]\n'
-        text = mesh + goal + MATERIAL + contact + load.format("") + held.format("", "x", "y")
-    else:  # turned by 180 degrees about the line between the axes x and y, which changes places with them
-        turned = f"rotation = [{180 / np.sqrt(2)}, {180 / np.sqrt(2)}, 0.0]\n"
-        text = f'[[body]]\nname = "upper"\n{mesh}[[body]]\nname = "lower"\n{turned}{mesh}'
-        for name, young in (("upper", 200.0), ("lower", 600.0)):
-            text += f'[[material]]\nregion = "{name}"\nyoung = {young}\npoisson = 0.3\n'
-        text += '[[contact]]\nboundary = "upper.sphere"\nagainst = "lower.sphere"\n'
-        text += held.format("upper.", "x", "y") + held.format("lower.", "y", "x")
-        text += '[[displacement]]\nboundary = "lower.top"\nz = 0.0\n' + load.format("upper.") + goal
-    solution = solve(read(text), MPI.COMM_SELF)
-    assert solution.converged
-    error = abs(solution.table.columns["pressure"].max() / LARGEST[bodies, True] - 1)
-    assert error / 2 < solution.convergence_table[-2].peak <= 0.05  # the margin is two
-    growth = np.divide(*(np.array([level.dofs for level in solution.levels])[end] for end in (np.s_[1:], np.s_[:-1])))
-    assert growth[1:].max() < 8  # no more than if all cells were halved
-    tagged = solution.model.tagged
-    lengths = lengths_of_cells(tagged)
-    x = tagged.mesh.geometry.x[compat.geometry_cells(tagged.mesh)].mean(axis=1)[: len(lengths)]
-    away = np.linalg.norm(x, axis=1)
-    assert np.median(lengths[away < 1.0]) < 0.25 * np.median(lengths[away > 5])
-
-
 def test_what_cannot_be_made_anew_is_refused(tmp_path):
     """Cells in rows beside those of a drawing."""
     (tmp_path / "disk.geo").write_text(DISK)
@@ -206,60 +172,6 @@ def test_what_cannot_be_made_anew_is_refused(tmp_path):
     )
     with pytest.raises(SceneError, match=r"accuracy.refinement: is not possible for several .*use 'uniform'"):
         read(text)
-
-
-def test_lengths_for_an_error():
-    """Equal shares of all cells become equally smaller; cells without an error stay."""
-    lengths, squares = np.ones(100), np.ones(100)
-    assert shorter_lengths(MPI.COMM_SELF, squares, lengths, 2.0, 1, 2, 9.0) == pytest.approx(0.5 * lengths, rel=1e-6)
-    roots = shorter_lengths(MPI.COMM_SELF, squares, lengths, 2.0, 2, 3, 9.0)
-    assert roots == pytest.approx(0.5**0.5 * lengths, rel=1e-6)
-    squares[:50] = 0.0
-    shorter = shorter_lengths(MPI.COMM_SELF, squares, lengths, 3.0, 1, 2, 9.0)
-    assert shorter[:50] == pytest.approx(1.0)
-    assert shorter[50:] == pytest.approx(1 / 3, rel=1e-6)
-    # With shares that differ the predicted error is met, and cells with more of it become shorter.
-    squares = np.geomspace(1e-6, 1.0, 100)
-    shorter = shorter_lengths(MPI.COMM_SELF, squares, lengths, 2.0, 1, 2, 9.0)
-    assert (squares * shorter**2).sum() == pytest.approx(squares.sum() / 4, rel=1e-4)
-    assert (np.diff(shorter) <= 1e-12).all()
-
-
-@pytest.mark.parametrize("dimension", [2, 3])
-def test_lengths_for_a_number_of_cells(dimension):
-    """No more cells than are allowed, whatever the error; and as many, those with the error divided first."""
-    lengths = np.ones(100)
-    halved = shorter_lengths(MPI.COMM_SELF, np.ones(100), lengths, 4.0, 1, dimension, 2.0)
-    assert halved == pytest.approx(0.5 * lengths, rel=1e-6)
-    squares = np.geomspace(1e-6, 1.0, 100)
-    shorter = shorter_lengths(MPI.COMM_SELF, squares, lengths, 4.0, 1, dimension, 1.5)
-    assert (shorter**-dimension).sum() == pytest.approx(100 * 1.5**dimension, rel=1e-3)
-    assert (np.diff(shorter) <= 1e-12).all()
-    assert shorter[0] == 1.0
-
-
-@pytest.mark.parametrize("finer", [1.3, 2.0])
-@pytest.mark.parametrize(("name", "dimension"), [("rectangle", 2), ("box", 3)])
-def test_cells_around_a_short_one_count(name, dimension, finer):
-    """No more cells than are allowed: those that one short cell needs around it count as well."""
-    counts = {"nx": 8, "ny": 8} | ({"nz": 8} if dimension == 3 else {})
-    tagged = generate_mesh(name, counts, MPI.COMM_SELF)
-    old = lengths_of_cells(tagged)
-    cells = np.arange(len(old), dtype=np.int32)
-
-    def times_finer(field):
-        shares = field.sizes[field.cells].mean(axis=1) / old
-        return (shares**-dimension).mean() ** (1 / dimension)
-
-    (halved,) = size_fields(tagged, old / 4, [cells], finer)
-    assert halved.sizes == pytest.approx(old[0] / finer, rel=1e-6)
-    lengths = old.copy()
-    lengths[0] /= 4000
-    (free,), (held,) = (size_fields(tagged, lengths, [cells], most) for most in (np.inf, finer))
-    assert times_finer(free) > 1.2 * finer
-    assert times_finer(held) == pytest.approx(finer, rel=1e-6)
-    assert held.sizes.max() == pytest.approx(old[0])  # far away nothing changes
-    assert held.sizes.min() > free.sizes.min()
 
 
 @pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
@@ -295,18 +207,6 @@ def test_lengths_on_ranks():
         assert together.sizes[order[0]] == pytest.approx(alone.sizes[order[1]], rel=1e-6)
     else:
         assert len(together.cells) == 0
-
-
-@pytest.mark.slow
-@pytest.mark.mpi(slow=True)
-def test_two_bodies_on_ranks(tmp_path):
-    folder = MPI.COMM_WORLD.bcast(tmp_path)
-    scene = two_bodies(folder, accuracy(0.08))
-    MPI.COMM_WORLD.barrier()
-    together, alone = (solve(scene, comm) for comm in (MPI.COMM_WORLD, MPI.COMM_SELF))
-    assert [level.dofs for level in together.levels] == [level.dofs for level in alone.levels]
-    peaks = [one.table.columns["pressure"].max() for one in (together, alone)]
-    assert peaks[0] == pytest.approx(peaks[1], rel=1e-6)
 
 
 @pytest.mark.one_quick

@@ -1,111 +1,29 @@
 """Errors of bodies in 3D: estimated against known, from one mesh to the next, and as small as is asked for."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
-import ufl
-from dolfinx import fem
-from manufactured_in_space import YOUNG, made_up, stress
 from mesh_files import write_msh
 from mpi4py import MPI
 from ranks import same_on_all_ranks
 from reference import Reference
 from scenes import table_of
 from spaces import block, box
-from surfaces import grid
 
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import facet_vertices
-from signorini_fx.mechanics.contact_points.contact_table import ContactTable
 from signorini_fx.mechanics.materials.isotropic import LinearElastic
 from signorini_fx.mechanics.materials.orthotropic import OrthotropicElastic
 from signorini_fx.mechanics.mesh.refinement import refine
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, generate_mesh
 from signorini_fx.mechanics.statement.settings import Accuracy
 from signorini_fx.records import History, Status
-from signorini_fx.results.accuracy.contact_surface import ContactSurface
-from signorini_fx.results.accuracy.convergence_table import border_of, fineness_of, predict
-from signorini_fx.results.accuracy.pressure_error import interval_squares, polygon_error
-from signorini_fx.scenes.mesh_sequence import meshed_scene, solve_scenes
+from signorini_fx.scenes.mesh_sequence import meshed_scene
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve
 from signorini_fx.solving.meshed_problem import plane_modulus
-from signorini_fx.tuned import CORNER_SHARE, KINK_SHARE
 
 WORLD = MPI.COMM_WORLD
-
-
-CELLS = pytest.mark.parametrize("cells", ["squares", "triangles"])
-
-
-@CELLS
-def test_a_pressure_along_one_direction_is_that_of_a_curve(cells):
-    """The same error as in 2D times the width, on unequal intervals."""
-    x = np.linspace(-1.0, 1.0, 21) ** 3
-    table = grid(x, np.linspace(0.0, 0.5, 6), cells)
-    along = (1 - x**2) ** 3
-    weight = np.ones_like(x)
-    curve = ContactTable({"s": x + 1, "pressure": along, "weight": weight}, [range(x.size)])
-    (expected,) = interval_squares(curve)
-    surface = ContactSurface.of(table)
-    squares = surface.squares((1 - table.columns["x"] ** 2) ** 3)
-    middle = np.abs(surface.x[surface.corners].mean(axis=1)[:, 1] - 0.25) < 0.15  # not at the rim
-    assert squares.sum() == pytest.approx(0.5 * expected.sum(), rel=1e-9)
-    assert squares[middle].sum() == pytest.approx(0.3 * expected.sum(), rel=1e-9)
-
-
-@CELLS
-def test_a_linear_pressure_has_no_kink_on_a_distorted_surface(cells):
-    """In any plane; every side but those at the rim has a neighbour."""
-    rng = np.random.default_rng(0)
-    table = grid(np.linspace(0.0, 1.0, 5), np.linspace(0.0, 1.0, 5), cells)
-    for name in "xy":
-        table.columns[name] = table.columns[name] + 0.05 * rng.uniform(-1, 1, 25)
-    table.columns["z"] = 0.3 * table.columns["x"] - 0.2 * table.columns["y"]
-    surface, c = ContactSurface.of(table), table.columns
-    assert np.abs(surface.jumps(2 + c["x"] - 3 * c["y"] + c["z"])).max() < 1e-12
-    assert np.abs(surface.jumps(np.abs(c["x"] - 0.5))).max() > 0.5
-    assert surface.rim.sum() == 16
-
-
-def test_a_pressure_that_is_convex_at_the_rim():
-    """The pieces there have the share of a corner; else no more than others."""
-    table = grid(np.arange(6.0), np.arange(6.0), "squares")
-    surface, x = ContactSurface.of(table), table.columns["x"]
-    first = np.isclose(surface.x[surface.corners].mean(axis=1)[:, 0], 0.5)
-    inner = first & (np.abs(surface.x[surface.corners].mean(axis=1)[:, 1] - 2.5) < 1)
-    convex, concave = (surface.squares(10 + sign * (5 - x) ** 2) for sign in (1.0, -0.1))
-    np.testing.assert_allclose(convex[inner], CORNER_SHARE * 2.0**2)
-    np.testing.assert_allclose(concave[inner], KINK_SHARE / 2 * 0.2**2)
-
-
-def test_a_facet_of_degree_2_is_four_pieces():
-    """They cover it, see a kink in its middle, and are added up for it; without its middle nodes it is one piece."""
-    points = [(0, 0), (2, 0), (0, 2), (2, 2), (1, 0), (0, 1), (2, 1), (1, 2), (1, 1)]  # as basix has them
-    x, y = np.array(points, dtype=float).T
-    columns = {"x": x, "y": y, "z": 0 * x, "pressure": 0 * x, "weight": 1 + 0 * x}
-    numbers = np.column_stack((np.zeros(9, dtype=np.int64), np.arange(9)))
-    table = ContactTable(columns, [], numbers, np.arange(9)[None])
-    surface = ContactSurface.of(table)
-    np.testing.assert_allclose(surface.area, 1.0)
-    assert np.count_nonzero(surface.jumps(np.abs(x - 1))) == 4
-    assert surface.rim.sum() == 8
-    corners_only = replace(table, facets=np.array([[0, 1, 2, 3, -1, -1, -1, -1, -1]]))
-    assert ContactSurface.of(corners_only).area == pytest.approx(4.0)
-
-
-def test_facets_instead_of_a_curved_surface():
-    """Facets of a cylinder turn by the same angle everywhere, and the error follows it as in 2D."""
-    angle = np.linspace(-0.2, 0.2, 9)
-    table = grid(np.sin(angle), np.linspace(0.0, 1.0, 3), "squares", z=np.tile(1 - np.cos(angle), 3))
-    surface = ContactSurface.of(table)
-    turns = surface.turns()
-    assert np.allclose(turns[turns > 1e-6], 0.05)
-    columns = {**table.columns, "pressure": np.full(27, 4.0)}
-    assert polygon_error(replace(table, columns=columns), 100.0) == pytest.approx(100 * 0.05 / 4)
-    assert polygon_error(grid(np.arange(3.0), np.arange(3.0), "squares"), 100.0) == 0.0
 
 
 @pytest.mark.parametrize("hypothesis", ["plane strain", "plane stress"])
@@ -118,49 +36,7 @@ def test_modulus_of_facets(hypothesis, poisson):
     assert plane_modulus(wood) >= 9.0
 
 
-def true_energy_error(solution):
-    """Of the made-up solution, relative."""
-    mesh = solution.model.tagged.mesh
-    exact = stress(mesh)
-    wrong = YOUNG * ufl.sym(ufl.grad(solution.displacement)) - exact
-
-    def norm(tau):
-        return fem.assemble_scalar(fem.form(ufl.inner(tau, tau) * ufl.dx(metadata={"quadrature_degree": 6})))
-
-    return np.sqrt(norm(wrong) / norm(exact))
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("cells", ["hexahedra", "tetrahedra"])
-def test_energy_of_a_known_solution(cells):
-    """Within a tenth of the truth, on two meshes: nu = 0, and the stress is smooth but for the rim of the disc."""
-    for n in (4, 8):
-        solved = meshed_scene(made_up(cells, n), MPI.COMM_SELF, History()).solved(0, None, None)
-        assert solved.level.energy == pytest.approx(true_energy_error(solved.solution), rel=0.1)
-
-
 LAWS = {"none": {}, "tresca": {"bound": 1.5}, "coulomb": {"coefficient": 0.3}}
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("law", LAWS)
-def test_estimates_of_the_block(law):
-    """With the margin of an asked-for accuracy none is below 0.7 of what a finer mesh says, and few are far above.
-
-    The largest pressure has no limit with Coulomb friction, and after two refinements none is given.
-    """
-    reference = Reference(solve(block(24, gamma=1e8, **LAWS[law]), MPI.COMM_SELF))
-    for cells in ("hexahedra", "tetrahedra"):
-        found = []
-        meshes = [block(n, cells, gamma=1e8, **LAWS[law]) for n in (3, 6, 12)]
-        found.append(solve_scenes(meshes, MPI.COMM_SELF, History(), found.append))
-        for solution, level, row in list(zip(found, found[-1].levels, found[-1].convergence_table, strict=False))[1:]:
-            true = reference.errors(solution)
-            assert 0.7 < 1.7 * level.energy / true["energy"] < 2.5
-            assert 0.7 < 2 * row.pressure / true["pressure"] < 9
-            if true["force"] > 1e-9 and level.level > 1:
-                assert 2 * row.force > 0.7 * true["force"]
-            assert row.zone > 0.7 * true["zone"]
 
 
 def hertz(cells, n):
@@ -193,38 +69,6 @@ def test_pressure_of_hertz(cells):
         exact = 3 * force / (2 * np.pi * a**2) * np.sqrt(square)
         true = np.sqrt(c["weight"] @ (c["pressure"] - exact) ** 2 / (c["weight"] @ exact**2))
         assert 0.7 * true < 2 * solved.level.pressure < 20 * true
-
-
-def test_rows_of_the_convergence_table():
-    """Unknowns grow eightfold, time and memory by the powers of space; h is a length."""
-    found = []
-    found.append(solve_scenes([block(n) for n in (3, 6, 12)], MPI.COMM_SELF, History(), found.append))
-    rows = found[-1].convergence_table
-    assert rows[-1].dofs == pytest.approx(rows[-2].dofs ** 2 / rows[-3].dofs, rel=1e-3)
-    assert rows[2].h == pytest.approx(np.sqrt(3.0 / (13 * 5)))
-    assert rows[-1].h == pytest.approx(rows[2].h / fineness_of(rows[2].dofs / rows[1].dofs, 3))
-    assert all(len(level.force) == 6 for level in found[-1].levels)
-    assert [row.force is None for row in rows] == [True, True, False, False]
-
-    def mesh(dofs):
-        return replace(rows[0], dofs=dofs, seconds=0.1 + 1e-6 * dofs**1.6, memory=200 + 1e-3 * dofs**1.3)
-
-    following = predict([mesh(10_000), mesh(80_000)], 150.0, dimension=3)
-    assert following.dofs == 640_000
-    assert following.seconds == pytest.approx(mesh(640_000).seconds)
-    assert following.memory == pytest.approx(mesh(640_000).memory)
-    assert following.pressure == pytest.approx(rows[0].pressure / 2**1.25)
-
-
-def test_the_contact_area():
-    """The half of the pieces that it ends in."""
-    tables = []
-    for pressed in (4, 8):
-        table = grid(np.arange(4.0), np.arange(4.0), "squares")
-        table.columns["pressure"][:pressed] = 1.0
-        tables.append(table)
-    # A row of three squares of nine, with four nodes or eight in contact.
-    assert [border_of(table) for table in tables] == pytest.approx([3 / 2 / 4, 3 / 2 / 8])
 
 
 SIDES = {"left": 1.0, "right": 1.0, "front": 3.0, "back": 3.0, "bottom": 3.0, "top": 3.0}

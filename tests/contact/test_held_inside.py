@@ -7,14 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import ufl
 from boxes import Box, boxes_mesh
 from certifying import certify
-from dolfinx import fem
-from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from scenes import alone
-from scipy.optimize import lsq_linear
 
 from signorini_fx import solve
 from signorini_fx.records import Status
@@ -43,36 +39,6 @@ def square(gap=-DEPTH, unit=1.0, supports=None, contact=(), friction=None, cells
 def told(solution):
     """The warnings about nodes that are held inside."""
     return [found.message for found in solution.findings if "supports hold" in found.message]
-
-
-def forms(cells=8):
-    """The square as a form: space, its sides, bilinear form, and a(u, .) as a residual."""
-    mesh = dmesh.create_unit_square(MPI.COMM_SELF, cells, cells, dmesh.CellType.quadrilateral)
-    space = fem.functionspace(mesh, ("Lagrange", 1, (2,)))
-    lame, shear = 100.0 * 0.3 / 1.3 / 0.4, 100.0 / 2.6
-
-    def stress(u):
-        return 2 * shear * ufl.sym(ufl.grad(u)) + lame * ufl.div(u) * ufl.Identity(2)
-
-    test, trial = ufl.TestFunction(space), ufl.TrialFunction(space)
-    sides = [dmesh.locate_entities_boundary(mesh, 1, lambda x, k=k: np.isclose(x[k], 1)) for k in (0, 1)]
-    bc = fem.dirichletbc(np.zeros(2), fem.locate_dofs_topological(space, 1, sides[1]), space)
-    return space, sides[0], [bc], lambda u: ufl.inner(stress(u), ufl.grad(test)) * ufl.dx, test, trial
-
-
-def by_hand(cells=8):
-    """The force of the foundation: min of the energy over u_x <= -DEPTH at the free nodes of the right side."""
-    space, _, bcs, residual, _, trial = forms(cells)
-    matrix = fem.assemble_matrix(fem.form(residual(trial))).to_dense()
-    free = np.ones(len(matrix), dtype=bool)
-    free[bcs[0].dof_indices()[0]] = False
-    at = np.flatnonzero(np.repeat(np.isclose(space.tabulate_dof_coordinates()[:, 0], 1), 2) & free)[::2]
-    stiffness = matrix[np.ix_(free, free)]
-    rows = np.searchsorted(np.flatnonzero(free), at)
-    compliance = np.linalg.inv(stiffness)[np.ix_(rows, rows)]
-    root = np.linalg.cholesky(compliance).T  # min |root f - root^-T DEPTH|, f >= 0: the dual programme
-    found = lsq_linear(root, np.linalg.solve(root.T, np.full(len(rows), DEPTH)), bounds=(0, np.inf), tol=1e-14)
-    return float(found.x.sum())
 
 
 @pytest.mark.parametrize(

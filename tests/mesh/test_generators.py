@@ -1,5 +1,6 @@
-"""Every generator: names, area, shape of the cells, the same mesh every time; parameters that do not go together."""
+"""Every generator: names, sizes and shapes; the same mesh every time, on ranks, in all units; what is refused."""
 
+import inspect
 import re
 import sys
 import tomllib
@@ -8,13 +9,20 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import ufl
+from dolfinx import default_scalar_type, fem
+from dolfinx import mesh as dmesh
 from mesh_quality import quality
 from mpi4py import MPI
 from scenes import alone, table_of
 
 from signorini_fx.errors import SceneError
-from signorini_fx.machine.compat import geometry_cells, geometry_degree
-from signorini_fx.mechanics.mesh.tagged import generate_mesh, simplex_parameters
+from signorini_fx.machine.compat import geometry_cells, geometry_degree, geometry_element
+from signorini_fx.mechanics.mesh.files.cells import CELLS
+from signorini_fx.mechanics.mesh.files.shape import check_shape
+from signorini_fx.mechanics.mesh.refinement import refine
+from signorini_fx.mechanics.mesh.tagged import coarser_parameters, generate_mesh, simplex_parameters
+from signorini_fx.mechanics.statement.generators import known_generators
 from signorini_fx.scenes.checks import check_scene
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.scene import Discretised
@@ -28,9 +36,8 @@ def segment(radius, angle):
     return radius**2 * (turn - sin(turn) * cos(turn))
 
 
-SIDES = {"top": 3, "left": 1, "right": 1}
-# Parameters of a small mesh: names of its boundaries, its area and how long they are.
-SMALL = {
+# Parameters of a small mesh: its area, and how long its boundaries are; None: no formula.
+PLANE = {
     "block": (
         {"nx": 12, "ny": 4, "layout": "graded", "grading": 5.0},
         3.0,
@@ -58,16 +65,67 @@ SMALL = {
     "plate_with_hole": ({}, 32 - pi, {"hole": 2 * pi, "bottom": 8, "right": 4, "top": 8, "left": 4}),
     "dovetail": ({}, None, {"bottom": 26, "left": None, "right": None, "top": 14}),
 }
-HALVES = {
-    "half_disk": (16 * pi, {"arc": 4 * pi, "top": 8, "symmetry": 8}),
-    "ring_segment": (14 * pi / 3, {"outer": 8 * pi / 3, "inner": 2 * pi, "right": 2, "symmetry": 2}),
-    "punch": (6 - 0.25 + pi / 16, {"foot": 1.5 + pi / 4, "right": 2.5, "top": 2, "symmetry": 3}),
-    "plate_with_hole": (16 - pi / 2, {"hole": pi, "right": 2, "top": 8, "left": 2, "symmetry": 6}),
+TAN, COS = tan(radians(15)), cos(radians(15))
+FLANK = 2 * 2 / COS
+SECTION = 2 * (1 + 2 * TAN)
+# The bracket's seat is a ring, its hole goes through the foot; beside the fillet a square less a quarter of a circle.
+SEAT, HOLE, FILLET = pi * (10**2 - 5.5**2), pi * 5.5**2, 6**2 * (1 - pi / 4)
+# Parameters of a small mesh: its volume and the areas of its boundaries.
+SPACE = {
+    "box": (
+        {"nx": 6, "ny": 2, "nz": 2},
+        3.0,
+        {"left": 1, "right": 1, "front": 3, "back": 3, "bottom": 3, "top": 3},
+    ),
+    "wedge_block": (
+        {"nx": 4, "ny": 4, "nz": 6},
+        2 * SECTION,
+        {"tip": 2, "top": 2 + 8 * TAN, "left": FLANK, "right": FLANK, "front": SECTION, "back": SECTION},
+    ),
+    "cylinder": ({"nz": 4}, pi, {"bottom": pi, "top": pi, "side": 2 * pi}),
+    "ring": (
+        {"nr": 4, "nz": 2},
+        1.5 * pi,
+        {"bottom": 3 * pi, "top": 3 * pi, "inner": pi, "outer": 2 * pi},
+    ),
+    "half_sphere": ({"contact_size": 0.4}, 1024 * pi / 3, {"sphere": 128 * pi, "top": 64 * pi}),
+    "bracket": (
+        {"contact_size": 3.0},
+        40 * (60 * 8 + 42 * 8 + FILLET) - 8 * HOLE,
+        {
+            "foot": 2400 - HOLE,
+            "heel": 2000,
+            "toe": 320,
+            "top": 320,
+            "inside": 40 * (46 + 36 + 3 * pi) - HOLE - SEAT,
+            "seat": SEAT,
+            "hole": 8 * 11 * pi,
+            "front": 60 * 8 + 42 * 8 + FILLET,
+            "back": 60 * 8 + 42 * 8 + FILLET,
+        },
+    ),
 }
-CURVED = ["half_disk", "ring_segment", "block_on_cylinder", "punch", "plate_with_hole", "dovetail"]
+SMALL = PLANE | SPACE
+CURVED_PLANE = ["half_disk", "ring_segment", "block_on_cylinder", "punch", "plate_with_hole", "dovetail"]
+CURVED_SPACE = ["cylinder", "ring", "half_sphere", "bracket"]
+CURVED = CURVED_PLANE + CURVED_SPACE
+KINDS = {
+    "triangle": ("triangle", "triangle6"),
+    "quadrilateral": ("quad", "quad9"),
+    "tetrahedron": ("tetra", "tetra10"),
+    "hexahedron": ("hexahedron", "hexahedron27"),
+}
+PLANE_CELLS, SPACE_CELLS = list(KINDS)[:2], list(KINDS)[2:]
+NO_LENGTHS = {"angle", "grading"}
+# Parameters that are no numbers of cells and give a coarser mesh as well.
+COARSER = {"bracket": {"contact_size": 1.5, "size": 3.0}}
 each = pytest.mark.parametrize("name", SMALL)
-each_curved = pytest.mark.parametrize("name", CURVED)
-each_cell = pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
+
+
+def with_cells(names):
+    """Each of the generators with each kind of cell that it has."""
+    pairs = [(name, cell) for name in names for cell in (PLANE_CELLS if name in PLANE else SPACE_CELLS)]
+    return pytest.mark.parametrize(("name", "cell"), pairs)
 
 
 def make(name, comm=MPI.COMM_SELF, **changes):
@@ -75,94 +133,166 @@ def make(name, comm=MPI.COMM_SELF, **changes):
     return generate_mesh(name, SMALL[name][0] | changes, comm)
 
 
-def corners(tagged):
-    """Points, and the corners of each cell along its perimeter."""
+def integral(tagged, boundary=None):
+    """The size of the body, or of a boundary, with curved sides; over all ranks."""
     mesh = tagged.mesh
-    order = [0, 1, 2] if mesh.topology.cell_name() == "triangle" else [0, 1, 3, 2]
-    return mesh.geometry.x[:, :2], geometry_cells(mesh)[:, order]
+    one, measure = fem.Constant(mesh, default_scalar_type(1.0)), ufl.dx(metadata={"quadrature_degree": 6})
+    if boundary is not None:
+        facets = tagged.facets(boundary)
+        tags = dmesh.meshtags(mesh, tagged.dimension - 1, facets, np.ones(len(facets), dtype=np.int32))
+        measure = ufl.Measure("ds", mesh, subdomain_data=tags, metadata={"quadrature_degree": 6})(1)
+    return mesh.comm.allreduce(fem.assemble_scalar(fem.form(one * measure)))
 
 
-def area(tagged):
-    """Of the cells with straight sides."""
-    points, cells = corners(tagged)
-    x, after = points[cells], np.roll(points[cells], -1, axis=1)
-    return 0.5 * np.abs((x[..., 0] * after[..., 1] - x[..., 1] * after[..., 0]).sum(axis=1)).sum()
-
-
-def ends(tagged, name):
-    """End points of the facets of a boundary, shape (facets, 2, 2)."""
-    topology = tagged.mesh.topology
-    topology.create_connectivity(1, 0)
-    topology.create_connectivity(0, 2)
-    topology.create_connectivity(2, 0)
-    to_vertices, cell_of, of_cell = (
-        topology.connectivity(1, 0),
-        topology.connectivity(0, 2),
-        topology.connectivity(2, 0),
-    )
-    where, cells = {}, geometry_cells(tagged.mesh)
-    for facet in tagged.facets(name):
-        for vertex in to_vertices.links(facet):
-            cell = cell_of.links(vertex)[0]
-            local = list(of_cell.links(cell)).index(vertex)
-            where[vertex] = tagged.mesh.geometry.x[cells[cell, local], :2]
-    return np.array([[where[v] for v in to_vertices.links(facet)] for facet in tagged.facets(name)])
-
-
-def length(tagged, name):
-    """Of a boundary with straight facets."""
-    x = ends(tagged, name)
-    return np.hypot(*(x[:, 1] - x[:, 0]).T).sum()
-
-
-def check(tagged, whole, lengths, rel):
-    """Names, lengths, area and shape of the cells."""
-    assert set(tagged.boundaries) == set(lengths)
-    for boundary, expected in lengths.items():
+def check(name, tagged, rel):
+    """Names and sizes; in 3D no facet is without a name, which is also to say that the mesh is conforming."""
+    _, whole, sizes = SMALL[name]
+    assert set(tagged.boundaries) == set(sizes)
+    for boundary, expected in sizes.items():
         if expected is not None:
-            assert length(tagged, boundary) == pytest.approx(expected, rel=rel), boundary
+            assert integral(tagged, boundary) == pytest.approx(expected, rel=rel), boundary
     if whole is not None:
-        assert area(tagged) == pytest.approx(whole, rel=rel)
+        assert integral(tagged) == pytest.approx(whole, rel=rel)
+    if name in SPACE:
+        named = np.concatenate([tagged.facets(boundary) for boundary in sizes])
+        exterior = dmesh.exterior_facet_indices(tagged.mesh.topology)
+        np.testing.assert_array_equal(np.sort(named), np.sort(exterior))
+
+
+def cells_of(tagged):
+    """Positions, nodes of the cells in the order of mesh files, and their kind."""
+    mesh = tagged.mesh
+    cell = CELLS[KINDS[mesh.topology.cell_name()][geometry_degree(mesh) - 1]]
+    places = geometry_element(mesh).points
+    own = [np.mean([cell.corners[c] for c in corners], axis=0) for corners in cell.nodes]
+    order = [int(np.argmin(np.abs(places - x).sum(axis=1))) for x in own]
+    return mesh.geometry.x[:, : tagged.dimension], geometry_cells(mesh)[:, order], cell
+
+
+def cells_of_all(tagged):
+    """How many there are."""
+    return tagged.mesh.topology.index_map(tagged.mesh.topology.dim).size_global
+
+
+def test_all_are_here():
+    """No generator is without these tests."""
+    assert sorted(SMALL) == list(known_generators())
 
 
 @pytest.mark.one_quick
-@each_cell
-@each
-def test_names_area_and_quality(name, cell):
-    """What the sketch promises."""
-    _, whole, lengths = SMALL[name]
+@with_cells(SMALL)
+def test_names_sizes_and_quality(name, cell):
+    """What the sketch promises; straight sides lose a little of what is round."""
     tagged = make(name, cell=cell)
-    check(tagged, whole, lengths, 4e-3)
+    check(name, tagged, 4e-3 if name in PLANE else 3e-2 if name in CURVED else 1e-12)
     assert tagged.mesh.topology.cell_name() == cell
-    shape = quality(*corners(tagged))
-    # Graded and structured meshes have cells that are long on purpose, the others have none.
+    points, nodes, kind = cells_of(tagged)
+    shape = quality(points, nodes[:, : len(kind.corners)])
+    # Graded and structured meshes have cells that are long on purpose, the others in 2D have none.
     low, mean = (0.15, 0.4) if name in ("block", "wedge") else (0.35, 0.8)
+    if name in SPACE:
+        # Tetrahedra that are divided make hexahedra of a worse shape than a grid has.
+        low, mean = (0.15, 0.45) if cell == "hexahedron" and name in ("half_sphere", "bracket") else (0.3, 0.6)
     assert shape.min() > low
     assert shape.mean() > mean
 
 
 @pytest.mark.one_quick
-@each_cell
-@each_curved
+@with_cells(CURVED)
 def test_geometry_of_degree_two(name, cell):
-    """The nodes within the facets are on the arcs: the area is right to the fourth order, not the second."""
+    """The nodes within facets and edges are on the surfaces: sizes are right to the fourth order, not the second."""
     straight, curved = (make(name, cell=cell, order=order) for order in (1, 2))
     assert (geometry_degree(straight.mesh), geometry_degree(curved.mesh)) == (1, 2)
+    check(name, curved, 5e-4)
     exact = SMALL[name][1]
     if exact is None:
         exact = integral(make(name, cell=cell, order=2, contact_size=0.1, size=0.5))
     errors = [abs(integral(tagged) / exact - 1) for tagged in (straight, curved)]
-    assert errors[1] < 2e-6
+    assert errors[1] < (2e-6 if name in PLANE else 5e-4)
     assert errors[1] < 0.05 * errors[0]
+    points, nodes, kind = cells_of(curved)
+    check_shape(points, nodes, kind, name)  # none is turned inside out
 
 
-def integral(tagged):
-    """The area with curved sides."""
-    import ufl
-    from dolfinx import default_scalar_type, fem
+@pytest.mark.one_quick
+@each
+def test_the_same_mesh_every_time(name):
+    """Points and cells, bit by bit."""
+    first, second = make(name), make(name)
+    np.testing.assert_array_equal(first.mesh.geometry.x, second.mesh.geometry.x)
+    np.testing.assert_array_equal(geometry_cells(first.mesh), geometry_cells(second.mesh))
 
-    one = fem.Constant(tagged.mesh, default_scalar_type(1.0))
-    return fem.assemble_scalar(fem.form(one * ufl.dx(metadata={"quadrature_degree": 4})))
+
+@pytest.mark.one_quick
+@pytest.mark.parametrize("unit", [1e-9, 1e6])
+@each
+def test_the_same_mesh_in_all_units(name, unit):
+    """A body of nanometres or of kilometres has the same cells."""
+    parameters = inspect.signature(known_generators()[name]()).parameters.items()
+    values = {key: p.default for key, p in parameters} | SMALL[name][0]
+    lengths = {k: unit * value for k, value in values.items() if isinstance(value, float) and k not in NO_LENGTHS}
+    first, second = make(name), make(name, **lengths)
+    np.testing.assert_array_equal(geometry_cells(first.mesh), geometry_cells(second.mesh))
+    size = np.abs(first.mesh.geometry.x).max()
+    np.testing.assert_allclose(second.mesh.geometry.x / unit, first.mesh.geometry.x, rtol=0, atol=1e-8 * size)
+
+
+@pytest.mark.one_quick
+@pytest.mark.mpi
+@each
+def test_on_ranks(name):
+    """The cells and facets are the same on any number of ranks, and in 3D the areas."""
+    comm = MPI.COMM_WORLD
+    order = {"order": 2} if name in CURVED_SPACE else {}
+    shared, own = make(name, comm, **order), make(name, **order)
+    assert cells_of_all(shared) == cells_of_all(own)
+    for boundary in own.boundaries:
+        assert comm.allreduce(shared.facets(boundary).size) == own.facets(boundary).size, boundary
+        if name in SPACE:
+            assert integral(shared, boundary) == pytest.approx(integral(own, boundary), rel=1e-12)
+    if name in SPACE:
+        assert integral(shared) == pytest.approx(integral(own), rel=1e-12)
+
+
+@pytest.mark.one_quick
+@each
+def test_coarser(name):
+    """Facets twice as long: about a quarter, or an eighth, of the cells, the same names."""
+    parameters = SMALL[name][0] | COARSER.get(name, {})
+    coarse = generate_mesh(name, coarser_parameters(name, parameters, 2.0), MPI.COMM_SELF)
+    fine = generate_mesh(name, parameters, MPI.COMM_SELF)
+    assert set(coarse.boundaries) == set(fine.boundaries)
+    low, high = (4, 12) if name in SPACE else (2.5, 6)
+    assert low < cells_of_all(fine) / cells_of_all(coarse) < high
+
+
+@each
+def test_words_that_are_refused(name):
+    """With the path of the parameter, at once."""
+    wrong = {"cell": "hexagon", "colour": "red"} | ({"order": 3} if name in CURVED else {})
+    for key, value in wrong.items():
+        with pytest.raises(SceneError) as caught:
+            make(name, **{key: value})
+        assert [problem[0] for problem in caught.value.problems] == [f"mesh.parameters.{key}"]
+
+
+@pytest.mark.one_quick
+@pytest.mark.mpi
+@pytest.mark.parametrize("everything", [True, False], ids=["all", "marked"])
+@pytest.mark.parametrize("name", ["box", "wedge_block"])
+def test_refined(name, everything):
+    """Tetrahedra are bisected on any number of ranks: areas, volume and region stay."""
+    parameters = simplex_parameters(name, SMALL[name][0])
+    tagged = generate_mesh(name, parameters, MPI.COMM_WORLD)
+    fine = refine(tagged, None if everything else np.arange(2, dtype=np.int32))
+    assert integral(fine) == pytest.approx(integral(tagged), rel=1e-12)
+    for boundary in tagged.boundaries:
+        assert integral(fine, boundary) == pytest.approx(integral(tagged, boundary), rel=1e-12)
+    cells = [one.mesh.topology.index_map(3).size_global for one in (tagged, fine)]
+    assert (cells[1] == 8 * cells[0]) if everything else (cells[0] < cells[1] < 4 * cells[0])
+    if name == "wedge_block":
+        index_map = fine.mesh.topology.index_map(3)
+        assert len(fine.cells("body")) == index_map.size_local + index_map.num_ghosts
 
 
 @pytest.mark.parametrize(
@@ -181,6 +311,27 @@ def integral(tagged):
         ("dovetail", {"neck": 30.0}, "neck"),
         ("dovetail", {"fillet": 6.0}, "fillet"),
         ("dovetail", {"stem": 0.1}, "fillet"),
+        ("ring", {"inner_radius": 2.0}, "inner_radius"),
+        ("ring", {"nt": 1}, "nt"),
+        ("wedge_block", {"angle": 90.0}, "angle"),
+        ("half_sphere", {"part": "third"}, "part"),
+        ("bracket", {"thickness": 45.0}, "thickness"),
+        ("bracket", {"seat_radius": 23.0}, "seat_radius"),
+        ("bracket", {"radius": 10.0}, "radius"),
+        ("box", {"width": -1.0}, "width"),
+        *(
+            (name, changes, *changes)
+            for name in ("rectangle", "block")
+            for changes in (
+                {"nx": 0},
+                {"nx": 2.5},
+                {"nx": 10**400},
+                {"length": -1.0},
+                {"height": float("nan")},
+                {"cell": "hexahedron"},
+                {"radius": 1.0},
+            )
+        ),
     ],
 )
 def test_parameters_that_are_refused(name, changes, path):
@@ -190,15 +341,25 @@ def test_parameters_that_are_refused(name, changes, path):
     assert [problem[0] for problem in caught.value.problems] == [f"mesh.parameters.{path}"]
 
 
-@pytest.mark.parametrize("changes", [{"contact_size": 1e-9}, {"size": 1e-6, "contact_zone": 1e-9}], ids=str)
-@each_curved
+TOO_MANY = {"nx": 999, "ny": 999, "nz": 999}
+TOO_MANY_AROUND = {"nr": 999, "nt": 999, "nz": 999}
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize(
+    ("name", "changes"),
+    [
+        *((name, {"contact_size": 1e-9}) for name in ("half_sphere", "bracket")),
+        ("half_sphere", {"size": 1e-3, "contact_size": 1e-3}),
+        *((name, TOO_MANY) for name in ("box", "wedge_block")),
+        *((name, TOO_MANY_AROUND) for name in ("cylinder", "ring")),
+    ],
+    ids=str,
+)
 def test_more_cells_than_there_could_be(name, changes):
-    """A size that no machine could mesh is refused before it is tried, also along a whole curve."""
+    """A mesh that no machine could hold is refused before it is tried, on all ranks."""
     with pytest.raises(SceneError, match=r"mesh\.parameters"):
-        make(name, **changes)
-    if name in ("plate_with_hole", "dovetail", "block_on_cylinder"):
-        with pytest.raises(SceneError, match=r"mesh\.parameters"):
-            make(name, contact_size=1e-6, contact_zone=1e-9)
+        make(name, MPI.COMM_WORLD, **changes)
 
 
 # --- generators of other packages ------------------------------------------------------------------------------------
@@ -299,7 +460,7 @@ def test_wedge_in_its_groove(friction):
 
 
 @pytest.mark.mpi
-@each_cell
+@pytest.mark.parametrize("cell", PLANE_CELLS)
 def test_linear_elements_on_curved_cells(cell):
     """They cannot turn without strain, so they are refused."""
     scene = parse_scene(

@@ -91,26 +91,6 @@ def test_contact_and_normal_support_on_the_same_facets():
     assert "6 facets" in found["displacement[0]"]
 
 
-@pytest.mark.parametrize("generator", ["rectangle", "block"])
-@pytest.mark.parametrize(
-    ("parameters", "path"),
-    [
-        ({"nx": 0}, "nx"),
-        ({"nx": 2.5}, "nx"),
-        ({"nx": 10**400}, "nx"),
-        ({"length": -1.0}, "length"),
-        ({"height": float("nan")}, "height"),
-        ({"cell": "hexahedron"}, "cell"),
-        ({"radius": 1.0}, "radius"),
-    ],
-)
-def test_bad_generator_parameters(generator, parameters, path):
-    """A generator refuses what it cannot mesh, with the path of the parameter."""
-    with pytest.raises(SceneError) as caught:
-        generate_mesh(generator, parameters, MPI.COMM_SELF)
-    assert [problem[0] for problem in caught.value.problems] == [f"mesh.parameters.{path}"]
-
-
 @pytest.mark.parametrize(
     ("name", "content", "message"),
     [

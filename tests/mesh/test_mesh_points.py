@@ -1,6 +1,5 @@
 """Points in the cells of meshes that are not nested, curved ones too: exact where they can be, on ranks as alone."""
 
-import gmsh
 import numpy as np
 import pytest
 from dolfinx import fem
@@ -9,8 +8,6 @@ from mpi4py import MPI
 from spaces import CELLS
 
 from signorini_fx.mechanics.mesh.points import at_points
-from signorini_fx.scenes.mesh import load_mesh
-from signorini_fx.scenes.reading import parse_scene
 
 COMM, SELF = MPI.COMM_WORLD, MPI.COMM_SELF
 PLANE = (dmesh.CellType.quadrilateral, dmesh.CellType.triangle)
@@ -22,35 +19,6 @@ def distorted(cell, n=3, comm=SELF):
     mesh = (dmesh.create_unit_square if dim == 2 else dmesh.create_unit_cube)(comm, *[n] * dim, cell)
     x = mesh.geometry.x
     x[:, :dim] += 0.05 * np.sin(7 * x[:, :dim] + 5 * np.roll(x[:, :dim], 1, axis=1))
-    return mesh
-
-
-@pytest.fixture(scope="module")
-def drawing(tmp_path_factory):
-    """A plate of 40 x 20 x 10 with a round hole of radius 5."""
-    file = COMM.bcast(tmp_path_factory.mktemp("drawing") / "plate.step")
-    if COMM.rank == 0:
-        gmsh.initialize(interruptible=False)
-        gmsh.option.setNumber("General.Terminal", 0)
-        gmsh.model.occ.addBox(0, 0, 0, 40, 20, 10, 1)
-        gmsh.model.occ.addCylinder(20, 10, -1, 0, 0, 12, 5, 2)
-        gmsh.model.occ.cut([(3, 1)], [(3, 2)])
-        gmsh.model.occ.synchronize()
-        gmsh.write(str(file))
-        gmsh.finalize()
-    COMM.barrier()
-    return file
-
-
-def plate(drawing, size, degree, *, unit=1.0, comm=COMM):
-    """A drawing in cells of this size, curved ones for degree 2."""
-    scene = {
-        "mesh": {"file": str(drawing), "size": size},
-        "element": {"degree": degree},
-        "material": {"young": 1.0, "poisson": 0.3},
-    }
-    mesh = load_mesh(parse_scene(scene), comm).mesh
-    mesh.geometry.x[:] *= unit
     return mesh
 
 

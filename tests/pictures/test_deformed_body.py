@@ -4,14 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from matplotlib.collections import LineCollection, PolyCollection
-from matplotlib.figure import Figure
+from matplotlib.collections import PolyCollection
 
 from signorini_fx.addons.pictures import deformed_body
 from signorini_fx.addons.pictures.body import DrawnBody, tiling
 from signorini_fx.addons.pictures.deformed_body import DrawnFoundation, deformed_mesh
-from signorini_fx.addons.pictures.marks import Largest
-from signorini_fx.addons.pictures.style import finish
 
 X = np.linspace(0.0, 3.0, 13)
 BOTTOM = np.column_stack((X, np.zeros(13)))
@@ -88,33 +85,6 @@ def test_a_foundation_that_would_be_bent_is_drawn_where_it_is(monkeypatch, gap):
     np.testing.assert_allclose(foundation_of(axes).get_xydata(), BOTTOM + gap[:, None] * DOWN)
 
 
-def test_coordinates_are_those_of_the_undeformed_body(monkeypatch):
-    """Its outline is drawn, the axes say so, and a circle is at the largest value."""
-    gap = np.full(13, 0.001)
-    at = POINTS[26]
-    (axes,), _ = drawn(monkeypatch, gap, sinking(0.001), largest=Largest(at, "1.20"))
-    assert [text.get_text() for text in axes.texts if text.get_text()] == ["$1.2$"]
-    assert (axes.get_xlabel(), axes.get_ylabel()) == ("$x$, undeformed", "$y$, undeformed")
-    rest = [one for one in axes.collections if isinstance(one, LineCollection)]
-    assert any(np.array_equal(one.get_segments(), POINTS[OUTLINE]) for one in rest)
-    (circle,) = (line for line in axes.lines if line.get_marker() == "o")
-    np.testing.assert_allclose(circle.get_xydata()[0], at - np.array([0.0, 0.2]))
-    (axes,), _ = drawn(monkeypatch, gap, sinking(0.2))
-    assert (axes.get_xlabel(), axes.get_ylabel()) == ("$x$", "$y$")
-
-
-def test_the_circle_moves_with_the_cell_that_has_the_value():
-    """Of two bodies that touch there and slide past each other that of the largest value."""
-    square = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0], [0.5, 0.5]])
-    moved = np.vstack((0.0 * square, 0.0 * square + [0.5, 0.0]))
-    points, within = np.vstack((square - [0.0, 1.0], square)), np.arange(10).reshape(2, 5)
-    at = np.array([1.0, 0.0])
-    for values, expected in (([1.0, 2.0], [1.5, 0.0]), ([2.0, 1.0], [1.0, 0.0])):
-        field = {"von_mises": np.repeat(values, 5).reshape(2, 5)}
-        body = DrawnBody(points, within, tiling(4, 1), moved, field, True)
-        np.testing.assert_allclose(Largest(at, "2").moved(body, "von_mises", 1.0), expected, atol=1e-12)
-
-
 def test_a_small_contact_zone_is_enlarged(monkeypatch):
     """In a second panel, which shows it as it is."""
     gap = 0.3 * (X - 1.5) ** 2 + 0.001
@@ -125,21 +95,6 @@ def test_a_small_contact_zone_is_enlarged(monkeypatch):
     assert 0 < low < X[5] < X[7] < high < 3
     np.testing.assert_allclose(body_of(zone), (POINTS + sinking(0.0012))[CELLS])
     assert whole.get_xlim()[0] < 0
-
-
-def test_a_title_stays_within_its_picture(tmp_path):
-    """A title that is wider than the figure goes on in the next line, and its remark has a line of its own."""
-    figure = Figure(figsize=(4.0, 3.0))
-    finish(
-        figure,
-        tmp_path / "figure",
-        4 * "A brake shoe pressed and dragged " + r"  (displacement $\times\,50$)",
-        suffixes=[],
-    )
-    (text,) = figure.texts
-    assert text.get_text().endswith("\n" + r"(displacement $\times\,50$)")
-    assert text.get_window_extent().x1 <= figure.bbox.width
-    assert text.get_text().replace("\n", " ").startswith("A brake shoe pressed and dragged A brake shoe")
 
 
 def test_axisymmetric_bodies_are_mirrored():
@@ -157,18 +112,3 @@ def test_axisymmetric_bodies_are_mirrored():
     assert np.array_equal(foundation.nodes[:, 0], [*-X[::-1], *X])
     assert np.array_equal(foundation.offset[:, 1], [*(-1 - X)[::-1], *(-1 - X)])
     assert np.array_equal(foundation.touching, [*touching[::-1], *touching])
-
-
-def test_whole_foundations_are_drawn_where_nothing_is_magnified(monkeypatch):
-    """The whole circle below a body, and not what is opposite of the nodes."""
-    angle = np.linspace(0.0, -2 * np.pi, 60)
-    circle = np.column_stack((1.5 + np.cos(angle), -1.0 + np.sin(angle)))
-    kept = []
-    monkeypatch.setattr(deformed_body, "finish", lambda figure, *_: kept.append(figure))
-    ground = on(0.5 * (X - 1.5) ** 2, np.full(13, False), [circle])
-    body = replace(BODY, displacement=sinking(0.001))
-    deformed_mesh("nowhere", body, "von_mises", foundation=ground)
-    (line,) = kept[0].axes[0].lines
-    np.testing.assert_array_equal(line.get_xydata(), circle)
-    mirrored = ground.with_mirror_image()
-    np.testing.assert_array_equal(mirrored.lines[1], circle[::-1] * [-1.0, 1.0])

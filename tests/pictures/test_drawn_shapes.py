@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-from signorini_fx.addons.pictures.rigid_shapes import drawn_shapes, lines_of, triangles_of
+from signorini_fx.addons.pictures.rigid_shapes import lines_of, triangles_of
 from signorini_fx.mechanics.statement.rigid_shape import distance_from
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import parse_scene
-from signorini_fx.scenes.solver import solve
 
 RADIUS = 0.3
 
@@ -47,28 +46,3 @@ def test_a_sphere_has_its_volume(hollow):
     assert set(often) == {2}
     volume = np.linalg.det(points[triangles] - 0.5).sum() / 6
     assert volume == pytest.approx((-1 if hollow else 1) * 4 / 3 * np.pi * RADIUS**3, rel=0.03)
-
-
-def test_a_roller_is_where_it_has_rolled_to():
-    """Not the two pieces opposite of the plates, and not where it was given: the whole of it, moved with its motion."""
-    scene = {
-        "mesh": {"generator": "rectangle", "parameters": {"length": 1.0, "height": 0.5, "nx": 8, "ny": 4}},
-        "material": {"young": 1000.0, "poisson": 0.3},
-        "displacement": {"boundary": "bottom", "x": 0.0, "y": 0.0},
-        "contact": {"boundary": "top", "foundation": "roller"},
-        "rigid": {
-            "name": "roller",
-            "shape": {"shape": "circle", "centre": [0.5, 0.8], "radius": RADIUS},
-            "pivot": [0.5, 0.8],
-            "force": [0.0, -1.0],
-            "prescribed": {"x": 0.05, "rotation": 0.0},
-        },
-    }
-    solution = solve(parse_scene(scene), MPI.COMM_SELF)
-    (motion,) = solution.last_step.tools
-    assert motion.translation[1] < -1e-4
-    (line,) = drawn_shapes(solution)["top"]
-    middle = np.array([0.5, 0.8]) + motion.translation
-    np.testing.assert_allclose(np.linalg.norm(line - middle, axis=1), RADIUS, rtol=1e-4)
-    angles = np.unwrap(np.arctan2(*(line - middle).T[::-1]))
-    assert abs(angles[-1] - angles[0]) == pytest.approx(2 * np.pi, rel=1e-6)

@@ -6,63 +6,19 @@ import numpy as np
 import pytest
 from dolfinx import mesh as dmesh
 from matplotlib.collections import TriMesh
-from matplotlib.figure import Figure
 from mpi4py import MPI
 from scenes import alone, example1, on_mesh, rectangle
 from scipy.spatial import cKDTree
 from spaces import block, box
 
 from signorini_fx.addons.pictures import deformed_body
-from signorini_fx.addons.pictures.body import tiling
 from signorini_fx.addons.pictures.deformed_body import deformed_mesh
-from signorini_fx.addons.pictures.fields import FIELDS, Field
 from signorini_fx.addons.pictures.gather import gather_cells, gather_outer_surface
-from signorini_fx.addons.pictures.tones import Tones, spaced
 from signorini_fx.machine import parallel
 from signorini_fx.results.files import ON_DEMAND, write_results
-from signorini_fx.results.stresses import Stresses
 from signorini_fx.scenes import cli
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve
-
-
-def test_spaced():
-    """None is nearer to another one than the distance, the first is kept, and no gap is left."""
-    nodes = np.random.default_rng(3).random((3000, 2))
-    kept = spaced(nodes, np.arange(3000), 0.05)
-    assert kept[0] == 0
-    apart = np.linalg.norm(nodes[kept][:, None] - nodes[kept], axis=2) + np.eye(len(kept))
-    assert apart.min() >= 0.05
-    assert np.linalg.norm(nodes[:, None] - nodes[kept], axis=2).min(axis=1).max() < 0.05
-    # Along a line every third, though 0.3 is no sum of 0.1 in floating point.
-    line = np.column_stack((0.1 * np.arange(40), np.ones(40)))
-    assert spaced(line, np.arange(40), 0.3).tolist() == list(range(0, 40, 3))
-
-
-@pytest.mark.parametrize(
-    ("values", "signed", "low", "high", "extend"),
-    [
-        ([1.0, 2.0, 4.0], False, 0.0, 4.0, "neither"),
-        ([-1.0, 2.0, 4.0], True, -1.0, 4.0, "neither"),
-        ([-4.0, -2.0, -1.0], True, -4.0, 0.0, "neither"),
-        ([1.0, 2.0, 4.0], True, 0.0, 4.0, "neither"),
-        ([1.0, 1.0, np.nan], False, 0.0, 1.0, "neither"),
-        ([1.0] * 199 + [50.0], False, 0.0, 1.0, "max"),
-        ([1.0] * 199 + [-50.0], True, 0.0, 1.0, "min"),
-        ([0.0, 0.0], False, 0.0, 1.0, "neither"),
-    ],
-)
-def test_scales(values, signed, low, high, extend):
-    """From nought, or both signs; one cell of 200 does not take the colours from the others."""
-    values = np.array(values)
-    tones = Tones(Field("f", signed=signed), values, np.ones(len(values)))
-    figure = Figure()
-    axes = figure.add_subplot()
-    bar = tones.bar(figure, axes)
-    assert bar.extend == extend
-    assert tones.high == high
-    assert tones.low == low
-
 
 DISK = {"radius": 8.0, "size": 4.0, "order": 2, "symmetric": True}
 
@@ -118,26 +74,6 @@ def test_fields_are_the_same_on_any_number_of_ranks():
         np.testing.assert_allclose(both[0] / scale, both[1] / scale, atol=1e-8)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("scene", [lambda: example1(nx=6, ny=2), lambda: block(4)], ids=["plane", "space"])
-def test_only_what_is_asked_for_is_drawn(tmp_path, monkeypatch, scene):
-    """As PNG, and as PDF if wanted; a later run takes them away; without a field of the stress the tensor is not
-    computed.
-    """
-    solution = alone(scene())
-    write_results(solution, tmp_path, fields=False, pictures=["pressure", "displacement"], pdf=True)
-    assert sorted(path.name for path in tmp_path.glob("field_*")) == [
-        f"field_{name}.{kind}" for name in ("displacement", "pressure") for kind in ("pdf", "png")
-    ]
-    monkeypatch.setattr(Stresses, "tensor", property(lambda self: 1 / 0))
-    write_results(alone(scene()), tmp_path, fields=False, pictures=["density", "displacement"])
-    assert sorted(path.name for path in tmp_path.glob("field_*.png")) == ["field_density.png", "field_displacement.png"]
-    write_results(solution, tmp_path, fields=False)
-    assert not list(tmp_path.glob("field_*"))
-    assert (tmp_path / "deformed.png").exists()
-    assert not list(tmp_path.glob("*.pdf"))
-
-
 def test_fields_that_are_none(tmp_path, capsys):
     """The known ones are named."""
     solution = alone(example1(nx=6, ny=2))
@@ -148,52 +84,7 @@ def test_fields_that_are_none(tmp_path, capsys):
     assert f"choose from {', '.join(ON_DEMAND)}" in capsys.readouterr().err.replace("'", "")
 
 
-def test_scale_that_is_given():
-    """The scale ends where it is told to, with an arrow above."""
-    tones = Tones(FIELDS["von_mises"], np.array([1.0, 2.0, 4.0]), np.ones(3), top=3.0)
-    figure = Figure()
-    assert (tones.low, tones.high) == (0.0, 3.0)
-    assert tones.bar(figure, figure.add_subplot()).extend == "max"
-
-
 # --- values at points of the cells -----------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("corners", [3, 4])
-@pytest.mark.parametrize("count", [1, 2, 3, 4])
-def test_tiling(corners, count):
-    """Triangles without gap or overlap, counterclockwise; points along the perimeter in order; a mirror image."""
-    tiles = tiling(corners, count)
-    a, b, c = tiles.points[tiles.triangles].transpose(1, 0, 2)
-    areas = 0.5 * np.linalg.det(np.stack((b - a, c - a), axis=1))
-    assert areas.min() > 1e-3 / count**2
-    assert areas.sum() == pytest.approx({3: 0.5, 4: 1.0}[corners])
-    assert set(tiles.triangles.ravel()) == set(range(len(tiles.points)))
-    around = tiles.points[: tiles.rim]
-    steps = np.linalg.norm(np.roll(around, -1, axis=0) - around, axis=1)
-    assert steps.sum() == pytest.approx({3: 2 + np.sqrt(2), 4: 4.0}[corners])
-    x, y = around.T
-    assert 0.5 * (x * np.roll(y, -1) - y * np.roll(x, -1)).sum() == pytest.approx({3: 0.5, 4: 1.0}[corners])
-    ends = [[0, 0], [1, 0], [0, 1]] if corners == 3 else [[0, 0], [1, 0], [1, 1], [0, 1]]
-    np.testing.assert_allclose(tiles.points[tiles.vertices], ends)
-    np.testing.assert_allclose(tiles.points[tiles.mirrored], tiles.points[:, ::-1])
-    first, second, last = np.array([[1.0, 0, 0], [1.0, 2, 0], [1.0, 0, 3]])
-    expected = np.column_stack((np.ones(len(tiles.points)), 2 * tiles.points[:, 0], 3 * tiles.points[:, 1]))
-    np.testing.assert_allclose(tiles.within(first, second, last), expected)
-
-
-def test_refined():
-    """Triangles in each other, of the same area and orientation, on which a linear field is the same."""
-    corners = np.array([[[0.0, 0, 1], [2, 0, 3], [0, 2, 0]], [[2.0, 0, 5], [2, 2, 5], [0, 2, 5]]])
-    np.testing.assert_array_equal(deformed_body._refined(corners, 2), corners)
-    fine = deformed_body._refined(corners, 30)
-    assert fine.shape == (32, 3, 3)
-    sides = fine[:, 1:, :2] - fine[:, :1, :2]
-    np.testing.assert_allclose(np.linalg.det(sides), 4.0 / 16)
-    x, y, value = fine.reshape(-1, 3).T
-    first = (fine.mean(axis=1)[:, :2].sum(axis=1) < 2).repeat(3)
-    np.testing.assert_allclose(value, np.where(first, 1 + x - 0.5 * y, 5.0))
-    assert deformed_body._refined(corners[:0], 30).shape == (0, 3, 3)
 
 
 NODAL = {

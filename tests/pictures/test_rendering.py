@@ -12,7 +12,7 @@ from signorini_fx.addons.pictures import solid as drawing
 from signorini_fx.addons.pictures import view
 from signorini_fx.addons.pictures.body import DrawnBody, Volume, tiling
 from signorini_fx.addons.pictures.foundation import FoundationSurface
-from signorini_fx.addons.pictures.solid import Cut, Solid, solid_figure, telling_view
+from signorini_fx.addons.pictures.solid import Cut, Solid, solid_figure
 from signorini_fx.addons.pictures.style import VALUES
 from signorini_fx.addons.pictures.view import normals_of
 from signorini_fx.errors import PictureError
@@ -55,27 +55,6 @@ def at(picture, camera, points):
     share = (camera.flat(np.asarray(points, dtype=float)) / camera.half + 1) / 2
     column, row = np.floor(share * picture.shape[1::-1]).astype(int).T
     return picture[::-1][row, column]
-
-
-@pytest.mark.slow
-def test_points_are_where_the_camera_says():
-    """Small spheres, as squares, at the corners of a cube; the nearest ones are drawn over those behind."""
-    seen = view.oblique()
-    camera = view.Camera.on(seen, CUBE)
-    tiny = 0.03 * (SQUARE @ np.stack((seen.right, seen.up)))
-    points = (CUBE[:, None] + tiny).reshape(-1, 3)
-    triangles = (4 * np.arange(8)[:, None, None] + [[0, 1, 2], [0, 2, 3]]).reshape(-1, 3)
-    values = np.linspace(0.0, 1.0, 8).repeat(2)
-    picture = drawing.image(solid(values, points, triangles), camera, WIDTH)
-    assert picture.shape[1] == WIDTH
-    assert picture.shape[0] == pytest.approx(WIDTH * camera.half[1] / camera.half[0], abs=0.5)
-    np.testing.assert_allclose(hue(at(picture, camera, CUBE)), hue(VALUES(values[::2])), atol=0.02)
-    flat = camera.flat(CUBE)
-    assert np.abs(flat).max() < camera.half.max()
-    np.testing.assert_allclose(flat.max(axis=0), -flat.min(axis=0), rtol=1e-3)
-
-
-SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 
 
 def test_colours_are_those_of_the_field():
@@ -123,22 +102,6 @@ def test_a_cut_shows_the_field_inside(cells):
     np.testing.assert_allclose(hue(at(picture, camera, places)), hue(VALUES(0.5 * places[:, 0] + 0.3)), atol=0.02)
 
 
-def test_the_section_goes_through_its_point(painted):
-    """Along the direction that it is given, as well seen as possible; moved with the body."""
-    volume = Volume(CUBE, np.tile([0.0, 0.001, 0.0], (8, 1)), np.ones(8), np.array(HEXAHEDRON))
-    origin, down = np.array([0.25, 0.5, 0.0]), np.array([0.0, 0.0, -1.0])
-    for azimuth, axis in ((-58.0, 1), (-10.0, 0)):
-        painted.clear()
-        seen = view.oblique(azimuth)
-        cut = Cut.along(volume, origin, down, seen)
-        np.testing.assert_array_equal(cut.normal, np.sign(seen.toward[axis]) * np.eye(3)[axis])
-        _, remark = solid_figure(cube(np.ones(6), (0.0, 0.001, 0.0)), "von_mises", seen, cut=cut)
-        assert remark == rf"cut at ${'xy'[axis]} = {origin[axis]:g}$, displacement $\times\,100$"
-        ((drawn, *_),) = painted
-        place = drawn.points @ cut.normal
-        assert place.max() == pytest.approx(np.add(origin, [0.0, 0.1, 0.0]) @ cut.normal)
-
-
 def test_foundations_are_seen_from_the_body():
     """A plane from above, gray; not from below, where it would hide the body."""
     ground = over([0.2] * 4).shape(1.0)
@@ -154,71 +117,10 @@ def test_foundations_are_seen_from_the_body():
         assert (colour[0] < 250) == (elevation > 0)
 
 
-def test_the_view_shows_the_cut():
-    """Of a cube that is stressed on one side only, that side is seen; of a uniform one the front and the right."""
-    usual = view.oblique()
-    for loaded, azimuth in ((2, -58.0), (5, -58.0), (3, 122.0), (4, -122.0)):
-        seen = telling_view(cube(np.where(np.arange(6) == loaded, 1.0, 0.0)), "von_mises")
-        towards = normals_of(CUBE, SIDES)[loaded] @ seen.toward
-        assert towards > 0.4
-        if azimuth == -58.0:
-            np.testing.assert_array_equal(seen.toward, usual.toward)
-    for values in (np.ones(6), np.zeros(6), np.full(6, np.nan)):
-        np.testing.assert_array_equal(telling_view(cube(values), "von_mises").toward, usual.toward)
-
-
 def over(gap):
     """The foundation below the cube, by its gap at the corners."""
     down = np.tile([0.0, 0.0, -1.0], (4, 1))
     return FoundationSurface(CUBE[:4], down, np.array(gap), np.array([[0, 1, 3, 2]]))
-
-
-@pytest.fixture
-def painted(monkeypatch):
-    """What would be drawn, in place of drawing it."""
-    kept = []
-    blank = np.full((4, 4, 3), 255, dtype=np.uint8)
-    monkeypatch.setattr(drawing, "image", lambda *request: kept.append(request) or blank)
-    return kept
-
-
-def test_foundations_that_are_magnified_or_not(painted):
-    """A plane stays one and is magnified with the body; where it would be bent nothing is magnified."""
-    size = np.sqrt(3.0)
-    assert over([0.01] * 4).looks_like_itself(50.0, size)
-    assert not over([0.01] * 4).looks_like_itself(200.0, size)  # it would be far away
-    assert over([0.0, 0.0, 0.1, 0.1]).looks_like_itself(2.0, size)
-    assert not over([0.0, 0.0, 0.1, 0.1]).looks_like_itself(8.0, size)  # as steep as 39 degrees
-    sunk = cube(np.ones(6), (0.0, 0.0, -0.001))
-    for gap, factor, remark in (
-        ([0.001] * 4, 100.0, r"displacement and gap $\times\,100$"),
-        ([0.001, 0.001, 0.5, 0.5], 1.0, r"displacement $\times\,1$"),
-    ):
-        painted.clear()
-        assert solid_figure(sunk, "von_mises", view.oblique(), [over(gap)])[1] == remark
-        ((drawn, *_),) = painted
-        assert len(drawn.grounds) == 1
-        np.testing.assert_allclose(drawn.points[:8], CUBE - [0, 0, 0.001 * factor])
-        assert (drawn.at_rest is None) == (factor == 1)
-
-
-@pytest.mark.parametrize("size", [(30.0, 1.0, 1.0), (1.0, 3.0, 1.0), (1.0, 1.0, 3.0), (1.0, 1.0, 0.1)])
-@pytest.mark.parametrize("azimuth", [-58.0, 122.0])
-def test_lengths_beside_the_body(painted, size, azimuth):
-    """Each axis has an arrow along it, beside the body, with the length of the undeformed body."""
-    unit = cube(np.ones(6), (0.0, 0.0, 0.05))
-    figure, _ = solid_figure(replace(unit, points=unit.points * size), "von_mises", view.oblique(azimuth))
-    ((_, camera, _),) = painted
-    axes = figure.axes[0]
-    assert sorted(text.get_text() for text in axes.texts if ":" in text.get_text()) == [
-        f"{name}: ${length:g}$" for name, length in zip("xyz", size, strict=True)
-    ]
-    corners = camera.flat(CUBE * size)
-    arrows = [text for text in axes.texts if not text.get_text()]
-    for axis, arrow in enumerate(arrows):
-        along = np.subtract(arrow.xy, arrow.xyann)
-        edges = [corners[k | (1 << axis)] - corners[k] for k in range(8) if not k & (1 << axis)]
-        assert min(np.linalg.norm(along - edge) for edge in edges) < 1e-9
 
 
 @pytest.mark.parametrize(("old", "message"), [(False, "is drawn by PyVista"), (True, "needs a display")])

@@ -2,14 +2,12 @@
 
 import numpy as np
 import pytest
-from drawing import needs_pictures_in_3d
 from matplotlib.quiver import Quiver
 from mpi4py import MPI
 from scenes import example1
 
 from signorini_fx.addons.pictures import setup as setup_pictures
 from signorini_fx.addons.pictures.of_setup import gather_setup
-from signorini_fx.mechanics.mesh.tagged import generate_mesh, tag_boundaries
 from signorini_fx.scenes import cli
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import parse_scene
@@ -27,15 +25,6 @@ BOX = {
     ],
     "springs": [{"boundary": "right", "normal": 3.0}],
     "contact": [{"boundary": "bottom"}],
-}
-
-SIDES = {
-    "left": "x[0] < 1e-9",
-    "right": "x[0] > 3 - 1e-9",
-    "front": "x[1] < 1e-9",
-    "back": "x[1] > 1 - 1e-9",
-    "bottom": "x[2] < 1e-9",
-    "top": "x[2] > 1 - 1e-9",
 }
 
 
@@ -70,32 +59,6 @@ def test_in_the_plane():
     np.testing.assert_allclose(areas(top.corners) @ top.load, [0, -20], atol=1e-12)
 
 
-@pytest.mark.mpi
-def test_a_second_name():
-    """A boundary that the scene names again, and uses under that name, is shown once."""
-    again = {"sole": "x[2] < 1e-9", "unused": "x[2] < 1e-9", "half": "x[2] < 1e-9 and x[0] < 1.1"}
-    scene = parse_scene({**BOX, "contact": [{"boundary": "sole"}]})
-    box = load_mesh(parse_scene(BOX), COMM)
-    setup = gather_setup(tag_boundaries(box.mesh, {**SIDES, **again}), scene.statement)
-    names = {one.name for one in setup.boundaries}
-    assert {"sole", "half", "top"} <= names
-    assert not {"unused", "bottom"} & names
-    assert {"bottom", "unused", "sole"} <= {
-        one.name for one in gather_setup(tag_boundaries(box.mesh, {**SIDES, **again})).boundaries
-    }
-
-
-def test_short_names_of_bodies():
-    """A boundary of a body has a short name too where that is unique, which is shown only if the scene uses it."""
-    plate = {"generator": "rectangle", "parameters": {"nx": 2, "ny": 1, "cell": "triangle"}}
-    disk = {"generator": "half_disk", "parameters": {}}
-    bodies = [{"name": "plate", "mesh": plate}, {"name": "disk", "mesh": disk, "shift": [0.5, 3.0]}]
-    contact = {"boundary": "arc", "against": "plate.top"}
-    scene = parse_scene({"body": bodies, "material": {"young": 1.0, "poisson": 0.3}, "contact": contact})
-    names = {one.name for one in gather_setup(load_mesh(scene, MPI.COMM_SELF), scene.statement).boundaries}
-    assert names == {"arc", "disk.top", "plate.top", "plate.bottom", "plate.left", "plate.right"}
-
-
 def areas_of_cells(polygons):
     """The area of polygons of the plane, whose corners are in order."""
     x, y = np.moveaxis(polygons, 2, 0)
@@ -124,14 +87,6 @@ def test_in_space():
     moments = np.cross(around, np.roll(around, -1, axis=1)).sum(axis=1) / 2
     volume = np.einsum("ij,ij->", moments, setup.polygons.mean(axis=1)) / 3
     assert volume == pytest.approx(np.prod(high - low))
-
-
-def test_curved_and_in_pieces():
-    """Normals point away from the body wherever it is curved, inwards at a hole."""
-    tagged = generate_mesh("plate_with_hole", {}, MPI.COMM_SELF)
-    hole = next(one for one in gather_setup(tagged).boundaries if one.name == "hole")
-    middles = hole.middles
-    assert (np.einsum("ij,ij->i", hole.normals, middles) < -0.9 * np.linalg.norm(middles, axis=1)).all()
 
 
 @pytest.mark.slow
@@ -163,24 +118,6 @@ def test_commands(tmp_path, capsys, suffix):
     assert "mesh.bmp: a picture is .png, .pdf or .svg" in capsys.readouterr().err
     assert cli.main([*command, "--picture", str(tmp_path / "body.geo" / "mesh.png")]) == 2
     assert "cannot be written" in capsys.readouterr().err
-
-
-@pytest.mark.slow
-def test_a_body_in_space_is_drawn(tmp_path):
-    """With hidden boundaries, names and arrows."""
-    needs_pictures_in_3d()
-    from matplotlib.image import imread
-
-    setup = gather_setup(load_mesh(parse_scene(BOX), MPI.COMM_SELF), parse_scene(BOX).statement)
-    setup.draw(tmp_path / "box", (".png",))
-    seen = imread(tmp_path / "box.png")[..., :3].reshape(-1, 3)
-
-    def share(colour):
-        return (np.abs(seen - np.array(colour)).max(axis=1) < 0.08).mean()
-
-    assert share((0.1, 0.1, 0.1)) > 5e-4  # arrows
-    assert share((0.0, 0.62, 0.45)) > 2e-4  # the front, in the legend
-    assert share((1.0, 1.0, 1.0)) < 0.9
 
 
 def test_the_legend_says_what_acts(monkeypatch):

@@ -11,7 +11,6 @@ from pathlib import Path
 import pytest
 import summaries_of_outcomes as page
 
-from signorini_fx.addons.report import evidence
 from signorini_fx.quantities.answers import answers
 from signorini_fx.records import Status
 from signorini_fx.results.short_answer import short_answer
@@ -106,16 +105,6 @@ def test_no_figure_without_a_solution(drawn):
     assert seen > 100
 
 
-def test_figures_of_a_load_step_name_it(drawn):
-    """And an answer that is none says why or what to do."""
-    for status, step, _, summary in drawn:
-        for answer in answers(summary):
-            if answer.text.startswith(("not ", "in balance;")):
-                assert answer.details, (status, answer)
-            if step and FIGURES.search(answer.text) and "stress" in answer.question:
-                assert any("load step" in detail for detail in answer.details), answer
-
-
 def said_of(lines, label):
     """What the terminal says behind a label, line by line."""
     labels = [line[:14].strip() for line in lines]
@@ -168,64 +157,6 @@ def test_larger_one_of_two_stresses(raw, recovered):
     (line,) = (str(line) for line in short_answer(summary, Path("results")) if str(line).startswith("  stress"))
     assert "von Mises 96" in line
     assert line.endswith(f"at {where}")
-
-
-def test_no_forecast_of_what_no_mesh_reaches():
-    """The rate of the meshes so far promises an error that the outcome excludes."""
-    cost = {"error": 0.01, "statement": "1 % error of the pressure took 2 s; 0.1 % would take 3 to 9 s, 23k unknowns"}
-    for status, seconds in (("converged", True), ("accuracy out of reach", False)):
-        summary = page.known(status=status, converged=status == "converged", advice="require less", cost=cost)
-        (line,) = (str(line) for line in short_answer(summary, Path("out")) if str(line).startswith("  cost"))
-        for text in (line, told(summary)[3][1]):
-            assert re.search("1 % error( of the pressure)? took 2 s", text)
-            assert ("3 to 9 s" in text) == seconds
-            assert ("no finer mesh helps" in text) != seconds
-
-
-def test_a_bound_is_called_guaranteed():
-    """In the answers, on the terminal, and in the section of the certificate."""
-    bound = {"relative_error": 0.043, "guaranteed": True, "statement": "at most 4.3 %"}
-    summary = page.known(error_bound=bound, certificate={"holds": True, "law": "a law", "equilibrium": 1e-12})
-    said = [told(summary)[3][1], *map(str, short_answer(summary, Path("results")))]
-    said.append(re.sub("<[^>]*>", "", evidence.certificate(summary)))
-    assert "4.3 %" in said[0]
-    assert [bool(re.search("[gG]uaranteed", text)) for text in said if "4.3 %" in text] == [True] * 3
-
-
-def test_the_share_of_an_earlier_step_names_it():
-    """What failed is told just before, of which the share is not."""
-    for status in (Status.SLIDES, Status.MAX_ITERATIONS):
-        summary = page.known(**page.ended(status, step=True))
-        _, why = told(summary)[0]
-        assert "load step 4 (pull, time 0.8125): " in why
-        assert "41 % of the yield stress used at load step 3 (time 0.75)" in why
-
-
-def test_a_solution_beyond_linear_elasticity_is_not_called_missing():
-    """Its certificate holds: a solution was found, which means nothing."""
-    summary = page.known(**(page.ended(Status.TOO_LARGE) | {"certificate": {"holds": True, "law": "a law"}}))
-    said = [why for _, why in told(summary)]
-    assert not any("no solution" in why for why in said)
-    assert said[2] == "not known; deformation too large for linear elasticity"
-
-
-def test_nothing_is_said_of_a_certificate_that_was_never_computed():
-    """What failed before the first linear solve has no figures that might be used, and nothing that is violated."""
-    for solves, text in ((0, "there is no figure"), (3, "no figure may be used")):
-        changes = page.ended(Status.NO_MEMORY) | {"linear_solves": solves}
-        summary = {key: value for key, value in page.known(**changes).items() if key != "results_of"}
-        (_, _, _, (sure, why)) = told(summary)
-        assert sure == text
-        assert ("NOT" in why) == bool(solves)
-
-
-def test_loads_that_pressures_balance_use_no_share_of_the_friction():
-    """Zero per cent would contradict the friction force beside it."""
-    summary = page.known(friction_used=0.0)
-    lines = [str(line) for line in short_answer(summary, Path("out"))]
-    assert "the loads need no friction" in told(summary)[1][0]
-    assert any("friction" in line and "the loads need none" in line for line in lines)
-    assert not any(" 0 %" in line for line in [*lines, told(summary)[1][1]])
 
 
 NONLINEAR_ANSWERS = [

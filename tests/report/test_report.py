@@ -11,7 +11,6 @@ import subprocess
 import sys
 import tempfile
 from dataclasses import replace
-from datetime import UTC, date, datetime, timedelta
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -21,24 +20,19 @@ from mpi4py import MPI
 from PIL import Image
 from scenes import alone, example1, on_mesh, rectangle
 
-from signorini_fx.addons.pictures.fields import FIELDS
 from signorini_fx.addons.report import evidence, markup, sections
 from signorini_fx.addons.report import page as report
-from signorini_fx.addons.report.markup import Markup, part
-from signorini_fx.errors import OutputError, ResultError
+from signorini_fx.addons.report.markup import part
+from signorini_fx.errors import ResultError
 from signorini_fx.machine import parallel
-from signorini_fx.machine.result_files import ResultFiles, read_summary, seconds_of
+from signorini_fx.machine.result_files import ResultFiles
 from signorini_fx.mechanics.effects.contact import UnilateralContact
 from signorini_fx.mechanics.mesh.tagged import tag_boundaries
-from signorini_fx.mechanics.statement.units import labelled
 from signorini_fx.quantities.answers import answers
-from signorini_fx.quantities.digits import between, figure
-from signorini_fx.quantities.shown import error_of, shown_cards, table
-from signorini_fx.quantities.text import marked_stress
+from signorini_fx.quantities.digits import figure
 from signorini_fx.records import JUDGED, REPORTED
 from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.results.files import write_results
-from signorini_fx.results.restart_files import _described
 from signorini_fx.scenes import cli
 from signorini_fx.scenes.solver import solve
 
@@ -263,26 +257,6 @@ def test_escapes(folders):
     assert part("note", "<&>\"'") == '<p class="note">&lt;&amp;&gt;&#34;&#39;</p>'
 
 
-def test_long_cells():
-    """A long name may be broken behind an underscore; markup, numbers and vectors stay as they are."""
-    name, vector = "<left_foot>_of__the_frame", "(-1.852e+06, 5.693e+06, 0)"
-    row = [name, "short_name", vector, Markup("<b>made_of_markup_already</b>"), 1.0]
-    made = markup.table(["a", "b", "c", "d", "e"], [row])
-    assert re.findall("<td.*?</td>", made) == [
-        '<td class="words">&lt;left_<wbr>foot&gt;_<wbr>of__<wbr>the_<wbr>frame</td>',
-        "<td>short_name</td>",
-        f"<td>{vector}</td>",
-        '<td class="words"><b>made_of_markup_already</b></td>',
-        '<td class="number">1</td>',
-    ]
-
-
-def test_a_vector_with_its_unit_is_not_torn_apart():
-    """On a telephone the table scrolls: (-0.0072, 0.1948) N/mm stays in one line."""
-    cell = "(-0.00722123, 0.194823, 0.0000001) N mm"
-    assert f"<td>{cell}</td>" in markup.table(["force"], [[cell]])
-
-
 def test_next_steps(folders):
     """Advice follows from the result."""
 
@@ -295,14 +269,6 @@ def test_next_steps(folders):
     assert "on <a&b>, $c$: refine there" in said("two boundaries")
     assert said("linear") == ""
     assert "ParaView: a.bp" in said("linear", fields=["a.bp"])
-
-
-def test_seconds_of_all_meshes(folders):
-    """Of a nested iteration those of every mesh, not of the last one alone; otherwise the phases."""
-    several, single = summary_of(folders["levels"]), summary_of(folders["steps"])
-    assert seconds_of(several) == sum(row["seconds"] for row in several["convergence_table"] if not row["predicted"])
-    assert len(several["convergence_table"]) > 2
-    assert seconds_of(single) == sum(single["timings"].values())
 
 
 def test_verdict(folders):
@@ -368,25 +334,6 @@ def test_answers_come_first(folders):
         < page.source.index("deformed body on its foundation")
         < page.source.index("<h2>Figures")
     )
-
-
-def test_title_block(tmp_path):
-    """Its texts stand above the results, escaped, and are no part of what is solved."""
-    told = {"project": "<b>7</b>", "date": date(2026, 11, 24)}
-    data = type(linear()).model_validate(dict(linear()) | {"title_block": told})
-    write_results(alone(data, check=False), tmp_path, fields=False, pictures=False)
-    report.write_report(tmp_path)
-    page = Page(tmp_path)
-    assert page.of("dd")[:2] == ["<b>7</b>", "2026-11-24"]
-    assert "revision" not in page.text.partition("Outcome")[0]
-    assert _described(data) == _described(linear())
-
-
-def test_forces_of_forms_with_a_measure_are_not_per_thickness():
-    """Their measure may be that of a body of revolution."""
-    summary = {"dimension": 2, "scene": {"forms": ["a", "L"], "contact": []}}
-    assert "thickness" not in sections._note(summary)
-    assert "thickness" in sections._note({"dimension": 2, "scene": {}})
 
 
 def test_figures_of_the_certificate():
@@ -462,21 +409,6 @@ def test_no_folder(tmp_path):
         report.write_report(tmp_path / "empty")
 
 
-def test_page_elsewhere(folders, tmp_path):
-    """In a folder of its own, made if need be; where a folder is in the way it says so."""
-    file = report.write_report(folders["linear"], tmp_path / "new" / "page.html")
-    assert file.read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
-    assert [path.name for path in file.parent.iterdir()] == ["page.html"]
-    with pytest.raises(OutputError, match="new: is a folder: give the name of a file"):
-        report.write_report(folders["linear"], tmp_path / "new")
-
-
-@pytest.mark.slow
-def test_same_page_twice(folders):
-    """The same files give the same page."""
-    assert report.page(folders["levels"]) == report.page(folders["levels"])
-
-
 @pytest.mark.slow
 def test_without_pictures(tmp_path):
     """They are missed in words.  A new solve takes an old page away."""
@@ -531,22 +463,6 @@ def test_contact_of_every_step():
         parallel.on_root(comm, lambda: shutil.rmtree(folder))
 
 
-def test_one_step_is_not_kept_twice(folders):
-    """Scenes without load steps ask for no history of them."""
-    assert not (folders["levels"] / "contact_steps.csv").exists()
-
-
-def test_other_fields_are_on_the_page(folders, tmp_path):
-    """Those that are in the folder, with their names."""
-    copy = broken(folders["linear"], tmp_path)
-    (copy / "field_density.png").write_bytes((copy / "deformed.png").read_bytes())
-    report.write_report(copy)
-    page = Page(copy)
-    assert [kind for kind, _ in pictures(page)] == ["png", "png"]
-    assert FIELDS["density"].label in page.text.lower()
-    assert FIELDS["displacement"].label not in page.text.lower()
-
-
 # --- digits ----------------------------------------------------------------------------------------------------------
 
 
@@ -575,147 +491,4 @@ def test_digits(value, error, text):
     assert figure(value, error) == text
 
 
-def test_figures_have_the_digits_of_their_estimates(folders):
-    """On a page with a convergence table, with the error beside them."""
-    page, summary = Page(folders["levels"]), summary_of(folders["levels"])
-    row = [row for row in summary["convergence_table"] if not row["predicted"]][-1]
-    assert row["peak"] > 1e-3  # so that the six digits of before would be wrong
-    expected = figure(summary["max_pressure"], row["peak"])
-    assert len(expected) < len(f"{summary['max_pressure']:.6g}")
-    assert expected in page.of("td")
-
-
-def test_powers_of_ten_in_text():
-    """Numbers are one word; names and plain numbers stay."""
-    text = markup.in_text("gamma_n = 2.39e+08, 1e-06, 12 and e-mail 3e")
-    assert text == "gamma_n = 2.39\xd710\u2078, 10\u207b\u2076, 12 and e-mail 3e"
-
-
-def test_errors_of_figures():
-    """A friction force is as uncertain as the contact force; the stress at a point has no estimate."""
-    rows = [{"predicted": False, "force": 0.01, "peak": 0.02, "energy": 0.1}, {"predicted": True, "force": 1e-9}]
-    summary = {"contact_force": [0.0, 50.0], "friction_force": [0.01, 0.0], "convergence_table": rows}
-    found = {one.key: error for one in table() if (error := error_of(summary, one.key)) is not None}
-    assert found == pytest.approx(
-        {"contact_force": 0.01, "friction_force": 50.0, "max_pressure": 0.02, "strain_energy": 0.01}
-    )
-    assert figure(summary["friction_force"], found["friction_force"]) == "(0.01, 0)"
-    assert figure(summary["contact_force"], found["contact_force"]) == "(0, 50.0)"
-    stress = {"von_mises": {"value": 20.0}, "recovered": {"von_mises": {"value": 19.0}}}
-    for one in ({"stress": stress}, {}):
-        assert {error_of(one, shown.key) for shown in table()} == {None}
-    assert between(stress) == pytest.approx(0.05)
-    assert between(stress | {"recovered": {"von_mises": {"value": 25.0}}}) == pytest.approx(0.2)
-    assert between(stress | {"recovered": None}) is None
-
-
 # --- provenance ------------------------------------------------------------------------------------------------------
-
-
-def test_date(folders):
-    """The day on which it was solved."""
-    for folder in folders.values():
-        finished = summary_of(folder)["finished"]
-        assert datetime.now(UTC) - datetime.fromisoformat(finished) < timedelta(hours=2)
-        done = "tried" if folder.name == "not held" else "solved"  # nothing was solved there
-        assert f"{done} on {finished[:10]}" in Page(folder).text
-        assert f"{done.capitalize()} on {finished[:10]} {finished[11:19]} UTC by" in Page(folder).text
-
-
-def test_scene_is_told(folders):
-    """Factors and names of load steps are there, and it is clear what belongs to an inner table."""
-    assert "factors = (0.5, 1, 0.25)" in Page(folders["steps"]).text
-    mesh = {"file": "a.step", "boundaries": {"wall": 6, "seat": [1, 2]}, "size": 4.0}
-    named = {"names": ["press", "drag"], "times": None, "steps": 6}
-    summary = summary_of(folders["steps"])
-    page = evidence.scene({**summary, "scene": {**summary["scene"], "mesh": mesh, "load_steps": named}})
-    assert "file = a.step, boundaries = {wall = 6, seat = (1, 2)}, size = 4" in page
-    assert "names = (press, drag), steps = 6" in page
-
-
-def test_what_a_foundation_has_not_is_not_told(tmp_path):
-    """Its moment is null as the figures of a solve that failed are, which are read as numbers."""
-    foundation = {"shape": "circle", "moment": None, "radius": 2.0}
-    whole = {
-        "status": "converged",
-        "certificate": {"figures": None},
-        "linear_solves": 1,
-        "resultants": [{"moment": None}],
-    }
-    whole["scene"] = {"contact": [{"foundation": foundation}]}
-    (tmp_path / "summary.json").write_text(json.dumps(whole))
-    read = read_summary(tmp_path)
-    assert markup.shown(read["scene"]["contact"][0]["foundation"]) == "shape = circle, radius = 2"
-    assert math.isnan(read["resultants"][0]["moment"])
-
-
-def test_broad_pictures_are_not_made_smaller_than_they_can_be_read():
-    """Two panels side by side are scrolled on a telephone; what is higher than wide is fitted to it."""
-    for width, height, broad in (900, 500, True), (600, 500, False):
-        data = io.BytesIO()
-        Image.new("RGB", (width, height)).save(data, "png")
-        page = markup.picture(data.getvalue(), "a body", "a body")
-        assert (' class="still broad"' in page) == broad
-
-
-def test_one_number_for_the_largest_stress():
-    """The larger one of raw and recovered, and which it is; in the table of figures as in the answer."""
-    for raw, recovered, kind in ((390.0, 309.0, "raw"), (309.0, 390.0, "recovered")):
-        entries = [{"value": value, "place": [1.0, 2.0], "region": None} for value in (raw, recovered)]
-        stress = {"von_mises": entries[0], "recovered": {"von_mises": entries[1]}, "error": None}
-        (card,) = shown_cards(next(shown for shown in table() if shown.key == "stress"), {"stress": stress})
-        assert float(card.text) == pytest.approx(390.0, rel=0.1)
-        assert float(card.text) > 320.0
-        assert card.remark == f"{kind}, at (1, 2)"
-        solved = {"stress": stress, "status": "converged"}
-        assert marked_stress(solved) == ([1.0, 2.0], card.text)  # the picture has the same
-        assert marked_stress(solved | {"status": "active sets cycle"}) is None
-
-
-def test_forces_have_names_and_places_that_mean_something():
-    """Component by component; a force that acts far outside the body has its moment alone; none around an axis."""
-    body = {"bounds": [[0.0, 0.0], [3.0, 1.0]]}
-    near = {"boundary": "top", "acts": ["traction"], "force": [0.0, -20.0], "moment": -30.0, "acts_at": [1.5, 1.0]}
-    far = {"boundary": "left", "acts": ["support"], "force": [1e-3, 0.0], "moment": -0.843, "acts_at": [0.0, 843.0]}
-    summary = {"dimension": 2, "pieces": [body], "resultants": [near, far], "scene": {"material": [{}], "contact": []}}
-    with labelled({"force": "N/mm", "moment": "N", "length": "mm"}):
-        shown = str(sections.forces(summary))
-    heads = re.findall("<th[^>]*>([^<]*)</th>", shown)
-    assert heads[2:] == ["force x (N/mm)", "force y (N/mm)", "moment (N)", "acts at x (mm)", "acts at y (mm)"]
-    first, last = (re.findall("<td[^>]*>([^<]*)</td>", row) for row in shown.split("<tr>")[2:4])
-    assert first == ["top", "traction", "0", "-20", "-30", "1.5", "1"]
-    assert last == ["left", "support", "0.001", "0", "-0.843", "", ""]
-    assert "843" not in shown.replace("-0.843", "")
-    assert "the moment counts" in shown
-    around = {**summary, "scene": {"material": [{"hypothesis": "axisymmetric"}], "contact": []}}
-    around["resultants"] = [{**near, "force": [13760.0, -1376.0], "moment": 0.0, "acts_at": None}]
-    shown = str(sections.forces(around))
-    assert re.findall("<th[^>]*>([^<]*)</th>", shown) == ["boundary", "by", "force along the axis"]
-    assert "-1376" in shown
-    assert "13760" not in shown
-
-
-def test_no_difference_is_told_in_words(folders):
-    """Not as a number times a power of ten."""
-    summary = summary_of(folders["two boundaries"])
-    none = {**summary, "functionals": {**summary["functionals"], "relative_duality_gap": 0.0}}
-    assert "functional is zero." in str(evidence.certificate(none))
-    some = {**none, "functionals": {**summary["functionals"], "relative_duality_gap": 2e-12}}
-    assert "functional is 2.0" in str(evidence.certificate(some))
-
-
-def test_motion_of_a_rigid_body_is_in_the_figures():
-    """Each component by its name, with its unit; a rotation in 2D is one number."""
-    tool = {"boundary": "top", "reference": [0.0, 1.0], "displacement": [0.5, -0.25], "rotation": 0.125}
-    tool |= {"force": [0.0, -20.0], "moment": 3.0, "gap_error": None}
-    tools = next(shown for shown in table() if shown.key == "tools")
-    with labelled({"force": "N/mm", "moment": "N", "length": "mm"}):
-        shown = {card.label: card.text for card in shown_cards(tools, {"tools": [tool]})}
-    assert shown == {
-        "top: moved, x": "0.5 mm",
-        "top: moved, y": "-0.25 mm",
-        "top: turned (radians)": "0.125",
-        "top: force on it, x": "0 N/mm",
-        "top: force on it, y": "-20 N/mm",
-        "top: moment on it": "3 N",
-    }

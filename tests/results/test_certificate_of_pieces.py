@@ -8,7 +8,6 @@ import pytest
 from certifying import certify
 from scenes import alone
 
-from signorini_fx import Status
 from signorini_fx.results.certificate.law_of_method import Tractions
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.tuned import CERTIFICATE_TOLERANCE
@@ -73,15 +72,6 @@ def test_a_body_that_is_hardly_loaded(share, dim, algorithm):
             assert judged(solution, **{name: wrong}).worst > 5 * CERTIFICATE_TOLERANCE, name
 
 
-def test_figures_do_not_depend_on_the_other_body():
-    """They are those of the same body alone, as long as round-off of the larger one is small beside it."""
-    whole, part = solved(1.0, 2), solved(1e-7, 2)
-    for factor in (1.001, 0.5):
-        equal, small = (judged(one, lambda y, factor=factor: factor * y) for one in (whole, part))
-        assert small.equilibrium == pytest.approx(equal.equilibrium, rel=1e-6)
-        assert small.entered == pytest.approx(equal.entered, rel=1e-3, abs=1e-6)
-
-
 def test_round_off_of_the_other_body_is_no_fault():
     """The unknowns of both are solved for at once: what is less than the last digit of the larger one is nothing."""
     solution, rng = solved(1e-11, 2), np.random.default_rng(0)
@@ -127,100 +117,3 @@ def test_a_slender_body():
     tractions, tagged = Tractions.of(solution.contact), solution.model.tagged
     found = certify(other.statement, tagged, solution.displacement, tractions, law=solution.certificate.law)
     assert found.equilibrium > CERTIFICATE_TOLERANCE
-
-
-def rectangles(
-    young, heights, *, moved, bonded, gap=0.0, poisson=0.3, degree=1, cell="triangle", lengths=(1.0,) * 4, **more
-):
-    """Rectangles upon each other, the lowest held at its bottom, the top of the uppermost moved; some pairs bonded."""
-    names = "abcd"[: len(young)]
-    bottoms = np.cumsum([0.0, *heights[:-2], heights[-2] + gap])
-    pairs = list(zip(names[1:], names, strict=False))
-    return parse_scene(
-        {
-            "body": [
-                {
-                    "name": name,
-                    "mesh": {
-                        "generator": "rectangle",
-                        "parameters": {
-                            "length": lengths[k],
-                            "height": heights[k],
-                            "nx": 4 + k % 2,
-                            "ny": 3,
-                            "cell": cell,
-                        },
-                    },
-                    "shift": [0.0, bottoms[k]],
-                }
-                for k, name in enumerate(names)
-            ],
-            "element": {"degree": degree},
-            "material": [{"region": name, "young": young[k], "poisson": poisson} for k, name in enumerate(names)],
-            "displacement": [
-                {"boundary": "a.bottom", "x": 0.0, "y": 0.0},
-                {"boundary": f"{names[-1]}.top", "x": moved[0], "y": moved[1]},
-            ],
-            "contact": [
-                {"boundary": f"{upper}.bottom", "against": f"{lower}.top", "points": "boundary"}
-                | ({"kind": "bonded"} if bonded[k] else {})
-                for k, (upper, lower) in enumerate(pairs)
-            ],
-        }
-        | more
-    )
-
-
-@pytest.mark.one_quick
-@pytest.mark.parametrize(
-    ("young", "degree", "cell"), [((180.0, 36.0, 1500.0), 2, "quadrilateral"), ((2800.0, 850.0, 260.0), 1, "triangle")]
-)
-def test_bodies_at_rest_beside_one_that_moves_away(young, degree, cell):
-    """What has no load at all is round-off of what moves: exactly nothing is there, and a rigid motion."""
-    away = (0.002, 0.001)
-    scene = rectangles(
-        young,
-        (1.0, 1.0, 1.0),
-        moved=away,
-        bonded=(True, False),
-        gap=1e-4,
-        degree=degree,
-        cell=cell,
-        lengths=(1.0, 1.5, 1.0),
-    )
-    solution = alone(scene)
-    assert solution.status is Status.CONVERGED
-    y = solution.displacement.x.array.reshape(-1, 2)
-    highest = solution.model.space.tabulate_dof_coordinates()[:, 1] > 2 + 0.5e-4
-    assert np.abs(y[~highest]).max() < 1e-8 * np.linalg.norm(away)
-    assert np.abs(y[highest] - away).max() < 1e-12 * np.linalg.norm(away)
-    # What is no round-off is refused as before.
-    wrong, rng = solution.displacement.copy(), np.random.default_rng(0)
-    at_rest = np.flatnonzero(~highest)
-    wrong.x.array.reshape(-1, 2)[at_rest] += 1e-7 * away[0] * rng.standard_normal((at_rest.size, 2))
-    tractions = Tractions.of(solution.contact)
-    tagged, law = solution.model.tagged, solution.certificate.law
-    assert certify(scene.statement, tagged, wrong, tractions, law=law).worst > 1e-3
-    pulled = replace(tractions, pressure=tractions.pressure + 1e-4 * min(young) * away[0])
-    assert certify(scene.statement, tagged, solution.displacement, pulled, law=law).worst > 10 * CERTIFICATE_TOLERANCE
-
-
-def test_a_soft_body_on_a_stiff_one():
-    """The digits that a bond loses are those of the largest displacement in both bodies, wherever it is: a bar in
-    series, of which the softest part is strained.
-    """
-    young, heights, squeezed = (8.0, 313.0, 1.76e-3), (1.0, 1.0, 1.0), 4.6e-3
-    more = {"displacement": [{"boundary": "a.bottom", "x": 0.0, "y": 0.0}, {"boundary": "c.top", "y": -squeezed}]}
-    scene = rectangles(
-        young, heights, moved=(0.0, 0.0), bonded=(True, True), poisson=0.0, degree=2, cell="quadrilateral", **more
-    )
-    solution = alone(scene)
-    assert solution.status is Status.CONVERGED
-    stress = squeezed / np.sum(np.array(heights) / young)
-    assert solution.contact.pressure == pytest.approx(stress, rel=1e-4)
-    tractions, rng = Tractions.of(solution.contact), np.random.default_rng(0)
-    for name in ("pressure", "shear"):
-        values = getattr(tractions, name)
-        wrong = replace(tractions, **{name: values + 1e-3 * stress * rng.standard_normal(values.shape)})
-        tagged, law = solution.model.tagged, solution.certificate.law
-        assert certify(scene.statement, tagged, solution.displacement, wrong, law=law).worst > 5 * CERTIFICATE_TOLERANCE

@@ -54,24 +54,6 @@ def test_files(written):
     assert (folder / "fields.vtu").exists()
 
 
-@pytest.mark.slow
-def test_forces_and_moments(written):
-    """Of all that acts on the body nothing is left, moments included."""
-    solution, folder = written
-    summary = json.loads((folder / "summary.json").read_text())
-    (force, friction), (moment, twist) = solution.contact.forces, solution.contact.moments
-    np.testing.assert_allclose(summary["contact_moment"], moment, atol=1e-12)
-    # The ends are held by x and y only: what acts along z is in balance, and so is its moment about the axis x[1].
-    np.testing.assert_allclose(force[2], 20.0, rtol=1e-9)
-    through = np.array(summary["contact_force_through"])
-    np.testing.assert_allclose(np.cross(through, force), moment, atol=1e-9)
-    boundary = solution.contact.boundary
-    centre = np.average(boundary.centre[:, 0], weights=boundary.weight * solution.contact.pressure)
-    assert through[0] == pytest.approx(centre)
-    assert np.abs(friction[:2]).max() > 0
-    assert np.abs(twist).max() > 0
-
-
 @pytest.mark.one_quick
 @pytest.mark.parametrize("kind", CELLS)
 def test_moment_of_a_push(kind):
