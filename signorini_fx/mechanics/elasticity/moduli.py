@@ -15,8 +15,8 @@ from signorini_fx.errors import SceneError
 from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.statement.expressions import sample
+from signorini_fx.mechanics.statement.settings import treatment_of
 from signorini_fx.mechanics.statement.statement import Statement
-from signorini_fx.mechanics.statement.volumetric import treatment_of
 from signorini_fx.tuned import SAME_NUMBER
 
 _BOUNDS = {

@@ -13,8 +13,7 @@ from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import assemble, facet_entities
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable
-from signorini_fx.mechanics.kinematics.cartesian import PLANE_STRAIN
-from signorini_fx.mechanics.kinematics.protocol import Kinematics
+from signorini_fx.mechanics.kinematics.protocol import PLANE_STRAIN, Kinematics
 from signorini_fx.mechanics.loads.load_vectors import measures
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.effect import Force
