@@ -11,8 +11,8 @@ from mpi4py import MPI
 
 from signorini_fx.errors import SceneError
 from signorini_fx.machine import signals
+from signorini_fx.mechanics.statement.settings import treatment_of
 from signorini_fx.mechanics.statement.values import kind_of
-from signorini_fx.mechanics.statement.volumetric import treatment_of
 from signorini_fx.quantities.quantity import own_quantities
 from signorini_fx.records import History, Progress
 from signorini_fx.results.solution import ConvergenceError, Solution

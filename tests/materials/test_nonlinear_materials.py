@@ -12,7 +12,7 @@ from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering
 
 from signorini_fx import Hyperelastic, PathDependent, SceneError, extensions, solve
 from signorini_fx.extensions import MATERIALS
-from signorini_fx.mechanics.materials.registry import OneMaterial
+from signorini_fx.mechanics.effects.material import Entry as OneMaterial
 from signorini_fx.mechanics.materials.trial import fault_of
 
 

@@ -1,6 +1,6 @@
 """Contact points that average the displacement around them: those of elements without a positive rule at their nodes.
 
-The basis functions of the vertices of a quadratic triangle integrate to zero, so that ``contact_forms.nodal_rule``
+The basis functions of the vertices of a quadratic triangle integrate to zero, so that ``quadrature.nodal_rule``
 gives them no weight.  There the contact points are the vertices alone, and
 
     w_i = (psi_i, 1),    y_i = (psi_i, y) / w_i
@@ -29,8 +29,8 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from signorini_fx.machine import compat
-from signorini_fx.mechanics.assembly import contact_forms
 from signorini_fx.mechanics.assembly.mesh_entities import assemble, facet_entities, measure, node_positions
+from signorini_fx.mechanics.assembly.quadrature import nodal_rule
 from signorini_fx.records import Inventory
 from signorini_fx.tuned import NOTHING_LEFT
 
@@ -135,7 +135,7 @@ def averaging_forms(
     """Compile what the points of one boundary need; ``factor``: of the surface measure."""
     mesh = space.mesh
     dim, degree = mesh.geometry.dim, space.element.basix_element.degree
-    rule = contact_forms.nodal_rule(degree, compat.geometry_degree(mesh), dim)
+    rule = nodal_rule(degree, compat.geometry_degree(mesh), dim)
     hats, corners = (fem.functionspace(mesh, (family, 1)) for family in ("Lagrange", "DG"))
     scalar = fem.functionspace(mesh, ("Lagrange", degree))
     phi, y = ufl.TestFunction(corners), ufl.TrialFunction(scalar)
@@ -150,7 +150,7 @@ def averaging_forms(
         f"{name}, averages", lambda: [fem.form(ufl.inner(weighted, phi) * ds) for ds in measures]
     )
     ds = measure(mesh, [facets], rule)(1)
-    moment = contact_forms.contact_form(pressure, z, ufl.FacetNormal(mesh), ds)
+    moment = pressure * ufl.inner(z, ufl.FacetNormal(mesh)) * ds
     moments = inventory.compile(name, partial(fem.form, moment))
     return AveragingForms(hats, corners, [entities[rows, 0] for rows in numbers], products, moments)
 

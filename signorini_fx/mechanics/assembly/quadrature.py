@@ -1,14 +1,15 @@
-"""Quadrature degrees of products of two strains, which the solver and the certificate share."""
+"""Quadrature of products of two strains, and of contact, whose rule has the contact nodes as its points."""
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 
 from signorini_fx.machine import compat, parallel
-from signorini_fx.mechanics.kinematics.cartesian import SPACE
-from signorini_fx.mechanics.kinematics.protocol import Kinematics
+from signorini_fx.mechanics.kinematics.protocol import SPACE, Kinematics
 from signorini_fx.tuned import ROOT_OF_EPS
 
 
@@ -39,3 +40,23 @@ def parallelepipeds(mesh: dmesh.Mesh) -> bool:
     away = corners - corners[:, :1] - compat.geometry_element(mesh).points @ edges
     apart = np.einsum("cni,cni->cn", away, away) > ROOT_OF_EPS**2 * shortest[:, None]
     return not parallel.any_rank(mesh.comm, bool(apart.any()))
+
+
+def nodal_rule(degree: int, geometry: int = 1, dimension: int = 2) -> dict[str, Any]:
+    """Quadrature metadata of the unit contact form, which gives the weights of the nodes of a Lagrange element.
+
+    In 2D the points of the rule are the nodes.  Degree 1: the vertex (trapezoidal) rule; degree 2:
+    Gauss-Lobatto-Legendre (Simpson's rule).  All weights are positive, and those of the integrals of the basis
+    functions.  On a surface the integrals of the basis functions stand for themselves, exactly: the vertex rule has
+    them on triangles, but not on quadrilaterals that are no parallelograms.
+    """
+    if dimension == 3:
+        return {"quadrature_degree": lumped_degree(degree, geometry)}
+    if degree == 1:
+        return {"quadrature_rule": "vertex", "quadrature_degree": 1}
+    return {"quadrature_rule": "GLL", "quadrature_degree": 2 * degree - 1}
+
+
+def lumped_degree(degree: int, geometry: int) -> int:
+    """Quadrature degree that integrates a basis function of ``degree`` times the normal of a surface exactly."""
+    return 2 * (degree + geometry)

@@ -25,7 +25,7 @@ from signorini_fx.mechanics.assembly.tried_functions import try_functions
 from signorini_fx.mechanics.elasticity.choice_of_law import elastic_law, moduli_of
 from signorini_fx.mechanics.elasticity.elastic_law import SceneLaw
 from signorini_fx.mechanics.kinematics.protocol import Kinematics
-from signorini_fx.mechanics.loads.jumps import holds, jump_loads, jumps_in
+from signorini_fx.mechanics.loads.initial_strains import holds, jump_loads, jumps_in
 from signorini_fx.mechanics.loads.load_vectors import (
     FormCoefficients,
     applied_load,

@@ -13,8 +13,7 @@ from dolfinx import fem
 
 from signorini_fx.mechanics.elasticity.elastic_law import LawStress
 from signorini_fx.mechanics.kinematics.protocol import Kinematics, position
-from signorini_fx.mechanics.loads.initial_strains import initial_strain
-from signorini_fx.mechanics.loads.jumps import total_jump
+from signorini_fx.mechanics.loads.initial_strains import initial_strain, total_jump
 from signorini_fx.mechanics.model import Model
 
 _Floats = npt.NDArray[np.float64]

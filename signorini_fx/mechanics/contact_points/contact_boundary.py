@@ -1,6 +1,6 @@
 """The contact boundary: its nodes with weights and directions, and the traces tau_N y and tau_T y.
 
-With the nodal rule of ``contact_forms`` the products on Gamma_c are sums over nodes,
+With the nodal rule of ``assembly.quadrature`` the products on Gamma_c are sums over nodes,
 (lambda, tau_N z) = sum_i w_i lambda_i n_i . z_i.  A node belongs to the rank that owns its degrees of freedom; that
 rank may own none of the facets around it.  A node of two contact boundaries has two entries here, one for each normal.
 Where the nodes have no such rule the contact points are the vertices, at which z_i is an average (``averages.py``).
@@ -24,12 +24,11 @@ from mpi4py import MPI
 from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.algebra.contact.points import ContactPoints, SharedNodes, onto_range
 from signorini_fx.machine import compat, parallel
-from signorini_fx.mechanics.assembly import contact_forms
 from signorini_fx.mechanics.assembly.averages import Averages, AveragingForms, averaged_points
 from signorini_fx.mechanics.assembly.mesh_entities import assemble, facet_nodes, measure, node_positions
+from signorini_fx.mechanics.assembly.quadrature import lumped_degree, nodal_rule
 from signorini_fx.mechanics.kinematics import of_components
-from signorini_fx.mechanics.kinematics.cartesian import SPACE
-from signorini_fx.mechanics.kinematics.protocol import Kinematics
+from signorini_fx.mechanics.kinematics.protocol import SPACE, Kinematics
 from signorini_fx.mechanics.laws.directed import FrictionAxes
 from signorini_fx.mechanics.statement.rigid_motion import RigidBody
 from signorini_fx.tuned import ROOT_OF_EPS
@@ -282,13 +281,13 @@ def unit_contact_form(space: fem.FunctionSpace, z: Any, facets: npt.NDArray[np.i
     """(lambda, tau_N z) for lambda = 1: the nodal weights times the normals; ``factor``: of the surface measure."""
     mesh = space.mesh
     degree, geometry = space.element.basix_element.degree, compat.geometry_degree(mesh)
-    rule = contact_forms.nodal_rule(degree, geometry, mesh.topology.dim)
+    rule = nodal_rule(degree, geometry, mesh.topology.dim)
     if factor is None:
         factor = fem.Constant(mesh, default_scalar_type(1.0))
     elif degree == 1:  # exactly: on the axis of a body of revolution the nodal rule has the weight zero
-        rule = {"quadrature_degree": contact_forms.lumped_degree(degree, geometry)}
+        rule = {"quadrature_degree": lumped_degree(degree, geometry)}
     ds = measure(mesh, [facets], rule)(1)
-    return fem.form(contact_forms.contact_form(factor, z, ufl.FacetNormal(mesh), ds))
+    return fem.form(factor * ufl.inner(z, ufl.FacetNormal(mesh)) * ds)
 
 
 def contact_part(

@@ -1,4 +1,12 @@
-"""Contact with a rigid foundation or another body; forms: ``assembly.contact_forms``, friction: ``laws``."""
+"""Contact with a rigid foundation or another body, and its friction: the laws of ``laws``, and those of other packages.
+
+A package that says in its pyproject.toml
+
+    [project.entry-points."signorini_fx.laws"]
+    saturating = "its.module:Saturating"
+
+has scenes with friction = { law = "saturating", coefficient = 0.3, largest = 2.0 }.
+"""
 
 from __future__ import annotations
 
@@ -6,10 +14,13 @@ from collections.abc import Mapping
 from functools import cached_property
 from typing import Annotated, Any, ClassVar, Literal, Self
 
-from pydantic import Discriminator, Tag, model_validator
+from pydantic import Discriminator, Tag, TypeAdapter, WrapValidator, model_validator
 
+from signorini_fx.extensions import LAWS, load_class, names_of
+from signorini_fx.mechanics.laws.coulomb import Coulomb
 from signorini_fx.mechanics.laws.none import NoFriction
-from signorini_fx.mechanics.laws.registry import OneLaw
+from signorini_fx.mechanics.laws.protocol import FrictionLaw
+from signorini_fx.mechanics.laws.tresca import Tresca
 from signorini_fx.mechanics.statement.base import Table, refused
 from signorini_fx.mechanics.statement.effect import Contradictions, Effect, Features
 from signorini_fx.mechanics.statement.rigid_motion import driven_twice
@@ -22,6 +33,19 @@ from signorini_fx.mechanics.statement.values import (
     not_at_points,
     shown,
 )
+
+
+def _law(entry: Any, kinds: Any) -> Any:
+    """A friction law from a table; itself if it is one."""
+    if isinstance(entry, FrictionLaw):
+        return entry
+    name = entry.get("law") if isinstance(entry, Mapping) else None
+    if name not in ("none", "tresca", "coulomb") and name in names_of(LAWS):
+        return TypeAdapter(load_class(LAWS, name, FrictionLaw)).validate_python(entry)
+    return kinds(entry)
+
+
+OneLaw = Annotated[NoFriction | Tresca | Coulomb, Discriminator("law"), WrapValidator(_law)]
 
 
 class Overclosure(Table):

@@ -1,7 +1,67 @@
-"""What the body is made of, see ``materials``."""
+"""What the body is made of: materials by their keys, those of ``materials`` and those of other packages.
+
+A package that says in its pyproject.toml
+
+    [project.entry-points."signorini_fx.materials"]
+    "transversely isotropic" = "its.module:TransverselyIsotropic"
+
+has scenes with [material] law = "transversely isotropic" and the keys of this class.  Linear materials of
+``materials`` are known by their keys alone, nonlinear ones by their law, which names their file.  A scene imports the
+files of its materials alone.
+"""
 
 from __future__ import annotations
 
-from signorini_fx.mechanics.materials.registry import OneMaterial, every_material
+from collections.abc import Mapping
+from functools import reduce
+from importlib import import_module
+from operator import or_
+from typing import Annotated, Any
 
-Entry, every_entry = OneMaterial, every_material
+from pydantic import BeforeValidator, TypeAdapter
+
+from signorini_fx.extensions import MATERIALS, load_class, names_of
+from signorini_fx.mechanics.materials.isotropic import LinearElastic
+from signorini_fx.mechanics.materials.protocol import Material
+
+NONLINEAR = ("j2", "maxwell", "mooney-rivlin", "neo-hooke", "ogden", "saint-venant-kirchhoff")
+
+
+def _of_file(name: str) -> type[Material]:
+    """The material of a file of ``materials``, which is imported."""
+    entry_class: type[Material] = import_module(f"signorini_fx.mechanics.materials.{name.replace('-', '_')}").Entry
+    return entry_class
+
+
+def _class_of(entry: Mapping[str, Any]) -> type[Material]:
+    """The class of the material of a table."""
+    name = entry.get("law")
+    if name is None:
+        return _of_file("orthotropic") if "orthotropic" in entry else LinearElastic
+    if name in NONLINEAR:
+        return _of_file(name)
+    if name not in (known := names_of(MATERIALS)):
+        added = f", those of other packages: {', '.join(known)}" if known else ""
+        cure = f"leave law out, or take another one: {', '.join(NONLINEAR)}{added}"
+        raise ValueError(f"there is no material {name!r}: {cure}")
+    return load_class(MATERIALS, name, Material)
+
+
+def read_material(entry: Any) -> Any:
+    """A material from a table; itself if it is one.
+
+    Raises:
+        InstallationError: that of another package is none.
+        ValueError: there is no such material, or its keys are wrong.
+    """
+    if isinstance(entry, Material):
+        return entry
+    return TypeAdapter(_class_of(entry) if isinstance(entry, Mapping) else LinearElastic).validate_python(entry)
+
+
+def every_entry() -> Any:
+    """The type of any material of this package, for help and messages: this imports all of them."""
+    return reduce(or_, map(_of_file, ("orthotropic", *NONLINEAR)), LinearElastic)
+
+
+Entry = Annotated[Any, BeforeValidator(read_material)]

@@ -13,8 +13,8 @@ from signorini_fx.mechanics.elasticity.cellwise_stiffness import CellwiseLaw, Ce
 from signorini_fx.mechanics.elasticity.elastic_law import IsotropicLaw, SceneLaw
 from signorini_fx.mechanics.elasticity.moduli import check_covers, lame_coefficients, reduced_degree
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
+from signorini_fx.mechanics.statement.settings import treatment_of
 from signorini_fx.mechanics.statement.statement import Statement
-from signorini_fx.mechanics.statement.volumetric import treatment_of
 from signorini_fx.records import Inventory
 
 # Lame parameters, the stiffness of each cell, and the degree of the reduced term, see ``SceneLaw``.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import basix
@@ -15,8 +15,8 @@ from signorini_fx.errors import SceneError
 from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.statement.expressions import sample
+from signorini_fx.mechanics.statement.settings import treatment_of
 from signorini_fx.mechanics.statement.statement import Statement
-from signorini_fx.mechanics.statement.volumetric import treatment_of
 from signorini_fx.tuned import SAME_NUMBER
 
 _BOUNDS = {
@@ -26,106 +26,87 @@ _BOUNDS = {
 
 
 def check_covers(statement: Statement, tagged: TaggedMesh) -> None:
-    """Of several materials ``of_materials`` knows it; one material with a region must not be that of other cells too.
-
-    Raises:
-        SceneError: the only material has a region, in which some cells are not.
-    """
-    region, owned_cells = (
-        statement.material[0].region,
-        tagged.mesh.topology.index_map(tagged.mesh.topology.dim).size_local,
-    )
-    if len(statement.material) == 1 and region in tagged.regions:
-        _check_bare(statement, tagged, np.setdiff1d(np.arange(owned_cells), tagged.cells(str(region))))
-
-
-def _check_bare(statement: Statement, tagged: TaggedMesh, bare: npt.NDArray[Any]) -> None:
-    """Refuse cells of this rank without a material, and name the bodies that they are of; collective."""
-    comm = tagged.mesh.comm
-    count = int(parallel.global_sum(comm, np.array(bare.size)))
-    if not count:
-        return
-    names = list(statement.bodies)
-    names = [name for name in names if parallel.any_rank(comm, bool(np.isin(bare, tagged.cells(name)).any()))]
-    of_bodies = f" of {' and '.join(map(repr, names))}" if names else ""
-    raise SceneError([("material", f"{count} cells{of_bodies} are in none of the regions that have a material")])
-
-
-def of_materials(
-    statement: Statement, tagged: TaggedMesh, numbers: Callable[[Any], tuple[float, ...]]
-) -> tuple[Any, ...]:
-    """Numbers of the materials: constants for one material, cell-wise functions for several.
+    """Whether each cell has one material; collective.
 
     Raises:
         SceneError: a cell is in no region that has a material, or in several.
     """
-    mesh = tagged.mesh
-    if len(statement.material) == 1:
-        return tuple(fem.Constant(mesh, default_scalar_type(number)) for number in numbers(statement.material[0]))
-    space = fem.functionspace(mesh, ("DG", 0))
-    functions = tuple(fem.Function(space) for _ in numbers(statement.material[0]))
-    covered = np.zeros(space.dofmap.list.shape[0], dtype=np.int32)
-    named = [material for material in statement.material if material.region in tagged.regions]
-    if len(named) < len(statement.material):  # which is reported elsewhere
-        return functions
-    for material in named:
-        assert material.region is not None
-        dofs = space.dofmap.list[tagged.cells(material.region), 0]
-        covered[dofs] += 1
-        for function, value in zip(functions, numbers(material), strict=True):
-            function.x.array[dofs] = value
-    owned = covered[space.dofmap.list[: space.dofmap.index_map.size_local, 0]]
-    _check_bare(statement, tagged, np.flatnonzero(owned == 0))
-    if twice := int(parallel.global_sum(mesh.comm, np.array(np.sum(owned > 1)))):
+    regions = [material.region for material in statement.material if material.region in tagged.regions]
+    if len(regions) < len(statement.material):  # all of the body, or a name that is reported elsewhere
+        return
+    comm, cells = tagged.mesh.comm, tagged.mesh.topology.index_map(tagged.mesh.topology.dim)
+    covered = np.zeros(cells.size_local + cells.num_ghosts, dtype=np.int32)
+    for region in regions:
+        covered[tagged.cells(str(region))] += 1
+    bare = np.flatnonzero(covered[: cells.size_local] == 0)
+    if count := int(parallel.global_sum(comm, np.array(bare.size))):
+        names = list(statement.bodies)
+        names = [name for name in names if parallel.any_rank(comm, bool(np.isin(bare, tagged.cells(name)).any()))]
+        of_bodies = f" of {' and '.join(map(repr, names))}" if names else ""
+        raise SceneError([("material", f"{count} cells{of_bodies} are in none of the regions that have a material")])
+    if twice := int(parallel.global_sum(comm, np.array(np.sum(covered[: cells.size_local] > 1)))):
         raise SceneError([("material", f"{twice} cells are in several of the regions that have a material")])
+
+
+def of_materials(
+    statement: Statement, tagged: TaggedMesh, numbers: Callable[..., tuple[Any, ...]], gradings: Sequence[str] = ()
+) -> tuple[Any, ...]:
+    """Numbers of the materials: constants of one material, cell-wise functions of several and of graded ones;
+    collective.
+
+    Args:
+        statement: what is stated of the problem.
+        tagged: its mesh.
+        numbers: of a material, and of what each of ``gradings`` is in its cells, 1 where it is not given.
+        gradings: ``grading``, ``poisson_grading``, as far as the numbers depend on them.
+
+    Raises:
+        SceneError: a grading is not between 0 and 1.
+    """
+    mesh, (first, *others) = tagged.mesh, statement.material
+    shares = [graded(statement, tagged, key) for key in gradings]
+    of_first = numbers(first, *(1.0 for _ in shares))
+    if not others and all(share is None for share in shares):
+        return tuple(fem.Constant(mesh, default_scalar_type(number)) for number in of_first)
+    space = fem.functionspace(mesh, ("DG", 0))
+    functions = tuple(fem.Function(space) for _ in of_first)
+    for material in statement.material:
+        if material.region is not None and material.region not in tagged.regions:
+            continue  # which is reported elsewhere
+        dofs = space.dofmap.list[tagged.cells(material.region), 0]
+        values = numbers(material, *(1.0 if share is None else share.x.array[dofs] for share in shares))
+        for function, value in zip(functions, values, strict=True):
+            function.x.array[dofs] = value
     for function in functions:
         function.x.scatter_forward()
     return functions
 
 
 def lame_coefficients(statement: Statement, tagged: TaggedMesh) -> tuple[Any, Any]:
-    """Lame parameters: constants for one material, cell-wise functions for several and for graded ones; collective.
+    """Lame parameters, see ``of_materials``; collective."""
 
-    Raises:
-        SceneError: see ``of_materials``; a grading is not between 0 and 1.
-    """
-    if any(_grading(material, "poisson_grading") is not None for material in statement.material):
+    def lame(material: Any, share: Any, of_poisson: Any) -> tuple[Any, Any]:
+        if isinstance(of_poisson, float):
+            first, second = material.lame
+            return share * first, share * second
         with np.errstate(divide="ignore"):  # lambda is infinite for nu = 1/2, which a pressure does not use
-            first, second = isotropic(statement, tagged, statement.material[0].lame_of)
-        return first, second
-    share = graded(statement, tagged, "grading")
-    first, second = of_materials(statement, tagged, lambda material: material.lame)
-    return (first, second) if share is None else (_times(first, share), _times(second, share))
+            return material.lame_of(material.young * share, material.poisson * of_poisson)
+
+    first, second = of_materials(statement, tagged, lame, tuple(_BOUNDS))
+    return first, second
 
 
 def isotropic(
     statement: Statement, tagged: TaggedMesh, numbers: Callable[[Any, Any], tuple[Any, ...]]
 ) -> tuple[Any, ...]:
-    """Numbers that follow from Young's modulus and Poisson's ratio, like ``of_materials``; collective.
-
-    Args:
-        statement: what is stated of the problem.
-        tagged: its mesh.
-        numbers: of both, which are floats or arrays.
-
-    Raises:
-        SceneError: see ``lame_coefficients``.
+    """Numbers that follow from Young's modulus and Poisson's ratio, floats or arrays, see ``of_materials``;
+    collective.
     """
-    shares = [graded(statement, tagged, key) for key in ("grading", "poisson_grading")]
-    space = next((share.function_space for share in shares if share is not None), None)
-    if space is None:
-        return of_materials(statement, tagged, lambda material: numbers(material.young, material.poisson))
-    moduli = of_materials(statement, tagged, lambda material: (material.young, material.poisson))
-    values = numbers(
-        *(
-            _values(modulus) * (1.0 if share is None else share.x.array)
-            for modulus, share in zip(moduli, shares, strict=True)
-        )
-    )
-    functions = tuple(fem.Function(space) for _ in values)
-    for function, value in zip(functions, values, strict=True):
-        function.x.array[:] = value
-    return functions
+
+    def of_both(material: Any, share: Any, of_poisson: Any) -> tuple[Any, ...]:
+        return numbers(material.young * share, material.poisson * of_poisson)
+
+    return of_materials(statement, tagged, of_both, tuple(_BOUNDS))
 
 
 def poisson_of(material: Any, tagged: TaggedMesh, cells: npt.NDArray[np.int32]) -> Any:
@@ -174,16 +155,6 @@ def graded(statement: Statement, tagged: TaggedMesh, key: str) -> fem.Function |
     if problems:
         raise SceneError(problems)
     return grading
-
-
-def _times(modulus: fem.Constant | fem.Function, share: fem.Function) -> fem.Function:
-    product = fem.Function(share.function_space)
-    product.x.array[:] = share.x.array * _values(modulus)
-    return product
-
-
-def _values(modulus: fem.Constant | fem.Function) -> Any:
-    return modulus.x.array.copy() if isinstance(modulus, fem.Function) else float(modulus.value)
 
 
 def reduced_degree(statement: Statement, mesh: dmesh.Mesh) -> int | None:

@@ -18,8 +18,7 @@ from typing import Any
 from signorini_fx.errors import InstallationError
 from signorini_fx.extensions import KINEMATICS, load, names_of
 from signorini_fx.mechanics.kinematics.axisymmetric import AXISYMMETRIC
-from signorini_fx.mechanics.kinematics.cartesian import PLANE_STRAIN, PLANE_STRESS, SPACE
-from signorini_fx.mechanics.kinematics.protocol import Kinematics
+from signorini_fx.mechanics.kinematics.protocol import PLANE_STRAIN, PLANE_STRESS, SPACE, Kinematics
 from signorini_fx.mechanics.kinematics.torsion import TORSION
 
 KINDS = (PLANE_STRAIN, PLANE_STRESS, AXISYMMETRIC, TORSION, SPACE)

@@ -141,6 +141,17 @@ class Kinematics:
         return None if self.uniform else np.maximum(self.measure(np.moveaxis(x, -1, 0)), 0.0)
 
 
+# Plane stress, of a thin body without stress across its plane, is the affair of the material.
+SPACE = Kinematics("in 3D", 3, ((1, 2), (2, 0), (0, 1)), whole=True)
+PLANE_STRAIN = Kinematics("plane strain", 2, ((0, 1),), prevented=True)
+PLANE_STRESS = Kinematics(
+    "plane stress",
+    2,
+    ((0, 1),),
+    refuses={"mixed element": "'mixed' is of no use in plane stress: nothing locks"},
+)
+
+
 def position(y: Any) -> Any:
     """The place that an expression is taken at, UFL."""
     import ufl

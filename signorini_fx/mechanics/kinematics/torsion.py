@@ -14,8 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from signorini_fx.mechanics.kinematics.axisymmetric import REFUSED, BodyOfRevolution, off_axis
-from signorini_fx.mechanics.kinematics.cartesian import SPACE
-from signorini_fx.mechanics.kinematics.protocol import position
+from signorini_fx.mechanics.kinematics.protocol import SPACE, position
 
 _Floats = npt.NDArray[np.float64]
 

@@ -1,17 +1,146 @@
-"""The initial strains of a scene as the stress sees them, and whether they have values everywhere in the body."""
+"""Strains without stress: initial strains, and jumps of the displacement, with the forces that keep it continuous else.
+
+Beyond a section cells move against the nodes that they share with those before it, as if these nodes were there twice:
+with the unit vector n across the section the displacement in a cell beyond it is that of its nodes minus s n at those
+on the section, where s is the amount.  So no node is added, and nothing but the strain of these cells changes.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
+import numpy as np
+import numpy.typing as npt
+import ufl
 from dolfinx import default_scalar_type, fem
 
-from signorini_fx.mechanics.loads.load_vectors import FormCoefficients
+from signorini_fx.errors import SceneError
+from signorini_fx.machine import parallel
+from signorini_fx.mechanics.assembly.averages import from_owners
+from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
+from signorini_fx.mechanics.elasticity.elastic_law import ElasticLaw
+from signorini_fx.mechanics.loads.load_vectors import AppliedLoad, FormCoefficients
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
-from signorini_fx.mechanics.statement.effect import InitialStrain
+from signorini_fx.mechanics.statement.effect import InitialStrain, Load
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.records import Inventory
+from signorini_fx.tuned import ROOT_OF_EPS
+
+if TYPE_CHECKING:
+    from signorini_fx.mechanics.contact_points.turned_supports import TurnedNodes
+
+_Floats = npt.NDArray[np.float64]
+_Flags = npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Jump:
+    """A jump on this rank.
+
+    Attributes:
+        path: of its entry in the scene.
+        entry: that entry.
+        amount: s, length, at a place in the lists of factors.
+        axis: n, shape (d,).
+        nodes: which nodes lie on its section, ghosts included, shape (nodes,).
+        cells: the cells beyond it with such nodes, ghosts included, shape (c,).
+    """
+
+    path: str
+    entry: Load
+    amount: Callable[[float], float]
+    axis: _Floats
+    nodes: _Flags
+    cells: npt.NDArray[np.int32]
+
+    @property
+    def at_nodes(self) -> _Floats:
+        """J: what an amount of one adds to the displacement of nodes in cells beyond it, shape (nodes, d)."""
+        return np.where(self.nodes[:, None], -self.axis, 0.0)
+
+    def on(self, space: fem.FunctionSpace) -> fem.Function:
+        """J as a function without continuity; ``space``: of the displacement."""
+        dim = self.axis.size
+        jump = fem.Function(fem.functionspace(space.mesh, ("DG", space.element.basix_element.degree, (dim,))))
+        of_cells = jump.function_space.dofmap.list[self.cells]
+        jump.x.array.reshape(-1, dim)[of_cells] = self.at_nodes[space.dofmap.list[self.cells]]
+        return jump
+
+
+def jumps_in(statement: Statement, tagged: TaggedMesh, space: fem.FunctionSpace) -> list[Jump]:
+    """Those of a scene; collective."""
+    return [jump for interface in statement.interfaces for jump in interface.jumps(tagged, space)]
+
+
+def jump_loads(
+    jumps: Sequence[Jump],
+    statement: Statement,
+    space: fem.FunctionSpace,
+    elastic: ElasticLaw,
+    inventory: Inventory,
+    held: Callable[[Jump], bool],
+) -> list[AppliedLoad]:
+    """-a(J, .) of each jump J, times its amount, and -(div J, .) where the pressure is an unknown; collective.
+
+    Args:
+        jumps: J.
+        statement: what is stated of the problem.
+        space: of the displacement.
+        elastic: what gives the terms of a(., .).
+        inventory: where forms are compiled.
+        held: whether something on this rank holds nodes of a jump along its axis, see ``holds``.
+
+    Raises:
+        SceneError: contact or supports hold its nodes.
+    """
+    z, loads = ufl.TestFunction(space), []
+    for jump in jumps:
+        if parallel.any_rank(space.mesh.comm, held(jump)):
+            raise SceneError([(jump.path, "contact or a support holds nodes of the section along its axis: move it")])
+        terms = elastic.jump_terms(jump.on(space), z)
+        forms = tuple(inventory.compile(jump.entry.name, partial(fem.form, term)) for term in terms)
+        owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
+        forces, pressure_load = elastic.work(forms, owned)
+        ones, zero_displacement = (1.0,) * statement.steps, fem.Function(space)
+        load = AppliedLoad(ones, forms, -forces, zero_displacement, balanced=True, pressure_load=pressure_load)
+        loads.append(replace(load, entry=jump.entry, amount=jump.amount))
+    return loads
+
+
+def holds(
+    jump: Jump,
+    fixed: npt.NDArray[np.bool_],
+    turned: TurnedNodes | None,
+    boundary: ContactBoundary | None,
+    bonded: Sequence[int] = (),
+) -> bool:
+    """Whether contact or prescribed displacements hold nodes of a jump on this rank along its axis; collective.
+
+    They would see the displacement on one of its sides alone.
+
+    Args:
+        jump: inside the body.
+        fixed: which displacement components are prescribed at the owned nodes, shape (owned dofs,).
+        turned: nodes for which ``fixed`` is told in their own frames; None: there are none.
+        boundary: the contact points; None: there are none.
+        bonded: numbers of the contacts that hold in all directions.
+    """
+    dim = jump.axis.size
+    nodes = np.flatnonzero(jump.nodes[: fixed.size // dim])
+    frames = np.eye(dim)[None] if turned is None else turned.frames_at(nodes)
+    along = np.abs(np.einsum("nij,i->nj", frames, jump.axis)) > ROOT_OF_EPS
+    held = bool((fixed.reshape(-1, dim)[nodes] & along).any())
+    if boundary is None:
+        return held
+    of_points = jump.nodes[boundary.nodes]
+    if (averages := boundary.averages) is not None:  # points see other nodes than their own, and the other body's
+        owned_flags = jump.nodes[: fixed.size // dim, None].astype(np.float64)
+        of_points = abs(averages.shares) @ from_owners(owned_flags, averages.nodes, boundary.comm)[:, 0] > 0
+    holding = (np.abs(boundary.normal @ jump.axis) > ROOT_OF_EPS) | np.isin(boundary.part, bonded)
+    return held or bool((of_points & holding).any())
 
 
 def initial_strain(
@@ -41,3 +170,22 @@ def initial_strain(
 
     move_to(step)
     return sum(factor * effect.strain(on) for factor, effect in zip(factors, effects, strict=True)), move_to
+
+
+def total_jump(
+    statement: Statement, tagged: TaggedMesh, space: fem.FunctionSpace
+) -> tuple[Any, Callable[[float], None]]:
+    """All jumps together, UFL, and what moves them to a place in the lists of factors; they are still zero.
+
+    Returns:
+        None in place of the jump where there is none.
+    """
+    jumps = jumps_in(statement, tagged, space)
+    amounts = [fem.Constant(tagged.mesh, default_scalar_type(0.0)) for _ in jumps]
+
+    def move_to(step: float) -> None:
+        for constant, jump in zip(amounts, jumps, strict=True):
+            constant.value = jump.amount(step)
+
+    terms = [amount * jump.on(space) for amount, jump in zip(amounts, jumps, strict=True)]
+    return sum(terms[1:], terms[0]) if terms else None, move_to

@@ -9,8 +9,8 @@ from pydantic import Field
 
 from signorini_fx.mechanics.materials.protocol import Material
 from signorini_fx.mechanics.statement.effect import Contradictions, Features
+from signorini_fx.mechanics.statement.settings import treatment_of
 from signorini_fx.mechanics.statement.values import Positive, SampledValue
-from signorini_fx.mechanics.statement.volumetric import treatment_of
 from signorini_fx.tuned import LOCKING_POISSON, SAME_NUMBER
 
 

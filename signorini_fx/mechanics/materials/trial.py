@@ -1,8 +1,9 @@
-"""What is asked of a material of a user's own before anything is assembled with it."""
+"""What a material of a user's own says of itself, tried before anything is assembled with it."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -10,11 +11,13 @@ import numpy as np
 from signorini_fx.errors import SceneError
 from signorini_fx.extensions import is_of_package
 from signorini_fx.mechanics.materials.isotropic import LinearElastic
-from signorini_fx.mechanics.materials.protocol import PAIRS, Material, stress_of
-from signorini_fx.tuned import CERTIFICATE_TOLERANCE
+from signorini_fx.mechanics.materials.protocol import PAIRS, Array, stress_of
+from signorini_fx.tuned import CERTIFICATE_TOLERANCE, DIFFERENCE_STEP, SAME_TANGENT, TRIED_STRAINS
+
+_ROTATION = np.array([[0.8, -0.6, 0.0], [0.6, 0.8, 0.0], [0.0, 0.0, 1.0]])
 
 
-def check_materials(materials: Iterable[Material]) -> None:
+def check_materials(materials: Iterable[Any]) -> None:
     """Refuse materials that are not what they say.
 
     Raises:
@@ -32,19 +35,25 @@ def check_materials(materials: Iterable[Material]) -> None:
 def fault_of(material: Any) -> str:
     """Why a solution with a material means nothing; "": nothing was found."""
     name = type(material).__name__
-    if not material.linear:
-        from signorini_fx.mechanics.materials.nonlinear_trial import fault_of_nonlinear
-
-        return fault_of_nonlinear(material)
     try:
-        return _fault_of_linear(material, name)
+        if material.linear:
+            return _fault_of_linear(material, name)
+        from signorini_fx.mechanics.materials.nonlinear import Hyperelastic, PathDependent
+
+        if not all(0 < modulus < np.inf for modulus in material.constants_at_rest):
+            return f"constants_at_rest of {name} are {material.constants_at_rest}: both must be positive"
+        if isinstance(material, Hyperelastic):
+            return _fault_of_energy(material)
+        if isinstance(material, PathDependent):
+            return _fault_of_response(material)
     except NotImplementedError:
-        return f"{name} does not say its stress"
+        return f"{name} does not say {'its stress' if material.linear else 'all that a nonlinear material says'}"
     except Exception as error:
         return f"{name} fails: {type(error).__name__}: {error}"
+    return f"{name} is neither Hyperelastic nor PathDependent"
 
 
-def _fault_of_linear(material: Material, name: str) -> str:
+def _fault_of_linear(material: Any, name: str) -> str:
     """Its stress is taken from unit strains, by a matrix that must have an energy."""
     stiffness = material.stiffness
     together = stress_of(material, np.ones(len(PAIRS)))
@@ -68,3 +77,75 @@ def _fault_of_linear(material: Material, name: str) -> str:
         return f"{name} is not isotropic, as it says: its stress follows the direction of the strain"
     derived = isinstance(material, LinearElastic)
     return "" if derived else f"{name} has isotropic = True: derive it from LinearElastic, or leave that out"
+
+
+def _fault_of_energy(material: Any) -> str:
+    import ufl
+    from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering
+
+    name, modulus, drawn = type(material).__name__, max(material.constants_at_rest), np.random.default_rng(0)
+
+    def shape(change: Array) -> float:
+        energy = apply_algebra_lowering(material.shape_energy_by_change(ufl.as_matrix(change.tolist())))
+        return float(ufl.as_ufl(energy)(()))
+
+    def whole(change: Array) -> float:
+        growth = float(np.linalg.det(np.eye(3) + change)) - 1
+        return shape(change) + float(ufl.as_ufl(material.volume_energy_by_change(ufl.as_ufl(growth)))(()))
+
+    for size in TRIED_STRAINS:
+        change = np.zeros((3, 3))
+        change[:2, :2] = size * drawn.standard_normal((2, 2))
+        change[2, 2] = size * drawn.random()
+        before, after = shape(change), shape(_ROTATION @ (np.eye(3) + change) - np.eye(3))
+        if not np.isfinite([before, after, whole(change)]).all():
+            return f"the energy of {name} is not finite"
+        if not abs(after - before) <= SAME_TANGENT * modulus:
+            return f"shape_energy of {name} is not objective: a rotation of the body changes it"
+    # A body in the plane has no shear across the mesh.
+    units = {k: unit for k, unit in enumerate(_units()) if PAIRS[k] not in ((0, 2), (1, 2))}
+    first, second = DIFFERENCE_STEP, np.finfo(np.float64).eps ** 0.25  # where both errors of differences are small
+    for unit in units.values():
+        if not abs(whole(first * unit) - whole(-first * unit)) <= 2 * first * SAME_TANGENT * modulus:
+            return f"{name} has a stress without strain"
+    stiffness = material.at_rest.stiffness
+    for (i, one), (j, other) in product(units.items(), repeat=2):
+        corners = product((second, -second), repeat=2)
+        change = sum(np.sign(a * b) * whole(a * one + b * other) for a, b in corners)
+        if not abs(change / (4 * second**2) - stiffness[i, j]) <= SAME_TANGENT * modulus:
+            return f"constants_at_rest of {name} are not those of its energy"
+    return ""
+
+
+def _fault_of_response(material: Any) -> str:
+    name, modulus, drawn = type(material).__name__, max(material.constants_at_rest), np.random.default_rng(0)
+    strain = drawn.standard_normal((64, 3, 3)) * np.geomspace(1e-5, 1e-1, 64)[:, None, None]
+    strain = (strain + strain.swapaxes(1, 2)) / 2
+    state: Array = np.zeros((len(strain), material.state_size))
+    for time, factor in ((1.0, 1.0), (2.0, 2.0), (4.0, -0.5)):
+        material = material.at_time(time)
+        tried = factor * strain
+        tried.flags.writeable = state.flags.writeable = False  # the solver keeps both
+        stress, tangent, grown = material.respond(tried, state)
+        if not np.abs(np.trace(stress, axis1=1, axis2=2)).max() <= SAME_TANGENT * modulus:
+            return f"respond of {name} gives a stress that is not deviatoric"
+        if not np.isfinite(tangent).all() or not np.array_equal(material.respond(tried, state)[0], stress):
+            return f"respond of {name} is not finite, or gives something else when it is called again"
+        for column, unit in enumerate(_units()):
+            small = DIFFERENCE_STEP**2 * unit
+            ahead, behind = (material.respond(factor * strain + sign * small, state)[0] for sign in (1, -1))
+            change = (ahead - behind) / (2 * DIFFERENCE_STEP**2)
+            wrong = np.abs(np.array([change[:, i, j] for i, j in PAIRS]).T - tangent[:, :, column]).max(axis=1)
+            if not np.median(wrong) <= SAME_TANGENT * modulus:  # some may yield in between
+                return f"the derivative that respond of {name} gives is not that of its stress"
+        state = grown
+    return ""
+
+
+def _units() -> list[Array]:
+    """Strains, of shear 1/2, in the order of ``PAIRS``."""
+    units: list[Array] = [np.zeros((3, 3)) for _ in PAIRS]
+    for unit, (i, j) in zip(units, PAIRS, strict=True):
+        unit[i, j] += 0.5
+        unit[j, i] += 0.5
+    return units

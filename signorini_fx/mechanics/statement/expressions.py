@@ -1,9 +1,8 @@
 """Expressions of the position in scenes: parsed by Python, evaluated with NumPy or turned into UFL.
 
-An example is ``gap = "0.003*(x[0] - 1.5)**2 + 0.001"``.  Python executes nothing of it: the syntax tree is checked
-first (numbers, ``x[0]``, ``x[1]``, in 3D ``x[2]``, ``pi``, arithmetic, comparisons, ``and``/``or``/``not``
-(also ``&`` and ``|``), ``A if C else B`` and the functions below, each with its arguments; conditions and numbers are
-told apart), then its value follows from the values of its parts.
+An example is ``gap = "0.003*(x[0] - 1.5)**2 + 0.001"``.  Python executes nothing of it: the value of its syntax tree
+follows from those of its parts, numbers and conditions, and anything but ``_ALLOWED`` is refused when it is made, by
+trying it at one point.
 """
 
 from __future__ import annotations
@@ -16,7 +15,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property, reduce
 from itertools import combinations, pairwise
-from typing import Any, Literal, Self
+from typing import Any, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -32,7 +31,6 @@ _ARITHMETIC: dict[type, Callable[..., Any]] = {
     ast.Pow: operator.pow,
 }
 _SIGNS: dict[type, Callable[..., Any]] = {ast.USub: operator.neg, ast.UAdd: operator.pos}
-_COMPARISONS = (ast.Lt, ast.LtE, ast.Gt, ast.GtE)
 _ALLOWED = (
     "Allowed are numbers, pi, x[0], x[1], in 3D x[2], + - * / ** (to a number), < <= > >=, and, or, not, "
     f"A if C else B, where(C, A, B), min(A, ...), max(A, ...), and {', '.join(_ONE_ARGUMENT)} of one number; in loads "
@@ -40,12 +38,11 @@ _ALLOWED = (
 )
 _MAX_LENGTH = 2000
 _MAX_EXPONENT = 100
-Kind = Literal["number", "condition"]
 
 
 @dataclass(frozen=True)
-class _Backend:
-    """The operations of expressions in one algebra, NumPy or UFL."""
+class _Algebra:
+    """The operations of expressions, in NumPy or UFL."""
 
     functions: dict[str, Callable[..., Any]]
     both: Callable[[Any, Any], Any]
@@ -53,13 +50,14 @@ class _Backend:
     negate: Callable[[Any], Any]
     number: Callable[[float], Any]
     reach: Callable[[Any], Any]
+    is_condition: Callable[[Any], bool]
 
 
-_NUMPY = _Backend(
+_NUMPY = _Algebra(
     functions={
         **{name: getattr(np, name) for name in _ONE_ARGUMENT},
-        "min": lambda *values: reduce(np.minimum, values),
-        "max": lambda *values: reduce(np.maximum, values),
+        "min": np.minimum,
+        "max": np.maximum,
         "where": np.where,
     },
     both=np.logical_and,
@@ -68,10 +66,11 @@ _NUMPY = _Backend(
     # A NumPy float: arithmetic then gives inf or nan, which is reported where it happens, and never an exception.
     number=np.float64,
     reach=lambda position: np.abs(position).max(initial=0.0),
+    is_condition=lambda value: value.dtype == np.bool_,
 )
 
 
-def _ufl_backend(mesh: Any) -> _Backend:
+def _ufl_algebra(mesh: Any) -> _Algebra:
     """Numbers become ``fem.Constant``, so that forms that differ only in a number are compiled once."""
     import ufl
     from dolfinx import default_scalar_type, fem
@@ -83,98 +82,120 @@ def _ufl_backend(mesh: Any) -> _Backend:
     def number(value: float) -> Any:
         return fem.Constant(mesh, default_scalar_type(value))
 
-    names = {"abs": absolute, "log": ufl.ln}
-    return _Backend(
-        functions={
-            **{name: names.get(name) or getattr(ufl, name) for name in _ONE_ARGUMENT},
-            "min": lambda *values: reduce(ufl.min_value, values),
-            "max": lambda *values: reduce(ufl.max_value, values),
-            "where": ufl.conditional,
-        },
+    others = {"abs": absolute, "log": ufl.ln, "min": ufl.min_value, "max": ufl.max_value, "where": ufl.conditional}
+    return _Algebra(
+        functions={**{name: getattr(ufl, name) for name in _ONE_ARGUMENT if name not in others}, **others},
         both=ufl.And,
         either=ufl.Or,
         negate=ufl.Not,
         number=number,
         reach=lambda _: number(float(np.abs(mesh.geometry.x).max(initial=0.0))),
+        is_condition=lambda value: isinstance(value, ufl.classes.Condition),
     )
 
 
-def _check(node: ast.expr) -> Kind:
-    """The kind of a checked syntax tree.
+class _Evaluator:
+    """The value of a syntax tree at one position and time."""
 
-    Raises:
-        ValueError: something in it is not allowed.
-    """
-    match node:
-        case ast.Constant(value=value):
-            if type(value) not in (int, float):
-                raise ValueError(f"only numbers are allowed, not {value!r}")
-            if not math.isfinite(_float(value)):
-                raise ValueError("a number is too large")
-            return "number"
-        case ast.Name(id="pi" | "t"):
-            return "number"
-        case ast.Subscript(value=ast.Name(id="x"), slice=ast.Constant(value=index)) if type(index) is int:
-            if index not in (0, 1, 2):
-                raise ValueError(f"x[{index}] is not a coordinate: use x[0] or x[1], in 3D also x[2]")
-            return "number"
-        case ast.UnaryOp(op=op, operand=operand):
-            kind: Kind = "condition" if isinstance(op, ast.Not) else "number"
-            if kind == "number" and type(op) not in _SIGNS:
-                raise ValueError(f"operator {type(op).__name__} is not available")
-            return _expect(kind, operand)
-        case ast.BinOp(left=left, op=ast.BitAnd() | ast.BitOr(), right=right):
-            return _expect("condition", left, right)
-        case ast.BinOp(left=left, op=op, right=right):
-            if isinstance(op, ast.BitXor):
+    def __init__(self, algebra: _Algebra, position: Any, time: Any) -> None:
+        self._algebra, self._position, self._time = algebra, position, time
+
+    def value(self, node: ast.expr) -> Any:
+        """The value of a part of the tree.
+
+        Raises:
+            ValueError: something in it is not allowed.
+        """
+        algebra = self._algebra
+        match node:
+            case ast.Constant(value=number):
+                if type(number) not in (int, float):
+                    raise ValueError(f"only numbers are allowed, not {number!r}")
+                if not math.isfinite(_float(number)):
+                    raise ValueError("a number is too large")
+                return algebra.number(number)
+            case ast.Name(id="pi"):
+                return algebra.number(math.pi)
+            case ast.Name(id="t"):
+                return self._time
+            case ast.Subscript(value=ast.Name(id="x"), slice=ast.Constant(value=index)) if type(index) is int:
+                if index not in (0, 1, 2):
+                    raise ValueError(f"x[{index}] is not a coordinate: use x[0] or x[1], in 3D also x[2]")
+                return self._position[index]
+            case ast.UnaryOp(op=ast.Not(), operand=operand):
+                return algebra.negate(*self._conditions(operand))
+            case ast.UnaryOp(op=op, operand=operand) if type(op) in _SIGNS:
+                return _SIGNS[type(op)](*self._numbers(operand))
+            case ast.BinOp(left=left, op=ast.BitAnd() | ast.BitOr() as op, right=right):
+                return (algebra.both if isinstance(op, ast.BitAnd) else algebra.either)(*self._conditions(left, right))
+            case ast.BinOp(op=ast.BitXor()):
                 raise ValueError("a power is written **, not ^")
-            if type(op) not in _ARITHMETIC:
+            case ast.BinOp(left=left, op=op, right=right) if type(op) in _ARITHMETIC:
+                if isinstance(op, ast.Pow):
+                    _check_exponent(right)
+                return _ARITHMETIC[type(op)](*self._numbers(left, right))
+            case ast.UnaryOp(op=op) | ast.BinOp(op=op):
                 raise ValueError(f"operator {type(op).__name__} is not available")
-            if isinstance(op, ast.Pow):
-                _check_exponent(right)
-            return _expect("number", left, right)
-        case ast.BoolOp(values=values):
-            return _expect("condition", *values)
-        case ast.Compare(left=left, ops=ops, comparators=comparators):
-            unknown = [type(op).__name__ for op in ops if not isinstance(op, _COMPARISONS)]
-            if unknown:
-                raise ValueError(f"comparison {unknown[0]} is not available: use <, <=, >, >=")
-            _expect("number", left, *comparators)
-            return "condition"
-        case ast.IfExp(test=test, body=body, orelse=orelse):
-            _expect("condition", test)
-            return _expect("number", body, orelse)
-        case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]):
-            return _check_call(name, arguments)
-        case ast.Name(id=name):
-            meant = {"x": ": use x[0], x[1] or x[2]", "y": ": use x[1]", "z": ": use x[2]"}.get(name, "")
-            raise ValueError(f"{name!r} is not known{meant}")
-        case ast.Subscript(value=ast.Name(id=name)):
-            raise ValueError(f"'{name}[...]' is not known: the position is x[0], x[1] and, in 3D, x[2]")
-        case ast.Attribute(attr=name):
-            raise ValueError(f"'.{name}' is not known")
-    raise ValueError(f"{type(node).__name__} is not available")
+            case ast.BoolOp(op=op, values=values):
+                return reduce(algebra.both if isinstance(op, ast.And) else algebra.either, self._conditions(*values))
+            case ast.Compare(left=left, ops=ops, comparators=comparators):
+                pairs = zip(ops, pairwise((left, *comparators)), strict=True)
+                return reduce(algebra.both, [self._compare(op, *pair) for op, pair in pairs])
+            case ast.IfExp(test=test, body=body, orelse=orelse):
+                return algebra.functions["where"](*self._conditions(test), *self._numbers(body, orelse))
+            case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]):
+                return self._call(name, arguments)
+            case ast.Name(id=name):
+                meant = {"x": ": use x[0], x[1] or x[2]", "y": ": use x[1]", "z": ": use x[2]"}.get(name, "")
+                raise ValueError(f"{name!r} is not known{meant}")
+            case ast.Subscript(value=ast.Name(id=name)):
+                raise ValueError(f"'{name}[...]' is not known: the position is x[0], x[1] and, in 3D, x[2]")
+            case ast.Attribute(attr=name):
+                raise ValueError(f"'.{name}' is not known")
+        raise ValueError(f"{type(node).__name__} is not available")
 
+    def _numbers(self, *nodes: ast.expr) -> list[Any]:
+        return [self._of_kind(node, condition=False) for node in nodes]
 
-def _check_call(name: str, arguments: list[ast.expr]) -> Kind:
-    if name in _ONE_ARGUMENT and len(arguments) == 1:
-        return _expect("number", *arguments)
-    if name in ("min", "max") and len(arguments) >= 2:
-        return _expect("number", *arguments)
-    if name == "where" and len(arguments) == 3:
-        _expect("condition", arguments[0])
-        return _expect("number", *arguments[1:])
-    if name in _NUMPY.functions:
-        raise ValueError(f"{name} does not take {len(arguments)} arguments")
-    raise ValueError(f"function {name!r} is not known")
+    def _conditions(self, *nodes: ast.expr) -> list[Any]:
+        return [self._of_kind(node, condition=True) for node in nodes]
 
+    def _of_kind(self, node: ast.expr, *, condition: bool) -> Any:
+        value = self.value(node)
+        if self._algebra.is_condition(value) != condition:
+            expected, found = ("condition", "number") if condition else ("number", "condition")
+            raise ValueError(f"a {expected} is expected where '{ast.unparse(node)}' stands, which is a {found}")
+        return value
 
-def _expect(kind: Kind, *nodes: ast.expr) -> Kind:
-    for node in nodes:
-        kind_of_node = _check(node)
-        if kind_of_node != kind:
-            raise ValueError(f"a {kind} is expected where '{ast.unparse(node)}' stands, which is a {kind_of_node}")
-    return kind
+    def _call(self, name: str, arguments: list[ast.expr]) -> Any:
+        functions, count = self._algebra.functions, len(arguments)
+        if name == "where" and count == 3:
+            return functions[name](*self._conditions(arguments[0]), *self._numbers(*arguments[1:]))
+        if name in ("min", "max") and count >= 2:
+            return reduce(functions[name], self._numbers(*arguments))
+        if name in _ONE_ARGUMENT and count == 1:
+            return functions[name](*self._numbers(*arguments))
+        if name in functions:
+            raise ValueError(f"{name} does not take {count} arguments")
+        raise ValueError(f"function {name!r} is not known")
+
+    def _compare(self, op: ast.cmpop, left_operand: ast.expr, right_operand: ast.expr) -> Any:
+        """A comparison in which numbers are equal that are so but for round-off.
+
+        Where a load jumps at a point of quadrature, its value would otherwise be another one in each program that
+        computes the position of that point.
+        """
+        if not isinstance(op, ast.Lt | ast.LtE | ast.Gt | ast.GtE):
+            raise ValueError(f"comparison {type(op).__name__} is not available: use <, <=, >, >=")
+        if isinstance(op, ast.Gt | ast.GtE):
+            left_operand, right_operand = right_operand, left_operand
+        a, b = self._numbers(left_operand, right_operand)
+        absolute = self._algebra.functions["abs"]
+        size = absolute(a) + absolute(b)
+        if isinstance(left_operand, ast.Subscript) or isinstance(right_operand, ast.Subscript):
+            size = size + self._algebra.reach(self._position)  # the round-off of a coordinate is that of the largest
+        room = self._algebra.number(SAME_NUMBER) * size
+        return a <= b + room if isinstance(op, ast.LtE | ast.GtE) else a + room < b
 
 
 def _check_exponent(node: ast.expr) -> None:
@@ -190,59 +211,6 @@ def _float(value: Any) -> float:
         return float(value)
     except OverflowError:
         return math.inf
-
-
-class _Evaluator:
-    """The value of a checked tree in one algebra, at one position and time."""
-
-    def __init__(self, backend: _Backend, position: Any, time: Any) -> None:
-        self._backend = backend
-        self._position = position
-        self._time = time
-
-    def value(self, node: ast.expr) -> Any:
-        """The value of a part of the tree."""
-        backend = self._backend
-        match node:
-            case ast.Constant(value=float() | int() as number):
-                return backend.number(number)
-            case ast.Subscript(slice=ast.Constant(value=index)):
-                return self._position[index]
-            case ast.UnaryOp(op=ast.Not(), operand=operand):
-                return backend.negate(self.value(operand))
-            case ast.UnaryOp(op=op, operand=operand):
-                return _SIGNS[type(op)](self.value(operand))
-            case ast.BinOp(left=left, op=op, right=right):
-                apply = _ARITHMETIC.get(type(op)) or (backend.both if isinstance(op, ast.BitAnd) else backend.either)
-                return apply(self.value(left), self.value(right))
-            case ast.BoolOp(op=op, values=values):
-                return reduce(backend.both if isinstance(op, ast.And) else backend.either, map(self.value, values))
-            case ast.Compare(left=left, ops=ops, comparators=comparators):
-                pairs = pairwise((left, *comparators))
-                return reduce(backend.both, [self._compare(op, *pair) for op, pair in zip(ops, pairs, strict=True)])
-            case ast.IfExp(test=test, body=body, orelse=orelse):
-                return backend.functions["where"](*map(self.value, (test, body, orelse)))
-            case ast.Call(func=ast.Name(id=name), args=arguments):
-                return backend.functions[name](*map(self.value, arguments))
-            case ast.Name(id="t"):
-                return self._time
-        return backend.number(math.pi)  # the only other name
-
-    def _compare(self, op: ast.cmpop, left_operand: ast.expr, right_operand: ast.expr) -> Any:
-        """A comparison in which numbers are equal that are so but for round-off.
-
-        Where a load jumps at a point of quadrature, its value would otherwise be another one in each program that
-        computes the position of that point.
-        """
-        if isinstance(op, ast.Gt | ast.GtE):
-            left_operand, right_operand = right_operand, left_operand
-        a, b = self.value(left_operand), self.value(right_operand)
-        absolute = self._backend.functions["abs"]
-        size = absolute(a) + absolute(b)
-        if isinstance(left_operand, ast.Subscript) or isinstance(right_operand, ast.Subscript):
-            size = size + self._backend.reach(self._position)  # the round-off of a coordinate is that of the largest
-        room = self._backend.number(SAME_NUMBER) * size
-        return a <= b + room if isinstance(op, ast.LtE | ast.GtE) else a + room < b
 
 
 def _switches(node: ast.expr) -> list[tuple[ast.expr, ...]]:
@@ -322,7 +290,8 @@ class Expression:
         if len(self.text) > self.longest:
             raise ValueError(f"expression of {len(self.text)} characters: at most {self.longest} are allowed")
         try:
-            _check(self._tree)
+            with np.errstate(all="ignore"):
+                _Evaluator(_NUMPY, np.zeros((3, 1)), self._present_time).value(self._tree)
             if self.timed and not self.allows_time:
                 raise ValueError("t, the time, is for loads, prescribed displacements, gaps and friction")
         except SyntaxError as error:
@@ -415,10 +384,10 @@ class Expression:
         """
         import ufl
 
-        backend = _ufl_backend(mesh)
-        instant = backend.number(float(self._present_time)) if time is None else time
-        value = _Evaluator(backend, ufl.SpatialCoordinate(mesh), instant).value(self._tree)
-        return ufl.conditional(value, 1.0, 0.0) if _check(self._tree) == "condition" else ufl.as_ufl(value)
+        algebra = _ufl_algebra(mesh)
+        instant = algebra.number(float(self._present_time)) if time is None else time
+        value = _Evaluator(algebra, ufl.SpatialCoordinate(mesh), instant).value(self._tree)
+        return ufl.conditional(value, 1.0, 0.0) if algebra.is_condition(value) else ufl.as_ufl(value)
 
 
 def sample(value: Any, x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:

@@ -13,7 +13,7 @@ from typing import Any
 
 from signorini_fx.errors import SceneError
 from signorini_fx.mechanics.statement.effect import Contradictions, Keys
-from signorini_fx.mechanics.statement.volumetric import TREATMENTS, treatment_of
+from signorini_fx.mechanics.statement.settings import TREATMENTS, treatment_of
 
 REFUSED_BY_SETTINGS: Mapping[str, Mapping[str, str]] = {
     **{treatment.words: treatment.refuses for treatment in TREATMENTS.values() if treatment.refuses},

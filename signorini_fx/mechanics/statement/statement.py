@@ -13,8 +13,7 @@ from importlib import import_module
 from typing import Any, Self, TypeVar
 
 from signorini_fx.extensions import INTERFACES, load_class, modules_of
-from signorini_fx.mechanics.kinematics.cartesian import SPACE
-from signorini_fx.mechanics.kinematics.protocol import Kinematics
+from signorini_fx.mechanics.kinematics.protocol import SPACE, Kinematics
 from signorini_fx.mechanics.statement.effect import Effect, Force, Load
 from signorini_fx.mechanics.statement.load_path import LoadPath, LoadSteps, factor_at, time_at
 from signorini_fx.mechanics.statement.rigid_motion import RigidBody, rigid_bodies

@@ -13,8 +13,7 @@ import numpy.typing as npt
 
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable, is_closed
-from signorini_fx.mechanics.kinematics.cartesian import PLANE_STRAIN
-from signorini_fx.mechanics.kinematics.protocol import Kinematics
+from signorini_fx.mechanics.kinematics.protocol import PLANE_STRAIN, Kinematics
 from signorini_fx.results.accuracy.contact_surface import ContactSurface
 from signorini_fx.tuned import (
     CORNER_ANGLE,

@@ -22,8 +22,7 @@ from signorini_fx.machine.compilation import compiling
 from signorini_fx.mechanics.assembly.mesh_entities import assemble
 from signorini_fx.mechanics.assembly.nodal_values import NodalValues
 from signorini_fx.mechanics.elasticity.elastic_law import fields_of
-from signorini_fx.mechanics.loads.initial_strains import initial_strain
-from signorini_fx.mechanics.loads.jumps import Jump, jumps_in, total_jump
+from signorini_fx.mechanics.loads.initial_strains import Jump, initial_strain, jumps_in, total_jump
 from signorini_fx.mechanics.loads.load_vectors import FormCoefficients, compile_loads, compile_resistance, group_of
 from signorini_fx.mechanics.loads.nodal_effects import forces_at_nodes
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
@@ -31,8 +30,8 @@ from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.obstacles.foundations_on_points import unit_form
 from signorini_fx.mechanics.statement.effect import Force, InitialStrain, Resistance
 from signorini_fx.mechanics.statement.expressions import in_space
+from signorini_fx.mechanics.statement.settings import treatment_of
 from signorini_fx.mechanics.statement.statement import Statement
-from signorini_fx.mechanics.statement.volumetric import treatment_of
 from signorini_fx.records import Inventory
 from signorini_fx.results.certificate.body_nodes import BodyNodes
 

@@ -1,10 +1,10 @@
 """Sections across bolts that are shortened, by a given length or until a force goes through them.
 
 The section need not be flat: it may consist of any facets, here of those closest to a plane.  What is beyond it jumps
-against what is before it, see ``loads.jumps``.  In a load step in which forces tighten sections the shortenings are
-found at which these forces go through them: the forces N(s) grow with the shortenings s, and are linear in them while
-no contact point changes its state.  The contact problem is solved for one s after the other, by the method of C. G.
-Broyden, Math. Comp. 19 (1965) 577-593, which for one section is that of secants.
+against what is before it, see ``loads.initial_strains``.  In a load step in which forces tighten sections the
+shortenings are found at which these forces go through them: the forces N(s) grow with the shortenings s, and are linear
+in them while no contact point changes its state.  The contact problem is solved for one s after the other, by the
+method of C. G. Broyden, Math. Comp. 19 (1965) 577-593, which for one section is that of secants.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from signorini_fx.errors import SceneError
 from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.assembly.mesh_entities import facet_nodes, node_positions
 from signorini_fx.mechanics.effects.preload import Preload
-from signorini_fx.mechanics.loads.jumps import Jump
+from signorini_fx.mechanics.loads.initial_strains import Jump
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.records import Finding, Status
 from signorini_fx.results.mechanics import SolidBody
