@@ -29,9 +29,10 @@ from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
 from signorini_fx.forms.nonlinear.penetration import overlap, overlap_of_bodies
 from signorini_fx.forms.nonlinear.residual import Residual
 from signorini_fx.forms.nonlinear.results import SolvedBody, without_digits
-from signorini_fx.forms.nonlinear.snapshot import BeginningOnShapes, Snapshot
 from signorini_fx.forms.nonlinear.stability import Stability
+from signorini_fx.forms.nonlinear.state import State
 from signorini_fx.forms.nonlinear.tangent import Tangents, round_off
+from signorini_fx.forms.solver import StepBeginning
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.loads.supports import prescribed
 from signorini_fx.mechanics.obstacles.shapes_inside import BodyCells
@@ -124,9 +125,9 @@ class EquilibriumSolver:
     failure: str = ""
     without: str = ""
     tangent_at: tuple[Array, Array] = field(init=False)
-    last: Snapshot | None = None
+    last: State | None = None
     solved: SolvedBody | None = None
-    begun: BeginningOnShapes | None = None
+    begun: StepBeginning | None = None
     timings: Timings = field(default_factory=Timings)
     farthest: float = 0.0
     _detail: str = ""  # see ``outcomes.failure``
@@ -202,7 +203,7 @@ class EquilibriumSolver:
         self.go_back(last)
         raise NoEquilibrium(f"{self.failure}: {self.origin.advice_on(status)}")
 
-    def certify(self, begun: Snapshot) -> Status:
+    def certify(self, begun: State) -> Status:
         """The verdict on a displacement of an earlier run, but for stability; ``begun``: where its step begins;
         collective.
         """
@@ -215,7 +216,7 @@ class EquilibriumSolver:
         assert self.certificate is not None
         self.last, self.farthest = self.snapshot(), max(self.farthest, self.certificate.displacement)
         self.solved = SolvedBody.of(self.linear, self.u, self.certificate, self._mechanics, self.linear_solves)
-        self.begun = BeginningOnShapes.of(self.linear)
+        self.begun = self.linear.beginning()
 
     def take_before(self, status: Status, solves: int) -> None:
         """Show the body as it is, without contact, in place of a first solution that there is not, unless its residual
@@ -239,25 +240,24 @@ class EquilibriumSolver:
         self.linear.tools = self.linear.moving_tools.motions
         self.linear.advance()
         self.commit()
-        for moving in self.linear.shapes.values():
-            moving.settled = moving.shape
         for pair in self.linear.pairs.values():
             pair.move(self.u)
             pair.settle()
 
-    def snapshot(self) -> Snapshot:
+    def snapshot(self) -> State:
         """All that an attempt changes, and where the shapes are."""
-        return Snapshot.of(self.u, self.linear, (self.certificate, self.iterations))
+        return self.linear.state_now(self.certificate, self.iterations)
 
-    def go_back(self, snapshot: Snapshot) -> None:
+    def go_back(self, state: State) -> None:
         """Go back to where the body was; loads and shapes stay as they are now, but for tools that forces move;
         collective.
         """
-        self.certificate, self.iterations = snapshot.restore(self.u, self.linear)
+        self.linear.go_back(state)
+        self.certificate, self.iterations = state.certificate, state.iterations
         with suppress(FormError):  # before the first solution it may not be possible
             self.residual.updated()
 
-    def begin_again(self, begun: Snapshot, load: Callable[[], object]) -> None:
+    def begin_again(self, begun: State, load: Callable[[], object]) -> None:
         """Go back to where a step has begun, with its load and its shapes; collective."""
         load()
         for number, shape in begun.shapes.items():

@@ -191,7 +191,7 @@ def findings_of(linear: LinearisedProblem, steps: Sequence[StepResult]) -> tuple
         linear: the contact problem of the last iteration.
         steps: with a solution.
     """
-    if linear.solved.state is None:
+    if not linear.has_state:
         return ()
     entries, mesh = linear.contact, linear.space.mesh
     held = [pair.held_nodes(bilateral=entries[k].bilateral) for k, pair in linear.pairs.items()]
