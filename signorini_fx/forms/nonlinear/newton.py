@@ -42,7 +42,6 @@ from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.results.certificate.law_of_method import Tractions
 from signorini_fx.results.solution import ConvergenceError
 from signorini_fx.tuned import (
-    CYCLING_INCREMENT,
     KEPT_TANGENT,
     LEAST_INCREMENT,
     LOST_UNITS,
@@ -406,27 +405,11 @@ class EquilibriumSolver:
         linear.residual = residual
         try:
             linear.solve(keeps_stiffness=keeps_stiffness)
-        except ConvergenceError as error:
-            if error.solution.status is not Status.CYCLING or not self._takes_cycle(old):
-                raise
         finally:
             linear.residual = None
         increment = linear.u.x.array - old
         length, forces = length_of_increment(linear, self.residual.at, (old, increment, residual), search=search)
         return increment, length, forces
-
-    def _takes_cycle(self, old: Array) -> bool:
-        """Whether the increment to values of ``u`` is taken although its contact sets are some of a cycle: it is far
-        below the first one, so that those of the next tangent may not cycle; collective.
-
-        A tangent that is not definite on what contact admits has problems whose sets cycle also near an equilibrium.
-        """
-        linear, comm = self.linear, self.linear.space.mesh.comm
-        change = float(parallel.largest(comm, np.abs(linear.u.x.array - old), 0.0))
-        if change > CYCLING_INCREMENT * self.predicted:
-            return False
-        linear.history.add("the contact sets of a tangent cycle: its increment is small, and taken")
-        return True
 
     def _not_solved(self, inner: Status) -> Status:
         """How a solve ends in which a linear contact problem has no solution: what is proved of that is not proved of
