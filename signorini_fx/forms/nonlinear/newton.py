@@ -97,7 +97,6 @@ class EquilibriumSolver:
         certificate: of the last solution, or the last iterate; None: there is none.
         iterations: of the last attempt.
         linear_solves: of the last attempt.
-        predicted: how far the first tangent of the last attempt moves the body, length.
         failure: how the last attempt has ended that has no solution, in words.
         without: why there may be no solution, in words; empty: nothing says so.
         tangent_at: where the last tangent was formed: values of the displacement, and coordinates of tools.
@@ -120,7 +119,6 @@ class EquilibriumSolver:
     certificate: Certificate | None = None
     iterations: int = 0
     linear_solves: int = 0
-    predicted: float = 0.0
     failure: str = ""
     without: str = ""
     tangent_at: tuple[Array, Array] = field(init=False)
@@ -274,12 +272,12 @@ class EquilibriumSolver:
         iterations go on for as long as they make it better.  In a body that comes to rest without load increments are
         relative to nothing: with a J, which may be another tangent, the residual is round-off once they are no longer
         halved.  So are forces there: the certificate is asked as soon as the displacement is round-off, and of the
-        undeformed body if it refuses, or contact of round-off has no solution.
+        undeformed body if it refuses.
         """
         comm, u, worst, last_change, keeps = self.linear.space.mesh.comm, self.u, np.inf, np.inf, False
         self.linear.begin_anew()
-        self.predicted, rests = 0.0, False
         residual: Array | None = None
+        rests = False
         for iteration in range(1, self.max_newton + 1):
             self.iterations = iteration
             old, tools = self.tangent_at = u.x.array.copy(), self.linear.moving_tools.coordinates
@@ -301,9 +299,6 @@ class EquilibriumSolver:
                     old, residual, keeps_stiffness=keeps, search=iteration > 1
                 )
             except ConvergenceError as error:
-                if error.solution.status is Status.ROUND_OFF and not rests and self._keeps_round_off():
-                    u.x.array[:], residual, keeps, rests = 0.0, None, False, True
-                    continue
                 return self._not_solved(error.solution.status)
             except MatrixError as error:
                 if error.fault == NOT_FINITE:
@@ -312,8 +307,6 @@ class EquilibriumSolver:
             if length == 0.0:
                 self._tried = old + increment
                 return Status.INVERTED
-            if iteration == 1:
-                self.predicted = float(parallel.largest(comm, np.abs(increment), 0.0))
             u.x.array[:] = old + length * increment
             moved = length * (self.linear.reached - tools)
             self.linear.moving_tools.carry_to(tools + moved)
