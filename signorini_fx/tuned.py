@@ -515,8 +515,6 @@ PARTNERS_REACH = 0.2
 # How many facets points of two nonlinear bodies that keep their partners may move along the other side without a
 # warning.  Choice: forces of blocks with some facets over the contact were off by 9 % after one.
 FACETS_OF_KEPT_PARTNERS = 0.5
-# Share of the area of a point below which it is beyond the end of the other side.  Choice.
-LEAST_SEEN = 0.5
 
 # --- certificate and statements on results ---------------------------------------------------------------------------
 
@@ -620,11 +618,6 @@ NEWTON_SOLVES = (5, 18)
 # A ramp takes a step larger by the second number after one of at most as many iterations as the first, and none below
 # the third share of the load.  Choice.
 FEW_NEWTON_ITERATIONS, STEP_GROWTH, SMALLEST_STEP = 6, 1.5, 1 / 256
-# An increment whose contact sets cycle is taken up to this share of the first one of its solve.  54 random seals, disks
-# and ploughed blocks took 1,310 iterations in 164 steps so, 1,542 in 199 without, none of them more.  Of 60 other
-# random bodies five differ: two took 6 and 8 iterations more, one 2,768 linear solves where it took 1,737, two fewer.
-# With all increments taken a random body in 5 ended with a shape inside it that had a solution.
-CYCLING_INCREMENT = 0.25
 # What a slip loses, as a share, as its tangent plane turns by the way to a hollow shape, at most.  Choice.
 MOST_TURNED = -0.5
 # Differences of distances and normals of shapes are taken over this share of the size of the body, those of laws over

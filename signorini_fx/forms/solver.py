@@ -187,6 +187,11 @@ class FormSolver:
             raise RuntimeError("there is no solution so far: call solve()")
         return self._state
 
+    @property
+    def has_state(self) -> bool:
+        """Whether there is a last solve."""
+        return self._state is not None
+
     def begin_step(self) -> Start:
         """Where a solve begins with what the problem is now; collective."""
         data, law = self.update()

@@ -23,7 +23,8 @@ from signorini_fx.forms.nonlinear.displaced_certificate import DisplacementsAtPl
 from signorini_fx.forms.nonlinear.moving_shapes import fitting, not_driven
 from signorini_fx.forms.nonlinear.newton import Origin
 from signorini_fx.forms.nonlinear.problem import NonlinearContactProblem, linearised_at
-from signorini_fx.forms.nonlinear.snapshot import BeginningOnShapes, Snapshot
+from signorini_fx.forms.nonlinear.state import State
+from signorini_fx.forms.solver import StepBeginning
 from signorini_fx.machine import compat, parallel
 from signorini_fx.machine.compilation import compiling
 from signorini_fx.mechanics.assembly.quadrature import strain_degree
@@ -291,8 +292,7 @@ class ProblemOfScene(NonlinearContactProblem):
             self._begins_at(self.statement.placed(-1))
         else:
             self.go_to(begins_at)
-            for moving in self.shapes.values():
-                moving.settled = moving.shape
+            self.linear.foundations.settle()
         self.go_to(path_step)
 
     def forces_anew(self, statement: Statement, displacement: fem.Function) -> Array:
@@ -309,8 +309,7 @@ class ProblemOfScene(NonlinearContactProblem):
     def _begins_at(self, statement: Statement) -> None:
         """Slip counts from where foundations are at time 0."""
         self._move(statement)
-        for moving in self.shapes.values():
-            moving.settled = moving.shape
+        self.linear.foundations.settle()
 
     def _move(self, statement: Statement) -> None:
         """Put the foundations where they are in a statement, and take its gaps and friction."""
@@ -339,8 +338,8 @@ class ReachedStep:
     """
 
     path_step: float
-    end: Snapshot
-    begun: BeginningOnShapes
+    end: State
+    begun: StepBeginning
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ and with q = B psi - kappa, and all derivatives by p those for fixed x and t,
 
 Without regularisation psi must not move tied components.  The multipliers chi of this condition are found with the same
 matrix, as augmentation finds tractions: each time the error shrinks by the compliance of the body times 1 / gamma.  The
-matrix is the transposed tangent of Newton's method, whose last factor serves if it has the same blocks.
+matrix is the transposed tangent of Newton's method.
 """
 
 from __future__ import annotations
@@ -27,7 +27,6 @@ import numpy as np
 from petsc4py import PETSc
 
 from signorini_fx.addons.derivatives.law import LinearisedLaw
-from signorini_fx.algebra.algorithms.ssn import SemismoothNewton
 from signorini_fx.algebra.contact.contact_map import ContactMap
 from signorini_fx.algebra.contact.nodal_vectors import Nodal, length
 from signorini_fx.algebra.linalg import ElasticSystem, callbacks, petsc_options
@@ -96,66 +95,27 @@ class TransposedTangent:
     Args:
         system: the elastic system.
         law: the linearised law.
-        methods: whose factors may serve; None: one that was not used.
-        last: the tangent of another load step, which is not needed any more: on the same system its matrix serves, so
-            that its factorisation is not planned again, and its factor if the sets are the same; None: there is none.
         symmetric: whether A is.  At finite displacements it is not where friction acts on a curved shape.
     """
 
-    ksp: PETSc.KSP
-    tangent: ContactTangent
-
-    def __init__(
-        self,
-        system: ElasticSystem,
-        law: LinearisedLaw,
-        methods: Sequence[SemismoothNewton | None] = (),
-        last: TransposedTangent | None = None,
-        *,
-        symmetric: bool = True,
-    ) -> None:
-        self.of, self.system, self._law = system, copy(system), law  # a Krylov system keeps the size of its forces
-        self._as_it_is, self.symmetric = not symmetric, symmetric and _symmetric(system, law)
-        self.pc = next((pc for pc in map(self._reused, methods) if pc is not None), None)
-        if self.pc is not None:
-            return
-        if last is not None and last.pc is None and last.of is system and last.symmetric == self.symmetric:
-            self.system, self.ksp, self.tangent = last.system, last.ksp, last.tangent  # KSP calls the system
-        else:
-            self._set_up()
-        blocks = law.tangent if self._as_it_is else np.ascontiguousarray(law.tangent.transpose(0, 2, 1))
-        self.tangent.insert(self.ksp.getOperators()[0], blocks)
-
-    def _reused(self, newton: SemismoothNewton | None) -> PETSc.PC | None:
-        """The last factor of a method, if it is of the same blocks; collective."""
-        if newton is None:
-            return None
-        jacobian, ksp = newton.snes.getJacobian()[0], newton.snes.getKSP()
-        tables = newton.problem.tangent.factorised, newton.problem.tangent.inserted
-        factorised = [table.get(jacobian.handle) for table in tables]
-        unchanged = all(blocks is not None and np.array_equal(blocks, self._law.tangent) for blocks in factorised)
-        if parallel.any_rank(self.system.comm, not unchanged or ksp.getType() != PETSc.KSP.Type.PREONLY):
-            return None
-        return ksp.getPC()
-
-    def _set_up(self) -> None:
-        system = self.system
-        self.tangent = ContactTangent(system.matrix, system.contact)
-        matrix = self.tangent.create()
+    def __init__(self, system: ElasticSystem, law: LinearisedLaw, *, symmetric: bool = True) -> None:
+        self.system, self._law = copy(system), law  # a Krylov system keeps the size of its forces
+        self._as_it_is, symmetric = not symmetric, symmetric and _symmetric(system, law)
+        tangent = ContactTangent(self.system.matrix, self.system.contact)
+        matrix = tangent.create()
         self.ksp = PETSc.KSP().create(system.comm)
         self.ksp.setOptionsPrefix(petsc_options.PREFIX)
         self.ksp.setOperators(matrix)
         with petsc_options.defaults(system.solver_defaults):
-            system.configure(self.ksp, symmetric=self.symmetric)
+            self.system.configure(self.ksp, symmetric=symmetric)
             self.ksp.setFromOptions()
-        if self.symmetric:
+        if symmetric:
             matrix.setOption(PETSc.Mat.Option.SPD, True)
+        blocks = law.tangent if self._as_it_is else np.ascontiguousarray(law.tangent.transpose(0, 2, 1))
+        tangent.insert(matrix, blocks)
 
     def _solve(self, right: PETSc.Vec, x: PETSc.Vec, forces: float) -> None:
         """Solve for one right-hand side, by a Krylov method to a residual against ``forces``; collective."""
-        if self.pc is not None:
-            (self.pc.apply if self.symmetric else self.pc.applyTranspose)(right, x)
-            return
         self.system.keep_factor(self.ksp, False, forces, exact=True)
         x.set(0.0)
         with petsc_options.defaults(self.system.solver_defaults), unprinted():

@@ -23,7 +23,6 @@ from petsc4py import PETSc
 
 from signorini_fx.addons.derivatives.adjoint import Adjoint, Explicit, TransposedTangent
 from signorini_fx.addons.derivatives.law import LinearisedLaw, linearised
-from signorini_fx.algebra.algorithms.ssn import SemismoothNewton
 from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
 from signorini_fx.algebra.contact.contact_map import ContactMap
 from signorini_fx.algebra.contact.friction import PointFriction
@@ -53,7 +52,6 @@ class SolvedStep:
     """A load step with its solution, and all that its derivatives need.
 
     Attributes:
-        methods: whose factors may serve.
         displacement: y, from the initial position.
         driven: the unknowns of rigid bodies, shape (k,).
         compliance: 1 / gamma_2, length per stress; zero without regularisation.
@@ -65,7 +63,6 @@ class SolvedStep:
     body: ElasticBody
     system: ElasticSystem
     law: LinearisedLaw
-    methods: Sequence[SemismoothNewton | None]
     state: ContactState
     displacement: fem.Function
     driven: Array
@@ -91,10 +88,8 @@ class SolvedStep:
         exact = not all(np.isfinite(task.promised(outcome)[:2]))
         data = start.data if exact else outcome.problem.data
         gamma = data.gamma_n, data.gamma_t
-        methods = [outcome.newton, vars(task.iterate).get("unsymmetric_newton")]  # if it was used
         linear_law = linearised(state, law, gamma, exact=exact, before=start.data.mu_hat)
         if turning is not None:
-            methods = []  # their last tangent is that of another displacement
             linear_law = replace(linear_law, slips=turning[1])
             alone = linear_law.tied[:, 1:].any(axis=1) & ~state.in_contact & (turning[1][:, :, 0] != 0.0).any(axis=1)
             if parallel.any_rank(body.comm, exact and bool(alone.any())):
@@ -113,7 +108,6 @@ class SolvedStep:
             body,
             task.system,
             linear_law,
-            methods,
             state,
             displacement,
             body.driven(outcome.displacement(), task.rest),
@@ -239,7 +233,6 @@ def columns(
         [0] * count,
     )
     owed: list[tuple[PETSc.Vec, Nodal] | None] = [None] * len(quantities)
-    tangent = None
     for number in range(count - 1, -1, -1):
         asked = [(k, of) for k, (at, of) in enumerate(quantities) if at == number]
         if not asked and all(debt is None for debt in owed):
@@ -252,7 +245,7 @@ def columns(
         totals.between[number] = solved.law.between
         if not data:
             continue
-        tangent = TransposedTangent(solved.system, solved.law, solved.methods, tangent, symmetric=solved.body.symmetric)
+        tangent = TransposedTangent(solved.system, solved.law, symmetric=solved.body.symmetric)
         adjoints = [None if debt is None else tangent.adjoint(*debt) for debt in owed]
         for column, by in enumerate(data):
             change = by(step, [of for _, of in asked])

@@ -135,7 +135,7 @@ def gradient(
     begun, u = step[3], step[5]
     quantity, constants = _quantity_of(of, u, body), _checked(by)
     solved = SolvedStep.of(*step)
-    tangent = TransposedTangent(solved.system, solved.law, solved.methods, symmetric=solved.body.symmetric)
+    tangent = TransposedTangent(solved.system, solved.law, symmetric=solved.body.symmetric)
     adjoint, state, value = tangent.adjoint(*solved.quantity(quantity)), solved.state, solved.value(quantity)
     moved = state.points.weight * (length(state.u_t) + length(state.slip_length))
     owed = np.sum(moved * length(adjoint.tied[:, 1:]))

@@ -108,7 +108,7 @@ class LinearisedStep:
         """The load step before as far as slips of this one need it; None: there is none."""
         if self.preceding is None:
             return None
-        displacement, state = self.solved.displacement.copy(), self.preceding.end.linear.state
+        displacement, state = self.solved.displacement.copy(), self.preceding.end.contact
         displacement.x.array[:] = self.preceding.end.displacement
         assert state is not None
         body, supported = self.solved.body, held_at(self.problem.model, self.preceding.path_step)

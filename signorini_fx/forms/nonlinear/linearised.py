@@ -8,9 +8,10 @@ a form a(u, .) - F(u; .) would get a quadrature degree of its own, and Newton's 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from types import MappingProxyType
 from typing import Any
 
@@ -48,8 +49,9 @@ from signorini_fx.forms.nonlinear.moving_shapes import (
 from signorini_fx.forms.nonlinear.moving_tools import DisplacedRigidBodies, MovingTools, RelativeStiffness
 from signorini_fx.forms.nonlinear.residual import Residual
 from signorini_fx.forms.nonlinear.retained_points import RetainedPoints
+from signorini_fx.forms.nonlinear.state import State
 from signorini_fx.forms.nonlinear.tangent import round_off
-from signorini_fx.forms.solver import FormSolver
+from signorini_fx.forms.solver import FormSolver, StepBeginning
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.averages import averaging
 from signorini_fx.mechanics.assembly.mesh_entities import node_positions
@@ -70,9 +72,9 @@ from signorini_fx.mechanics.obstacles.sliding_sides import SlidingSides
 from signorini_fx.mechanics.rigid.rigid_bodies import Drive, RigidBodies, RigidBodyMotion
 from signorini_fx.mechanics.scales import Scales
 from signorini_fx.records import Status
+from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.results.certificate.law_of_method import Law
 from signorini_fx.results.solution import ConvergenceError
-from signorini_fx.results.step_frames import LastSolution
 from signorini_fx.tuned import (
     NO_FORCE,
     UNITS_OF_NO_LOAD,
@@ -94,6 +96,20 @@ class MovingFoundations(Foundations):
     shapes_of_tools: Mapping[int, MovingShape] = MappingProxyType({})
     at: fem.Function
     _undeformed: dict[int, tuple[list[bytes], PairedSides]]
+
+    @property
+    def settled(self) -> dict[int, Any]:
+        """The shapes as they were at the end of the last step."""
+        return {number: moving.settled for number, moving in self.shapes_of_tools.items()}
+
+    @settled.setter
+    def settled(self, shapes: dict[int, Any]) -> None:
+        for number, shape in shapes.items():
+            self.shapes_of_tools[number].settled = shape
+
+    def settle(self) -> None:
+        """See ``Foundations``."""
+        self.settled = {number: moving.shape for number, moving in self.shapes_of_tools.items()}
 
     @property
     def kept_pairs(self) -> dict[int, PairedSides]:
@@ -180,21 +196,6 @@ class MovingFoundations(Foundations):
         pair.allowance = allowance[: pair.allowance.size]
         gap[pair.sides.local_points()] += pair.opening
         return gap, allowance
-
-
-@dataclass(frozen=True)
-class LinearSolution:
-    """The last solution of the linearised problem; None: there is none.
-
-    Attributes:
-        state: the contact points.
-        outcome: how it was reached.
-        begins: where the next solve may begin.
-    """
-
-    state: ContactState | None
-    outcome: Outcome | None
-    begins: LastSolution | None
 
 
 class LinearisedProblem(FormSolver):
@@ -683,6 +684,16 @@ class LinearisedProblem(FormSolver):
         self._last_pattern = None
         return copy(self)
 
+    @contextmanager
+    def returned_to(self, beginning: StepBeginning) -> Iterator[None]:
+        """While it is where a step begins, whatever has been advanced since."""
+        advanced = self.beginning()
+        self.return_to(beginning)
+        try:
+            yield
+        finally:
+            self.return_to(advanced)
+
     def derivative_at_solution(self) -> tuple[Any, ...]:
         """The last solution with the derivative of its contact problem there, see ``SolvedStep.of``, and the problem of
         that; collective.
@@ -762,15 +773,20 @@ class LinearisedProblem(FormSolver):
                 work += self.relative.forces(self.boundary, nodal, moved)[2]
         return self.elastic.forces_where_free(displacement), self.curvature.times(displacement), work
 
-    @property
-    def solved(self) -> LinearSolution:
-        """The last one."""
-        return LinearSolution(self._state, self.outcome, self._solution)
+    def state_now(self, certificate: Certificate | None, iterations: int) -> State:
+        """What there is now."""
+        shapes, tools = {k: moving.shape for k, moving in self.shapes.items()}, self.moving_tools.coordinates
+        solution = self._state, self.outcome, self._solution
+        return State(self._at.x.array.copy(), *solution, certificate, iterations, shapes, tools)
 
-    def go_back(self, solution: LinearSolution) -> None:
-        """Make an earlier solution the last one; the next solve assembles anew; collective."""
-        self.fields.take(self.space, solution.state)
-        self._state, self.outcome, self._solution = solution.state, solution.outcome, solution.begins
+    def go_back(self, state: State) -> None:
+        """Make an earlier solution the last one; shapes stay where they are placed, but for those that forces move; the
+        next solve assembles anew; collective.
+        """
+        self._at.x.array[:] = state.displacement
+        self.fields.take(self.space, state.contact)
+        self._state, self.outcome, self._solution = state.contact, state.outcome, state.guess
+        self.moving_tools.carry_to(state.tools)
         dim = self._at.function_space.mesh.geometry.dim
         self._last_pattern, self.curvature, self._hessians = None, NodalStiffness.none(dim), np.zeros((0, dim, dim))
         self.relative = None

@@ -13,8 +13,8 @@ from signorini_fx.forms.nonlinear import outcomes, restarted_body
 from signorini_fx.forms.nonlinear.displaced_certificate import ResidualMechanics
 from signorini_fx.forms.nonlinear.newton import EquilibriumSolver, NoEquilibrium
 from signorini_fx.forms.nonlinear.results import without_digits
-from signorini_fx.forms.nonlinear.snapshot import Snapshot
-from signorini_fx.forms.nonlinear.step_sizes import PathSizes, Way
+from signorini_fx.forms.nonlinear.state import State
+from signorini_fx.forms.nonlinear.step_sizes import Way, sizes_on_path
 from signorini_fx.mechanics.statement.load_path import LoadPath
 from signorini_fx.records import Status, StepRecord, Timings
 from signorini_fx.results.mechanics import StepResult
@@ -104,7 +104,7 @@ class Continuation:
             if path.several:
                 history.add(StepRecord(number, path.name_at(end), path.time_at(end)))
 
-        self.follow(Way(PathSizes(path), apply, named, announce), on_step, checkpoint, several=path.several)
+        self.follow(Way(sizes_on_path(path), apply, named, announce), on_step, checkpoint, several=path.several)
 
     def _next_step(self, way: Way) -> StepResult | None:
         """Solve the next step of a way; None: it has no solution and will be another one; collective.
@@ -125,7 +125,7 @@ class Continuation:
         sizes.accept(self.solver.iterations)
         return self.end_step(way, end)
 
-    def _give_up(self, way: Way, begun: Snapshot, error: Exception) -> None:
+    def _give_up(self, way: Way, begun: State, error: Exception) -> None:
         """Go back to where a step has begun that has no solution, and say where it is to end instead; collective.
 
         Args:

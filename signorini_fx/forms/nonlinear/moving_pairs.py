@@ -24,7 +24,7 @@ from signorini_fx.mechanics.obstacles.sliding_sides import SlidingSides
 from signorini_fx.mechanics.pairs.sliding import Frames, SlidingCoupling, along_vectors
 from signorini_fx.records import Finding
 from signorini_fx.solving.check.result_findings import HeldNodes
-from signorini_fx.tuned import FACETS_OF_KEPT_PARTNERS, LEAST_SEEN, NOTABLE
+from signorini_fx.tuned import FACETS_OF_KEPT_PARTNERS
 
 Array = npt.NDArray[np.float64]
 
@@ -128,22 +128,6 @@ class MovingPair:
         left = self.begun.partnered if not self.coupling.frames.partnered.any() else np.zeros(1, dtype=bool)
         return self._place_of(np.flatnonzero(left))
 
-    def force_past_end(self, state: ContactState) -> tuple[float, str]:
-        """The share of the contact force that points have which see less than half of their area of the other side, and
-        the place of one of them, "" without any; collective.
-        """
-        rows = np.flatnonzero(state.boundary.part == self.sides.index)
-        forces = np.linalg.norm(state.boundary.nodal_forces(state.pressure, state.shear)[rows], axis=1)
-        magnitude = self.sides.at_points(forces)
-        past, total = self._touching(state) & (self.coupling.covered < LEAST_SEEN), magnitude.sum()
-        share = float(magnitude[past].sum() / total) if total > 0 else 0.0
-        return share, self._place_of(np.flatnonzero(past))
-
-    def _touching(self, state: ContactState) -> npt.NDArray[np.bool_]:
-        """Which points are in contact, of all ranks; collective."""
-        rows = np.flatnonzero(state.boundary.part == self.sides.index)
-        return np.asarray(self.sides.at_points(state.in_contact[rows].astype(np.float64)) > 0)
-
     def _place_of(self, points: npt.NDArray[np.int64]) -> str:
         """The place of the first of some points, "" of none."""
         if not points.size:
@@ -220,23 +204,6 @@ def sheared_across_gaps(pairs: Mapping[int, MovingPair], state: ContactState) ->
                 "Coulomb(0.0, cohesion=...)"
             )
             findings.append(Finding("warning", f"contact[{number}].friction", message))
-    return findings
-
-
-def carried_past_ends(pairs: Mapping[int, MovingPair], state: ContactState) -> list[Finding]:
-    """A note for each pair of which points that see past the end of the other side have a notable share of the force;
-    collective.
-    """
-    findings = list[Finding]()
-    for number, pair in pairs.items():
-        share, position = pair.force_past_end(state)
-        if share > NOTABLE:
-            message = (
-                f"points that see past the end of the other side have {share:.0%} of the contact force ({position}): "
-                "near its corner their pressures are means over what they see; let the points be on the side that "
-                "ends, in a scene by its key points, or take smaller facets there"
-            )
-            findings.append(Finding("note", f"contact[{number}]", message))
     return findings
 
 

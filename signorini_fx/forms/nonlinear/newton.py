@@ -29,9 +29,10 @@ from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
 from signorini_fx.forms.nonlinear.penetration import overlap, overlap_of_bodies
 from signorini_fx.forms.nonlinear.residual import Residual
 from signorini_fx.forms.nonlinear.results import SolvedBody, without_digits
-from signorini_fx.forms.nonlinear.snapshot import BeginningOnShapes, Snapshot
 from signorini_fx.forms.nonlinear.stability import Stability
+from signorini_fx.forms.nonlinear.state import State
 from signorini_fx.forms.nonlinear.tangent import Tangents, round_off
+from signorini_fx.forms.solver import StepBeginning
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.loads.supports import prescribed
 from signorini_fx.mechanics.obstacles.shapes_inside import BodyCells
@@ -41,7 +42,6 @@ from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.results.certificate.law_of_method import Tractions
 from signorini_fx.results.solution import ConvergenceError
 from signorini_fx.tuned import (
-    CYCLING_INCREMENT,
     KEPT_TANGENT,
     LEAST_INCREMENT,
     LOST_UNITS,
@@ -97,7 +97,6 @@ class EquilibriumSolver:
         certificate: of the last solution, or the last iterate; None: there is none.
         iterations: of the last attempt.
         linear_solves: of the last attempt.
-        predicted: how far the first tangent of the last attempt moves the body, length.
         failure: how the last attempt has ended that has no solution, in words.
         without: why there may be no solution, in words; empty: nothing says so.
         tangent_at: where the last tangent was formed: values of the displacement, and coordinates of tools.
@@ -120,13 +119,12 @@ class EquilibriumSolver:
     certificate: Certificate | None = None
     iterations: int = 0
     linear_solves: int = 0
-    predicted: float = 0.0
     failure: str = ""
     without: str = ""
     tangent_at: tuple[Array, Array] = field(init=False)
-    last: Snapshot | None = None
+    last: State | None = None
     solved: SolvedBody | None = None
-    begun: BeginningOnShapes | None = None
+    begun: StepBeginning | None = None
     timings: Timings = field(default_factory=Timings)
     farthest: float = 0.0
     _detail: str = ""  # see ``outcomes.failure``
@@ -202,7 +200,7 @@ class EquilibriumSolver:
         self.go_back(last)
         raise NoEquilibrium(f"{self.failure}: {self.origin.advice_on(status)}")
 
-    def certify(self, begun: Snapshot) -> Status:
+    def certify(self, begun: State) -> Status:
         """The verdict on a displacement of an earlier run, but for stability; ``begun``: where its step begins;
         collective.
         """
@@ -215,7 +213,7 @@ class EquilibriumSolver:
         assert self.certificate is not None
         self.last, self.farthest = self.snapshot(), max(self.farthest, self.certificate.displacement)
         self.solved = SolvedBody.of(self.linear, self.u, self.certificate, self._mechanics, self.linear_solves)
-        self.begun = BeginningOnShapes.of(self.linear)
+        self.begun = self.linear.beginning()
 
     def take_before(self, status: Status, solves: int) -> None:
         """Show the body as it is, without contact, in place of a first solution that there is not, unless its residual
@@ -239,25 +237,24 @@ class EquilibriumSolver:
         self.linear.tools = self.linear.moving_tools.motions
         self.linear.advance()
         self.commit()
-        for moving in self.linear.shapes.values():
-            moving.settled = moving.shape
         for pair in self.linear.pairs.values():
             pair.move(self.u)
             pair.settle()
 
-    def snapshot(self) -> Snapshot:
+    def snapshot(self) -> State:
         """All that an attempt changes, and where the shapes are."""
-        return Snapshot.of(self.u, self.linear, (self.certificate, self.iterations))
+        return self.linear.state_now(self.certificate, self.iterations)
 
-    def go_back(self, snapshot: Snapshot) -> None:
+    def go_back(self, state: State) -> None:
         """Go back to where the body was; loads and shapes stay as they are now, but for tools that forces move;
         collective.
         """
-        self.certificate, self.iterations = snapshot.restore(self.u, self.linear)
+        self.linear.go_back(state)
+        self.certificate, self.iterations = state.certificate, state.iterations
         with suppress(FormError):  # before the first solution it may not be possible
             self.residual.updated()
 
-    def begin_again(self, begun: Snapshot, load: Callable[[], object]) -> None:
+    def begin_again(self, begun: State, load: Callable[[], object]) -> None:
         """Go back to where a step has begun, with its load and its shapes; collective."""
         load()
         for number, shape in begun.shapes.items():
@@ -275,12 +272,12 @@ class EquilibriumSolver:
         iterations go on for as long as they make it better.  In a body that comes to rest without load increments are
         relative to nothing: with a J, which may be another tangent, the residual is round-off once they are no longer
         halved.  So are forces there: the certificate is asked as soon as the displacement is round-off, and of the
-        undeformed body if it refuses, or contact of round-off has no solution.
+        undeformed body if it refuses.
         """
         comm, u, worst, last_change, keeps = self.linear.space.mesh.comm, self.u, np.inf, np.inf, False
         self.linear.begin_anew()
-        self.predicted, rests = 0.0, False
         residual: Array | None = None
+        rests = False
         for iteration in range(1, self.max_newton + 1):
             self.iterations = iteration
             old, tools = self.tangent_at = u.x.array.copy(), self.linear.moving_tools.coordinates
@@ -302,9 +299,6 @@ class EquilibriumSolver:
                     old, residual, keeps_stiffness=keeps, search=iteration > 1
                 )
             except ConvergenceError as error:
-                if error.solution.status is Status.ROUND_OFF and not rests and self._keeps_round_off():
-                    u.x.array[:], residual, keeps, rests = 0.0, None, False, True
-                    continue
                 return self._not_solved(error.solution.status)
             except MatrixError as error:
                 if error.fault == NOT_FINITE:
@@ -313,8 +307,6 @@ class EquilibriumSolver:
             if length == 0.0:
                 self._tried = old + increment
                 return Status.INVERTED
-            if iteration == 1:
-                self.predicted = float(parallel.largest(comm, np.abs(increment), 0.0))
             u.x.array[:] = old + length * increment
             moved = length * (self.linear.reached - tools)
             self.linear.moving_tools.carry_to(tools + moved)
@@ -406,27 +398,11 @@ class EquilibriumSolver:
         linear.residual = residual
         try:
             linear.solve(keeps_stiffness=keeps_stiffness)
-        except ConvergenceError as error:
-            if error.solution.status is not Status.CYCLING or not self._takes_cycle(old):
-                raise
         finally:
             linear.residual = None
         increment = linear.u.x.array - old
         length, forces = length_of_increment(linear, self.residual.at, (old, increment, residual), search=search)
         return increment, length, forces
-
-    def _takes_cycle(self, old: Array) -> bool:
-        """Whether the increment to values of ``u`` is taken although its contact sets are some of a cycle: it is far
-        below the first one, so that those of the next tangent may not cycle; collective.
-
-        A tangent that is not definite on what contact admits has problems whose sets cycle also near an equilibrium.
-        """
-        linear, comm = self.linear, self.linear.space.mesh.comm
-        change = float(parallel.largest(comm, np.abs(linear.u.x.array - old), 0.0))
-        if change > CYCLING_INCREMENT * self.predicted:
-            return False
-        linear.history.add("the contact sets of a tangent cycle: its increment is small, and taken")
-        return True
 
     def _not_solved(self, inner: Status) -> Status:
         """How a solve ends in which a linear contact problem has no solution: what is proved of that is not proved of

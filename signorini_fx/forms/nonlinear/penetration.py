@@ -11,13 +11,13 @@ from dolfinx import fem
 
 from signorini_fx.forms.nonlinear.moving_pairs import MovingPair
 from signorini_fx.forms.nonlinear.moving_shapes import MovingShape
-from signorini_fx.forms.nonlinear.snapshot import Snapshot
+from signorini_fx.forms.nonlinear.state import State
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.obstacles.bodies_inside import PairedBodies
 from signorini_fx.mechanics.obstacles.shapes_inside import BodyCells
 
 
-def overlap(u: fem.Function, cells: BodyCells, shapes: Mapping[int, MovingShape], last: Snapshot) -> str:
+def overlap(u: fem.Function, cells: BodyCells, shapes: Mapping[int, MovingShape], last: State) -> str:
     """Which shape, how deep and where; empty: none; collective.
 
     Before there is a solution a shape comes from where it is given, if it is outside of the body there.
@@ -44,7 +44,7 @@ def overlap(u: fem.Function, cells: BodyCells, shapes: Mapping[int, MovingShape]
     return ""
 
 
-def overlap_of_bodies(u: fem.Function, cells: BodyCells, pairs: Mapping[int, MovingPair], last: Snapshot) -> str:
+def overlap_of_bodies(u: fem.Function, cells: BodyCells, pairs: Mapping[int, MovingPair], last: State) -> str:
     """Which pair, how deep and where; empty: none; collective.  For the arguments see ``overlap``."""
     now, then = cells.placed(u.x.array), cells.placed(last.displacement)
     for number, pair in pairs.items():

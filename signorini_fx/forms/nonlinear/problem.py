@@ -24,7 +24,7 @@ from signorini_fx.forms.nonlinear.moving_shapes import place
 from signorini_fx.forms.nonlinear.newton import EquilibriumSolver, NoEquilibrium
 from signorini_fx.forms.nonlinear.residual import Residual
 from signorini_fx.forms.nonlinear.results import findings_of, lost_digits, too_stiff
-from signorini_fx.forms.nonlinear.step_sizes import LoadSizes, RampStep, Way
+from signorini_fx.forms.nonlinear.step_sizes import RampStep, Way, sizes_to_load
 from signorini_fx.forms.nonlinear.tangent import Tangents, refuse_miscompiled
 from signorini_fx.forms.problem_of_forms import ProblemOfForms
 from signorini_fx.forms.steps import begun_path
@@ -245,7 +245,7 @@ class NonlinearContactProblem(ProblemOfForms):
         named, begun, linear = self.solution.model, self._solver.begun, self.linear.assembled_elsewhere()
         solved = linearised_at(self._solver, linear)
         assert begun is not None
-        with begun.returned_to(linear):
+        with linear.returned_to(begun):
             return add_on("gradient")(of, by, lambda: named, solved, linear.data_now)
 
     def place(self, number: int, **placement: Any) -> None:
@@ -331,7 +331,7 @@ class NonlinearContactProblem(ProblemOfForms):
             steps.append(RampStep(load, self.iterations, step.linear_solves))
             return replace(step, place=float(step.step - 1), time=abs(load))
 
-        way = Way(LoadSizes(to, first, largest, smallest), apply, named)
+        way = Way(sizes_to_load(to, first, largest, smallest), apply, named)
         with self._as_convergence_error():
             self._continuation.follow(way, lambda step: on_step(steps[-1]))
         return steps
@@ -388,7 +388,7 @@ def linearised_at(solver: EquilibriumSolver, linear: LinearisedProblem) -> tuple
         raise FormError([("contact", "derivatives are not possible yet where forces move a foundation")])
     begun = solver.begun
     assert begun is not None
-    advanced = linear.beginning().last is not begun.beginning.last
+    advanced = linear.beginning().last is not begun.last
     if residual.has_state and (advanced or linear.step > 0):
         why = "the solution depends on the state of the material before it, whose derivatives are not kept"
         raise RuntimeError(f"{why}: ask for derivatives of the first step, before advance()")
@@ -396,5 +396,5 @@ def linearised_at(solver: EquilibriumSolver, linear: LinearisedProblem) -> tuple
     residual.go_to(values)
     if not solver.stability.leads(values):
         raise FormError([("J", "is not the derivative of F at the solution: leave it out, or mend it")])
-    with begun.returned_to(linear):
+    with linear.returned_to(begun):
         return linear.derivative_at_solution()

@@ -14,12 +14,7 @@ from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.forms.given_forms import GivenForms, named_parts
 from signorini_fx.forms.nonlinear.displaced_certificate import ResidualBody, ResidualMechanics
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
-from signorini_fx.forms.nonlinear.moving_pairs import (
-    carried_past_ends,
-    facet_size,
-    sheared_across_gaps,
-    slid_past_partners,
-)
+from signorini_fx.forms.nonlinear.moving_pairs import facet_size, sheared_across_gaps, slid_past_partners
 from signorini_fx.mechanics.body.deformation import added_stiffness, deformation_of
 from signorini_fx.mechanics.body.elastic_body import ElasticBody
 from signorini_fx.mechanics.interfaces import Pair
@@ -191,12 +186,11 @@ def findings_of(linear: LinearisedProblem, steps: Sequence[StepResult]) -> tuple
         linear: the contact problem of the last iteration.
         steps: with a solution.
     """
-    if linear.solved.state is None:
+    if not linear.has_state:
         return ()
     entries, mesh = linear.contact, linear.space.mesh
     held = [pair.held_nodes(bilateral=entries[k].bilateral) for k, pair in linear.pairs.items()]
     pushed = pushed_nodes(mesh.comm, [held], linear.scales.size)
-    across = [*sheared_across_gaps(linear.pairs, linear.state), *carried_past_ends(linear.pairs, linear.state)]
     sizes = {
         number: facet_size(mesh, linear.foundations.facets[number])
         for number, entry in enumerate(entries)
@@ -207,4 +201,4 @@ def findings_of(linear: LinearisedProblem, steps: Sequence[StepResult]) -> tuple
     held = held_in_result(linear.state, linear.u, linear.foundations.pairs)
     inside = pushed_nodes(linear.space.mesh.comm, [held], linear.scales.size)
     inside += shapes_in_results(linear.foundations.placed_shapes, linear.u)
-    return (*inside, *pushed, *across, *past, *loose)
+    return (*inside, *pushed, *sheared_across_gaps(linear.pairs, linear.state), *past, *loose)

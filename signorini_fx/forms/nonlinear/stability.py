@@ -92,7 +92,7 @@ class Stability:
             return "the displacement runs away" if self.leads(before) else ""
         with suppress(FormError):
             forces = self.residual.at(self.u.x.array.copy())
-            known = forces is not None and self.linear.solved.outcome is not None and self.linear.factor_fits
+            known = forces is not None and self.linear.outcome is not None and self.linear.factor_fits
             if known and (tangent := self._derivative()) is not None:
                 self.linear.bend()
                 if self._negative(tangent)[0]:

@@ -29,34 +29,40 @@ class RampStep:
     linear_solves: int
 
 
+@dataclass
 class StepSizes:
     """Where the steps of a way end, one after the other: one without a solution is halved, and after an easy one the
     next is larger.
 
-    Args:
-        reached: where the way begins.
-        step: the size of the first step.
+    Attributes:
+        reached: where the last step has ended, or the way begins.
+        step: the size of the next step.
         largest: that any step may have.
         smallest: below which no step is halved.
-
-    Attributes:
-        reached: where the last step has ended.
+        last: where the way ends.
+        beyond: where a step of a size ends that begins at a place.
+        shown: the load or time where a step ends, for messages.
         to: the load that is to be reached; None: ends are places on a path.
     """
 
-    def __init__(self, reached: float, step: float, largest: float, smallest: float, to: float | None = None) -> None:
-        self.reached, self.to = reached, to
-        self._step, self._largest, self._smallest = step, largest, smallest
+    reached: float
+    step: float
+    largest: float
+    smallest: float
+    last: float
+    beyond: Callable[[float, float], float]
+    shown: Callable[[float], float] = lambda end: end
+    to: float | None = None
 
     @property
     def ended(self) -> bool:
         """Whether the way has ended."""
-        raise NotImplementedError
+        return self.reached == self.last
 
     @property
     def next(self) -> float:
         """Where the next step ends."""
-        raise NotImplementedError
+        return self.beyond(self.reached, self.step)
 
     @property
     def size(self) -> float:
@@ -66,62 +72,45 @@ class StepSizes:
     @property
     def may_halve(self) -> bool:
         """Whether a smaller step than the next one may be tried."""
-        return self.size / 2 >= self._smallest
+        return self.size / 2 >= self.smallest
 
     def halve(self) -> None:
         """The next step has no solution."""
-        self._step = self.size / 2
+        self.step = self.size / 2
 
     def accept(self, iterations: int) -> None:
         """The next step has a solution, after so many iterations."""
         self.reached = self.next
         if iterations <= FEW_NEWTON_ITERATIONS:
-            self._step *= STEP_GROWTH
-        self._step = min(max(self._step, self._smallest), self._largest)
+            self.step *= STEP_GROWTH
+        self.step = min(max(self.step, self.smallest), self.largest)
 
     @property
     def kind(self) -> str:
         """What ``shown`` gives."""
         return "time" if self.to is None else "load"
 
-    def shown(self, end: float) -> float:
-        """The load or time where a step ends, for messages."""
-        return end
-
     def stored(self) -> dict[str, float]:
         """What ``resume`` needs, as plain data."""
-        return {"reached": self.reached, "step": self._step}
+        return {"reached": self.reached, "step": self.step}
 
     def resume(self, position: Mapping[str, float]) -> None:
         """Go on from where an earlier run has come to, see ``stored``."""
-        self.reached, self._step = position["reached"], position["step"]
+        self.reached, self.step = position["reached"], position["step"]
 
 
-class PathSizes(StepSizes):
+def sizes_on_path(path: LoadPath) -> StepSizes:
     """The places of the steps along a path, see ``statement.load_path``: one for each of its times, or as many as its
     ramp has; ``reached`` is -1 before the first one.
 
     The step to the first time may be halved, too, and begins at time 0 then; none is larger than the path asks for.
     """
-
-    def __init__(self, path: LoadPath) -> None:
-        whole = 1.0 / (path.steps or 1)
-        super().__init__(-1.0, whole if path.from_nothing else 1.0, whole, SMALLEST_STEP * whole)
-        self._path = path
-
-    @property
-    def ended(self) -> bool:
-        return self.reached >= len(self._path.times) - 1
-
-    @property
-    def next(self) -> float:
-        return next_place(self.reached, self._step)
-
-    def shown(self, end: float) -> float:
-        return self._path.time_at(end)
+    whole = 1.0 / (path.steps or 1)
+    first, last = whole if path.from_nothing else 1.0, len(path.times) - 1.0
+    return StepSizes(-1.0, first, whole, SMALLEST_STEP * whole, last, next_place, path.time_at)
 
 
-class LoadSizes(StepSizes):
+def sizes_to_load(to: float, first: float | None, largest: float | None, smallest: float) -> StepSizes:
     """The sizes of the steps from 0 to a load, which may be negative.
 
     Args:
@@ -133,49 +122,41 @@ class LoadSizes(StepSizes):
     Raises:
         FormError: an argument is none of these.
     """
+    problems = list[tuple[str, str]]()
 
-    def __init__(self, to: float, first: float | None, largest: float | None, smallest: float) -> None:
-        problems = list[tuple[str, str]]()
+    def number(name: str, value: object, wanted: str, *, positive: bool) -> float:
+        fits = isinstance(value, Real) and not isinstance(value, bool)
+        if not fits:
+            problems.append((name, f"must be {wanted}, not {kind_of(value)}"))
+            return 1.0
+        size = float(value)  # type: ignore[arg-type]
+        if not math.isfinite(size) or (size <= 0 if positive else size == 0):
+            problems.append((name, f"must be {wanted}, not {value}"))
+        return size
 
-        def number(name: str, value: object, wanted: str, *, positive: bool) -> float:
-            fits = isinstance(value, Real) and not isinstance(value, bool)
-            if not fits:
-                problems.append((name, f"must be {wanted}, not {kind_of(value)}"))
-                return 1.0
-            size = float(value)  # type: ignore[arg-type]
-            if not math.isfinite(size) or (size <= 0 if positive else size == 0):
-                problems.append((name, f"must be {wanted}, not {value}"))
-            return size
+    load = number("to", to, "a number other than 0", positive=False)
+    whole, size = abs(load), "a positive number, the size of a step"
+    most = whole if largest is None else number("largest", largest, size, positive=True)
+    step = whole if first is None else number("first", first, size, positive=True)
+    share = number("smallest", smallest, f"a share of the load from {SAME_NUMBER:g} to 1", positive=True)
+    if not problems and not SAME_NUMBER <= share <= 1:
+        problems.append(("smallest", f"must be a share of the load from {SAME_NUMBER:g} to 1, not {smallest}"))
+    least = share * whole
+    sizes = (("first", first, step), ("largest", largest, most))
+    if not problems:
+        problems += [
+            (name, f"is below the smallest step, {least:g}")
+            for name, given, value in sizes
+            if given is not None and value < least
+        ]
+    if problems:
+        raise FormError(problems, "ramp")
 
-        self._whole = number("to", to, "a number other than 0", positive=False)
-        whole, size = abs(self._whole), "a positive number, the size of a step"
-        most = whole if largest is None else number("largest", largest, size, positive=True)
-        step = whole if first is None else number("first", first, size, positive=True)
-        share = number("smallest", smallest, f"a share of the load from {SAME_NUMBER:g} to 1", positive=True)
-        if not problems and not SAME_NUMBER <= share <= 1:
-            problems.append(("smallest", f"must be a share of the load from {SAME_NUMBER:g} to 1, not {smallest}"))
-        least = share * whole
-        sizes = (("first", first, step), ("largest", largest, most))
-        if not problems:
-            problems += [
-                (name, f"is below the smallest step, {least:g}")
-                for name, given, value in sizes
-                if given is not None and value < least
-            ]
-        if problems:
-            raise FormError(problems, "ramp")
-        super().__init__(0.0, min(step, most), most, least, self._whole)
+    def beyond(reached: float, step: float) -> float:
+        is_last = whole - abs(reached) - step <= SAME_NUMBER * whole
+        return load if is_last else reached + math.copysign(step, load)
 
-    @property
-    def ended(self) -> bool:
-        return self.reached == self._whole
-
-    @property
-    def next(self) -> float:
-        left = abs(self._whole) - abs(self.reached)
-        if left - self._step <= SAME_NUMBER * abs(self._whole):
-            return self._whole
-        return self.reached + math.copysign(self._step, self._whole)
+    return StepSizes(0.0, min(step, most), most, least, load, beyond, to=load)
 
 
 @dataclass(frozen=True)
