@@ -142,74 +142,33 @@ def carried(
     return np.zeros(0, dtype=np.int64), sp.csr_array((0, len(weight)))
 
 
-@dataclass(frozen=True)
-class EvenRedistribution:
-    """Which nodes of a side that slides carry a point, and how these take over functions: evenly as weights change.
+def carried_evenly(
+    side: PairSurface, covered: Indices, weight: Array, unable: Flags, movable: Array
+) -> tuple[Indices, sp.csr_array]:
+    """The same of a side that slides, evenly as weights change; ``movable``: see ``HeldSides``.
 
     Between two shares of its area the function of a node at the rim turns into a mean of those beside it, so that what
     it adds to their conditions vanishes before it is no point any more.  So does that of a node that supports hold, by
     how much of the other side is held there, too.
-
-    Attributes:
-        nodes: ascending, shape (n,).
-        shares: the share of the function of each node in each point, columns with the sum one, sparse, shape (n, N).
-        portion: by how much each point is that of its own node, in (0, 1], shape (n,).
-        taken: which share of the function of each node each point has before functions turn into means, sparse, shape
-            (n, N).
-        idle: nodes that carry no point, shape (N,).
     """
-
-    nodes: Indices
-    shares: sp.csr_array
-    portion: Array
-    taken: sp.csr_array
-    idle: Flags
-
-    @classmethod
-    def of(
-        cls, side: PairSurface, covered: Indices, weight: Array, unable: Flags, movable: Array | None = None
-    ) -> EvenRedistribution:
-        """Those of a side, for the arguments see ``carried`` and ``HeldSides``; nothing is held where None is given."""
-        beside = _Beside.of(side, covered)
-        tested_nodes = beside.tested_nodes
-        able = tested_nodes & ~unable & ~side.without_area & (side.area > 0)
-        share = np.divide(weight, side.area, out=np.zeros_like(weight), where=able)
-        part = np.clip((share - KEPT_WEIGHT) / (WHOLE_WEIGHT - KEPT_WEIGHT), 0.0, 1.0)
-        portion = np.where(able, part**2 * (3.0 - 2.0 * part), 0.0)
-        movable = np.ones(weight.size) if movable is None else movable
-        portion *= movable**2 * (3.0 - 2.0 * movable)
-        portion[portion <= SAME_NUMBER] = 0.0  # what keeps nothing but round-off passes all on
-        while portion.any():
-            nodes = np.flatnonzero(portion)
-            taken = _absorbed(beside, tested_nodes, portion, nodes)
-            mixed = _mixed(taken, nodes, (weight, movable[nodes] * weight[nodes]), portion[nodes])
-            # What a point takes over may have a negative weight.
-            weak = mixed @ weight <= 0.0
-            if not weak.any():
-                return cls(nodes, mixed, portion[nodes], taken, tested_nodes & (portion == 0.0))
-            portion[nodes[weak]] = 0.0
-        nodes, shares = carried(side, covered, weight, unable | (movable < 1.0 - MOSTLY_HELD - SAME_NUMBER))
-        return cls(nodes, shares, np.ones(nodes.size), shares, ~np.isin(np.arange(weight.size), nodes))
-
-    def directions(self, side: PairSurface, of_slave: Array, of_master: Array, needed: Flags | None) -> Array:
-        """N at the nodes of a side, half-way between both, shape (N, d).
-
-        Args:
-            side: the slave.
-            of_slave: mean normals of it at the points, shape (n, d).
-            of_master: those of the other side.
-            needed: see ``extended``.
-        """
-        portion = self.portion[:, None]
-        nodal = np.array(side.nodal_normals)
-        passed = sp.csr_array(scaled_columns(self.taken, self.idle.astype(np.float64)).T)
-        beyond = np.flatnonzero(np.diff(passed.indptr))
-        seen = np.concatenate((self.nodes, beyond))
-        order = np.argsort(seen)
-        values = np.concatenate((of_master, (passed @ of_master)[beyond]))
-        directions = nodal - extended(side, seen[order], values[order], needed)
-        directions[self.nodes] = portion * of_slave + (1.0 - portion) * nodal[self.nodes] - of_master
-        return side.in_planes(directions, np.arange(len(directions)))
+    beside = _Beside.of(side, covered)
+    tested_nodes = beside.tested_nodes
+    able = tested_nodes & ~unable & ~side.without_area & (side.area > 0)
+    share = np.divide(weight, side.area, out=np.zeros_like(weight), where=able)
+    part = np.clip((share - KEPT_WEIGHT) / (WHOLE_WEIGHT - KEPT_WEIGHT), 0.0, 1.0)
+    portion = np.where(able, part**2 * (3.0 - 2.0 * part), 0.0)
+    portion *= movable**2 * (3.0 - 2.0 * movable)
+    portion[portion <= SAME_NUMBER] = 0.0  # what keeps nothing but round-off passes all on
+    while portion.any():
+        nodes = np.flatnonzero(portion)
+        taken = _absorbed(beside, tested_nodes, portion, nodes)
+        mixed = _mixed(taken, nodes, (weight, movable[nodes] * weight[nodes]), portion[nodes])
+        # What a point takes over may have a negative weight.
+        weak = mixed @ weight <= 0.0
+        if not weak.any():
+            return nodes, mixed
+        portion[nodes[weak]] = 0.0
+    return carried(side, covered, weight, unable | (movable < 1.0 - MOSTLY_HELD - SAME_NUMBER))
 
 
 def _absorbed(beside: _Beside, tested_nodes: Flags, portion: Array, nodes: Indices) -> sp.csr_array:
@@ -266,7 +225,7 @@ def _mixed(shares: sp.csr_array, nodes: Indices, weights: tuple[Array, Array], p
     return sp.csr_array(sp.csr_array((entries, places), shape=(nodes.size, nodes.size)) @ shares)
 
 
-def extended(side: PairSurface, nodes: Indices, values: Array, needed: Flags | None = None) -> Array:
+def extended(side: PairSurface, nodes: Indices, values: Array) -> Array:
     """Values at some nodes, ascending, shape (n, k), and at all others with test functions the means of those beside
     them, ring by ring, shape (N, k); zero where no ring arrives.
 
@@ -274,15 +233,12 @@ def extended(side: PairSurface, nodes: Indices, values: Array, needed: Flags | N
         side: with the nodes.
         nodes: some of them.
         values: of these.
-        needed: nodes without which the last rings are left out, shape (N,); None: none are.
     """
     beside, listed = side.tested_together
     done, extension = np.zeros(len(beside), dtype=bool), np.zeros((len(beside), values.shape[1]))
     done[nodes], extension[nodes] = True, values
     ring = nodes
     while True:
-        if needed is not None and done[needed].all():
-            return extension
         reached = np.zeros_like(done)
         reached[beside[ring][listed[ring]]] = True
         ring = np.flatnonzero(reached & ~done)

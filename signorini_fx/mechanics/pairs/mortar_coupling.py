@@ -32,13 +32,7 @@ from mpi4py import MPI
 from scipy.spatial import cKDTree
 
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.pairs.dual_functions import (
-    EvenRedistribution,
-    HeldSides,
-    carried,
-    dual_coefficients,
-    extended,
-)
+from signorini_fx.mechanics.pairs.dual_functions import HeldSides, carried, dual_coefficients, extended
 from signorini_fx.mechanics.pairs.mean_rotation import turning_of, without_round_off
 from signorini_fx.mechanics.pairs.overlap_plane import facing_facets, plane_overlap, turned_in_plane
 from signorini_fx.mechanics.pairs.overlap_quadrature import Overlap, over_ranks
@@ -363,19 +357,15 @@ def projected(
     ends = len(slave.nodes) * comm.rank // comm.size, len(slave.nodes) * (comm.rank + 1) // comm.size
     facets = np.arange(*ends)
     project, turned = space_overlap, turned_in_space
-    needed: npt.NDArray[np.bool_] | None = None
     if slave.dimension == 2:  # which facets may meet does not depend on directions
         pairs = facing_facets(slave, master, reach, facets)
         project, turned = partial(plane_overlap, pairs=pairs), turned_in_plane
-        if apart:
-            needed = np.zeros(len(slave.x), dtype=bool)
-            needed[slave.points[pairs[0]]] = True
     overlap = project(slave, master, reach, facets, None).measured(slave).within(reach, slave, master)
     tested = Tested.of(slave, master, overlap, comm, bonded=bonded)
     if apart and not tested.area.any():
         return tested, slave.nodal_normals
     _check(slave, master, tested.area, reach)
-    directions = None if nominal else _mean_normals(slave, master, tested, comm, slides=apart, needed=needed)
+    directions = None if nominal else _mean_normals(slave, master, tested, comm)
     if directions is not None and turned(slave, directions) > SAME_NUMBER:
         overlap = project(slave, master, reach, facets, directions).measured(slave).within(reach, slave, master)
         tested = Tested.of(slave, master, overlap, comm, bonded=bonded)
@@ -383,15 +373,7 @@ def projected(
     return tested, directions
 
 
-def _mean_normals(
-    slave: PairSurface,
-    master: PairSurface,
-    tested: Tested,
-    comm: MPI.Comm,
-    *,
-    slides: bool = False,
-    needed: npt.NDArray[np.bool_] | None = None,
-) -> Array:
+def _mean_normals(slave: PairSurface, master: PairSurface, tested: Tested, comm: MPI.Comm) -> Array:
     """N_i of the nodes of the slave, as if each could carry a point, shape (N, d); collective.
 
     Where a node has no point, the normal of the master is the mean of those beside it.
@@ -402,11 +384,6 @@ def _mean_normals(
     master_normals = master.functions.values(overlap.over) @ master.directions[master.nodes[overlap.master]]
     moments = tested.moments(slave, np.concatenate((ones, slave_normals, master_normals), axis=2), comm)
     dim, unable = slave.dimension, np.zeros(len(slave.x), dtype=bool)
-    if slides:
-        carriers = EvenRedistribution.of(slave, tested.covered, moments[:, 0], unable)
-        means = carriers.shares @ moments
-        means = means[:, 1:] / means[:, :1]
-        return carriers.directions(slave, means[:, :dim], means[:, dim:], needed)
     nodes, shares = carried(slave, tested.covered, moments[:, 0], unable)
     means = shares @ moments
     means = means[:, 1:] / means[:, :1]

@@ -33,7 +33,7 @@ import numpy.typing as npt
 import scipy.sparse as sp
 from mpi4py import MPI
 
-from signorini_fx.mechanics.pairs.dual_functions import EvenRedistribution, HeldSides
+from signorini_fx.mechanics.pairs.dual_functions import HeldSides, carried_evenly
 from signorini_fx.mechanics.pairs.mean_rotation import of_blocks, turned_normals, turning_of
 from signorini_fx.mechanics.pairs.mortar_coupling import normals_of_points, projected
 from signorini_fx.mechanics.pairs.overlap_quadrature import Overlap
@@ -197,8 +197,7 @@ def slide(
     tested = whole.moving(slave, master, held, MPI.COMM_SELF)
     weight, arms = tested.areas(slave, MPI.COMM_SELF), tested.arms(slave, master)
     sharing, opposite = tested.products(slave, master)
-    carriers = EvenRedistribution.of(slave, tested.covered, weight, unable, held.movable(opposite))
-    nodes, shares = carriers.nodes, carriers.shares
+    nodes, shares = carried_evenly(slave, tested.covered, weight, unable, held.movable(opposite))
     at = np.searchsorted(points, nodes)  # rows of points that have a partner
     partnered = np.zeros(points.size, dtype=bool)
     partnered[at] = True
