@@ -1,25 +1,197 @@
-"""A few of the spoilt scenes and files of ``benchmarks.stability.fuzz``, and what these have found."""
+"""Scenes, expressions and mesh files that are spoilt at random, and what such have found."""
 
+import multiprocessing
+import os
+import random
+import re
+import resource
+import signal
+import sys
 from pathlib import Path
 
+import meshio
+import numpy as np
 import pytest
+from mesh_files import write_msh
 from mpi4py import MPI
 
-from benchmarks.stability.fuzz import KINDS
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.mechanics.mesh.tagged import read_mesh
+from signorini_fx.mechanics.statement.expressions import Expression
 from signorini_fx.scenes.reading import parse_scene_text
 from signorini_fx.scenes.template import starting_scene
 
+DEMOS = sorted((Path(__file__).parents[2] / "demos" / "scenes").glob("*.toml"))
+NUMBERS = ("0", "-1", "1", "3", "1e9", "1_000_000_000", "-1e400", "1e-320", "nan", "inf", "2147483648", "9" * 30)
+_HUGE = "0x" + "f" * 5000
+VALUES = (
+    *NUMBERS, _HUGE, "true", '""', "[]", "{}", "[[[[]]]]", "1979-05-27", '"auto"', "'x[0]'", '"x[2]"', '"1/0"',
+    '"__import__(\'os\').system(\'touch PWNED\')"', '"open(\'PWNED\', \'w\')"', '"x.__class__"', '"9**9**9**9"',
+    '"(lambda: 0)()"', '"[c for c in x]"',
+    '"x[0]"' + "  # " + "y" * 3000, '"' + "(" * 500 + '"', '"' + "-" * 1500 + '1"',
+    '"' + "x[0]+" * 350 + '1"', '"1e308*1e308"', '"2**100**2"', '"\\u0000"', '"/dev/zero"', '"../../etc/passwd"',
+)  # fmt: skip
+EXPRESSIONS = (
+    "x[0]", "x[1]", "pi", "1", "0.5", "1e308", "-", "+", "*", "/", "**", "(", ")", "<", "<=", "and", "or", "not", "if",
+    "else", "where(", "min(", "max(", "sqrt(", "log(", "abs(", ",", "&", "|", "~", "^", "%", "//", "@", ":=", "lambda",
+    "[", "]", "{", "}", ".", "'", '"', "\\", "\n", "\t", "x", "x[", "x[-1]", "__class__", "import", "await", "f''",
+    "0x", "1j", "1_0", "...", "é", "\x00", "\ud800", "=", "==", "!=", "is", "in", "*x", "yield",
+)  # fmt: skip
+GEO = """
+SetFactory("OpenCASCADE");
+Rectangle(1) = {0, 0, 0, 3, 1};
+Transfinite Curve{1, 3} = 7; Transfinite Curve{2, 4} = 3; Transfinite Surface{1};
+Physical Surface("body") = {1}; Physical Curve("bottom") = {1}; Physical Curve("top") = {3};
+"""
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("kind", KINDS)
-def test_fuzz(kind):
-    """An error with its place, or a result with its certificate; nothing is executed, nothing takes long."""
-    run, count = KINDS[kind]
-    score = run(0, count // 20)
-    assert not score.bad
-    assert sum(score.ends.values()) == count // 20
+
+def spoilt_bytes(data, chance):
+    """Bytes changed, cut out, cut off, repeated, or replaced altogether."""
+    found = bytearray(data)
+    match chance.randrange(6):
+        case 0:
+            for _ in range(chance.randrange(1, 8)):
+                found[chance.randrange(len(found))] = chance.randrange(256)
+        case 1:
+            start = chance.randrange(len(found))
+            del found[start : start + chance.randrange(1, 200)]
+        case 2:
+            del found[chance.randrange(len(found)) :]
+        case 3:
+            start, end = chance.randrange(len(found)), chance.randrange(len(found))
+            found[start:start] = found[end : end + chance.randrange(1, 200)]
+        case 4:
+            lines = bytes(found).split(b"\n")
+            where = chance.randrange(len(lines))
+            words = lines[where].split(b" ")
+            words[chance.randrange(len(words))] = chance.choice(NUMBERS).encode()
+            lines[where] = b" ".join(words)
+            return b"\n".join(lines)
+        case _:
+            return chance.randbytes(chance.randrange(1, 400))
+    return bytes(found)
+
+
+def spoilt_text(text, chance):
+    """A scene with values exchanged, or lines lost, doubled and mixed; or anything."""
+    lines = text.splitlines()
+    match chance.randrange(5):
+        case 0 | 1:
+            places = [k for k, line in enumerate(lines) if re.match(r"\s*#?\s*\w+ *=", line)]
+            for _ in range(chance.randrange(1, 4)):
+                where = chance.choice(places)
+                key = lines[where].split("=")[0].lstrip("# ")
+                lines[where] = f"{key}= {chance.choice(VALUES)}"
+        case 2:
+            del lines[chance.randrange(len(lines))]
+            lines.insert(chance.randrange(len(lines)), chance.choice(lines))
+        case 3:
+            chance.shuffle(lines)
+        case _:
+            return spoilt_bytes(text.encode(), chance).decode("utf-8", "replace")
+    return "\n".join(lines)
+
+
+def spoilt_expression(chance):
+    """An expression, one with something out of place, or pieces of expressions in any order."""
+    match chance.randrange(3):
+        case 0:
+            return _expression(chance, 5)
+        case 1:
+            text = _expression(chance, 4)
+            where = chance.randrange(len(text))
+            return text[:where] + chance.choice(EXPRESSIONS) + text[where + chance.randrange(3) :]
+    return "".join(chance.choice(EXPRESSIONS) for _ in range(chance.randrange(1, 30)))
+
+
+def _expression(chance, depth):
+    """A number made of coordinates, numbers and functions, in the syntax of scenes."""
+    if depth == 0 or chance.random() < 0.2:
+        return chance.choice(("x[0]", "x[1]", "pi", "0", "1", "-2.5", "1e300", "1e-300", "0.1"))
+    a, b, c, d = (_expression(chance, depth - 1) for _ in range(4))
+    condition = f"({a}) {chance.choice(('<', '<=', '>', '>='))} ({b})"
+    function = chance.choice(("abs", "cos", "exp", "log", "sign", "sin", "sqrt", "tan", "tanh"))
+    return chance.choice(
+        (
+            f"({a}) {chance.choice('+-*/')} ({b})",
+            f"({a})**{chance.choice(('2', '-1', '0.5', '100', '0'))}",
+            f"{function}({a})",
+            f"{chance.choice(('min', 'max'))}({a}, {b})",
+            f"where({condition}, {c}, {d})",
+            f"({c} if {condition} else {d})",
+            f"({c} if not {condition} and ({a}) < 1 < ({d}) else {b})",
+        )
+    )
+
+
+def test_spoilt_texts():
+    """An error with its place, or numbers; nothing is executed, nothing is imported."""
+    bases, executed, watching = [starting_scene(), *(path.read_text() for path in DEMOS)], [], False
+    watched = {"os.system", "os.exec", "os.posix_spawn", "subprocess.Popen", "import", "open", "socket.connect"}
+
+    def watch(event, arguments):
+        if watching and (event in watched or (event == "exec" and "PWNED" in repr(arguments))):
+            executed.append(f"{event} {arguments}"[:200])
+
+    def read(number):
+        chance, refusal = random.Random(number), None
+        try:
+            parse_scene_text(spoilt_text(chance.choice(bases), chance), Path("scene.toml"))
+        except SceneError as error:
+            refusal = error
+        if refusal is not None:
+            assert refusal.problems
+            assert all(path.strip() and len(message) > 5 for path, message in refusal.problems), number
+            assert len(str(refusal)) < 20_000
+        try:
+            function = Expression(spoilt_expression(chance))
+        except ValueError:
+            return
+        assert function(np.array([[0.0, 0.3, 3.0], [0.0, 1.0, 0.5]])).shape == (3,)
+
+    for number in range(600):
+        read(number)  # imports what the scene names
+    sys.addaudithook(watch)
+    for number in range(600):
+        watching = True
+        read(number)
+        watching = False
+    assert executed == []
+
+
+def harmless(file, seconds=30, memory=4 << 30):
+    """Read a mesh in a process of its own, which gmsh may break."""
+    for number in (signal.SIGSEGV, signal.SIGABRT, signal.SIGFPE, signal.SIGBUS):
+        signal.signal(number, signal.SIG_DFL)  # PETSc would end all of MPI
+    resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds))
+    resource.setrlimit(resource.RLIMIT_AS, (memory, memory))
+    try:
+        tagged = read_mesh(file, MPI.COMM_SELF)
+    except MeshError as refusal:
+        os._exit(0 if str(file) in str(refusal) else 1)
+    os._exit(0 if tagged.boundaries and np.isfinite(tagged.mesh.geometry.x).all() else 1)
+
+
+@pytest.mark.parametrize("form", ["text", "binary"])
+def test_spoilt_meshes(tmp_path, form):
+    """They are refused by their name, or are meshes, or gmsh breaks; another error, and no end, are mistakes."""
+    geo, sound, file = tmp_path / "body.geo", tmp_path / "body.msh", tmp_path / "spoilt.msh"
+    geo.write_text(GEO)
+    write_msh(geo, sound)
+    if form == "binary":
+        meshio.write(sound, meshio.read(sound), file_format="gmsh22", binary=True)
+    codes = []
+    for number in range(15):
+        file.write_bytes(spoilt_bytes(sound.read_bytes(), random.Random(number)))
+        child = multiprocessing.get_context("fork").Process(target=harmless, args=(file,))
+        child.start()
+        child.join(60)
+        child.kill()
+        child.join()
+        codes.append(child.exitcode)
+    assert max(codes) == 0  # those below it are signals that ended gmsh
+    assert -signal.SIGKILL not in codes
+    assert 0 in codes
 
 
 @pytest.mark.parametrize("key", ["young", "poisson", "nx", "gamma_n", "levels", "coefficient", "kind", "x"])
