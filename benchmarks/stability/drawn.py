@@ -39,21 +39,13 @@ OPERATORS = re.compile(
 
 @dataclass(frozen=True)
 class Drawn:
-    """A mutant.
+    """A mutant."""
 
-    Attributes:
-        file: of the package, below the root of the repository.
-        line: the number of its line.
-        in_function: whether the line stands in a function.
-        source: the whole file with the mistake.
-        change: the lines that differ, before and after.
-    """
-
-    file: str
-    line: int
-    in_function: bool
-    source: str
-    change: str
+    file: str  # of the package, below the root of the repository
+    line: int  # the number of its line
+    in_function: bool  # whether the line stands in a function
+    source: str  # the whole file with the mistake
+    change: str  # the lines that differ, before and after
 
 
 def touched(diff: str) -> dict[str, set[int]]:

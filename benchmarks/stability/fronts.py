@@ -89,57 +89,34 @@ SAME = 1e-8
 class RandomProblem:
     """A rectangle, a body of revolution or a box over a floor, another rectangle, or a rigid circle or sphere that may
     move with the time, or by a force.
-
-    Attributes:
-        kind: *plane strain*, *axisymmetric* or *space*.
-        cell: of the mesh.
-        degree: of the displacement.
-        sizes: of the body along each axis, length.
-        counts: of cells along each axis.
-        young: Young's modulus.
-        poisson: Poisson's ratio.
-        held: whether the top is displaced; otherwise it is loaded.
-        down: the displacement of the top at the load factor 1, length, shape (d,).
-        traction: on the top where it is not held, and on the side, stress, shape (2, d).
-        gap: of the floor at the origin, length, and its slope along x[0].
-        radius: of the rigid circle; None: there is a floor.
-        wall: the gap of a wall on the right; None: there is none.
-        velocity: of the circle, length per time, shape (d,); None: it stands still.
-        push: the force on the circle towards the body, which moves it; None: none does.
-        below: counts of cells along each axis of another rectangle or box that it lies on, as long as twice its length;
-            None: there is none.
-        law: of friction, with its bound or coefficient.
-        factors: of the loads, by load step.
-        times: of the load steps.
-        ramp: increments of a ramp between two load steps; None: there is none.
-        settings: of the solver.
-        heat: the free thermal strain at the origin at the load factor 1, and its slope along x[0]; None: there is none.
-        tells_stress: whether forms are given the stress beside the energy, where it is linear in the strain.
     """
 
-    kind: str
-    cell: str
-    degree: int
-    sizes: tuple[float, ...]
-    counts: tuple[int, ...]
-    young: float
-    poisson: float
-    held: bool
-    down: Array
-    traction: Array
-    gap: tuple[float, float]
-    radius: float | None
-    wall: float | None
-    velocity: Array | None
-    push: float | None
+    kind: str  # *plane strain*, *axisymmetric* or *space*
+    cell: str  # of the mesh
+    degree: int  # of the displacement
+    sizes: tuple[float, ...]  # of the body along each axis, length
+    counts: tuple[int, ...]  # of cells along each axis
+    young: float  # Young's modulus
+    poisson: float  # Poisson's ratio
+    held: bool  # whether the top is displaced; otherwise it is loaded
+    down: Array  # the displacement of the top at the load factor 1, length, shape (d,)
+    traction: Array  # on the top where it is not held, and on the side, stress, shape (2, d)
+    gap: tuple[float, float]  # of the floor at the origin, length, and its slope along x[0]
+    radius: float | None  # of the rigid circle; None: there is a floor
+    wall: float | None  # the gap of a wall on the right; None: there is none
+    velocity: Array | None  # of the circle, length per time, shape (d,); None: it stands still
+    push: float | None  # the force on the circle towards the body, which moves it; None: none does
+    # counts of cells along each axis of another rectangle or box that it lies on, as long as twice its length; None:
+    # there is none
     below: tuple[int, ...] | None
-    law: tuple[str, float]
-    factors: tuple[float, ...]
-    times: tuple[float, ...]
-    ramp: int | None
-    settings: dict[str, Any]
+    law: tuple[str, float]  # of friction, with its bound or coefficient
+    factors: tuple[float, ...]  # of the loads, by load step
+    times: tuple[float, ...]  # of the load steps
+    ramp: int | None  # increments of a ramp between two load steps; None: there is none
+    settings: dict[str, Any]  # of the solver
+    # the free thermal strain at the origin at the load factor 1, and its slope along x[0]; None: there is none
     heat: tuple[float, float] | None
-    tells_stress: bool
+    tells_stress: bool  # whether forms are given the stress beside the energy, where it is linear in the strain
 
     @classmethod
     def drawn(cls, seed: int) -> RandomProblem:
@@ -391,25 +368,15 @@ class RandomProblem:
 
 @dataclass(frozen=True)
 class Forms:
-    """A problem in UFL.
+    """A problem in UFL."""
 
-    Attributes:
-        inner: a(y, v) of a displacement y.
-        L: the loads.
-        bcs: the supports.
-        contact: the foundations.
-        stress: of a displacement; None: estimates do not know it.
-        at: changes the problem to what it is at a time.
-        space: of the displacement.
-    """
-
-    inner: Callable[[Any], Any]
-    L: Any
-    bcs: list[fem.DirichletBC]
-    contact: list[Foundation | Pair]
-    stress: Any
-    at: Callable[[float], None]
-    space: fem.FunctionSpace
+    inner: Callable[[Any], Any]  # a(y, v) of a displacement y
+    L: Any  # the loads
+    bcs: list[fem.DirichletBC]  # the supports
+    contact: list[Foundation | Pair]  # the foundations
+    stress: Any  # of a displacement; None: estimates do not know it
+    at: Callable[[float], None]  # changes the problem to what it is at a time
+    space: fem.FunctionSpace  # of the displacement
 
 
 def by_forms(drawn: RandomProblem, forms: Forms) -> Solution:
@@ -456,17 +423,11 @@ def _forces(step: StepResult) -> Array:
 
 @dataclass(frozen=True)
 class Sizes:
-    """The largest value of all load steps.
+    """The largest value of all load steps."""
 
-    Attributes:
-        displacement: length.
-        force: of contact or friction.
-        pressure: stress.
-    """
-
-    displacement: float
-    force: float
-    pressure: float
+    displacement: float  # length
+    force: float  # of contact or friction
+    pressure: float  # stress
 
     @classmethod
     def of(cls, steps: list[StepResult], comm: MPI.Comm) -> Sizes:
@@ -480,15 +441,10 @@ class Sizes:
 
 @dataclass
 class Differences:
-    """What two fronts differ in.
+    """What two fronts differ in."""
 
-    Attributes:
-        comm: the ranks.
-        found: in words.
-    """
-
-    comm: MPI.Comm
-    found: list[str]
+    comm: MPI.Comm  # the ranks
+    found: list[str]  # in words
 
     def look(self, name: str, ours: Any, theirs: Any, size: float) -> None:
         """At two values of this rank, relative to a size; collective."""

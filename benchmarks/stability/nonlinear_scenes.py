@@ -66,49 +66,28 @@ _EXPANSION = 2e-5  # per temperature
 
 @dataclass(frozen=True)
 class RandomScene:
-    """A block under a rigid foundation.
+    """A block under a rigid foundation."""
 
-    Attributes:
-        kind: *plane strain*, *axisymmetric* or *space*.
-        law: the material, as a scene has it.
-        cell: of the mesh.
-        degree: of the displacement.
-        sizes: of the block, length.
-        counts: of cells.
-        rollers: whether the bottom may slide, and the left side is on rollers; otherwise the bottom is held.
-        shape: of the foundation, without its motion: *circle*, *sphere* or *plane*.
-        centre: of it; of a plane a point, length.
-        radius: length.
-        normal: of a plane.
-        ways: where it has moved to at each load step, length, shape (steps, d).
-        push: the force towards the body that moves it, at each load step; None: ``ways`` do.
-        times: of the load steps.
-        friction: a law, as a scene has it.
-        pull: dead traction on the right side at the last step, stress, shape (d,).
-        volumetric: how the energy of the volume is integrated.
-        algorithm: of the solver.
-        warmth: free expansion at each load step at the origin, and its growth along each axis over the size of the
-            block, shape (steps, 1 + d); zeros: the temperature stays.
-    """
-
-    kind: str
-    law: dict[str, Any]
-    cell: str
-    degree: int
-    sizes: Array
-    counts: tuple[int, ...]
-    rollers: bool
-    shape: str
-    centre: Array
-    radius: float
-    normal: Array
-    ways: Array
-    push: Array | None
-    times: tuple[float, ...]
-    friction: dict[str, Any]
-    pull: Array
-    volumetric: str
-    algorithm: str
+    kind: str  # *plane strain*, *axisymmetric* or *space*
+    law: dict[str, Any]  # the material, as a scene has it
+    cell: str  # of the mesh
+    degree: int  # of the displacement
+    sizes: Array  # of the block, length
+    counts: tuple[int, ...]  # of cells
+    rollers: bool  # whether the bottom may slide, and the left side is on rollers; otherwise the bottom is held
+    shape: str  # of the foundation, without its motion: *circle*, *sphere* or *plane*
+    centre: Array  # of it; of a plane a point, length
+    radius: float  # length
+    normal: Array  # of a plane
+    ways: Array  # where it has moved to at each load step, length, shape (steps, d)
+    push: Array | None  # the force towards the body that moves it, at each load step; None: ``ways`` do
+    times: tuple[float, ...]  # of the load steps
+    friction: dict[str, Any]  # a law, as a scene has it
+    pull: Array  # dead traction on the right side at the last step, stress, shape (d,)
+    volumetric: str  # how the energy of the volume is integrated
+    algorithm: str  # of the solver
+    # free expansion at each load step at the origin, and its growth along each axis over the size of the block, shape
+    # (steps, 1 + d); zeros: the temperature stays
     warmth: Array
 
     @classmethod
@@ -327,17 +306,11 @@ def stress_of(
 
 @dataclass
 class Metal:
-    """A material that yields, at points of quadrature.
+    """A material that yields, at points of quadrature."""
 
-    Attributes:
-        law: as a scene has it.
-        plastic: plastic strain, shape (points, 3, 3).
-        grown: accumulated, shape (points,).
-    """
-
-    law: dict[str, Any]
-    plastic: Array
-    grown: Array
+    law: dict[str, Any]  # as a scene has it
+    plastic: Array  # plastic strain, shape (points, 3, 3)
+    grown: Array  # accumulated, shape (points,)
 
     def yield_stress(self, grown: Array) -> Array:
         """Of accumulated plastic strains."""
@@ -365,17 +338,11 @@ class Metal:
 
 @dataclass
 class Judge:
-    """The second program for one scene.
+    """The second program for one scene."""
 
-    Attributes:
-        scene: it.
-        x: the nodes, length, shape (n, d).
-        cells: their nodes, shape (c, k).
-    """
-
-    scene: RandomScene
-    x: Array
-    cells: npt.NDArray[np.int64]
+    scene: RandomScene  # it
+    x: Array  # the nodes, length, shape (n, d)
+    cells: npt.NDArray[np.int64]  # their nodes, shape (c, k)
     _rules: list[tuple[Array, Array, Array]] = field(init=False)  # weights, gradients and values, by rule
     _metal: Metal | None = field(init=False)
 
@@ -612,19 +579,12 @@ class Judge:
 
 @dataclass(frozen=True)
 class Step:
-    """What the judge looks at of a load step.
+    """What the judge looks at of a load step."""
 
-    Attributes:
-        time: of it.
-        u: of all nodes, length, shape (n, d).
-        moved: where the foundation has moved to, length, shape (d,).
-        force: of contact on the body, as it is reported, shape (d,).
-    """
-
-    time: float
-    u: Array
-    moved: Array
-    force: Array
+    time: float  # of it
+    u: Array  # of all nodes, length, shape (n, d)
+    moved: Array  # where the foundation has moved to, length, shape (d,)
+    force: Array  # of contact on the body, as it is reported, shape (d,)
 
 
 def gathered(solution: Solution, comm: MPI.Comm) -> tuple[Array, npt.NDArray[np.int64], list[Array]]:
@@ -665,17 +625,12 @@ def tried(seed: int, comm: MPI.Comm = MPI.COMM_SELF) -> tuple[str, list[str], st
 
 @dataclass(frozen=True)
 class Reported:
-    """What is compared of runs on several ranks and on one.
+    """What is compared of runs on several ranks and on one."""
 
-    Attributes:
-        x: nodes, length, shape (n, d).
-        displacements: of all nodes in the load steps that are converged, by their times, length, shape (n, d).
-        forces: of contact in these, shape (d,).
-    """
-
-    x: Array
+    x: Array  # nodes, length, shape (n, d)
+    # of all nodes in the load steps that are converged, by their times, length, shape (n, d)
     displacements: dict[float, Array]
-    forces: dict[float, Array]
+    forces: dict[float, Array]  # of contact in these, shape (d,)
 
     @classmethod
     def of(cls, solution: Solution, comm: MPI.Comm) -> Reported:

@@ -23,34 +23,21 @@ _INDEPENDENT = 1e-6
 
 @dataclass(frozen=True)
 class Mesh:
-    """A mesh as plain arrays.
+    """A mesh as plain arrays."""
 
-    Attributes:
-        points: corners of the cells, and with cells of degree 2 the other nodes; shape (n, d).
-        cells: node numbers in the order of ``elements``, shape (cells, nodes).
-        boundaries: name -> the corners of each facet, shape (facets, corners).
-        regions: name -> cells.
-    """
-
-    points: Array
-    cells: Ints
-    boundaries: dict[str, Ints]
-    regions: dict[str, Ints] = field(default_factory=dict)
+    points: Array  # corners of the cells, and with cells of degree 2 the other nodes; shape (n, d)
+    cells: Ints  # node numbers in the order of ``elements``, shape (cells, nodes)
+    boundaries: dict[str, Ints]  # name -> the corners of each facet, shape (facets, corners)
+    regions: dict[str, Ints] = field(default_factory=dict)  # name -> cells
 
 
 @dataclass(frozen=True)
 class Facets:
-    """Facets of a boundary: the cell behind each, and its nodes in the order of its element.
+    """Facets of a boundary: the cell behind each, and its nodes in the order of its element."""
 
-    Attributes:
-        cells: number of the cell, shape (f,).
-        nodes: nodes of the displacement, shape (f, k).
-        places: nodes of the mesh, shape (f, g).
-    """
-
-    cells: Ints
-    nodes: Ints
-    places: Ints
+    cells: Ints  # number of the cell, shape (f,)
+    nodes: Ints  # nodes of the displacement, shape (f, k)
+    places: Ints  # nodes of the mesh, shape (f, g)
 
 
 class Body:

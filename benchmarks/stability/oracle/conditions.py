@@ -33,39 +33,24 @@ _FREE = 1e-8
 
 @dataclass(frozen=True)
 class Contact:
-    """All contact points of a scene, a row for each point of each contact boundary.
+    """All contact points of a scene, a row for each point of each contact boundary."""
 
-    Attributes:
-        part: which contact boundary.
-        x: position.
-        operator: from displacements of nodes to those of the points, which between two bodies are relative: those of
-            its own node; with quadratic tetrahedra averages (psi_i, N_j) / w_i with the function psi_i of the vertex,
-            see ``points_of``; or see ``mortar``.  Shape (points d, nodes d).
-        weight: the area that it stands for.
-        normal: outward normal, or the scene's direction.
-        gap: distance to the foundation.
-        given: bound of given friction.
-        coefficient: coefficient of Coulomb friction.
-        cap: largest bound of Coulomb friction.
-        bilateral: whether the contact cannot open.
-        cohesive: whether the given bound is that of a cohesion, which open nodes have not.
-        stretch: by what the part of a slip across the direction of friction counts more, see ``rounded``, a vector.
-        between: whether some points are between two bodies.
-    """
-
-    part: Ints
-    x: Array
+    part: Ints  # which contact boundary
+    x: Array  # position
+    # from displacements of nodes to those of the points, which between two bodies are relative: those of its own node;
+    # with quadratic tetrahedra averages (psi_i, N_j) / w_i with the function psi_i of the vertex, see ``points_of``; or
+    # see ``mortar``.  Shape (points d, nodes d)
     operator: csr_array
-    weight: Array
-    normal: Array
-    gap: Array
-    given: Array
-    coefficient: Array
-    cap: Array
-    bilateral: npt.NDArray[np.bool_]
-    cohesive: npt.NDArray[np.bool_]
-    stretch: Array
-    between: bool
+    weight: Array  # the area that it stands for
+    normal: Array  # outward normal, or the scene's direction
+    gap: Array  # distance to the foundation
+    given: Array  # bound of given friction
+    coefficient: Array  # coefficient of Coulomb friction
+    cap: Array  # largest bound of Coulomb friction
+    bilateral: npt.NDArray[np.bool_]  # whether the contact cannot open
+    cohesive: npt.NDArray[np.bool_]  # whether the given bound is that of a cohesion, which open nodes have not
+    stretch: Array  # by what the part of a slip across the direction of friction counts more, see ``rounded``, a vector
+    between: bool  # whether some points are between two bodies
 
     @cached_property
     def tangents(self) -> Array:
@@ -224,17 +209,11 @@ def points_of(body: Body, part: int) -> Points:
 
 @dataclass(frozen=True)
 class Origin:
-    """Where friction counts from: tangential displacement and shear of the load step before, or zero.
+    """Where friction counts from: tangential displacement and shear of the load step before, or zero."""
 
-    Attributes:
-        u_t: tangential displacement, a vector.
-        shear: shear, a vector.
-        elastic: the part of the tangential displacement that is elastic in the regularised law and no slip.
-    """
-
-    u_t: Array
-    shear: Array
-    elastic: Array
+    u_t: Array  # tangential displacement, a vector
+    shear: Array  # shear, a vector
+    elastic: Array  # the part of the tangential displacement that is elastic in the regularised law and no slip
 
     @classmethod
     def nothing(cls, contact: Contact) -> Origin:

@@ -35,25 +35,15 @@ _ACCURACIES = (1e-12, 1e-10, 1e-9, 1e-8)
 
 @dataclass(frozen=True)
 class Condensed:
-    """The body condensed onto the free directions at contact: energy v S v / 2 - f v plus a constant.
+    """The body condensed onto the free directions at contact: energy v S v / 2 - f v plus a constant."""
 
-    Attributes:
-        columns: which of the free directions.
-        stiffness: S.
-        load: f.
-        start: the displacement that meets the supports, shape (nodes, d).
-        lift: the other free directions are ``rest`` - ``lift`` v.
-        rest: see ``lift``.
-        others: which ones these are.
-    """
-
-    columns: Ints
-    stiffness: Array
-    load: Array
-    start: Array
-    lift: Array
-    rest: Array
-    others: Ints
+    columns: Ints  # which of the free directions
+    stiffness: Array  # S
+    load: Array  # f
+    start: Array  # the displacement that meets the supports, shape (nodes, d)
+    lift: Array  # the other free directions are ``rest`` - ``lift`` v
+    rest: Array  # see ``lift``
+    others: Ints  # which ones these are
 
     def displacement(self, body: Body, v: Array) -> Array:
         """The displacement of all nodes, shape (nodes, d)."""
@@ -86,46 +76,27 @@ def condense(body: Body, contact: Contact, step: int) -> Condensed:
 
 @dataclass(frozen=True)
 class Minimum:
-    """The minimum of the energy.
+    """The minimum of the energy."""
 
-    Attributes:
-        displacement: of the unknowns of ``Condensed``.
-        pressure: contact pressure of every contact point.
-        shear: shear of every contact point, a vector.
-        primal: the energy.
-        dual: a lower bound of it.
-        residual: by how much the constraints of both are missed, relative.
-    """
-
-    displacement: Array
-    pressure: Array
-    shear: Array
-    primal: float
-    dual: float
-    residual: float
+    displacement: Array  # of the unknowns of ``Condensed``
+    pressure: Array  # contact pressure of every contact point
+    shear: Array  # shear of every contact point, a vector
+    primal: float  # the energy
+    dual: float  # a lower bound of it
+    residual: float  # by how much the constraints of both are missed, relative
 
 
 @dataclass(frozen=True)
 class Programme:
-    """The comparison of an answer with the programme.
+    """The comparison of an answer with the programme."""
 
-    Attributes:
-        displacement: distance of the answer from the programme's in the energy norm, relative.
-        distance: the same, not relative.
-        force: largest difference of the forces on contact points, relative.
-        stiffening: how large such a difference can be for a distance of 1, relative.
-        gap: the programme's own duality gap, relative to the energy.
-        usable: whether it is small enough to judge by.
-        residual: by how much the programme misses its own constraints, relative.
-    """
-
-    displacement: float
-    distance: float
-    force: float
-    stiffening: float
-    gap: float
-    usable: bool
-    residual: float = 0.0
+    displacement: float  # distance of the answer from the programme's in the energy norm, relative
+    distance: float  # the same, not relative
+    force: float  # largest difference of the forces on contact points, relative
+    stiffening: float  # how large such a difference can be for a distance of 1, relative
+    gap: float  # the programme's own duality gap, relative to the energy
+    usable: bool  # whether it is small enough to judge by
+    residual: float = 0.0  # by how much the programme misses its own constraints, relative
 
 
 def compare(

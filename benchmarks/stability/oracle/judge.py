@@ -55,60 +55,39 @@ _FAINT = 1e-3
 
 @dataclass(frozen=True)
 class Step:
-    """A load step as a user gets it.
+    """A load step as a user gets it."""
 
-    Attributes:
-        displacement: at the places of the answer, shape (n, d).
-        table: the contact table.
-        regularised: whether its certificate says that it keeps to the regularised law.
-    """
-
-    displacement: Array
-    table: Mapping[str, npt.NDArray[Any]]
-    regularised: bool = False
+    displacement: Array  # at the places of the answer, shape (n, d)
+    table: Mapping[str, npt.NDArray[Any]]  # the contact table
+    regularised: bool = False  # whether its certificate says that it keeps to the regularised law
 
 
 @dataclass(frozen=True)
 class Answer:
-    """What a user gets for a scene.
+    """What a user gets for a scene."""
 
-    Attributes:
-        outcome: how it ended.
-        place: where displacements are given, shape (n, d).
-        steps: load steps, as far as they went.
-        gamma: gamma_1 and gamma_2 that the package reports, of the last load step.
-        events: what the run said of fall-backs.
-        regularisation_error: what path-following says that gamma leaves, relative, in the energy norm.
-        behind: the mean of the middles of the cells around each place, by which nodes of two bodies at one place
-            differ; None: not told.
-    """
-
-    outcome: str
-    place: Array
-    steps: Sequence[Step]
-    gamma: tuple[float, float]
-    events: Sequence[str] = ()
+    outcome: str  # how it ended
+    place: Array  # where displacements are given, shape (n, d)
+    steps: Sequence[Step]  # load steps, as far as they went
+    gamma: tuple[float, float]  # gamma_1 and gamma_2 that the package reports, of the last load step
+    events: Sequence[str] = ()  # what the run said of fall-backs
+    # what path-following says that gamma leaves, relative, in the energy norm
     regularisation_error: float | None = None
+    # the mean of the middles of the cells around each place, by which nodes of two bodies at one place differ; None:
+    # not told
     behind: Array | None = None
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """What the oracle thinks of an answer.
+    """What the oracle thinks of an answer."""
 
-    Attributes:
-        kind: one of ``KINDS``.
-        outcome: what the package called it.
-        figures: each condition as a share of what is tolerated; above 1 it is violated.
-        compared: load steps that a convex programme was computed for.
-        note: what is to be said of it.
-    """
-
-    kind: str
-    outcome: str
+    kind: str  # one of ``KINDS``
+    outcome: str  # what the package called it
+    # each condition as a share of what is tolerated; above 1 it is violated
     figures: dict[str, float] = field(default_factory=dict)
-    compared: int = 0
-    note: str = ""
+    compared: int = 0  # load steps that a convex programme was computed for
+    note: str = ""  # what is to be said of it
 
     @property
     def worst(self) -> tuple[str, float]:

@@ -23,19 +23,12 @@ SIDES = ("left", "right", "bottom", "top")
 
 @dataclass(frozen=True)
 class Trial:
-    """A scene to be solved.
+    """A scene to be solved."""
 
-    Attributes:
-        seed: its number.
-        scene: what its TOML file says, in units of the body.
-        mesh: its mesh; None where a generator of the package makes it.
-        units: what the scene file is written in.
-    """
-
-    seed: int
-    scene: dict[str, Any]
-    mesh: Mesh | None
-    units: Units = AS_DRAWN
+    seed: int  # its number
+    scene: dict[str, Any]  # what its TOML file says, in units of the body
+    mesh: Mesh | None  # its mesh; None where a generator of the package makes it
+    units: Units = AS_DRAWN  # what the scene file is written in
 
     def write(self, folder: Path) -> Path:
         """Scene file, and mesh file beside it, in their units; the path of the scene."""

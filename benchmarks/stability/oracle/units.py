@@ -56,17 +56,11 @@ _COLUMNS = {
 
 @dataclass(frozen=True)
 class Units:
-    """A scene's unit lengths and forces, as numbers of its units.
+    """A scene's unit lengths and forces, as numbers of its units."""
 
-    Attributes:
-        length: a length of 1 in the scene's units.
-        force: a force of 1, in 2D per thickness.
-        dimension: of space.
-    """
-
-    length: float
-    force: float
-    dimension: int
+    length: float  # a length of 1 in the scene's units
+    force: float  # a force of 1, in 2D per thickness
+    dimension: int  # of space
 
     @property
     def stress(self) -> float:
