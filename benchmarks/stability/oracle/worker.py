@@ -19,7 +19,6 @@ import mpi4py.MPI  # noqa: F401  # before dolfinx: in its wheels only mpi4py fin
 
 from benchmarks.stability.oracle import (
     more_scenes,
-    more_scenes_in_space,
     scenes,
     scenes_in_space,
     scenes_of_bodies,
@@ -33,8 +32,8 @@ from signorini_fx.errors import SignoriniError
 # The scenes of a seed by their names; several bodies by turns in 2D and in 3D.
 TRIAL: dict[str, Callable[..., Trial]] = {
     "plane": scenes.trial,
-    "effects": more_scenes.more,
-    "space-effects": more_scenes_in_space.more,
+    "effects": lambda seed, units=None: more_scenes.more(seed, 2, units),
+    "space-effects": lambda seed, units=None: more_scenes.more(seed, 3, units),
     "space": scenes_in_space.trial,
     "bodies": lambda seed, units=None: scenes_of_bodies.trial(seed, dimension_of("bodies", seed), units),
 }
