@@ -127,7 +127,8 @@ def trial(seed: int, units: Units | None = None) -> Trial:
         if len(mesh.cells) > 400:
             degree = 1
     scene: dict[str, Any] = {"title": f"seed {seed}", "mesh": source, "element": {"degree": degree}}
-    scene["material"] = _materials(dice, turn, mesh)
+    hypothesis = dice.one_of("plane strain", "plane strain", "plane strain", "plane stress")
+    scene["material"] = drawn_materials(dice, mesh, {"hypothesis": hypothesis}, 0.4999, -0.3)
     if any(material["poisson"] >= 0.45 for material in scene["material"]) and dice.chance(0.7):
         scene["element"]["volumetric"] = "auto"
     elif degree == 2 and dice.chance(0.1):
@@ -135,7 +136,7 @@ def trial(seed: int, units: Units | None = None) -> Trial:
     steps = dice.one_of(1, 1, 1, 1, 2, 3, 4)
     _hold_and_load(dice, turn, scene, names, steps)
     scene["contact"] = _contacts(dice, turn, scene, names, mesh)
-    solver = _solver(dice, turn, scene)
+    solver = drawn_solver(dice, turn.along, levels="generator" in source)
     if solver:
         scene["solver"] = solver
     return Trial(seed, scene, mesh, units or drawn_units(seed, 2))
@@ -220,7 +221,7 @@ def _own_mesh(dice: Dice, turn: _Turn) -> Mesh:
         )
     if dice.chance(0.06):
         cell = "triangle" if mesh.cells.shape[1] == 3 else "quadrilateral"
-        mesh = _beside(mesh, _piece(dice, dice.one_of(3, 6, 9), cell))
+        mesh = beside(mesh, _piece(dice, dice.one_of(3, 6, 9), cell))
     points = mesh.points
     if dice.chance(0.2):
         low, high = points.min(axis=0), points.max(axis=0)
@@ -261,11 +262,12 @@ def _folded(corners: Array) -> bool:
     return bool((turns.min(axis=1) * turns.max(axis=1) <= 0).any())
 
 
-def _beside(mesh: Mesh, other: Mesh) -> Mesh:
+def beside(mesh: Mesh, other: Mesh) -> Mesh:
     """Both in one mesh, the second to the right of the first, sharing names but no node."""
-    shift = np.array([mesh.points[:, 0].max() - other.points[:, 0].min() + 0.2, 0.0])
+    shift = np.zeros(mesh.points.shape[1])
+    shift[0] = mesh.points[:, 0].max() - other.points[:, 0].min() + 0.2
     count = len(mesh.points)
-    boundaries = {name: np.concatenate([mesh.boundaries[name], other.boundaries[name] + count]) for name in SIDES}
+    boundaries = {name: np.concatenate([own, other.boundaries[name] + count]) for name, own in mesh.boundaries.items()}
     return Mesh(
         np.concatenate([mesh.points, other.points + shift]),
         np.concatenate([mesh.cells, other.cells + count]),
@@ -374,12 +376,12 @@ def _generated(dice: Dice) -> tuple[dict[str, Any], None, int, dict[str, str]]:
 # ---- effects
 
 
-def _materials(dice: Dice, turn: _Turn, mesh: Mesh | None) -> list[dict[str, Any]]:
-    hypothesis = dice.one_of("plane strain", "plane strain", "plane strain", "plane stress")
+def drawn_materials(dice: Dice, mesh: Mesh | None, more: dict[str, Any], *poisson: float) -> list[dict[str, Any]]:
+    """One of E = 1, or two of which one is softer; ``more``: what all have."""
 
     def one(young: float) -> dict[str, Any]:
-        poisson = dice.one_of(0.0, 0.2, 0.3, 0.3, 0.4, 0.45, 0.49, 0.499, 0.4999, -0.3)
-        return {"young": young, "poisson": poisson, "hypothesis": hypothesis}
+        found = dice.one_of(0.0, 0.2, 0.3, 0.3, 0.4, 0.45, 0.49, 0.499, *poisson)
+        return {"young": young, "poisson": found} | more
 
     if mesh is not None and mesh.regions:
         return [one(1.0) | {"region": "hard"}, one(dice.power(-2, 0)) | {"region": "soft"}]
@@ -476,7 +478,7 @@ def drawn_friction(dice: Dice, size: float, first: str, second: str) -> dict[str
     return law
 
 
-def drawn_limits(dice: Dice, algorithm: str, gamma: float) -> dict[str, Any]:
+def _limits(dice: Dice, algorithm: str, gamma: float) -> dict[str, Any]:
     """Settings of an algorithm that say when it ends; ``gamma``: the largest one."""
     found: dict[str, Any] = {}
     if algorithm == "path-following" and dice.chance(0.4):
@@ -522,7 +524,8 @@ def _contacts(
     return found
 
 
-def _solver(dice: Dice, turn: _Turn, scene: dict[str, Any]) -> dict[str, Any]:
+def drawn_solver(dice: Dice, along: str, *, levels: bool) -> dict[str, Any]:
+    """Settings of the solver; ``along``: a coordinate along the foundation; ``levels``: on coarser meshes, too."""
     natural = 1e5
     found: dict[str, Any] = {}
     algorithm = dice.one_of("auto", "auto", "auto", "ssn", "continuation", "path-following", "alm", "alm", "alm", "alm")
@@ -539,11 +542,11 @@ def _solver(dice: Dice, turn: _Turn, scene: dict[str, Any]) -> dict[str, Any]:
     if dice.chance(0.2):
         found["linear_algebra"] = dice.one_of("full", "condensed", "condensed", "krylov")
     if dice.chance(0.08):
-        found["initial_contact"] = f"{turn.along} < {dice.between(-0.3, 0.5)!r}"
-    if "generator" in scene["mesh"] and dice.chance(0.2):
+        found["initial_contact"] = f"{along} < {dice.between(-0.3, 0.5)!r}"
+    if levels and dice.chance(0.2):
         found["levels"] = 2
     if algorithm == "alm" and dice.chance(0.2):
         found["gamma_factor"] = dice.between(1.0, 4.0)
     if algorithm == "alm" and dice.chance(0.15):
         found["inner_iterations"] = dice.whole(1, 3)
-    return found | drawn_limits(dice, algorithm, found.get("gamma_n", natural))
+    return found | _limits(dice, algorithm, found.get("gamma_n", natural))

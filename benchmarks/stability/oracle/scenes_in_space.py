@@ -12,7 +12,15 @@ from scipy.spatial.transform import Rotation
 from benchmarks.stability.oracle import elements
 from benchmarks.stability.oracle.body import Mesh
 from benchmarks.stability.oracle.elements import Array, Ints
-from benchmarks.stability.oracle.scenes import Dice, Trial, drawn_friction, drawn_limits, drawn_units
+from benchmarks.stability.oracle.scenes import (
+    Dice,
+    Trial,
+    beside,
+    drawn_friction,
+    drawn_materials,
+    drawn_solver,
+    drawn_units,
+)
 from benchmarks.stability.oracle.units import Units
 
 SIDES = ("left", "right", "front", "back", "bottom", "top")
@@ -50,14 +58,14 @@ def trial(seed: int, units: Units | None = None) -> Trial:
         degree = dice.one_of(1, 1, 2) if len(mesh.cells) <= _LARGEST_QUADRATIC else 1
     tetrahedra = mesh.cells.shape[1] == 4 if mesh is not None else source["parameters"]["cell"] == "tetrahedron"
     scene: dict[str, Any] = {"title": f"seed {seed}, in 3D", "mesh": source, "element": {"degree": degree}}
-    scene["material"] = _materials(dice, mesh)
+    scene["material"] = drawn_materials(dice, mesh, {}, -0.3)
     if any(material["poisson"] >= 0.45 for material in scene["material"]) and dice.chance(0.7):
         scene["element"]["volumetric"] = "auto"
     steps = dice.one_of(1, 1, 1, 1, 1, 2, 3)
     size = dice.power(-5, -2)
     _hold_and_load(dice, turn, scene, names, steps, size, flat=flat, triangles=tetrahedra)
     scene["contact"] = _contacts(dice, turn, scene, names, size)
-    solver = _solver(dice, turn, scene)
+    solver = drawn_solver(dice, turn.along(0), levels=source.get("generator") == "box")
     if solver.get("algorithm") == "path-following" and steps > 1:
         del solver["algorithm"]
         solver.pop("regularisation_error", None)
@@ -114,14 +122,7 @@ def _own_mesh(dice: Dice, turn: _Turn) -> tuple[Mesh, bool]:
     mesh, flat = _piece(dice, cell)
     if dice.chance(0.06):
         other, _ = _piece(dice, cell)
-        shift = np.array([mesh.points[:, 0].max() - other.points[:, 0].min() + 0.2, 0.0, 0.0])
-        count = len(mesh.points)
-        boundaries = {side: np.concatenate([mesh.boundaries[side], other.boundaries[side] + count]) for side in SIDES}
-        mesh = Mesh(
-            np.concatenate([mesh.points, other.points + shift]),
-            np.concatenate([mesh.cells, other.cells + count]),
-            boundaries,
-        )
+        mesh = beside(mesh, other)
         flat = False  # the sides of both are not in one plane
     regions = {}
     if dice.chance(0.2):
@@ -229,15 +230,6 @@ def _generated(dice: Dice) -> tuple[dict[str, Any], None, int, dict[str, str], b
 
 
 # ---- effects
-
-
-def _materials(dice: Dice, mesh: Mesh | None) -> list[dict[str, Any]]:
-    def one(young: float) -> dict[str, Any]:
-        return {"young": young, "poisson": dice.one_of(0.0, 0.2, 0.3, 0.3, 0.4, 0.45, 0.49, 0.499, -0.3)}
-
-    if mesh is not None and mesh.regions:
-        return [one(1.0) | {"region": "hard"}, one(dice.power(-2, 0)) | {"region": "soft"}]
-    return [one(1.0)]
 
 
 def _hold_and_load(
@@ -368,27 +360,3 @@ def _contacts(
             found.append(contact(names[side]))
             taken.add(names[side])
     return found
-
-
-def _solver(dice: Dice, turn: _Turn, scene: dict[str, Any]) -> dict[str, Any]:
-    natural = 1e5
-    found: dict[str, Any] = {}
-    algorithm = dice.one_of("auto", "auto", "auto", "ssn", "continuation", "path-following", "alm", "alm", "alm", "alm")
-    if algorithm != "auto":
-        found["algorithm"] = algorithm
-    if dice.chance(0.5):
-        found["coulomb"] = dice.one_of("fp", "newton")
-    for name in ("gamma_n", "gamma_t"):
-        if dice.chance(0.3):
-            found[name] = natural * dice.power(-3, 4 if algorithm == "alm" else 3)
-    if dice.chance(0.1):
-        found["sigma"] = dice.power(-4, 4) / natural
-    if dice.chance(0.5):
-        found["linear_algebra"] = dice.one_of("full", "condensed", "krylov")
-    if dice.chance(0.08):
-        found["initial_contact"] = f"{turn.along(0)} < {dice.between(-0.3, 0.5)!r}"
-    if scene["mesh"].get("generator") == "box" and dice.chance(0.2):
-        found["levels"] = 2
-    if algorithm == "alm" and dice.chance(0.2):
-        found["gamma_factor"] = dice.between(1.0, 4.0)
-    return found | drawn_limits(dice, algorithm, found.get("gamma_n", natural))
