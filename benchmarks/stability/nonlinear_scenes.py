@@ -1,7 +1,7 @@
 """Random scenes with nonlinear materials under rigid foundations, on one rank or several, judged by another program.
 
-    ./env python3 -m benchmarks.stability.nonlinear_scenes 300 [FIRST] [--csv FILE]
-    ./env mpirun -n 2 python3 -m benchmarks.stability.nonlinear_scenes 100 [FIRST] [--csv FILE]
+    ./env python3 -m benchmarks.stability.nonlinear_scenes 300 [FIRST]
+    ./env mpirun -n 2 python3 -m benchmarks.stability.nonlinear_scenes 100 [FIRST]
 
 The judge is in NumPy and shares nothing with the package but the mesh and the displacements that it looks at.  Its
 elastic bodies have energies of the three principal stretches, whose stresses are U diag(dW/dl) V^T of the singular
@@ -10,20 +10,17 @@ its metal is integrated along the load steps that are there, by bisection of the
 that is called converged it looks at equilibrium, gaps, signs, friction and its direction, whether forces that are
 reported are those that it finds, whether a tool that a force moves is in balance, and of elastic bodies without
 friction whether the second derivative of the energy is positive. Several ranks must end as one rank alone, with its
-displacements and forces.  Counts are added to a table.
+displacements and forces.
 """
 
 from __future__ import annotations
 
-import argparse
-import csv
 import os
 import sys
 import time
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 # Ranks that wait for each other leave a core to the others, of which there may be fewer: read as MPI begins.
@@ -695,8 +692,8 @@ def judged(scene: RandomScene, solution: Solution, comm: MPI.Comm) -> list[str]:
     return faults
 
 
-def main(count: int, first: int = 0, table: Path | None = None) -> int:
-    """Try seeds, print what is wrong and how scenes end, and add it to a table; whether any is wrong."""
+def main(count: int, first: int = 0) -> int:
+    """Try seeds, and print what is wrong and how scenes end; whether any is wrong."""
     comm = MPI.COMM_WORLD
     ends, wrong, begun = Counter[tuple[str, str]](), Counter[tuple[str, str]](), time.process_time()
     for seed in range(first, first + count):
@@ -712,26 +709,8 @@ def main(count: int, first: int = 0, table: Path | None = None) -> int:
         print(f"{count} scenes on {comm.size} ranks, {wrong.total()} wrong, {time.process_time() - begun:.0f} s")
         for (law, end), number in sorted(ends.items()):
             print(f"{law:24}{end:40}{number:>5}")
-        if table is not None:
-            rows = [(comm.size, f"{first} to {first + count - 1}", *of, ends[of], wrong[of]) for of in sorted(ends)]
-            _add_rows(table, rows)
     return int(wrong.total() > 0)
 
 
-def _add_rows(table: Path, rows: list[tuple[Any, ...]]) -> None:
-    """Add counts to a table, which begins with its header."""
-    begins = not table.exists()
-    with table.open("a", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        if begins:
-            writer.writerow(("ranks", "seeds", "material", "end", "scenes", "wrong"))
-        writer.writerows(rows)
-
-
 if __name__ == "__main__":
-    reader = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    reader.add_argument("count", type=int, help="how many seeds")
-    reader.add_argument("first", type=int, nargs="?", default=0, help="the first of them")
-    reader.add_argument("--csv", type=Path, metavar="FILE", help="table to which the counts are added")
-    given = reader.parse_args()
-    sys.exit(main(given.count, given.first, given.csv))
+    sys.exit(main(*map(int, sys.argv[1:])))
