@@ -31,7 +31,8 @@ def features(statement: Any) -> Iterator[tuple[str, Keys]]:
     """Each with the key that asks for it."""
     solver, accuracy, treatment = statement.solver, statement.accuracy, treatment_of(statement)
     of = None if accuracy is None else accuracy.of
-    locking = treatment.reduced is False and any(material.locks for material in statement.material)
+    of_contact = of not in (None, "energy") and treatment.reduced is False
+    locking = of_contact and any(material.locks for material in statement.material)
     for name, path, used in (
         (statement.kinematics.words, ("material",), True),
         (treatment.words, ("element", "volumetric"), bool(treatment.words)),
@@ -40,7 +41,7 @@ def features(statement: Any) -> Iterator[tuple[str, Keys]]:
         ("requested accuracy", ("accuracy",), accuracy is not None),
         ("accuracy of the energy", ("accuracy", "of"), of == "energy"),
         ("accuracy of the zone or the peak", ("accuracy", "of"), of in ("zone", "peak")),
-        ("accuracy of contact on cells that lock", ("accuracy", "of"), of not in (None, "energy") and locking),
+        ("accuracy of contact on cells that lock", ("accuracy", "of"), locking),
         ("local refinement", ("accuracy", "refinement"), _divides_cells(statement)),
         (
             "local refinement for contact",
