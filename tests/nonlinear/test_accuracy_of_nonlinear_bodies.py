@@ -93,6 +93,9 @@ def test_what_is_not_known():
     scene = PRESSED | {"material": material("neo-hooke") | {"poisson": 0.49}}
     with pytest.raises(SceneError, match="cells lock"):
         parse_scene(scene | {"accuracy": {"target": 0.1, "of": "pressure"}})
+    study = solve(parse_scene(scene | {"solver": {"levels": 3}}), MPI.COMM_SELF, check=False).convergence_table
+    assert {(row.pressure, row.force) for row in study} == {(None, None)}
+    assert all(row.energy > 0 for row in study)
 
 
 @pytest.mark.mpi

@@ -105,7 +105,8 @@ def convergence_table(
         errors: dict[str, float | None] = {"pressure": level.pressure, "force": None, "peak": None}
         if index > 0:
             # A single change was seen to mislead.
-            errors["force"] = force_error(so_far, uniform=uniform) if index > 1 else None
+            known = index > 1 and level.pressure is not None
+            errors["force"] = force_error(so_far, uniform=uniform) if known else None
             errors["peak"] = error = peak_error([level.table for level in so_far])
             if error is not None:
                 # Changes of meshes that are divided here and there do not show the error elsewhere.

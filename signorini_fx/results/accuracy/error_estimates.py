@@ -38,7 +38,7 @@ class Errors:
     Attributes:
         energy: of the displacement, energy norm, loads included; of a nonlinear body that of the stress.
         pressure: of the contact pressure, L2(Gamma_c), loads included, as the contact boundary shows it; None without
-            contact.
+            contact, and where it is not known.
         loads: error of the loads on the mesh.
         size: energy norm of the solution.
         pressed: norm of its contact pressure in L2(Gamma_c).
@@ -146,7 +146,9 @@ def worst_of(steps: list[Errors]) -> Errors:
     of_size = [step.size / size if size > 0 else 0.0 for step in steps]
     of_pressed = [step.pressed / pressed if pressed > 0 else 0.0 for step in steps]
     shares = {"energy": of_size, "pressure": of_pressed, "peak": of_pressed}
-    pressures = [(step.pressure or 0.0) * share for step, share in zip(steps, of_pressed, strict=True)]
+    pressures = [
+        step.pressure * share for step, share in zip(steps, of_pressed, strict=True) if step.pressure is not None
+    ]
 
     def added(name: str, weights: list[float]) -> Floats:
         parts = [share**2 * step.squares[name] for step, share in zip(steps, weights, strict=True)]
@@ -154,7 +156,7 @@ def worst_of(steps: list[Errors]) -> Errors:
 
     return Errors(
         energy=max(step.energy * share for step, share in zip(steps, of_size, strict=True)),
-        pressure=max(pressures) if pressed > 0 else None,
+        pressure=max(pressures, default=None),
         loads=max(step.loads for step in steps),
         size=size,
         pressed=pressed,

@@ -51,7 +51,8 @@ class LevelResult(MeshCost):
 
     Attributes:
         energy: estimated discretisation error, relative in the energy norm, loads included.
-        pressure: the same of the contact pressure, relative in L2(Gamma_c); None without contact.
+        pressure: the same of the contact pressure, relative in L2(Gamma_c); None without contact, and where it is not
+            known, as nothing of contact is then.
         loads: the error of the loads on the mesh.
         polygon: effect of straight facets of a curved contact boundary, which no refinement reduces;
             ``pressure_error.polygon_error``.
