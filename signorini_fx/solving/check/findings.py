@@ -1,5 +1,6 @@
-"""Findings about a scene: what may go wrong, and what to do about it; told before and with its solution.  And what is
-refused: single entries and the mesh are ``prepare``'s, here is what follows from several of them.
+"""Findings about a scene: what may go wrong, and what to do about it; told before and with its solution.
+
+At the end are the refusals that follow from several entries; ``prepare`` refuses single entries and meshes.
 """
 
 from __future__ import annotations
