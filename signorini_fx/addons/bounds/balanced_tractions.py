@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from signorini_fx.addons.bounds.arrays import Array
+from signorini_fx.addons.bounds.simplices import Array
 from signorini_fx.quantities.proved_statements import Refused
 from signorini_fx.tuned import BALANCING_STEPS, NOTHING_LEFT
 

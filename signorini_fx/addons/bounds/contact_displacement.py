@@ -11,10 +11,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from signorini_fx.addons.bounds.arrays import Array, Ints
 from signorini_fx.addons.bounds.contact_parts import SLAVE
 from signorini_fx.addons.bounds.plain_problem import FacetsInContact, PlainProblem
-from signorini_fx.addons.bounds.simplices import EDGES_OF_FACET
+from signorini_fx.addons.bounds.simplices import EDGES_OF_FACET, Array, Ints
 from signorini_fx.quantities.proved_statements import Refused
 from signorini_fx.tuned import SAME_LENGTH
 

@@ -19,12 +19,11 @@ from __future__ import annotations
 import numpy as np
 from dolfinx import fem
 
-from signorini_fx.addons.bounds.arrays import Array
 from signorini_fx.addons.bounds.error_bound import ROUND_OFF, Bounded, bounded, known_contact
+from signorini_fx.addons.bounds.johnson_mercier import energy, from_strain
 from signorini_fx.addons.bounds.linear_displacement import PrescribedComponents, smallest_energy
 from signorini_fx.addons.bounds.scene_arrays import on_first_rank
-from signorini_fx.addons.bounds.simplices import TWICE
-from signorini_fx.addons.bounds.stress_products import energy, from_strain
+from signorini_fx.addons.bounds.simplices import TWICE, Array
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.model import Model
 from signorini_fx.quantities.proved_statements import Interval, Refused

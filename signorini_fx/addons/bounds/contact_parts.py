@@ -14,9 +14,8 @@ from math import factorial
 import numpy as np
 from scipy.spatial import cKDTree
 
-from signorini_fx.addons.bounds.arrays import Array, Ints
 from signorini_fx.addons.bounds.facets import bernstein, coefficients
-from signorini_fx.addons.bounds.simplices import EDGES_OF_FACET, Simplices, closest_linear
+from signorini_fx.addons.bounds.simplices import EDGES_OF_FACET, Array, Ints, Simplices, closest_linear
 from signorini_fx.tuned import NOTHING_LEFT, ROOT_OF_EPS, SAME_LENGTH
 
 _EPS = float(np.finfo(float).eps)

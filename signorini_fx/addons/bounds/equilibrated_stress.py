@@ -13,12 +13,9 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import breadth_first_order
 
-from signorini_fx.addons.bounds.arrays import Array, Ints
-from signorini_fx.addons.bounds.cell_pieces import free_motions
-from signorini_fx.addons.bounds.definite_systems import solved
 from signorini_fx.addons.bounds.johnson_mercier import LocalStress
-from signorini_fx.addons.bounds.linear_displacement import free_basis
-from signorini_fx.addons.bounds.simplices import Simplices, closest_linear, moments_of, pieces_of_cells
+from signorini_fx.addons.bounds.linear_displacement import free_basis, free_motions, solved
+from signorini_fx.addons.bounds.simplices import Array, Ints, Simplices, closest_linear, moments_of, pieces_of_cells
 
 _EPS = float(np.finfo(float).eps)
 

@@ -28,20 +28,19 @@ import scipy.sparse as sp
 from dolfinx import fem
 from scipy.sparse.csgraph import connected_components
 
-from signorini_fx.addons.bounds.arrays import Array, Ints
 from signorini_fx.addons.bounds.balanced_tractions import AdmissibleTractions, balanced
 from signorini_fx.addons.bounds.bounded_scene import refuse_unknown
-from signorini_fx.addons.bounds.cell_pieces import free_motions, of_each_piece
 from signorini_fx.addons.bounds.contact_displacement import admissible
 from signorini_fx.addons.bounds.contact_parts import MASTER, SLAVE
 from signorini_fx.addons.bounds.equilibrated_stress import EquilibratedStress, equilibrated
 from signorini_fx.addons.bounds.facets import POINTS, WEIGHTS, bernstein
+from signorini_fx.addons.bounds.johnson_mercier import energy, from_strain, square
 from signorini_fx.addons.bounds.lifted_forces import lifted_forces
 from signorini_fx.addons.bounds.lifted_tractions import Liftings, finest
+from signorini_fx.addons.bounds.linear_displacement import free_motions, of_each_piece
 from signorini_fx.addons.bounds.plain_problem import FacetsInContact, PlainProblem
 from signorini_fx.addons.bounds.scene_arrays import Rows, of_rank, on_first_rank
-from signorini_fx.addons.bounds.simplices import EDGES_OF_FACET, moments_of
-from signorini_fx.addons.bounds.stress_products import energy, from_strain, square
+from signorini_fx.addons.bounds.simplices import EDGES_OF_FACET, Array, Ints, moments_of
 from signorini_fx.algebra.contact.points import pushed
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.contact_points.contact_state import ContactState

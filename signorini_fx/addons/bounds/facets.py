@@ -7,8 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from signorini_fx.addons.bounds.arrays import Array
-from signorini_fx.addons.bounds.simplices import EDGES_OF_FACET
+from signorini_fx.addons.bounds.simplices import EDGES_OF_FACET, Array
 
 # Points of Gauss' rule along an edge: integrands have kinks where slip turns.
 _POINTS = np.polynomial.legendre.leggauss(8)

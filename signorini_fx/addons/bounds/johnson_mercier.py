@@ -15,8 +15,7 @@ from math import factorial
 
 import numpy as np
 
-from signorini_fx.addons.bounds.arrays import Array, Ints
-from signorini_fx.addons.bounds.simplices import COLUMNS, FACETS, ROWS, TWICE, Simplices
+from signorini_fx.addons.bounds.simplices import COLUMNS, FACETS, ROWS, TWICE, Array, Ints, Simplices
 
 # Numbers in the stresses of the cells whose matrices are made at the same time.
 _CHUNK = 3_500_000
@@ -224,3 +223,24 @@ def forces_of_parts(d: int) -> Array:
 def constant_forces(t: Simplices, body: Array) -> Array:
     """The force per volume, constant on parts, with given integrals times barycentric coordinates, (n, d + 1, d)."""
     return np.einsum("ij,njd->nid", forces_of_parts(t.dimension), body) / t.volume[:, None, None]
+
+
+def from_strain(t: Simplices, strain: Array) -> Array:
+    """The stress on the parts of cells at their corners, see ``LocalStress.stress``, of linear strains at corners."""
+    corner_stress = t.stress(strain)
+    centre = np.repeat(corner_stress.mean(axis=1)[:, None, None], t.dimension + 1, axis=1)
+    return np.concatenate((corner_stress[:, FACETS[t.dimension]], centre), axis=2)
+
+
+def square(t: Simplices, stress: Array) -> Array:
+    """Integrals of sigma : C^-1 sigma of stresses on the parts, by cell, energies, shape (n,)."""
+    d, strain = t.dimension, t.strain(stress) * TWICE[t.dimension]
+    sums = (stress * strain).sum(axis=(1, 2, 3)) + (stress.sum(axis=2) * strain.sum(axis=2)).sum(axis=(1, 2))
+    return np.asarray(t.volume / ((d + 1) ** 2 * (d + 2)) * sums).clip(min=0.0)
+
+
+def energy(t: Simplices, strain: Array) -> Array:
+    """Squares of energy norms of linear strains at corners, by cell, see ``square``."""
+    d, stress = t.dimension, t.stress(strain) * TWICE[t.dimension]
+    sums = (stress * strain).sum(axis=(1, 2)) + (stress.sum(axis=1) * strain.sum(axis=1)).sum(axis=1)
+    return np.asarray(t.volume / ((d + 1) * (d + 2)) * sums)

@@ -15,9 +15,8 @@ from math import factorial, prod
 
 import numpy as np
 
-from signorini_fx.addons.bounds.arrays import Array
 from signorini_fx.addons.bounds.johnson_mercier import forces_of_parts, turn_of
-from signorini_fx.addons.bounds.simplices import COLUMNS, CORNERS_OF_PARTS, EDGES, FACETS, ROWS, TWICE, Simplices
+from signorini_fx.addons.bounds.simplices import COLUMNS, CORNERS_OF_PARTS, EDGES, FACETS, ROWS, TWICE, Array, Simplices
 
 
 def reference_liftings(d: int) -> tuple[Array, Array]:

@@ -28,9 +28,8 @@ from math import factorial
 
 import numpy as np
 
-from signorini_fx.addons.bounds.arrays import Array, Ints
 from signorini_fx.addons.bounds.johnson_mercier import LocalStress
-from signorini_fx.addons.bounds.simplices import TWICE, Moduli, Simplices
+from signorini_fx.addons.bounds.simplices import TWICE, Array, Ints, Moduli, Simplices
 from signorini_fx.tuned import ROUNDED_FORMS
 
 # Cells whose systems are solved at the same time.

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
-from signorini_fx.addons.bounds.arrays import Array, Ints
 from signorini_fx.addons.bounds.balanced_tractions import onto_disc
 from signorini_fx.addons.bounds.bounded_scene import refused
 from signorini_fx.addons.bounds.contact_parts import MASTER, SLAVE, ContactParts
@@ -17,6 +16,8 @@ from signorini_fx.addons.bounds.simplices import (
     EDGES,
     EDGES_OF_FACET,
     TWICE,
+    Array,
+    Ints,
     Moduli,
     Simplices,
     divide,

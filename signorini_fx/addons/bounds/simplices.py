@@ -12,10 +12,12 @@ from itertools import combinations
 from math import factorial
 
 import numpy as np
+import numpy.typing as npt
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
-from signorini_fx.addons.bounds.arrays import Array, Ints
+Array = npt.NDArray[np.float64]
+Ints = npt.NDArray[np.int64]
 
 # By dimension: corners of the facet opposite each corner, and of each edge.
 FACETS: dict[int, Ints] = {
