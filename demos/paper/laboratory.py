@@ -67,8 +67,8 @@ def energy_norm(solution: Solution, other: Solution) -> float:
     """a(e, e)^(1/2) of the difference of the displacements of two solutions on one mesh."""
     difference = solution.displacement.copy()
     difference.x.array[:] -= other.displacement.x.array
-    d = solution.model
-    return float(np.sqrt(max(0.0, 2 * NodalForces(d.statement, d.tagged, d.space).strain_energy(difference))))
+    forces = NodalForces.on(solution.model).internal(difference)
+    return float(np.sqrt(max(0.0, forces.ravel() @ difference.x.array[: forces.size])))
 
 
 def multiplier_distances(solution: Solution, other: Solution) -> tuple[float, float]:
