@@ -54,7 +54,7 @@ FILES = (
     *(*FIELD_FILES, "contact.vtu"),
     *(
         f"{name}.{kind}"
-        for name in ("deformed", "profiles", "history", "convergence_table", "contact_surface", "load_steps", *_SELDOM)
+        for name in ("deformed", "profiles", "convergence_table", "contact_surface", "load_steps", *_SELDOM)
         for kind in ("png", "pdf")
     ),
     *(f"field_{name}.{kind}" for name in (*ON_DEMAND, "around") for kind in ("png", "pdf")),
@@ -84,8 +84,8 @@ def write_results(
         solution: what to write, converged or not.
         folder: made if it does not exist, or claimed before.
         fields: write the fields for ParaView.
-        pictures: draw the deformed body with the von Mises stress, the contact boundary and the iteration history; a
-            list of names: draw the deformed body with these fields too (``pressure``, ``displacement``, ``density``).
+        pictures: draw the deformed body with the von Mises stress, and the contact boundary; a list of names: draw the
+            deformed body with these fields too (``pressure``, ``displacement``, ``density``).
         pdf: write each picture as a PDF, for print, beside the PNG.
 
     Returns:

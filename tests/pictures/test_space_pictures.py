@@ -96,7 +96,7 @@ def test_files(folder):
     """All are there, of a size to look at, none is blank, and none of those of a plane scene."""
     needs_pictures_in_3d()
     assert not (folder / "profiles.png").exists()
-    for name in ("deformed", "section", "contact_surface", "history"):
+    for name in ("deformed", "section", "contact_surface"):
         if folder.name == "coulomb":
             assert (folder / f"{name}.pdf").stat().st_size > 5000
         with Image.open(folder / f"{name}.png") as image:

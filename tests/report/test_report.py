@@ -240,7 +240,7 @@ def test_sections(folders):
     assert not {"Certificate", "Contact", "Forces"} & headings["not held"]
     drawn = {name: len(pictures(Page(folder))) for name, folder in folders.items()}
     assert drawn["linear"] == drawn["not held"] == 1  # the latter of what the scene prescribes
-    assert drawn["steps"] == len(["deformed", "profiles", "load_steps", "history"])
+    assert drawn["steps"] == len(["deformed", "profiles", "load_steps"])
     assert drawn["levels"] == 0  # solved without
 
 

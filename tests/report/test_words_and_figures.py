@@ -1,7 +1,6 @@
 """Words and figures of a report that an engineer would stumble over: units, digits, what is told of which state."""
 
 import re
-from types import SimpleNamespace
 
 import pytest
 
@@ -60,5 +59,5 @@ def test_no_friction_no_figures_of_it(law, rubs, dimension):
 def test_what_happened_is_in_the_report():
     """Once each; the advice of *slides at the contact pressures found* refers to the share that friction carries."""
     summary = {"algorithm": "fp", "linear_solves": 3, "events": ["friction carries at most 0.99 of the loads"] * 2}
-    shown = texts_of(evidence.history(summary, SimpleNamespace(picture=lambda name: None)))
+    shown = texts_of(evidence.history(summary))
     assert shown.count("friction carries at most 0.99 of the loads") == 1

@@ -40,7 +40,7 @@ class Pictures:
 
 
 def plot(solution: Solution, *fields: str) -> Pictures:
-    """Draw a solution: the deformed body, the contact boundary and the iteration; collective.
+    """Draw a solution: the deformed body and the contact boundary; collective.
 
     In a notebook the last expression of a cell is displayed: ``plot(solution)`` or ``solution.plot()``.
 
@@ -60,7 +60,7 @@ def plot(solution: Solution, *fields: str) -> Pictures:
         for found in summary["findings"]:
             if found["path"] == "pictures":
                 raise PictureError(f"the pictures were not drawn: {found['message']}")
-        order = ("deformed", "profiles", "contact_surface", "history")
+        order = ("deformed", "profiles", "contact_surface")
         drawn = parallel.on_root(comm, lambda: {f.stem: f.read_bytes() for f in (folder / "results").glob("*.png")})
     finally:
         if parallel.is_root(comm):

@@ -57,7 +57,6 @@ def gather_pictures(solution: Solution, asked: Sequence[str] = (), *, pdf: bool 
         fields=fields,
         body=body,
         volume=volume,
-        history=as_rows(solution.history.iterations),
         prices=as_rows(solution.convergence_table),
         tools={contacts[part].boundary: motion.at for motion in tools for part in motion.body.parts},
         shapes=shapes,
@@ -109,7 +108,6 @@ class ResultPictures:
     fields: tuple[str, ...] = ()
     body: DrawnBody | None = None  # None if it has too many facets
     volume: Volume | None = None  # the cells of a body in 3D for a section; None: there is none
-    history: Sequence[Mapping[str, Any]] = ()  # one mapping per linear solve, the columns of history.csv
     prices: Sequence[Mapping[str, Any]] = ()  # one mapping per mesh, the columns of convergence_table.csv
     # of each boundary that a rigid tool may touch, how the tool has moved at points of shape (n, d)
     tools: Mapping[str, Callable[[Array], Array]] = field(default_factory=dict)
@@ -156,15 +154,11 @@ class ResultPictures:
         self, folder: Path, contact: Table | None, facets: npt.NDArray[np.int64] | None, steps: Table | None
     ) -> None:
         # matplotlib takes a while to import
-        from signorini_fx.addons.pictures.convergence import errors_and_costs, iteration_history
+        from signorini_fx.addons.pictures.convergence import errors_and_costs
         from signorini_fx.addons.pictures.load_steps import load_steps
         from signorini_fx.addons.pictures.style import plain
 
         usual: dict[str, Any] = {"title": plain(self.title), "suffixes": self.suffixes}
-        if self.history:
-            dimension = 3 if contact is not None and "shear_z" in contact else 2  # slip has a sign, or a direction
-            columns = {name: np.array([row[name] for row in self.history]) for name in self.history[0]}
-            iteration_history(folder / "history", columns, dimension=dimension, suffixes=self.suffixes)
         if self.prices:
             errors_and_costs(folder / "convergence_table", self.prices, **usual)
         if contact is None:

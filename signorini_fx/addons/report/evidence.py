@@ -6,8 +6,7 @@ import json
 import math
 from typing import Any
 
-from signorini_fx.addons.report.markup import Markup, folded, in_text, is_number, joined, part, picture, shown, table
-from signorini_fx.machine.result_files import ResultFiles
+from signorini_fx.addons.report.markup import Markup, folded, in_text, is_number, joined, part, shown, table
 from signorini_fx.mechanics.statement.units import unit
 from signorini_fx.quantities.validity import was_solved
 from signorini_fx.tuned import CERTIFICATE_TOLERANCE
@@ -117,16 +116,13 @@ def _two_digits(value: float | None) -> Any:
     return float(f"{value:.2g}") if isinstance(value, float) else value
 
 
-def history(summary: dict[str, Any], folder: ResultFiles) -> Markup:
-    """How many linear solves it took; the picture of the convergence and what happened on demand."""
+def history(summary: dict[str, Any]) -> Markup:
+    """How many linear solves it took, and what happened on demand."""
     solves, factorised = summary["linear_solves"], summary.get("factorisations")
     text = f"{summary['algorithm']}: {solves} linear solve{'s' * (solves != 1)}"
     if factorised is not None:
         text += f" with {factorised} factorisation{'s' * (factorised != 1)}"
     parts = [part("paragraph", f"{text}; history.csv has a row for each.")]
-    if (data := folder.picture("history.png")) is not None:
-        caption = "Sizes of the active sets and nodes that change, and residual, against the linear solves."
-        parts.append(folded("Convergence history", picture(data, "convergence of the iteration", caption)))
     if events := list(dict.fromkeys(summary.get("events", ()))):
         parts.append(folded("What happened", part("items", list(map(in_text, events)))))
     return joined(parts)

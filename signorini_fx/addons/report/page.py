@@ -72,7 +72,7 @@ def _page(summary: dict[str, Any], folder: ResultFiles, name: str) -> str:
     chapters["Certificate"] = evidence.certificate(summary) if solved else Markup("")
     chapters["Scene and effects"] = evidence.scene(summary)
     if solved and contact:
-        chapters["Iteration"] = evidence.history(summary, folder)
+        chapters["Iteration"] = evidence.history(summary)
     for heading in _OF_FIGURES:
         if no_result and chapters.get(heading):
             chapters[heading] = joined([part("note", no_result), chapters[heading]])
