@@ -1,4 +1,4 @@
-"""The files of a result folder: its summary, its tables column by column, its pictures."""
+"""The files of a result folder: its summary, and its tables column by column."""
 
 from __future__ import annotations
 
@@ -118,32 +118,3 @@ def seconds_of(summary: Mapping[str, Any]) -> float:
     """The time of the solve, on all its meshes."""
     solved = [row["seconds"] for row in summary.get("convergence_table", []) if not row["predicted"]]
     return float(sum(solved) if solved else sum(summary.get("timings", {}).values()))
-
-
-def in_space(summary: Mapping[str, Any]) -> bool:
-    """Whether the body is in 3D, not in 2D."""
-    return bool(summary.get("dimension") == 3)
-
-
-class ResultFiles:
-    """The tables and pictures of a result folder."""
-
-    def __init__(self, folder: Path) -> None:
-        self.path = folder
-
-    def columns(self, name: str, rows: int | None = None) -> dict[str, Any]:
-        """The columns of a CSV file, checked for the number of rows if that is known.
-
-        Raises:
-            ValueError: it has another number of rows.
-        """
-        columns = read_csv(self.path / name)
-        count = len(next(iter(columns.values()), ()))
-        if rows is not None and count != rows:
-            raise ValueError(f"{name} has {count} rows, {rows} are expected")
-        return columns
-
-    def picture(self, name: str) -> bytes | None:
-        """A picture that solve drew; None if it drew none."""
-        file = self.path / name
-        return file.read_bytes() if file.is_file() else None

@@ -240,19 +240,19 @@ class LawOfResult(Row):
 class CertificateFigures(Row):
     """Its figures, each relative."""
 
-    equilibrium: Number
-    supports: Number
-    negative_pressure: Number
-    friction_cone: Number
-    wrong_way_slip: Number
-    entered: Number
-    pressure_at_distance: Number
-    slip_below_bound: Number
-    coupling: Number
-    displacement: Number = described("Largest displacement, relative to the size of the body.")
-    penetration: Number
-    complementarity: Number
-    stick_slip: Number
+    equilibrium: Number = described("Forces out of balance, contact tractions included.")
+    supports: Number = described("Largest difference from a prescribed displacement.")
+    negative_pressure: Number = described("Largest tension that the contact transmits.")
+    friction_cone: Number = described("Largest shear beyond the friction bound.")
+    wrong_way_slip: Number = described("Slip in the direction of the friction force.")
+    entered: Number = described("Deepest penetration beyond that allowed by the law.")
+    pressure_at_distance: Number = described("Largest pressure where there is a distance.")
+    slip_below_bound: Number = described("Largest slip where the shear is below its bound.")
+    coupling: Number = described("Largest error of the map that joins two bodies.")
+    displacement: Number = described("Largest displacement over the size of the body.")
+    penetration: Number = described("Deepest penetration; the regularised law allows pressure / gamma_n.")
+    complementarity: Number = described("Largest product of pressure and distance.")
+    stick_slip: Number = described("Largest slip where the body sticks; the regularised law allows shear / gamma_t.")
     law: str = described("The contact law of the check.")
     holds: bool
 

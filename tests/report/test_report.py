@@ -25,16 +25,17 @@ from signorini_fx.addons.report import page as report
 from signorini_fx.addons.report.markup import part
 from signorini_fx.errors import ResultError
 from signorini_fx.machine import parallel
-from signorini_fx.machine.result_files import ResultFiles
 from signorini_fx.mechanics.effects.contact import UnilateralContact
 from signorini_fx.mechanics.mesh.tagged import tag_boundaries
 from signorini_fx.quantities.answers import answers
 from signorini_fx.quantities.digits import figure
+from signorini_fx.quantities.summary import CertificateFigures
 from signorini_fx.records import JUDGED, REPORTED
 from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.results.files import write_results
 from signorini_fx.scenes import cli
 from signorini_fx.scenes.solver import solve
+from signorini_fx.tuned import CERTIFICATE_TOLERANCE
 
 TITLE = r"""Tom & <b>Jerry</b> "1", 'two' $\frac$"""
 _VOID = {"br", "img", "meta", "wbr"}
@@ -279,7 +280,7 @@ def test_verdict(folders):
     assert not (folders["not held"] / "deformed.png").exists()
     summary = summary_of(folders["levels"])
     refused = summary["certificate"] | {"holds": False, "equilibrium": 1.0}
-    files = ResultFiles(folders["steps"])
+    files = folders["steps"]
     failed = summary | {"status": "active sets cycle", "converged": False, "certificate": refused}
     assert "does NOT hold. All figures are of the last iterate: do not use them." in sections.outcome(failed, files)
     assert ">violated<" in evidence.certificate(failed)
@@ -337,16 +338,15 @@ def test_answers_come_first(folders):
 
 
 def test_figures_of_the_certificate():
-    """Every figure has a meaning; what the page says is judged refuses the certificate, and nothing else does."""
+    """Every figure has a meaning; those that are judged refuse the certificate, and no others do."""
     zero = Certificate()
-    assert set(evidence.JUDGED) == {*JUDGED, *REPORTED}
     assert zero.holds
-    for name, (limit, meaning) in evidence.JUDGED.items():
-        assert meaning
-        assert replace(zero, **{name: 1e300}).holds == (limit is None)
-        if limit is not None:
-            assert replace(zero, **{name: limit}).holds
-            assert not replace(zero, **{name: 1.01 * limit}).holds
+    for name in (*JUDGED, *REPORTED):
+        assert CertificateFigures.model_fields[name].description
+        assert replace(zero, **{name: 1e300}).holds == (name in REPORTED)
+    for name in JUDGED:
+        assert replace(zero, **{name: CERTIFICATE_TOLERANCE}).holds
+        assert not replace(zero, **{name: 1.01 * CERTIFICATE_TOLERANCE}).holds
 
 
 # --- folders that are no result --------------------------------------------------------------------------------------

@@ -8,25 +8,10 @@ from typing import Any
 
 from signorini_fx.addons.report.markup import Markup, folded, in_text, is_number, joined, part, shown, table
 from signorini_fx.mechanics.statement.units import unit
+from signorini_fx.quantities.summary import CertificateFigures
 from signorini_fx.quantities.validity import was_solved
+from signorini_fx.records import JUDGED
 from signorini_fx.tuned import CERTIFICATE_TOLERANCE
-
-# Every figure of the certificate: its limit, None if it is only reported, and its meaning.
-JUDGED: dict[str, tuple[float | None, str]] = {
-    "equilibrium": (CERTIFICATE_TOLERANCE, "forces out of balance, contact tractions included"),
-    "supports": (CERTIFICATE_TOLERANCE, "largest difference from a prescribed displacement"),
-    "negative_pressure": (CERTIFICATE_TOLERANCE, "largest tension that the contact transmits"),
-    "friction_cone": (CERTIFICATE_TOLERANCE, "largest shear beyond the friction bound"),
-    "wrong_way_slip": (CERTIFICATE_TOLERANCE, "slip in the direction of the friction force"),
-    "entered": (CERTIFICATE_TOLERANCE, "deepest penetration beyond that allowed by the law"),
-    "pressure_at_distance": (CERTIFICATE_TOLERANCE, "largest pressure where there is a distance"),
-    "slip_below_bound": (CERTIFICATE_TOLERANCE, "largest slip where the shear is below its bound"),
-    "coupling": (CERTIFICATE_TOLERANCE, "largest error of the map that joins two bodies"),
-    "displacement": (None, "largest displacement over the size of the body"),
-    "penetration": (None, "deepest penetration; the regularised law allows pressure / gamma_n"),
-    "complementarity": (None, "largest product of pressure and distance"),
-    "stick_slip": (None, "largest slip where the body sticks; the regularised law allows shear / gamma_t"),
-}
 
 
 def certificate(summary: dict[str, Any]) -> Markup:
@@ -35,16 +20,16 @@ def certificate(summary: dict[str, Any]) -> Markup:
     for name, value in summary["certificate"].items():
         if name in ("holds", "law"):
             continue
-        limit, meaning = JUDGED.get(name, (None, ""))
-        missed = limit is not None and not (is_number(value) and value <= limit)
-        verdict = "reported" if limit is None else "violated" if missed else "holds"
-        judged = "" if limit is None else f"<= {limit:g}"
+        meaning = (CertificateFigures.model_fields[name].description or "").rstrip(".")
+        missed = name in JUDGED and not (is_number(value) and value <= CERTIFICATE_TOLERANCE)
+        verdict = "reported" if name not in JUDGED else "violated" if missed else "holds"
+        judged = f"<= {CERTIFICATE_TOLERANCE:g}" if name in JUDGED else ""
         digits = _two_digits(value) if math.isfinite(value) else "not finite"
         rows.append((part("named", name.replace("_", " "), meaning), digits, verdict, judged))
         classes.append("missed" if missed else "")
     law = f" The law is {summary['certificate']['law']}." if "law" in summary["certificate"] else ""
     figures = {name: value for name, value in summary["certificate"].items() if is_number(value) and value is not None}
-    worst = max((name for name in figures if JUDGED.get(name, (None,))[0] is not None), key=figures.__getitem__)
+    worst = max((name for name in figures if name in JUDGED), key=figures.__getitem__)
     note = (
         "The conditions of the problem, checked after the iteration from the displacement and the contact tractions "
         f"alone; every figure is relative: to the largest stress, deformation or force.{law}"

@@ -18,7 +18,7 @@ from signorini_fx.addons.report.markup import Markup, joined, part, rendered
 from signorini_fx.errors import OutputError, ResultError, cannot_be_written
 from signorini_fx.machine import manifest
 from signorini_fx.machine.display import status_in_words
-from signorini_fx.machine.result_files import ResultFiles, in_space, read_summary
+from signorini_fx.machine.result_files import read_csv, read_summary
 from signorini_fx.mechanics.statement.units import labelled, names_of
 from signorini_fx.quantities.validity import was_solved
 
@@ -37,8 +37,8 @@ def page(folder: Path) -> str:
     """
     summary = read_summary(folder)
     try:
-        with labelled(names_of(summary["scene"], 3 if in_space(summary) else 2)):
-            return _page(summary, ResultFiles(folder), folder.resolve().name)
+        with labelled(names_of(summary["scene"], summary["dimension"])):
+            return _page(summary, folder)
     except FileNotFoundError as error:
         name = Path(error.filename).name
         raise ResultError(f"{folder}: {name} is missing, so this is only a part of a result: solve again") from None
@@ -49,7 +49,8 @@ def page(folder: Path) -> str:
         ) from error
 
 
-def _page(summary: dict[str, Any], folder: ResultFiles, name: str) -> str:
+def _page(summary: dict[str, Any], folder: Path) -> str:
+    name = folder.resolve().name
     solved, contact = was_solved(summary), "contact_nodes" in summary
     no_result = sections.no_result(summary)
     # First what is asked first, then what was found, then why it may be trusted, last how it was computed.
@@ -63,7 +64,9 @@ def _page(summary: dict[str, Any], folder: ResultFiles, name: str) -> str:
     if solved:
         chapters["Forces"] = sections.forces(summary)
     if solved and "steps" in summary:
-        table = folder.columns("steps.csv", len(summary["steps"]))
+        table = read_csv(folder / "steps.csv")
+        if len(table["step"]) != len(summary["steps"]):
+            raise ValueError(f"steps.csv has {len(table['step'])} rows, {len(summary['steps'])} are expected")
         chapters["Load steps"] = sections.steps(table, summary, folder)
     if lines := sections.next_steps(summary):
         chapters["What to do next"] = part("items", lines)

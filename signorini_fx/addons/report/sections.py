@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,7 @@ from signorini_fx.addons.pictures.fields import FIELDS
 from signorini_fx.addons.report.markup import Markup, in_text, joined, long_table, part, picture, rendered, table
 from signorini_fx.errors import PYVISTA
 from signorini_fx.machine.display import clean, results_of, status_in_words
-from signorini_fx.machine.result_files import ResultFiles, in_space, seconds_of
+from signorini_fx.machine.result_files import seconds_of
 from signorini_fx.mechanics.statement.units import bracketed
 from signorini_fx.quantities.answers import answers
 from signorini_fx.quantities.digits import components, figure, percent
@@ -35,7 +36,7 @@ _TONES |= dict.fromkeys((Validity.EARLIER_STEP, Validity.NO_SOLUTION), "bad")
 _COUNTS = {"dofs": "unknowns", "contact_nodes": "contact nodes"}
 
 
-def outcome(summary: dict[str, Any], folder: ResultFiles) -> Markup:
+def outcome(summary: dict[str, Any], folder: Path) -> Markup:
     """Status, verdict of the certificate, four answers beside the picture of the body, with what accuracy costs below
     them, and warnings.
     """
@@ -133,15 +134,15 @@ _SOLID_BODY = "Gray lines: undeformed body; arrows: how long the body is. "
 _FOUNDATION = {False: "Hatched: the foundation. ", True: "Gray surface: the foundation. "}  # in 3D?
 
 
-def _drawn(folder: ResultFiles, file: str, alternative: str, caption: str, class_: str = "still") -> Markup:
+def _drawn(folder: Path, file: str, alternative: str, caption: str, class_: str = "still") -> Markup:
     """A picture that solve drew; nothing if it drew none."""
-    data = folder.picture(file)
-    return Markup("") if data is None else picture(data, alternative, caption, class_)
+    drawn = folder / file
+    return picture(drawn.read_bytes(), alternative, caption, class_) if drawn.is_file() else Markup("")
 
 
-def _overview(summary: dict[str, Any], folder: ResultFiles) -> Markup:
+def _overview(summary: dict[str, Any], folder: Path) -> Markup:
     """The picture of the deformed body, or why there is none."""
-    scene, solid, iterate = summary["scene"], in_space(summary), no_result(summary)
+    scene, solid, iterate = summary["scene"], summary["dimension"] == 3, no_result(summary)
     marked = _CIRCLE if marked_stress(summary) is not None else ". "
     colours = f"{_COLOURS}{marked}" if "stress" in scene.get("forms", ["stress"]) else _DISPLACEMENT
     grounded = any(not entry.get("against") for entry in scene.get("contact", ()))
@@ -156,7 +157,7 @@ def _overview(summary: dict[str, Any], folder: ResultFiles) -> Markup:
     )
 
 
-def further_pictures(folder: ResultFiles) -> Markup:
+def further_pictures(folder: Path) -> Markup:
     """A section, and the pictures of other fields that were asked for."""
     further = [_drawn(folder, "section.png", "section through the body", _SECTION)]
     for name, field in FIELDS.items():
@@ -165,9 +166,9 @@ def further_pictures(folder: ResultFiles) -> Markup:
     return part("beside", further) if any(further) else Markup("")
 
 
-def contact(summary: dict[str, Any], folder: ResultFiles) -> Markup:
+def contact(summary: dict[str, Any], folder: Path) -> Markup:
     """The picture of the contact boundary: curves in 2D, the surface in 3D, and its signs."""
-    if in_space(summary):
+    if summary["dimension"] == 3:
         caption = (
             "Contact pressure, shear and slip as arrows, seen along the outward normal, through the body. Arrows of "
             "shear point where the body slips or would slip; the traction on the body is opposite."
@@ -280,7 +281,7 @@ def _areas(summary: dict[str, Any]) -> Markup:
     return joined([table(["all boundaries", f"area{bracketed('area')}"], rows), part("note", note)])
 
 
-def steps(steps: dict[str, Any], summary: dict[str, Any], folder: ResultFiles) -> Markup:
+def steps(steps: dict[str, Any], summary: dict[str, Any], folder: Path) -> Markup:
     """Forces step by step, and the table of the steps, the columns of ``steps.csv``."""
     who, whom = _sides(entry.get("against") for entry in summary["scene"].get("contact", ()))
     caption = f"Forces of {who} on {whom}, and of friction; where they balance each other, pressure and moment."
