@@ -118,17 +118,3 @@ def facet_mesh(domain: mesh.Mesh, facets: npt.NDArray[np.int32]) -> tuple[mesh.M
         numbers = np.arange(index_map.size_local + index_map.num_ghosts, dtype=np.int32)
         cells = cells.sub_topology_to_topology(numbers, inverse=False)
     return made, np.asarray(cells, dtype=np.int32)
-
-
-__all__ = [
-    "VERSION",
-    "facet_mesh",
-    "form_data",
-    "geometry_cells",
-    "geometry_degree",
-    "geometry_element",
-    "geometry_in_space",
-    "interpolation_points",
-    "shared_facet_partitioner",
-    "topology",
-]

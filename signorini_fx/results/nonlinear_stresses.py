@@ -144,13 +144,6 @@ class NonlinearStresses(RawStresses):
     def largest_plastic_strain(self) -> Extreme | None:
         return None if self.plastic is None else self._extreme_of_points(self.plastic, 1.0)
 
-    def as_dict(self) -> dict[str, Any]:
-        """See ``RawStresses``: extremes at the points of quadrature."""
-        extremes = self._extremes()
-        remarks = self._remarks([*extremes.values()], finite=True)
-        rows = {name: {"value": e.value, "place": [*e.place], **remarks[e]} for name, e in extremes.items()}
-        return {**rows, "recovered": None, "error": self.error}
-
     def _remarks(self, extremes: Sequence[Extreme], *, finite: bool) -> dict[Extreme, dict[str, Any]]:
         """See ``RawStresses``: the region of the material.  Whether there is a limit as the mesh is refined is known of
         linear elasticity alone.

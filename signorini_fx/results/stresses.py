@@ -256,7 +256,7 @@ class RawStresses(StressFields):
         plane strain.
         """
         finite = not parallel.any_rank(self.comm, not np.isfinite(self.stress.displacement.x.array).all())
-        raw, recovered = self._extremes(), self.recovered._extremes() if finite else {}
+        raw, recovered = self._extremes(), self.recovered._extremes() if finite and self.recovers else {}
         remarks = self._remarks([*raw.values(), *recovered.values()], finite=finite)
 
         def rows(extremes: dict[str, Extreme]) -> dict[str, Any]:
@@ -267,7 +267,7 @@ class RawStresses(StressFields):
 
         return {
             **rows(raw),
-            "recovered": rows(recovered) if finite else None,
+            "recovered": rows(recovered) if recovered else None,
             "error": self.error if finite else None,
         }
 
