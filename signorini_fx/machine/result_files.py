@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import csv
 import json
 import math
@@ -52,28 +51,6 @@ def _column(name: str, entries: list[str]) -> npt.NDArray[Any]:
         except ValueError:
             pass
     return np.array(entries, dtype=np.str_)
-
-
-def read_facets(path: str | Path) -> npt.NDArray[np.int64]:
-    """The facets of a contact surface from contact.vtu: rows of contact.csv in the order of VTK, shape (m, k).
-
-    Raises:
-        ValueError: it is not such a file.
-    """
-    # Python's own reader: it follows no references to other files, and expat stops entity expansion.
-    from xml.etree import ElementTree
-
-    try:
-        arrays = {array.get("Name"): array.text or "" for array in ElementTree.parse(path).iter("DataArray")}
-    except ElementTree.ParseError as error:
-        raise ValueError(f"{path}: {error}") from None
-    ends, rows = (
-        np.frombuffer(base64.b64decode(arrays[name])[8:], dtype=np.int64) for name in ("offsets", "connectivity")
-    )
-    facets = rows.reshape(len(ends), -1) if len(ends) else rows.reshape(0, 3)
-    if facets.size and not np.array_equal(ends, facets.shape[1] * np.arange(1, len(ends) + 1)):
-        raise ValueError(f"{path}: facets of different shapes")
-    return facets
 
 
 def read_summary(folder: Path) -> dict[str, Any]:

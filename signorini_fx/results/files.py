@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numpy as np
-import numpy.typing as npt
 from mpi4py import MPI
 from pydantic import BaseModel
 
@@ -19,7 +18,7 @@ from signorini_fx.errors import InstallationError, MissingPackageError, PictureE
 from signorini_fx.extensions import add_on
 from signorini_fx.machine import parallel
 from signorini_fx.machine.csv_text import Table, write_columns, write_csv
-from signorini_fx.machine.result_files import read_csv, read_facets, read_summary
+from signorini_fx.machine.result_files import read_csv, read_summary
 from signorini_fx.machine.terminal import printable, say
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable, contact_table
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
@@ -32,6 +31,7 @@ from signorini_fx.results.fields import FIELD_FILES, VTU, size_of_fields, write_
 from signorini_fx.results.folder import CHECKPOINT, SUMMARY, ResultFolder, reserve
 from signorini_fx.results.solution import Solution
 from signorini_fx.results.summary import summary_of
+from signorini_fx.results.surface_file import facets_of, other_side, write_surface
 
 T = TypeVar("T")
 # The result of the last completed mesh, while the next one is being solved.
@@ -205,11 +205,8 @@ class _Written:
         """The tables that show more of it."""
         solution, part = self.solution, self.folder.part
         along_steps = _contact_by_step(solution) if solution.statement.several_steps and table is not None else {}
-        facets = None if solution.model.tagged.dimension == 2 else _contact_facets(solution)
         other = None
         if solution.contact is not None and solution.statement.sides[1] is not None:
-            from signorini_fx.results.surface_file import other_side
-
             other = other_side(solution)
 
         def write() -> None:
@@ -217,10 +214,8 @@ class _Written:
                 write_columns(part / "convergence_table.csv", as_columns(solution.convergence_table))
             if other is not None:
                 write_columns(part / "contact_other_side.csv", other)
-            if table is not None and facets is not None:
-                from signorini_fx.results.surface_file import write_surface
-
-                write_surface(part / "contact.vtu", table, facets)
+            if table is not None and table.facets is not None:
+                write_surface(part / "contact.vtu", table)
             if along_steps:
                 write_columns(part / "contact_steps.csv", along_steps)
 
@@ -230,11 +225,10 @@ class _Written:
         """All pictures, beside the tables that some of them are drawn from."""
         solution, folder = self.solution, self.folder
         contact = None if table is None else table.columns
-        surface, steps = folder.path / "contact.vtu", folder.path / "steps.csv"
+        facets = None if table is None or table.facets is None else facets_of(table)
 
         def draw() -> None:
-            facets = read_facets(surface) if contact is not None and gathered.dimension == 3 else None
-            several = read_csv(steps) if len(solution.steps) > 1 else None
+            several = read_csv(folder.path / "steps.csv") if len(solution.steps) > 1 else None
             try:
                 gathered.draw(folder.part, contact, facets, several, marked_stress(summary))
             except PictureError as error:
@@ -264,13 +258,6 @@ class _Written:
                 raise cannot_be_written(self.folder.path, reason) from None
 
         parallel.on_root(self.solution.comm, attempt)
-
-
-def _contact_facets(solution: Solution) -> npt.NDArray[np.int64] | None:
-    """The facets of the contact surface; None without contact; collective."""
-    from signorini_fx.results.surface_file import gather_facets
-
-    return None if solution.contact is None else gather_facets(solution.contact.boundary)
 
 
 def _of_the_system(error: BaseException | None) -> OSError | None:

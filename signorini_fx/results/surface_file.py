@@ -12,8 +12,7 @@ from mpi4py import MPI
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.averages import to_owners
 from signorini_fx.mechanics.assembly.mesh_entities import node_positions
-from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
-from signorini_fx.mechanics.contact_points.contact_table import ContactTable, with_points
+from signorini_fx.mechanics.contact_points.contact_table import ContactTable
 from signorini_fx.results.solution import Solution
 from signorini_fx.results.vtu import write_vtu
 
@@ -23,18 +22,15 @@ _KINDS = {3: (5, [0, 1, 2]), 4: (9, [0, 1, 3, 2]), 9: (28, [0, 1, 3, 2, 4, 6, 7,
 _STATES = ("open", "stick", "slip")
 
 
-def gather_facets(boundary: ContactBoundary) -> npt.NDArray[np.int64]:
-    """The facets of all ranks: part and global nodes, see ``ContactBoundary.segments``; collective."""
-    numbers = parallel.gather_rows(boundary.comm, np.column_stack((boundary.part, boundary.global_nodes)))
-    return with_points(numbers, parallel.gather_rows(boundary.comm, boundary.segments))
+def facets_of(table: ContactTable) -> npt.NDArray[np.int64]:
+    """The rows of a table in 3D at the nodes of each facet in the order of VTK, shape (m, 3), (m, 4) or (m, 9)."""
+    assert table.facets is not None
+    facets = table.facets[(table.facets >= 0).all(axis=1)]
+    return facets[:, _KINDS[facets.shape[1]][1]]
 
 
-def write_surface(path: Path, table: ContactTable, facets: npt.NDArray[np.int64]) -> None:
-    """A .vtu file of the contact surface; on one rank; ``facets``: see ``gather_facets``."""
-    assert table.nodes is not None
-    row_of = {(int(part), int(node)): row for row, (part, node) in enumerate(zip(*table.nodes.T, strict=True))}
-    kind, order = _KINDS[facets.shape[1] - 1]
-    cells = [[row_of[int(part), int(nodes[k])] for k in order] for part, *nodes in zip(*facets.T, strict=True)]
+def write_surface(path: Path, table: ContactTable) -> None:
+    """A .vtu file of the contact surface; on one rank."""
     c = table.columns
     fields: dict[str, npt.NDArray[Any]] = {
         name: c[name] for name in ("pressure", "gap", "u_n", "bound", "shear", "slip", "u_t", "weight")
@@ -45,8 +41,8 @@ def write_surface(path: Path, table: ContactTable, facets: npt.NDArray[np.int64]
     fields["normal"] = np.column_stack([c[f"n_{axis}"] for axis in "xyz"])
     fields["state (0 open, 1 stick, 2 slip)"] = np.array([_STATES.index(state) for state in c["state"]])
     points = np.column_stack([c[axis] for axis in "xyz"])
-    rows = np.array(cells, dtype=np.int64).reshape(len(cells), len(order))
-    write_vtu(path, MPI.COMM_SELF, points, rows, kind, fields)
+    facets = facets_of(table)
+    write_vtu(path, MPI.COMM_SELF, points, facets, _KINDS[facets.shape[1]][0], fields)
 
 
 def other_side(solution: Solution) -> dict[str, npt.NDArray[Any]]:

@@ -16,13 +16,14 @@ from PIL import Image
 from scenes import alone
 from scipy.spatial import cKDTree
 from spaces import block, box, friction_of
+from test_fields import arrays_of
 from test_report import Page
 
 from signorini_fx.addons.pictures import contact_surface, gather, results
 from signorini_fx.addons.pictures.boundary_profiles import STATES
 from signorini_fx.addons.pictures.style import VALUES
 from signorini_fx.addons.report import page
-from signorini_fx.machine.result_files import read_csv, read_facets
+from signorini_fx.machine.result_files import read_csv
 from signorini_fx.results.files import write_results
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve
@@ -80,9 +81,15 @@ def folder(request, folders):
     return folders[request.param]
 
 
+def surface_in(folder):
+    """The columns of the contact surface, and its rows at each facet, from the files."""
+    arrays = arrays_of(folder / "contact.vtu")
+    return read_csv(folder / "contact.csv"), arrays["connectivity"].reshape(len(arrays["offsets"]), -1)
+
+
 def drawn(folder):
     """Sides and figure of the contact surface from the files."""
-    table, facets = read_csv(folder / "contact.csv"), read_facets(folder / "contact.vtu")
+    table, facets = surface_in(folder)
     return contact_surface.sides_of(table, facets), contact_surface.contact_figure(table, facets)
 
 

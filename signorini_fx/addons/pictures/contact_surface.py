@@ -88,7 +88,7 @@ def sides_of(table: Table, facets: Rows) -> list[VisibleSide]:
 
     Args:
         table: columns of ``contact.csv``.
-        facets: its rows at each facet in the order of VTK, see ``read_facets``.
+        facets: its rows at each facet in the order of VTK, see ``surface_file.facets_of``.
 
     Raises:
         ValueError: a facet of a shape that no contact surface has.

@@ -131,7 +131,7 @@ class ResultPictures:
         Args:
             folder: where to write.
             contact: the columns of contact.csv; None: without contact.
-            facets: of a body in 3D, its rows at each facet of the contact surface, see ``read_facets``.
+            facets: of a body in 3D, its rows at each facet of the contact surface, see ``surface_file.facets_of``.
             steps: the columns of steps.csv if there are several.
             largest: where the von Mises stress is largest, and its value; None: there is none that may be used.
 
