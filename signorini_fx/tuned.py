@@ -523,9 +523,6 @@ FACETS_OF_KEPT_PARTNERS = 0.5
 CERTIFICATE_TOLERANCE = 1e-6
 # With fewer nodes in contact neither the ends of the zone nor the largest pressure are reliable.  No record.
 FEW_NODES = 8
-# So few nodes of a boundary carry forces, and their pressures are those over a facet: the answer itself says so.
-# Choice.
-UNRESOLVED_NODES = 2
 # What a penalty makes of round-off counts as at most this many times the mean stress, in bodies that are not without
 # stress: NEGLIGIBLE of it is allowed.  Choice.
 ABOVE_THE_MEAN = 1e3

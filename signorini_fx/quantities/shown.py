@@ -9,10 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from signorini_fx.machine.display import clean, on_several_bodies, touch_each_other
+from signorini_fx.machine.display import clean, effort_in_words, on_several_bodies, touch_each_other
+from signorini_fx.machine.result_files import seconds_of
 from signorini_fx.machine.terminal import TerminalLine
 from signorini_fx.mechanics.statement.units import with_unit
-from signorini_fx.quantities.digits import between, components, figure, percent, solved_prices
+from signorini_fx.quantities.digits import between, components, figure, figure_or_error, percent, solved_prices
 from signorini_fx.quantities.quantity import own_quantities
 from signorini_fx.quantities.summary import unit_of
 from signorini_fx.quantities.text import (
@@ -20,6 +21,7 @@ from signorini_fx.quantities.text import (
     boundaries_touched_by,
     cost_in_words,
     digits,
+    error_in_words,
     friction_in_words,
     has_friction,
     in_brackets,
@@ -34,6 +36,7 @@ from signorini_fx.quantities.text import (
     tool_in_words,
     yielding_in_words,
 )
+from signorini_fx.quantities.validity import Validity, validity_of
 from signorini_fx.records import JUDGED
 from signorini_fx.tuned import CERTIFICATE_TOLERANCE, FEW_NODES
 
@@ -62,8 +65,7 @@ class Shown:
     format: Callable[[Summary], list[str | TerminalLine]] | None = None
     cards: Callable[[Summary], list[Card]] | None = None  # its cards; None: the number with its unit
     unit: str = ""
-    first: bool = False  # whether the terminal shows it before what was done
-    brief: bool = False  # whether the short answer has its lines
+    brief: bool = False  # whether the terminal shows it without --verbose, and the report first
 
 
 def table() -> list[Shown]:
@@ -84,6 +86,13 @@ def shown_lines(shown: Shown, summary: Summary) -> list[TerminalLine]:
     if any(isinstance(text, TerminalLine) for text in texts):
         return [text if isinstance(text, TerminalLine) else row(shown.label, text) for text in texts]
     return labelled(shown.label, list(map(str, texts)))
+
+
+def brief_lines(summary: Summary) -> list[TerminalLine]:
+    """What is asked first of a solution, be it that of an earlier load step; without one there is nothing."""
+    if not validity_of(summary).solved:
+        return []
+    return [line for shown in table() if shown.brief for line in shown_lines(shown, summary)]
 
 
 def shown_cards(shown: Shown, summary: Summary) -> list[Card]:
@@ -127,28 +136,48 @@ def _friction_used(summary: Summary) -> list[Card]:
     return [Card("friction used", percent(used))] if used else []
 
 
+def _friction(summary: Summary) -> list[str | TerminalLine]:
+    """How much of its friction the body uses; beyond the load step of the figures there is a limit, which is told."""
+    if validity_of(summary) is Validity.EARLIER_STEP:
+        return []
+    used = summary["friction_used"]
+    return [f"{percent(used)} used" if used else "the loads need none"]
+
+
 def _law(summary: Summary) -> list[str | TerminalLine]:
     """If it is not what was asked for."""
     law = summary["law"]
     return [row("law", f"{law['delivered']}, not what was asked for", "warning")] if law["differs"] else []
 
 
-def _nodes(summary: Summary) -> list[str | TerminalLine]:
+def _contact(summary: Summary) -> list[str | TerminalLine]:
+    touching = summary["touching_nodes"]
+    peak = with_unit(figure_or_error(summary["max_pressure"], error_of(summary, "max_pressure")), "stress")
+    pressed = f", largest pressure {peak}" if touching else ""
     coarse = boundaries_touched_by(range(1, FEW_NODES), summary)
-    few = f": too few on {', '.join(coarse)} for the ends of the zone or the largest pressure, refine there"
-    return [f"{summary['contact_nodes']}, {summary['touching_nodes'] or 'none'} in contact{few if coarse else ''}"]
+    few = f"; too few on {', '.join(coarse)} for the ends of the zone or the largest pressure, refine there"
+    return [f"at {touching} of {summary['contact_nodes']} nodes{pressed}{few if coarse else ''}"]
 
 
-def _force(key: str) -> Callable[[Summary], list[str | TerminalLine]]:
-    """Between bodies that of each boundary on its body, as their sum acts on none."""
+def _forces(summary: Summary) -> list[str | TerminalLine]:
+    """The normal and the tangential force on the body; where bodies touch each other those of each boundary."""
+    entries = [{**entry, "name": f" on {entry['boundary']}"} for entry in summary.get("contact_boundaries", ())]
+    if not (touch_each_other(summary) and entries):
+        entries = [{**summary, "name": ""}]
+    size = max(abs(part) for entry in entries for key in ("contact_force", "friction_force") for part in entry[key])
+    kinematics = kinematics_of(summary)
 
-    def texts(summary: Summary) -> list[str | TerminalLine]:
-        if not touch_each_other(summary):
-            return [_resultant(summary, key)]
-        rows = summary["contact_boundaries"][:MOST_ROWS]
-        size = float(np.abs([entry[name] for entry in rows for name in ("contact_force", "friction_force")]).max())
-        return [f"{in_brackets(clean(entry[key], size))} on {entry['boundary']}" for entry in rows]
+    def of(entry: dict[str, Any], key: str) -> str:
+        force = clean(entry[key], size)
+        names = named_components(kinematics, len(force))
+        shown = force if len(names) == len(force) else force[next(iter(names))]
+        return with_unit(figure_or_error(shown, error_of(summary, key)), "force")
 
+    texts = list[str | TerminalLine]()
+    for entry in entries[:MOST_ROWS]:
+        friction = f", friction {of(entry, 'friction_force')}" if has_friction(summary) else ""
+        along = "" if kinematics.uniform else " along the axis"
+        texts.append(f"{of(entry, 'contact_force')}{friction}{along}{entry['name']}")
     return texts
 
 
@@ -253,16 +282,15 @@ def _resultants(summary: Summary) -> list[str | TerminalLine]:
 
 
 def _stress(summary: Summary) -> list[str | TerminalLine]:
-    """The largest value with the digits that raw and recovered stress both have; or why it has no limit."""
-    stress = summary["stress"]
-    raw, recovered, apart = stress["von_mises"], stress["recovered"], between(stress)
-    region = f" in {raw['region']}" if raw.get("region") else ""
-    text = f"{digits(raw['value'], apart)} at most, at {point_in_words(raw['place'])}{region}"
-    if recovered is not None and apart is not None:
-        text += f"; recovered {digits(recovered['von_mises']['value'], apart)}"
-    if (why := raw.get("no_limit")) is not None:
-        text += f"; it has no limit as the mesh is refined: {why}"
-    return [text + ("" if stress["error"] is None else f"; estimated error in the mean {percent(stress['error'])}")]
+    """The larger one of the raw and the recovered von Mises stress, how much of the yield stress it uses, and where."""
+    largest = largest_von_mises(summary)
+    if largest is None:
+        return []
+    share = (summary.get("utilisation") or {}).get("value")
+    used = "" if share is None else f", {share_in_words(summary, 'yield')}"
+    value = with_unit(figure(largest["value"], between(summary["stress"])), "stress")
+    text = f"von Mises {value}{used}, {_place(largest)}{_no_limit(largest)}"
+    return [row("stress", text, "" if share is None or share <= 1 else "warning")]
 
 
 def _stress_card(summary: Summary) -> list[Card]:
@@ -312,50 +340,61 @@ def _deformation(summary: Summary) -> list[str | TerminalLine]:
     ]
 
 
+def _error(summary: Summary) -> list[str | TerminalLine]:
+    return [error_in_words(summary)] if validity_of(summary).solved else []
+
+
 def _certificate(summary: Summary) -> list[str | TerminalLine]:
-    """The verdict with the figure that decides it, and what regularisation leaves."""
     figures = summary["certificate"]
-    judged = sorted(((figures[name], name.replace("_", " ")) for name in JUDGED), reverse=True)
+    law = figures["law"].partition(",")[0]
     if figures["holds"]:
-        value, name = judged[0]
-        allowed = f"{CERTIFICATE_TOLERANCE:.0e} is allowed"
-        text = f"holds for {figures['law']}: no figure above {value:.1e} ({name}), {allowed}"
-    else:
-        wrong = [f"{name} {value:.1e}" for value, name in judged if not value <= CERTIFICATE_TOLERANCE]
-        text = f"DOES NOT HOLD for {figures['law']}: {', '.join(wrong)}"
-    lines: list[str | TerminalLine] = [row("certificate", text, "" if figures["holds"] else "error")]
-    if "contact_force" in summary:
-        penetration, slip = f"{figures['penetration']:.1e}", f"{figures['stick_slip']:.1e}"
-        left = f"penetration {penetration}, elastic slip {slip} times the largest displacement"
-        lines.append(row("left by gamma", left))
-    return lines
+        return [row("certificate", f"holds for {law}, each condition to {CERTIFICATE_TOLERANCE:.0e}")]
+    judged = {name.replace("_", " "): figures.get(name) for name in JUDGED}
+    wrong = [f"{name} {value:.1e}" for name, value in judged.items() if value and not value <= CERTIFICATE_TOLERANCE]
+    return [row("certificate", f"DOES NOT HOLD for {law}: {', '.join(wrong) or 'not a number'}", "error")]
+
+
+def _left(summary: Summary) -> list[str | TerminalLine]:
+    """What regularisation leaves."""
+    figures = summary["certificate"]
+    penetration, slip = f"{figures['penetration']:.1e}", f"{figures['stick_slip']:.1e}"
+    left = f"penetration {penetration}, elastic slip {slip} times the largest displacement"
+    return [left] if "contact_force" in summary else []
+
+
+def _effort(summary: Summary) -> list[str | TerminalLine]:
+    ranks = f" on {summary['ranks']} ranks" if summary["ranks"] > 1 else ""
+    return [f"{effort_in_words(summary)}, {summary['dofs']} unknowns{ranks}, {seconds_of(summary):.1f} s"]
 
 
 _TABLE = (
-    Shown("friction_used", "friction used", "friction used", _as_lines(_friction_used), _friction_used, first=True),
-    Shown("law", "law", format=_law, first=True),
-    Shown("contact_nodes", "contact nodes", format=_nodes),
-    Shown("contact_force", "contact force", "force", _force("contact_force"), _force_cards("contact_force")),
-    Shown("friction_force", "friction force", "force", _force("friction_force"), _force_cards("friction_force")),
-    Shown("max_pressure", "largest pressure", "largest contact pressure", unit=unit_of("max_pressure")),
+    Shown("contact_force", "force", "force", _forces, _force_cards("contact_force"), brief=True),
+    Shown("friction_force", "", "force", cards=_force_cards("friction_force")),
+    Shown("tools", "foundation", "motion", _tools, _tool_cards, brief=True),
+    Shown("preloads", "preload", format=_preloads, brief=True),
+    Shown("contact_nodes", "contact", format=_contact, brief=True),
+    Shown("stress", "stress", "largest von Mises stress", _stress, _stress_card, brief=True),
+    Shown("friction_used", "friction", "friction used", _friction, _friction_used, brief=True),
+    Shown("status", "error", format=_error, brief=True),
+    Shown("cost", "cost", format=lambda summary: [cost_in_words(summary)], brief=True),
+    Shown("certificate", "certificate", format=_certificate, brief=True),
+    Shown("dofs", "effort", format=_effort, brief=True),
+    Shown("certificate", "left by gamma", format=_left),
+    Shown("law", "law", format=_law),
+    Shown("max_pressure", "", "largest contact pressure", unit=unit_of("max_pressure")),
     Shown("max_shear", "", "largest shear", cards=_max_shear),
     Shown("zones", "zone", format=_zones),
     Shown("areas", "area", format=_areas),
     Shown("contact_moment", "contact moment", format=_moment("contact_moment")),
     Shown("friction_moment", "friction moment", format=_moment("friction_moment")),
     Shown("contact_boundaries", "in contact", format=_boundaries),
-    Shown("tools", "foundation", "motion", _tools, _tool_cards, brief=True),
-    Shown("preloads", "preload", format=_preloads, brief=True),
     Shown("resultants", "forces", format=_resultants),
     Shown("strain_energy", "strain energy", "strain energy", unit=unit_of("strain_energy")),
-    Shown("stress", "von Mises stress", "largest von Mises stress", _stress, _stress_card),
     Shown("plastic_strain", "plastic strain", "plastic strain", _as_lines(_plastic_strain), _plastic_strain),
     Shown("utilisation", "yield stress used", "yield stress used", _as_lines(_utilisation), _utilisation),
     Shown("deformation", "deformation", format=_deformation),
-    Shown("certificate", "certificate", format=_certificate),
     Shown("error_bound", "error bound", format=lambda summary: [summary["error_bound"]["statement"]]),
     Shown(
         "functionals", "duality gap", format=lambda summary: [f"{summary['functionals']['relative_duality_gap']:.1e}"]
     ),
-    Shown("cost", "cost", format=lambda summary: [cost_in_words(summary)]),
 )

@@ -11,13 +11,16 @@ from signorini_fx.machine.terminal import TerminalLine
 from signorini_fx.mechanics.kinematics import of_data
 from signorini_fx.mechanics.kinematics.protocol import Kinematics
 from signorini_fx.mechanics.statement.units import with_unit
-from signorini_fx.quantities.digits import between, figure
+from signorini_fx.quantities.digits import between, figure, percent, solved_prices
 from signorini_fx.quantities.validity import validity_of
 from signorini_fx.records import Status
 from signorini_fx.tuned import FAR_ABOVE_YIELD, NEGLIGIBLE
 
 # Rows of a list that the terminal shows.
 MOST_ROWS = 8
+# The errors of a convergence table that say something to somebody who has asked for none of them, as they are called
+# there.
+_ESTIMATED = ("pressure", "force", "energy")
 
 
 def row(label: str, text: str, kind: str = "") -> TerminalLine:
@@ -95,6 +98,26 @@ def cost_in_words(summary: dict[str, Any]) -> str:
     if cost.get("error") is not None and summary.get("status") == Status.OUT_OF_REACH.value:
         return f"{statement.partition(';')[0]}; no finer mesh helps"  # whatever the rate of the meshes so far promises
     return statement if cost.get("error") is not None else f"no forecast: {statement}"
+
+
+def error_in_words(summary: dict[str, Any]) -> str:
+    """How wrong the results are: proved, estimated, or how to know it."""
+    relative = (summary.get("error_bound") or {}).get("relative_error")
+    if relative is not None:
+        return f"at most {percent(relative)} of the energy norm, guaranteed"
+    prices = solved_prices(summary)
+    errors = [f"{name} {percent(prices[name])}" for name in _ESTIMATED if prices.get(name) is not None]
+    if errors:
+        return f"{', '.join(errors)}, estimated"
+    of_stress, cost = (summary.get("stress") or {}).get("error"), summary.get("cost") or {}
+    if of_stress is None and cost.get("of") == "energy":  # without fields the stress itself is not told
+        of_stress = cost.get("error")
+    if of_stress is not None:
+        return f"of the stress {percent(of_stress)} in the mean, estimated"
+    scene = summary.get("scene") or {}
+    if scene.get("contact") and "forms" not in scene and "strain_energy" in summary:
+        return "not estimated: --accuracy 5% asks for an estimate"
+    return "not estimated: solve on a finer mesh as well, and compare"
 
 
 def largest_von_mises(summary: dict[str, Any]) -> dict[str, Any] | None:

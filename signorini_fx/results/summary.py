@@ -13,10 +13,10 @@ from mpi4py import MPI
 
 import signorini_fx
 from signorini_fx.machine import parallel
-from signorini_fx.machine.display import effort_in_words, results_of, status_in_words
-from signorini_fx.machine.terminal import TerminalLine
+from signorini_fx.machine.display import results_of, status_in_words
+from signorini_fx.machine.terminal import COLUMNS, TerminalLine, clauses, printable
 from signorini_fx.mechanics.assembly.pieces import extent
-from signorini_fx.quantities.shown import shown_lines, table
+from signorini_fx.quantities.shown import brief_lines, shown_lines, table
 from signorini_fx.quantities.summary import SCHEMA_VERSION
 from signorini_fx.quantities.text import row
 from signorini_fx.quantities.values import of_results
@@ -129,38 +129,55 @@ def lines_of(summary: dict[str, Any], folder: Path | None = None) -> list[Termin
     return [*_figures(summary), *([] if folder is None else [row("results", f"{folder}/")])]
 
 
+def short_answer(summary: dict[str, Any], folder: Path) -> list[TerminalLine]:
+    """What ``solve`` prints without ``--verbose``, in 80 columns: the outcome, the first warning, what to do unless it
+    is a solution, the figures that are asked for first, and where the results are.
+    """
+    warnings = _warnings(summary)
+    if len(warnings) > 1:
+        warnings = [row("warning", f"(1 of {len(warnings)}) {warnings[0].text}", "warning")]
+    lines = [*warnings, *_outcome(summary), *brief_lines(summary), row("results", f"{folder}/")]
+    return [_heading(summary), *(narrow for line in lines for narrow in _narrow(line))]
+
+
+def _narrow(line: TerminalLine) -> list[TerminalLine]:
+    """A line with a short label, in 80 columns; a longer label ends with a colon."""
+    label = line.begin.strip()
+    begin = f"  {label:12s}" if len(label) < 12 else f"  {label}: "
+    texts = clauses(line.text, COLUMNS - len(begin), None)
+    return [TerminalLine(begin if k == 0 else " " * 14, text, line.kind * (k == 0)) for k, text in enumerate(texts)]
+
+
+def _heading(summary: dict[str, Any]) -> TerminalLine:
+    good = summary["converged"] and not summary["incomplete"]
+    title = printable(summary["title"]) or "scene"
+    return TerminalLine(f"{title}: {status_in_words(summary)}", kind="good" if good else "")
+
+
 def _figures(summary: dict[str, Any]) -> list[TerminalLine]:
     from signorini_fx.results.accuracy import convergence_table
 
-    good = summary["converged"] and not summary["incomplete"]
-    heading = TerminalLine(f"{summary['title'] or 'scene'}: {status_in_words(summary)}", kind="good" if good else "")
-    lines = [heading, *_outcome(summary), *_warnings(summary)]
+    lines = [_heading(summary), *_outcome(summary), *_method(summary), *_pieces(summary), *_warnings(summary)]
     if not summary["converged"] and summary["linear_solves"] == 0:  # follows from statics: there are no figures
         return lines
-    lines += [line for shown in table() if not shown.first for line in shown_lines(shown, summary)]
+    lines += [line for shown in table() for line in shown_lines(shown, summary)]
     lines.append(row("seconds", ", ".join(f"{name} {value:.2f}" for name, value in summary["timings"].items())))
     if "convergence_table" in summary:
-        lines.append(
-            TerminalLine(
-                convergence_table.render([convergence_table.Price(**price) for price in summary["convergence_table"]])
-            )
-        )
+        prices = [convergence_table.Price(**price) for price in summary["convergence_table"]]
+        lines.append(TerminalLine(convergence_table.render(prices)))
     return lines
 
 
 def _outcome(summary: dict[str, Any]) -> list[TerminalLine]:
-    """How the solve ended, what to do about it, and how it went."""
-    lines = []
-    if "results_of" in summary:
-        lines.append(row("results of", results_of(summary)))
-    if not summary["converged"]:
-        lines.append(row("what to do", summary["advice"], "advice"))
-    lines += [line for shown in table() if shown.first for line in shown_lines(shown, summary)]
+    """Of which load step the results are, and what to do unless it is a solution."""
+    lines = [row("results of", results_of(summary))] if "results_of" in summary else []
+    return lines if summary["converged"] else [*lines, row("what to do", summary["advice"], "advice")]
+
+
+def _method(summary: dict[str, Any]) -> list[TerminalLine]:
     return [
-        *lines,
-        row("algorithm", f"{summary['algorithm']}, {effort_in_words(summary)}"),
+        row("algorithm", summary["algorithm"]),
         *_events(summary["events"]),
-        row("unknowns", f"{summary['dofs']} on {summary['ranks']} rank{'s' * (summary['ranks'] > 1)}"),
         row("linear algebra", summary["linear_algebra"]),
     ]
 
@@ -183,13 +200,17 @@ def _events(events: list[str]) -> list[TerminalLine]:
 
 
 def _warnings(summary: dict[str, Any]) -> list[TerminalLine]:
-    """The warnings, and the pieces of a body that is not connected."""
+    return [
+        row("warning", f"{finding['path']}: {finding['message']}", "warning")
+        for finding in summary["findings"]
+        if finding["level"] == "warning" and finding["message"] not in summary["advice"]
+    ]
+
+
+def _pieces(summary: dict[str, Any]) -> list[TerminalLine]:
+    """Those of a body that is not connected."""
     pieces = summary["pieces"]
-    lines = [row("pieces", f"{len(pieces)}: {_listed(pieces)}")] if len(pieces) > 1 else []
-    for finding in summary["findings"]:
-        if finding["level"] == "warning" and finding["message"] not in summary["advice"]:
-            lines.append(row("warning", f"{finding['path']}: {finding['message']}", "warning"))
-    return lines
+    return [row("pieces", f"{len(pieces)}: {_listed(pieces)}")] if len(pieces) > 1 else []
 
 
 def _listed(pieces: list[dict[str, Any]], limit: int = 4) -> str:

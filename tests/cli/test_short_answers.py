@@ -7,8 +7,7 @@ import pytest
 from scenes import example1
 
 from signorini_fx import solve, write_results
-from signorini_fx.results.short_answer import short_answer
-from signorini_fx.results.summary import render
+from signorini_fx.results.summary import render, short_answer
 from signorini_fx.scenes.cli import main
 
 FOLDER = Path("results/scene")
@@ -33,7 +32,7 @@ def test_what_is_said(summary):
     """The lines in their order, with the figures of the summary."""
     lines = told(summary)
     known = ["force", "contact", "stress", "friction", "error", "cost", "certificate", "effort", "results"]
-    assert labels(lines)[1:] == known
+    assert [label for label in labels(lines)[1:] if label] == known
     assert lines[0].endswith("converged")
     numbers = {
         label: re.findall(r"-?\d+\.?\d*(?:e-?\d+)?", line) for label, line in zip(labels(lines), lines, strict=True)
@@ -42,7 +41,7 @@ def test_what_is_said(summary):
     assert [int(n) for n in numbers["contact"][:2]] == [summary["touching_nodes"], summary["contact_nodes"]]
     assert float(numbers["stress"][0]) == pytest.approx(summary["stress"]["von_mises"]["value"], rel=1e-2)
     assert float(numbers["error"][0]) == pytest.approx(100 * summary["stress"]["error"], rel=5e-2)
-    known, forecast = lines[6].split("; ")
+    known, forecast = " ".join(lines[6:8]).split("; ")
     assert float(known.split()[1]) == pytest.approx(100 * summary["cost"]["error"], rel=5e-2)
     assert float(forecast.split()[0]) == pytest.approx(100 * summary["cost"]["next_error"], rel=2e-1)  # one digit
     assert int(numbers["effort"][0]) == summary["linear_solves"]
@@ -93,17 +92,12 @@ displacement = { boundary = "left", x = 0.0 }
 
 
 @pytest.mark.parametrize("nodes", [0, 1, 2, 3, 7, 8])
-@pytest.mark.parametrize("coarse", [1, 5])
-def test_contact_that_the_mesh_does_not_resolve(summary, coarse, nodes):
-    """Boundaries that touch with one or two nodes are named in the answer, those with fewer than eight in the whole
-    text, however many nodes of other boundaries touch.
-    """
+def test_contact_that_the_mesh_does_not_resolve(summary, nodes):
+    """Boundaries that touch with fewer than eight nodes are named, however many nodes of other boundaries touch."""
     row = summary["contact_boundaries"][0] | {"boundary": "wide", "touching_nodes": 40}
-    names = [f"rim {number}" for number in range(coarse)]
-    rows = [row, *(row | {"boundary": name, "touching_nodes": nodes} for name in names)]
-    drawn = summary | {"contact_boundaries": rows, "touching_nodes": 40 + coarse * nodes}
-    (line,) = [line for line in told(drawn) if line.startswith("  contact ")]
-    assert line.endswith({1: "; too few on rim 0", 5: "; too few on 5 sides"}[coarse]) == (nodes in (1, 2))
-    assert "wide" not in line
-    (whole,) = [line for line in render(drawn).splitlines() if line.startswith("  contact nodes")]
-    assert (f"too few on {', '.join(names)} for the ends" in whole) == (0 < nodes < 8)
+    rows = [row, row | {"boundary": "rim", "touching_nodes": nodes}]
+    drawn = summary | {"contact_boundaries": rows, "touching_nodes": 40 + nodes}
+    for lines in (told(drawn), render(drawn).splitlines()):
+        text = " ".join(" ".join(lines).split())
+        assert ("too few on rim for the ends" in text) == (0 < nodes < 8)
+        assert "too few on wide" not in text

@@ -27,7 +27,6 @@ from signorini_fx.errors import ResultError
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.effects.contact import UnilateralContact
 from signorini_fx.mechanics.mesh.tagged import tag_boundaries
-from signorini_fx.quantities.answers import answers
 from signorini_fx.quantities.digits import figure
 from signorini_fx.quantities.summary import CertificateFigures
 from signorini_fx.records import JUDGED, REPORTED
@@ -298,40 +297,12 @@ def test_verdict(folders):
     assert any(value == "status good" for _, name, value in good.attributes if name == "class")
 
 
-def test_answers_come_first(folders):
-    """Of a solve that held, of one that is incomplete, of one that would yield, and of a ramp that failed."""
-    summary = summary_of(folders["steps"])
-
-    def texts(**changes):
-        return [(answer.text, " ".join(answer.details)) for answer in answers(summary | changes)]
-
-    (holds, balance), (left, _), (place, stress), (sure, checked) = texts()
-    assert (holds, left) == ("yes", "the loads need no friction")
-    assert "all 3 load steps" in balance
-    assert "yield_stress in [[material]]" in balance
-    assert place == "not computed"
-    assert "largest contact pressure 8.221" in stress
-    assert "of load step 3" in stress
-    assert sure == f"error of the stress {100 * summary['cost']['error']:.2g} % in the mean, estimated"
-    assert "--accuracy 5%" not in checked
-    sure, checked = texts(cost=None)[3]
-    assert sure == "error of the mesh not estimated"
-    assert "--accuracy 5%" in checked
-    assert texts(certificate=summary["certificate"] | {"holds": False})[0][0] == "not shown"
-    largest = {"value": 1.25, "place": [1.0, 0.0], "region": None}
-    assert texts(utilisation=largest, stress={})[1][0] == "nothing: 125 % of the yield stress used"
-    assert texts(friction_used=0.41)[1][0] == "friction used: 41 %"
-    of = summary["results_of"] | {"time": 0.75, "status": "converged", "name": ""}
-    last = [{**summary["steps"][-1], "time": 0.8125, "name": "pull"}]
-    failed = {"converged": False, "status": "maximum iterations reached", "results_of": of, "steps": last}
-    assert texts(**failed)[0][0] == "up to load step 3 (time 0.75)"
-    assert texts(**failed)[0][1].startswith(
-        "load step 3 (pull, time 0.8125): no solution was found (maximum iterations"
-    )
-    assert texts(**failed | {"results_of": of | {"status": "failed"}})[0][0] == "not known"
+def test_the_short_answer_comes_first(folders):
+    """Beside the picture, with the load step that it is of."""
     page = Page(folders["steps"])
+    assert "All figures are of load step 3" in page.text
     assert (
-        page.source.index("Does it hold?")
+        page.source.index("<dt>force</dt>")
         < page.source.index("deformed body on its foundation")
         < page.source.index("<h2>Figures")
     )

@@ -21,8 +21,7 @@ from signorini_fx.addons.report.page import page
 from signorini_fx.extensions import QUANTITIES
 from signorini_fx.quantities.quantity import own_quantities
 from signorini_fx.quantities.schema import markdown
-from signorini_fx.results.short_answer import short_answer
-from signorini_fx.results.summary import render, summarise
+from signorini_fx.results.summary import render, short_answer, summarise
 from signorini_fx.scenes.template import summary_schema
 
 DEMO = Path(__file__).parents[2] / "demos" / "extensions" / "quantity.py"

@@ -170,7 +170,7 @@ def test_summary():
     assert rows["bottom"]["acts_at"][1] == 0.0
     lines = [" ".join(line.split()) for line in render(found).splitlines()]
     assert "friction bottom: 1.5 of at most 3.6" in lines
-    assert "friction used 42 %" in lines
+    assert "friction 42 % used" in lines
     assert "forces top: (0, -6) by traction, acts at (1, 3)" in lines
     assert "left: (1.5, 0) by traction, acts at (0, 1.5)" in lines
 

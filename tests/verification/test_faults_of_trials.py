@@ -20,8 +20,7 @@ from signorini_fx import (
     Status,
     solve,
 )
-from signorini_fx.results.short_answer import short_answer
-from signorini_fx.results.summary import summarise
+from signorini_fx.results.summary import short_answer, summarise
 from signorini_fx.scenes.cli import main
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import parse_scene

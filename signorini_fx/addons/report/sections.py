@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,9 +15,8 @@ from signorini_fx.errors import PYVISTA
 from signorini_fx.machine.display import clean, results_of, status_in_words
 from signorini_fx.machine.result_files import seconds_of
 from signorini_fx.mechanics.statement.units import bracketed
-from signorini_fx.quantities.answers import answers
 from signorini_fx.quantities.digits import components, figure, percent
-from signorini_fx.quantities.shown import Card, shown_cards
+from signorini_fx.quantities.shown import Card, brief_lines, shown_cards
 from signorini_fx.quantities.shown import table as table_of_results
 from signorini_fx.quantities.text import (
     boundaries_touched_by,
@@ -37,8 +35,8 @@ _COUNTS = {"dofs": "unknowns", "contact_nodes": "contact nodes"}
 
 
 def outcome(summary: dict[str, Any], folder: Path) -> Markup:
-    """Status, verdict of the certificate, four answers beside the picture of the body, with what accuracy costs below
-    them, and warnings.
+    """Status, verdict of the certificate, what ``solve`` prints beside the picture of the body, with what accuracy
+    costs below that, and warnings.
     """
     validity = validity_of(summary)
     verdict = "The certificate holds." if summary["certificate"]["holds"] else "The certificate does NOT hold."
@@ -60,7 +58,7 @@ def outcome(summary: dict[str, Any], folder: Path) -> Markup:
         verdict=verdict,
         lacking=lacking,
         advice="" if validity is Validity.SOLUTION else summary["advice"],
-        answers=[replace(answer, details=tuple(map(in_text, answer.details))) for answer in answers(summary)],
+        figures=[(line.begin.strip(), in_text(line.text), line.kind) for line in brief_lines(summary)],
         overview=_overview(summary, folder),
         cost=_drawn(folder, "convergence_table.png", "errors and costs of the meshes", cost),
         warnings=_warnings(summary),

@@ -51,9 +51,8 @@ def solve(options: argparse.Namespace) -> int:
     from signorini_fx.results import files
     from signorini_fx.results.folder import ResultFolder
     from signorini_fx.results.progress_line import ProgressLine
-    from signorini_fx.results.short_answer import short_answer
     from signorini_fx.results.solution import outcome
-    from signorini_fx.results.summary import lines_of, table_row
+    from signorini_fx.results.summary import lines_of, short_answer, table_row
     from signorini_fx.scenes import solver
 
     fields = not options.no_fields
