@@ -13,9 +13,8 @@ from signorini_fx.machine.display import clean, effort_in_words, on_several_bodi
 from signorini_fx.machine.result_files import seconds_of
 from signorini_fx.machine.terminal import TerminalLine
 from signorini_fx.mechanics.statement.units import with_unit
-from signorini_fx.quantities.digits import between, components, figure, figure_or_error, percent, solved_prices
+from signorini_fx.quantities.digits import between, figure, figure_or_error, percent, solved_prices
 from signorini_fx.quantities.quantity import own_quantities
-from signorini_fx.quantities.summary import unit_of
 from signorini_fx.quantities.text import (
     MOST_ROWS,
     boundaries_touched_by,
@@ -34,7 +33,6 @@ from signorini_fx.quantities.text import (
     row,
     share_in_words,
     tool_in_words,
-    yielding_in_words,
 )
 from signorini_fx.quantities.validity import Validity, validity_of
 from signorini_fx.records import JUDGED
@@ -45,42 +43,26 @@ Summary = dict[str, Any]
 
 
 @dataclass(frozen=True)
-class Card:
-    """A figure of the report."""
-
-    label: str  # what it is
-    text: str  # its value, with its unit
-    error: float | None = None  # its estimated relative error; None: it is not known
-    remark: str = ""  # what it does not say; "": nothing
-
-
-@dataclass(frozen=True)
 class Shown:
     """How a key of the summary is shown, if it is there."""
 
     key: str  # the key
-    label: str = ""  # before its value on the terminal; "": it is not printed there
-    report: str = ""  # the label of its card in the report; "": it has none
-    # its lines on the terminal, each as its text, or with a label of its own; None: the number
+    label: str  # what it is
+    # its lines, each as its text, or with a label of its own; None: the number
     format: Callable[[Summary], list[str | TerminalLine]] | None = None
-    cards: Callable[[Summary], list[Card]] | None = None  # its cards; None: the number with its unit
-    unit: str = ""
     brief: bool = False  # whether the terminal shows it without --verbose, and the report first
 
 
 def table() -> list[Shown]:
     """All that is shown, in its order, those of others last."""
-    own = (
-        Shown(quantity.key, quantity.key.replace("_", " "), quantity.title.rstrip("."), unit=quantity.unit, brief=True)
-        for quantity in own_quantities()
-    )
+    own = (Shown(quantity.key, quantity.key.replace("_", " "), brief=True) for quantity in own_quantities())
     return [*_TABLE, *own]
 
 
 def shown_lines(shown: Shown, summary: Summary) -> list[TerminalLine]:
-    """What ``solve`` prints of a result."""
+    """The lines of a result."""
     value = summary.get(shown.key)
-    if not shown.label or value is None:
+    if value is None:
         return []
     texts = [digits(value, error_of(summary, shown.key))] if shown.format is None else shown.format(summary)
     if any(isinstance(text, TerminalLine) for text in texts):
@@ -93,17 +75,6 @@ def brief_lines(summary: Summary) -> list[TerminalLine]:
     if not validity_of(summary).solved:
         return []
     return [line for shown in table() if shown.brief for line in shown_lines(shown, summary)]
-
-
-def shown_cards(shown: Shown, summary: Summary) -> list[Card]:
-    """What the report shows of a result."""
-    value = summary.get(shown.key)
-    if not shown.report or value is None:
-        return []
-    if shown.cards is not None:
-        return shown.cards(summary)
-    error = error_of(summary, shown.key)
-    return [Card(shown.report, with_unit(figure(value, error), shown.unit), error)]
 
 
 def error_of(summary: Mapping[str, Any], key: str) -> float | None:
@@ -129,11 +100,6 @@ def _error_of_force(summary: Mapping[str, Any], key: str, error: float | None) -
     if len(rows) > 1 and contact + friction > 0:
         error *= max(1.0, math.hypot(*components) / math.hypot(contact, friction))
     return error * contact / friction if key == "friction_force" and 0 < friction < contact else error
-
-
-def _friction_used(summary: Summary) -> list[Card]:
-    used = summary["friction_used"]
-    return [Card("friction used", percent(used))] if used else []
 
 
 def _friction(summary: Summary) -> list[str | TerminalLine]:
@@ -188,30 +154,10 @@ def _resultant(summary: Summary, key: str) -> str:
     return in_brackets(clean(summary[key], size))
 
 
-def _force_cards(key: str) -> Callable[[Summary], list[Card]]:
-    """By component; between bodies with the boundary on which it acts, and of several boundaries none."""
-
-    def cards(summary: Summary) -> list[Card]:
-        if on_several_bodies(summary) or (key == "friction_force" and not has_friction(summary)):
-            return []
-        boundaries = summary.get("contact_boundaries")
-        whom = boundaries[0]["boundary"] if touch_each_other(summary) and boundaries else "the body"
-        size = max(abs(f) for name in ("contact_force", "friction_force") for f in summary[name])
-        error, force = error_of(summary, key), clean(summary[key], size)
-        names = named_components(kinematics_of(summary), len(force))
-        texts = components([force[k] for k in names], error)
-        label = f"{key.replace('_', ' ')} on {whom}"
-        pairs = zip(names.values(), texts, strict=True)
-        return [Card(f"{label}, {name}", with_unit(text, "force"), error) for name, text in pairs]
-
-    return cards
-
-
-def _max_shear(summary: Summary) -> list[Card]:
+def _max_shear(summary: Summary) -> list[str | TerminalLine]:
     """None without friction."""
-    error = error_of(summary, "max_shear")
-    card = Card("largest shear", with_unit(figure(summary["max_shear"], error), "stress"), error)
-    return [card] if has_friction(summary) else []
+    shear = with_unit(figure_or_error(summary["max_shear"], error_of(summary, "max_shear")), "stress")
+    return [shear] if has_friction(summary) else []
 
 
 def _zones(summary: Summary) -> list[str | TerminalLine]:
@@ -251,20 +197,6 @@ def _tools(summary: Summary) -> list[str | TerminalLine]:
     return [text for texts in zip(*map(tool_in_words, summary["tools"]), strict=True) for text in texts]
 
 
-def _tool_cards(summary: Summary) -> list[Card]:
-    """The motion of each rigid body and what the body does to it, component by component."""
-    units = {"displacement": "length", "rotation": "", "force": "force", "moment": "moment"}
-    names = {"displacement": "moved", "rotation": "turned (radians)", "force": "force on it", "moment": "moment on it"}
-    cards = []
-    for tool in summary["tools"]:
-        for key, name in names.items():
-            value = tool[key] if isinstance(tool[key], list) else [tool[key]]
-            axes = [f", {axis}" for axis in "xyz"] if len(value) > 1 else [""]
-            texts = [with_unit(text, units[key]) for text in components(value)]
-            cards += [Card(f"{tool['boundary']}: {name}{axis}", text) for axis, text in zip(axes, texts, strict=False)]
-    return cards
-
-
 def _preloads(summary: Summary) -> list[str | TerminalLine]:
     return [
         f"{section['name'].removeprefix('preload ')}: force {section['force']:.6g}, shortened by "
@@ -293,15 +225,6 @@ def _stress(summary: Summary) -> list[str | TerminalLine]:
     return [row("stress", text, "" if share is None or share <= 1 else "warning")]
 
 
-def _stress_card(summary: Summary) -> list[Card]:
-    """The larger one of the raw and the recovered one, and what it is worth."""
-    largest = largest_von_mises(summary)
-    if largest is None:
-        return []
-    value = with_unit(figure(largest["value"], between(summary["stress"])), "stress")
-    return [Card("largest von Mises stress", value, remark=f"{largest['of']}, {_place(largest)}{_no_limit(largest)}")]
-
-
 def _place(largest: dict[str, Any]) -> str:
     region = f" in {largest['region']}" if largest.get("region") else ""
     return f"at {with_unit(point_in_words(largest['place']), 'length')}{region}"
@@ -312,24 +235,18 @@ def _no_limit(largest: dict[str, Any]) -> str:
     return "" if why is None else f"; no limit as the mesh is refined: {why}"
 
 
-def _plastic_strain(summary: Summary) -> list[Card]:
-    """The value and its place; or that nothing has yielded."""
-    text, remark = yielding_in_words(summary)
-    return [Card("largest plastic strain", text, remark=remark)]
+def _plastic_strain(summary: Summary) -> list[str | TerminalLine]:
+    """The largest one and its place; or that nothing has yielded."""
+    largest = summary["plastic_strain"]
+    return ["nothing has yielded" if largest["value"] == 0 else f"{figure(largest['value'])} {_place(largest)}"]
 
 
-def _utilisation(summary: Summary) -> list[Card]:
+def _utilisation(summary: Summary) -> list[str | TerminalLine]:
     """The share, where it is reached, and what follows if it is above 1."""
     largest = summary["utilisation"]
     exceeded = largest["value"] is not None and largest["value"] > 1
     yields = "; it would yield, which linear elasticity does not know" if exceeded else ""
-    remark = f"{_place(largest)}{yields}{_no_limit(largest)}"
-    return [Card("yield stress used", share_in_words(summary), remark=remark)]
-
-
-def _as_lines(cards: Callable[[Summary], list[Card]]) -> Callable[[Summary], list[str | TerminalLine]]:
-    """The terminal prints what the report shows."""
-    return lambda summary: [f"{card.text} {card.remark}".rstrip() for card in cards(summary)]
+    return [f"{share_in_words(summary)} {_place(largest)}{yields}{_no_limit(largest)}"]
 
 
 def _deformation(summary: Summary) -> list[str | TerminalLine]:
@@ -368,33 +285,29 @@ def _effort(summary: Summary) -> list[str | TerminalLine]:
 
 
 _TABLE = (
-    Shown("contact_force", "force", "force", _forces, _force_cards("contact_force"), brief=True),
-    Shown("friction_force", "", "force", cards=_force_cards("friction_force")),
-    Shown("tools", "foundation", "motion", _tools, _tool_cards, brief=True),
-    Shown("preloads", "preload", format=_preloads, brief=True),
-    Shown("contact_nodes", "contact", format=_contact, brief=True),
-    Shown("stress", "stress", "largest von Mises stress", _stress, _stress_card, brief=True),
-    Shown("friction_used", "friction", "friction used", _friction, _friction_used, brief=True),
-    Shown("status", "error", format=_error, brief=True),
-    Shown("cost", "cost", format=lambda summary: [cost_in_words(summary)], brief=True),
-    Shown("certificate", "certificate", format=_certificate, brief=True),
-    Shown("dofs", "effort", format=_effort, brief=True),
-    Shown("certificate", "left by gamma", format=_left),
-    Shown("law", "law", format=_law),
-    Shown("max_pressure", "", "largest contact pressure", unit=unit_of("max_pressure")),
-    Shown("max_shear", "", "largest shear", cards=_max_shear),
-    Shown("zones", "zone", format=_zones),
-    Shown("areas", "area", format=_areas),
-    Shown("contact_moment", "contact moment", format=_moment("contact_moment")),
-    Shown("friction_moment", "friction moment", format=_moment("friction_moment")),
-    Shown("contact_boundaries", "in contact", format=_boundaries),
-    Shown("resultants", "forces", format=_resultants),
-    Shown("strain_energy", "strain energy", "strain energy", unit=unit_of("strain_energy")),
-    Shown("plastic_strain", "plastic strain", "plastic strain", _as_lines(_plastic_strain), _plastic_strain),
-    Shown("utilisation", "yield stress used", "yield stress used", _as_lines(_utilisation), _utilisation),
-    Shown("deformation", "deformation", format=_deformation),
-    Shown("error_bound", "error bound", format=lambda summary: [summary["error_bound"]["statement"]]),
-    Shown(
-        "functionals", "duality gap", format=lambda summary: [f"{summary['functionals']['relative_duality_gap']:.1e}"]
-    ),
+    Shown("contact_force", "force", _forces, brief=True),
+    Shown("tools", "foundation", _tools, brief=True),
+    Shown("preloads", "preload", _preloads, brief=True),
+    Shown("contact_nodes", "contact", _contact, brief=True),
+    Shown("stress", "stress", _stress, brief=True),
+    Shown("friction_used", "friction", _friction, brief=True),
+    Shown("status", "error", _error, brief=True),
+    Shown("cost", "cost", lambda summary: [cost_in_words(summary)], brief=True),
+    Shown("certificate", "certificate", _certificate, brief=True),
+    Shown("dofs", "effort", _effort, brief=True),
+    Shown("certificate", "left by gamma", _left),
+    Shown("law", "law", _law),
+    Shown("max_shear", "largest shear", _max_shear),
+    Shown("zones", "zone", _zones),
+    Shown("areas", "area", _areas),
+    Shown("contact_moment", "contact moment", _moment("contact_moment")),
+    Shown("friction_moment", "friction moment", _moment("friction_moment")),
+    Shown("contact_boundaries", "in contact", _boundaries),
+    Shown("resultants", "forces", _resultants),
+    Shown("strain_energy", "strain energy"),
+    Shown("plastic_strain", "plastic strain", _plastic_strain),
+    Shown("utilisation", "yield stress used", _utilisation),
+    Shown("deformation", "deformation", _deformation),
+    Shown("error_bound", "error bound", lambda summary: [summary["error_bound"]["statement"]]),
+    Shown("functionals", "duality gap", lambda summary: [f"{summary['functionals']['relative_duality_gap']:.1e}"]),
 )

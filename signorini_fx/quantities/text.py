@@ -10,7 +10,6 @@ import numpy as np
 from signorini_fx.machine.terminal import TerminalLine
 from signorini_fx.mechanics.kinematics import of_data
 from signorini_fx.mechanics.kinematics.protocol import Kinematics
-from signorini_fx.mechanics.statement.units import with_unit
 from signorini_fx.quantities.digits import between, figure, percent, solved_prices
 from signorini_fx.quantities.validity import validity_of
 from signorini_fx.records import Status
@@ -151,19 +150,6 @@ def share_in_words(summary: dict[str, Any], of: str = "") -> str:
     if share is not None and share > FAR_ABOVE_YIELD:
         return f"{figure(share, apart)} times{' ' * bool(of)}{of}"
     return f"{figure(None if share is None else 100 * share, apart)} %{' of ' * bool(of)}{of}"
-
-
-def yielding_in_words(summary: dict[str, Any]) -> tuple[str, str]:
-    """The largest plastic strain, and where it is; zero and that nothing yields.
-
-    Args:
-        summary: with a ``plastic_strain``.
-    """
-    largest = summary["plastic_strain"]
-    if largest["value"] == 0:
-        return "0", "nothing has yielded"
-    region = f" in {largest['region']}" if largest.get("region") else ""
-    return figure(largest["value"]), f"at {with_unit(point_in_words(largest['place']), 'length')}{region}"
 
 
 def resultant_in_words(row: dict[str, Any], scene: dict[str, Any]) -> str:

@@ -174,9 +174,7 @@ def test_page_is_whole(folder):
     assert ("Figures" in headings) == summary_of(folder)["converged"]
     assert headings[-1] == "Made with"
     behind = [headings.index(name) for name in ("Convergence table", "Certificate", "Iteration") if name in headings]
-    assert all(
-        headings.index(name) < min(behind) for name in headings if name.startswith(("Contact", "Forces", "Load"))
-    )
+    assert all(headings.index(name) < min(behind) for name in headings if name.startswith(("Contact", "Load")))
     targets = {value.removeprefix("#") for tag, name, value in page.attributes if (tag, name) == ("a", "href")}
     assert targets == page.ids
     assert len(targets) == len(page.of("h2"))
@@ -215,29 +213,29 @@ def test_numbers(folder):
         if name not in ("holds", "law"):
             assert float(cells[cells.index(name.replace("_", " ")) + 1]) == pytest.approx(value, rel=0.05, abs=1e-300)
     if "convergence_table" not in summary and summary["converged"]:
-        for key in ("max_pressure", "strain_energy"):
-            if key in summary:
-                assert f"{summary[key]:.4g}" in cells
-        if "contact_force" in summary and summary["converged"]:
-            assert cells[cells.index("contact force on the body, x") + 1] == "0"
-            assert cells[cells.index("contact force on the body, y") + 1] == f"{summary['contact_force'][1]:.4g}"
+        if "strain_energy" in summary:
+            assert f"{summary['strain_energy']:.6g}" in cells
+        if "contact_force" in summary:
+            first = " ".join(page.of("dd"))
+            assert f"(0, {summary['contact_force'][1]:.4g})" in first
+            assert f"largest pressure {summary['max_pressure']:.4g}" in first
     for row in summary.get("convergence_table", []):
         assert str(row["dofs"]) in cells
         assert f"{row['energy']:.2g}" in cells
     for step in summary.get("steps", []):
         assert f"{step['strain_energy']:.6g}" in cells
-    for runs in summary.get("zones", {}).values():
-        assert {f"{math.dist(*run):.4g}" for run in runs} <= set(cells)
+    for name, runs in summary.get("zones", {}).items():
+        assert (f"{name} zone" in cells) == bool(runs)
 
 
 def test_sections(folders):
     """What a scene does not have is not on its page."""
     headings = {name: set(Page(folder).of("h2")) for name, folder in folders.items()}
-    assert {"Forces", "Contact", "Iteration", "Load steps"} <= headings["steps"]
+    assert {"Contact", "Iteration", "Load steps"} <= headings["steps"]
     assert "Convergence table" in headings["levels"]
     assert "Load steps" not in headings["levels"]
     assert not {"Contact", "Iteration", "Load steps", "Convergence table"} & headings["linear"]
-    assert not {"Certificate", "Contact", "Forces"} & headings["not held"]
+    assert not {"Certificate", "Contact"} & headings["not held"]
     drawn = {name: len(pictures(Page(folder))) for name, folder in folders.items()}
     assert drawn["linear"] == drawn["not held"] == 1  # the latter of what the scene prescribes
     assert drawn["steps"] == len(["deformed", "profiles", "load_steps"])
@@ -251,8 +249,8 @@ def test_escapes(folders):
     assert any(text == f"{TITLE}: converged" for text in page.texts)
     assert "b" not in page.tags
     other = Page(folders["two boundaries"])
-    assert "<a&b>" in other.texts
-    assert "$c$" in other.texts
+    assert "<a&b>" in other.text
+    assert "$c$" in other.text
     assert "<a&b>" not in other.source
     assert part("note", "<&>\"'") == '<p class="note">&lt;&amp;&gt;&#34;&#39;</p>'
 

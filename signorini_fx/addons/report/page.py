@@ -24,7 +24,7 @@ from signorini_fx.quantities.validity import was_solved
 
 PAGE = "report.html"
 # The chapters that consist of figures, which say of what they are where there is no solution.
-_OF_FIGURES = ("Contact", "Forces", "Load steps")
+_OF_FIGURES = ("Contact", "Load steps")
 # By this a page is known to be one of these.
 _MADE_BY = '<meta name="generator" content="signorini_fx'
 
@@ -61,8 +61,6 @@ def _page(summary: dict[str, Any], folder: Path) -> str:
     }
     if solved and contact:
         chapters["Contact"] = sections.contact(summary, folder)
-    if solved:
-        chapters["Forces"] = sections.forces(summary)
     if solved and "steps" in summary:
         table = read_csv(folder / "steps.csv")
         if len(table["step"]) != len(summary["steps"]):

@@ -1,29 +1,24 @@
-"""The sections that come first on the page: outcome, pictures, figures, forces, load steps, advice."""
+"""The sections that come first on the page: outcome, pictures, figures, load steps, advice."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from signorini_fx.addons.pictures.fields import FIELDS
 from signorini_fx.addons.report.markup import Markup, in_text, joined, long_table, part, picture, rendered, table
 from signorini_fx.errors import PYVISTA
-from signorini_fx.machine.display import clean, results_of, status_in_words
+from signorini_fx.machine.display import results_of, status_in_words
 from signorini_fx.machine.result_files import seconds_of
-from signorini_fx.mechanics.statement.units import bracketed
-from signorini_fx.quantities.digits import components, figure, percent
-from signorini_fx.quantities.shown import Card, brief_lines, shown_cards
+from signorini_fx.mechanics.statement.units import names_of
+from signorini_fx.quantities.shown import brief_lines, shown_lines
 from signorini_fx.quantities.shown import table as table_of_results
 from signorini_fx.quantities.text import (
     boundaries_touched_by,
     has_friction,
     kinematics_of,
     marked_stress,
-    named_components,
 )
 from signorini_fx.quantities.validity import Validity, validity_of, was_solved
 from signorini_fx.tuned import FEW_NODES
@@ -79,10 +74,10 @@ def no_result(summary: dict[str, Any]) -> str:
 
 
 def figures(summary: dict[str, Any]) -> Markup:
-    """The figures of all quantities by their names, with units, and what is to be known of each."""
-    cards = [card for shown in table_of_results() for card in shown_cards(shown, summary)]
-    rows = [(card.label, card.text, card.remark or _estimate(card)) for card in cards]
-    return joined([table(["figure", "value", ""], rows), part("note", _note(summary))])
+    """The results that ``--verbose`` prints beside those of the outcome."""
+    lines = [line for shown in table_of_results() if not shown.brief for line in shown_lines(shown, summary)]
+    rows = [(line.begin.strip(), in_text(line.text)) for line in lines]
+    return joined([table(["result", ""], rows), part("note", _note(summary))])
 
 
 def size(summary: dict[str, Any]) -> str:
@@ -92,14 +87,15 @@ def size(summary: dict[str, Any]) -> str:
 
 
 def _note(summary: dict[str, Any]) -> str:
-    """What the forces are, and how many digits are shown."""
+    """What the forces are, and the units."""
     who, body = _sides(entry.get("against") for entry in summary["scene"].get("contact", []))
     forms = "forms" in summary["scene"]  # their measure says what is integrated
     measure = "what" if forms or kinematics_of(summary).whole else "per unit thickness, and what"
     integrated = ", integrated by the measure of the forms" if forms else ""
-    named = "" if summary["scene"].get("units", {}).get("length") else "; units are those of the scene"
-    digits = "Figures with an estimated error are rounded to it, others to four digits; all digits are in summary.json."
-    return f"Forces are {measure} {who} exerts on {body}{integrated}{named}. {digits}"
+    names = names_of(summary["scene"], summary["dimension"])
+    units = f"Units: {', '.join(map(' '.join, names.items()))}" if names else "Units are those of the scene"
+    moments = "Moments are about the origin, in 2D counterclockwise"
+    return f"Forces are {measure} {who} exerts on {body}{integrated}. {moments}. {units}."
 
 
 def _sides(against: Iterable[str | None]) -> tuple[str, str]:
@@ -107,12 +103,6 @@ def _sides(against: Iterable[str | None]) -> tuple[str, str]:
     kinds = {bool(name) for name in against}
     who = {(True,): "the other body", (False, True): "the foundation or the other body"}
     return who.get(tuple(sorted(kinds)), "the foundation"), "the body of the boundary" if True in kinds else "the body"
-
-
-def _estimate(card: Card) -> str:
-    """What is said below a figure that says nothing itself."""
-    share = percent(card.error) if card.error and card.error < 1 else ""
-    return share and f"error {'' if share.startswith('below') else 'about '}{share}"
 
 
 def _warnings(summary: dict[str, Any]) -> list[dict[str, Any]]:
@@ -180,103 +170,6 @@ def contact(summary: dict[str, Any], folder: Path) -> Markup:
     if any((entry.get("friction") or {}).get("law") == "tresca" for entry in contacts):
         caption += " Tresca friction also acts where nothing is in contact: its bound does not depend on the pressure."
     return _drawn(folder, "profiles.png", "curves along the contact boundary", caption)
-
-
-def forces(summary: dict[str, Any]) -> Markup:
-    """Resultants of all boundaries, figures of each contact boundary, zones and areas, as far as there are any."""
-    return joined([_resultants(summary), _contact_boundaries(summary), _zones(summary), _areas(summary)])
-
-
-def _resultants(summary: dict[str, Any]) -> Markup:
-    """Force, moment and point of action through each boundary, component by component."""
-    entries = summary.get("resultants", [])
-    if not entries:
-        return Markup("")
-    kinematics = kinematics_of(summary)
-    axes = named_components(kinematics, len(entries[0]["force"]))
-    moments = [list(entry["moment"]) if isinstance(entry["moment"], list) else [entry["moment"]] for entry in entries]
-    turns = [k for k in range(len(moments[0])) if kinematics.uniform or any(moment[k] for moment in moments)]
-    places = [_place_of_action(summary, entry.get("acts_at")) for entry in entries]
-    names = [f"force {name}{bracketed('force')}" for name in axes.values()]
-    names += [f"moment{f' {chr(120 + k)}' * (len(moments[0]) > 1)}{bracketed('moment')}" for k in turns]
-    names += [f"acts at {axis}{bracketed('length')}" for axis in "xyz"[: len(axes)]] if any(places) else []
-    rows = []
-    for entry, moment, point in zip(entries, moments, places, strict=True):
-        row = [entry.get("boundary") or "whole body", " and ".join(entry.get("acts", []))]
-        row += [*components([entry["force"][k] for k in axes]), *components([moment[k] for k in turns])]
-        row += (components(point) if point else [""] * len(axes)) if any(places) else []
-        rows.append(tuple(row))
-    note = "Forces on the body."
-    if turns:
-        note += " Moments are about the origin" + (", counterclockwise." if len(moments[0]) == 1 else ".")
-    if any(places):
-        note += " The point is one of the line on which the force acts."
-    if any(places) and not all(places):
-        note += " Where no point is named the force acts far outside the body or nowhere: the moment counts."
-    return joined([table(["boundary", "by", *names], rows), part("note", note)])
-
-
-def _place_of_action(summary: dict[str, Any], point: list[float] | None) -> list[float] | None:
-    """A point of the line of action that is not farther from the body than the body is large."""
-    bounds = [piece["bounds"] for piece in summary.get("pieces", ())]
-    if point is None or not bounds:
-        return point
-    low, high = np.min([bound[0] for bound in bounds], axis=0), np.max([bound[1] for bound in bounds], axis=0)
-    away = np.maximum(0.0, np.maximum(low - point, point - high))
-    return point if np.linalg.norm(away) <= np.linalg.norm(high - low) else None
-
-
-def _contact_boundaries(summary: dict[str, Any]) -> Markup:
-    """Area, mean pressure and forces of each contact boundary."""
-    entries = summary.get("contact_boundaries", [])
-    if not entries:
-        return Markup("")
-    area = f"area{bracketed('area')}" if kinematics_of(summary).whole else f"length{bracketed('length')}"
-    names = {
-        "boundary": "contact boundary",
-        "area": area,
-        "contact_area": f"in contact, {area}",
-        "mean_pressure": f"mean pressure{bracketed('stress')}",
-        "pressure_integral": f"integral of pressure{bracketed('force')}",
-        "contact_force": f"contact force{bracketed('force')}",
-        "friction_force": f"friction force{bracketed('force')}",
-        "friction_limit": f"friction limit{bracketed('force')}",
-        "friction_moment": f"moment of friction about its middle{bracketed('moment')}",
-        "moment_limit": f"moment limit{bracketed('moment')}",
-    }
-    used = [key for key in names if any(entry.get(key) is not None for entry in entries)]
-    if not has_friction(summary):
-        used = [key for key in used if not key.startswith("friction")]
-    rows = [tuple(figure(entry.get(key)) if key != "boundary" else entry[key] for key in used) for entry in entries]
-    return table([names[key] for key in used], rows)
-
-
-def _zones(summary: dict[str, Any]) -> Markup:
-    """The zones of contact, stick and slip in 2D."""
-    if "zones" not in summary:
-        return Markup("")
-    size = max((abs(c) for runs in summary["zones"].values() for run in runs for end in run for c in end), default=0.0)
-    rows = []
-    for name, runs in summary["zones"].items():
-        for first, last in runs:
-            ends = (c for end in (first, last) for c in components(clean(end, size)))
-            rows.append((name, *ends, figure(math.dist(first, last))))
-    if not rows:
-        return part("paragraph", "Nothing is in contact.")
-    note = "From node to node: the true ends lie up to one element further out. Stick and slip within the contact."
-    names = [
-        f"{side} {axis}{bracketed('length')}" for side in ("from", "to") for axis in "xyz"[: (len(rows[0]) - 2) // 2]
-    ]
-    return joined([table(["zone", *names, f"chord{bracketed('length')}"], rows), part("note", note)])
-
-
-def _areas(summary: dict[str, Any]) -> Markup:
-    """The areas of contact, stick and slip in 3D."""
-    if "areas" not in summary:
-        return Markup("")
-    rows = [(name, figure(area)) for name, area in summary["areas"].items()]
-    note = "Sums of weights of nodes, stick and slip where friction can act."
-    return joined([table(["all boundaries", f"area{bracketed('area')}"], rows), part("note", note)])
 
 
 def steps(steps: dict[str, Any], summary: dict[str, Any], folder: Path) -> Markup:
