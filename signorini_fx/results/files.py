@@ -38,8 +38,6 @@ T = TypeVar("T")
 LAST_LEVEL = "last_level"
 # Fields drawn on demand: the von Mises stress always is, and the displacement around the axis where there is one.
 ON_DEMAND = ("pressure", "displacement", "density")
-# Pictures that only some results have.
-_SELDOM = ("section", "setup")
 # All files of a result, although some are written by some runs only, and its report.
 FILES = (
     *(
@@ -54,7 +52,7 @@ FILES = (
     *(*FIELD_FILES, "contact.vtu"),
     *(
         f"{name}.{kind}"
-        for name in ("deformed", "profiles", "convergence_table", "contact_surface", "load_steps", *_SELDOM)
+        for name in ("deformed", "profiles", "convergence_table", "contact_surface", "load_steps", "setup")
         for kind in ("png", "pdf")
     ),
     *(f"field_{name}.{kind}" for name in (*ON_DEMAND, "around") for kind in ("png", "pdf")),

@@ -10,9 +10,9 @@ from drawing import needs_pictures_in_3d
 
 from signorini_fx.addons.pictures import solid as drawing
 from signorini_fx.addons.pictures import view
-from signorini_fx.addons.pictures.body import DrawnBody, Volume, tiling
+from signorini_fx.addons.pictures.body import DrawnBody, tiling
 from signorini_fx.addons.pictures.foundation import FoundationSurface
-from signorini_fx.addons.pictures.solid import Cut, Solid, solid_figure
+from signorini_fx.addons.pictures.solid import Solid, solid_figure
 from signorini_fx.addons.pictures.style import VALUES
 from signorini_fx.addons.pictures.view import normals_of
 from signorini_fx.errors import PictureError
@@ -83,23 +83,6 @@ def test_a_jump_of_the_field_is_not_smeared():
     picture = drawing.image(solid([0.0, 0.0, 1.0, 1.0], points, triangles), camera, WIDTH)
     for x, value in ((0.95, 0.0), (1.05, 1.0)):
         np.testing.assert_allclose(hue(at(picture, camera, [[x, 0.5, 0.0]])), [hue(VALUES(value))], atol=0.02)
-
-
-HEXAHEDRON = [[0, 1, 3, 2, 4, 5, 7, 6]]
-TETRAHEDRA = [[0, 1, 3, 7], [0, 3, 2, 7], [0, 2, 6, 7], [0, 6, 4, 7], [0, 4, 5, 7], [0, 5, 1, 7]]
-
-
-@pytest.mark.parametrize("cells", [HEXAHEDRON, TETRAHEDRA], ids=["hexahedron", "tetrahedra"])
-def test_a_cut_shows_the_field_inside(cells):
-    """What is before the plane is gone, and the field on the plane is that of the cells."""
-    seen = view.oblique(-90.0, 10.0)
-    camera = view.Camera.on(seen, CUBE)
-    volume = Volume(CUBE, 0 * CUBE, 0.5 * CUBE[:, 0] + 0.5 * CUBE[:, 1], np.array(cells))
-    points, triangles, values = Cut(volume, np.array([0.0, 0.6, 0.0]), np.array([0.0, -1.0, 0.0])).surface(1.0)
-    assert points[:, 1].min() == pytest.approx(0.6)
-    picture = drawing.image(solid(values, points, triangles), camera, WIDTH)
-    places = np.array([[x, 0.6, 0.5] for x in (0.2, 0.5, 0.8)])
-    np.testing.assert_allclose(hue(at(picture, camera, places)), hue(VALUES(0.5 * places[:, 0] + 0.3)), atol=0.02)
 
 
 def test_foundations_are_seen_from_the_body():

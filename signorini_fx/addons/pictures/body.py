@@ -150,13 +150,3 @@ class DrawnBody:
         """The points with the displacement times a factor; a failed solve may have left anything behind."""
         moved = self.points + factor * self.displacement
         return np.where(np.isfinite(moved), moved, self.points)
-
-
-@dataclass(frozen=True)
-class Volume:
-    """The cells of a body in 3D, for a section."""
-
-    points: Floats  # positions, length, shape (n, 3); where the field jumps there is one for each value
-    displacement: Floats  # at the points, length, shape (n, 3)
-    values: Floats  # von Mises stress at the points, shape (n,)
-    cells: Rows  # points of each cell in the order of VTK, shape (m, 4) for tetrahedra, (m, 8) for hexahedra

@@ -15,7 +15,7 @@ import ufl
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 
-from signorini_fx.addons.pictures.body import DrawnBody, Volume, tiling
+from signorini_fx.addons.pictures.body import DrawnBody, tiling
 from signorini_fx.addons.pictures.fields import FIELDS
 from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.assembly.mesh_entities import facet_entities
@@ -29,8 +29,6 @@ Cells = npt.NDArray[np.int32]
 Values = Callable[[Floats, Cells], Floats]
 # Corners of a triangle and of a quadrilateral as basix numbers them, in order along the perimeter.
 _PERIMETER = {3: [0, 1, 2], 4: [0, 1, 3, 2]}
-# Corners of a cell as basix numbers them, in the order of VTK.
-_ORDER_OF_VTK = {"tetrahedron": [0, 1, 2, 3], "hexahedron": [0, 1, 3, 2, 4, 5, 7, 6]}
 # Straight pieces that stand for a side that may be curved; and of a whole picture, to the square.
 _PIECES = 4
 _MOST_POINTS = 100_000
@@ -114,33 +112,15 @@ def gather_outer_surface(solution: Solution, fields: Sequence[str] = ()) -> Draw
     )
 
 
-def gather_volume(solution: Solution) -> Volume | None:
-    """The cells of all ranks with the recovered von Mises stress, on the first one; None without one; collective."""
-    mesh = solution.model.tagged.mesh
-    functions, recovered = _fields(solution, ["von_mises"])
-    if not recovered:
-        return None
-    name, cells = mesh.topology.cell_name(), np.arange(mesh.topology.index_map(3).size_local, dtype=np.int32)
-    corners = basix.geometry(getattr(basix.CellType, name))[_ORDER_OF_VTK[name]]
-    x, u = _positions(solution)(corners, cells), _displacement(solution, 3)(corners, cells)
-    rows, number = _joined(solution, x, u, cells, functions["von_mises"](corners, cells))
-    return Volume(rows[:, :3], rows[:, 3:6], rows[:, 6], number)
-
-
-def _joined(
-    solution: Solution, x: Floats, u: Floats, cells: Cells, values: Floats | None = None
-) -> tuple[Floats, npt.NDArray[np.int64]]:
-    """Points of all ranks with displacements and perhaps values, one row each, and the rows of each cell or facet.
-
-    Bodies that touch, and values that jump, have points of their own; collective.
+def _joined(solution: Solution, x: Floats, u: Floats, cells: Cells) -> tuple[Floats, npt.NDArray[np.int64]]:
+    """Points of all ranks with displacements, one row each, and the rows of each facet; bodies that touch have points
+    of their own; collective.
     """
-    further = np.zeros(x.shape[:2]) if values is None else values
     pieces = np.broadcast_to(solution.model.motions.pieces.of_cell[cells][:, None], x.shape[:2])
-    columns = np.concatenate((x, u, further[..., None], pieces[..., None]), axis=2)
+    columns = np.concatenate((x, u, pieces[..., None]), axis=2)
     rows = parallel.rows_on_root(solution.comm, columns.reshape(-1, columns.shape[2]))
-    size, top = (float(np.ptp(part, axis=0).max()) or 1.0 if len(rows) else 1.0 for part in (rows[:, :3], rows[:, 6:7]))
-    places = np.column_stack((rows[:, :3] / size, rows[:, 6] / top)) / ROOT_OF_EPS
-    grid = np.round(np.column_stack((places, rows[:, 7]))).astype(np.int64)
+    size = float(np.ptp(rows[:, :3], axis=0).max()) or 1.0 if len(rows) else 1.0
+    grid = np.round(np.column_stack((rows[:, :3] / size / ROOT_OF_EPS, rows[:, 6]))).astype(np.int64)
     _, first, number = np.unique(grid, axis=0, return_index=True, return_inverse=True)
     return rows[first], number.reshape(-1, x.shape[1]).astype(np.int64)
 

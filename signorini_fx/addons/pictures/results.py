@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from signorini_fx.addons.pictures.body import DrawnBody, Volume
+from signorini_fx.addons.pictures.body import DrawnBody
 from signorini_fx.addons.pictures.fields import FIELDS
 from signorini_fx.machine import parallel
 from signorini_fx.machine.csv_text import Table
@@ -26,7 +26,6 @@ if TYPE_CHECKING:
 
 Array = npt.NDArray[np.float64]
 MOST_FACETS = 40_000  # of a body in 3D: a picture takes seconds, and a page megabytes
-MOST_CELLS = 200_000  # of a section: they take seconds, and 100 MB on the first rank
 
 
 def gather_pictures(solution: Solution, asked: Sequence[str] = (), *, pdf: bool = False) -> ResultPictures:
@@ -45,7 +44,7 @@ def gather_pictures(solution: Solution, asked: Sequence[str] = (), *, pdf: bool 
 
         return ResultPictures(**usual, setup=gather_setup(tagged, statement, statement.title))
     fields = _fields(solution, asked)
-    body, volume = _body(solution, fields)
+    body = _body(solution, fields)
     contacts, tools = statement.contact, solution.last_step.tools
     shapes: Mapping[str, Any] = {}
     if body is not None:
@@ -56,7 +55,6 @@ def gather_pictures(solution: Solution, asked: Sequence[str] = (), *, pdf: bool 
         **usual,
         fields=fields,
         body=body,
-        volume=volume,
         prices=as_rows(solution.convergence_table),
         tools={contacts[part].boundary: motion.at for motion in tools for part in motion.body.parts},
         shapes=shapes,
@@ -78,22 +76,19 @@ def _fields(solution: Solution, asked: Sequence[str]) -> tuple[str, ...]:
     return tuple(name for name in dict.fromkeys((*usual, *asked)) if name not in unknown)
 
 
-def _body(solution: Solution, fields: Sequence[str]) -> tuple[DrawnBody | None, Volume | None]:
-    """The body, None if it is too large to be drawn; of one in 3D also its cells, None if they are too many;
-    collective.
-    """
+def _body(solution: Solution, fields: Sequence[str]) -> DrawnBody | None:
+    """The body, None if it is too large to be drawn; collective."""
     from signorini_fx.addons.pictures import gather
 
     tagged = solution.model.tagged
     if tagged.dimension == 2:
-        return gather.gather_cells(solution, fields), None
+        return gather.gather_cells(solution, fields)
     count = gather.outer_facets(solution)
     if count > MOST_FACETS:
         where = f"its surface has {count} facets, more than {MOST_FACETS}: see it in ParaView"
         parallel.log_on_root(solution.comm, f"the deformed body is not drawn: {where}")
-        return None, None
-    few = tagged.mesh.topology.index_map(3).size_global <= MOST_CELLS and solution.known_stress is not None
-    return gather.gather_outer_surface(solution, fields), gather.gather_volume(solution) if few else None
+        return None
+    return gather.gather_outer_surface(solution, fields)
 
 
 @dataclass(frozen=True)
@@ -107,7 +102,6 @@ class ResultPictures:
     # names of the fields that are drawn on the body, the von Mises stress first, where it is known
     fields: tuple[str, ...] = ()
     body: DrawnBody | None = None  # None if it has too many facets
-    volume: Volume | None = None  # the cells of a body in 3D for a section; None: there is none
     prices: Sequence[Mapping[str, Any]] = ()  # one mapping per mesh, the columns of convergence_table.csv
     # of each boundary that a rigid tool may touch, how the tool has moved at points of shape (n, d)
     tools: Mapping[str, Callable[[Array], Array]] = field(default_factory=dict)
@@ -219,7 +213,7 @@ class ResultPictures:
         folder: Path,
         largest: tuple[Sequence[float], str] | None,
     ) -> None:
-        from signorini_fx.addons.pictures.solid import Cut, deformed_solid, telling_view
+        from signorini_fx.addons.pictures.solid import deformed_solid, telling_view
 
         foundations = []
         if contact is not None and facets is not None:
@@ -228,18 +222,6 @@ class ResultPictures:
         draw = partial(deformed_solid, body=body, seen=seen, foundations=foundations)
         for name in self.fields:
             draw(folder / self._stem(name), name=name, **self._options(name, body, largest))
-        if contact is None or self.volume is None:
-            return
-        # Through the centre of the contact pressure, if there is any.
-        force = np.maximum(np.nan_to_num(contact["pressure"]), 0.0) * contact["weight"]
-        if 0 < force.sum() < np.inf:
-            origin, across = (
-                force @ np.column_stack([contact[f"{name}{axis}"] for axis in "xyz"]) / force.sum()
-                for name in ("", "n_")
-            )
-            cut = Cut.along(self.volume, origin, across, seen)
-            options = self._options("von_mises", body, None)
-            draw(folder / "section", name="von_mises", cut=cut, **options)
 
 
 def _grounded(contact: Table) -> npt.NDArray[np.bool_]:

@@ -1,4 +1,4 @@
-"""The deformed body in 3D on its foundation: its outer surface or a section, a field in colours, drawn by PyVista."""
+"""The deformed body in 3D on its foundation: its outer surface, a field in colours, drawn by PyVista."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from signorini_fx.addons.pictures import view
-from signorini_fx.addons.pictures.body import DrawnBody, Volume
+from signorini_fx.addons.pictures.body import DrawnBody
 from signorini_fx.addons.pictures.fields import FIELDS
 from signorini_fx.addons.pictures.foundation import FoundationSurface
 from signorini_fx.addons.pictures.marks import Largest, draw_lengths, mark_largest
@@ -27,7 +27,6 @@ from signorini_fx.addons.pictures.style import INK, MUTED, SCREEN, STYLE, VALUES
 from signorini_fx.addons.pictures.tones import Tones
 from signorini_fx.addons.pictures.view import Camera, View, normals_of
 from signorini_fx.errors import PYVISTA, PictureError
-from signorini_fx.machine.display import clean
 from signorini_fx.tuned import (
     AMBIENT_LIGHT,
     LAMPS,
@@ -44,41 +43,6 @@ Rows = npt.NDArray[np.int64]
 GROUND = "#dcdcdc"
 _LABELS = 0.8  # inches beside the body
 _WITHOUT_DISPLAY = (9, 4)  # the first VTK that draws without a display; an older one ends the process
-
-
-@dataclass(frozen=True)
-class Cut:
-    """A section of a body: what is before a plane is left out."""
-
-    volume: Volume  # the cells of the body
-    origin: Floats  # a point of the undeformed body that the plane goes through, shape (3,)
-    normal: Floats  # of the plane, towards what is left out, a coordinate axis, shape (3,)
-
-    @classmethod
-    def along(cls, volume: Volume, origin: Floats, direction: Floats, seen: View) -> Cut:
-        """Of the coordinate planes that contain a direction, as far as one does, that which the viewer sees best."""
-        facing = np.abs(seen.toward) * (1 - np.abs(direction) / (float(np.linalg.norm(direction)) or 1.0))
-        axis = int(np.argmax(facing))
-        return cls(volume, origin, math.copysign(1.0, seen.toward[axis]) * np.eye(3)[axis])
-
-    @property
-    def axis(self) -> int:
-        """Of the normal."""
-        return int(np.argmax(np.abs(self.normal)))
-
-    def surface(self, factor: float) -> tuple[Floats, Rows, Floats]:
-        """Points, triangles and values at their corners of what is left, with the displacement times a factor."""
-        import pyvista
-
-        volume = self.volume
-        nearest = np.argmin(np.linalg.norm(volume.points - self.origin, axis=1))
-        origin = self.origin + factor * volume.displacement[nearest]
-        kind = {4: pyvista.CellType.TETRA, 8: pyvista.CellType.HEXAHEDRON}[volume.cells.shape[1]]
-        grid = pyvista.UnstructuredGrid({kind: volume.cells}, volume.points + factor * volume.displacement)
-        grid.point_data["field"] = volume.values
-        left = grid.clip(normal=self.normal, origin=origin, invert=True).extract_geometry().triangulate()
-        triangles = left.faces.reshape(-1, 4)[:, 1:]
-        return left.points, triangles, left.point_data["field"][triangles]
 
 
 @dataclass(frozen=True)
@@ -104,7 +68,6 @@ def deformed_solid(
     seen: View,
     foundations: Sequence[FoundationSurface] = (),
     largest: Largest | None = None,
-    cut: Cut | None = None,
     title: str = "",
     suffixes: Sequence[str] = SCREEN,
 ) -> None:
@@ -117,7 +80,6 @@ def deformed_solid(
         seen: the view.
         foundations: of each contact boundary.
         largest: what a circle marks; None: no circle.
-        cut: a section in place of the whole surface.
         title: title of the picture.
         suffixes: of the files to write.
 
@@ -125,7 +87,7 @@ def deformed_solid(
         PictureError: PyVista is missing.
     """
     with mpl.rc_context(STYLE):
-        figure, remark = solid_figure(body, name, seen, foundations, largest, cut)
+        figure, remark = solid_figure(body, name, seen, foundations, largest)
         finish(figure, path_stem, f"{title}   ({remark})" if title else remark, suffixes)
 
 
@@ -135,7 +97,6 @@ def solid_figure(
     seen: View,
     foundations: Sequence[FoundationSurface] = (),
     largest: Largest | None = None,
-    cut: Cut | None = None,
 ) -> tuple[Figure, str]:
     """Draw the outer surface of a deformed body in 3D on its foundation; returns the figure, and what it magnifies.
 
@@ -160,26 +121,17 @@ def solid_figure(
     facing = area > 0
     label, corners = FIELDS[name].labelled(recovered=body.recovered), body.at_corners(name)
     tones = Tones(label, corners[facing].ravel(), area[facing].repeat(3) / 3)
-    if cut is not None:
-        tones = Tones(label, cut.volume.values, np.ones(len(cut.volume.values)))
-        place = math_number(float(f"{clean([float(cut.origin[cut.axis])], body.size)[0]:.4g}"))
-        remark = f"cut at ${'xyz'[cut.axis]} = {place}$, {remark}"
     moved, grounds = body.moved(factor), [foundation.shape(factor) for foundation in foundations]
     solid = Solid(moved, body.triangles, corners, (tones.low, tones.high), grounds=grounds)
     ends = [entry.surface[0] for entry in foundations if entry.surface is not None and not entry.is_plane]
     camera = Camera.on(seen, _extent(solid, body.points, ends if factor == 1 else []))
     inch = SOLID_INCHES / (2 * float(camera.half.max()))
-    if cut is not None:
-        points, triangles, values = cut.surface(factor)
-        solid = replace(solid, points=points, triangles=triangles, values=values)
-    else:
-        facets = np.linalg.norm(normals_of(moved, body.perimeters), axis=1)
-        visible = math.sqrt(float(np.median(facets))) * 72 * inch >= VISIBLE_FACET
-        at_rest = None if factor == 1 else body.points
-        solid = replace(solid, at_rest=at_rest, edges=_edges(body) if visible else None)
+    facets = np.linalg.norm(normals_of(moved, body.perimeters), axis=1)
+    visible = math.sqrt(float(np.median(facets))) * 72 * inch >= VISIBLE_FACET
+    at_rest = None if factor == 1 else body.points
+    solid = replace(solid, at_rest=at_rest, edges=_edges(body) if visible else None)
     figure, axes = figure_of(solid, camera, inch)
-    if cut is None:
-        draw_lengths(axes, body.points, camera)
+    draw_lengths(axes, body.points, camera)
     if largest is not None:
         point = largest.nearest(body, name)
         inside = np.linalg.norm(largest.place - body.points[point]) > SAME_LENGTH * body.size

@@ -117,7 +117,6 @@ _CIRCLE = "; circle: the largest one, recovered or raw. "
 _DISPLACEMENT = "Colour: size of the displacement; the stress is not known. "
 _MAGNIFIED = "The title says what is magnified."
 _SETUP = "What the scene prescribes, before it is solved. Squares and circles: supports; arrows: loads and motions."
-_SECTION = "Von Mises stress within the body, which is cut through the centre of the contact pressure."
 _SOLID_BODY = "Gray lines: undeformed body; arrows: how long the body is. "
 _FOUNDATION = {False: "Hatched: the foundation. ", True: "Gray surface: the foundation. "}  # in 3D?
 
@@ -146,8 +145,8 @@ def _overview(summary: dict[str, Any], folder: Path) -> Markup:
 
 
 def further_pictures(folder: Path) -> Markup:
-    """A section, and the pictures of other fields that were asked for."""
-    further = [_drawn(folder, "section.png", "section through the body", _SECTION)]
+    """The pictures of other fields that were asked for."""
+    further = list[Markup]()
     for name, field in FIELDS.items():
         caption = f"{field.in_words[0].upper()}{field.in_words[1:]}{field.remark}."
         further.append(_drawn(folder, f"field_{name}.png", field.in_words, caption))
