@@ -179,9 +179,6 @@ def open_checkpoint(
         history.add(
             f"restart: {description} in {stored.path}" if stored.found else f"restart: nothing in {stored.path}"
         )
-        if stored.damaged:
-            files = ", ".join(map(str, stored.damaged))
-            history.add(f"restart: damaged, so that what needs it is solved again: {files}")
     elif parallel.on_root(comm, stored.path.is_dir):
         history.add(f"restart: not asked for: {stored.path} of a run that has not ended is replaced")
     return stored
