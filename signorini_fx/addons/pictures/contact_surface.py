@@ -30,7 +30,6 @@ from signorini_fx.addons.pictures.style import (
     decimal_power,
     finish,
     largest_of,
-    lay_out,
     math_number,
     plain,
     readable,
@@ -176,7 +175,7 @@ def contact_figure(table: Table, facets: Rows) -> Figure:
     if seen:
         patches = state_patches(seen)
         figure.legend(handles=patches, loc="outside lower center", ncols=len(patches), handlelength=1.6)
-    lay_out(figure)  # the layout needs a second pass if equal axes do not fill their place
+    figure.draw_without_rendering()  # the layout needs a second pass if equal axes do not fill their place
     return figure
 
 

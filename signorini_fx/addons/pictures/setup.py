@@ -26,7 +26,6 @@ from signorini_fx.addons.pictures.style import (
     STYLE,
     Floats,
     finish,
-    lay_out,
     math_number,
     plain,
 )
@@ -112,7 +111,7 @@ class Setup:
                 figure, flat, toward = self._space()
             self._mark(figure.axes[0], flat, toward)
             self._legend(figure)
-            lay_out(figure)  # the layout needs a second pass if equal axes do not fill their place
+            figure.draw_without_rendering()  # the layout needs a second pass if equal axes do not fill their place
             finish(figure, path_stem, plain(self.title), suffixes)
 
     @property

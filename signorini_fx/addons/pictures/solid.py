@@ -23,7 +23,7 @@ from signorini_fx.addons.pictures.body import DrawnBody
 from signorini_fx.addons.pictures.fields import FIELDS
 from signorini_fx.addons.pictures.foundation import FoundationSurface
 from signorini_fx.addons.pictures.marks import Largest, draw_lengths, mark_largest
-from signorini_fx.addons.pictures.style import INK, MUTED, SCREEN, STYLE, VALUES, Floats, finish, lay_out, math_number
+from signorini_fx.addons.pictures.style import INK, MUTED, SCREEN, STYLE, VALUES, Floats, finish, math_number
 from signorini_fx.addons.pictures.tones import Tones
 from signorini_fx.addons.pictures.view import Camera, View, normals_of
 from signorini_fx.errors import PYVISTA, PictureError
@@ -139,7 +139,7 @@ def solid_figure(
         behind = bool(inside or (normals_of(body.points, around) @ seen.toward <= 0).all())
         mark_largest(axes, camera.flat(largest.moved(body, name, factor)), largest.text, behind=behind)
     tones.bar(figure, axes)
-    lay_out(figure)  # the layout needs a second pass if equal axes do not fill their place
+    figure.draw_without_rendering()  # the layout needs a second pass if equal axes do not fill their place
     return figure, remark
 
 

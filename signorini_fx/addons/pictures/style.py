@@ -17,10 +17,8 @@ from typing import Any
 import matplotlib as mpl
 import numpy as np
 import numpy.typing as npt
-from matplotlib.backend_bases import get_registered_canvas_class
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
-from matplotlib.ticker import ScalarFormatter
 
 from signorini_fx.machine.terminal import printable
 from signorini_fx.mechanics.statement.units import bracketed, unit
@@ -28,8 +26,7 @@ from signorini_fx.mechanics.statement.units import bracketed, unit
 Floats = npt.NDArray[np.float64]
 _PNG_DPI = 200
 _RASTER_DPI = 300  # of what is an image in a PDF or SVG
-_POINTS = 72  # to an inch: the unit in which PDF and SVG measure
-SCREEN, PRINT = (".png",), (".png", ".pdf")
+SCREEN = (".png",)
 INK, MUTED, RULE = "#1a1a1a", "#6b6b6b", "#c8c8c8"
 # Perceptually uniform, from dark to light; without the darkest colours, on which neither light nor lines would be seen.
 VALUES = ListedColormap(mpl.colormaps["viridis"](np.linspace(0.15, 1.0, 256)), name="values")
@@ -49,7 +46,6 @@ STYLE: dict[str, Any] = {
     "axes.spines.top": False,
     "axes.spines.right": False,
     "axes.labelcolor": INK,
-    "axes.formatter.use_mathtext": True,
     "xtick.color": MUTED,
     "ytick.color": MUTED,
     "xtick.labelcolor": INK,
@@ -117,16 +113,6 @@ def math_number(value: float) -> str:
     return rf"10^{{{int(power)}}}" if digits == "1" else rf"{digits}\cdot 10^{{{int(power)}}}"
 
 
-class _Digits(ScalarFormatter):
-    """Numbers at an axis as plain text: they look the same as mathematics, which takes far longer to set.  A factor
-    that they have in common stays mathematics.
-    """
-
-    def __call__(self, x: float, pos: int | None = None) -> str:
-        text = str(super().__call__(x, pos))
-        return text.removeprefix(r"$\mathdefault{").removesuffix("}$")
-
-
 def _entitle(figure: Figure, title: str) -> None:
     """The title at the top left; one that is wider than the figure in several lines, the remark in one of its own."""
     text = figure.suptitle(title, x=0.012, ha="left", fontsize=10)
@@ -140,33 +126,13 @@ def _entitle(figure: Figure, title: str) -> None:
     text.set_text("\n".join([*lines, *(f"({part}" for part in remark)]))
 
 
-def lay_out(figure: Figure, suffix: str = ".png") -> None:
-    """Give everything in a figure its place, as measured by what will write it."""
-    get_registered_canvas_class(suffix[1:])(figure)
-    figure.set_dpi(_PNG_DPI if suffix == ".png" else _POINTS)
-    if (engine := figure.get_layout_engine()) is not None:
-        engine.execute(figure)
-
-
 def finish(figure: Figure, path_stem: str | Path, title: str, suffixes: Sequence[str] = SCREEN) -> None:
-    """Title the figure and write it; without dates, so that the same data give the same files.
-
-    ``Figure.savefig`` would draw all of it once more for each file, to find the places of things: here this is done
-    once, and for all files as for the first one.
-    """
-    for axis in (axis for axes in figure.axes for axis in (axes.xaxis, axes.yaxis)):
-        if type(axis.get_major_formatter()) is ScalarFormatter:
-            axis.set_major_formatter(_Digits())
+    """Title the figure and write it; without dates, so that the same data give the same files."""
     stem = Path(path_stem)
     stem.parent.mkdir(parents=True, exist_ok=True)
     dateless = {".pdf": {"CreationDate": None}, ".svg": {"Date": None}}
     if title:
         _entitle(figure, title)
     for suffix in suffixes:
-        if suffix == suffixes[0]:
-            lay_out(figure, suffix)
-            figure.set_layout_engine("none")
-        canvas = get_registered_canvas_class(suffix[1:])(figure)
-        figure.set_dpi(_PNG_DPI if suffix == ".png" else _RASTER_DPI)
-        write = getattr(canvas, f"print_{suffix[1:]}")
-        write(stem.with_name(f"{stem.name}{suffix}"), metadata=dateless.get(suffix))
+        dpi = _PNG_DPI if suffix == ".png" else _RASTER_DPI
+        figure.savefig(stem.with_name(f"{stem.name}{suffix}"), dpi=dpi, metadata=dateless.get(suffix))
