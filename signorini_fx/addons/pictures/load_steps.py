@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -33,28 +33,24 @@ from signorini_fx.tuned import NEGLIGIBLE
 
 Floats = npt.NDArray[np.float64]
 
-_COLOURS = (INK, BLUE, ORANGE, "#009e73", "#cc79a7", MUTED)  # of boundaries, or of axes where there is one
-_DASHED = (0, (4.5, 1.8))  # of friction
-_THIN, _WIDER = 1.3, 1.2  # points: the last line of several, and by how much each one before is wider
+_COLOURS = (INK, BLUE, ORANGE, "#009e73", "#cc79a7", MUTED)
 _NOUGHT = 1e-6  # of the largest force: components below are zero up to round-off, and are not shown
 
 
 @dataclass(frozen=True)
 class _Curve:
-    """A quantity over the load steps, drawn over another one; ``axis``: of a component, "": it is none."""
+    """A column of the table, drawn over another one."""
 
+    label: str
     over: Floats
     values: Floats
-    label: str = ""
-    axis: str = ""
-    rubs: bool = False
+    dashed: bool = False
 
 
 def load_steps(path_stem: str | Path, steps: Table, *, around: bool = False, suffixes: Sequence[str] = SCREEN) -> None:
     """Draw the forces of the foundation on the body step by step, and below the largest component of the friction force
-    against the motion, or the torque of friction; between bodies the largest components of each boundary.  On a
-    boundary that closes around a body forces balance each other: there the integral of the pressure and the moment of
-    friction.
+    against the motion, or the torque of friction; of several boundaries the largest components of each.  On a boundary
+    that closes around a body forces balance each other: there the integral of the pressure and the moment of friction.
 
     Args:
         path_stem: where to write, without suffix.
@@ -68,138 +64,79 @@ def load_steps(path_stem: str | Path, steps: Table, *, around: bool = False, suf
     # What the names of the columns of each boundary end with.
     ends = [name.removeprefix("contact_force_x") for name in steps if name.startswith("contact_force_x")]
     axes = "y" if around or "torque" in steps else "xyz"  # over a revolution the others cancel
-    closed = [end for end in ends if _closes(steps, end, axes)]
-    shown = closed if len(closed) == len(ends) else [end for end in ends if end not in closed]
-    upper, lower = list[list[_Curve]](), list[list[_Curve]]()
-    for end in shown:
-        above, below = _moments(steps, end) if end in closed else _forces(steps, end, axes)
-        upper.append(above)
-        lower.append(below)
+    forces, motions, moments = list[_Curve](), list[_Curve](), list[_Curve]()
+    for end in ends:
+        contact, friction = (_columns(steps, f"{kind}_force", axes, end) for kind in ("contact", "friction"))
+        pressing = _columns(steps, "pressure_integral", [""], end)
+        if pressing and _largest([*contact, *friction]) <= NEGLIGIBLE * _largest(pressing):
+            forces += pressing
+            moments.append(max(_columns(steps, "friction_moment", ["", *"xyz"], end), key=_size))
+            continue
+        forces += [*contact, *friction] if len(ends) == 1 else [max(contact, key=_size), max(friction, key=_size)]
+        motions.append(_over_motion(steps, end, friction))
+    panels = [
+        ("time", "force", forces),
+        ("mean tangential displacement", "force", motions),
+        ("time", "moment", moments),
+    ]
+    panels = [(over, kind, curves) for over, kind, curves in panels if _largest(curves) > 0]
     with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(4.4, 4.8 + 0.3 * len(shown)), layout="constrained")  # with room for the legend
-        first, second = figure.subplots(2, 1)
-        power = _draw(first, upper)
-        first.set(xlabel="time", ylabel=_above("force", unit_of(power, "force")))
-        first.axhline(0.0, color=RULE, linewidth=0.6, zorder=0)
-        if any(curve.values.any() for curves in lower for curve in curves):
-            _draw_resistance(second, lower, steps, closed=shown == closed)
-        else:
-            second.text(0.5, 0.5, "no friction", color=MUTED, ha="center", transform=second.transAxes)
-            second.set_axis_off()
-        _mark_names(first, steps)
-        figure.legend(*first.get_legend_handles_labels(), loc="outside lower center", ncols=2)
+        figure = Figure(figsize=(4.4, 0.6 + 2.4 * max(len(panels), 1)), layout="constrained")
+        for part, (over, kind, curves) in zip(
+            figure.subplots(max(len(panels), 1), squeeze=False)[:, 0], panels, strict=False
+        ):
+            _draw(part, over, "moment" if curves is motions and "torque" in steps else kind, curves)
         finish(figure, path_stem, "", suffixes)
+
+
+def _columns(steps: Table, kind: str, axes: Sequence[str], end: str) -> list[_Curve]:
+    """The components of a quantity of a boundary over time."""
+    words = {"friction_moment": "moment of friction", "pressure_integral": "integral of the pressure"}
+    where, name = f" on {plain(end.strip())}" if end else "", words.get(kind, kind.replace("_", " "))
+    times = _column(steps, "time")
+    found = {axis: f"{kind}{axis and '_'}{axis}{end}" for axis in axes}
+    return [
+        _Curve(f"{name} {axis}".rstrip() + where, times, _column(steps, column), kind.startswith("friction"))
+        for axis, column in found.items()
+        if column in steps
+    ]
+
+
+def _over_motion(steps: Table, end: str, friction: Sequence[_Curve]) -> _Curve:
+    """The largest component of friction over the motion along it, in 2D along the boundary; or the torque."""
+    name = "mean_tangential_displacement"
+    if "torque" in steps:
+        return _Curve("torque", _column(steps, f"{name}_z"), _column(steps, "torque"))
+    largest = max(friction, key=_size)
+    axis = largest.label.removeprefix("friction force ")[0]
+    in_space = f"{name}_{axis}{end}"  # there the motion is a vector
+    motion = _column(steps, in_space if in_space in steps else f"{name}{end}")
+    return _Curve(largest.label, motion, largest.values)
 
 
 def _column(steps: Table, name: str) -> Floats:
     return np.asarray(steps[name], dtype=np.float64)
 
 
-def _curves(steps: Table, kind: str, end: str, axes: Sequence[str]) -> list[_Curve]:
-    """The components of a quantity of a boundary over time; ``end``: what the names of its columns end with."""
-    times, of = _column(steps, "time"), f"{plain(end.strip())}: " if end else ""
-    columns = {axis: f"{kind}{axis and '_'}{axis}{end}" for axis in axes}
-    words = {"friction_moment": "moment of friction", "pressure_integral": "integral of the pressure"}
-    return [
-        _Curve(
-            times,
-            _column(steps, name),
-            f"{of}{words.get(kind, kind.replace('_', ' '))} {axis}".rstrip(),
-            axis,
-            kind.startswith("friction"),
-        )
-        for axis, name in columns.items()
-        if name in steps
-    ]
+def _size(curve: _Curve) -> float:
+    return largest_of(curve.values)
 
 
-def _largest(curves: Sequence[_Curve]) -> _Curve:
-    return max(curves, key=lambda curve: largest_of(curve.values))
+def _largest(curves: Sequence[_Curve]) -> float:
+    return max(map(_size, curves), default=0.0)
 
 
-def _closes(steps: Table, end: str, axes: str) -> bool:
-    """Whether a boundary closes around a body, so that the forces on it balance each other."""
-    if f"pressure_integral{end}" not in steps:
-        return False
-    forces = [curve for kind in ("contact_force", "friction_force") for curve in _curves(steps, kind, end, axes)]
-    pressing = _column(steps, f"pressure_integral{end}")
-    return largest_of(*(curve.values for curve in forces)) <= NEGLIGIBLE * largest_of(pressing)
-
-
-def _moments(steps: Table, end: str) -> tuple[list[_Curve], list[_Curve]]:
-    """Of a boundary that closes around a body, over time."""
-    moments = _curves(steps, "friction_moment", end, ["", *"xyz"])
-    return _curves(steps, "pressure_integral", end, [""]), [_largest(moments)]
-
-
-def _forces(steps: Table, end: str, axes: str) -> tuple[list[_Curve], list[_Curve]]:
-    """Of a boundary, or of all together: forces over time, and the largest one of friction over the motion along it."""
-    pressing, rubbing = (_curves(steps, kind, end, axes) for kind in ("contact_force", "friction_force"))
-    upper = [_largest(pressing), _largest(rubbing)] if end else [*pressing, *rubbing]
-    if "torque" in steps:
-        return upper, [_Curve(_column(steps, "mean_tangential_displacement_z"), _column(steps, "torque"))]
-    resisting, name = _largest(rubbing), "mean_tangential_displacement"
-    in_space = f"{name}_{resisting.axis}{end}"  # there the motion is a vector
-    motion = _column(steps, in_space if in_space in steps else f"{name}{end}")
-    return upper, [replace(resisting, over=motion, rubs=False)]
-
-
-def _draw(axes: Axes, of_boundaries: Sequence[Sequence[_Curve]], out: int = 0) -> int:
-    """Draw the curves of each boundary; returns the power of ten that their values are multiplied by."""
-    scale = largest_of(*(curve.values for curves in of_boundaries for curve in curves))
-    power, alone = decimal_power(scale), len(of_boundaries) == 1
-    for number, curves in enumerate(of_boundaries):
-        for curve in curves:
-            if largest_of(curve.values) > _NOUGHT * scale:
-                colour = "xyz".find(curve.axis) if alone and curve.axis else number
-                style: dict[str, Any] = {"color": _COLOURS[colour % len(_COLOURS)], "marker": "o", "markersize": 2.5}
-                # Forces in a chain of bodies are alike: what is drawn first is wider, and is seen below the others.
-                style |= {"linewidth": _THIN + _WIDER * (len(of_boundaries) - 1 - number)}
-                style |= {"linestyle": _DASHED} if curve.rubs else {}
-                axes.plot(curve.over * 10.0**out, curve.values * 10.0**power, label=curve.label, **style)
-    return power
-
-
-def _draw_resistance(axes: Axes, lower: Sequence[Sequence[_Curve]], steps: Table, *, closed: bool) -> None:
-    """Moments of friction over time, or what resists the motion over it."""
-    axes.locator_params(axis="x", nbins=6)
-    out = 0 if closed else decimal_power(largest_of(*(curve.over for curves in lower for curve in curves)))
-    power = _draw(axes, lower, out)
+def _draw(axes: Axes, over: str, kind: str, curves: Sequence[_Curve]) -> None:
+    """The curves of one panel, with a legend."""
+    shown = [curve for curve in curves if _size(curve) > _NOUGHT * _largest(curves)]
+    power = decimal_power(_largest(shown))
+    along = 0 if over == "time" else decimal_power(largest_of(*(curve.over for curve in shown)))
+    for number, curve in enumerate(shown):
+        style: dict[str, Any] = {"color": _COLOURS[number % len(_COLOURS)], "marker": "o", "markersize": 2.5}
+        style |= {"linewidth": 1.3, "linestyle": (0, (4.5, 1.8)) if curve.dashed else "-"}
+        axes.plot(curve.over * 10.0**along, curve.values * 10.0**power, label=curve.label, **style)
     axes.axhline(0.0, color=RULE, linewidth=0.6, zorder=0)
-    if closed:
-        axes.set(xlabel="time", ylabel=_above("moment of friction", unit_of(power, "moment")))
-        if len(lower) > 1:
-            axes.legend(loc="best")
-        return
-    along = {curve.axis for curves in lower for curve in curves if curve.values.any()}
-    direction = f" {along.pop()}" if len(along) == 1 and along != {""} else ""
-    name, kind = f"friction force{direction}", "force"
-    if "torque" in steps:
-        direction, name, kind = " around the axis", "torque", "moment"
-    elif not any(column.startswith("contact_force_z") for column in steps):
-        direction = ""  # in 2D it is along the boundary
-    axes.set(
-        xlabel=f"mean tangential displacement{direction}{unit_of(out, 'length')}",
-        ylabel=_above(name, unit_of(power, kind)),
-    )
-
-
-def _above(name: str, unit: str) -> str:
-    """A label of two lines: the labels of both panels would run into each other; ``unit`` may be empty."""
-    return f"{name}\n{unit.lstrip()}" if unit else name
-
-
-def _mark_names(axes: Axes, steps: Table) -> None:
-    """A line where a load step with another name begins, and the names above the axes."""
-    times, names = _column(steps, "time"), np.asarray(steps["name"])
-    if not any(names):
-        return
-    firsts = np.array([0, *(np.flatnonzero(names[1:] != names[:-1]) + 1)])
-    begins, ends = times[np.maximum(firsts - 1, 0)], times[[*(firsts[1:] - 1), len(times) - 1]]
-    for begin in begins[1:]:
-        axes.axvline(begin, color=RULE, linewidth=0.6, zorder=0)
-    top = axes.secondary_xaxis("top")
-    middles = 0.5 * (begins + ends)
-    top.set_ticks(middles, [plain(str(names[first])) for first in firsts], rotation=30, ha="left")
-    top.tick_params(length=0, pad=1)
-    top.spines["top"].set_visible(False)
+    length = "" if over == "time" else unit_of(along, "length")
+    axes.set(xlabel=f"{over}{length}", ylabel=f"{kind}{unit_of(power, kind)}")
+    axes.locator_params(axis="x", nbins=6)
+    axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0))
