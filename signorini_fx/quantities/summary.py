@@ -108,24 +108,28 @@ class StepOfResults(Row):
     status: str
 
 
-class ContactBoundaryRow(Row):
-    """A contact boundary."""
+class ContactFigures(Row):
+    """A contact boundary, in 2D per unit thickness, with lengths for areas."""
 
-    boundary: str
-    area: Number
+    boundary: str = described("Its name.")
+    area: Number = described("Of the whole boundary.")
     contact_area: Number = described("Area of the nodes in contact.")
     touching_nodes: Count = described("How many these are.")
-    pressure_integral: Number = described("Normal force N.")
+    pressure_integral: Number = described("Integral of the pressure, the normal force N.")
     mean_pressure: Number = described("N over the area in contact; null where nothing is in contact.")
-    max_pressure: Number
+    max_pressure: Number = described("Largest nodal pressure.")
     contact_force: Vector = described("Resultant of the pressure on the body of this boundary.")
     friction_force: Vector = described("Resultant of the shear on the body of this boundary.")
     tangential_force: Number = described("Magnitude of the resultant T of the shear.")
-    friction_limit: Number = described("Integral of the friction bound, F N for Coulomb friction.")
-    friction_moment: Number | Vector = described(
-        "Of a boundary that closes around a body: moment of friction about its middle; null of others."
+    friction_limit: Number = described(
+        "Integral of the friction bound, F N for Coulomb friction, for Tresca friction with open nodes; infinite "
+        "for a bond. Of friction with a direction the sum of the largest shears in the direction of this one."
     )
-    moment_limit: Number = described("The largest possible size of the friction moment.")
+    friction_moment: Number | Vector = described(
+        "Of a boundary that closes around a body: moment of friction about its middle, in 2D counterclockwise; null of "
+        "others."
+    )
+    moment_limit: Number = described("The largest moment that the friction bounds allow in that direction.")
 
 
 class ZoneRuns(Row):
@@ -159,8 +163,8 @@ class Tool(Row):
     )
 
 
-class PreloadedSection(Row):
-    """A section."""
+class SectionForce(Row):
+    """A tightened section."""
 
     name: str = described("Which one.")
     force: Number = described("The tension through it.")
@@ -418,9 +422,9 @@ class Summary(Run):
     contact_force_through: Point | None = perhaps(
         "Point of the central axis of the contact force that is nearest to the origin, in 3D.", "length"
     )
-    contact_boundaries: list[ContactBoundaryRow] = perhaps("Each contact boundary; areas are lengths in 2D.")
+    contact_boundaries: list[ContactFigures] = perhaps("Each contact boundary; areas are lengths in 2D.")
     tools: list[Tool] = perhaps("Foundations that forces move: how they have moved, and what the body does to them.")
-    preloads: list[PreloadedSection] = perhaps("Sections that are tightened.")
+    preloads: list[SectionForce] = perhaps("Sections that are tightened.")
     resultants: list[BoundaryResultant] = described(
         "Forces on the body through each boundary with a support, a load or contact, and the body force; in 2D "
         "per unit thickness."

@@ -17,7 +17,7 @@ def of_results(solution: Any) -> dict[str, Any]:
     known: dict[str, Any] = {
         "held_by_supports": solution.model.motions.free.shape[1] == 0,
         **({} if contact is None else _of_contact(solution)),
-        "preloads": [section.as_dict() for section in solution.preloads] or None,
+        "preloads": [section.model_dump() for section in solution.preloads] or None,
         "resultants": solution.resultants.as_rows(),
         "strain_energy": solution.last_step.strain_energy,
         "deformation": asdict(max((step.deformation for step in solution.shown_steps), key=lambda step: step.largest)),
@@ -54,7 +54,7 @@ def _of_contact(solution: Any) -> dict[str, Any]:
         "areas": contact.areas if solid else None,
         "contact_moment": _plain(contact.moments[0]) if solid else None,
         "friction_moment": _plain(contact.moments[1]) if solid else None,
-        "contact_boundaries": [figures.as_dict() for figures in solution.contact_figures] or None,
+        "contact_boundaries": [figures.model_dump() for figures in solution.contact_figures] or None,
         "tools": [motion.as_dict(contact, solution.statement.contact, kinematics) for motion in tools] or None,
     }
 

@@ -7,8 +7,6 @@ middle of the boundary is what the fit is made for.
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
-
 import numpy as np
 import numpy.typing as npt
 from mpi4py import MPI
@@ -17,52 +15,10 @@ from signorini_fx.machine import parallel
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.kinematics import CARTESIAN
 from signorini_fx.mechanics.statement.statement import Statement
+from signorini_fx.quantities.summary import ContactFigures
 from signorini_fx.tuned import CLOSED_BOUNDARY, ZERO_IN_SOLUTION
 
 Array = npt.NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class ContactFigures:
-    """One contact boundary, in 2D per unit thickness, with lengths for areas.
-
-    Attributes:
-        boundary: its name.
-        area: of the whole boundary.
-        contact_area: of the nodes in contact.
-        touching_nodes: how many these are.
-        pressure_integral: integral of the pressure, a force.
-        mean_pressure: that over the area in contact, stress; None where nothing is in contact.
-        max_pressure: largest nodal pressure, stress.
-        contact_force: resultant of the pressure on the body of this boundary, shape (d,).
-        friction_force: that of the shear.
-        tangential_force: magnitude of the latter.
-        friction_limit: integral of the friction bound, a force: F N for Coulomb friction with one coefficient, the
-            bound times the area for Tresca friction, which acts on open nodes too; infinite for a bond.  Of friction
-            with a direction the sum of the largest shears in the direction of this one; in any, if there is none.
-        friction_moment: of a boundary that closes around a body, the moment of friction on the body of this boundary
-            about its middle, force times length; a number in 2D (counterclockwise), shape (3,) in 3D; None of others.
-        moment_limit: the largest moment that the friction bounds allow in that direction; infinite for a bond; None
-            likewise.
-    """
-
-    boundary: str
-    area: float
-    contact_area: float
-    touching_nodes: int
-    pressure_integral: float
-    mean_pressure: float | None
-    max_pressure: float
-    contact_force: list[float]
-    friction_force: list[float]
-    tangential_force: float
-    friction_limit: float
-    friction_moment: float | list[float] | None = None
-    moment_limit: float | None = None
-
-    def as_dict(self) -> dict[str, object]:
-        """All figures."""
-        return asdict(self)
 
 
 def contact_figures(statement: Statement, contact: ContactState) -> list[ContactFigures]:

@@ -7,33 +7,12 @@ do not count.
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
-from typing import Any
-
 from dolfinx import fem
 
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.statement.statement import Statement
+from signorini_fx.quantities.summary import SectionForce
 from signorini_fx.results.certificate.nodal_forces import NodalForces
-
-
-@dataclass(frozen=True)
-class SectionForce:
-    """A shortened section in a result.
-
-    Attributes:
-        name: which one.
-        force: tension through it, force.
-        shortening: by how much its sides have moved towards each other, length.
-    """
-
-    name: str
-    force: float
-    shortening: float
-
-    def as_dict(self) -> dict[str, Any]:
-        """A row of the summary."""
-        return asdict(self)
 
 
 def section_forces(
@@ -44,6 +23,6 @@ def section_forces(
         return []
     nodal = NodalForces(statement, tagged, displacement.function_space)
     return [
-        SectionForce(jump.entry.name, nodal.through(jump, displacement, step), jump.amount(step))
+        SectionForce(name=jump.entry.name, force=nodal.through(jump, displacement, step), shortening=jump.amount(step))
         for jump in nodal.jumps()
     ]

@@ -27,7 +27,7 @@ from signorini_fx.results.accuracy.next_accuracy import NAMES, CostOfAccuracy, n
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery
 from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.results.certificate.contact_nodes import ContactSide
-from signorini_fx.results.contact_boundaries import ContactFigures, contact_figures
+from signorini_fx.results.contact_boundaries import contact_figures
 from signorini_fx.results.contact_fields import BoundaryFields, boundary_fields
 from signorini_fx.results.friction_used import friction_used
 from signorini_fx.results.functionals import Functionals
@@ -39,9 +39,9 @@ from signorini_fx.tuned import ZERO_IN_SOLUTION
 
 if TYPE_CHECKING:
     from signorini_fx.quantities.proved_statements import ErrorBound, Interval
+    from signorini_fx.quantities.summary import ContactFigures, SectionForce
     from signorini_fx.results.accuracy.convergence_table import Price
     from signorini_fx.results.accuracy.level_results import LevelResult
-    from signorini_fx.results.section_forces import SectionForce
 
 # A body that moves away although nothing would let it do so without a load.
 _LEAVES = (Status.OPEN, Status.TIPS, Status.SLIDES)
