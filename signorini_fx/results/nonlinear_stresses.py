@@ -11,7 +11,6 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, NoReturn
 
 import numpy as np
 import numpy.typing as npt
@@ -25,10 +24,9 @@ from signorini_fx.results.stresses import (
     COMPONENTS,
     Extreme,
     RawStresses,
-    RecoveredStresses,
     check_has_extremes,
     extreme_at,
-    part_of,
+    not_recovered,
     principal_of,
     von_mises_of,
 )
@@ -71,7 +69,6 @@ class NonlinearStresses(RawStresses):
 
     filled: fem.Function = field(kw_only=True)
     at_points: PointStress = field(kw_only=True)
-    model: Model = field(kw_only=True)
     plastic: Array | None = field(kw_only=True)
 
     @classmethod
@@ -87,47 +84,20 @@ class NonlinearStresses(RawStresses):
             within(tensor, dim),
             tensor[2, 2] if dim == 2 else None,
             None,
-            _not_recovered,
+            not_recovered,
             None,
             None,
             displacement=y,
             parts=(),
             kinematics=kinematics,
         )
-        recovers = _not_recovered, _not_recovered
-        return cls(stress, *recovers, filled=tensor, at_points=at_points, model=model, plastic=plastic)
-
-    @property
-    def recovers(self) -> bool:
-        return False
+        recovery, energy = not_recovered, not_recovered
+        return cls(stress, recovery, energy, filled=tensor, at_points=at_points, model=model, plastic=plastic)
 
     @cached_property
     def tensor(self) -> fem.Function:
         """The Cauchy stress with all components in 3D, shape (3, 3), discontinuous and of degree k - 1."""
         return self.filled
-
-    @cached_property
-    def recovered(self) -> RecoveredStresses:
-        """See ``RawStresses``.
-
-        Raises:
-            RuntimeError: always.
-        """
-        return _not_recovered()
-
-    @cached_property
-    def error(self) -> float | None:
-        """None: it is not estimated."""
-        return None
-
-    @cached_property
-    def squares(self) -> Array:
-        """See ``RawStresses``.
-
-        Raises:
-            RuntimeError: always.
-        """
-        return _not_recovered()
 
     @cached_property
     def plastic_strain(self) -> fem.Function | None:
@@ -143,15 +113,6 @@ class NonlinearStresses(RawStresses):
 
     def largest_plastic_strain(self) -> Extreme | None:
         return None if self.plastic is None else self._extreme_of_points(self.plastic, 1.0)
-
-    def _remarks(self, extremes: Sequence[Extreme], *, finite: bool) -> dict[Extreme, dict[str, Any]]:
-        """See ``RawStresses``: the region of the material.  Whether there is a limit as the mesh is refined is known of
-        linear elasticity alone.
-        """
-        regions = [material.region for material in self.model.statement.material]
-        if len(regions) == 1:
-            return {extreme: {} for extreme in extremes}
-        return {extreme: {"region": part_of(self.model, extreme.cell, regions)} for extreme in extremes}
 
     def _extreme(self, field: str, component: int, *, sign: float) -> Extreme:
         """See ``StressFields``: at the points of quadrature."""
@@ -187,7 +148,3 @@ def _fill(function: fem.Function, at_points: PointStress, values: Array) -> None
         fitted = np.clip(fitted, rows.min(axis=1, keepdims=True), rows.max(axis=1, keepdims=True))
     function.x.array.reshape(-1, rows.shape[2])[space.dofmap.list[: len(rows)]] = fitted
     function.x.scatter_forward()
-
-
-def _not_recovered(*_: Any) -> NoReturn:
-    raise RuntimeError("a nonlinear body has no recovered stress")

@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 import numpy.typing as npt
@@ -190,16 +190,18 @@ class RawStresses(StressFields):
         recovery: gives what projects.
         energy: gives the strain energy of the displacement.
         place: of the load step in the lists of factors, see ``statement.load_path``.
+        model: the body of a scene; None: the forms alone are known.
     """
 
     recovery: Callable[[], StressRecovery]
     energy: Callable[[], float]
     place: float = 0.0
+    model: Model | None = field(default=None, kw_only=True)
 
     @property
     def recovers(self) -> bool:
         """Whether there are a ``recovered`` stress and an estimated error."""
-        return True
+        return self.recovery is not not_recovered
 
     @property
     def plastic_strain(self) -> fem.Function | None:
@@ -227,19 +229,22 @@ class RawStresses(StressFields):
 
     @cached_property
     def recovered(self) -> RecoveredStresses:
-        """The stress that is continuous in each material, with the same fields."""
+        """The stress that is continuous in each material, with the same fields.
+
+        Raises:
+            RuntimeError: that of a nonlinear body.
+        """
         return RecoveredStresses(self.stress, self.recovery(), self.place)
 
     @cached_property
     def error(self) -> float | None:
         """Estimated error of the raw stress, relative, in the energy norm, which is that of the displacement; None
-        without stress.
+        without stress, and of a nonlinear body.
 
         It is the estimate of Zienkiewicz and Zhu, from the difference of raw and recovered stress, with the residual of
         the tractions on the boundary: a mean over the body that says nothing of a single point.
         """
-        energy = self.energy()
-        if not energy > 0:
+        if not self.recovers or not (energy := self.energy()) > 0:
             return None
         return float(np.sqrt(parallel.global_sum(self.comm, self.squares.sum()) / (2 * energy)))
 
@@ -276,21 +281,32 @@ class RawStresses(StressFields):
         return None
 
     def _remarks(self, extremes: Sequence[Extreme], *, finite: bool) -> dict[Extreme, dict[str, Any]]:
-        """What is said of each extreme; nothing where the forms alone are known; ``finite``: whether the displacement
-        is; collective.
+        """What is said of each extreme: the part of the body, if there are several, and of a linear one why there is no
+        limit; nothing where the forms alone are known; ``finite``: whether the displacement is; collective.
         """
-        return {extreme: {} for extreme in extremes}
+        if (model := self.model) is None:
+            return {extreme: {} for extreme in extremes}
+        reasons = dict[tuple[float, ...], str | None]()
+        if finite and self.recovers:
+            places = dict.fromkeys(entry.place for entry in extremes)
+            reasons = {point: why_no_limit(model, point, self.place) for point in places}
+        regions = [*model.statement.bodies] or [entry.region for entry in model.statement.material]
+
+        def remark(extreme: Extreme) -> dict[str, Any]:
+            named = {"region": part_of(model, extreme.cell, regions)} if len(regions) > 1 else {}
+            return named | ({"no_limit": reasons[extreme.place]} if reasons else {})
+
+        return {extreme: remark(extreme) for extreme in extremes}
+
+
+def not_recovered(*_: Any) -> NoReturn:
+    """In the place of what recovers the stress of a nonlinear body."""
+    raise RuntimeError("a nonlinear body has no recovered stress")
 
 
 @dataclass(frozen=True, repr=False)
 class Stresses(RawStresses):
-    """The stress of a scene as its stiffness sees it, see ``body.element_stress``.
-
-    Attributes:
-        model: the body.
-    """
-
-    model: Model = field(kw_only=True)
+    """The stress of a scene as its stiffness sees it, see ``body.element_stress``."""
 
     @classmethod
     def of(
@@ -316,6 +332,7 @@ class Stresses(RawStresses):
     def utilisation(self) -> dict[str, Any] | None:
         """See ``RawStresses``: of raw and recovered stress the one that uses more, and where."""
         model = self.model
+        assert model is not None
         if all(math.isinf(material.yields_at) for material in model.statement.material):
             return None
         (limits,) = of_materials(model.statement, model.tagged, lambda material: (material.yields_at,))
@@ -333,20 +350,6 @@ class Stresses(RawStresses):
             "place": list(largest.place),
             **self._remarks([largest], finite=finite)[largest],
         }
-
-    def _remarks(self, extremes: Sequence[Extreme], *, finite: bool) -> dict[Extreme, dict[str, Any]]:
-        """See ``RawStresses``: the part of the body, and why there is no limit."""
-        model, reasons = self.model, dict[tuple[float, ...], str | None]()
-        if finite:
-            places = dict.fromkeys(entry.place for entry in extremes)
-            reasons = {point: why_no_limit(model, point, self.place) for point in places}
-        parts = [*model.statement.bodies] or [entry.region for entry in model.statement.material]
-
-        def remark(extreme: Extreme) -> dict[str, Any]:
-            named = {"region": part_of(model, extreme.cell, parts)} if len(parts) > 1 else {}
-            return named | ({"no_limit": reasons[extreme.place]} if finite else {})
-
-        return {extreme: remark(extreme) for extreme in extremes}
 
 
 def von_mises_of(sigma: Nodal) -> Nodal:
