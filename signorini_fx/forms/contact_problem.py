@@ -301,7 +301,7 @@ class ContactProblem(ProblemOfForms):
 
         Args:
             of: a UFL form of ``u`` without arguments; or a quantity as scenes have it, of a contact by name or number:
-                ``"force 0 y"``, ``"moment 0 z"``, ``"pressure 0 8"``, ``"area 0 2"``, ``"mean top y"``.
+                ``"force 0 y"``, ``"moment 0 z"``, ``"pressure 0 8"``, ``"mean top y"``.
             by: Constants with one value in the forms, the conditions, or the foundations.
 
         Raises:

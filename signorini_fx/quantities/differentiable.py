@@ -119,52 +119,14 @@ class LargestPressure(Functional):
         return slopes
 
 
-@dataclass(frozen=True)
-class ContactArea(Functional):
-    """The area that presses at one contact boundary, in 2D a length, smoothed: (S^q / T)^(1 / (q - 1)) with S
-    the integral of lambda and T that of lambda^q.
-
-    It is the area where lambda is the same all over it, and else below it: by Hoelder's inequality
-    S^q <= area^(q - 1) T.
-    """
-
-    part: int  # number of the contact
-    power: float  # q, above 1
-
-    def value(self, y: fem.Function, boundary: ContactBoundary, pressure: Nodal, shear: Nodal) -> float:
-        return self._sums(boundary, pressure)[0]
-
-    def _sums(self, boundary: ContactBoundary, pressure: Nodal) -> tuple[float, float, float, float]:
-        """The area, the largest pressure, and S and T relative to it; zeros where nothing presses."""
-        pushing = np.where(boundary.part == self.part, np.maximum(pressure, 0.0), 0.0)
-        largest = parallel.largest(boundary.comm, pushing)
-        if largest == 0:
-            return 0.0, 0.0, 0.0, 0.0
-        shares = np.array([boundary.weight @ (pushing / largest) ** power for power in (1.0, self.power)])
-        once, power_sum = map(float, parallel.global_sum(boundary.comm, shares))
-        return (once**self.power / power_sum) ** (1 / (self.power - 1)), largest, once, power_sum
-
-    def by_traction(self, boundary: ContactBoundary, pressure: Nodal, shear: Nodal) -> Nodal:
-        slopes, q = np.zeros((pressure.size, 1 + shear.shape[1])), self.power
-        area, largest, once, power_sum = self._sums(boundary, pressure)
-        if largest > 0:
-            pressing = (boundary.part == self.part) & (pressure > 0)
-            share = np.where(pressing, pressure, 0.0) / largest
-            slopes[:, 0] = np.where(
-                pressing, area * q / (q - 1) * (1 / once - share ** (q - 1) / power_sum) / largest, 0.0
-            )
-        return slopes
-
-
 def functional_of(model: Model, text: str) -> Functional:
     """A result with its derivatives by its name; collective.
 
     Args:
         model: the body of a scene, or of forms.
         text: ``force BOUNDARY AXIS`` and ``moment BOUNDARY [AXIS]`` on the body at a contact boundary, a moment about
-            the origin, in 3D about an axis; ``pressure BOUNDARY [POWER]``, see ``LargestPressure``; ``area BOUNDARY
-            [POWER]``, see ``ContactArea``; ``mean BOUNDARY AXIS``, the mean displacement; ``displacement X,Y[,Z] AXIS``
-            at a point.
+            the origin, in 3D about an axis; ``pressure BOUNDARY [POWER]``, see ``LargestPressure``; ``mean
+            BOUNDARY AXIS``, the mean displacement; ``displacement X,Y[,Z] AXIS`` at a point.
 
     Raises:
         SceneError: it is not known, or has no derivative.
@@ -198,11 +160,7 @@ def _moment(model: Model, boundary: str, axis: str = "z") -> Functional:
 
 
 def _pressure(model: Model, boundary: str, *power: str) -> Functional:
-    return LargestPressure(_contact_of(model.statement, boundary), _power_of(f"pressure {boundary}", 8.0, [*power]))
-
-
-def _area(model: Model, boundary: str, *power: str) -> Functional:
-    return ContactArea(_contact_of(model.statement, boundary), _power_of(f"area {boundary}", 2.0, [*power]))
+    return LargestPressure(_contact_of(model.statement, boundary), _power_of(boundary, [*power]))
 
 
 def _mean(model: Model, boundary: str, axis: str) -> Functional:
@@ -237,7 +195,6 @@ def _displacement(model: Model, point: str, axis: str) -> Functional:
 DIFFERENTIABLE: dict[str, Callable[..., Functional]] = {
     "force BOUNDARY AXIS": _force,
     "pressure BOUNDARY [POWER]": _pressure,
-    "area BOUNDARY [POWER]": _area,
     "moment BOUNDARY [AXIS]": _moment,
     "mean BOUNDARY AXIS": _mean,
     "displacement X,Y[,Z] AXIS": _displacement,
@@ -257,10 +214,10 @@ def _contact_of(statement: Statement, boundary: str) -> int:
     return names.index(boundary)
 
 
-def _power_of(result: str, usual: float, words: list[str]) -> float:
-    """The power that smooths a result, for messages with its name."""
+def _power_of(boundary: str, words: list[str]) -> float:
+    """The power that smooths the largest pressure of a boundary."""
     text = " ".join(words)
-    power = float(text) if words else usual
+    power = float(text) if words else 8.0
     if not 1 < power <= 1000:
-        raise SceneError([(f"of {result} {text}", "the power must be above 1, and 1000 at most")])
+        raise SceneError([(f"of pressure {boundary} {text}", "the power must be above 1, and 1000 at most")])
     return power
