@@ -28,7 +28,7 @@ from percent import as_markdown  # noqa: E402  # in this folder
 import signorini_fx  # noqa: E402
 from signorini_fx.algebra.attempts import PLAN  # noqa: E402
 from signorini_fx.extensions import ADD_ONS  # noqa: E402
-from signorini_fx.quantities.schema import markdown  # noqa: E402
+from signorini_fx.quantities.quantity import markdown  # noqa: E402
 
 project = "signorini_fx"
 release = re.search(r'__version__ = "(.+)"', _PACKAGE)[1]

@@ -13,14 +13,17 @@ from signorini_fx.machine.display import clean, effort_in_words, on_several_bodi
 from signorini_fx.machine.result_files import seconds_of
 from signorini_fx.machine.terminal import TerminalLine
 from signorini_fx.mechanics.statement.units import with_unit
-from signorini_fx.quantities.digits import between, figure, figure_or_error, percent, solved_prices
 from signorini_fx.quantities.quantity import own_quantities
 from signorini_fx.quantities.text import (
     MOST_ROWS,
+    Validity,
+    between,
     boundaries_touched_by,
     cost_in_words,
     digits,
     error_in_words,
+    figure,
+    figure_or_error,
     friction_in_words,
     has_friction,
     in_brackets,
@@ -28,13 +31,15 @@ from signorini_fx.quantities.text import (
     labelled,
     largest_von_mises,
     named_components,
+    percent,
     point_in_words,
     resultant_in_words,
     row,
     share_in_words,
+    solved_prices,
     tool_in_words,
+    validity_of,
 )
-from signorini_fx.quantities.validity import Validity, validity_of
 from signorini_fx.records import JUDGED
 from signorini_fx.tuned import CERTIFICATE_TOLERANCE, FEW_NODES
 

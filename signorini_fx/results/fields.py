@@ -1,7 +1,15 @@
-"""The fields of a result for ParaView: displacement, raw and recovered stresses, energy density, plastic strain."""
+"""The fields of a result and its contact surface in 3D for ParaView, in VTK's XML format.
+
+Each file is one unstructured grid, written by all ranks: ParaView, PyVista and meshio read it.  The numbers are in
+base64, array after array, and in each array rank after rank.  (meshio reads neither the raw form reliably nor files of
+several pieces.)
+"""
 
 from __future__ import annotations
 
+import base64
+import sys
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -9,10 +17,13 @@ import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
 from dolfinx.plot import vtk_mesh
+from mpi4py import MPI
 
 from signorini_fx.machine import parallel
+from signorini_fx.mechanics.assembly.averages import to_owners
+from signorini_fx.mechanics.assembly.mesh_entities import node_positions
+from signorini_fx.mechanics.contact_points.contact_table import ContactTable
 from signorini_fx.results.solution import Solution
-from signorini_fx.results.vtu import bytes_of, write_vtu
 
 Array = npt.NDArray[Any]
 # The file of a result without load steps, and with them their list and the folder of one for each.
@@ -103,3 +114,167 @@ def _in_cells(solution: Solution, function: fem.Function, name: str) -> fem.Func
     interpolated = fem.Function(fem.functionspace(model.tagged.mesh, element), name=name)
     interpolated.interpolate(function)
     return interpolated
+
+
+# VTK's number of a facet with this many nodes, and its order of basix's nodes: vertices, then edges, then the rest.
+_KINDS = {3: (5, [0, 1, 2]), 4: (9, [0, 1, 3, 2]), 9: (28, [0, 1, 3, 2, 4, 6, 7, 5, 8])}
+_STATES = ("open", "stick", "slip")
+
+
+def facets_of(table: ContactTable) -> npt.NDArray[np.int64]:
+    """The rows of a table in 3D at the nodes of each facet in the order of VTK, shape (m, 3), (m, 4) or (m, 9)."""
+    assert table.facets is not None
+    facets = table.facets[(table.facets >= 0).all(axis=1)]
+    return facets[:, _KINDS[facets.shape[1]][1]]
+
+
+def write_surface(path: Path, table: ContactTable) -> None:
+    """A .vtu file of the contact surface; on one rank."""
+    c = table.columns
+    fields: dict[str, npt.NDArray[Any]] = {
+        name: c[name] for name in ("pressure", "gap", "u_n", "bound", "shear", "slip", "u_t", "weight")
+    }
+    fields |= {
+        f"{name} vector": np.column_stack([c[f"{name}_{axis}"] for axis in "xyz"]) for name in ("shear", "slip", "u_t")
+    }
+    fields["normal"] = np.column_stack([c[f"n_{axis}"] for axis in "xyz"])
+    fields["state (0 open, 1 stick, 2 slip)"] = np.array([_STATES.index(state) for state in c["state"]])
+    points = np.column_stack([c[axis] for axis in "xyz"])
+    facets = facets_of(table)
+    write_vtu(path, MPI.COMM_SELF, points, facets, _KINDS[facets.shape[1]][0], fields)
+
+
+def other_side(solution: Solution) -> dict[str, npt.NDArray[Any]]:
+    """Tractions and distances at the nodes of the boundaries that contacts are ``against``, ordered by their places.
+
+    They are means of those at the contact points that see a node, by |M_il| w_i of ``pairs.coupling``; collective.
+
+    Returns:
+        Name -> one entry per node, on every rank: x, y, in 3D z; boundary, and against, on which the contact points
+        are; pressure; shear_x and so on, what this body exerts on the other one; distance of the deformed bodies
+        along the normal.  Empty where no two bodies are in contact.
+    """
+    statement, tagged, contact = solution.statement, solution.model.tagged, solution.contact
+    if contact is None or statement.sides[1] is None:
+        return {}
+    space, boundary = solution.displacement.function_space, contact.boundary
+    dim, owned = tagged.dimension, space.dofmap.index_map.size_local
+    x = np.array(node_positions(space)[:owned, :dim], dtype=np.float64)
+    blocks = []
+    for part, side in enumerate(solution.sides):
+        if (pair := side.pair) is None:
+            continue
+        points = np.flatnonzero(boundary.part == part)
+        points = points[np.argsort(boundary.nodes[points], kind="stable")]
+        distance = contact.gap[points] - contact.u_n[points]
+        shear = np.einsum("ijk,ik->ij", boundary.tangents, contact.shear)[points]
+        values = np.column_stack((contact.pressure[points], -shear, distance))
+        shares = abs(pair.others).T * pair.weight
+        rows = to_owners(np.column_stack((shares @ values, shares.sum(axis=1))), pair.reached, pair.comm, owned)
+        nodes = np.flatnonzero(rows[:, -1] > 0)
+        means = rows[nodes, :-1] / rows[nodes, -1:]
+        blocks.append(np.column_stack((np.full(nodes.size, part), x[nodes], means)))
+    gathered = parallel.gather_rows(tagged.mesh.comm, np.concatenate(blocks))
+    parts, places, pressure, traction, apart = np.split(gathered, np.cumsum([1, dim, 1, dim]), axis=1)
+    order = np.lexsort((*places.T[::-1], parts[:, 0]))
+    names = [[effect.against or "", effect.boundary] for effect in statement.contact]
+    sides = np.array(names)[parts[order, 0].astype(int)]
+    return {
+        **dict(zip("xyz", places[order].T, strict=False)),
+        "boundary": sides[:, 0],
+        "against": sides[:, 1],
+        "pressure": pressure[order, 0],
+        **{f"shear_{axis}": column for axis, column in zip("xyz", traction[order].T, strict=False)},
+        "distance": apart[order, 0],
+    }
+
+
+_NAMES = {np.dtype(np.float64): "Float64", np.dtype(np.int64): "Int64", np.dtype(np.uint8): "UInt8"}
+
+
+def bytes_of(points: int, cells: int, corners: int, components: int) -> float:
+    """About the size of a file; ``corners``: points of a cell; ``components``: of all fields at a point together."""
+    return 4 / 3 * (8.0 * points * (3 + components) + cells * (8.0 * (corners + 1) + 1))
+
+
+def write_vtu(path: Path, comm: MPI.Comm, points: Array, cells: Array, kind: int, fields: Mapping[str, Array]) -> None:
+    """Write the cells of all ranks as one grid; ``points``: of this rank, shape (n, 3); ``cells``: their local numbers
+    in VTK's order, shape (cells, corners); ``kind``: VTK's number; ``fields``: values at the points, shape (n,) or (n,
+    components); collective.
+
+    Raises:
+        OSError: the system refuses it.
+        RuntimeError: MPI refuses it.
+    """
+    corners, first_cell = cells.shape[1], parallel.rows_before(comm, len(cells))
+    ends = corners * np.arange(first_cell + 1, first_cell + len(cells) + 1)
+    grid: dict[str, dict[str, Array]] = {
+        "Points": {"points": points.astype(np.float64)},
+        "Cells": {
+            "connectivity": cells.ravel().astype(np.int64) + parallel.rows_before(comm, len(points)),
+            "offsets": ends.astype(np.int64),
+            "types": np.full(len(cells), kind, dtype=np.uint8),
+        },
+        "PointData": {name: values.astype(np.float64) for name, values in fields.items()},
+    }
+    counts = parallel.global_sum(comm, np.array([len(points), len(cells)]))
+    order = "LittleEndian" if sys.byteorder == "little" else "BigEndian"
+    described = f'type="UnstructuredGrid" version="1.0" byte_order="{order}" header_type="UInt64"'
+    position = 0
+    segments: list[tuple[int, bytes]] = []
+
+    def add(text: str) -> None:
+        nonlocal position
+        if parallel.is_root(comm):
+            segments.append((position, text.encode()))
+        position += len(text)
+
+    add(f"<VTKFile {described}>\n<UnstructuredGrid>\n")
+    add(f'<Piece NumberOfPoints="{counts[0]}" NumberOfCells="{counts[1]}">\n')
+    for group, arrays in grid.items():
+        add(f"<{group}>\n")
+        for name, values in arrays.items():
+            components = f' NumberOfComponents="{values.shape[1]}"' if values.ndim > 1 else ""
+            add(f'<DataArray type="{_NAMES[values.dtype]}" Name="{name}"{components} format="binary">')
+            begin, encoded, length = _encoded(comm, np.ascontiguousarray(values).tobytes())
+            segments.append((position + begin, encoded))
+            position += length
+            add("</DataArray>\n")
+        add(f"</{group}>\n")
+    add("</Piece>\n</UnstructuredGrid>\n</VTKFile>\n")
+    _write(path, comm, segments)
+
+
+def _encoded(comm: MPI.Comm, data: bytes) -> tuple[int, bytes, int]:
+    """The part of this rank of the bytes of all ranks in base64, with their number first; collective.
+
+    Base64 makes four characters of three bytes: for its last ones a rank takes the first bytes of the next one.
+
+    Returns:
+        Where its characters begin, these characters, and how many there are of all ranks.
+    """
+    every = comm.allgather((len(data), data[:2]))
+    total = sum(size for size, _ in every)
+    if parallel.is_root(comm):
+        data = np.array([total], dtype=np.uint64).tobytes() + data
+    size_bytes = np.dtype(np.uint64).itemsize
+    begin = 0 if parallel.is_root(comm) else size_bytes + sum(size for size, _ in every[: comm.rank])
+    end = begin + len(data)
+    following = b"".join(first for _, first in every[comm.rank + 1 :])
+    encoded = base64.b64encode(data[-begin % 3 :] + following[: -end % 3]) if -begin % 3 < len(data) else b""
+    return 4 * -(-begin // 3), encoded, 4 * -(-(size_bytes + total) // 3)
+
+
+def _write(path: Path, comm: MPI.Comm, segments: list[tuple[int, bytes]]) -> None:
+    """Write what each rank has to where it belongs; collective."""
+    assert isinstance(comm, MPI.Intracomm)
+    file = MPI.File.Open(comm, str(path), MPI.MODE_CREATE | MPI.MODE_WRONLY)
+    error: Exception | None = None
+    try:
+        for position, text in segments:
+            file.Write_at(position, text)
+    except (OSError, RuntimeError) as refused:
+        error = refused
+    finally:
+        file.Close()
+    parallel.raise_together(comm, error)

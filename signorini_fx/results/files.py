@@ -27,11 +27,18 @@ from signorini_fx.quantities.text import marked_stress
 from signorini_fx.quantities.values import of_fields
 from signorini_fx.records import Finding, as_columns
 from signorini_fx.results import deferred_quantities
-from signorini_fx.results.fields import FIELD_FILES, VTU, size_of_fields, write_fields
+from signorini_fx.results.fields import (
+    FIELD_FILES,
+    VTU,
+    facets_of,
+    other_side,
+    size_of_fields,
+    write_fields,
+    write_surface,
+)
 from signorini_fx.results.folder import CHECKPOINT, SUMMARY, ResultFolder, reserve
 from signorini_fx.results.solution import Solution
 from signorini_fx.results.summary import summary_of
-from signorini_fx.results.surface_file import facets_of, other_side, write_surface
 
 T = TypeVar("T")
 # The result of the last completed mesh, while the next one is being solved.

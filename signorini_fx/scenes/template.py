@@ -13,7 +13,7 @@ from signorini_fx.mechanics.statement.effect import example_of, keys
 from signorini_fx.mechanics.statement.generators import known_generators
 from signorini_fx.mechanics.statement.settings import known_linear_algebra
 from signorini_fx.mechanics.statement.validation import tables
-from signorini_fx.quantities.schema import schema_of_summary
+from signorini_fx.quantities.quantity import schema_of_summary
 from signorini_fx.scenes.scene import Scene
 
 

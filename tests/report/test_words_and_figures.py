@@ -5,8 +5,8 @@ import re
 import pytest
 
 from signorini_fx.addons.report import evidence
-from signorini_fx.quantities.digits import figure
 from signorini_fx.quantities.shown import shown_lines, table
+from signorini_fx.quantities.text import figure
 
 
 def texts_of(markup):

@@ -59,7 +59,7 @@ from signorini_fx.mechanics.statement import settings
 from signorini_fx.mechanics.statement.generators import known_generators
 from signorini_fx.mechanics.statement.load_path import LoadSteps
 from signorini_fx.mechanics.statement.rigid_motion import PivotSprings, Prescribed
-from signorini_fx.quantities.schema import markdown
+from signorini_fx.quantities.quantity import markdown
 from signorini_fx.records import JUDGED, REPORTED, Status
 from signorini_fx.results.files import write_results
 from signorini_fx.scenes import cli, scene

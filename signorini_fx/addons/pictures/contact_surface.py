@@ -87,7 +87,7 @@ def sides_of(table: Table, facets: Rows) -> list[VisibleSide]:
 
     Args:
         table: columns of ``contact.csv``.
-        facets: its rows at each facet in the order of VTK, see ``surface_file.facets_of``.
+        facets: its rows at each facet in the order of VTK, see ``results.fields.facets_of``.
 
     Raises:
         ValueError: a facet of a shape that no contact surface has.

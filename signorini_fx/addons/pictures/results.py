@@ -125,7 +125,7 @@ class ResultPictures:
         Args:
             folder: where to write.
             contact: the columns of contact.csv; None: without contact.
-            facets: of a body in 3D, its rows at each facet of the contact surface, see ``surface_file.facets_of``.
+            facets: of a body in 3D, its rows at each facet of the contact surface, see ``results.fields.facets_of``.
             steps: the columns of steps.csv if there are several.
             largest: where the von Mises stress is largest, and its value; None: there is none that may be used.
 
@@ -148,8 +148,7 @@ class ResultPictures:
         self, folder: Path, contact: Table | None, facets: npt.NDArray[np.int64] | None, steps: Table | None
     ) -> None:
         # matplotlib takes a while to import
-        from signorini_fx.addons.pictures.convergence import errors_and_costs
-        from signorini_fx.addons.pictures.load_steps import load_steps
+        from signorini_fx.addons.pictures.load_steps import errors_and_costs, load_steps
         from signorini_fx.addons.pictures.style import plain
 
         usual: dict[str, Any] = {"title": plain(self.title), "suffixes": self.suffixes}

@@ -9,7 +9,7 @@ from typing import Any
 from signorini_fx.addons.report.markup import Markup, folded, in_text, is_number, joined, part, shown, table
 from signorini_fx.mechanics.statement.units import unit
 from signorini_fx.quantities.summary import CertificateFigures
-from signorini_fx.quantities.validity import was_solved
+from signorini_fx.quantities.text import was_solved
 from signorini_fx.records import JUDGED
 from signorini_fx.tuned import CERTIFICATE_TOLERANCE
 

@@ -25,7 +25,6 @@ except ImportError:
 
 _WIDE_TABLE = 8  # columns from which on the print uses small letters
 _WIDE_CELL = 16  # letters from which on a cell is broken into lines
-_MOST_ROWS = 400  # of a table; the CSV file has all rows
 _MOST_ENTRIES = 8  # of a list in a cell
 _NOTHING: tuple[Any, ...] = (None, "", [], {}, ())
 
@@ -76,8 +75,7 @@ def shown(value: Any) -> str:
     return value if isinstance(value, str) else str(value)
 
 
-_NUMBER = re.compile(r"-?\d+(\.\d+)?(e[+-]\d+)?|")  # as ``digits.figure`` writes it, or nothing
-_VECTOR = re.compile(r"\([-+.,e\d ]+\)( [^ ,]+){0,2}")  # perhaps with its unit
+_NUMBER = re.compile(r"-?\d+(\.\d+)?(e[+-]\d+)?|")  # as ``text.figure`` writes it, or nothing
 _POWERS = str.maketrans("0123456789-", "\u2070\xb9\xb2\xb3\u2074\u2075\u2076\u2077\u2078\u2079\u207b")
 
 
@@ -105,29 +103,15 @@ def table(columns: Sequence[str], rows: Sequence[Sequence[Any]], classes: Sequen
         cells = []
         for value, right in zip(row, numeric, strict=True):
             text = shown(value)
-            words = not right and len(text) > _WIDE_CELL and not _VECTOR.fullmatch(text)
-            cells.append((_breakable(text) if words else text, "words" if words else "number" * right))
+            cells.append((text, "number" if right else "words" * (len(text) > _WIDE_CELL)))
         body.append((class_, cells))
     return part("table", head, body, len(columns) > _WIDE_TABLE)
 
 
-def _breakable(text: str) -> Markup:
-    """Words of which a long one may be broken behind its underscores, as names of boundaries may be of any length."""
-    return text if isinstance(text, Markup) else part("breakable", re.split(r"(?<=_)(?=[^_])", text))
-
-
-def long_table(title: str, columns: Mapping[str, Any], file: str) -> Markup:
-    """Columns of a CSV file; folded; a very long one shows its two ends."""
+def long_table(title: str, columns: Mapping[str, Any]) -> Markup:
+    """Columns of a CSV file; folded."""
     rows = list(zip(*columns.values(), strict=True))
-    count, remark = len(rows), list[Markup]()
-    if count > _MOST_ROWS:
-        half = _MOST_ROWS // 2
-        remark, rows = [part("note", f"The first and the last {half} rows; {file} has all of them.")], rows[:half]
-        rows += list(zip(*(column[-half:] for column in columns.values()), strict=True))
-    # Behind a blank there is the name of a boundary, which stays as it is.
-    split = [name.partition(" ") for name in columns]
-    names = [f"{first.replace('_', ' ')}{blank}{boundary}" for first, blank, boundary in split]
-    return folded(f"{title}, {count} row{'s' * (count != 1)}", *remark, table(names, rows))
+    return folded(f"{title}, {len(rows)} row{'s' * (len(rows) != 1)}", table(list(columns), rows))
 
 
 def folded(title: str, *parts: str) -> Markup:

@@ -15,12 +15,14 @@ from signorini_fx.mechanics.statement.units import names_of
 from signorini_fx.quantities.shown import brief_lines, shown_lines
 from signorini_fx.quantities.shown import table as table_of_results
 from signorini_fx.quantities.text import (
+    Validity,
     boundaries_touched_by,
     has_friction,
     kinematics_of,
     marked_stress,
+    validity_of,
+    was_solved,
 )
-from signorini_fx.quantities.validity import Validity, validity_of, was_solved
 from signorini_fx.tuned import FEW_NODES
 
 _TONES = {Validity.SOLUTION: "good", Validity.LESS_ACCURATE: "short"}
@@ -176,7 +178,7 @@ def steps(steps: dict[str, Any], summary: dict[str, Any], folder: Path) -> Marku
     who, whom = _sides(entry.get("against") for entry in summary["scene"].get("contact", ()))
     caption = f"Forces of {who} on {whom}, and of friction; where they balance each other, pressure and moment."
     drawn = _drawn(folder, "load_steps.png", "forces of the load steps", caption)
-    return joined([drawn, long_table("Every load step", steps, "steps.csv")])
+    return joined([drawn, long_table("Every load step", steps)])
 
 
 def next_steps(summary: dict[str, Any]) -> list[str]:
