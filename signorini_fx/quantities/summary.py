@@ -233,7 +233,7 @@ class LargestDeformation(Row):
     displacement: Number = described("Largest displacement, relative to the size of the body.")
 
 
-class LawOfResult(Row):
+class RequestedLaw(Row):
     """The law that the certificate judges, and the one that the settings ask for."""
 
     asked: str = described("What the settings ask for; empty: nothing particular.")
@@ -445,7 +445,7 @@ class Summary(Run):
         "Largest von Mises stress over the yield stress, and where; absent if no material has a yield stress."
     )
     deformation: LargestDeformation = described("Of the load step with the largest one.")
-    law: LawOfResult = perhaps(
+    law: RequestedLaw = perhaps(
         "The contact law of the results, and whether it is the one that was asked for; absent without a solution."
     )
     certificate: CertificateFigures = described("The check of the conditions of the problem; every figure is relative.")

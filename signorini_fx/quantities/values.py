@@ -21,7 +21,7 @@ def of_results(solution: Any) -> dict[str, Any]:
         "resultants": solution.resultants.as_rows(),
         "strain_energy": solution.last_step.strain_energy,
         "deformation": asdict(max((step.deformation for step in solution.shown_steps), key=lambda step: step.largest)),
-        "law": None if law is None else law.as_dict(),
+        "law": None if law is None else law.model_dump(),
         "certificate": solution.certificate.as_dict(),
     }
     if functionals is not None:

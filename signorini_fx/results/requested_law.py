@@ -9,38 +9,12 @@ law that the certificate names, and none of them is what was asked for.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 
 from signorini_fx.mechanics.statement.settings import SolverSettings
+from signorini_fx.quantities.summary import RequestedLaw
 from signorini_fx.records import Finding
 from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.results.certificate.law_of_method import UNREGULARISED
-
-
-@dataclass(frozen=True)
-class RequestedLaw:
-    """What was asked for, and what the result is.
-
-    Attributes:
-        asked: in words; "": nothing particular.
-        delivered: the law of the load step that the results are of.
-        differs: in what the result is not what was asked for, in words, with what to do; "": in nothing.
-        key: of the scene that asks for it.
-    """
-
-    asked: str
-    delivered: str
-    differs: str
-    key: str = "solver.algorithm"
-
-    def as_dict(self) -> dict[str, str]:
-        """Without the key."""
-        return {"asked": self.asked, "delivered": self.delivered, "differs": self.differs}
-
-    @property
-    def findings(self) -> list[Finding]:
-        """A warning, if the result is not what was asked for."""
-        return [Finding("warning", self.key, self.differs)] if self.differs else []
 
 
 def requested_law(
@@ -49,10 +23,14 @@ def requested_law(
     left: float | None,
     *,
     raises_gamma: bool = False,
-) -> RequestedLaw:
-    """The law that settings ask for beside that of the load steps; ``left``: the regularisation error of the last one
-    relative to its energy norm, where a path in gamma has found it; ``raises_gamma``: whether an accuracy is asked for,
-    which raises gamma as it needs to.
+) -> tuple[RequestedLaw, tuple[Finding, ...]]:
+    """The law that settings ask for beside that of the load steps, and a warning where it is another one.
+
+    Args:
+        settings: of the solver.
+        certificates: of the load steps, by their numbers.
+        left: the regularisation error of the last one relative to its energy norm, where a path in gamma has found it.
+        raises_gamma: whether an accuracy is asked for, which raises gamma as it needs to.
     """
     laws = {step: certificate.law for step, certificate in certificates.items()}
     last = list(laws.values())[-1]
@@ -86,7 +64,8 @@ def requested_law(
                 f"{asked} was asked for, and a fall-back has solved {laws[others[-1]]} in its place"
                 f"{_where(laws, others)}; lower gamma, or set solver.fallbacks = false to have this gamma or nothing"
             )
-    return RequestedLaw(asked, str(last), differs, key)
+    law = RequestedLaw(asked=asked, delivered=str(last), differs=differs)
+    return law, ((Finding("warning", key, differs),) if differs else ())
 
 
 def _where(steps: Iterable[int], others: list[int]) -> str:

@@ -32,14 +32,14 @@ from signorini_fx.results.contact_fields import BoundaryFields, boundary_fields
 from signorini_fx.results.friction_used import friction_used
 from signorini_fx.results.functionals import Functionals
 from signorini_fx.results.mechanics import SolidBody, StepResult
-from signorini_fx.results.requested_law import RequestedLaw, requested_law
+from signorini_fx.results.requested_law import requested_law
 from signorini_fx.results.resultants import Resultants
 from signorini_fx.results.stresses import RawStresses
 from signorini_fx.tuned import ZERO_IN_SOLUTION
 
 if TYPE_CHECKING:
     from signorini_fx.quantities.proved_statements import ErrorBound, Interval
-    from signorini_fx.quantities.summary import ContactFigures, SectionForce
+    from signorini_fx.quantities.summary import ContactFigures, RequestedLaw, SectionForce
     from signorini_fx.results.accuracy.convergence_table import Price
     from signorini_fx.results.accuracy.level_results import LevelResult
 
@@ -154,15 +154,10 @@ class Solution:
             fits = (message for message in named if another is None or another not in message)
             return between * ended_between + next(fits, self.status.advice)
         if self.status in _UNDECIDED and ended_between:
-            # What regularisation leaves of slip in each load step wedges a body between several walls.
-            wedged = self.statement.has_coulomb and len(self.statement.contact) > 1 and settings.algorithm != "alm"
-            early = (
-                "; between several walls it may be higher: set solver.algorithm = 'alm' and solver.coulomb = 'newton'"
-            )
             return (
                 "lower the load, raise the friction, or prescribe a displacement: there is a solution at time "
                 f"{last.time:.6g}{self._factors_held}, and none was found at time {failed.time:.6g}; most likely a "
-                f"limit load is between them, though it is not proved{early * wedged}"
+                "limit load is between them, though it is not proved"
             )
         if self.history.late and self.status in _UNDECIDED:
             return (
@@ -205,23 +200,22 @@ class Solution:
     @property
     def law(self) -> RequestedLaw | None:
         """The contact law of the results beside the one that was asked for; None without contact or solution."""
+        return self._law[0]
+
+    @cached_property
+    def _law(self) -> tuple[RequestedLaw | None, tuple[Finding, ...]]:
         if self.contact is None or self.last_step.status is not Status.CONVERGED:
-            return None
+            return None, ()
         certificates = {step.step: step.certificate for step in self.shown_steps}
-        return requested_law(
-            self.statement.solver,
-            certificates,
-            self.parameters.get("regularisation_error"),
-            raises_gamma=self.statement.accuracy is not None,
-        )
+        error, raises_gamma = self.parameters.get("regularisation_error"), self.statement.accuracy is not None
+        return requested_law(self.statement.solver, certificates, error, raises_gamma=raises_gamma)
 
     @cached_property
     def findings(self) -> tuple[Finding, ...]:
         """Warnings and notes about the scene and the result, the first one if the law of the results is not the one
         that was asked for.
         """
-        law = self.law
-        return *(() if law is None else law.findings), *self.found()
+        return *self._law[1], *self.found()
 
     @property
     def last_step(self) -> StepResult:
