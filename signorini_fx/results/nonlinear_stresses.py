@@ -94,6 +94,10 @@ class NonlinearStresses(RawStresses):
         recovery, energy = not_recovered, not_recovered
         return cls(stress, recovery, energy, filled=tensor, at_points=at_points, model=model, plastic=plastic)
 
+    @property
+    def recovers(self) -> bool:
+        return False
+
     @cached_property
     def tensor(self) -> fem.Function:
         """The Cauchy stress with all components in 3D, shape (3, 3), discontinuous and of degree k - 1."""

