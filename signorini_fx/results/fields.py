@@ -20,8 +20,6 @@ from dolfinx.plot import vtk_mesh
 from mpi4py import MPI
 
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.assembly.averages import to_owners
-from signorini_fx.mechanics.assembly.mesh_entities import node_positions
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable
 from signorini_fx.results.solution import Solution
 
@@ -142,51 +140,6 @@ def write_surface(path: Path, table: ContactTable) -> None:
     points = np.column_stack([c[axis] for axis in "xyz"])
     facets = facets_of(table)
     write_vtu(path, MPI.COMM_SELF, points, facets, _KINDS[facets.shape[1]][0], fields)
-
-
-def other_side(solution: Solution) -> dict[str, npt.NDArray[Any]]:
-    """Tractions and distances at the nodes of the boundaries that contacts are ``against``, ordered by their places.
-
-    They are means of those at the contact points that see a node, by |M_il| w_i of ``pairs.coupling``; collective.
-
-    Returns:
-        Name -> one entry per node, on every rank: x, y, in 3D z; boundary, and against, on which the contact points
-        are; pressure; shear_x and so on, what this body exerts on the other one; distance of the deformed bodies
-        along the normal.  Empty where no two bodies are in contact.
-    """
-    statement, tagged, contact = solution.statement, solution.model.tagged, solution.contact
-    if contact is None or statement.sides[1] is None:
-        return {}
-    space, boundary = solution.displacement.function_space, contact.boundary
-    dim, owned = tagged.dimension, space.dofmap.index_map.size_local
-    x = np.array(node_positions(space)[:owned, :dim], dtype=np.float64)
-    blocks = []
-    for part, side in enumerate(solution.sides):
-        if (pair := side.pair) is None:
-            continue
-        points = np.flatnonzero(boundary.part == part)
-        points = points[np.argsort(boundary.nodes[points], kind="stable")]
-        distance = contact.gap[points] - contact.u_n[points]
-        shear = np.einsum("ijk,ik->ij", boundary.tangents, contact.shear)[points]
-        values = np.column_stack((contact.pressure[points], -shear, distance))
-        shares = abs(pair.others).T * pair.weight
-        rows = to_owners(np.column_stack((shares @ values, shares.sum(axis=1))), pair.reached, pair.comm, owned)
-        nodes = np.flatnonzero(rows[:, -1] > 0)
-        means = rows[nodes, :-1] / rows[nodes, -1:]
-        blocks.append(np.column_stack((np.full(nodes.size, part), x[nodes], means)))
-    gathered = parallel.gather_rows(tagged.mesh.comm, np.concatenate(blocks))
-    parts, places, pressure, traction, apart = np.split(gathered, np.cumsum([1, dim, 1, dim]), axis=1)
-    order = np.lexsort((*places.T[::-1], parts[:, 0]))
-    names = [[effect.against or "", effect.boundary] for effect in statement.contact]
-    sides = np.array(names)[parts[order, 0].astype(int)]
-    return {
-        **dict(zip("xyz", places[order].T, strict=False)),
-        "boundary": sides[:, 0],
-        "against": sides[:, 1],
-        "pressure": pressure[order, 0],
-        **{f"shear_{axis}": column for axis, column in zip("xyz", traction[order].T, strict=False)},
-        "distance": apart[order, 0],
-    }
 
 
 _NAMES = {np.dtype(np.float64): "Float64", np.dtype(np.int64): "Int64", np.dtype(np.uint8): "UInt8"}

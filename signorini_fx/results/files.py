@@ -31,7 +31,6 @@ from signorini_fx.results.fields import (
     FIELD_FILES,
     VTU,
     facets_of,
-    other_side,
     size_of_fields,
     write_fields,
     write_surface,
@@ -53,7 +52,6 @@ FILES = (
         "steps.csv",
         "contact.csv",
         "contact_steps.csv",
-        "contact_other_side.csv",
         "convergence_table.csv",
     ),
     *(*FIELD_FILES, "contact.vtu"),
@@ -210,15 +208,10 @@ class _Written:
         """The tables that show more of it."""
         solution, part = self.solution, self.folder.part
         along_steps = _contact_by_step(solution) if solution.statement.several_steps and table is not None else {}
-        other = None
-        if solution.contact is not None and solution.statement.sides[1] is not None:
-            other = other_side(solution)
 
         def write() -> None:
             if solution.convergence_table:
                 write_columns(part / "convergence_table.csv", as_columns(solution.convergence_table))
-            if other is not None:
-                write_columns(part / "contact_other_side.csv", other)
             if table is not None and table.facets is not None:
                 write_surface(part / "contact.vtu", table)
             if along_steps:
