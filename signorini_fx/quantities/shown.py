@@ -115,12 +115,6 @@ def _friction(summary: Summary) -> list[str | TerminalLine]:
     return [f"{percent(used)} used" if used else "the loads need none"]
 
 
-def _law(summary: Summary) -> list[str | TerminalLine]:
-    """If it is not what was asked for."""
-    law = summary["law"]
-    return [row("law", f"{law['delivered']}, not what was asked for", "warning")] if law["differs"] else []
-
-
 def _contact(summary: Summary) -> list[str | TerminalLine]:
     touching = summary["touching_nodes"]
     peak = with_unit(figure_or_error(summary["max_pressure"], error_of(summary, "max_pressure")), "stress")
@@ -301,7 +295,6 @@ _TABLE = (
     Shown("certificate", "certificate", _certificate, brief=True),
     Shown("dofs", "effort", _effort, brief=True),
     Shown("certificate", "left by gamma", _left),
-    Shown("law", "law", _law),
     Shown("max_shear", "largest shear", _max_shear),
     Shown("zones", "zone", _zones),
     Shown("areas", "area", _areas),

@@ -255,20 +255,6 @@ def test_escapes(folders):
     assert part("note", "<&>\"'") == '<p class="note">&lt;&amp;&gt;&#34;&#39;</p>'
 
 
-def test_next_steps(folders):
-    """Advice follows from the result."""
-
-    def said(name, **changes):
-        return " ".join(sections.next_steps({**summary_of(folders[name]), **changes}))
-
-    assert "signorini-fx check" in said("not held")
-    assert Page(folders["not held"]).text.count("prescribe a displacement, or add friction") == 1
-    assert Page(folders["two boundaries"]).text.count("made in Python") == 1
-    assert "on <a&b>, $c$: refine there" in said("two boundaries")
-    assert said("linear") == ""
-    assert "ParaView: a.bp" in said("linear", fields=["a.bp"])
-
-
 def test_verdict(folders):
     """A result that is none is not taken for one."""
     page = Page(folders["not held"])

@@ -113,8 +113,8 @@ def history(summary: dict[str, Any]) -> Markup:
     return joined(parts)
 
 
-def made_with(summary: dict[str, Any], size: str) -> Markup:
-    """When and with what: date, versions, ranks, compiled forms and times; ``size``: of the problem, in words."""
+def made_with(summary: dict[str, Any]) -> Markup:
+    """When and with what: date, versions, ranks, compiled forms and times."""
     versions = summary["versions"]
     done = "Solved" if was_solved(summary) else "Tried"
     when = (
@@ -127,5 +127,5 @@ def made_with(summary: dict[str, Any], size: str) -> Markup:
     timings = table(["phase", "seconds"], [(name, _two_digits(value)) for name, value in summary["timings"].items()])
     tables = part("beside", [timings, table(["program", "version"], list(versions.items()))])
     compiled = part("paragraph", f"Compiled: {', '.join(summary['compiled'])}.")
-    took = f"{when} by {programs} on {ranks}: {size}."
+    took = f"{when} by {programs} on {ranks}: {summary['dofs']} unknowns."
     return joined([part("paragraph", took), folded("Times and versions", compiled, tables)])

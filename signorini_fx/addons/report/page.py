@@ -66,8 +66,6 @@ def _page(summary: dict[str, Any], folder: Path) -> str:
         if len(table["step"]) != len(summary["steps"]):
             raise ValueError(f"steps.csv has {len(table['step'])} rows, {len(summary['steps'])} are expected")
         chapters["Load steps"] = sections.steps(table, summary, folder)
-    if lines := sections.next_steps(summary):
-        chapters["What to do next"] = part("items", lines)
     if "convergence_table" in summary:
         chapters["Convergence table"] = evidence.convergence_table(summary["convergence_table"])
     chapters["Certificate"] = evidence.certificate(summary) if solved else Markup("")
@@ -77,7 +75,7 @@ def _page(summary: dict[str, Any], folder: Path) -> str:
     for heading in _OF_FIGURES:
         if no_result and chapters.get(heading):
             chapters[heading] = joined([part("note", no_result), chapters[heading]])
-    chapters["Made with"] = evidence.made_with(summary, sections.size(summary))
+    chapters["Made with"] = evidence.made_with(summary)
     block = summary["scene"].get("title_block", {})
     style = resources.files("signorini_fx.addons.report").joinpath("report.css")
     text = rendered(

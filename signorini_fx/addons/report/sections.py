@@ -10,25 +10,20 @@ from signorini_fx.addons.pictures.fields import FIELDS
 from signorini_fx.addons.report.markup import Markup, in_text, joined, long_table, part, picture, rendered, table
 from signorini_fx.errors import PYVISTA
 from signorini_fx.machine.display import results_of, status_in_words
-from signorini_fx.machine.result_files import seconds_of
 from signorini_fx.mechanics.statement.units import names_of
 from signorini_fx.quantities.shown import brief_lines, shown_lines
 from signorini_fx.quantities.shown import table as table_of_results
 from signorini_fx.quantities.text import (
     Validity,
-    boundaries_touched_by,
     has_friction,
     kinematics_of,
     marked_stress,
     validity_of,
     was_solved,
 )
-from signorini_fx.tuned import FEW_NODES
 
 _TONES = {Validity.SOLUTION: "good", Validity.LESS_ACCURATE: "short"}
 _TONES |= dict.fromkeys((Validity.EARLIER_STEP, Validity.NO_SOLUTION), "bad")
-# Counts that are of interest to those who solve.
-_COUNTS = {"dofs": "unknowns", "contact_nodes": "contact nodes"}
 
 
 def outcome(summary: dict[str, Any], folder: Path) -> Markup:
@@ -80,12 +75,6 @@ def figures(summary: dict[str, Any]) -> Markup:
     lines = [line for shown in table_of_results() if not shown.brief for line in shown_lines(shown, summary)]
     rows = [(line.begin.strip(), in_text(line.text)) for line in lines]
     return joined([table(["result", ""], rows), part("note", _note(summary))])
-
-
-def size(summary: dict[str, Any]) -> str:
-    """What the solve took, for those who make such solves."""
-    counts = [f"{summary[key]} {label}" for key, label in _COUNTS.items() if key in summary]
-    return ", ".join([*counts, f"{seconds_of(summary):.3g} seconds"])
 
 
 def _note(summary: dict[str, Any]) -> str:
@@ -179,21 +168,3 @@ def steps(steps: dict[str, Any], summary: dict[str, Any], folder: Path) -> Marku
     caption = f"Forces of {who} on {whom}, and of friction; where they balance each other, pressure and moment."
     drawn = _drawn(folder, "load_steps.png", "forces of the load steps", caption)
     return joined([drawn, long_table("Every load step", steps)])
-
-
-def next_steps(summary: dict[str, Any]) -> list[str]:
-    """What to do with this result, most urgent first."""
-    if not validity_of(summary).solved:
-        return [
-            "The first thing to do is stated at the top. Before the next solve, signorini-fx check SCENE reports what "
-            "may go wrong, and why."
-        ]
-    advice = []
-    if coarse := boundaries_touched_by(range(1, FEW_NODES), summary):
-        advice.append(
-            f"Too few nodes are in contact on {', '.join(coarse)}: refine there before the ends of the zone or the "
-            "largest pressure are used."
-        )
-    if summary.get("fields"):
-        advice.append(f"Look at the fields in ParaView: {', '.join(summary['fields'])}.")
-    return advice
