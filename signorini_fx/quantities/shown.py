@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,7 @@ from signorini_fx.machine.display import clean, effort_in_words, on_several_bodi
 from signorini_fx.machine.result_files import seconds_of
 from signorini_fx.machine.terminal import TerminalLine
 from signorini_fx.mechanics.statement.units import with_unit
-from signorini_fx.quantities.quantity import own_quantities
+from signorini_fx.quantities.quantity import Quantity, own_quantities
 from signorini_fx.quantities.text import (
     MOST_ROWS,
     Validity,
@@ -60,8 +61,12 @@ class Shown:
 
 def table() -> list[Shown]:
     """All that is shown, in its order, those of others last."""
-    own = (Shown(quantity.key, quantity.key.replace("_", " "), brief=True) for quantity in own_quantities())
+    own = (Shown(one.key, one.key.replace("_", " "), partial(_own, one), brief=True) for one in own_quantities())
     return [*_TABLE, *own]
+
+
+def _own(quantity: Quantity, summary: Summary) -> list[str | TerminalLine]:
+    return [with_unit(digits(summary[quantity.key]), quantity.unit)]
 
 
 def shown_lines(shown: Shown, summary: Summary) -> list[TerminalLine]:
