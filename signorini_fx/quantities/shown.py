@@ -192,7 +192,7 @@ def _boundaries(summary: Summary) -> list[str | TerminalLine]:
     for entry in summary["contact_boundaries"][:MOST_ROWS]:
         mean = "" if entry["mean_pressure"] is None else f", mean pressure there {entry['mean_pressure']:.6g}"
         areas.append(f"{entry['boundary']}: {entry['contact_area']:.6g} of {entry['area']:.6g}{mean}")
-        if entry["friction_limit"] > 0:
+        if entry["friction_limit"] is None or entry["friction_limit"] > 0:  # null in a file: infinite
             friction.append(f"{entry['boundary']}: {friction_in_words(entry)}")
     return [*labelled("in contact", areas), *labelled("friction", friction)]
 

@@ -199,7 +199,7 @@ def friction_in_words(row: dict[str, Any]) -> str:
     if row["friction_moment"] is not None and row["tangential_force"] < NEGLIGIBLE * row["pressure_integral"]:
         force = f"a moment of {np.linalg.norm(row['friction_moment']):.6g} about its middle"
         limit = row["moment_limit"]
-    return f"{force} of at most {limit:.6g}" if np.isfinite(limit) else f"{force} in a bond"
+    return f"{force} in a bond" if limit is None or np.isinf(limit) else f"{force} of at most {limit:.6g}"
 
 
 def cost_in_words(summary: dict[str, Any]) -> str:

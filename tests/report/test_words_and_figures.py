@@ -44,3 +44,12 @@ def test_what_happened_is_in_the_report():
     summary = {"algorithm": "fp", "linear_solves": 3, "events": ["friction carries at most 0.99 of the loads"] * 2}
     shown = texts_of(evidence.history(summary))
     assert shown.count("friction carries at most 0.99 of the loads") == 1
+
+
+def test_the_limit_of_a_bond_is_infinite():
+    """In a file it is null."""
+    row = {"boundary": "pad", "area": 3.0, "contact_area": 3.0, "mean_pressure": 1.0, "pressure_integral": 3.0}
+    row |= {"tangential_force": 0.5, "friction_limit": None, "friction_moment": None, "moment_limit": None}
+    assert "friction         pad: 0.5 in a bond" in "\n".join(
+        lines_of("contact_boundaries", {"contact_boundaries": [row]})
+    )
