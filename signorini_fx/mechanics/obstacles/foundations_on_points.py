@@ -404,8 +404,6 @@ class Foundations:
         given = at(0.0 if contact.bonded else getattr(contact, key), f"contact[{number}].{key}")
         if (pair := self._pairs.get(number)) is None:
             return (given + self._distance_of(number) if number in self._distances else given), None
-        owned, bilateral = self._space.dofmap.index_map.size_local, contact.bilateral or contact.bonded
-        self._pairs[number] = pair.with_gap(given[:owned], self._space.mesh.comm, bilateral=bilateral)
         if not pair.by_geometry:
             return given, None
         from signorini_fx.mechanics.pairs.mortar_coupling import closed_within

@@ -11,9 +11,7 @@ import numpy as np
 import numpy.typing as npt
 import scipy.sparse as sp
 from dolfinx import fem
-from mpi4py import MPI
 
-from signorini_fx.algebra.contact.points import inside
 from signorini_fx.errors import FormError
 from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.assembly.averages import Averages, from_owners
@@ -28,7 +26,6 @@ from signorini_fx.mechanics.pairs.mortar_coupling import (
     Coupling,
     NobodyCarriesError,
     PairingError,
-    closed_within,
     couple,
     normals_of_points,
 )
@@ -218,9 +215,6 @@ class PairedSides:
         unable: nodes of the slave that cannot carry a point, as another contact owns them, shape (N,).
         axes: the frame of each point that supports hold it in, shape (n, d, d); None: the axes of space.
         adjust: up to which distance the sides count as closed, length; None: nowhere.
-        held_gap: of the nodes where supports hold both sides, see ``Coupling.constrained_slaves``, length, shape (h,);
-            None: not known yet.
-        bilateral: whether contact cannot open.
         followed: whether the normals are those of the deformed sides, with which distances turn; else it is the
             coupling that tells how distances turn.
     """
@@ -232,8 +226,6 @@ class PairedSides:
     unable: npt.NDArray[np.bool_]
     axes: Array | None = None
     adjust: float | None = None
-    held_gap: Array | None = None
-    bilateral: bool = False
     followed: bool = False
 
     @classmethod
@@ -271,37 +263,6 @@ class PairedSides:
             raise FormError([(name, str(error))]) from None
         turns = facing.frames[0][coupling.nodes] if facing.turned else None
         return cls(slave, master, coupling, pair.by_geometry, facing.unable, turns, pair.adjust)
-
-    def with_gap(self, gap: Array, comm: MPI.Comm, *, bilateral: bool) -> PairedSides:
-        """The same with the gap of the nodes where supports hold both sides; collective.
-
-        Args:
-            gap: what is said of it at the owned nodes, length, shape (nodes,).
-            comm: the ranks.
-            bilateral: see ``PairedSides``.
-        """
-        coupling, surface = self.coupling, self.slave.surface
-        held = coupling.constrained_slaves
-        held_gap = from_owners(gap[:, None], self.slave.nodes[held], comm)[:, 0]
-        if self.by_geometry:
-            apart = coupling.over @ self.master.surface.x - surface.x[held]
-            held_gap += closed_within(np.einsum("hd,hd->h", surface.nodal_normals[held], apart), self.adjust)
-        return replace(self, held_gap=held_gap, bilateral=bilateral)
-
-    def held_inside(self, displacement: Array, comm: MPI.Comm) -> Array:
-        """How far these nodes are behind the other side, or, where contact cannot open, off it too, length, shape
-        (h,), otherwise negative where they are off it; collective.
-
-        Args:
-            displacement: of the owned nodes, length, shape (nodes, d).
-            comm: the ranks.
-        """
-        held, over = self.coupling.constrained_slaves, self.coupling.over
-        assert self.held_gap is not None
-        moved = from_owners(displacement, self.slave.nodes[held], comm)
-        moved = moved - over @ from_owners(displacement, self.master.nodes, comm)
-        along = np.einsum("hd,hd->h", self.slave.surface.nodal_normals[held], moved)
-        return inside(along - self.held_gap, self.bilateral)
 
     @property
     def undeformed_normals(self) -> Array:

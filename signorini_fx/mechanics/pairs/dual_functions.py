@@ -67,15 +67,6 @@ class HeldSides:
         """
         return np.asarray(self.slave & (self._seen(met) > MOSTLY_HELD + SAME_NUMBER))
 
-    def opposite(self, met: Any, others: Indices) -> tuple[Indices, sp.csr_array]:
-        """``constrained_slaves`` but for some others, shape (h,), and of each the shares of the held nodes of the
-        master that it sees, rows with the sum one, sparse, shape (h, M).
-        """
-        constrained = self.constrained_slaves(met)
-        constrained[others] = False
-        rows = scaled_columns(met[np.flatnonzero(constrained)], self.master.astype(np.float64))
-        return np.flatnonzero(constrained), scaled_rows(np.asarray(1.0 / rows.sum(axis=1)), rows)
-
     def movable(self, met: Any) -> Array:
         """By which share nodes of the slave are what can move, or see that, shape (N,); ``met``: see
         ``constrained_slaves``.

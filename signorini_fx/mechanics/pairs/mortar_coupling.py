@@ -79,9 +79,6 @@ class Coupling:
         overlap: where both sides meet and one can move, as far as this rank has found it.
         covered: area (in 2D: length) of the slave there, times the measure, of all ranks.
         met: the same with where nothing can move, see ``HeldSides``.
-        constrained_slaves: nodes of the slave that carry no point because both sides are held there, shape (h,).
-        over: of each of them the shares of the held nodes of the master over it, sparse, shape (h, nodes of the
-            master).
     """
 
     nodes: Indices
@@ -96,8 +93,6 @@ class Coupling:
     overlap: Overlap
     covered: float
     met: float
-    constrained_slaves: Indices
-    over: sp.csr_array
 
     def lift(self, slave: PairSurface) -> sp.csr_array:
         """Displacements of slave nodes, all along one direction, that move the points by one each: D times them is
@@ -240,7 +235,7 @@ def couple(
     if reach is None:
         reach = default_reach(*used)
     whole, _ = projected(slave, master, reach, comm, bonded=bonded, nominal=nominal)
-    tested = moving = whole.moving(slave, master, held, comm)
+    tested = whole.moving(slave, master, held, comm)
     weight = tested.areas(slave, comm)
     distance = tested.moments(slave, tested.overlap.distance(slave, master), comm)
     sums, arms = (
@@ -256,8 +251,6 @@ def couple(
     carried_nodes = np.asarray(shares.sum(axis=0)).ravel() > 0.0
     tested = tested.without(np.asarray((constrained & ~carried_nodes)[slave.points].all(axis=1)))
     _refuse_bare(slave, tested, shares)
-    met = sums[1] if moving is whole else over_ranks(comm, whole.products(slave, master)[1])
-    constrained_slaves, over = held.opposite(met, np.concatenate((nodes, np.flatnonzero(unable))))
     if mine is not None:
         nodes, shares = nodes[mine[nodes]], sp.csr_array(shares[mine[nodes]])
     weight = shares @ weight
@@ -283,8 +276,6 @@ def couple(
         overlap=tested.overlap,
         covered=float(tested.area.sum()),
         met=float(whole.area.sum()),
-        constrained_slaves=constrained_slaves,
-        over=over,
     )
     size = min(float(np.linalg.norm(np.ptp(x, axis=0))) for x in used)
     if (deepest := parallel.largest(comm, -coupling.gap, -np.inf)) > DEEPEST_OVERLAP * size:
