@@ -161,11 +161,11 @@ class MovingFoundations(Foundations):
             super()._paired(number, factor, fixed, turned, at_rest)
             last = self._undeformed[number] = facts, self._pairs[number]
         assert last is not None
-        paired, flags = last[1], fixed.reshape(-1, self._dimension)
+        paired, owned = last[1], fixed.size // self._dimension
         if not self._contact[number].bonded:
-            paired = paired.deformed(self._space, self.at.x.array.reshape(-1, self._dimension)[: len(flags)])
+            paired = paired.deformed(self._space, self.at.x.array.reshape(-1, self._dimension)[:owned])
         self._pairs[number] = paired
-        return paired.boundary(self._space, self.facets[number], number, flags)
+        return paired.boundary(self._space, self.facets[number], number)
 
     def law(
         self, boundary: ContactBoundary, modulus: float, friction: Sequence[NodalFriction] | None = None

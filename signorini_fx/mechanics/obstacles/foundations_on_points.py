@@ -372,7 +372,7 @@ class Foundations:
         assert isinstance(pair, Pair)
         paired = PairedSides.of(self._space, pair, facing, f"contact[{number}]", self._taken(number))
         self._pairs[number] = paired
-        return paired.boundary(self._space, self.facets[number], number, fixed.reshape(-1, self._dimension))
+        return paired.boundary(self._space, self.facets[number], number)
 
     def facing(
         self,

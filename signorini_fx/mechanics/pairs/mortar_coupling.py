@@ -39,6 +39,7 @@ from signorini_fx.mechanics.pairs.overlap_quadrature import Overlap, over_ranks
 from signorini_fx.mechanics.pairs.overlap_space import space_overlap, turned_in_space
 from signorini_fx.mechanics.pairs.pair_side import PairSurface
 from signorini_fx.mechanics.pairs.search import default_reach
+from signorini_fx.mechanics.pairs.sparse_scaling import beside
 from signorini_fx.tuned import CERTIFICATE_TOLERANCE, DEEPEST_OVERLAP, DIGITS_OF_FILES, NEGLIGIBLE, SAME_NUMBER
 
 Array = npt.NDArray[np.float64]
@@ -72,9 +73,8 @@ class Coupling:
         distance: d_i, length, shape (n, d).
         slave: D, sparse, shape (n, nodes of the slave).
         master: M, sparse, shape (n, nodes of the master).
-        slave_turning: omega_i(u_s) x d_i / 2, sparse, shape (n d, d nodes of the slave); zero of sides that are
-            nominally in contact.
-        master_turning: omega_i(u_m) x d_i / 2, of those without the half, sparse, shape (n d, d nodes of the master).
+        turning: (omega_i(u_s) + omega_i(u_m)) x d_i / 2, of sides that are nominally in contact omega_i(u_m) x d_i,
+            from the nodes of both sides, those of the slave first, sparse, shape (n d, d m).
         centre: where forces act: at the same place on both sides, length, shape (n, d).
         overlap: where both sides meet and one can move, as far as this rank has found it.
         covered: area (in 2D: length) of the slave there, times the measure, of all ranks.
@@ -87,8 +87,7 @@ class Coupling:
     distance: Array
     slave: sp.csr_array
     master: sp.csr_array
-    slave_turning: sp.csr_array
-    master_turning: sp.csr_array
+    turning: sp.csr_array
     centre: Array
     overlap: Overlap
     covered: float
@@ -270,8 +269,7 @@ def couple(
         distance=distance,
         slave=slave_shares,
         master=master_shares,
-        slave_turning=turnings[0],
-        master_turning=turnings[1],
+        turning=beside(*turnings),
         centre=slave_shares @ slave.x + half * distance,
         overlap=tested.overlap,
         covered=float(tested.area.sum()),
