@@ -139,7 +139,7 @@ class Tested:
     coefficients: Array
 
     @classmethod
-    def of(cls, slave: PairSurface, master: PairSurface, overlap: Overlap, comm: MPI.Comm, *, bonded: bool) -> Tested:
+    def of(cls, slave: PairSurface, overlap: Overlap, comm: MPI.Comm, *, bonded: bool) -> Tested:
         """With the functions on what is covered; collective."""
         local_area = np.bincount(overlap.slave, overlap.weight.sum(axis=1), minlength=len(slave.nodes))
         area: Array = parallel.global_sum(comm, local_area.astype(np.float64))
@@ -154,7 +154,7 @@ class Tested:
         still = held.still(slave.nodes[self.overlap.slave], master.nodes[self.overlap.master])
         if not parallel.any_rank(comm, bool(still.any())):
             return self
-        return Tested.of(slave, master, self.overlap.chosen(~still), comm, bonded=self.hats)
+        return Tested.of(slave, self.overlap.chosen(~still), comm, bonded=self.hats)
 
     def without(self, facets: npt.NDArray[np.bool_]) -> Tested:
         """The same without some facets of the slave, shape (f,)."""
@@ -183,11 +183,12 @@ class Tested:
 
     def _sums(self, slave: PairSurface, master: PairSurface, values: list[Array]) -> list[sp.csr_array]:
         """Values of each piece for the functions there and the nodes of both sides, added up."""
-        points, seen = slave.points[self.overlap.slave], (self.overlap.slave, self.overlap.master)
-        return [
-            sparse_sums(points, side.nodes[facets], of_side, len(slave.x), len(side.x))
-            for side, facets, of_side in zip((slave, master), seen, values, strict=True)
-        ]
+        points, sums = slave.points[self.overlap.slave], []
+        for side, facets, of_side in ((slave, self.overlap.slave, values[0]), (master, self.overlap.master, values[1])):
+            numbers = points[:, :, None], side.nodes[facets][:, None]
+            places = tuple(np.broadcast_to(at, of_side.shape).ravel() for at in numbers)
+            sums.append(sp.csr_array((of_side.ravel(), places), shape=(len(slave.x), len(side.x))))
+        return sums
 
     @property
     def covered(self) -> Indices:
@@ -345,19 +346,22 @@ def projected(
     """
     ends = len(slave.nodes) * comm.rank // comm.size, len(slave.nodes) * (comm.rank + 1) // comm.size
     facets = np.arange(*ends)
-    project, turned = space_overlap, turned_in_space
+    project, turned = partial(space_overlap, slave, master, reach, facets), turned_in_space
     if slave.dimension == 2:  # which facets may meet does not depend on directions
         pairs = facing_facets(slave, master, reach, facets)
-        project, turned = partial(plane_overlap, pairs=pairs), turned_in_plane
-    overlap = project(slave, master, reach, facets, None).measured(slave).within(reach, slave, master)
-    tested = Tested.of(slave, master, overlap, comm, bonded=bonded)
+        project, turned = partial(plane_overlap, slave, master, pairs), turned_in_plane
+
+    def found(directions: Array | None) -> Tested:
+        overlap = project(directions).measured(slave).within(reach, slave, master)
+        return Tested.of(slave, overlap, comm, bonded=bonded)
+
+    tested = found(None)
     if apart and not tested.area.any():
         return tested, slave.nodal_normals
     _check(slave, master, tested.area, reach)
     directions = None if nominal else _mean_normals(slave, master, tested, comm)
     if directions is not None and turned(slave, directions) > SAME_NUMBER:
-        overlap = project(slave, master, reach, facets, directions).measured(slave).within(reach, slave, master)
-        tested = Tested.of(slave, master, overlap, comm, bonded=bonded)
+        tested = found(directions)
         _check(slave, master, tested.area, reach)
     return tested, directions
 
@@ -415,9 +419,3 @@ def _nearest(slave: PairSurface, master: PairSurface) -> str:
         f"both are nearest at ({point}), {away[nearest]:.3g} apart, where their normals enclose {angle:.0f} degrees, "
         "of sides that face each other about 180"
     )
-
-
-def sparse_sums(points: Indices, nodes: Indices, values: Array, rows: int, columns: int) -> sp.csr_array:
-    """A matrix of values of shape (p, k, l) at numbers of rows, shape (p, k), and of columns, shape (p, l), summed."""
-    row_numbers, column_numbers = (np.broadcast_to(at, values.shape) for at in (points[:, :, None], nodes[:, None]))
-    return sp.csr_array((values.ravel(), (row_numbers.ravel(), column_numbers.ravel())), shape=(rows, columns))
