@@ -183,8 +183,10 @@ def sides_of(
     sides = []
     for k, (at, form, entry) in enumerate(zip(data, unit_forms, contact, strict=True)):
 
-        def bound(nodes: npt.NDArray[Any], pressure: Nodal, at: FoundationData = at) -> Nodal:
-            if at.bonded:
+        def bound(
+            nodes: npt.NDArray[Any], pressure: Nodal, at: FoundationData = at, bonded: bool = entry.bonded
+        ) -> Nodal:
+            if bonded:
                 return np.full(nodes.size, np.inf)
             return np.zeros(nodes.size) if at.law is None else at.law.at(nodes).limit(np.abs(pressure))
 

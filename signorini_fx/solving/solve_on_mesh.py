@@ -35,7 +35,6 @@ from signorini_fx.solving.check.cost import estimated_cost
 from signorini_fx.solving.check.findings import refuse_beforehand, scene_findings
 from signorini_fx.solving.check.result_findings import (
     facets_in_result,
-    held_in_result,
     pushed_nodes,
     result_findings,
     shapes_in_results,
@@ -193,11 +192,10 @@ def findings_of_steps(
         return [*further, *(step.reason for step in steps if step.reason is not None)]
     contacts = [step.contact.in_contact.any() for step in steps if step.contact is not None]
     touching = parallel.any_rank(model.comm, bool(np.any(contacts))) if contacts else None
-    held = [held_in_result(step.contact, step.displacement, model.pairs) for step in steps]
     lost = sorted({piece for step in steps for piece in step.certificate.unjudged})
     names = [model.motions.pieces.called(piece) for piece in lost]
     return [
-        *pushed_nodes(model.comm, held, model.tagged.size),
+        *pushed_nodes([step.contact for step in steps], model.tagged.size),
         *loose_at_rest(model, steps, model.statement.forces_at),
         *shapes_in_results(foundations, _shown(steps).displacement),
         *further,

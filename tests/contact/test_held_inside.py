@@ -7,12 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from boxes import Box, boxes_mesh
 from certifying import certify
-from mpi4py import MPI
 from scenes import alone
 
-from signorini_fx import solve
 from signorini_fx.records import Status
 from signorini_fx.results.certificate.law_of_method import Tractions
 from signorini_fx.scenes.reading import parse_scene
@@ -108,59 +105,6 @@ def test_friction_there_is_that_without_pressure(law):
     assert held.sum() == 1
     assert np.abs(solution.contact.shear[held]) == pytest.approx(law.get("bound", 0.0), rel=1e-9)
     assert solution.certificate.holds
-
-
-def pair(
-    comm, cells=8, distance="nominal", moved=0.0, held=("one", "other"), degree=1, gamma="auto", kind="unilateral"
-):
-    """Two squares side by side with their tops held, which overlap by DEPTH, or touch in the middle between them.
-
-    Args:
-        comm: the ranks.
-        cells: along a side of the second one; the first has 8.
-        distance: how the gap is known.
-        moved: how far the top of the second one is moved towards the first one.
-        held: which tops are held; bottoms are if their tops are not.
-        degree: of the displacement.
-        gamma: gamma_n.
-        kind: of contact.
-    """
-    by_geometry = distance == "geometry"
-    at = (0.0, 1.0 - DEPTH * by_geometry)
-    boxes = [Box(name, x, 0.0, 1.0, 1.0, n, n) for name, x, n in zip(("one", "other"), at, (8, cells), strict=True)]
-    ways = {"one": 0.0, "other": -moved}
-    return {
-        "mesh": boxes_mesh(comm, boxes),
-        "element": {"degree": degree},
-        "material": {"young": 100.0, "poisson": 0.3},
-        "displacement": [
-            {"boundary": f"{'top' if name in held else 'bottom'} {name}", "x": way, "y": 0.0}
-            for name, way in ways.items()
-        ],
-        "contact": {
-            "boundary": "right one",
-            "against": "left other",
-            "distance": distance,
-            "kind": kind,
-            **({} if by_geometry else {"gap": moved / 2 if moved else -DEPTH}),
-        },
-        "solver": {"gamma_n": gamma},
-    }
-
-
-def test_two_bodies():
-    """Of a node of the carrying side that is held, its neighbours have the function: gamma decides about nothing.
-
-    The node has no point, and is told all the same.
-    """
-    forces = []
-    for gamma in (1e7, 1e9):
-        solution = solve(parse_scene(pair(MPI.COMM_SELF, gamma=gamma)), MPI.COMM_SELF)
-        forces.append(solution.contact.forces[0][0])
-        assert not solution.contact.points.immovable.any()
-        (message,) = told(solution)
-        assert message.startswith("supports hold 1 contact node inside the other body, by 0.001 at (1, 1):")
-    assert forces[0] == pytest.approx(forces[1], rel=1e-4)
 
 
 @pytest.mark.parametrize(

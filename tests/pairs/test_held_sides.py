@@ -8,7 +8,6 @@ import pytest
 import ufl
 from dolfinx import fem
 from dolfinx import mesh as dmesh
-from mpi4py import MPI
 from support.sliding_bodies import SlidingBodies, as_linear_bodies
 from two_bodies import assembled, facets, facets_of_cells, grid
 
@@ -59,46 +58,6 @@ def test_both_choices_of_the_slave(dim, kind, upto):
     slid, linear = np.transpose([pressed(plate(dim, kind, upto=upto, slave=slave)) for slave in (0, 1)])
     assert slid[1] == pytest.approx(slid[0], rel=0.005)
     assert linear[1] == pytest.approx(linear[0], rel=1e-6)
-
-
-def shelf(dim, slave, finer=2, comm=MPI.COMM_SELF):
-    """A block and a plate on it that are both held where x[0] = 0, the block at its other end, too."""
-    kind, up, away = KINDS[dim], dim - 1, 1e-6
-    low, high = [0.0] * up, [1.0] * up
-    bodies = (
-        grid(kind, (*[3] * up, 2), [*low, -1.0], [*high, 0.0]),
-        grid(kind, (*[3 * finer] * up, 1), [*low, away], [*high, 0.3]),
-    )
-    touching = [lambda x: np.isclose(x[up], 0.0), lambda x: np.isclose(x[up], away)]
-    held = [lambda x: (x[up] <= 0) & np.isclose(x[0], 0.0), lambda x: (x[up] > 0) & np.isclose(x[0], 0.0)]
-    return SlidingBodies(kind, bodies, touching, held, slave=slave, reach=0.5, comm=comm)
-
-
-def told(scene):
-    """What is told of nodes that supports hold."""
-    return [found.message for found in scene.problem.findings if "supports hold" in found.message]
-
-
-@pytest.mark.one_quick
-@pytest.mark.mpi(slow=True)
-@pytest.mark.parametrize("slave", [0, 1])
-@pytest.mark.parametrize("dim", [2, 3])
-def test_where_both_sides_are_held(dim, slave):
-    """Where nothing can move nothing is transmitted, and the user is told the place and the depth, on all ranks; not
-    where the bodies part.  Along the edge the sides of both are as in a plane of symmetry, of both choices.
-    """
-    scene = shelf(dim, slave, comm=MPI.COMM_WORLD)
-    still = [0.0] * (dim - 1)
-    scene.move(*still, DEPTH)
-    assert not told(scene)
-    scene.move(*still, -DEPTH)
-    (message,) = told(scene)
-    count = 1 if dim == 2 else (4, 7)[slave]
-    assert message.startswith(f"supports hold {count} contact node{'s' * (count > 1)} inside the other body, by 0.0")
-    assert " at (0, " in message
-    depth = float(message.split(" by ")[1].split()[0])
-    assert depth == pytest.approx(DEPTH, rel=1e-3)
-    assert len(set(MPI.COMM_WORLD.allgather(message))) == 1
 
 
 STRAIN, YOUNG_AND_LAME = 0.01, (100.0, 50.0)

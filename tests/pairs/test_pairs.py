@@ -23,7 +23,7 @@ def coupled(slave, master, **settings):
 def relative(coupling, slave, master):
     """U_rel of displacements of both sides, shape (n, d)."""
     own = coupling.slave @ slave - coupling.master @ master
-    return own + (coupling.slave_turning @ slave.ravel() + coupling.master_turning @ master.ravel()).reshape(own.shape)
+    return own + (coupling.turning @ np.concatenate((slave, master)).ravel()).reshape(own.shape)
 
 
 def joint_motions(dimension):
@@ -54,8 +54,8 @@ def test_identities(dimension, element, other, overhang, curved):
     # The same said of forces.
     traction = np.random.default_rng(1).standard_normal(found.distance.shape) * found.weight[:, None]
     on_slave, on_master = found.slave.T @ traction, -found.master.T @ traction
-    on_slave += (found.slave_turning.T @ traction.ravel()).reshape(on_slave.shape)
-    on_master += (found.master_turning.T @ traction.ravel()).reshape(on_master.shape)
+    turning = (found.turning.T @ traction.ravel()).reshape(-1, dimension)
+    on_slave, on_master = on_slave + turning[: len(on_slave)], on_master + turning[len(on_slave) :]
     np.testing.assert_allclose(on_slave.sum(axis=0) + on_master.sum(axis=0), 0, atol=1e-12)
     for motion in joint_motions(dimension):
         assert abs(np.sum(on_slave * motion(slave.x)) + np.sum(on_master * motion(master.x))) < 1e-12

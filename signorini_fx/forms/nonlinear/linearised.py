@@ -60,11 +60,11 @@ from signorini_fx.mechanics.body.elastic_body import ElasticBody
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.contact_points.turned_supports import TurnedNodes
+from signorini_fx.mechanics.laws.protocol import FrictionLaw
 from signorini_fx.mechanics.loads.supports import prescribed
 from signorini_fx.mechanics.obstacles.foundations_on_points import (
     FoundationData,
     Foundations,
-    NodalFriction,
     ShapeDistances,
 )
 from signorini_fx.mechanics.obstacles.paired_points import PairedSides
@@ -161,14 +161,14 @@ class MovingFoundations(Foundations):
             super()._paired(number, factor, fixed, turned, at_rest)
             last = self._undeformed[number] = facts, self._pairs[number]
         assert last is not None
-        paired, flags = last[1], fixed.reshape(-1, self._dimension)
+        paired, owned = last[1], fixed.size // self._dimension
         if not self._contact[number].bonded:
-            paired = paired.deformed(self._space, self.at.x.array.reshape(-1, self._dimension)[: len(flags)])
+            paired = paired.deformed(self._space, self.at.x.array.reshape(-1, self._dimension)[:owned])
         self._pairs[number] = paired
-        return paired.boundary(self._space, self.facets[number], number, flags)
+        return paired.boundary(self._space, self.facets[number], number)
 
     def law(
-        self, boundary: ContactBoundary, modulus: float, friction: Sequence[NodalFriction] | None = None
+        self, boundary: ContactBoundary, modulus: float, friction: Sequence[FrictionLaw | None] | None = None
     ) -> PointFriction | None:
         """See ``Foundations``: a point that does not see the other side has none, not even one without pressure."""
         law = super().law(boundary, modulus, friction)

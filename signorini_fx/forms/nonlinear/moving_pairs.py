@@ -13,9 +13,7 @@ from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
-from signorini_fx.algebra.contact.points import inside
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.assembly.averages import from_owners
 from signorini_fx.mechanics.assembly.nodal_stiffness import JointStiffness
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
@@ -23,7 +21,6 @@ from signorini_fx.mechanics.obstacles.paired_points import PairedSides
 from signorini_fx.mechanics.obstacles.sliding_sides import SlidingSides
 from signorini_fx.mechanics.pairs.sliding import Frames, SlidingCoupling, along_vectors
 from signorini_fx.records import Finding
-from signorini_fx.solving.check.result_findings import HeldNodes
 from signorini_fx.tuned import FACETS_OF_KEPT_PARTNERS
 
 Array = npt.NDArray[np.float64]
@@ -105,22 +102,6 @@ class MovingPair:
         """See ``SlidingSides``; ``sticks``: which of the points of a state friction holds; collective."""
         rows = np.flatnonzero(state.boundary.part == self.sides.index)
         return self.sides.holding(self.coupling, state.in_contact[rows], sticks[rows])
-
-    def held_nodes(self, *, bilateral: bool) -> HeldNodes:
-        """The nodes that supports hold on both sides, and that carry no point; collective.
-
-        Args:
-            bilateral: whether contact cannot open.
-        """
-        coupling, sides = self.coupling, self.sides
-        count = coupling.constrained_slaves.size
-        allowance = from_owners(self.allowance[:, None], sides.slave.nodes[coupling.constrained_slaves], sides.comm)[
-            :, 0
-        ]
-        depth = inside(-(coupling.constrained_gap + allowance), bilateral)
-        off, paired = np.full(count, bilateral), np.ones(count, dtype=bool)
-        x = sides.slave.surface.x[coupling.constrained_slaves]
-        return HeldNodes(np.full(count, sides.index, np.int32), depth, off, paired, x)
 
     @property
     def parted(self) -> str:

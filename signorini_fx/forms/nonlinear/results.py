@@ -23,7 +23,7 @@ from signorini_fx.records import Finding, History, Status, Timings
 from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.results.mechanics import StepResult
 from signorini_fx.results.solution import Solution
-from signorini_fx.solving.check.result_findings import held_in_result, pushed_nodes, shapes_in_results
+from signorini_fx.solving.check.result_findings import pushed_nodes, shapes_in_results
 from signorini_fx.solving.loose_bodies import loose_at_rest
 from signorini_fx.solving.solve_on_mesh import contact_solution
 from signorini_fx.solving.stepped_body import step_result
@@ -189,8 +189,6 @@ def findings_of(linear: LinearisedProblem, steps: Sequence[StepResult]) -> tuple
     if not linear.has_state:
         return ()
     entries, mesh = linear.contact, linear.space.mesh
-    held = [pair.held_nodes(bilateral=entries[k].bilateral) for k, pair in linear.pairs.items()]
-    pushed = pushed_nodes(mesh.comm, [held], linear.scales.size)
     sizes = {
         number: facet_size(mesh, linear.foundations.facets[number])
         for number, entry in enumerate(entries)
@@ -198,7 +196,6 @@ def findings_of(linear: LinearisedProblem, steps: Sequence[StepResult]) -> tuple
     }
     past = slid_past_partners(linear.state, sizes)
     loose = loose_at_rest(linear.elastic, steps, "contact", linear.bodies)
-    held = held_in_result(linear.state, linear.u, linear.foundations.pairs)
-    inside = pushed_nodes(linear.space.mesh.comm, [held], linear.scales.size)
+    inside = pushed_nodes([linear.state], linear.scales.size)
     inside += shapes_in_results(linear.foundations.placed_shapes, linear.u)
-    return (*inside, *pushed, *sheared_across_gaps(linear.pairs, linear.state), *past, *loose)
+    return (*inside, *sheared_across_gaps(linear.pairs, linear.state), *past, *loose)

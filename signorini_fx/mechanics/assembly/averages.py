@@ -46,21 +46,17 @@ class Averages:
         nodes: global numbers of the nodes, shape (m,); a node of two contact boundaries is there twice.
         x: their positions, length, shape (m, d).
         fixed: which displacement components are prescribed at them, shape (m, d).
-        turning: what the displacements of the nodes add to this in other directions, scipy sparse, shape (n d, m d);
-            None: nothing, as at points of one body, or ``operator`` is known.
         centre: where the force of each point acts on the body of its node, length, shape (n, d); None: at the average
             of the nodes.
         lift: displacements of some nodes, all along one direction, that move the points by one each, scipy sparse,
             shape (m, n); None: not known.
-        between: ``operator`` between two bodies, where it is known, scipy sparse, shape (n d, m d); None: it is that of
-            ``shares`` and ``turning``.
+        between: ``operator`` between two bodies, scipy sparse, shape (n d, m d); None: it is that of ``shares``.
     """
 
     shares: Any
     nodes: npt.NDArray[np.int64]
     x: _Floats
     fixed: npt.NDArray[np.bool_]
-    turning: Any = None
     centre: _Floats | None = None
     lift: Any = None
     between: Any = None
@@ -78,12 +74,12 @@ class Averages:
         centre, lifts = np.concatenate([part.arm for part in parts]), [part.lift for part in parts]
         lift = None if any(matrix is None for matrix in lifts) else sp.block_diag(lifts, format="csr")
         between = sp.block_diag(operators, format="csr")
-        return cls(shares, nodes, x, fixed, None, centre, lift, between)
+        return cls(shares, nodes, x, fixed, centre, lift, between)
 
     @property
     def paired(self) -> bool:
         """Whether points are those of two bodies, which turn relative to each other."""
-        return self.turning is not None or self.between is not None
+        return self.between is not None
 
     @property
     def arm(self) -> _Floats:
@@ -97,8 +93,7 @@ class Averages:
             return self.between
         from signorini_fx.mechanics.pairs.sparse_scaling import of_components
 
-        translating = of_components(self.shares, self.x.shape[1])
-        return translating if self.turning is None else sp.csr_array(translating + self.turning)
+        return of_components(self.shares, self.x.shape[1])
 
     def any_of(self, flags: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
         """Whether any node of a point has a flag, from shape (m, k) to shape (n, k)."""

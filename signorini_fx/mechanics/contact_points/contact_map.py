@@ -53,7 +53,7 @@ def contact_map(
         rows = operator.getOwnershipRange()[0] + dim * point[:, None] + np.arange(dim)
         unknowns = dim * nodes[:, None] + np.arange(dim)
         values = np.ascontiguousarray(values)
-        operator.setValuesRCV(rows.astype(PETSc.IntType), unknowns.astype(PETSc.IntType), values)
+        operator.setValuesRCV(rows.astype(PETSc.IntType), unknowns.astype(PETSc.IntType), values, addv=True)
     operator.assemble()
     mapping = ContactMap(operator, boundary.points, fixed, _lift(boundary, operator), boundary.paired)
     if rotation is None:

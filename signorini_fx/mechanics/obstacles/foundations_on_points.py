@@ -65,25 +65,13 @@ class ShapeDistances:
 
 
 @dataclass(frozen=True)
-class NodalFriction:
-    """The friction of one foundation.
-
-    Attributes:
-        law: with values at all nodes of this rank, ghosts included, arrays of shape (nodes,); None: there is none.
-        bonded: whether it has no limit.
-    """
-
-    law: FrictionLaw | None
-    bonded: bool
-
-
-@dataclass(frozen=True)
-class FoundationData(NodalFriction):
+class FoundationData:
     """What one foundation says, at all nodes of this rank, ghosts included, arrays of shape (nodes,).
 
     Attributes:
         facets: owned, local numbers.
         shape: its direction and measure.
+        law: of friction, with such values; None: there is none.
         gap: d, length; nan where no facet is.
         bilateral: whether the contact cannot open.
         pair: both sides, where another body is the foundation; None: it is rigid.
@@ -92,6 +80,7 @@ class FoundationData(NodalFriction):
 
     facets: npt.NDArray[np.int32]
     shape: ShapeDistances
+    law: FrictionLaw | None
     gap: Array
     bilateral: bool
     pair: PairedSides | None = None
@@ -372,7 +361,7 @@ class Foundations:
         assert isinstance(pair, Pair)
         paired = PairedSides.of(self._space, pair, facing, f"contact[{number}]", self._taken(number))
         self._pairs[number] = paired
-        return paired.boundary(self._space, self.facets[number], number, fixed.reshape(-1, self._dimension))
+        return paired.boundary(self._space, self.facets[number], number)
 
     def facing(
         self,
@@ -404,8 +393,6 @@ class Foundations:
         given = at(0.0 if contact.bonded else getattr(contact, key), f"contact[{number}].{key}")
         if (pair := self._pairs.get(number)) is None:
             return (given + self._distance_of(number) if number in self._distances else given), None
-        owned, bilateral = self._space.dofmap.index_map.size_local, contact.bilateral or contact.bonded
-        self._pairs[number] = pair.with_gap(given[:owned], self._space.mesh.comm, bilateral=bilateral)
         if not pair.by_geometry:
             return given, None
         from signorini_fx.mechanics.pairs.mortar_coupling import closed_within
@@ -446,23 +433,20 @@ class Foundations:
         """Both sides of each pair by its number among the contacts, since ``boundary`` was asked for."""
         return dict(self._pairs)
 
-    def friction(self) -> list[NodalFriction]:
-        """Friction, as it is now.
+    def friction(self) -> list[FrictionLaw | None]:
+        """The laws of friction with their values at all nodes of this rank, as they are now; None: there is none.
 
         Raises:
             FormError: a value is wrong somewhere.
         """
-        return [self._friction_of(k) for k in range(len(self._contact))]
+        laws = list[FrictionLaw | None]()
+        for k, (contact, at) in enumerate(zip(self._contact, self._values, strict=True)):
 
-    def _friction_of(self, number: int) -> NodalFriction:
-        """The friction of one contact; collective."""
-        contact, at, path = self._contact[number], self._values[number], f"contact[{number}].friction"
+            def nodal(key: str, value: Any, at: NodalValues = at, path: str = f"contact[{k}].friction") -> Array:
+                return at(value, f"{path}.{key}", minimum=0.0)
 
-        def nodal(key: str, value: Any) -> Array:
-            return at(value, f"{path}.{key}", minimum=0.0)
-
-        law = None if contact.friction is None else contact.friction.with_values(nodal)
-        return NodalFriction(law, contact.bonded)
+            laws.append(None if contact.friction is None else contact.friction.with_values(nodal))
+        return laws
 
     def data(self, shapes: Sequence[ShapeDistances]) -> list[FoundationData]:
         """Gaps and friction, as they are now.
@@ -471,20 +455,10 @@ class Foundations:
             FormError: a value is wrong somewhere.
         """
         contact_data = []
-        for k, (contact, shape) in enumerate(zip(self._contact, shapes, strict=True)):
-            (gap, allowance), friction = self._gap_of(k), self._friction_of(k)
-            bilateral = contact.bilateral or contact.bonded
-            contact_data.append(
-                FoundationData(
-                    **vars(friction),
-                    facets=self.facets[k],
-                    shape=shape,
-                    gap=gap,
-                    bilateral=bilateral,
-                    pair=self._pairs.get(k),
-                    allowance=allowance,
-                )
-            )
+        for k, (contact, shape, law) in enumerate(zip(self._contact, shapes, self.friction(), strict=True)):
+            gap, allowance = self._gap_of(k)
+            bilateral, pair = contact.bilateral or contact.bonded, self._pairs.get(k)
+            contact_data.append(FoundationData(self.facets[k], shape, law, gap, bilateral, pair, allowance))
         return contact_data
 
     def problem(
@@ -498,7 +472,7 @@ class Foundations:
             settings: gamma and sigma.
             scales: of the body.
         """
-        law = self.law(boundary, scales.modulus, data)
+        law = self.law(boundary, scales.modulus, [entry.law for entry in data])
         parts = [k for k, contact_data in enumerate(data) if contact_data.bilateral]
         bilateral = np.isin(boundary.part, parts)
         gap = self._gap(boundary, data)
@@ -508,7 +482,7 @@ class Foundations:
         return regularised, law
 
     def law(
-        self, boundary: ContactBoundary, modulus: float, friction: Sequence[NodalFriction] | None = None
+        self, boundary: ContactBoundary, modulus: float, friction: Sequence[FrictionLaw | None] | None = None
     ) -> PointFriction | None:
         """The friction at the points; None where none can act.
 
@@ -526,14 +500,14 @@ class Foundations:
             return None
         parts = list[PointFriction]()
         points = [np.flatnonzero(boundary.part == k) for k in range(len(self._contact))]
-        for k, (entry, at) in enumerate(zip(self.friction() if friction is None else friction, points, strict=True)):
-            law = None if entry.law is None else entry.law.at(boundary.nodes[at])
+        for k, (of_all, at) in enumerate(zip(self.friction() if friction is None else friction, points, strict=True)):
+            law = None if of_all is None else of_all.at(boundary.nodes[at])
             if law is not None and law.of_a_user:
                 fault = fault_of(law, at.size, modulus)
                 error = FormError([(f"contact[{k}].friction", fault)]) if fault else None
                 parallel.raise_together(self._space.mesh.comm, error)
             parts.append(friction_of(law, at.size))
-            if entry.bonded:
+            if self._contact[k].bonded:
                 parts[-1] = stuck(np.ones(at.size, dtype=bool))
         return joined(parts, points).without_pressure(boundary.points.immovable)
 

@@ -11,9 +11,7 @@ import numpy as np
 import numpy.typing as npt
 import scipy.sparse as sp
 from dolfinx import fem
-from mpi4py import MPI
 
-from signorini_fx.algebra.contact.points import inside
 from signorini_fx.errors import FormError
 from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.assembly.averages import Averages, from_owners
@@ -28,13 +26,12 @@ from signorini_fx.mechanics.pairs.mortar_coupling import (
     Coupling,
     NobodyCarriesError,
     PairingError,
-    closed_within,
     couple,
     normals_of_points,
 )
 from signorini_fx.mechanics.pairs.pair_side import Lagrange, PairSurface
 from signorini_fx.mechanics.pairs.sliding import along_vectors
-from signorini_fx.mechanics.pairs.sparse_scaling import of_components
+from signorini_fx.mechanics.pairs.sparse_scaling import beside, of_components
 from signorini_fx.tuned import ROOT_OF_EPS, SAME_NUMBER
 
 Array = npt.NDArray[np.float64]
@@ -54,12 +51,6 @@ class PairedSide:
     surface: PairSurface
     nodes: npt.NDArray[np.int64]
     facets: Indices
-
-    def columns(self, among: npt.NDArray[np.int64]) -> sp.csr_array:
-        """The matrix from values at some nodes, ascending, to those at the nodes of the surface, zero at others."""
-        rows = np.flatnonzero(np.isin(self.nodes, among))
-        places = (rows, np.searchsorted(among, self.nodes[rows]))
-        return sp.csr_array(sp.coo_array((np.ones(rows.size), places), shape=(self.nodes.size, among.size)))
 
     @classmethod
     def of(cls, space: fem.FunctionSpace, facets: Indices) -> PairedSide:
@@ -137,6 +128,11 @@ class FacingSides:
     def unable(self) -> npt.NDArray[np.bool_]:
         """Nodes of the slave that cannot carry a point, as another contact owns them, shape (N,)."""
         return np.asarray(self.entries[0][:, -1])
+
+    @property
+    def fixed(self) -> npt.NDArray[np.bool_]:
+        """Which components are prescribed at the nodes of both sides, those of the slave first, shape (m, d)."""
+        return np.concatenate([entries[:, : self.slave.surface.dimension] for entries in self.entries])
 
     @classmethod
     def of(
@@ -216,11 +212,9 @@ class PairedSides:
         coupling: of both.
         by_geometry: whether the gap is the distance of both sides.
         unable: nodes of the slave that cannot carry a point, as another contact owns them, shape (N,).
+        fixed: which components are prescribed at the nodes of both sides, shape (m, d).
         axes: the frame of each point that supports hold it in, shape (n, d, d); None: the axes of space.
         adjust: up to which distance the sides count as closed, length; None: nowhere.
-        held_gap: of the nodes where supports hold both sides, see ``Coupling.constrained_slaves``, length, shape (h,);
-            None: not known yet.
-        bilateral: whether contact cannot open.
         followed: whether the normals are those of the deformed sides, with which distances turn; else it is the
             coupling that tells how distances turn.
     """
@@ -230,10 +224,9 @@ class PairedSides:
     coupling: Coupling
     by_geometry: bool
     unable: npt.NDArray[np.bool_]
+    fixed: npt.NDArray[np.bool_]
     axes: Array | None = None
     adjust: float | None = None
-    held_gap: Array | None = None
-    bilateral: bool = False
     followed: bool = False
 
     @classmethod
@@ -270,38 +263,7 @@ class PairedSides:
         except PairingError as error:
             raise FormError([(name, str(error))]) from None
         turns = facing.frames[0][coupling.nodes] if facing.turned else None
-        return cls(slave, master, coupling, pair.by_geometry, facing.unable, turns, pair.adjust)
-
-    def with_gap(self, gap: Array, comm: MPI.Comm, *, bilateral: bool) -> PairedSides:
-        """The same with the gap of the nodes where supports hold both sides; collective.
-
-        Args:
-            gap: what is said of it at the owned nodes, length, shape (nodes,).
-            comm: the ranks.
-            bilateral: see ``PairedSides``.
-        """
-        coupling, surface = self.coupling, self.slave.surface
-        held = coupling.constrained_slaves
-        held_gap = from_owners(gap[:, None], self.slave.nodes[held], comm)[:, 0]
-        if self.by_geometry:
-            apart = coupling.over @ self.master.surface.x - surface.x[held]
-            held_gap += closed_within(np.einsum("hd,hd->h", surface.nodal_normals[held], apart), self.adjust)
-        return replace(self, held_gap=held_gap, bilateral=bilateral)
-
-    def held_inside(self, displacement: Array, comm: MPI.Comm) -> Array:
-        """How far these nodes are behind the other side, or, where contact cannot open, off it too, length, shape
-        (h,), otherwise negative where they are off it; collective.
-
-        Args:
-            displacement: of the owned nodes, length, shape (nodes, d).
-            comm: the ranks.
-        """
-        held, over = self.coupling.constrained_slaves, self.coupling.over
-        assert self.held_gap is not None
-        moved = from_owners(displacement, self.slave.nodes[held], comm)
-        moved = moved - over @ from_owners(displacement, self.master.nodes, comm)
-        along = np.einsum("hd,hd->h", self.slave.surface.nodal_normals[held], moved)
-        return inside(along - self.held_gap, self.bilateral)
+        return cls(slave, master, coupling, pair.by_geometry, facing.unable, facing.fixed, turns, pair.adjust)
 
     @property
     def undeformed_normals(self) -> Array:
@@ -361,58 +323,46 @@ class PairedSides:
         return np.asarray(self.slave.surface.across[self.coupling.nodes])
 
     @cached_property
-    def reached(self) -> npt.NDArray[np.int64]:
-        """Global numbers of the nodes that the points of this rank are made of, ascending, shape (m,)."""
-        coupling, dim = self.coupling, self.slave.surface.dimension
-        lift = coupling.lift(self.slave.surface)
-        lifted = np.flatnonzero(np.diff(lift.tocsr().indptr))
-        slave_columns = np.concatenate((coupling.slave.indices, coupling.slave_turning.indices // dim, lifted))
-        master_columns = np.concatenate((coupling.master.indices, coupling.master_turning.indices // dim))
-        return np.unique(np.concatenate((self.slave.nodes[slave_columns], self.master.nodes[master_columns])))
+    def nodes(self) -> npt.NDArray[np.int64]:
+        """Global numbers of the nodes of both sides, those of the slave first, shape (m,)."""
+        return np.concatenate((self.slave.nodes, self.master.nodes))
 
-    def shares(self) -> tuple[sp.csr_array, sp.csr_array, sp.csr_array]:
-        """D and M of ``Coupling``, shape (n, m), and the rest of the relative displacement, shape (n d, m d), from the
-        nodes ``reached``: the turning, and what ``mirrored`` leaves out.
+    @cached_property
+    def relative(self) -> sp.csr_array:
+        """The relative displacement from that of the nodes of both sides, shape (n d, m d), without what ``mirrored``
+        leaves out.
         """
-        coupling, identity = self.coupling, sp.eye_array(self.slave.surface.dimension)
-        slave_columns, master_columns = (side.columns(self.reached) for side in (self.slave, self.master))
-        slave, master = sp.csr_array(coupling.slave @ slave_columns), sp.csr_array(coupling.master @ master_columns)
-        turning = coupling.slave_turning @ sp.kron(slave_columns, identity) + coupling.master_turning @ sp.kron(
-            master_columns, identity
-        )
-        if self.followed:
-            turning = 0.0 * turning
+        coupling = self.coupling
+        relative = of_components(beside(coupling.slave, -coupling.master), self.slave.surface.dimension)
+        if not self.followed:
+            relative = relative + coupling.turning
         if self.across.any():
-            turning = turning - of_blocks(self.across) @ (sp.kron(slave - master, identity) + turning)
-        return slave, master, sp.csr_array(turning)
+            relative = relative - of_blocks(self.across) @ relative
+        return sp.csr_array(relative)
 
-    def boundary(
-        self, space: fem.FunctionSpace, facets: Indices, index: int, fixed: npt.NDArray[np.bool_]
-    ) -> ContactBoundary:
+    def boundary(self, space: fem.FunctionSpace, facets: Indices, index: int) -> ContactBoundary:
         """The contact points of this rank; collective.
 
         Args:
             space: the displacements.
             facets: of the slave, local numbers.
             index: of the pair among the contacts.
-            fixed: which displacement components are prescribed at the owned nodes, shape (owned nodes, d).
         """
         coupling, dim = self.coupling, space.mesh.geometry.dim
         nodes, bare = self.slave.nodes[coupling.nodes], self.slave.nodes[self.slave.surface.without_area]
         local = (nodes - space.dofmap.index_map.local_range[0]).astype(np.int32)
-        slave_shares, master_shares, turning = self.shares()
-        owned_rows = np.column_stack((node_positions(space)[: len(fixed), :dim], fixed)).astype(np.float64)
-        reached_rows = from_owners(owned_rows, self.reached, space.mesh.comm)
-        lift = sp.csr_array(self.slave.columns(self.reached).T @ coupling.lift(self.slave.surface))
-        moved = sp.csr_array(slave_shares - master_shares)
+        lift, relative = coupling.lift(self.slave.surface).tocoo(), self.relative
+        reached = np.unique(np.concatenate((relative.indices // dim, lift.row)))
+        components = (dim * reached[:, None] + np.arange(dim)).ravel()
+        lifting = sp.csr_array((lift.data, (lift.row, lift.col)), shape=(self.nodes.size, nodes.size))
         averages = Averages(
-            moved,
-            self.reached,
-            reached_rows[:, :dim],
-            reached_rows[:, dim:] > 0,
-            turning,
+            beside(coupling.slave, -coupling.master)[:, reached],
+            self.nodes[reached],
+            np.concatenate((self.slave.surface.x, self.master.surface.x))[reached],
+            self.fixed[reached],
             coupling.centre,
-            lift,
+            lifting[reached],
+            relative[:, components],
         )
         free = averages.any_of(~averages.fixed) if self.axes is None else np.ones(coupling.centre.shape, dtype=bool)
         axes = np.tile(np.eye(dim), (nodes.size, 1, 1)) if self.axes is None else self.axes

@@ -68,7 +68,7 @@ class SlidingSides:
             FormError: the sides share nodes, or no node can carry a point.
         """
         name = f"contact[{index}]"
-        slave, master, dim = facing.slave, facing.master, facing.slave.surface.dimension
+        slave, master = facing.slave, facing.master
         if np.intersect1d(slave.nodes, master.nodes).size:
             raise FormError([(name, "its sides share nodes, and slide on each other: give parts that do not meet")])
         points = np.flatnonzero(~facing.unable & (slave.surface.area > 0.0) & ~slave.surface.without_area)
@@ -76,8 +76,7 @@ class SlidingSides:
             raise FormError([(name, "other contacts own all nodes of its side: exchange facets and against")])
         if reach is None:
             reach = default_reach(slave.surface.x, master.surface.x)
-        prescribed = np.concatenate([entries[:, :dim] for entries in facing.entries])
-        return cls(space, slave, master, points, facing.unable, facing.held, reach, prescribed, slave.facets, index)
+        return cls(space, slave, master, points, facing.unable, facing.held, reach, facing.fixed, slave.facets, index)
 
     @cached_property
     def nodes(self) -> npt.NDArray[np.int64]:

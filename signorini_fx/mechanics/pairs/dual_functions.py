@@ -67,15 +67,6 @@ class HeldSides:
         """
         return np.asarray(self.slave & (self._seen(met) > MOSTLY_HELD + SAME_NUMBER))
 
-    def opposite(self, met: Any, others: Indices) -> tuple[Indices, sp.csr_array]:
-        """``constrained_slaves`` but for some others, shape (h,), and of each the shares of the held nodes of the
-        master that it sees, rows with the sum one, sparse, shape (h, M).
-        """
-        constrained = self.constrained_slaves(met)
-        constrained[others] = False
-        rows = scaled_columns(met[np.flatnonzero(constrained)], self.master.astype(np.float64))
-        return np.flatnonzero(constrained), scaled_rows(np.asarray(1.0 / rows.sum(axis=1)), rows)
-
     def movable(self, met: Any) -> Array:
         """By which share nodes of the slave are what can move, or see that, shape (N,); ``met``: see
         ``constrained_slaves``.
@@ -234,20 +225,16 @@ def extended(side: PairSurface, nodes: Indices, values: Array) -> Array:
         nodes: some of them.
         values: of these.
     """
-    beside, listed = side.tested_together
-    done, extension = np.zeros(len(beside), dtype=bool), np.zeros((len(beside), values.shape[1]))
-    done[nodes], extension[nodes] = True, values
-    ring = nodes
+    beside = _Beside.of(side, np.arange(len(side.nodes))).matrix
+    done, extension = np.zeros(len(side.x)), np.zeros((len(side.x), values.shape[1]))
+    done[nodes], extension[nodes] = 1.0, values
     while True:
-        reached = np.zeros_like(done)
-        reached[beside[ring][listed[ring]]] = True
-        ring = np.flatnonzero(reached & ~done)
+        count = beside @ done
+        ring = np.flatnonzero((count > 0) & (done == 0))
         if not ring.size:
             return extension
-        done_beside = listed[ring] & done[beside[ring]]
-        sums = np.einsum("rm,rmk->rk", done_beside.astype(np.float64), extension[beside[ring]])
-        extension[ring] = sums / np.count_nonzero(done_beside, axis=1)[:, None]
-        done[ring] = True
+        extension[ring] = (beside @ extension)[ring] / count[ring, None]
+        done[ring] = 1.0
 
 
 @dataclass(frozen=True)
@@ -255,14 +242,12 @@ class _Beside:
     """Which nodes of a side are together on some facets.
 
     Attributes:
-        facets: their numbers.
         tested_nodes: which nodes have test functions on them, shape (N,).
         matrix: one where two nodes, or the same, are on one of them, sparse, shape (N, N).
         row, column: two different nodes of its entries, row by row, shape (e,).
         piece: number of the connected piece that each node is in, shape (N,).
     """
 
-    facets: Indices
     tested_nodes: Flags
     matrix: sp.csr_array
     row: Indices
@@ -271,14 +256,7 @@ class _Beside:
 
     @classmethod
     def of(cls, side: PairSurface, facets: Indices) -> _Beside:
-        """Those of some facets; the last ones that a side, displaced or not, was asked for are kept."""
-        last: _Beside | None = side.of_nodes.get("beside")
-        if last is None or not np.array_equal(last.facets, facets):
-            last = side.of_nodes["beside"] = cls._found(side, facets)
-        return last
-
-    @classmethod
-    def _found(cls, side: PairSurface, facets: Indices) -> _Beside:
+        """Those of some facets."""
         tests, count = side.points[facets], len(side.area)
         tested_nodes = np.zeros(count, dtype=bool)
         tested_nodes[tests] = True
@@ -289,7 +267,7 @@ class _Beside:
         row = np.repeat(np.arange(count), np.diff(beside.indptr))
         apart = np.flatnonzero(row != beside.indices)
         _, piece = connected_components(beside, directed=False)
-        return cls(facets, tested_nodes, beside, row[apart], beside.indices[apart].astype(np.int64), piece)
+        return cls(tested_nodes, beside, row[apart], beside.indices[apart].astype(np.int64), piece)
 
 
 def _taken_over(

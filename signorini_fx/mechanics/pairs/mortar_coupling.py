@@ -39,6 +39,7 @@ from signorini_fx.mechanics.pairs.overlap_quadrature import Overlap, over_ranks
 from signorini_fx.mechanics.pairs.overlap_space import space_overlap, turned_in_space
 from signorini_fx.mechanics.pairs.pair_side import PairSurface
 from signorini_fx.mechanics.pairs.search import default_reach
+from signorini_fx.mechanics.pairs.sparse_scaling import beside
 from signorini_fx.tuned import CERTIFICATE_TOLERANCE, DEEPEST_OVERLAP, DIGITS_OF_FILES, NEGLIGIBLE, SAME_NUMBER
 
 Array = npt.NDArray[np.float64]
@@ -72,16 +73,12 @@ class Coupling:
         distance: d_i, length, shape (n, d).
         slave: D, sparse, shape (n, nodes of the slave).
         master: M, sparse, shape (n, nodes of the master).
-        slave_turning: omega_i(u_s) x d_i / 2, sparse, shape (n d, d nodes of the slave); zero of sides that are
-            nominally in contact.
-        master_turning: omega_i(u_m) x d_i / 2, of those without the half, sparse, shape (n d, d nodes of the master).
+        turning: (omega_i(u_s) + omega_i(u_m)) x d_i / 2, of sides that are nominally in contact omega_i(u_m) x d_i,
+            from the nodes of both sides, those of the slave first, sparse, shape (n d, d m).
         centre: where forces act: at the same place on both sides, length, shape (n, d).
         overlap: where both sides meet and one can move, as far as this rank has found it.
         covered: area (in 2D: length) of the slave there, times the measure, of all ranks.
         met: the same with where nothing can move, see ``HeldSides``.
-        constrained_slaves: nodes of the slave that carry no point because both sides are held there, shape (h,).
-        over: of each of them the shares of the held nodes of the master over it, sparse, shape (h, nodes of the
-            master).
     """
 
     nodes: Indices
@@ -90,14 +87,11 @@ class Coupling:
     distance: Array
     slave: sp.csr_array
     master: sp.csr_array
-    slave_turning: sp.csr_array
-    master_turning: sp.csr_array
+    turning: sp.csr_array
     centre: Array
     overlap: Overlap
     covered: float
     met: float
-    constrained_slaves: Indices
-    over: sp.csr_array
 
     def lift(self, slave: PairSurface) -> sp.csr_array:
         """Displacements of slave nodes, all along one direction, that move the points by one each: D times them is
@@ -145,7 +139,7 @@ class Tested:
     coefficients: Array
 
     @classmethod
-    def of(cls, slave: PairSurface, master: PairSurface, overlap: Overlap, comm: MPI.Comm, *, bonded: bool) -> Tested:
+    def of(cls, slave: PairSurface, overlap: Overlap, comm: MPI.Comm, *, bonded: bool) -> Tested:
         """With the functions on what is covered; collective."""
         local_area = np.bincount(overlap.slave, overlap.weight.sum(axis=1), minlength=len(slave.nodes))
         area: Array = parallel.global_sum(comm, local_area.astype(np.float64))
@@ -160,7 +154,7 @@ class Tested:
         still = held.still(slave.nodes[self.overlap.slave], master.nodes[self.overlap.master])
         if not parallel.any_rank(comm, bool(still.any())):
             return self
-        return Tested.of(slave, master, self.overlap.chosen(~still), comm, bonded=self.hats)
+        return Tested.of(slave, self.overlap.chosen(~still), comm, bonded=self.hats)
 
     def without(self, facets: npt.NDArray[np.bool_]) -> Tested:
         """The same without some facets of the slave, shape (f,)."""
@@ -189,11 +183,12 @@ class Tested:
 
     def _sums(self, slave: PairSurface, master: PairSurface, values: list[Array]) -> list[sp.csr_array]:
         """Values of each piece for the functions there and the nodes of both sides, added up."""
-        points, seen = slave.points[self.overlap.slave], (self.overlap.slave, self.overlap.master)
-        return [
-            sparse_sums(points, side.nodes[facets], of_side, len(slave.x), len(side.x))
-            for side, facets, of_side in zip((slave, master), seen, values, strict=True)
-        ]
+        points, sums = slave.points[self.overlap.slave], []
+        for side, facets, of_side in ((slave, self.overlap.slave, values[0]), (master, self.overlap.master, values[1])):
+            numbers = points[:, :, None], side.nodes[facets][:, None]
+            places = tuple(np.broadcast_to(at, of_side.shape).ravel() for at in numbers)
+            sums.append(sp.csr_array((of_side.ravel(), places), shape=(len(slave.x), len(side.x))))
+        return sums
 
     @property
     def covered(self) -> Indices:
@@ -240,7 +235,7 @@ def couple(
     if reach is None:
         reach = default_reach(*used)
     whole, _ = projected(slave, master, reach, comm, bonded=bonded, nominal=nominal)
-    tested = moving = whole.moving(slave, master, held, comm)
+    tested = whole.moving(slave, master, held, comm)
     weight = tested.areas(slave, comm)
     distance = tested.moments(slave, tested.overlap.distance(slave, master), comm)
     sums, arms = (
@@ -256,8 +251,6 @@ def couple(
     carried_nodes = np.asarray(shares.sum(axis=0)).ravel() > 0.0
     tested = tested.without(np.asarray((constrained & ~carried_nodes)[slave.points].all(axis=1)))
     _refuse_bare(slave, tested, shares)
-    met = sums[1] if moving is whole else over_ranks(comm, whole.products(slave, master)[1])
-    constrained_slaves, over = held.opposite(met, np.concatenate((nodes, np.flatnonzero(unable))))
     if mine is not None:
         nodes, shares = nodes[mine[nodes]], sp.csr_array(shares[mine[nodes]])
     weight = shares @ weight
@@ -277,14 +270,11 @@ def couple(
         distance=distance,
         slave=slave_shares,
         master=master_shares,
-        slave_turning=turnings[0],
-        master_turning=turnings[1],
+        turning=beside(*turnings),
         centre=slave_shares @ slave.x + half * distance,
         overlap=tested.overlap,
         covered=float(tested.area.sum()),
         met=float(whole.area.sum()),
-        constrained_slaves=constrained_slaves,
-        over=over,
     )
     size = min(float(np.linalg.norm(np.ptp(x, axis=0))) for x in used)
     if (deepest := parallel.largest(comm, -coupling.gap, -np.inf)) > DEEPEST_OVERLAP * size:
@@ -356,19 +346,22 @@ def projected(
     """
     ends = len(slave.nodes) * comm.rank // comm.size, len(slave.nodes) * (comm.rank + 1) // comm.size
     facets = np.arange(*ends)
-    project, turned = space_overlap, turned_in_space
+    project, turned = partial(space_overlap, slave, master, reach, facets), turned_in_space
     if slave.dimension == 2:  # which facets may meet does not depend on directions
         pairs = facing_facets(slave, master, reach, facets)
-        project, turned = partial(plane_overlap, pairs=pairs), turned_in_plane
-    overlap = project(slave, master, reach, facets, None).measured(slave).within(reach, slave, master)
-    tested = Tested.of(slave, master, overlap, comm, bonded=bonded)
+        project, turned = partial(plane_overlap, slave, master, pairs), turned_in_plane
+
+    def found(directions: Array | None) -> Tested:
+        overlap = project(directions).measured(slave).within(reach, slave, master)
+        return Tested.of(slave, overlap, comm, bonded=bonded)
+
+    tested = found(None)
     if apart and not tested.area.any():
         return tested, slave.nodal_normals
     _check(slave, master, tested.area, reach)
     directions = None if nominal else _mean_normals(slave, master, tested, comm)
     if directions is not None and turned(slave, directions) > SAME_NUMBER:
-        overlap = project(slave, master, reach, facets, directions).measured(slave).within(reach, slave, master)
-        tested = Tested.of(slave, master, overlap, comm, bonded=bonded)
+        tested = found(directions)
         _check(slave, master, tested.area, reach)
     return tested, directions
 
@@ -426,9 +419,3 @@ def _nearest(slave: PairSurface, master: PairSurface) -> str:
         f"both are nearest at ({point}), {away[nearest]:.3g} apart, where their normals enclose {angle:.0f} degrees, "
         "of sides that face each other about 180"
     )
-
-
-def sparse_sums(points: Indices, nodes: Indices, values: Array, rows: int, columns: int) -> sp.csr_array:
-    """A matrix of values of shape (p, k, l) at numbers of rows, shape (p, k), and of columns, shape (p, l), summed."""
-    row_numbers, column_numbers = (np.broadcast_to(at, values.shape) for at in (points[:, :, None], nodes[:, None]))
-    return sp.csr_array((values.ravel(), (row_numbers.ravel(), column_numbers.ravel())), shape=(rows, columns))

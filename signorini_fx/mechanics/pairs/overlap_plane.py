@@ -24,7 +24,14 @@ _BISECTIONS, _STEPS = 30, 3
 
 
 def facing_facets(slave: PairSurface, master: PairSurface, reach: float, facets: Indices) -> tuple[Indices, Indices]:
-    """Pairs of facets of both sides that may meet, shape (m,) each; for the arguments see ``plane_overlap``."""
+    """Pairs of facets of both sides that may meet, shape (m,) each.
+
+    Args:
+        slave: the side with the points, d = 2.
+        master: the other one.
+        reach: distance beyond which facets are no partners, length.
+        facets: the facets of the slave that are paired, shape (m,).
+    """
     slave_facets, master_facets = candidates(
         patches(slave, facets), patches(master, np.arange(len(master.nodes))), reach, TURNED_DIRECTION
     )
@@ -32,24 +39,17 @@ def facing_facets(slave: PairSurface, master: PairSurface, reach: float, facets:
 
 
 def plane_overlap(
-    slave: PairSurface,
-    master: PairSurface,
-    reach: float,
-    facets: Indices,
-    directions: Array | None = None,
-    pairs: tuple[Indices, Indices] | None = None,
+    slave: PairSurface, master: PairSurface, pairs: tuple[Indices, Indices], directions: Array | None
 ) -> Overlap:
     """The overlap, one piece for each pair of facets that meet.
 
     Args:
         slave: the side with the points, d = 2.
         master: the other one.
-        reach: distance beyond which points are no partners, length.
-        facets: the facets of the slave that are paired, shape (m,).
+        pairs: of facets that may meet.
         directions: of projection at the nodes of the slave, shape (N, 2); None: its normals.
-        pairs: see ``facing_facets``; None: they are looked for.
     """
-    slave_facets, master_facets = facing_facets(slave, master, reach, facets) if pairs is None else pairs
+    slave_facets, master_facets = pairs
     normals = (slave.nodal_normals if directions is None else directions)[slave.nodes[slave_facets]]
     corners = slave.corners[slave_facets]
     vertices = np.concatenate([_end(master, master_facets, parameter) for parameter in (0.0, 1.0)])

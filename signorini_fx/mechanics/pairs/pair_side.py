@@ -6,9 +6,8 @@ in [0, 1]^2, in any order: what the functions are follows from the places.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cache, cached_property
-from typing import Any
 
 import basix
 import numpy as np
@@ -135,7 +134,6 @@ class PairSurface:
         measure: by what areas are multiplied, at all nodes, between which it is interpolated, shape (N,); None: 1.
         undeformed: positions of all nodes of which areas are, where ``x`` are those of a deformed body, length, shape
             (N, d); None: those of ``x``.
-        of_nodes: what depends on ``nodes`` alone, once it has been asked for; displaced sides have it, too.
     """
 
     nodes: Indices
@@ -145,25 +143,11 @@ class PairSurface:
     across: Array
     measure: Array | None = None
     undeformed: Array | None = None
-    of_nodes: dict[str, Any] = field(default_factory=dict, repr=False, compare=False)
-
-    def __post_init__(self) -> None:
-        """A copy with other facets begins anew with what is computed of them."""
-        if self.of_nodes.setdefault("nodes", self.nodes) is not self.nodes:
-            object.__setattr__(self, "of_nodes", {"nodes": self.nodes})
 
     def displaced(self, displacement: Array) -> PairSurface:
         """The same nodes elsewhere, with the areas of the undeformed surface; ``displacement``: shape (N, d)."""
         start = self.x if self.undeformed is None else self.undeformed
         return replace(self, x=start + displacement, undeformed=start)
-
-    @property
-    def tested_together(self) -> tuple[Indices, npt.NDArray[np.bool_]]:
-        """The nodes with test functions on the facets around each node, and which of these are any, shapes (N, m)."""
-        if "tested_together" not in self.of_nodes:
-            self.of_nodes["tested_together"] = _nodes_beside(self.points, len(self.x))
-        beside: tuple[Indices, npt.NDArray[np.bool_]] = self.of_nodes["tested_together"]
-        return beside
 
     @property
     def dimension(self) -> int:
@@ -289,16 +273,3 @@ class PairSurface:
         facets = np.arange(len(self.nodes))
         at = np.broadcast_to(points, (len(facets), *points.shape))
         return np.asarray(self.measured(facets, at, self.sizes(facets, at)) @ weights)
-
-
-def _nodes_beside(facets: Indices, count: int) -> tuple[Indices, npt.NDArray[np.bool_]]:
-    """The nodes that are on a facet with each node, itself included, ascending, and which of these entries are any,
-    shape (N, m).
-    """
-    keys = np.unique((facets[:, :, None] * count + facets[:, None]).ravel())
-    row = keys // count
-    slot = np.arange(row.size) - np.searchsorted(row, np.arange(count))[row]
-    beside = np.zeros((count, int(slot.max(initial=-1)) + 1), dtype=np.int64)
-    listed = np.zeros(beside.shape, dtype=bool)
-    beside[row, slot], listed[row, slot] = keys % count, True
-    return beside, listed

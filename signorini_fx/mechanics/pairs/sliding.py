@@ -79,8 +79,6 @@ class SlidingCoupling:
         gap: length, shape (n,); infinite without a partner.
         frames: of the points.
         covered: share of the area of each node that sees the master, shape (n,).
-        constrained_slaves: nodes that carry no point because both sides are held there, shape (h,).
-        constrained_gap: from them to the held nodes of the master over them, length, shape (h,).
         normal_rows: - dgap_i, from displacements of the nodes of both sides, those of the slave first, sparse, shape
             (n, d m).
         tangent_rows: the relative displacement along T_i, a row for each tangent of a point, shape (n (d - 1), d m).
@@ -97,8 +95,6 @@ class SlidingCoupling:
     gap: Array
     frames: Frames
     covered: Array
-    constrained_slaves: Indices
-    constrained_gap: Array
     normal_rows: sp.csr_array
     tangent_rows: sp.csr_array
     centre: Array
@@ -211,11 +207,6 @@ def slide(
     covered[at] = size / weights[at]
     weights[at] = size
     mean = placed_rows(scaled_rows(1.0 / size, shares), at, count)  # of moments of the functions
-    met = opposite if whole is tested else whole.products(slave, master)[1]
-    moved = nodes[~held.constrained_slaves(opposite)[nodes]]
-    constrained, over = held.opposite(met, moved)
-    outwards = slave.nodal_normals[constrained]
-    constrained_gap = np.einsum("hd,hd->h", outwards, over @ master.x - slave.x[constrained])
     sharing, opposite = sp.csr_array(mean @ sharing + itself), sp.csr_array(mean @ opposite)
     normals = normals_of_points((slave, master), points, (sharing, opposite), nominal=False)
     distance = opposite @ master.x - sharing @ slave.x
@@ -241,9 +232,8 @@ def slide(
     frames = Frames(sharing, opposite, tangents, way, partnered)
     centre = sharing @ slave.x + distance / 2
     rows = sp.csr_array(normal_rows), tangent_rows
-    idle = constrained, constrained_gap
     place = centre, tested.overlap
-    return SlidingCoupling(slave, master, points, weights, normals, gap, frames, covered, *idle, *rows, *place, pieces)
+    return SlidingCoupling(slave, master, points, weights, normals, gap, frames, covered, *rows, *place, pieces)
 
 
 def along_vectors(vectors: Array) -> sp.csr_array:

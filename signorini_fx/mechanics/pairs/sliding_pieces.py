@@ -23,7 +23,7 @@ import numpy.typing as npt
 import scipy.sparse as sp
 
 from signorini_fx.mechanics.pairs.mortar_coupling import Tested
-from signorini_fx.mechanics.pairs.pair_side import Lagrange, PairSurface
+from signorini_fx.mechanics.pairs.pair_side import PairSurface
 from signorini_fx.mechanics.pairs.sliding_places import (
     Kinks,
     Projection,
@@ -59,7 +59,7 @@ class SlidingPieces:
         across: m - N, likewise.
         dual: a^a, shape (d - 1, p, q, d).
         distance: g, length, shape (p, q).
-        curved: what curved facets of the master turn, m . x_m,ab, shape (p, q, d - 1, d - 1).
+        curved: m . x_m,aa in 2D, shape (p, q); zero in 3D, where facets are flat but for their twist.
         bend: the normals of the master at the nodes of the facet of each piece, shape (p, l, d).
         kinks: where the normal of the master turns at once.
     """
@@ -107,7 +107,8 @@ class SlidingPieces:
         along = np.einsum("apqk,pkd->pqad", slope, corners)
         inverse = np.linalg.inv(np.concatenate((along, way[:, :, None]), axis=2))
         facing, dual = inverse[..., -1], np.moveaxis(inverse[..., :-1], 3, 0)
-        curved = np.einsum("pqd,abk,pkd->pqab", facing, _second_slopes(master.functions), corners, optimize=True)
+        curvatures = master.functions.curvatures if dim == 2 else np.zeros(corners.shape[1])
+        curved = np.einsum("pqd,k,pkd->pq", facing, curvatures, corners, optimize=True)
         kinks = (seen_vertices if dim == 2 else seen_edges)(slave, master, tested, directions)
         geometry = (
             share,
@@ -180,9 +181,8 @@ class SlidingPieces:
             half -= np.matmul(self._rows(along, facing, across).swapaxes(1, 2), shift)
         total = half + half.swapaxes(1, 2)
         if self.curved.any():
-            for a, b in np.ndindex(self.curved.shape[2:]):
-                scaled = (forces * self.curved[pieces, :, a, b])[..., None] * shifts[b]
-                total -= np.matmul(shifts[a].swapaxes(1, 2), scaled)
+            scaled = (forces * self.curved[pieces])[..., None] * shifts[0]
+            total -= np.matmul(shifts[0].swapaxes(1, 2), scaled)
         return np.asarray(total)
 
     @property
@@ -206,15 +206,3 @@ class SlidingPieces:
         shape = (self.mean.shape[1], self.spread.shape[0])
         moments = sp.csr_array((entries.ravel(), (rows, columns)), shape=shape)
         return sp.csr_array(self.mean @ moments @ self.spread)
-
-
-def _second_slopes(functions: Lagrange) -> Array:
-    """Second derivatives of the functions of a facet that are the same everywhere, shape (d - 1, d - 1, k)."""
-    count, along = len(functions.places), functions.places.shape[1]
-    second = np.zeros((along, along, count))
-    if along == 1:
-        second[0, 0] = functions.curvatures
-    elif not functions.simplex:
-        low, high = functions.slopes(np.array([[0.0, 0.0], [0.0, 1.0]]))[0]
-        second[0, 1] = second[1, 0] = high - low
-    return second

@@ -176,8 +176,7 @@ class FrozenPoints(PairPoints):
         pair = replace(pair, coupling=replace(pair.coupling, normal=pair.undeformed_normals))
         if moved is not None:
             pair = pair.deformed(space, moved)
-        coupling, (own, others, turning) = pair.coupling, pair.shares()
-        relative = sp.kron(own - others, sp.eye_array(coupling.distance.shape[1]))
+        coupling = pair.coupling
         return cls(
             space=space,
             points=pair.slave.nodes[coupling.nodes] - space.dofmap.index_map.local_range[0],
@@ -185,10 +184,10 @@ class FrozenPoints(PairPoints):
             normal=coupling.normal,
             facing=np.ones(coupling.nodes.size, dtype=bool),
             across=pair.across,
-            reached=pair.reached,
-            own=own,
-            others=others,
-            operator=sp.csr_array(relative + turning),
+            reached=pair.nodes,
+            own=beside(coupling.slave, sp.csr_array(coupling.master.shape)),
+            others=beside(sp.csr_array(coupling.slave.shape), coupling.master),
+            operator=pair.relative,
             pair=pair,
             named=named,
         )
