@@ -17,6 +17,7 @@ from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.contact.friction import PointFriction, joined, stuck
 from signorini_fx.algebra.method import Settings
 from signorini_fx.errors import FormError, SceneError
+from signorini_fx.extensions import is_of_package
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.averages import averaging, averaging_forms, from_owners
 from signorini_fx.mechanics.assembly.mesh_entities import node_positions
@@ -31,7 +32,7 @@ from signorini_fx.mechanics.contact_points.contact_boundary import (
 from signorini_fx.mechanics.interfaces import Foundation, Pair
 from signorini_fx.mechanics.kinematics import CARTESIAN
 from signorini_fx.mechanics.laws.at_points import fault_of, friction_of
-from signorini_fx.mechanics.laws.directed import FrictionAxes
+from signorini_fx.mechanics.laws.directed import DirectedLaw, FrictionAxes
 from signorini_fx.mechanics.laws.protocol import FrictionLaw
 from signorini_fx.mechanics.obstacles.shapes_inside import BodyCells
 from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodies
@@ -302,7 +303,7 @@ class Foundations:
         shapes = []
         for k, (contact, at) in enumerate(zip(self._contact, self._values, strict=True)):
             factor, direction, axes = self.factor_of(k), None, None
-            if contact.friction is not None:
+            if isinstance(contact.friction, DirectedLaw):
                 axes = contact.friction.axes(at, f"contact[{k}].friction", self._dimension, self._space.mesh.comm)
             along: Any = self._distances[k].direction if k in self._distances else contact.direction
             if along is not None:
@@ -528,7 +529,7 @@ class Foundations:
         points = [np.flatnonzero(boundary.part == k) for k in range(len(self._contact))]
         for k, (entry, at) in enumerate(zip(self.friction() if friction is None else friction, points, strict=True)):
             law = None if entry.law is None else entry.law.at(boundary.nodes[at])
-            if law is not None and law.of_a_user:
+            if law is not None and not is_of_package(type(law)):
                 fault = fault_of(law, at.size, modulus)
                 error = FormError([(f"contact[{k}].friction", fault)]) if fault else None
                 parallel.raise_together(self._space.mesh.comm, error)
