@@ -86,7 +86,6 @@ class NonlinearStresses(RawStresses):
         stress = ElementStress(
             within(tensor, dim),
             tensor[2, 2] if dim == 2 else None,
-            None,
             _not_recovered,
             None,
             None,

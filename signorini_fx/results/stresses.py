@@ -423,9 +423,9 @@ class RecoveredStresses(StressFields):
         function = fem.Function(fem.functionspace(mesh, ("DG", 1, (3, 3))), name="recovered_stress")
         values = function.x.array.reshape(-1, 3, 3)
         smoothed = self.recovery.smoothed(stress.displacement, self.place)
-        for part, (cells, components) in enumerate(smoothed):
+        for cells, components in smoothed:
             sigma = stress.kinematics.tensors(components)
-            if stress.outward is not None:
-                sigma[..., 2, 2] = stress.outward_of(part, components)
+            if components.shape[-1] > len(stress.kinematics.pairs):
+                sigma[..., 2, 2] = components[..., -1]
             values[function.function_space.dofmap.list[cells]] = sigma
         return function

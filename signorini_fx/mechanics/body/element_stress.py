@@ -38,20 +38,8 @@ class ElementStress(LawStress):
     def refresh(self, step: float) -> None:
         """Take from the displacement anew what ``sigma`` does not see of it, on all cells of this rank, at a place."""
         self.move(step)
-        for function, expression in (*self.interpolated, *(() if self.prevented is None else (self.prevented,))):
+        for function, expression in self.interpolated:
             function.interpolate(expression)
-
-    def outward_of(self, part: int, tau: _Floats) -> _Floats:
-        """The stress out of the plane that belongs to components of stresses at the vertices of the cells of a part,
-        shapes (c, v) and (c, v, m).
-        """
-        if self.out_of_plane is None:
-            return tau[..., self.kinematics.pairs.index((2, 2))]
-        out_of_plane = self.out_of_plane(part, self.parts[part], tau)
-        if self.prevented is not None:
-            function = self.prevented[0]
-            out_of_plane -= function.x.array[function.function_space.dofmap.list[self.parts[part]]]
-        return out_of_plane
 
     @property
     def around(self) -> Any:
@@ -60,12 +48,17 @@ class ElementStress(LawStress):
 
     @property
     def components(self) -> Any:
-        """The components of sigma, see ``Kinematics.pairs``."""
-        return self.kinematics.components(self.in_space)
+        """The components of sigma, see ``Kinematics.pairs``, and at last that out of the plane where it is none of
+        them.
+        """
+        pairs = self.kinematics.pairs
+        beyond = [] if self.outward is None or (2, 2) in pairs else [self.outward]
+        return ufl.as_vector([*(self.in_space[pair] for pair in pairs), *beyond])
 
     def squared(self, difference: Any, times: Any, dx: Any) -> Any:
-        """The form of C^-1 tau : tau for a difference of stresses, its components, times a factor."""
-        return times * self.compliance(difference) * self.around * dx
+        """The form of C^-1 tau : tau for a difference of stresses, its ``components``, times a factor."""
+        within = ufl.as_vector([difference[k] for k in range(len(self.kinematics.pairs))])
+        return times * self.compliance(within) * self.around * dx
 
     @property
     def in_space(self) -> Any:

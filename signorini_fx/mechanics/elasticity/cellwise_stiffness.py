@@ -37,12 +37,6 @@ class CellwiseStiffness:
     of_free_strain: fem.Function
     free_energy: fem.Function
 
-    @property
-    def at_cells(self) -> Array:
-        """Of the cells of this rank, ghosts included, shape (cells, rows, m)."""
-        values = self.stiffness.x.array.reshape(-1, *self.stiffness.ufl_shape)
-        return np.asarray(values[self.stiffness.function_space.dofmap.list[:, 0]])
-
     def stress(self, strain: Any, initial: Any = None) -> list[Any]:
         """Its components, of strains as a vector and initial strains, UFL."""
         rows = range(self.stiffness.ufl_shape[0])
@@ -151,23 +145,11 @@ class CellwiseLaw(SceneLaw):
         return ufl.as_vector([epsilon[i, j] * (1 if i == j else 2) for i, j in self.kinematics.pairs])
 
     def stress(self, y: fem.Function, moved: Any, initial: Any) -> LawStress:
-        kinematics, moduli, dim = self.kinematics, self.stiffness, len(y)
-        components = moduli.stress(self._components(moved, on_axis=True), initial)
+        kinematics, dim = self.kinematics, len(y)
+        components = self.stiffness.stress(self._components(moved, on_axis=True), initial)
         at = {pair: k for k, (i, j) in enumerate(kinematics.stressed) for pair in ((i, j), (j, i))}
         sigma = ufl.as_matrix([[components[at[i, j]] for j in range(dim)] for i in range(dim)])
-        outward, prevented, at_cells = (
-            components[at[2, 2]] if dim == 2 and (2, 2) in at else None,
-            None,
-            moduli.at_cells,
-        )
-        if initial is not None and kinematics.prevented:
-            m, free = len(kinematics.pairs), moduli.of_free_strain
-            values = free.x.array.reshape(-1, m + 1)[free.function_space.dofmap.list[:, 0]]
-            ratios = at_cells[:, m:] @ np.linalg.inv(at_cells[:, :m])
-            share = fem.Function(fem.functionspace(self.tagged.mesh, ("DG", 0)))
-            share.x.array[share.function_space.dofmap.list[:, 0]] = values[:, m] - np.einsum(
-                "ck,ck->c", ratios[:, 0], values[:, :m]
-            )
-            prevented = self.prevented(share, initial)
-        of_cells = np.arange(len(at_cells), dtype=np.int32)
-        return cellwise_stress(y, sigma, outward, (at_cells, of_cells), shear_modulus=self.lame[1], prevented=prevented)
+        outward = components[at[2, 2]] if dim == 2 and (2, 2) in at else None
+        m = len(kinematics.pairs)
+        moduli = self.stiffness.stiffness.x.array.reshape(-1, *self.stiffness.stiffness.ufl_shape)[:, :m]
+        return cellwise_stress(y, sigma, outward, moduli, shear_modulus=self.lame[1])

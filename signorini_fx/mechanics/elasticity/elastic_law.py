@@ -31,8 +31,6 @@ if TYPE_CHECKING:
     from signorini_fx.mechanics.statement.statement import Statement
 
 _Floats = npt.NDArray[np.float64]
-# Which of the parts of a body, its cells, and stresses at their vertices -> that out of the plane, see ``LawStress``.
-OutOfPlane = Callable[[int, npt.NDArray[np.int32], _Floats], _Floats]
 # A function, and the expression that it is to be interpolated from.
 Interpolation = tuple[fem.Function, fem.Expression]
 
@@ -44,22 +42,18 @@ class LawStress:
     Attributes:
         sigma: shape (d, d); of the displacement at the time of the last ``ElementStress.refresh``.
         outward: the stress out of the plane; None: there is none.
-        out_of_plane: that stress of others, see ``ElementStress.outward_of``; None: it is one of them.
         compliance: components tau of a difference of stresses -> C^-1 tau : tau.
         modulus: the largest normal stress per strain, lambda + 2 mu.
         shear_modulus: mu, the mean one of an orthotropic material; None: the body is not known to be isotropic.
         interpolated: what ``sigma`` does not see of the displacement itself.
-        prevented: what of the initial strains the stress out of the plane has beside the other stresses.
     """
 
     sigma: Any
     outward: Any
-    out_of_plane: OutOfPlane | None
     compliance: Callable[[Any], Any]
     modulus: Any
     shear_modulus: Any
     interpolated: Sequence[Interpolation] = ()
-    prevented: Interpolation | None = None
 
 
 @dataclass(frozen=True)
@@ -236,21 +230,6 @@ class SceneLaw(ElasticLaw):
         around = self.kinematics.measure(ufl.SpatialCoordinate(self.tagged.mesh))
         return density * around * ufl.dx(domain=self.tagged.mesh, metadata={"quadrature_degree": degree})
 
-    # --- stress ---
-
-    def prevented(self, stress: Any, initial: Any) -> Interpolation | None:
-        """``stress`` times an initial strain where the strain out of the plane is prevented."""
-        if initial is None or not self.kinematics.prevented:
-            return None
-        return interpolation(stress * initial, fem.functionspace(self.tagged.mesh, ("DG", 1)))
-
-    def lateral(self, part: int, cells: npt.NDArray[np.int32], tau: _Floats) -> _Floats:
-        """``OutOfPlane`` of an isotropic material."""
-        from signorini_fx.mechanics.elasticity.moduli import poisson_of
-
-        poisson = np.reshape(poisson_of(self.statement.material[part], self.tagged, cells), (-1, 1))
-        return np.asarray(poisson * (tau[..., 0] + tau[..., 1]))
-
 
 @dataclass(frozen=True)
 class IsotropicLaw(SceneLaw):
@@ -295,11 +274,10 @@ class IsotropicLaw(SceneLaw):
     def stress(self, y: fem.Function, moved: Any, initial: Any) -> LawStress:
         (lame, mu), kinematics, mesh = self.lame, self.kinematics, self.tagged.mesh
         elastic = kinematics.strain(moved, on_axis=True)
-        theta, prevented = ufl.tr(elastic), None
+        theta = ufl.tr(elastic)
         if initial is not None:
             elastic -= initial * ufl.Identity(elastic.ufl_shape[0])
             theta -= kinematics.directions * initial
-            prevented = self.prevented(mu * (3 * lame + 2 * mu) / (lame + mu), initial)  # E times the initial strain
         interpolated = []
         if self.reduced is not None:
             at_points = fem.functionspace(mesh, _at_points(mesh.topology.cell_name(), self.reduced))
@@ -314,23 +292,15 @@ class IsotropicLaw(SceneLaw):
         return LawStress(
             within(sigma, len(y)),
             outward,
-            self.lateral if kinematics.prevented else None,
             lambda tau: compliance(tau, kinematics, lame, mu),
             lame + 2 * mu,
             mu,
             interpolated,
-            prevented,
         )
 
 
 def cellwise_stress(
-    y: fem.Function,
-    sigma: Any,
-    outward: Any,
-    moduli: tuple[_Floats, npt.NDArray[np.int32]],
-    *,
-    shear_modulus: Any = None,
-    prevented: Interpolation | None = None,
+    y: fem.Function, sigma: Any, outward: Any, moduli: _Floats, *, shear_modulus: Any = None
 ) -> LawStress:
     """That of moduli which are constant in each cell; collective.
 
@@ -338,42 +308,26 @@ def cellwise_stress(
         y: the displacement.
         sigma: see ``LawStress``.
         outward: see ``LawStress``.
-        moduli: the components of the stress, see ``Kinematics.pairs``, and out of the plane if there is such a stress,
-            over those of the strain, of shear twice epsilon_ij, of each cell, shape (cells, rows, m), and the number
-            of each cell among them.
+        moduli: the components of the stress, see ``Kinematics.pairs``, over those of the strain, of shear twice
+            epsilon_ij, of each cell, shape (cells, m, m).
         shear_modulus: see ``LawStress``.
-        prevented: see ``LawStress``.
 
     Raises:
         numpy.linalg.LinAlgError: some strain has no stress, on all ranks.
     """
-    mesh, (at_cells, numbers) = y.function_space.mesh, moduli
-    dim, m = int(mesh.geometry.dim), at_cells.shape[2]
-    inverse: Any = at_cells[:, :m]
+    mesh, dim, m = y.function_space.mesh, y.function_space.mesh.geometry.dim, moduli.shape[2]
+    inverse: Any = moduli
     error = None
     try:
-        inverse = np.linalg.inv(inverse)
+        inverse = np.linalg.inv(moduli)
     except np.linalg.LinAlgError as found:
         error = found
     parallel.raise_together(mesh.comm, error)
     largest = fem.Function(fem.functionspace(mesh, ("DG", 0)))
-    largest.x.array[:] = at_cells[:, range(dim), range(dim)].max(axis=1)
+    largest.x.array[:] = moduli[:, range(dim), range(dim)].max(axis=1)
     flexibility = fem.Function(fem.functionspace(mesh, ("DG", 0, (m, m))))
     flexibility.x.array[:] = inverse.ravel()
-    ratios = at_cells[:, m:] @ inverse
-
-    def out_of_plane(part: int, cells: npt.NDArray[np.int32], tau: _Floats) -> _Floats:
-        return np.asarray(np.einsum("cm,cvm->cv", ratios[numbers[cells], 0], tau))
-
-    return LawStress(
-        sigma,
-        outward,
-        out_of_plane if m < at_cells.shape[1] else None,
-        lambda tau: ufl.inner(ufl.dot(flexibility, tau), tau),
-        largest,
-        shear_modulus,
-        prevented=prevented,
-    )
+    return LawStress(sigma, outward, lambda tau: ufl.inner(ufl.dot(flexibility, tau), tau), largest, shear_modulus)
 
 
 def compliance(tau: Any, kinematics: Kinematics, lame: Any, mu: Any, poisson: Any = 0.5) -> Any:

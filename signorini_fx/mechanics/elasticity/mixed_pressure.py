@@ -295,22 +295,16 @@ class MixedLaw(SceneLaw):
 
     def stress(self, y: fem.Function, moved: Any, initial: Any) -> LawStress:
         (_, mu), kinematics, pressure = self.lame, self.kinematics, hydrostatic_of(y)
-        young, poisson, modulus = isotropic(
-            self.statement,
-            self.tagged,
-            lambda elastic_modulus, nu: (elastic_modulus, nu, elastic_modulus / (1 - nu**2)),
-        )
+        poisson, modulus = isotropic(self.statement, self.tagged, lambda young, nu: (nu, young / (1 - nu**2)))
         elastic = kinematics.strain(moved, on_axis=True)
         sigma = 2 * mu * elastic - pressure * ufl.Identity(elastic.ufl_shape[0])
         outward = sigma[2, 2] if elastic.ufl_shape[0] > self.tagged.dimension else None
         return LawStress(
             within(sigma, len(y)),
             -pressure if kinematics.prevented else outward,
-            self.lateral if kinematics.prevented else None,
             lambda tau: compliance(tau, kinematics, None, mu, poisson),
             modulus,
             mu,
-            prevented=self.prevented(young, initial),
         )
 
     def _matrix(self, number: int) -> PETSc.Mat:

@@ -109,13 +109,6 @@ def isotropic(
     return of_materials(statement, tagged, of_both, tuple(_BOUNDS))
 
 
-def poisson_of(material: Any, tagged: TaggedMesh, cells: npt.NDArray[np.int32]) -> Any:
-    """Poisson's ratio of cells of a material: a number, or one of each where it varies, shape (cells,)."""
-    if (grading := _grading(material, "poisson_grading")) is None:
-        return material.poisson
-    return material.poisson * _in_the_middle(grading, tagged, cells)
-
-
 def _grading(material: Any, key: str) -> Any:
     """That of a modulus, which materials that are not isotropic may not have."""
     return getattr(material, key, None)
@@ -127,10 +120,6 @@ def middles(tagged: TaggedMesh, cells: npt.NDArray[np.int32]) -> npt.NDArray[np.
     corners = len(basix.geometry(getattr(basix.CellType, mesh.topology.cell_name())))
     middle = mesh.geometry.x[compat.geometry_cells(mesh)[cells, :corners]].mean(axis=1)
     return np.asarray(middle.T, dtype=np.float64)
-
-
-def _in_the_middle(value: Any, tagged: TaggedMesh, cells: npt.NDArray[np.int32]) -> npt.NDArray[np.float64]:
-    return sample(value, middles(tagged, cells))
 
 
 def graded(statement: Statement, tagged: TaggedMesh, key: str) -> fem.Function | None:
@@ -145,7 +134,7 @@ def graded(statement: Statement, tagged: TaggedMesh, key: str) -> fem.Function |
         if value is None or (material.region is not None and material.region not in tagged.regions):
             continue  # the latter is reported elsewhere
         cells = tagged.cells(material.region)
-        values = _in_the_middle(value, tagged, cells)
+        values = sample(value, middles(tagged, cells))
         pressed = treatment_of(statement).pressed
         least = values > 0 if key == "grading" or pressed else values >= 0
         if parallel.any_rank(mesh.comm, not (least & (values <= 1 + SAME_NUMBER)).all()):

@@ -150,7 +150,7 @@ class StressRecovery:
 
         Returns:
             The cells (local numbers, ghosts included), shape (m,), and at their vertices the components of the
-            stress, see ``Kinematics.pairs``, shape (m, vertices, components).
+            stress, see ``ElementStress.components``, shape (m, vertices, components).
         """
         self._fill(y, step)
         space, stresses = self._recovered.function_space, []
