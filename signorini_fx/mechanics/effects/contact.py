@@ -17,10 +17,8 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 from pydantic import Discriminator, Tag, TypeAdapter, WrapValidator, model_validator
 
 from signorini_fx.extensions import LAWS, load_class, names_of
-from signorini_fx.mechanics.laws.coulomb import Coulomb
-from signorini_fx.mechanics.laws.none import NoFriction
+from signorini_fx.mechanics.laws.coulomb import Coulomb, NoFriction, Tresca
 from signorini_fx.mechanics.laws.protocol import FrictionLaw
-from signorini_fx.mechanics.laws.tresca import Tresca
 from signorini_fx.mechanics.statement.base import Table, refused
 from signorini_fx.mechanics.statement.effect import Contradictions, Effect, Features
 from signorini_fx.mechanics.statement.rigid_motion import driven_twice

@@ -99,6 +99,3 @@ class OrthotropicElastic(Material):
 
 
 _ENERGY = "otherwise some strain has no positive energy"
-
-
-Entry = OrthotropicElastic
