@@ -32,12 +32,12 @@ WORLD = MPI.COMM_WORLD
 def test_products_of_random_blocks(size, precision):
     """As scipy's, to the round-off of sums in double precision, with rows and columns that are empty."""
     generator = np.random.default_rng(7)
-    assert kernels.load(MPI.COMM_SELF, block_stiffness._folder()) is None
+    assert kernels.load(MPI.COMM_SELF, block_stiffness.folder()) is None
     pattern = sp.random_array((40, 31), density=0.05, rng=generator, format="csr")
     pattern.sort_indices()
     assert (np.diff(pattern.indptr) == 0).any()
     entries = generator.standard_normal((pattern.nnz, size, size)).astype(precision)
-    product = kernels.BlockProduct(block_stiffness._folder(), size, pattern.indptr, pattern.indices)
+    product = kernels.BlockProduct(block_stiffness.folder(), size, pattern.indptr, pattern.indices)
     x, y = generator.standard_normal(31 * size), np.full(40 * size, np.nan)
     product(entries, 0.5, x, y)
     wanted = sp.bsr_array((entries.astype(float), pattern.indices, pattern.indptr), shape=(40 * size, 31 * size))
@@ -63,7 +63,7 @@ def two_matrices(dimension, comm):
     bcs = [fem.dirichletbc(zero, first + np.int32(axis), space.sub(axis)) for axis in range(dimension)]
     fixed = np.zeros(space.dofmap.index_map.size_local * dimension, dtype=bool)
     fixed.reshape(-1, dimension)[nodes[nodes < len(fixed) // dimension]] = True
-    assert kernels.load(comm, block_stiffness._folder()) is None
+    assert kernels.load(comm, block_stiffness.folder()) is None
     some = np.arange(0, len(fixed) // dimension, 3)
     springs = np.random.default_rng(comm.rank).standard_normal((len(some), dimension, dimension))
     beside = NodalStiffness(some, springs @ springs.transpose(0, 2, 1))

@@ -158,16 +158,9 @@ def averaging_forms(
 def averaged_points(
     space: fem.FunctionSpace, compiled: AveragingForms, fixed: npt.NDArray[np.bool_]
 ) -> tuple[npt.NDArray[np.int32], _Floats, _Floats, Averages]:
-    """The points of one boundary; collective.
-
-    Args:
-        space: the displacements.
-        compiled: see ``averaging_forms``.
-        fixed: which dofs of this rank are prescribed, shape (owned dofs,).
-
-    Returns:
-        Local numbers of the vertices among the nodes of ``space``, shape (n,), weights, shape (n,), the integrals of
-        hat function times normal, shape (n, d), and how the points average.
+    """The points of one boundary: local numbers of the vertices among the nodes of ``space``, shape (n,), weights,
+    shape (n,), the integrals of hat function times normal, shape (n, d), and how the points average; ``fixed``: which
+    dofs of this rank are prescribed, shape (owned dofs,); collective.
     """
     dim = space.mesh.geometry.dim
     products = _dual_products(space, compiled)
@@ -176,7 +169,9 @@ def averaged_points(
     rows = sp.csr_array((values, columns, starts), shape=(len(starts) - 1, products.getSize()[1]))
     rows.eliminate_zeros()  # the nodes of the cells that are not on the boundary
     weight = np.asarray(rows.sum(axis=1)).ravel()
-    node = _vertex_nodes(space, compiled.hats)[: weight.size]
+    corners, hats = compiled.hats.dofmap.list, compiled.hats.dofmap.index_map
+    node = np.zeros(hats.size_local + hats.num_ghosts, dtype=np.int32)
+    node[corners] = space.dofmap.list[:, : corners.shape[1]]  # vertices come first in every cell
     points = np.flatnonzero(weight > 0)
     point_rows = rows[points]
     nodes = np.unique(point_rows.indices)
@@ -197,12 +192,8 @@ def _dual_products(space: fem.FunctionSpace, compiled: AveragingForms) -> PETSc.
     matrix = PETSc.Mat().create(comm=space.mesh.comm)
     matrix.setSizes([(index_map.size_local, None) for index_map in maps])
     matrix.setType(PETSc.Mat.Type.AIJ)
-    global_numbers = [
-        index_map.local_to_global(np.arange(index_map.size_local + index_map.num_ghosts)) for index_map in maps
-    ]
-    matrix.setLGMap(
-        *(PETSc.LGMap().create(numbers.astype(PETSc.IntType), comm=space.mesh.comm) for numbers in global_numbers)
-    )
+    numbers = [part.local_to_global(np.arange(part.size_local + part.num_ghosts)) for part in maps]
+    matrix.setLGMap(*(PETSc.LGMap().create(part.astype(PETSc.IntType), comm=space.mesh.comm) for part in numbers))
     matrix.setUp()  # collective, which the ranks with facets must not begin on their own
     for number, (cells, form) in enumerate(zip(compiled.parts, compiled.products, strict=True)):
         assembled = fem.assemble_matrix(form).to_scipy(ghosted=True)  # on all ranks
@@ -223,14 +214,6 @@ def _dual_products(space: fem.FunctionSpace, compiled: AveragingForms) -> PETSc.
         matrix.setValuesLocalRCV(*indices, np.ascontiguousarray(dual), PETSc.InsertMode.ADD_VALUES)
     matrix.assemble()
     return matrix
-
-
-def _vertex_nodes(space: fem.FunctionSpace, hats: fem.FunctionSpace) -> npt.NDArray[np.int32]:
-    """The local node of ``space`` at each local hat function: vertices come first in every cell."""
-    corners = hats.dofmap.list
-    nodes_of_hats = np.zeros(hats.dofmap.index_map.size_local + hats.dofmap.index_map.num_ghosts, dtype=np.int32)
-    nodes_of_hats[corners] = space.dofmap.list[:, : corners.shape[1]]
-    return nodes_of_hats
 
 
 def from_owners(owned_rows: _Floats, nodes: npt.NDArray[Any], comm: MPI.Comm) -> _Floats:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import wraps
 from typing import Any
 
 import basix
@@ -123,13 +124,8 @@ def over_ranks(values: npt.NDArray[np.float64], space: fem.FunctionSpace) -> npt
 
 
 def adjugates(matrices: npt.NDArray[np.float64]) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-    """Adjugate (inverse times determinant) and determinant of many matrices, by hand, because there are many.
-
-    Args:
-        matrices: shape (d, d, ...), d = 2 or 3.
-
-    Returns:
-        Shapes (d, d, ...) and (...).
+    """Adjugate (inverse times determinant) and determinant of many matrices, d = 2 or 3, by hand: shapes (d, d, ...)
+    and (...).
     """
     if len(matrices) == 2:
         (a, b), (c, d) = matrices
@@ -146,3 +142,23 @@ def determinants(matrices: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
         return np.asarray(a * d - b * c)
     (a, b, c), (d, e, f), (g, h, i) = matrices
     return np.asarray(a * (e * i - f * h) + b * (f * g - d * i) + c * (d * h - e * g))
+
+
+def shared_in(holder: str) -> Callable[[Callable[[Any], Any]], Any]:
+    """Make a method a property whose value is computed once and kept in the dictionary ``holder`` of its object.
+
+    ``dataclasses.replace`` passes the dictionary on, so that a copy with the same data computes nothing again; one with
+    other data is given an empty dictionary.
+    """
+
+    def kept(compute: Callable[[Any], Any]) -> Any:
+        @wraps(compute)
+        def value(instance: Any) -> Any:
+            values, name = getattr(instance, holder), compute.__name__
+            if name not in values:
+                values[name] = compute(instance)
+            return values[name]
+
+        return property(value)
+
+    return kept

@@ -23,7 +23,6 @@ from signorini_fx.machine.petsc_objects import free_unused
 from signorini_fx.mechanics.assembly.pieces import find_pieces
 from signorini_fx.mechanics.assembly.tried_functions import try_functions
 from signorini_fx.mechanics.elasticity.choice_of_law import elastic_law, moduli_of
-from signorini_fx.mechanics.elasticity.elastic_law import SceneLaw
 from signorini_fx.mechanics.kinematics.protocol import Kinematics
 from signorini_fx.mechanics.loads.initial_strains import holds, jump_loads, jumps_in
 from signorini_fx.mechanics.loads.load_vectors import (
@@ -70,13 +69,8 @@ def discretise(statement: Statement, tagged: TaggedMesh, timings: Timings) -> Mo
 
 
 def prepare(statement: Statement, tagged: TaggedMesh, timings: Timings, *, path_step: float = 0) -> Model:
-    """Compile and assemble loads and contact boundaries, and find all errors; collective.
-
-    Args:
-        statement: what is stated of the problem.
-        tagged: its mesh.
-        timings: of the mesh.
-        path_step: place in the lists of factors, at which foundations are; -1: before any has moved.
+    """Compile and assemble loads and contact boundaries, and find all errors; ``path_step``: place in the lists of
+    factors, at which foundations are, -1 before any has moved; collective.
 
     Raises:
         SceneError: a material is not linear; a file is not there on some rank; or with all errors that only the mesh
@@ -177,7 +171,7 @@ def _prepared(statement: Statement, tagged: TaggedMesh, timings: Timings) -> Mod
 
     return Model(
         space=space,
-        terms=partial(_terms, elastic, space, inventory, resists),
+        terms=lambda: (*elastic.compiled(space, inventory), *resists),
         resists=resists,
         bcs=[support for _, support in supports.conditions],
         turned=turned,
@@ -187,7 +181,9 @@ def _prepared(statement: Statement, tagged: TaggedMesh, timings: Timings) -> Mod
         settings=statement.solver,
         inventory=inventory,
         kinematics=kinematics,
-        compressible=_compressible(statement),
+        # Ratios follow from moduli, with round-off.
+        compressible=max(material.mean_poisson for material in statement.material)
+        <= LARGEST_MULTIGRID_POISSON * (1 + SAME_NUMBER),
         elastic=elastic,
         statement=statement,
         tagged=tagged,
@@ -210,19 +206,6 @@ def _check_measure(kinematics: Kinematics, tagged: TaggedMesh) -> None:
     most = parallel.largest(tagged.mesh.comm, measures, 0.0)
     if parallel.any_rank(tagged.mesh.comm, bool((measures < -SAME_NUMBER * most).any())) or most <= 0:
         raise SceneError([("material.hypothesis", f"measure of {kinematics.words!r} is not positive")])
-
-
-def _compressible(statement: Statement) -> bool:
-    """See ``ElasticBody``; ratios follow from moduli, with round-off."""
-    largest = max(material.mean_poisson for material in statement.material)
-    return largest <= LARGEST_MULTIGRID_POISSON * (1 + SAME_NUMBER)
-
-
-def _terms(
-    elastic: SceneLaw, space: fem.FunctionSpace, inventory: Inventory, resists: tuple[fem.Form, ...]
-) -> tuple[fem.Form, ...]:
-    """The compiled terms of a(., .); collective."""
-    return (*elastic.compiled(space, inventory), *resists)
 
 
 def placed(model: M, step: float) -> M:

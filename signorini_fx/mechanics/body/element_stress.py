@@ -72,12 +72,8 @@ class ElementStress(LawStress):
 
 
 def element_stress(body: Model, displacement: fem.Function, step: float = 0.0) -> ElementStress:
-    """That of a scene, by the law of its body; collective.
-
-    Args:
-        body: the scene.
-        displacement: y.
-        step: the place of the initial strains in the lists of factors.
+    """That of a scene, by the law of its body; ``step``: the place of the initial strains in the lists of factors;
+    collective.
     """
     initial, move_to = initial_strain(body.statement, body.tagged, body.space, step)
     jump, jump_to = total_jump(body.statement, body.tagged, body.space)

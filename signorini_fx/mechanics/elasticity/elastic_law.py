@@ -127,7 +127,7 @@ class ElasticLaw:
         Args:
             stiffness: of the displacement, prescribed rows and columns empty but for the diagonal.
             rotation: from its unknowns to displacements; None: they are the same.
-            turning: that without rigid bodies.
+            turning: the same without rigid bodies.
             fixed: the prescribed unknowns of the displacement of this rank.
         """
         stiffness.setOption(PETSc.Mat.Option.SPD, True)
@@ -150,11 +150,8 @@ class ElasticLaw:
         return 0.0
 
     def encloses(self, vector: Callable[[_Floats], PETSc.Vec], held: npt.NDArray[np.bool_]) -> bool:
-        """Whether an incompressible body cannot change its volume, because of what is held.
-
-        Args:
-            vector: from forces at the nodes to those at the unknowns that ``held`` is of.
-            held: unknowns of this rank.
+        """Whether an incompressible body cannot change its volume, because unknowns of this rank are ``held``;
+        ``vector``: from forces at the nodes to those at the unknowns.
         """
         return False
 
@@ -191,12 +188,8 @@ class SceneLaw(ElasticLaw):
     # --- forces at a displacement, for results ---
 
     def force_terms(self, y: fem.Function, z: Any, moved: Any = None) -> tuple[Any, ...]:
-        """The work of the stress of a displacement, as terms to be compiled one by one.
-
-        Args:
-            y: the displacement, with what else its law has found with it.
-            z: what the work is done on.
-            moved: the displacement with jumps; None: there are none.
+        """The work of the stress of a displacement y on z, as terms to be compiled one by one; ``moved``: the
+        displacement with jumps, None if there are none.
         """
         return self.terms(y if moved is None else moved, z)
 
@@ -302,24 +295,16 @@ class IsotropicLaw(SceneLaw):
 def cellwise_stress(
     y: fem.Function, sigma: Any, outward: Any, moduli: _Floats, *, shear_modulus: Any = None
 ) -> LawStress:
-    """That of moduli which are constant in each cell; collective.
-
-    Args:
-        y: the displacement.
-        sigma: see ``LawStress``.
-        outward: see ``LawStress``.
-        moduli: the components of the stress, see ``Kinematics.pairs``, over those of the strain, of shear twice
-            epsilon_ij, of each cell, shape (cells, m, m).
-        shear_modulus: see ``LawStress``.
+    """That of moduli which are constant in each cell: components of the stress, see ``Kinematics.pairs``, over those of
+    the strain, of shear twice epsilon_ij, shape (cells, m, m); collective.
 
     Raises:
         numpy.linalg.LinAlgError: some strain has no stress, on all ranks.
     """
     mesh, dim, m = y.function_space.mesh, y.function_space.mesh.geometry.dim, moduli.shape[2]
-    inverse: Any = moduli
-    error = None
+    inverse, error = moduli, None
     try:
-        inverse = np.linalg.inv(moduli)
+        inverse = np.asarray(np.linalg.inv(moduli))
     except np.linalg.LinAlgError as found:
         error = found
     parallel.raise_together(mesh.comm, error)
@@ -331,14 +316,8 @@ def cellwise_stress(
 
 
 def compliance(tau: Any, kinematics: Kinematics, lame: Any, mu: Any, poisson: Any = 0.5) -> Any:
-    """C^-1 tau : tau of an isotropic body for a stress tau, given by its components, see ``Kinematics.pairs``.
-
-    Args:
-        tau: the components.
-        kinematics: of the body.
-        lame: first Lame parameter; None: it may be infinite, and follows from Poisson's ratio.
-        mu: second Lame parameter.
-        poisson: nu, which counts without ``lame``; not in plane stress.
+    """C^-1 tau : tau of an isotropic body for a stress tau, given by its components, see ``Kinematics.pairs``; without
+    the first Lame parameter, which may be infinite, it follows from Poisson's ratio, but not in plane stress.
     """
     normal = [tau[k] for k, (i, j) in enumerate(kinematics.pairs) if i == j]
     shear = [tau[k] for k, (i, j) in enumerate(kinematics.pairs) if i != j]

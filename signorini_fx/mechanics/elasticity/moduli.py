@@ -52,13 +52,7 @@ def of_materials(
     statement: Statement, tagged: TaggedMesh, numbers: Callable[..., tuple[Any, ...]], gradings: Sequence[str] = ()
 ) -> tuple[Any, ...]:
     """Numbers of the materials: constants of one material, cell-wise functions of several and of graded ones;
-    collective.
-
-    Args:
-        statement: what is stated of the problem.
-        tagged: its mesh.
-        numbers: of a material, and of what each of ``gradings`` is in its cells, 1 where it is not given.
-        gradings: ``grading``, ``poisson_grading``, as far as the numbers depend on them.
+    ``numbers`` gives them from a material and the values of ``gradings`` in its cells, 1 if not given; collective.
 
     Raises:
         SceneError: a grading is not between 0 and 1.
@@ -109,11 +103,6 @@ def isotropic(
     return of_materials(statement, tagged, of_both, tuple(_BOUNDS))
 
 
-def _grading(material: Any, key: str) -> Any:
-    """That of a modulus, which materials that are not isotropic may not have."""
-    return getattr(material, key, None)
-
-
 def middles(tagged: TaggedMesh, cells: npt.NDArray[np.int32]) -> npt.NDArray[np.float64]:
     """The middles of the corners of cells, whose other nodes depend on how curves are drawn, shape (3, n)."""
     mesh = tagged.mesh
@@ -125,12 +114,12 @@ def middles(tagged: TaggedMesh, cells: npt.NDArray[np.int32]) -> npt.NDArray[np.
 def graded(statement: Statement, tagged: TaggedMesh, key: str) -> fem.Function | None:
     """By what a modulus is multiplied in each cell; None: by nothing."""
     problems, mesh = [], tagged.mesh
-    if all(_grading(material, key) is None for material in statement.material):
+    if all(getattr(material, key, None) is None for material in statement.material):
         return None
     grading = fem.Function(fem.functionspace(mesh, ("DG", 0)))
     grading.x.array[:] = 1.0
     for index, material in enumerate(statement.material):
-        value = _grading(material, key)
+        value = getattr(material, key, None)
         if value is None or (material.region is not None and material.region not in tagged.regions):
             continue  # the latter is reported elsewhere
         cells = tagged.cells(material.region)

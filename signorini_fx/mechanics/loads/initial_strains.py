@@ -83,15 +83,8 @@ def jump_loads(
     inventory: Inventory,
     held: Callable[[Jump], bool],
 ) -> list[AppliedLoad]:
-    """-a(J, .) of each jump J, times its amount, and -(div J, .) where the pressure is an unknown; collective.
-
-    Args:
-        jumps: J.
-        statement: what is stated of the problem.
-        space: of the displacement.
-        elastic: what gives the terms of a(., .).
-        inventory: where forms are compiled.
-        held: whether something on this rank holds nodes of a jump along its axis, see ``holds``.
+    """-a(J, .) of each jump J, times its amount, and -(div J, .) where the pressure is an unknown; ``held``: whether
+    something on this rank holds nodes of a jump along its axis, see ``holds``; collective.
 
     Raises:
         SceneError: contact or supports hold its nodes.
@@ -104,9 +97,8 @@ def jump_loads(
         forms = tuple(inventory.compile(jump.entry.name, partial(fem.form, term)) for term in terms)
         owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
         forces, pressure_load = elastic.work(forms, owned)
-        ones, zero_displacement = (1.0,) * statement.steps, fem.Function(space)
-        load = AppliedLoad(ones, forms, -forces, zero_displacement, balanced=True, pressure_load=pressure_load)
-        loads.append(replace(load, entry=jump.entry, amount=jump.amount))
+        load = AppliedLoad((1.0,) * statement.steps, forms, -forces, fem.Function(space), entry=jump.entry)
+        loads.append(replace(load, balanced=True, amount=jump.amount, pressure_load=pressure_load))
     return loads
 
 
@@ -117,16 +109,9 @@ def holds(
     boundary: ContactBoundary | None,
     bonded: Sequence[int] = (),
 ) -> bool:
-    """Whether contact or prescribed displacements hold nodes of a jump on this rank along its axis; collective.
-
-    They would see the displacement on one of its sides alone.
-
-    Args:
-        jump: inside the body.
-        fixed: which displacement components are prescribed at the owned nodes, shape (owned dofs,).
-        turned: nodes for which ``fixed`` is told in their own frames; None: there are none.
-        boundary: the contact points; None: there are none.
-        bonded: numbers of the contacts that hold in all directions.
+    """Whether contact or prescribed displacements hold nodes of a jump on this rank along its axis, which would see the
+    displacement on one of its sides alone; ``fixed`` and ``turned``: see ``ElasticBody``; ``bonded``: numbers of the
+    contacts that hold in all directions; collective.
     """
     dim = jump.axis.size
     nodes = np.flatnonzero(jump.nodes[: fixed.size // dim])
@@ -146,16 +131,8 @@ def holds(
 def initial_strain(
     statement: Statement, tagged: TaggedMesh, space: fem.FunctionSpace, step: float
 ) -> tuple[Any, Callable[[float], None]]:
-    """All initial strains together in each direction, UFL, and what moves them to a place in the lists of factors.
-
-    Args:
-        statement: what is stated of the problem.
-        tagged: its mesh.
-        space: of the displacement.
-        step: where they are to begin with.
-
-    Returns:
-        None in place of the strain where there is none.
+    """All initial strains together in each direction, UFL, None without any, and what moves them to a place in the
+    lists of factors; ``step``: where they are to begin with.
     """
     effects = [effect for effect in statement.of(InitialStrain) if effect.acts]
     if not effects:
@@ -175,10 +152,8 @@ def initial_strain(
 def total_jump(
     statement: Statement, tagged: TaggedMesh, space: fem.FunctionSpace
 ) -> tuple[Any, Callable[[float], None]]:
-    """All jumps together, UFL, and what moves them to a place in the lists of factors; they are still zero.
-
-    Returns:
-        None in place of the jump where there is none.
+    """All jumps together, UFL, None without any, and what moves them to a place in the lists of factors; they are still
+    zero.
     """
     jumps = jumps_in(statement, tagged, space)
     amounts = [fem.Constant(tagged.mesh, default_scalar_type(0.0)) for _ in jumps]

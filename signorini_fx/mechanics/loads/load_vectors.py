@@ -243,13 +243,8 @@ def measures(space: fem.FunctionSpace, effects: Sequence[Effect], facets: Facets
 
 
 class LoadGroup(NamedTuple):
-    """What loads have in common that are assembled into one vector.
-
-    Attributes:
-        factors: one for each load step.
-        grows: whether they multiply the loads in a ramp from nothing.
-        timed: whether the loads depend on the time.
-        balanced: whether they are initial strains, whose forces balance each other.
+    """What loads have in common that are assembled into one vector, see ``AppliedLoad``; ``timed``: whether they depend
+    on the time.
     """
 
     factors: tuple[float, ...]
@@ -286,16 +281,9 @@ def applied_load(
     compiled: tuple[fem.Form, ...] | None = None,
     step: float = 0,
 ) -> AppliedLoad:
-    """Compile and assemble the loads that share their factors; collective.
-
-    Args:
-        group: what they have in common.
-        loads: all of one group.
-        on: the mesh with its quadrature, times and materials.
-        z: the test function of L.
-        supports: the prescribed displacements at a place in the lists of factors.
-        compiled: the forms of an earlier place; None: they are compiled here.
-        step: the place.
+    """Compile and assemble the loads of a group, with prescribed displacements, at a place in the lists of factors;
+    ``z``: the test function of L; ``compiled``: the forms of an earlier place, None if they are to be compiled;
+    collective.
     """
     factors, grows, timed, balanced = group
     space = on.space
@@ -343,9 +331,7 @@ def driving_load(
 
 
 def compile_loads(loads: Sequence[Load], on: FormCoefficients, z: Any) -> tuple[fem.Form, ...]:
-    """The terms of L of section 2.1 that the loads list, (f, z) and (h, z), compiled together, or those of initial
-    strains.
-    """
+    """The terms of L of section 2.1, (f, z) and (h, z), compiled together, or those of initial strains."""
     if strains := [load for load in loads if isinstance(load, InitialStrain)]:
         name = " + ".join(strain.name for strain in strains)
         total_strain = sum(_asked(strain, "strain", on) for strain in strains)
@@ -358,7 +344,7 @@ def compile_loads(loads: Sequence[Load], on: FormCoefficients, z: Any) -> tuple[
 
 
 def compile_resistance(acting: Sequence[Resistance], on: FormCoefficients, y: Any, z: Any) -> fem.Form | None:
-    """The terms of a(y, z) by which some effects resist the displacement on the boundary, compiled together."""
+    """The terms of a(y, z) by which effects resist the displacement on the boundary, compiled together."""
     for effect in acting:
         if not is_of_package(type(effect)):
             _check_reaction(effect, on)

@@ -101,13 +101,8 @@ class Polyline(LineShape):
 
 
 class NearestPiece:
-    """Which of many straight pieces is the closest one.
-
-    Args:
-        begin: where the pieces begin, shape (m, 2).
-        along: their unit vectors, shape (m, 2).
-        first: the lowest place on each, length, shape (m,); minus infinity where it goes straight on.
-        last: the highest one.
+    """Which of many straight pieces is the closest one: from where they begin, their unit vectors, both of shape (m,
+    2), and the first and last places on each, length, shape (m,), infinite where it goes straight on.
     """
 
     def __init__(self, begin: Array, along: Array, first: Array, last: Array) -> None:
@@ -132,13 +127,8 @@ class NearestPiece:
         self._tree = cKDTree(self._begin[self._owner] + parameter[:, None] * self._along[self._owner])
 
     def __call__(self, x: Array) -> tuple[Rows, Array]:
-        """The closest piece of each point, the first one of several, and the place of the closest point on it.
-
-        Args:
-            x: points, shape (n, 2).
-
-        Returns:
-            Shapes (n,) and (n,).
+        """The closest piece of each point, the first one of several, and the place of the closest point on it, both of
+        shape (n,), for points of shape (n, 2).
         """
         chosen = np.zeros(len(x), dtype=np.int64)
         counts, within = np.full(len(x), self._compared.size), np.zeros(len(x))
@@ -155,10 +145,8 @@ class NearestPiece:
                 pieces = np.concatenate((pieces, self._owner[parts]))
                 order = np.argsort(rows, kind="stable")
                 rows, pieces = rows[order], pieces[order]
-            away = (
-                x[rows] - self._begin[pieces] - self._share_of_closest(x[rows], pieces)[:, None] * self._along[pieces]
-            )
-            distance = np.linalg.norm(away, axis=1)
+            at = self._share_of_closest(x[rows], pieces)[:, None]
+            distance = np.linalg.norm(x[rows] - self._begin[pieces] - at * self._along[pieces], axis=1)
             starts = np.flatnonzero(np.diff(rows, prepend=-1))
             least = np.repeat(np.minimum.reduceat(distance, starts), np.diff(starts, append=len(rows)))
             chosen[batch] = np.minimum.reduceat(np.where(distance == least, pieces, len(self._begin)), starts)
@@ -212,9 +200,6 @@ def crossing_pieces(points: Array) -> tuple[int, int] | None:
     """The first two pieces that cross, by their numbers from 0, the lower first; None: there are none.
 
     Pieces that touch without going over to the other side do not cross; nor do those that have an end in common.
-
-    Args:
-        points: of the line, in order, length, shape (m + 1, 2).
     """
     from scipy.spatial import cKDTree
 
