@@ -17,11 +17,6 @@ from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.nodal_stiffness import NodalStiffness
 
 
-def folder() -> Path:
-    """Of compiled forms."""
-    return Path(jit.get_options()["cache_dir"])
-
-
 def block_stiffness(
     forms: Sequence[fem.Form], fixed: npt.NDArray[np.bool_], beside: NodalStiffness | None = None
 ) -> PETSc.Mat:
@@ -29,6 +24,8 @@ def block_stiffness(
     unknowns of this rank are left out, and have the largest entry of the diagonal; ``beside``: what is added;
     collective.
     """
+    folder = Path(jit.get_options()["cache_dir"])  # of compiled forms
+    kernels.load(forms[0].mesh.comm, folder)
     entries = fem.create_matrix(forms[0], la.BlockMode.compact)
     for form in forms:
         fem.assemble_matrix(entries, form)  # type: ignore[arg-type]
@@ -53,7 +50,7 @@ def block_stiffness(
         blocks,
         1.0,
         nodes.local_to_global(np.arange(nodes.size_local + nodes.num_ghosts, dtype=np.int32)),
-        kernels.BlockProduct(folder(), size, starts, columns),
+        kernels.BlockProduct(folder, size, starts, columns),
         extended.array,
         extended.scatter_forward if comm.size > 1 else None,
     )

@@ -347,11 +347,11 @@ def boundary_facets(statement: Statement, tagged: TaggedMesh) -> dict[str, npt.N
                     "needs its own nodes, and its own boundary"
                 )
                 problems.append((f"{path}.{key}", message))
-    sides = [(f"contact[{index}].boundary", effect.boundary) for index, effect in enumerate(statement.contact)]
-    sides += [
-        (f"contact[{index}].against", effect.against)
+    sides = [
+        (f"contact[{index}].{key}", name)
+        for key in ("boundary", "against")
         for index, effect in enumerate(statement.contact)
-        if effect.against is not None
+        if (name := getattr(effect, key)) is not None
     ]
     for number, (path, name) in enumerate(sides):
         for earlier_path, earlier_name in sides[:number]:
@@ -373,8 +373,8 @@ def boundary_facets(statement: Statement, tagged: TaggedMesh) -> dict[str, npt.N
     for path, effect in statement.listed():
         region = getattr(effect, "region", None)
         if region is not None and region not in tagged.regions:
-            region_names = ", ".join(sorted(tagged.regions)) or "none"
-            problems.append((f"{path}.region", f"the mesh has no region {region!r}; its regions are: {region_names}"))
+            known = ", ".join(sorted(tagged.regions)) or "none"
+            problems.append((f"{path}.region", f"the mesh has no region {region!r}; its regions are: {known}"))
     if problems:
         raise SceneError(problems)
     return facets

@@ -195,7 +195,7 @@ class ElasticBody:
     def _assembled(self) -> tuple[PETSc.Mat, PETSc.Mat | None, PETSc.Mat | None]:
         """``stiffness`` and ``rotation``, and this without rigid bodies."""
         self.inventory.matrices.append("stiffness")
-        if self._fit_for_blocks and self._no_blocks is None:
+        if self._fit_for_blocks:
             from signorini_fx.mechanics.assembly.block_stiffness import block_stiffness
 
             return self.elastic.joined(block_stiffness(self.forms, self.fixed, self.beside), None, None, self.fixed)
@@ -256,14 +256,6 @@ class ElasticBody:
         # Nothing that resists is assembled yet: without it more motions are free, and contact holds them or not.
         at_contact = self._supported.joined(boundary).at(boundary)
         return choose_kind(self.system_size(at_contact), self.settings.linear_algebra)[0] == "krylov"
-
-    @shared_in("of_body")
-    def _no_blocks(self) -> str | None:
-        """Why products by blocks cannot be compiled; None: they are; collective."""
-        from signorini_fx.algebra.linalg import kernels
-        from signorini_fx.mechanics.assembly.block_stiffness import folder
-
-        return kernels.load(self.comm, folder())
 
     @property
     def _rigid(self) -> int:
@@ -387,8 +379,6 @@ class ElasticBody:
             options: see ``Task``.
         """
         system, reason = choose(self.elasticity(cases, coarser), self.system_size(), self.settings.linear_algebra)
-        if self._fit_for_blocks and self._no_blocks is not None:
-            reason = f"{reason}; its products are slower than by blocks: {self._no_blocks}"
         system.set_load(factors)
         share = self.settings.regularisation_error
 
