@@ -73,10 +73,7 @@ def facet_nodes(space: fem.FunctionSpace, facets: npt.NDArray[np.int32]) -> npt.
 
 
 def measure(mesh: dmesh.Mesh, parts: Sequence[npt.NDArray[np.int32]], metadata: dict[str, Any]) -> Any:
-    """Integration over lists of facets, which may overlap, numbered from 1.
-
-    The numbers do not depend on the mesh's own tags, so that forms on different boundaries are compiled once.
-    """
+    """Integration over lists of facets, numbered from 1 on every mesh, so that forms are compiled once."""
     data = [(number, facet_entities(mesh, facets).ravel()) for number, facets in enumerate(parts, start=1)]
     return ufl.Measure("ds", domain=mesh, subdomain_data=data, metadata=metadata)
 
@@ -112,9 +109,7 @@ def _summed(vector: la.Vector) -> npt.NDArray[np.float64]:
 
 
 def over_ranks(values: npt.NDArray[np.float64], space: fem.FunctionSpace) -> npt.NDArray[np.float64]:
-    """What all ranks contribute to the unknowns of a space that this one owns; ``values`` are those of all that it has;
-    collective.
-    """
+    """The sums over all ranks at the owned unknowns of a space, of values at all unknowns of each rank; collective."""
     if space.mesh.comm.size == 1:
         return np.array(values, dtype=np.float64)
     function = fem.Function(space)
@@ -124,9 +119,7 @@ def over_ranks(values: npt.NDArray[np.float64], space: fem.FunctionSpace) -> npt
 
 
 def adjugates(matrices: npt.NDArray[np.float64]) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-    """Adjugate (inverse times determinant) and determinant of many matrices, d = 2 or 3, by hand: shapes (d, d, ...)
-    and (...).
-    """
+    """Adjugate (inverse times determinant) and determinant of many matrices, shape (d, d, ...), d = 2 or 3."""
     if len(matrices) == 2:
         (a, b), (c, d) = matrices
         return np.array([[d, -b], [-c, a]]), a * d - b * c

@@ -209,9 +209,7 @@ def _check_measure(kinematics: Kinematics, tagged: TaggedMesh) -> None:
 
 
 def placed(model: M, step: float) -> M:
-    """The same with foundations and friction of a place where they depend on the time, and with the supports that hold
-    there; itself if all are as they were; collective.
-    """
+    """The same with contact and supports of a place in the lists of factors; itself if nothing changes; collective."""
     statement = model.statement.placed(step)
     if statement is model.statement or model.boundary is None:
         return model
@@ -223,9 +221,7 @@ def placed(model: M, step: float) -> M:
 
 
 def held_at(model: M, step: float) -> M:
-    """The same with the supports that hold at a place, and foundations and friction as they are; itself if all supports
-    are as they were; collective.
-    """
+    """The same with the supports of a place, and contact as it is; itself if no support changes; collective."""
     supports = model.statement.placed(step).displacement
     if supports is model.statement.displacement:
         return model
@@ -254,9 +250,7 @@ def _with_supports(model: M, statement: Statement) -> M:
 
 
 def contact_of(model: Model, statement: Statement) -> dict[str, Any]:
-    """``boundary``, ``data``, ``law`` and ``pairs`` of another statement that differs in its contact, or whose supports
-    are those of the model, with other planes of symmetry and other held nodes of the pairs; collective.
-    """
+    """The fields of a model that follow from the contact of another statement, with the same supports; collective."""
     foundations = _foundations_on(model, statement)
     shapes = foundations.shapes()
     rests = at_rest(model.space, model.supports, model.turned, model.fixed)
@@ -272,9 +266,7 @@ def law_of(model: Model, statement: Statement) -> PointFriction | None:
 
 
 def with_gap_and_friction(model: M, statement: Statement) -> M:
-    """The same contact points with gap and friction of another statement that differs in nothing else, and has no
-    friction with axes; collective.
-    """
+    """The same contact points with gap and friction, without axes, of another statement; collective."""
     assert model.boundary is not None
     foundations = _foundations_on(model, statement)
     values = foundations.data(foundations.shapes())
@@ -284,9 +276,7 @@ def with_gap_and_friction(model: M, statement: Statement) -> M:
 
 
 def moved_since(model: Model, earlier: Statement) -> npt.NDArray[np.float64]:
-    """How far the foundations have moved at the contact points from where they are in another statement, length, shape
-    (n, d).
-    """
+    """How far foundations have moved at the contact points since another statement, length, shape (n, d)."""
     assert model.boundary is not None
     moved, dimension = np.zeros_like(model.boundary.x), model.tagged.dimension
     for number, (contact, earlier_contact) in enumerate(zip(model.statement.contact, earlier.contact, strict=True)):

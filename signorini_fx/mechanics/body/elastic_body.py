@@ -282,16 +282,12 @@ class ElasticBody:
 
     @property
     def stiffness(self) -> PETSc.Mat:
-        """Of a(., .) on Y_h, symmetric; prescribed rows and columns are eliminated and have its largest entry on their
-        diagonal.
-        """
+        """Of a(., .) on Y_h; prescribed rows and columns are empty, with its largest entry on their diagonal."""
         return self._assembled[0]
 
     @property
     def rotation(self) -> PETSc.Mat | None:
-        """Q from the unknowns of the stiffness to displacements, with more columns than rows where there are rigid
-        bodies; None: they are the same.
-        """
+        """Q from the unknowns of the stiffness, some of rigid bodies, to displacements; None: they are the same."""
         return self._assembled[1]
 
     @shared_in("of_contact")

@@ -48,9 +48,7 @@ class ElementStress(LawStress):
 
     @property
     def components(self) -> Any:
-        """The components of sigma, see ``Kinematics.pairs``, and at last that out of the plane where it is none of
-        them.
-        """
+        """The components of sigma, see ``Kinematics.pairs``, and that out of the plane where it is none of them."""
         pairs = self.kinematics.pairs
         beyond = [] if self.outward is None or (2, 2) in pairs else [self.outward]
         return ufl.as_vector([*(self.in_space[pair] for pair in pairs), *beyond])
@@ -72,9 +70,7 @@ class ElementStress(LawStress):
 
 
 def element_stress(body: Model, displacement: fem.Function, step: float = 0.0) -> ElementStress:
-    """That of a scene, by the law of its body; ``step``: the place of the initial strains in the lists of factors;
-    collective.
-    """
+    """That of a scene with the initial strains of a place in the lists of factors; collective."""
     initial, move_to = initial_strain(body.statement, body.tagged, body.space, step)
     jump, jump_to = total_jump(body.statement, body.tagged, body.space)
 

@@ -44,9 +44,7 @@ Cells = npt.NDArray[np.int32]
 
 
 def at_rest(statement: Statement) -> Statement:
-    """The same with the linear materials that nonlinear ones are at small strains, and loads that keep their direction
-    alone.
-    """
+    """The same with materials of small strains, and without loads that follow the body."""
     return without_followers(statement).changed(material=tuple(material.at_rest for material in statement.material))
 
 

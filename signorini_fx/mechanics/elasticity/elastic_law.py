@@ -150,9 +150,7 @@ class ElasticLaw:
         return 0.0
 
     def encloses(self, vector: Callable[[_Floats], PETSc.Vec], held: npt.NDArray[np.bool_]) -> bool:
-        """Whether an incompressible body cannot change its volume, because unknowns of this rank are ``held``;
-        ``vector``: from forces at the nodes to those at the unknowns.
-        """
+        """Whether what is ``held`` lets no incompressible body change its volume; ``vector``: see ``ElasticBody``."""
         return False
 
 
@@ -188,9 +186,7 @@ class SceneLaw(ElasticLaw):
     # --- forces at a displacement, for results ---
 
     def force_terms(self, y: fem.Function, z: Any, moved: Any = None) -> tuple[Any, ...]:
-        """The work of the stress of a displacement y on z, as terms to be compiled one by one; ``moved``: the
-        displacement with jumps, None if there are none.
-        """
+        """The work of the stress of y on z, as terms to be compiled one by one; ``moved``: y with jumps, if any."""
         return self.terms(y if moved is None else moved, z)
 
     def initial_terms(self, z: Any, jump: Any, strain: Any, degree: int) -> list[Any]:
@@ -213,9 +209,7 @@ class SceneLaw(ElasticLaw):
         raise NotImplementedError
 
     def dilation_terms(self, y: fem.Function, jump: Any, strain: Any, degree: int) -> list[Any]:
-        """How far the volume changes otherwise than a pressure says, tested with its functions, and at last the
-        integrals of these, likewise.
-        """
+        """The residual of the law of a pressure, tested with its functions, and at last the integrals of these."""
         raise NotImplementedError
 
     def _integral(self, density: Any, degree: int) -> Any:

@@ -247,9 +247,7 @@ class MixedLaw(SceneLaw):
         return terms
 
     def dilation_terms(self, y: fem.Function, jump: Any, strain: Any, degree: int) -> list[Any]:
-        """See ``SceneLaw``: the weak form of tr(epsilon) + p / lambda = 0, with initial strains as in
-        ``strain_terms``.
-        """
+        """See ``SceneLaw``: the weak form of tr(epsilon) + p / lambda = 0, with initial strains."""
         q = self._pressure(ufl.TestFunction(self.own))
         dilation = ufl.tr(self.kinematics.strain(y if jump is None else y + jump))
         terms = [self._integral((dilation + self.moduli[1] * hydrostatic_of(y)) * q, self.degree)]

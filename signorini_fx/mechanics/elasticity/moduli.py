@@ -93,9 +93,7 @@ def lame_coefficients(statement: Statement, tagged: TaggedMesh) -> tuple[Any, An
 def isotropic(
     statement: Statement, tagged: TaggedMesh, numbers: Callable[[Any, Any], tuple[Any, ...]]
 ) -> tuple[Any, ...]:
-    """Numbers that follow from Young's modulus and Poisson's ratio, floats or arrays, see ``of_materials``;
-    collective.
-    """
+    """Numbers from Young's modulus and Poisson's ratio, floats or arrays, see ``of_materials``; collective."""
 
     def of_both(material: Any, share: Any, of_poisson: Any) -> tuple[Any, ...]:
         return numbers(material.young * share, material.poisson * of_poisson)

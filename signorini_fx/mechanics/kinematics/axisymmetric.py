@@ -16,9 +16,7 @@ _Floats = npt.NDArray[np.float64]
 
 
 def off_axis(y: Any) -> Any:
-    """Whether a place of UFL is not on the axis: coordinates in files have round-off, by which a displacement that is
-    zero on the axis must not be divided.
-    """
+    """Whether a place of UFL is off the axis, by more than the round-off of coordinates in files."""
     import ufl
 
     x = position(y)

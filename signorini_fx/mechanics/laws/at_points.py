@@ -97,9 +97,7 @@ def _faults(
 
 
 def _round_off(law: FrictionLaw, points: npt.NDArray[np.int64], modulus: float, bound: Array) -> Array:
-    """That of the bound, which may be the difference of numbers as large as it is where it bends, stress, shape (m,);
-    ``bound``: at a pressure as large as the modulus.
-    """
+    """That of the bound, shape (m,), which may be a difference of numbers as large as it is where it bends."""
     largest, straight = bound, np.ones(points.size, dtype=bool)
     for factor in 10.0 ** np.arange(1, LARGEST_BEND + 1):
         beyond = law.at(points).limit(np.full(points.size, factor * modulus))

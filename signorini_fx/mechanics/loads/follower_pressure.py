@@ -109,9 +109,7 @@ class Followers:
 
     @classmethod
     def of(cls, statement: Statement, tagged: TaggedMesh, u: fem.Function, ds: Any, dx: Any) -> Followers:
-        """Those of a statement at the displacement ``u``; ``ds(1)`` and so on are integrals over the boundaries of
-        pressures, ``dx`` that over the body.
-        """
+        """Those of a statement at ``u``; ``ds(1)`` and so on integrate over the boundaries of pressures."""
         pressures, carried, mesh = following(statement), carried_loads(statement), u.function_space.mesh
         effects, element = [*pressures, *carried], statement.element.degree
         on = _DisplacedCoefficients(statement, tagged, u.function_space, Inventory(), u)

@@ -131,9 +131,7 @@ def holds(
 def initial_strain(
     statement: Statement, tagged: TaggedMesh, space: fem.FunctionSpace, step: float
 ) -> tuple[Any, Callable[[float], None]]:
-    """All initial strains together in each direction, UFL, None without any, and what moves them to a place in the
-    lists of factors; ``step``: where they are to begin with.
-    """
+    """All initial strains together in each direction, UFL, None without any, and what moves them to a place."""
     effects = [effect for effect in statement.of(InitialStrain) if effect.acts]
     if not effects:
         return None, lambda step: None
@@ -152,9 +150,7 @@ def initial_strain(
 def total_jump(
     statement: Statement, tagged: TaggedMesh, space: fem.FunctionSpace
 ) -> tuple[Any, Callable[[float], None]]:
-    """All jumps together, UFL, None without any, and what moves them to a place in the lists of factors; they are still
-    zero.
-    """
+    """All jumps together, zero so far, UFL, None without any, and what moves them to a place."""
     jumps = jumps_in(statement, tagged, space)
     amounts = [fem.Constant(tagged.mesh, default_scalar_type(0.0)) for _ in jumps]
 

@@ -187,9 +187,7 @@ def skew_supports(
 def prescribed(
     space: fem.FunctionSpace, bcs: Sequence[fem.DirichletBC]
 ) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.float64]]:
-    """Which dofs of this rank Dirichlet conditions prescribe, and to what, ghosts included, shape (dofs,); zero where
-    nothing is prescribed.  Where conditions meet the last one applies.
-    """
+    """Which dofs of this rank are prescribed, and to what, else zero, shape (dofs,); the last condition applies."""
     index_map, block = space.dofmap.index_map, space.dofmap.index_map_bs
     values = np.zeros((index_map.size_local + index_map.num_ghosts) * block)
     fixed = np.zeros(values.size, dtype=bool)

@@ -73,9 +73,7 @@ class NonlinearMaterial(Material):
 
     @property
     def constants_at_rest(self) -> tuple[float, float]:
-        """The shear modulus and the bulk modulus at small strains, stresses; they follow from the keys ``young`` and
-        ``poisson`` of a material that has these.
-        """
+        """Shear and bulk modulus at small strains, stresses, by default from the keys ``young`` and ``poisson``."""
         young, poisson = getattr(self, "young", None), getattr(self, "poisson", None)
         if young is None or poisson is None:
             raise NotImplementedError
