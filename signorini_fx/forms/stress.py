@@ -19,7 +19,6 @@ from signorini_fx.mechanics.assembly.mesh_entities import facet_nodes
 from signorini_fx.mechanics.elasticity.elastic_law import cellwise_stress
 from signorini_fx.mechanics.kinematics import CARTESIAN
 from signorini_fx.mechanics.mesh.section import is_section
-from signorini_fx.records import Inventory
 from signorini_fx.results.interpolation import interpolated
 from signorini_fx.tuned import NOTHING_LEFT
 
@@ -72,7 +71,7 @@ def stresses_of(
         stress = stress_of(law, fem.Function(y.function_space), parts)
         all_ufl = all(isinstance(form, ufl.Form) for form in forms)
         residual = partial(residual_of, stress, forms, contact, fixed) if all_ufl else lambda z: None
-        return StressRecovery(stress, lambda z: (lambda step: None, residual(z)), Inventory())
+        return StressRecovery(stress, lambda z: (lambda step: None, residual(z)))
 
     return RawStresses(stress_of(law, y, parts), recovery, lambda: recovery().energy(y))
 

@@ -22,7 +22,6 @@ from signorini_fx.mechanics.assembly.mesh_entities import node_positions
 from signorini_fx.mechanics.body.element_stress import ElementStress, element_stress
 from signorini_fx.mechanics.elasticity.moduli import of_materials
 from signorini_fx.mechanics.model import Model
-from signorini_fx.records import Inventory
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery
 from signorini_fx.results.interpolation import interpolated
 from signorini_fx.results.singularities import why_no_limit
@@ -306,9 +305,8 @@ class Stresses(RawStresses):
         """
 
         def recovery() -> StressRecovery:
-            """What it compiles is not among the forms of the solve."""
             if "recovery" not in shared:
-                shared["recovery"] = StressRecovery.of(model, Inventory())
+                shared["recovery"] = StressRecovery.of(model)
             return shared["recovery"]
 
         return cls(element_stress(model, displacement, step), recovery, energy, step, model=model)

@@ -133,7 +133,7 @@ def history(summary: dict[str, Any], folder: ResultFiles) -> Markup:
 
 
 def made_with(summary: dict[str, Any], size: str) -> Markup:
-    """When and with what: date, versions, ranks, compiled forms and times; ``size``: of the problem, in words."""
+    """When and with what: date, versions, ranks and times; ``size``: of the problem, in words."""
     versions = summary["versions"]
     done = "Solved" if was_solved(summary) else "Tried"
     when = (
@@ -145,6 +145,5 @@ def made_with(summary: dict[str, Any], size: str) -> Markup:
     programs = " and ".join(f"{name} {versions[name]}" for name in ("signorini_fx", "dolfinx") if versions.get(name))
     timings = table(["phase", "seconds"], [(name, _two_digits(value)) for name, value in summary["timings"].items()])
     tables = part("beside", [timings, table(["program", "version"], list(versions.items()))])
-    compiled = part("paragraph", f"Compiled: {', '.join(summary['compiled'])}.")
     took = f"{when} by {programs} on {ranks}: {size}."
-    return joined([part("paragraph", took), folded("Times and versions", compiled, tables)])
+    return joined([part("paragraph", took), folded("Times and versions", tables)])

@@ -16,7 +16,7 @@ A gap is averaged in the same way as the displacement that it is compared with.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Any
 
 import basix
@@ -29,9 +29,14 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from signorini_fx.machine import compat
-from signorini_fx.mechanics.assembly.mesh_entities import assemble, facet_entities, measure, node_positions
+from signorini_fx.mechanics.assembly.mesh_entities import (
+    assemble,
+    compile_form,
+    facet_entities,
+    measure,
+    node_positions,
+)
 from signorini_fx.mechanics.assembly.quadrature import nodal_rule
-from signorini_fx.records import Inventory
 from signorini_fx.tuned import NOTHING_LEFT
 
 _Floats = npt.NDArray[np.float64]
@@ -129,9 +134,7 @@ def averaging(space: fem.FunctionSpace) -> bool:
     return space.element.basix_element.degree == 2 and space.mesh.topology.cell_name() == "tetrahedron"
 
 
-def averaging_forms(
-    space: fem.FunctionSpace, facets: npt.NDArray[np.int32], inventory: Inventory, name: str, factor: Any = None
-) -> AveragingForms:
+def averaging_forms(space: fem.FunctionSpace, facets: npt.NDArray[np.int32], factor: Any = None) -> AveragingForms:
     """Compile what the points of one boundary need; ``factor``: of the surface measure."""
     mesh = space.mesh
     dim, degree = mesh.geometry.dim, space.element.basix_element.degree
@@ -146,12 +149,9 @@ def averaging_forms(
     # Two facets of a cell have functions of their own: one form for each number, the same code for all.
     numbers = [np.flatnonzero(entities[:, 1] == number) for number in range(dim + 1)]
     measures = [measure(mesh, [facets[rows]], rule)(1) for rows in numbers]
-    products = inventory.compile(
-        f"{name}, averages", lambda: [fem.form(ufl.inner(weighted, phi) * ds) for ds in measures]
-    )
+    products = [compile_form(ufl.inner(weighted, phi) * ds) for ds in measures]
     ds = measure(mesh, [facets], rule)(1)
-    moment = pressure * ufl.inner(z, ufl.FacetNormal(mesh)) * ds
-    moments = inventory.compile(name, partial(fem.form, moment))
+    moments = compile_form(pressure * ufl.inner(z, ufl.FacetNormal(mesh)) * ds)
     return AveragingForms(hats, corners, [entities[rows, 0] for rows in numbers], products, moments)
 
 

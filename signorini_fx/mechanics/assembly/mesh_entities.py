@@ -13,6 +13,8 @@ import ufl
 from dolfinx import fem, jit, la
 from dolfinx import mesh as dmesh
 
+from signorini_fx.machine.compilation import compiling
+
 # Sums in another order can be computed two at a time, in 3D in half of the time; the difference is round-off.
 _IN_ANY_ORDER = ["-fassociative-math", "-fno-signed-zeros", "-fno-trapping-math"]
 
@@ -34,12 +36,23 @@ def node_positions(space: fem.FunctionSpace) -> npt.NDArray[np.float64]:
     return positions
 
 
-def stiffness_form(term: Any, dimension: int) -> fem.Form:
-    """A bilinear form on cells of this dimension, compiled for speed; collective."""
-    if dimension < 3:
+def compile_form(term: Any) -> Any:
+    """A form, compiled; collective.
+
+    Raises:
+        MachineError: it cannot be compiled.
+    """
+    with compiling():
         return fem.form(term)
+
+
+def stiffness_form(term: Any, dimension: int) -> fem.Form:
+    """A bilinear form on cells of this dimension, compiled for speed, see ``compile_form``; collective."""
+    if dimension < 3:
+        return compile_form(term)
     arguments = [*jit.get_options()["cffi_extra_compile_args"], *_IN_ANY_ORDER]
-    return fem.form(term, jit_options={"cffi_extra_compile_args": arguments})
+    with compiling():
+        return fem.form(term, jit_options={"cffi_extra_compile_args": arguments})
 
 
 def facet_entities(mesh: dmesh.Mesh, facets: npt.NDArray[np.int32]) -> npt.NDArray[np.int32]:

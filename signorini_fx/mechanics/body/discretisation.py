@@ -43,7 +43,7 @@ from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodies
 from signorini_fx.mechanics.scales import Scales
 from signorini_fx.mechanics.statement.effect import Resistance
 from signorini_fx.mechanics.statement.statement import Statement
-from signorini_fx.records import Inventory, Timings
+from signorini_fx.records import Timings
 from signorini_fx.tuned import LARGEST_MULTIGRID_POISSON, SAME_NUMBER
 
 if TYPE_CHECKING:
@@ -124,15 +124,13 @@ def _prepared(statement: Statement, tagged: TaggedMesh, timings: Timings) -> Mod
     if statement.bodies:
         pieces = pieces.of_bodies(tagged.mesh.comm, {name: tagged.cells(name) for name in statement.bodies})
     space = fem.functionspace(tagged.mesh, ("Lagrange", statement.element.degree, (tagged.mesh.geometry.dim,)))
-    inventory = Inventory()
-    elastic = elastic_law(statement, tagged, space, inventory, pieces, moduli)
-    inventory.forms.extend(elastic.names)
+    elastic = elastic_law(statement, tagged, space, pieces, moduli)
     z = ufl.TestFunction(space)
     kinematics = statement.kinematics_in(tagged.dimension)
     with timings.phase("compile"):
         supports = Supports.of(statement, space, facets, tagged)
         fixed, turned = supports.fixed, supports.turned
-        on_mesh = FormCoefficients(statement, tagged, space, inventory)
+        on_mesh = FormCoefficients(statement, tagged, space)
         resistance = compile_resistance(
             [effect for effect in statement.of(Resistance) if effect.acts], on_mesh, ufl.TrialFunction(space), z
         )
@@ -140,7 +138,7 @@ def _prepared(statement: Statement, tagged: TaggedMesh, timings: Timings) -> Mod
             applied_load(group, loads, on_mesh, z, supports.at) for group, loads in load_groups(statement).items()
         ]
         on = [facets[effect.boundary] for effect in statement.contact]
-        foundations = _foundations(statement, space, facets, inventory)
+        foundations = _foundations(statement, space, facets)
         assert len(foundations.forms) == len(on)
     with timings.phase("assemble"):
         shapes = foundations.shapes()
@@ -153,7 +151,7 @@ def _prepared(statement: Statement, tagged: TaggedMesh, timings: Timings) -> Mod
         if jumps := jumps_in(statement, tagged, space):
             bonded = [k for k, contact in enumerate(statement.contact) if contact.bonded]
             held = partial(holds, fixed=fixed, turned=turned, boundary=boundary, bonded=bonded)
-            applied += jump_loads(jumps, statement, space, elastic, inventory, held)
+            applied += jump_loads(jumps, statement, space, elastic, held)
         if boundary is not None:
             applied += [load for interface in statement.interfaces for load in interface.loads(tagged, space, boundary)]
     together(
@@ -166,12 +164,12 @@ def _prepared(statement: Statement, tagged: TaggedMesh, timings: Timings) -> Mod
         data, law = foundations.problem(boundary, foundations.data(shapes), Settings.of(statement.solver), scales)
         for step in range(1, statement.steps if any(effect.friction.timed for effect in statement.contact) else 1):
             # Errors are found before the first step.
-            _foundations(statement.placed(step), space, facets, inventory).friction()
+            _foundations(statement.placed(step), space, facets).friction()
     resists = () if resistance is None else (resistance,)
 
     return Model(
         space=space,
-        terms=lambda: (*elastic.compiled(space, inventory), *resists),
+        terms=lambda: (*elastic.compiled(space), *resists),
         resists=resists,
         bcs=[support for _, support in supports.conditions],
         turned=turned,
@@ -179,7 +177,6 @@ def _prepared(statement: Statement, tagged: TaggedMesh, timings: Timings) -> Mod
         pieces=pieces,
         boundary=boundary,
         settings=statement.solver,
-        inventory=inventory,
         kinematics=kinematics,
         # Ratios follow from moduli, with round-off.
         compressible=max(material.mean_poisson for material in statement.material)
@@ -288,11 +285,11 @@ def moved_since(model: Model, earlier: Statement) -> npt.NDArray[np.float64]:
 
 
 def _foundations_on(model: Model, statement: Statement) -> Foundations:
-    return _foundations(statement, model.space, boundary_facets(statement, model.tagged), Inventory())
+    return _foundations(statement, model.space, boundary_facets(statement, model.tagged))
 
 
 def _foundations(
-    statement: Statement, space: fem.FunctionSpace, facets: Mapping[str, npt.NDArray[np.int32]], inventory: Inventory
+    statement: Statement, space: fem.FunctionSpace, facets: Mapping[str, npt.NDArray[np.int32]]
 ) -> Foundations:
     """The contact of a scene, from the facets of all boundaries."""
     on = [facets[effect.boundary] for effect in statement.contact]
@@ -300,7 +297,7 @@ def _foundations(
         number: facets[effect.against] for number, effect in enumerate(statement.contact) if effect.against is not None
     }
     names = [f"contact {effect.boundary}" for effect in statement.contact]
-    return Foundations(space, foundations_of(statement, on, masters), on, names, inventory, masters)
+    return Foundations(space, foundations_of(statement, on, masters), on, names, masters)
 
 
 def pairs_of(statement: Statement, tagged: TaggedMesh, space: fem.FunctionSpace) -> dict[int, PairedSides]:
@@ -308,7 +305,7 @@ def pairs_of(statement: Statement, tagged: TaggedMesh, space: fem.FunctionSpace)
     facets = boundary_facets(statement, tagged)
     supports = Supports.of(statement, space, facets, tagged)
     rests = at_rest(space, supports.conditions, supports.turned, supports.fixed)
-    foundations = _foundations(statement, space, facets, Inventory())
+    foundations = _foundations(statement, space, facets)
     foundations.boundary(foundations.shapes(), supports.fixed, supports.turned, rests)
     return foundations.pairs
 

@@ -46,7 +46,6 @@ from signorini_fx.mechanics.rigid.rigid_motions import (
     without_strain,
 )
 from signorini_fx.mechanics.statement.settings import SolverSettings
-from signorini_fx.records import Inventory
 from signorini_fx.tuned import FEWEST_BLOCK_UNKNOWNS, FINER_LEVELS
 
 if TYPE_CHECKING:
@@ -73,7 +72,6 @@ class ElasticBody:
         pieces: into which the mesh falls.
         boundary: the contact points; None: there are none.
         settings: how it is to be solved.
-        inventory: what was compiled and assembled.
         kinematics: of the displacement; which motions have no strain in forms of a user's own, these say themselves.
         compressible: whether the material is far enough from incompressible for multigrid.
         elastic: the law that ``terms`` are of, and its unknowns beside the displacement.
@@ -99,7 +97,6 @@ class ElasticBody:
     pieces: BodyPieces
     boundary: ContactBoundary | None
     settings: SolverSettings
-    inventory: Inventory
     kinematics: Kinematics
     compressible: bool = True
     elastic: ElasticLaw = field(default_factory=ElasticLaw)
@@ -194,7 +191,6 @@ class ElasticBody:
     @shared_in("of_body")
     def _assembled(self) -> tuple[PETSc.Mat, PETSc.Mat | None, PETSc.Mat | None]:
         """``stiffness`` and ``rotation``, and this without rigid bodies."""
-        self.inventory.matrices.append("stiffness")
         if self._fit_for_blocks:
             from signorini_fx.mechanics.assembly.block_stiffness import block_stiffness
 

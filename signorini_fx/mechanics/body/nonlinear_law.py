@@ -37,7 +37,6 @@ from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.statement.effect import Resistance
 from signorini_fx.mechanics.statement.load_path import LoadPath
 from signorini_fx.mechanics.statement.statement import Statement
-from signorini_fx.records import Inventory
 
 Array = npt.NDArray[np.float64]
 Cells = npt.NDArray[np.int32]
@@ -215,7 +214,7 @@ def body_residual(statement: Statement, tagged: TaggedMesh, u: fem.Function) -> 
     if energies:
         forms.append(ufl.derivative(sum(energies[1:], energies[0]), u, v))
     springs = [effect for effect in statement.of(Resistance) if effect.acts]
-    on = FormCoefficients(statement, tagged, space, Inventory())
+    on = FormCoefficients(statement, tagged, space)
     ds = surface_measure(space.mesh, [tagged.facets(effect.where) for effect in (*following(statement), *springs)], {})
     followers = Followers.of(statement, tagged, u, ds, measure(2 * len(cells)))
     forms += followers.works

@@ -22,7 +22,6 @@ from signorini_fx.mechanics.materials.protocol import PAIRS, Array
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.statement.settings import treatment_of
 from signorini_fx.mechanics.statement.statement import Statement
-from signorini_fx.records import Inventory
 from signorini_fx.tuned import SAME_LENGTH, ZERO_IN_SOLUTION
 
 
@@ -183,7 +182,6 @@ def elastic_law(
     statement: Statement,
     tagged: TaggedMesh,
     space: fem.FunctionSpace,
-    inventory: Inventory,
     pieces: BodyPieces | None = None,
     moduli: Moduli | None = None,
 ) -> SceneLaw:
@@ -194,7 +192,7 @@ def elastic_law(
     if treatment_of(statement).pressed:
         from signorini_fx.mechanics.elasticity.mixed_pressure import MixedLaw
 
-        return MixedLaw(statement, tagged, space, pieces, inventory, lame=lame)
+        return MixedLaw(statement, tagged, space, pieces, lame=lame)
     if stiffness is not None:
         return CellwiseLaw(statement, tagged, space, lame=lame, stiffness=stiffness)
     return IsotropicLaw(statement, tagged, space, reduced, lame=lame)

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from functools import partial
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import basix
@@ -25,7 +24,6 @@ from signorini_fx.mechanics.assembly.mesh_entities import assemble, stiffness_fo
 from signorini_fx.mechanics.assembly.quadrature import strain_degree
 from signorini_fx.mechanics.kinematics.protocol import Kinematics
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
-from signorini_fx.records import Inventory
 
 if TYPE_CHECKING:
     from signorini_fx.mechanics.statement.statement import Statement
@@ -72,11 +70,6 @@ class ElasticLaw:
     stiffness: Any = field(default=None, kw_only=True)
 
     @property
-    def names(self) -> tuple[str, ...]:
-        """Of the forms of a(., .)."""
-        return ("elasticity",)
-
-    @property
     def reduced(self) -> int | None:
         """Quadrature degree of the volumetric term where it is reduced, else None."""
         return None
@@ -104,14 +97,10 @@ class ElasticLaw:
         """Of these terms, compiled, at the owned unknowns of the displacement, and of the pressure."""
         return sum((assemble(form) for form in forms), np.zeros(owned)), None
 
-    def compiled(self, space: fem.FunctionSpace, inventory: Inventory) -> tuple[fem.Form, ...]:
+    def compiled(self, space: fem.FunctionSpace) -> tuple[fem.Form, ...]:
         """The terms of a(., .)."""
         terms = self.terms(ufl.TrialFunction(space), ufl.TestFunction(space))
-        across = space.mesh.topology.dim
-        return tuple(
-            inventory.compile(name, partial(stiffness_form, term, across))
-            for name, term in zip(self.names, terms, strict=True)
-        )
+        return tuple(stiffness_form(term, space.mesh.topology.dim) for term in terms)
 
     def stress(self, y: fem.Function, moved: Any, initial: Any) -> LawStress:
         """The stress of a displacement, which jumps have ``moved``, with initial strains, None without any, UFL."""
@@ -231,10 +220,6 @@ class IsotropicLaw(SceneLaw):
     """
 
     reduced: int | None = None
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        return ("elasticity", "reduced volumetric elasticity")[: 1 if self.reduced is None else 2]
 
     def terms(self, y: Any, z: Any) -> tuple[Any, ...]:
         first, second = self.kinematics.strain(y), self.kinematics.strain(z)

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
@@ -32,12 +32,11 @@ from petsc4py import PETSc
 from signorini_fx.algebra.linalg.factorisation import has_package
 from signorini_fx.machine import compat, parallel
 from signorini_fx.machine.requirements import needs_fenicsx
-from signorini_fx.mechanics.assembly.mesh_entities import assemble
+from signorini_fx.mechanics.assembly.mesh_entities import assemble, compile_form
 from signorini_fx.mechanics.assembly.pieces import BodyPieces
 from signorini_fx.mechanics.elasticity.elastic_law import LawStress, SceneLaw, compliance, within
 from signorini_fx.mechanics.elasticity.moduli import isotropic
 from signorini_fx.mechanics.scales import Scales
-from signorini_fx.records import Inventory
 from signorini_fx.tuned import NOTHING_LEFT
 
 _Floats = npt.NDArray[np.float64]
@@ -81,17 +80,11 @@ class MixedLaw(SceneLaw):
     Attributes:
         pieces: into which the mesh falls, of which bodies that are not joined have a pressure each; None: nobody asks
             what is enclosed.
-        inventory: what was compiled and assembled.
     """
 
     pieces: BodyPieces | None
-    inventory: Inventory
 
     pressed: ClassVar[bool] = True
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        return "elasticity", "divergence", "compressibility"
 
     @cached_property
     def own(self) -> fem.FunctionSpace:
@@ -182,11 +175,9 @@ class MixedLaw(SceneLaw):
     def forms(self) -> tuple[fem.Form, ...]:
         """The compiled forms of A, B and -C."""
         terms = self._terms(ufl.TrialFunction(self.space), ufl.TestFunction(self.space), ufl.TrialFunction(self.own))
-        return tuple(
-            self.inventory.compile(name, partial(fem.form, term)) for name, term in zip(self.names, terms, strict=True)
-        )
+        return tuple(map(compile_form, terms))
 
-    def compiled(self, space: fem.FunctionSpace, inventory: Inventory) -> tuple[fem.Form, ...]:
+    def compiled(self, space: fem.FunctionSpace) -> tuple[fem.Form, ...]:
         """See ``ElasticLaw``: A."""
         return self.forms[:1]
 
@@ -276,9 +267,7 @@ class MixedLaw(SceneLaw):
         )
 
     def _matrix(self, number: int) -> PETSc.Mat:
-        form = self.forms[number]
-        self.inventory.matrices.append(self.names[number])
-        matrix = fem_petsc.assemble_matrix(form)
+        matrix = fem_petsc.assemble_matrix(self.forms[number])
         matrix.assemble()
         return matrix
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,13 +19,13 @@ from dolfinx import default_scalar_type, fem
 from signorini_fx.errors import SceneError
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.averages import from_owners
+from signorini_fx.mechanics.assembly.mesh_entities import compile_form
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.elasticity.elastic_law import ElasticLaw
 from signorini_fx.mechanics.loads.load_vectors import AppliedLoad, FormCoefficients
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.statement.effect import InitialStrain, Load
 from signorini_fx.mechanics.statement.statement import Statement
-from signorini_fx.records import Inventory
 from signorini_fx.tuned import ROOT_OF_EPS
 
 if TYPE_CHECKING:
@@ -80,7 +79,6 @@ def jump_loads(
     statement: Statement,
     space: fem.FunctionSpace,
     elastic: ElasticLaw,
-    inventory: Inventory,
     held: Callable[[Jump], bool],
 ) -> list[AppliedLoad]:
     """-a(J, .) of each jump J, times its amount, and -(div J, .) where the pressure is an unknown; ``held``: whether
@@ -94,7 +92,7 @@ def jump_loads(
         if parallel.any_rank(space.mesh.comm, held(jump)):
             raise SceneError([(jump.path, "contact or a support holds nodes of the section along its axis: move it")])
         terms = elastic.jump_terms(jump.on(space), z)
-        forms = tuple(inventory.compile(jump.entry.name, partial(fem.form, term)) for term in terms)
+        forms = tuple(map(compile_form, terms))
         owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
         forces, pressure_load = elastic.work(forms, owned)
         load = AppliedLoad((1.0,) * statement.steps, forms, -forces, fem.Function(space), entry=jump.entry)
@@ -135,7 +133,7 @@ def initial_strain(
     effects = [effect for effect in statement.of(InitialStrain) if effect.acts]
     if not effects:
         return None, lambda step: None
-    on = FormCoefficients(statement, tagged, space, Inventory())  # of its own: other stresses are at other places
+    on = FormCoefficients(statement, tagged, space)  # of its own: other stresses are at other places
     factors = [fem.Constant(tagged.mesh, default_scalar_type(0.0)) for _ in effects]
 
     def move_to(step: float) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -40,7 +40,6 @@ from signorini_fx.mechanics.scales import Scales
 from signorini_fx.mechanics.statement.rigid_motion import RigidMotion, driven_twice, rigid_bodies
 from signorini_fx.mechanics.statement.rigid_shape import Distance, distance_from
 from signorini_fx.mechanics.statement.rigid_shape import fault_of as fault_of_shape
-from signorini_fx.records import Inventory
 from signorini_fx.tuned import ROOT_OF_EPS, SAME_NUMBER
 
 if TYPE_CHECKING:
@@ -107,7 +106,6 @@ class Foundations:
         contact: the foundations, and pairs, whose slave sides have the points.
         facets: of each foundation or slave, owned, local numbers.
         names: of its form.
-        inventory: where the forms are compiled.
         masters: facets of the other side of each pair, by its number among the contacts; None: there are no pairs.
     """
 
@@ -117,13 +115,12 @@ class Foundations:
         contact: Sequence[Foundation | Pair],
         facets: Sequence[npt.NDArray[np.int32]],
         names: Sequence[str],
-        inventory: Inventory,
         masters: Mapping[int, npt.NDArray[np.int32]] | None = None,
     ) -> None:
         self._space, self._contact, self.facets = space, contact, facets
         self._masters = dict(masters or {})
         self._pairs: dict[int, PairedSides] = {}
-        self._names, self._inventory = names, inventory
+        self._names = names
         self._values = [NodalValues(space, boundary_facets) for boundary_facets in facets]
         self._dimension = int(space.mesh.geometry.dim)
         self._distances = self._shaped()
@@ -274,12 +271,11 @@ class Foundations:
         """The unit contact form of each foundation, and the coefficient in it that is the factor of its measure; a pair
         has none.
         """
-        given = zip(self._contact, self.facets, self._names, strict=True)
         return [
             (None, None)
             if contact.against is not None
-            else unit_form(self._space, facets, self._inventory, name, measured=contact.measure is not None)
-            for contact, facets, name in given
+            else unit_form(self._space, facets, measured=contact.measure is not None)
+            for contact, facets in zip(self._contact, self.facets, strict=True)
         ]
 
     def factor_of(self, number: int) -> Array | None:
@@ -556,15 +552,15 @@ class Foundations:
 
 
 def unit_form(
-    space: fem.FunctionSpace, facets: npt.NDArray[np.int32], inventory: Inventory, name: str, *, measured: bool
+    space: fem.FunctionSpace, facets: npt.NDArray[np.int32], *, measured: bool
 ) -> tuple[Any, fem.Function | None]:
     """The unit contact form of a rigid foundation, and the coefficient in it that is the factor of its measure."""
     function = fem.Function(space) if measured else None
     factor = None if function is None else function[0]
     if averaging(space):
-        return averaging_forms(space, facets, inventory, name, factor), function
+        return averaging_forms(space, facets, factor), function
     z = ufl.TestFunction(space)
-    return inventory.compile(name, partial(unit_contact_form, space, z, facets, factor)), function
+    return unit_contact_form(space, z, facets, factor), function
 
 
 def rigid_points(
