@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -16,14 +17,13 @@ from signorini_fx.errors import FormError
 from signorini_fx.machine import compat, parallel
 from signorini_fx.machine.compilation import compiling
 from signorini_fx.mechanics.assembly.mesh_entities import facet_nodes
-from signorini_fx.mechanics.elasticity.elastic_law import cellwise_stress
+from signorini_fx.mechanics.elasticity.elastic_law import ElementStress, cellwise_stress
 from signorini_fx.mechanics.kinematics import CARTESIAN
 from signorini_fx.mechanics.mesh.section import is_section
 from signorini_fx.results.interpolation import interpolated
 from signorini_fx.tuned import NOTHING_LEFT
 
 if TYPE_CHECKING:
-    from signorini_fx.mechanics.body.element_stress import ElementStress
     from signorini_fx.results.accuracy.stress_recovery import StressRecovery
     from signorini_fx.results.stresses import RawStresses
 
@@ -85,8 +85,6 @@ def stress_of(law: Law, y: fem.Function, parts: Sequence[Cells]) -> ElementStres
     Raises:
         FormError: the law has another shape, is known at points of quadrature alone, or some strain has no stress.
     """
-    from signorini_fx.mechanics.body.element_stress import ElementStress
-
     mesh = y.function_space.mesh
     kinematics, full_stress = CARTESIAN[mesh.geometry.dim], law(y)
     dim = kinematics.dimension
@@ -101,8 +99,7 @@ def stress_of(law: Law, y: fem.Function, parts: Sequence[Cells]) -> ElementStres
     try:
         lame = isotropic_moduli(moduli, dim, mesh)
         shear_modulus = None if lame is None else lame[1]
-        of_law = cellwise_stress(y, sigma, outward, moduli, shear_modulus=shear_modulus)
-        return ElementStress(**vars(of_law), displacement=y, parts=parts, kinematics=kinematics)
+        return replace(cellwise_stress(y, kinematics, sigma, outward, moduli, shear_modulus), parts=parts)
     except np.linalg.LinAlgError:
         raise FormError([("stress", "is zero for some strain: nothing can be measured in its energy")]) from None
 

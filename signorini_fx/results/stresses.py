@@ -19,8 +19,9 @@ from mpi4py import MPI
 
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import node_positions
-from signorini_fx.mechanics.body.element_stress import ElementStress, element_stress
+from signorini_fx.mechanics.elasticity.elastic_law import ElementStress
 from signorini_fx.mechanics.elasticity.moduli import of_materials
+from signorini_fx.mechanics.loads.initial_strains import element_stress
 from signorini_fx.mechanics.model import Model
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery
 from signorini_fx.results.interpolation import interpolated
@@ -283,7 +284,7 @@ class RawStresses(StressFields):
 
 @dataclass(frozen=True, repr=False)
 class Stresses(RawStresses):
-    """The stress of a scene as its stiffness sees it, see ``body.element_stress``.
+    """The stress of a scene as its stiffness sees it, see ``elastic_law.ElementStress``.
 
     Attributes:
         model: the body.

@@ -124,7 +124,7 @@ def _prepared(statement: Statement, tagged: TaggedMesh, timings: Timings) -> Mod
     if statement.bodies:
         pieces = pieces.of_bodies(tagged.mesh.comm, {name: tagged.cells(name) for name in statement.bodies})
     space = fem.functionspace(tagged.mesh, ("Lagrange", statement.element.degree, (tagged.mesh.geometry.dim,)))
-    elastic = elastic_law(statement, tagged, space, pieces, moduli)
+    elastic = elastic_law(statement, tagged, space, moduli)
     z = ufl.TestFunction(space)
     kinematics = statement.kinematics_in(tagged.dimension)
     with timings.phase("compile"):

@@ -15,8 +15,7 @@ from dolfinx import fem
 
 from signorini_fx.errors import SceneError, together
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.assembly.pieces import BodyPieces
-from signorini_fx.mechanics.elasticity.elastic_law import IsotropicLaw, LawStress, SceneLaw, cellwise_stress
+from signorini_fx.mechanics.elasticity.elastic_law import ElementStress, IsotropicLaw, SceneLaw, cellwise_stress
 from signorini_fx.mechanics.elasticity.moduli import check_covers, graded, lame_coefficients, middles, reduced_degree
 from signorini_fx.mechanics.materials.protocol import PAIRS, Array
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
@@ -148,7 +147,7 @@ class CellwiseLaw(SceneLaw):
         epsilon = self.kinematics.strain(y, on_axis=on_axis)
         return ufl.as_vector([epsilon[i, j] * (1 if i == j else 2) for i, j in self.kinematics.pairs])
 
-    def stress(self, y: fem.Function, moved: Any, initial: Any) -> LawStress:
+    def stress(self, y: fem.Function, moved: Any, initial: Any) -> ElementStress:
         kinematics, dim = self.kinematics, len(y)
         components = self.stiffness.stress(self._components(moved, on_axis=True), initial)
         at = {pair: k for k, (i, j) in enumerate(kinematics.stressed) for pair in ((i, j), (j, i))}
@@ -156,7 +155,7 @@ class CellwiseLaw(SceneLaw):
         outward = components[at[2, 2]] if dim == 2 and (2, 2) in at else None
         m = len(kinematics.pairs)
         moduli = self.stiffness.stiffness.x.array.reshape(-1, *self.stiffness.stiffness.ufl_shape)[:, :m]
-        return cellwise_stress(y, sigma, outward, moduli, shear_modulus=self.lame[1])
+        return cellwise_stress(y, kinematics, sigma, outward, moduli, self.lame[1])
 
 
 # Lame parameters, the stiffness of each cell, and the degree of the reduced term, see ``SceneLaw``.
@@ -179,20 +178,14 @@ def moduli_of(statement: Statement, tagged: TaggedMesh) -> Moduli:
 
 
 def elastic_law(
-    statement: Statement,
-    tagged: TaggedMesh,
-    space: fem.FunctionSpace,
-    pieces: BodyPieces | None = None,
-    moduli: Moduli | None = None,
+    statement: Statement, tagged: TaggedMesh, space: fem.FunctionSpace, moduli: Moduli | None = None
 ) -> SceneLaw:
-    """That of a scene on its mesh; ``pieces``: into which the mesh falls, None if no factorisation is to come;
-    ``moduli``: those of the scene, None if they are to be computed; collective.
-    """
+    """That of a scene on its mesh; ``moduli``: those of the scene, None if they are to be computed; collective."""
     lame, stiffness, reduced = moduli or moduli_of(statement, tagged)
     if treatment_of(statement).pressed:
         from signorini_fx.mechanics.elasticity.mixed_pressure import MixedLaw
 
-        return MixedLaw(statement, tagged, space, pieces, lame=lame)
+        return MixedLaw(statement, tagged, space, lame=lame)
     if stiffness is not None:
         return CellwiseLaw(statement, tagged, space, lame=lame, stiffness=stiffness)
     return IsotropicLaw(statement, tagged, space, reduced, lame=lame)

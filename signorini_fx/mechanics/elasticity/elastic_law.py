@@ -22,7 +22,7 @@ from signorini_fx.machine import compat, parallel
 from signorini_fx.machine.compilation import compiling
 from signorini_fx.mechanics.assembly.mesh_entities import assemble, stiffness_form
 from signorini_fx.mechanics.assembly.quadrature import strain_degree
-from signorini_fx.mechanics.kinematics.protocol import Kinematics
+from signorini_fx.mechanics.kinematics.protocol import Kinematics, position
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 
 if TYPE_CHECKING:
@@ -34,24 +34,66 @@ Interpolation = tuple[fem.Function, fem.Expression]
 
 
 @dataclass(frozen=True)
-class LawStress:
-    """The stress of a displacement by a law, UFL.
+class ElementStress:
+    """The stress of a displacement that the elements work with, as UFL, and what follows from its law: everything that
+    shows or judges a stress takes it from here.
 
     Attributes:
-        sigma: shape (d, d); of the displacement at the time of the last ``ElementStress.refresh``.
+        displacement: y, whose values may change.
+        kinematics: of the displacement.
+        sigma: shape (d, d); of the displacement at the time of the last ``refresh``.
         outward: the stress out of the plane; None: there is none.
         compliance: components tau of a difference of stresses -> C^-1 tau : tau.
         modulus: the largest normal stress per strain, lambda + 2 mu.
         shear_modulus: mu, the mean one of an orthotropic material; None: the body is not known to be isotropic.
         interpolated: what ``sigma`` does not see of the displacement itself.
+        parts: the cells of each part within which the stress has no jumps, local numbers, ghosts included.
+        move: takes jumps and initial strains to a place in the lists of factors.
     """
 
+    displacement: fem.Function
+    kinematics: Kinematics
     sigma: Any
     outward: Any
     compliance: Callable[[Any], Any]
     modulus: Any
     shear_modulus: Any
     interpolated: Sequence[Interpolation] = ()
+    parts: Sequence[npt.NDArray[np.int32]] = ()
+    move: Callable[[float], None] = lambda place: None
+
+    def refresh(self, step: float) -> None:
+        """Take from the displacement anew what ``sigma`` does not see of it, on all cells of this rank, at a place."""
+        self.move(step)
+        for function, expression in self.interpolated:
+            function.interpolate(expression)
+
+    @property
+    def around(self) -> Any:
+        """By what areas and lengths of the mesh are multiplied, see ``Kinematics.measure``."""
+        return self.kinematics.measure(position(self.displacement))
+
+    @property
+    def components(self) -> Any:
+        """The components of sigma, see ``Kinematics.pairs``, and that out of the plane where it is none of them."""
+        pairs = self.kinematics.pairs
+        beyond = [] if self.outward is None or (2, 2) in pairs else [self.outward]
+        return ufl.as_vector([*(self.in_space[pair] for pair in pairs), *beyond])
+
+    def squared(self, difference: Any, times: Any, dx: Any) -> Any:
+        """The form of C^-1 tau : tau for a difference of stresses, its ``components``, times a factor."""
+        within = ufl.as_vector([difference[k] for k in range(len(self.kinematics.pairs))])
+        return times * self.compliance(within) * self.around * dx
+
+    @property
+    def in_space(self) -> Any:
+        """Sigma with all components in 3D, shape (3, 3)."""
+        dim = self.kinematics.dimension
+        out = 0 * self.sigma[0, 0] if self.outward is None else self.outward
+        components = [[self.sigma[i, j] if max(i, j) < dim else 0 * out for j in range(3)] for i in range(3)]
+        if dim < 3:
+            components[2][2] = out
+        return ufl.as_tensor(components)
 
 
 @dataclass(frozen=True)
@@ -102,7 +144,7 @@ class ElasticLaw:
         terms = self.terms(ufl.TrialFunction(space), ufl.TestFunction(space))
         return tuple(stiffness_form(term, space.mesh.topology.dim) for term in terms)
 
-    def stress(self, y: fem.Function, moved: Any, initial: Any) -> LawStress:
+    def stress(self, y: fem.Function, moved: Any, initial: Any) -> ElementStress:
         """The stress of a displacement, which jumps have ``moved``, with initial strains, None without any, UFL."""
         raise NotImplementedError
 
@@ -243,7 +285,7 @@ class IsotropicLaw(SceneLaw):
             return (self._integral((shearing + volumetric) * product, degree),)
         return self._integral(shearing * product, degree), self._integral(volumetric * product, self.reduced)
 
-    def stress(self, y: fem.Function, moved: Any, initial: Any) -> LawStress:
+    def stress(self, y: fem.Function, moved: Any, initial: Any) -> ElementStress:
         (lame, mu), kinematics, mesh = self.lame, self.kinematics, self.tagged.mesh
         elastic = kinematics.strain(moved, on_axis=True)
         theta = ufl.tr(elastic)
@@ -261,7 +303,9 @@ class IsotropicLaw(SceneLaw):
         outward = sigma[2, 2] if elastic.ufl_shape[0] > self.tagged.dimension else None
         if kinematics.prevented:
             outward = mean if initial is None else mean - 2 * mu * initial
-        return LawStress(
+        return ElementStress(
+            y,
+            kinematics,
             within(sigma, len(y)),
             outward,
             lambda tau: compliance(tau, kinematics, lame, mu),
@@ -272,8 +316,8 @@ class IsotropicLaw(SceneLaw):
 
 
 def cellwise_stress(
-    y: fem.Function, sigma: Any, outward: Any, moduli: _Floats, *, shear_modulus: Any = None
-) -> LawStress:
+    y: fem.Function, kinematics: Kinematics, sigma: Any, outward: Any, moduli: _Floats, shear_modulus: Any
+) -> ElementStress:
     """That of moduli which are constant in each cell: components of the stress, see ``Kinematics.pairs``, over those of
     the strain, of shear twice epsilon_ij, shape (cells, m, m); collective.
 
@@ -291,7 +335,8 @@ def cellwise_stress(
     largest.x.array[:] = moduli[:, range(dim), range(dim)].max(axis=1)
     flexibility = fem.Function(fem.functionspace(mesh, ("DG", 0, (m, m))))
     flexibility.x.array[:] = inverse.ravel()
-    return LawStress(sigma, outward, lambda tau: ufl.inner(ufl.dot(flexibility, tau), tau), largest, shear_modulus)
+    of_difference = sigma, outward, lambda tau: ufl.inner(ufl.dot(flexibility, tau), tau)
+    return ElementStress(y, kinematics, *of_difference, largest, shear_modulus)
 
 
 def compliance(tau: Any, kinematics: Kinematics, lame: Any, mu: Any, poisson: Any = 0.5) -> Any:

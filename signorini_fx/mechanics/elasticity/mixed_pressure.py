@@ -33,8 +33,8 @@ from signorini_fx.algebra.linalg.factorisation import has_package
 from signorini_fx.machine import compat, parallel
 from signorini_fx.machine.requirements import needs_fenicsx
 from signorini_fx.mechanics.assembly.mesh_entities import assemble, compile_form
-from signorini_fx.mechanics.assembly.pieces import BodyPieces
-from signorini_fx.mechanics.elasticity.elastic_law import LawStress, SceneLaw, compliance, within
+from signorini_fx.mechanics.assembly.pieces import find_pieces
+from signorini_fx.mechanics.elasticity.elastic_law import ElementStress, SceneLaw, compliance, within
 from signorini_fx.mechanics.elasticity.moduli import isotropic
 from signorini_fx.mechanics.scales import Scales
 from signorini_fx.tuned import NOTHING_LEFT
@@ -76,13 +76,7 @@ def hydrostatic_of(displacement: fem.Function) -> fem.Function:
 class MixedLaw(SceneLaw):
     """Sigma = 2 mu epsilon - p I, with the pressure p as an unknown; in plane strain -p is the stress out of the plane
     as well.
-
-    Attributes:
-        pieces: into which the mesh falls, of which bodies that are not joined have a pressure each; None: nobody asks
-            what is enclosed.
     """
-
-    pieces: BodyPieces | None
 
     pressed: ClassVar[bool] = True
 
@@ -147,8 +141,7 @@ class MixedLaw(SceneLaw):
         """The parts of the body with nu = 1/2, of one material and joined: which cells of this rank, ghosts included,
         are in each of them, shape (parts, cells).
         """
-        yields, part, pieces = self.moduli[1], self._part, self.pieces
-        assert pieces is not None
+        yields, part, pieces = self.moduli[1], self._part, find_pieces(self.space.mesh)
         soft = [number for number, material in enumerate(self.statement.material) if material.poisson == 0.5]
         joined, last = pieces.assembly[pieces.of_cell], int(pieces.assembly.max()) + 1
         part_cells = [(part == number) & (joined == assembly) for number in soft for assembly in range(last)]
@@ -252,13 +245,15 @@ class MixedLaw(SceneLaw):
         (swelling,) = isotropic(self.statement, self.tagged, lambda _, poisson: ((1 + poisson) / poisson,))
         return swelling
 
-    def stress(self, y: fem.Function, moved: Any, initial: Any) -> LawStress:
+    def stress(self, y: fem.Function, moved: Any, initial: Any) -> ElementStress:
         (_, mu), kinematics, pressure = self.lame, self.kinematics, hydrostatic_of(y)
         poisson, modulus = isotropic(self.statement, self.tagged, lambda young, nu: (nu, young / (1 - nu**2)))
         elastic = kinematics.strain(moved, on_axis=True)
         sigma = 2 * mu * elastic - pressure * ufl.Identity(elastic.ufl_shape[0])
         outward = sigma[2, 2] if elastic.ufl_shape[0] > self.tagged.dimension else None
-        return LawStress(
+        return ElementStress(
+            y,
+            kinematics,
             within(sigma, len(y)),
             -pressure if kinematics.prevented else outward,
             lambda tau: compliance(tau, kinematics, None, mu, poisson),

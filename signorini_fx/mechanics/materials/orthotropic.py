@@ -7,7 +7,7 @@ three planes of symmetry and nine constants.
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any, Self
+from typing import Annotated, Self
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -148,14 +148,6 @@ class OrthotropicElastic(Material):
     @property
     def stiffness(self) -> Array:
         return np.asarray(np.linalg.inv(self.compliance))
-
-    def stress(self, strain: Any) -> Any:
-        import ufl
-
-        along = [strain[i, j] * (1 if i == j else 2) for i, j in PAIRS]
-        stress = [sum(float(c) * part for c, part in zip(row, along, strict=True)) for row in self.stiffness]
-        at = {frozenset(pair): component for pair, component in zip(PAIRS, stress, strict=True)}
-        return ufl.as_matrix([[at[frozenset((i, j))] for j in range(3)] for i in range(3)])
 
     def axes(self, x: Array) -> Array:
         return self.orthotropic.axes(x)

@@ -86,7 +86,7 @@ class Material(Effect):
     expansion: Finite | None = None
     region: str | None = None
 
-    # --- what a material must say ---
+    # --- what a material must say, unless it has ``stiffness`` ---
 
     def stress(self, strain: Any) -> Any:
         """The stress of a strain, UFL, both with shape (3, 3)."""

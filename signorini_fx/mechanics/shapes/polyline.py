@@ -115,16 +115,13 @@ class NearestPiece:
             self._search(np.flatnonzero(searched))
 
     def _search(self, pieces: Rows) -> None:
-        """Put the middles of equal parts of pieces, about as many as these, into a tree."""
+        """Put the middles of parts of pieces into a tree."""
         from scipy.spatial import cKDTree
 
-        length = self._last[pieces] - self._first[pieces]
-        self._part = float(length.mean())
-        parts = np.maximum(np.ceil(length / self._part), 1).astype(np.int64)
-        self._owner = np.repeat(pieces, parts)
-        number = np.arange(parts.sum()) - np.repeat(np.cumsum(parts) - parts, parts)
-        parameter = self._first[self._owner] + (number + 0.5) * np.repeat(length / parts, parts)
-        self._tree = cKDTree(self._begin[self._owner] + parameter[:, None] * self._along[self._owner])
+        first, length = self._first[pieces, None], (self._last - self._first)[pieces, None]
+        begin, way = self._begin[pieces] + first * self._along[pieces], length * self._along[pieces]
+        owner, middle, self._part = _parts_of(begin, way)
+        self._owner, self._tree = pieces[owner], cKDTree(middle)
 
     def __call__(self, x: Array) -> tuple[Rows, Array]:
         """The closest piece of each point, the first one of several, and the place of the closest point on it, both of
@@ -156,6 +153,15 @@ class NearestPiece:
         """The place of the closest point on the piece of each point, shape (n,)."""
         foot = np.einsum("nd,nd->n", x - self._begin[pieces], self._along[pieces])
         return np.clip(foot, self._first[pieces], self._last[pieces])
+
+
+def _parts_of(begin: Array, way: Array) -> tuple[Rows, Array, float]:
+    """The owners and middles of equal parts of pieces, none of which is longer than the mean piece, and its length."""
+    length = np.linalg.norm(way, axis=1)
+    parts = np.maximum(np.ceil(length / (longest := float(length.mean()))), 1).astype(np.int64)
+    owner = np.repeat(np.arange(len(way)), parts)
+    number = np.arange(parts.sum()) - np.repeat(np.cumsum(parts) - parts, parts)
+    return owner, begin[owner] + ((number + 0.5) / parts[owner])[:, None] * way[owner], longest
 
 
 class StraightPieces:
@@ -203,14 +209,8 @@ def crossing_pieces(points: Array) -> tuple[int, int] | None:
     """
     from scipy.spatial import cKDTree
 
-    begin, way = points[:-1], np.diff(points, axis=0)
-    length = np.linalg.norm(way, axis=1)
     # Two pieces that cross have parts that do, no longer than the mean piece, whose middles are no farther apart.
-    longest = float(length.mean())
-    parts = np.ceil(length / longest).astype(np.int64)
-    owner = np.repeat(np.arange(len(way)), parts)
-    number = np.arange(parts.sum()) - np.repeat(np.cumsum(parts) - parts, parts)
-    middle = begin[owner] + ((number + 0.5) / parts[owner])[:, None] * way[owner]
+    owner, middle, longest = _parts_of(points[:-1], np.diff(points, axis=0))
     tree = cKDTree(middle)
     counts = tree.query_ball_point(middle, longest, return_length=True)
     crossings = list[tuple[int, int]]()

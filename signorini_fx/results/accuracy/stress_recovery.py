@@ -18,9 +18,9 @@ from signorini_fx.algebra.linalg import petsc_options
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import assemble, compile_form, measure
 from signorini_fx.mechanics.assembly.quadrature import parallelepipeds, strain_degree
-from signorini_fx.mechanics.body.element_stress import ElementStress, element_stress
 from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
-from signorini_fx.mechanics.elasticity.elastic_law import fields_of
+from signorini_fx.mechanics.elasticity.elastic_law import ElementStress, fields_of
+from signorini_fx.mechanics.loads.initial_strains import element_stress
 from signorini_fx.mechanics.loads.load_vectors import FormCoefficients
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.effect import Force, Resistance
