@@ -7,13 +7,10 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, fields, replace
 from enum import Enum
-from typing import Any, Literal, TypeVar
+from typing import Any, Literal
 
 import numpy as np
 
-from signorini_fx.machine.compilation import compiling
-
-T = TypeVar("T")
 # How an event begins that is about a requested accuracy.
 ACCURACY = "accuracy: "
 
@@ -249,30 +246,6 @@ class OuterRecord:
     gamma_n: float
     change: float | None
     status: str
-
-
-@dataclass
-class Inventory:
-    """What was compiled and assembled for a scene: nothing that the scene does not list.
-
-    Attributes:
-        forms: what was compiled, in order.
-        matrices: matrices assembled.
-    """
-
-    forms: list[str] = field(default_factory=list)
-    matrices: list[str] = field(default_factory=list)
-
-    def compile(self, name: str, make: Callable[[], T]) -> T:
-        """Compile a form by ``make`` and record its name once: the second time the form comes from the cache.
-
-        Raises:
-            MachineError: it cannot be compiled.
-        """
-        if name not in self.forms:
-            self.forms.append(name)
-        with compiling():
-            return make()
 
 
 @dataclass

@@ -22,7 +22,6 @@ from signorini_fx.mechanics.kinematics import CARTESIAN
 from signorini_fx.mechanics.rigid.rigid_bodies import Driven
 from signorini_fx.mechanics.scales import Scales
 from signorini_fx.mechanics.statement.settings import SolverSettings
-from signorini_fx.records import Inventory
 from signorini_fx.tuned import NOTHING_LEFT
 
 Array = npt.NDArray[np.float64]
@@ -60,7 +59,6 @@ def elastic_body(
         pieces=find_pieces(space.mesh),
         boundary=boundary,
         settings=settings,
-        inventory=Inventory(),
         kinematics=CARTESIAN[space.mesh.geometry.dim],
         **more,
     )

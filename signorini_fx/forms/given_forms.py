@@ -23,7 +23,7 @@ from signorini_fx.machine.compilation import compiling
 from signorini_fx.mechanics.body.elastic_body import ElasticBody
 from signorini_fx.mechanics.interfaces import Foundation, Pair
 from signorini_fx.mechanics.kinematics import of_components
-from signorini_fx.mechanics.laws.none import NoFriction
+from signorini_fx.mechanics.laws.coulomb import NoFriction
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodies

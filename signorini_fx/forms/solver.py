@@ -42,7 +42,7 @@ from signorini_fx.mechanics.rigid.rigid_motions import RigidMotions
 from signorini_fx.mechanics.scales import Scales
 from signorini_fx.mechanics.statement.load_path import LoadPath, counted_path
 from signorini_fx.mechanics.statement.settings import SolverSettings
-from signorini_fx.records import History, Inventory, Status, Timings
+from signorini_fx.records import History, Status, Timings
 from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.results.certificate.law_of_method import PreviousStep
 from signorini_fx.results.contact_fields import ContactFields
@@ -116,9 +116,7 @@ class FormSolver:
     ) -> None:
         self.forms, self.u, self.bcs, self.settings, self.options = forms, u, bcs, settings, petsc_options
         space = self.space = forms.space
-        self.foundations = self._foundations_class(
-            space, forms.contact, forms.facets, forms.names, Inventory(), forms.masters
-        )
+        self.foundations = self._foundations_class(space, forms.contact, forms.facets, forms.names, forms.masters)
         self.foundations.check_driven()
         self.fields = ContactFields.on(space)
         self.history, self.timings = History(), Timings()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -16,15 +17,13 @@ from signorini_fx.errors import FormError
 from signorini_fx.machine import compat, parallel
 from signorini_fx.machine.compilation import compiling
 from signorini_fx.mechanics.assembly.mesh_entities import facet_nodes
-from signorini_fx.mechanics.elasticity.elastic_law import cellwise_stress
+from signorini_fx.mechanics.elasticity.elastic_law import ElementStress, cellwise_stress
 from signorini_fx.mechanics.kinematics import CARTESIAN
 from signorini_fx.mechanics.mesh.section import is_section
-from signorini_fx.records import Inventory
 from signorini_fx.results.interpolation import interpolated
 from signorini_fx.tuned import NOTHING_LEFT
 
 if TYPE_CHECKING:
-    from signorini_fx.mechanics.body.element_stress import ElementStress
     from signorini_fx.results.accuracy.stress_recovery import StressRecovery
     from signorini_fx.results.stresses import RawStresses
 
@@ -72,7 +71,7 @@ def stresses_of(
         stress = stress_of(law, fem.Function(y.function_space), parts)
         all_ufl = all(isinstance(form, ufl.Form) for form in forms)
         residual = partial(residual_of, stress, forms, contact, fixed) if all_ufl else lambda z: None
-        return StressRecovery(stress, lambda z: (lambda step: None, residual(z)), Inventory())
+        return StressRecovery(stress, lambda z: (lambda step: None, residual(z)))
 
     return RawStresses(stress_of(law, y, parts), recovery, lambda: recovery().energy(y))
 
@@ -86,8 +85,6 @@ def stress_of(law: Law, y: fem.Function, parts: Sequence[Cells]) -> ElementStres
     Raises:
         FormError: the law has another shape, is known at points of quadrature alone, or some strain has no stress.
     """
-    from signorini_fx.mechanics.body.element_stress import ElementStress
-
     mesh = y.function_space.mesh
     kinematics, full_stress = CARTESIAN[mesh.geometry.dim], law(y)
     dim = kinematics.dimension
@@ -100,17 +97,15 @@ def stress_of(law: Law, y: fem.Function, parts: Sequence[Cells]) -> ElementStres
     moduli = cellwise_moduli(law, y.function_space)
     sigma = ufl.as_matrix([[full_stress[i, j] for j in range(dim)] for i in range(dim)])
     try:
-        lame = isotropic_moduli(moduli[0], dim, mesh)
+        lame = isotropic_moduli(moduli, dim, mesh)
         shear_modulus = None if lame is None else lame[1]
-        of_law = cellwise_stress(y, sigma, outward, moduli, shear_modulus=shear_modulus)
-        return ElementStress(**vars(of_law), displacement=y, parts=parts, kinematics=kinematics)
+        return replace(cellwise_stress(y, kinematics, sigma, outward, moduli, shear_modulus), parts=parts)
     except np.linalg.LinAlgError:
         raise FormError([("stress", "is zero for some strain: nothing can be measured in its energy")]) from None
 
 
-def cellwise_moduli(law: Law, space: fem.FunctionSpace) -> tuple[npt.NDArray[np.float64], Cells]:
-    """The components of the stress over those of the strain, shape (cells, rows, m), see ``cellwise_stress``, and the
-    number of each cell among them; collective.
+def cellwise_moduli(law: Law, space: fem.FunctionSpace) -> npt.NDArray[np.float64]:
+    """The components of the stress over those of the strain, shape (cells, m, m), see ``cellwise_stress``; collective.
 
     They are those at the middle of each cell, from stresses of fields with one strain each.
     """
@@ -120,11 +115,9 @@ def cellwise_moduli(law: Law, space: fem.FunctionSpace) -> tuple[npt.NDArray[np.
     strained = [(x[i] * axes[j] + x[j] * axes[i]) / 2 for i, j in pairs]  # with one strain, or one twice a shear
     at_rest = law(fem.Function(space))
     stresses = [law(field) for field in strained]
-    rows = [*pairs, *([(2, 2)] if at_rest.ufl_shape[0] > dim else [])]
-    moduli = ufl.as_vector([(stress - at_rest)[i, j] for i, j in rows for stress in stresses])
+    moduli = ufl.as_vector([(stress - at_rest)[i, j] for i, j in pairs for stress in stresses])
     cellwise = interpolated(moduli, fem.functionspace(mesh, ("DG", 0, (len(moduli),))))
-    values = cellwise.x.array.reshape(-1, len(rows), len(pairs))
-    return values, cellwise.function_space.dofmap.list[:, 0]
+    return cellwise.x.array.reshape(-1, len(pairs), len(pairs))
 
 
 def isotropic_moduli(
@@ -133,13 +126,12 @@ def isotropic_moduli(
     """Both parameters of Lame in each cell from ``cellwise_moduli``; None: some cell of some rank is not isotropic;
     collective.
     """
-    within = moduli[:, : moduli.shape[2]]
-    mu, lame = within[:, -1, -1], within[:, 0, 1]
-    isotropic = np.zeros_like(within)
+    mu, lame = moduli[:, -1, -1], moduli[:, 0, 1]
+    isotropic = np.zeros_like(moduli)
     isotropic[:, :dim, :dim] = lame[:, None, None]
-    diagonal = np.arange(within.shape[2])
+    diagonal = np.arange(moduli.shape[2])
     isotropic[:, diagonal, diagonal] += np.where(diagonal < dim, 2.0, 1.0) * mu[:, None]
-    apart = np.abs(within - isotropic).max(initial=0.0) > NOTHING_LEFT * np.abs(within).max(initial=0.0)
+    apart = np.abs(moduli - isotropic).max(initial=0.0) > NOTHING_LEFT * np.abs(moduli).max(initial=0.0)
     if parallel.any_rank(mesh.comm, bool(apart)):
         return None
     functions = []
@@ -156,7 +148,7 @@ def natural_modulus(law: Law, space: fem.FunctionSpace) -> float | None:
     at_rest, dim = law(fem.Function(space)), space.mesh.geometry.dim
     if getattr(at_rest, "ufl_shape", None) not in ((dim, dim), (3, 3)) or _by_quadrature(at_rest):
         return None
-    return _stiffest(cellwise_moduli(law, space)[0], space.mesh)
+    return _stiffest(cellwise_moduli(law, space), space.mesh)
 
 
 def modulus_of_energy(a: Any, space: fem.FunctionSpace, measure: Any = None) -> float | None:

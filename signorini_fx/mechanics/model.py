@@ -13,7 +13,7 @@ from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.algebra.linalg import ElasticSystem
 from signorini_fx.algebra.linalg.elasticity import LoadCase
-from signorini_fx.mechanics.assembly.shared_cache import shared_in
+from signorini_fx.mechanics.assembly.mesh_entities import shared_in
 from signorini_fx.mechanics.body.elastic_body import ElasticBody
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodies

@@ -15,7 +15,7 @@ from dolfinx import fem, la
 from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.assembly.mesh_entities import assemble, measure
+from signorini_fx.mechanics.assembly.mesh_entities import assemble, compile_form, measure
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.mesh.points import cells_of_points
 from signorini_fx.mechanics.model import Model
@@ -172,8 +172,7 @@ def _mean(model: Model, boundary: str, axis: str) -> Functional:
         raise SceneError([(f"of mean {boundary}", str(error))]) from None
     ds = measure(model.space.mesh, [facets], {})(1)
     around = model.kinematics.measure(ufl.SpatialCoordinate(model.space.mesh))
-    form = model.inventory.compile(f"mean of {boundary}", lambda: fem.form(z[component] * around * ds))
-    weights = assemble(form)
+    weights = assemble(compile_form(z[component] * around * ds))
     area = float(parallel.global_sum(model.comm, weights.sum()))
     if area == 0:
         raise SceneError([(f"of mean {boundary}", "this boundary has no area")])

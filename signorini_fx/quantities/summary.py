@@ -370,7 +370,6 @@ class Run(Row):
         "The load step that all other figures are of: the last one with a solution, or the first one if it has none.",
         default=None,
     )
-    compiled: list[str] = described("Names of the compiled forms.")
     timings: dict[str, Number] = described("Wall time in seconds by phase, the largest over the ranks.")
     versions: dict[str, str] = described("Versions by library, and the BLAS in use.")
     finished: str = described("When the results were written: date and time in UTC, ISO 8601.", default=None)

@@ -16,8 +16,7 @@ import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
 
-from signorini_fx.mechanics.body.element_stress import ElementStress
-from signorini_fx.mechanics.elasticity.elastic_law import within
+from signorini_fx.mechanics.elasticity.elastic_law import ElementStress, within
 from signorini_fx.mechanics.model import Model
 from signorini_fx.results.certificate.nonlinear_forces import NonlinearForces, PointStress, through_points
 from signorini_fx.results.stresses import (
@@ -80,19 +79,10 @@ class NonlinearStresses(RawStresses):
         mesh, degree, dim = y.function_space.mesh, y.function_space.element.basix_element.degree, kinematics.dimension
         tensor = fem.Function(fem.functionspace(mesh, ("DG", degree - 1, (3, 3))), name="stress")
         _fill(tensor, at_points, at_points.stress)
-        stress = ElementStress(
-            within(tensor, dim),
-            tensor[2, 2] if dim == 2 else None,
-            None,
-            not_recovered,
-            None,
-            None,
-            displacement=y,
-            parts=(),
-            kinematics=kinematics,
-        )
-        recovery, energy = not_recovered, not_recovered
-        return cls(stress, recovery, energy, filled=tensor, at_points=at_points, model=model, plastic=plastic)
+        outward = tensor[2, 2] if dim == 2 else None
+        stress = ElementStress(y, kinematics, within(tensor, dim), outward, not_recovered, None, None)
+        recovers = not_recovered, not_recovered
+        return cls(stress, *recovers, filled=tensor, at_points=at_points, model=model, plastic=plastic)
 
     @property
     def recovers(self) -> bool:

@@ -19,10 +19,10 @@ from mpi4py import MPI
 
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import node_positions
-from signorini_fx.mechanics.body.element_stress import ElementStress, element_stress
+from signorini_fx.mechanics.elasticity.elastic_law import ElementStress
 from signorini_fx.mechanics.elasticity.moduli import of_materials
+from signorini_fx.mechanics.loads.initial_strains import element_stress
 from signorini_fx.mechanics.model import Model
-from signorini_fx.records import Inventory
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery
 from signorini_fx.results.interpolation import interpolated
 from signorini_fx.results.singularities import why_no_limit
@@ -306,7 +306,7 @@ def not_recovered(*_: Any) -> NoReturn:
 
 @dataclass(frozen=True, repr=False)
 class Stresses(RawStresses):
-    """The stress of a scene as its stiffness sees it, see ``body.element_stress``."""
+    """The stress of a scene as its stiffness sees it, see ``elastic_law.ElementStress``."""
 
     @classmethod
     def of(
@@ -322,9 +322,8 @@ class Stresses(RawStresses):
         """
 
         def recovery() -> StressRecovery:
-            """What it compiles is not among the forms of the solve."""
             if "recovery" not in shared:
-                shared["recovery"] = StressRecovery.of(model, Inventory())
+                shared["recovery"] = StressRecovery.of(model)
             return shared["recovery"]
 
         return cls(element_stress(model, displacement, step), recovery, energy, step, model=model)
@@ -426,9 +425,9 @@ class RecoveredStresses(StressFields):
         function = fem.Function(fem.functionspace(mesh, ("DG", 1, (3, 3))), name="recovered_stress")
         values = function.x.array.reshape(-1, 3, 3)
         smoothed = self.recovery.smoothed(stress.displacement, self.place)
-        for part, (cells, components) in enumerate(smoothed):
+        for cells, components in smoothed:
             sigma = stress.kinematics.tensors(components)
-            if stress.outward is not None:
-                sigma[..., 2, 2] = stress.outward_of(part, components)
+            if components.shape[-1] > len(stress.kinematics.pairs):
+                sigma[..., 2, 2] = components[..., -1]
             values[function.function_space.dofmap.list[cells]] = sigma
         return function

@@ -65,7 +65,6 @@ def summary_of(solution: Solution) -> dict[str, Any]:
             _step_summary(solution.at(result), summary["findings"], figures=result in shown)
             for result in solution.steps
         ]
-    summary["compiled"] = solution.model.inventory.forms
     summary["timings"] = parallel.largest_timings(solution.comm, solution.timings.total)
     summary["versions"] = versions()
     return summary

@@ -41,7 +41,7 @@ from signorini_fx.mechanics.statement.effect import Force, Resistance
 from signorini_fx.mechanics.statement.expressions import sample
 from signorini_fx.mechanics.statement.rigid_motion import COMPONENTS, Prescribed
 from signorini_fx.mechanics.statement.statement import Statement
-from signorini_fx.records import Finding, History, Inventory, Status, Timings
+from signorini_fx.records import Finding, History, Status, Timings
 from signorini_fx.results.certificate.nonlinear_forces import NonlinearForces
 from signorini_fx.results.certificate.supports import PrescribedNodes
 from signorini_fx.results.mechanics import StepResult
@@ -57,7 +57,6 @@ from signorini_fx.solving.checkpointed_steps import MeshCheckpoint
 Array = npt.NDArray[np.float64]
 
 # What is compiled of the body.
-RESIDUAL_FORMS = ("residual", "tangent")
 # Settings that a nonlinear problem has not, with the values that change nothing.
 _LEFT_OUT = {"initial_contact": "auto", "error_bound": False}
 
@@ -111,11 +110,6 @@ def linear_body(scene: Scene, comm: mpi4py.MPI.Comm, timings: Timings) -> Model:
         reason = "along no axis is not possible yet with a nonlinear material: turn the mesh, or take bilateral contact"
         raise SceneError([(f"displacement[{number}].normal", reason)])
     return model
-
-
-def compiled_forms(body: Model) -> tuple[str, ...]:
-    """The names of the forms of a nonlinear body, from the linear one that it is at small strains."""
-    return (*RESIDUAL_FORMS, *(name for name in body.inventory.forms if name not in body.elastic.names))
 
 
 class ProblemOfScene(NonlinearContactProblem):
@@ -227,8 +221,7 @@ class ProblemOfScene(NonlinearContactProblem):
         timings.seconds.update(self._solver.timings.seconds)
         timings.earlier.update(self._solver.timings.earlier)
         solution = self.titled(self.statement.title)
-        forms = Inventory([*compiled_forms(self.model)])
-        model = replace(solution.model, statement=self.statement, tagged=self.model.tagged, inventory=forms)
+        model = replace(solution.model, statement=self.statement, tagged=self.model.tagged)
         known = nonlinear_findings(self.statement, self.model)
         contacts = [step.contact.in_contact.any() for step in solution.steps if step.contact is not None]
         touching = parallel.any_rank(self.model.comm, bool(np.any(contacts))) if contacts and not failures else None

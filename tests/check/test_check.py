@@ -17,8 +17,7 @@ from signorini_fx.errors import SceneError
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.effects import contact as contact_of
 from signorini_fx.mechanics.effects import displacement
-from signorini_fx.mechanics.laws.coulomb import Coulomb
-from signorini_fx.mechanics.laws.tresca import Tresca
+from signorini_fx.mechanics.laws.coulomb import Coulomb, Tresca
 from signorini_fx.mechanics.materials.isotropic import LinearElastic
 from signorini_fx.mechanics.materials.orthotropic import OrthotropicElastic
 from signorini_fx.mechanics.statement import settings

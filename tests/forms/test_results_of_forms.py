@@ -20,7 +20,7 @@ from signorini_fx.scenes.template import summary_schema
 
 COMM = MPI.COMM_WORLD
 # What a run says of itself, of which two runs have their own.
-OF_THE_RUN = {"cost", "compiled", "finished", "timings", "scene", "findings", "versions", "fields"}
+OF_THE_RUN = {"cost", "finished", "timings", "scene", "findings", "versions", "fields"}
 
 
 def as_forms(statement, tagged, **arguments):

@@ -219,7 +219,7 @@ def test_chosen_for_large_bodies_in_space(monkeypatch):
     def kind(scene):
         cost = check_scene(scene, MPI.COMM_SELF).cost
         d = assembled(scene)
-        chosen = choice.choose_system(d.elasticity(d.cases), d.system_size, scene.solver.linear_algebra)
+        chosen = choice.choose_system(d.elasticity(d.cases), d.system_size(), scene.solver.linear_algebra)
         assert cost.linear_algebra == chosen[1]
         return cost.linear_algebra.partition(":")[0]
 

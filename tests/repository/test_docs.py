@@ -44,17 +44,11 @@ from signorini_fx.mechanics.effects import (
     traction,
 )
 from signorini_fx.mechanics.effects.contact import Overclosure
-from signorini_fx.mechanics.laws.coulomb import Coulomb
-from signorini_fx.mechanics.laws.none import NoFriction
-from signorini_fx.mechanics.laws.tresca import Tresca
+from signorini_fx.mechanics.laws.coulomb import Coulomb, NoFriction, Tresca
+from signorini_fx.mechanics.materials.hyperelastic import MooneyRivlin, NeoHooke, Ogden, SaintVenantKirchhoff
 from signorini_fx.mechanics.materials.isotropic import LinearElastic
-from signorini_fx.mechanics.materials.j2 import J2
-from signorini_fx.mechanics.materials.maxwell import Maxwell
-from signorini_fx.mechanics.materials.mooney_rivlin import MooneyRivlin
-from signorini_fx.mechanics.materials.neo_hooke import NeoHooke
-from signorini_fx.mechanics.materials.ogden import Ogden
 from signorini_fx.mechanics.materials.orthotropic import Orthotropic, OrthotropicElastic
-from signorini_fx.mechanics.materials.saint_venant_kirchhoff import SaintVenantKirchhoff
+from signorini_fx.mechanics.materials.path_dependent import J2, Maxwell
 from signorini_fx.mechanics.statement import settings
 from signorini_fx.mechanics.statement.generators import known_generators
 from signorini_fx.mechanics.statement.load_path import LoadSteps

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from signorini_fx.errors import SceneError
-from signorini_fx.mechanics.laws.tresca import Tresca
+from signorini_fx.mechanics.laws.coulomb import Tresca
 from signorini_fx.mechanics.statement.expressions import Expression
 from signorini_fx.scenes.reading import parse_scene, parse_scene_text, read_scene
 from signorini_fx.scenes.scene import Scene

@@ -6,7 +6,7 @@ from pushed_block import FRICTION, LENGTH, LIMIT, PRESSURE, block, friction_forc
 from scenes import alone
 
 from signorini_fx.mechanics.contact_points.contact_table import contact_table
-from signorini_fx.mechanics.laws.tresca import Tresca
+from signorini_fx.mechanics.laws.coulomb import Tresca
 from signorini_fx.records import Status
 
 METHODS = [

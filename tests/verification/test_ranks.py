@@ -13,7 +13,7 @@ from signorini_fx.errors import MeshError, SceneError, SignoriniError
 from signorini_fx.mechanics.effects.contact import UnilateralContact
 from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
 from signorini_fx.mechanics.effects.traction import SurfaceTraction
-from signorini_fx.mechanics.laws.tresca import Tresca
+from signorini_fx.mechanics.laws.coulomb import Tresca
 from signorini_fx.mechanics.mesh.tagged import tag_boundaries
 from signorini_fx.mechanics.statement.expressions import Expression
 from signorini_fx.mechanics.statement.mesh_sources import MeshFile

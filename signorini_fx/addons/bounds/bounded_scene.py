@@ -16,10 +16,10 @@ from signorini_fx.mechanics.effects.force import TotalForce
 from signorini_fx.mechanics.effects.gravity import Gravity
 from signorini_fx.mechanics.effects.rotation import Rotation
 from signorini_fx.mechanics.effects.traction import SurfaceTraction
-from signorini_fx.mechanics.laws.tresca import Tresca
+from signorini_fx.mechanics.laws.coulomb import Tresca
 from signorini_fx.mechanics.materials.protocol import Material
 from signorini_fx.mechanics.model import Model
-from signorini_fx.mechanics.shapes.plane import Plane
+from signorini_fx.mechanics.shapes.simple import Plane
 from signorini_fx.mechanics.statement.effect import Force
 from signorini_fx.mechanics.statement.expressions import Expression
 from signorini_fx.quantities.proved_statements import Refused

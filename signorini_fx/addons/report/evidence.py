@@ -114,7 +114,7 @@ def history(summary: dict[str, Any]) -> Markup:
 
 
 def made_with(summary: dict[str, Any]) -> Markup:
-    """When and with what: date, versions, ranks, compiled forms and times."""
+    """When and with what: date, versions, ranks and times."""
     versions = summary["versions"]
     done = "Solved" if was_solved(summary) else "Tried"
     when = (
@@ -126,6 +126,5 @@ def made_with(summary: dict[str, Any]) -> Markup:
     programs = " and ".join(f"{name} {versions[name]}" for name in ("signorini_fx", "dolfinx") if versions.get(name))
     timings = table(["phase", "seconds"], [(name, _two_digits(value)) for name, value in summary["timings"].items()])
     tables = part("beside", [timings, table(["program", "version"], list(versions.items()))])
-    compiled = part("paragraph", f"Compiled: {', '.join(summary['compiled'])}.")
     took = f"{when} by {programs} on {ranks}: {summary['dofs']} unknowns."
-    return joined([part("paragraph", took), folded("Times and versions", compiled, tables)])
+    return joined([part("paragraph", took), folded("Times and versions", tables)])

@@ -24,33 +24,35 @@ Array = npt.NDArray[np.float64]
 SIZES = (2, 3)  # of blocks
 _TYPES = {np.dtype(np.float64): "double", np.dtype(np.float32): "float"}
 _ARGUMENTS = ("-O2",)
-# By the folder: (the module, why there is none).
-_LOADED: dict[str, tuple[Any, str | None]] = {}
+# The modules by their folders.
+_LOADED: dict[str, Any] = {}
 
 
-def load(comm: MPI.Comm, folder: Path) -> str | None:
+def load(comm: MPI.Comm, folder: Path) -> None:
     """Compile the kernels into the folder of compiled forms on one rank, unless they are there, and load them on all;
-    why there are none; None: there are; collective.
+    collective.
+
+    Raises:
+        MachineError: they cannot be compiled.
     """
     key = str(folder)
-    if parallel.any_rank(comm, key not in _LOADED):
-        if comm.rank == 0:
-            _LOADED[key] = _load(folder)
-        # The others find what the first rank has compiled.
-        if comm.bcast(_LOADED[key][1] if comm.rank == 0 else None) is None and comm.rank > 0:
-            _LOADED[key] = _load(folder)
-    reasons = comm.allgather(_LOADED.get(key, (None, None))[1])
-    return next((reason for reason in reasons if reason is not None), None)
+    if not parallel.any_rank(comm, key not in _LOADED):
+        return
+    for turn in (comm.rank == 0, comm.rank > 0):  # the others find what the first rank has compiled
+        error = None
+        try:
+            if turn:
+                _LOADED[key] = _load(folder)
+        except MachineError as found:
+            error = found
+        parallel.raise_together(comm, error)
 
 
-def _load(folder: Path) -> tuple[Any, str | None]:
+def _load(folder: Path) -> Any:
     source = "#include <stdint.h>\n\n" + "\n".join(_function(size, kind) for size in SIZES for kind in _TYPES.values())
     declarations = "".join(f"{_head(size, kind)};\n" for size in SIZES for kind in _TYPES.values())
     name = f"signorini_fx_blocks_{zlib.crc32((source + repr(_ARGUMENTS)).encode()):08x}"
-    try:
-        return library(folder, name, declarations, source, _ARGUMENTS), None
-    except MachineError as error:
-        return None, str(error)
+    return library(folder, name, declarations, source, _ARGUMENTS)
 
 
 def _head(size: int, kind: str) -> str:
@@ -94,7 +96,7 @@ class BlockProduct:
     """
 
     def __init__(self, folder: Path, size: int, starts: npt.NDArray[np.int64], columns: npt.NDArray[np.int32]) -> None:
-        module = _LOADED[str(folder)][0]
+        module = _LOADED[str(folder)]
         self._cast = module.ffi.cast
         self._kernels = {dtype: getattr(module.lib, f"multiply_{size}_{kind}") for dtype, kind in _TYPES.items()}
         self._arrays = np.ascontiguousarray(starts, np.int64), np.ascontiguousarray(columns, np.int32)

@@ -13,7 +13,7 @@ from signorini_fx.errors import FormError
 from signorini_fx.forms.arguments import space_of
 from signorini_fx.mechanics.assembly.averages import averaging
 from signorini_fx.mechanics.interfaces import Foundation, Pair
-from signorini_fx.mechanics.shapes.plane import Plane
+from signorini_fx.mechanics.shapes.simple import Plane
 from signorini_fx.mechanics.statement.values import kind_of
 
 

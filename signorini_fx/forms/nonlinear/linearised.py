@@ -832,5 +832,5 @@ class LinearisedProblem(FormSolver):
     @property
     def factor_fits(self) -> bool:
         """Whether the machines have the memory for a factor of the tangent; collective."""
-        size = self.elastic.system_size
+        size = self.elastic.system_size()
         return enough_memory(size.comm, factor_memory(size.unknowns, size.dimension))

@@ -26,7 +26,6 @@ from ufl.corealg.multifunction import MultiFunction
 from signorini_fx.machine import parallel
 from signorini_fx.machine.compilation import compiling
 from signorini_fx.mechanics.assembly.mesh_entities import assemble
-from signorini_fx.records import Inventory
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery
 
 
@@ -41,7 +40,7 @@ def stress_error(
         parts: cells of each material, local numbers, ghosts included.
     """
     stress = _Stress(u, stress_of(residual, u), parts)
-    recovery = StressRecovery(stress, lambda z: (lambda step: None, None), Inventory())
+    recovery = StressRecovery(stress, lambda z: (lambda step: None, None))
     size = float(parallel.global_sum(u.function_space.mesh.comm, np.array(stress.square())))
     return np.asarray(recovery.squares(u) / size) if size > 0 else "there is no stress, and no error of it"
 

@@ -16,7 +16,7 @@ A gap is averaged in the same way as the displacement that it is compared with.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Any
 
 import basix
@@ -29,9 +29,14 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from signorini_fx.machine import compat
-from signorini_fx.mechanics.assembly.mesh_entities import assemble, facet_entities, measure, node_positions
+from signorini_fx.mechanics.assembly.mesh_entities import (
+    assemble,
+    compile_form,
+    facet_entities,
+    measure,
+    node_positions,
+)
 from signorini_fx.mechanics.assembly.quadrature import nodal_rule
-from signorini_fx.records import Inventory
 from signorini_fx.tuned import NOTHING_LEFT
 
 _Floats = npt.NDArray[np.float64]
@@ -124,9 +129,7 @@ def averaging(space: fem.FunctionSpace) -> bool:
     return space.element.basix_element.degree == 2 and space.mesh.topology.cell_name() == "tetrahedron"
 
 
-def averaging_forms(
-    space: fem.FunctionSpace, facets: npt.NDArray[np.int32], inventory: Inventory, name: str, factor: Any = None
-) -> AveragingForms:
+def averaging_forms(space: fem.FunctionSpace, facets: npt.NDArray[np.int32], factor: Any = None) -> AveragingForms:
     """Compile what the points of one boundary need; ``factor``: of the surface measure."""
     mesh = space.mesh
     dim, degree = mesh.geometry.dim, space.element.basix_element.degree
@@ -141,28 +144,18 @@ def averaging_forms(
     # Two facets of a cell have functions of their own: one form for each number, the same code for all.
     numbers = [np.flatnonzero(entities[:, 1] == number) for number in range(dim + 1)]
     measures = [measure(mesh, [facets[rows]], rule)(1) for rows in numbers]
-    products = inventory.compile(
-        f"{name}, averages", lambda: [fem.form(ufl.inner(weighted, phi) * ds) for ds in measures]
-    )
+    products = [compile_form(ufl.inner(weighted, phi) * ds) for ds in measures]
     ds = measure(mesh, [facets], rule)(1)
-    moment = pressure * ufl.inner(z, ufl.FacetNormal(mesh)) * ds
-    moments = inventory.compile(name, partial(fem.form, moment))
+    moments = compile_form(pressure * ufl.inner(z, ufl.FacetNormal(mesh)) * ds)
     return AveragingForms(hats, corners, [entities[rows, 0] for rows in numbers], products, moments)
 
 
 def averaged_points(
     space: fem.FunctionSpace, compiled: AveragingForms, fixed: npt.NDArray[np.bool_]
 ) -> tuple[npt.NDArray[np.int32], _Floats, _Floats, Averages]:
-    """The points of one boundary; collective.
-
-    Args:
-        space: the displacements.
-        compiled: see ``averaging_forms``.
-        fixed: which dofs of this rank are prescribed, shape (owned dofs,).
-
-    Returns:
-        Local numbers of the vertices among the nodes of ``space``, shape (n,), weights, shape (n,), the integrals of
-        hat function times normal, shape (n, d), and how the points average.
+    """The points of one boundary: local numbers of the vertices among the nodes of ``space``, shape (n,), weights,
+    shape (n,), the integrals of hat function times normal, shape (n, d), and how the points average; ``fixed``: which
+    dofs of this rank are prescribed, shape (owned dofs,); collective.
     """
     dim = space.mesh.geometry.dim
     products = _dual_products(space, compiled)
@@ -171,7 +164,9 @@ def averaged_points(
     rows = sp.csr_array((values, columns, starts), shape=(len(starts) - 1, products.getSize()[1]))
     rows.eliminate_zeros()  # the nodes of the cells that are not on the boundary
     weight = np.asarray(rows.sum(axis=1)).ravel()
-    node = _vertex_nodes(space, compiled.hats)[: weight.size]
+    corners, hats = compiled.hats.dofmap.list, compiled.hats.dofmap.index_map
+    node = np.zeros(hats.size_local + hats.num_ghosts, dtype=np.int32)
+    node[corners] = space.dofmap.list[:, : corners.shape[1]]  # vertices come first in every cell
     points = np.flatnonzero(weight > 0)
     point_rows = rows[points]
     nodes = np.unique(point_rows.indices)
@@ -192,12 +187,8 @@ def _dual_products(space: fem.FunctionSpace, compiled: AveragingForms) -> PETSc.
     matrix = PETSc.Mat().create(comm=space.mesh.comm)
     matrix.setSizes([(index_map.size_local, None) for index_map in maps])
     matrix.setType(PETSc.Mat.Type.AIJ)
-    global_numbers = [
-        index_map.local_to_global(np.arange(index_map.size_local + index_map.num_ghosts)) for index_map in maps
-    ]
-    matrix.setLGMap(
-        *(PETSc.LGMap().create(numbers.astype(PETSc.IntType), comm=space.mesh.comm) for numbers in global_numbers)
-    )
+    numbers = [part.local_to_global(np.arange(part.size_local + part.num_ghosts)) for part in maps]
+    matrix.setLGMap(*(PETSc.LGMap().create(part.astype(PETSc.IntType), comm=space.mesh.comm) for part in numbers))
     matrix.setUp()  # collective, which the ranks with facets must not begin on their own
     for number, (cells, form) in enumerate(zip(compiled.parts, compiled.products, strict=True)):
         assembled = fem.assemble_matrix(form).to_scipy(ghosted=True)  # on all ranks
@@ -218,14 +209,6 @@ def _dual_products(space: fem.FunctionSpace, compiled: AveragingForms) -> PETSc.
         matrix.setValuesLocalRCV(*indices, np.ascontiguousarray(dual), PETSc.InsertMode.ADD_VALUES)
     matrix.assemble()
     return matrix
-
-
-def _vertex_nodes(space: fem.FunctionSpace, hats: fem.FunctionSpace) -> npt.NDArray[np.int32]:
-    """The local node of ``space`` at each local hat function: vertices come first in every cell."""
-    corners = hats.dofmap.list
-    nodes_of_hats = np.zeros(hats.dofmap.index_map.size_local + hats.dofmap.index_map.num_ghosts, dtype=np.int32)
-    nodes_of_hats[corners] = space.dofmap.list[:, : corners.shape[1]]
-    return nodes_of_hats
 
 
 def from_owners(owned_rows: _Floats, nodes: npt.NDArray[Any], comm: MPI.Comm) -> _Floats:

@@ -16,15 +16,8 @@ Array = npt.NDArray[np.float64]
 
 
 def gradients(displacement: fem.Function, points: Array) -> Iterator[tuple[Array, Array]]:
-    """Of each point the gradient in all owned cells and how much larger these are than the reference cell there.
-
-    Args:
-        displacement: in a vector Lagrange space of degree 1 or 2.
-        points: of the reference cell, shape (points, d).
-
-    Yields:
-        du_i/dx_j, shape (d, d, cells), and the size of the determinant of the map from the reference cell, shape
-        (cells,).
+    """Of each point, shape (points, d), of the reference cell du_i/dx_j in all owned cells, shape (d, d, cells), and
+    the size of the determinant of the map from the reference cell, shape (cells,).
     """
     for of_place, of_displacement in CellSlopes(displacement.function_space, points).along_reference(displacement):
         adjugate, determinant = adjugates(of_place)
@@ -32,12 +25,7 @@ def gradients(displacement: fem.Function, points: Array) -> Iterator[tuple[Array
 
 
 class CellSlopes:
-    """Derivatives along the reference cell at some of its points, in all owned cells.
-
-    Args:
-        space: a vector Lagrange space of degree 1 or 2.
-        points: of the reference cell, shape (points, d).
-    """
+    """Derivatives along the reference cell at some of its points, shape (points, d), in all owned cells."""
 
     def __init__(self, space: fem.FunctionSpace, points: Array) -> None:
         mesh = self._mesh = space.mesh
@@ -52,10 +40,7 @@ class CellSlopes:
         self._nodes, self._seen = space.dofmap.list[owned], mesh.geometry.x.copy()
         x = mesh.geometry.x[compat.geometry_cells(mesh)[owned], : self._dimension]
         self._x = _by_function(x.astype(np.float64))
-        self._slopes = (
-            slopes(compat.geometry_degree(mesh)),
-            slopes(space.element.basix_element.degree),
-        )
+        self._slopes = slopes(compat.geometry_degree(mesh)), slopes(space.element.basix_element.degree)
 
     @property
     def fits(self) -> bool:
@@ -69,11 +54,7 @@ class CellSlopes:
             yield (slopes @ self._x).reshape(dim, dim, -1).transpose(1, 0, 2)
 
     def along_reference(self, displacement: fem.Function) -> Iterator[tuple[Array, Array]]:
-        """Of each point the derivatives of places, and of displacements likewise.
-
-        Args:
-            displacement: in the space.
-        """
+        """Of each point the derivatives of places, and of displacements likewise."""
         dim, components = self._dimension, self._mesh.geometry.dim
         y = _by_function(displacement.x.array.reshape(-1, components)[self._nodes])
         for of_place, slopes in zip(self.of_places(), self._slopes[1], strict=True):

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import wraps
 from typing import Any
 
 import basix
@@ -11,6 +12,8 @@ import numpy.typing as npt
 import ufl
 from dolfinx import fem, jit, la
 from dolfinx import mesh as dmesh
+
+from signorini_fx.machine.compilation import compiling
 
 # Sums in another order can be computed two at a time, in 3D in half of the time; the difference is round-off.
 _IN_ANY_ORDER = ["-fassociative-math", "-fno-signed-zeros", "-fno-trapping-math"]
@@ -33,12 +36,23 @@ def node_positions(space: fem.FunctionSpace) -> npt.NDArray[np.float64]:
     return positions
 
 
-def stiffness_form(term: Any, dimension: int) -> fem.Form:
-    """A bilinear form on cells of this dimension, compiled for speed; collective."""
-    if dimension < 3:
+def compile_form(term: Any) -> Any:
+    """A form, compiled; collective.
+
+    Raises:
+        MachineError: it cannot be compiled.
+    """
+    with compiling():
         return fem.form(term)
+
+
+def stiffness_form(term: Any, dimension: int) -> fem.Form:
+    """A bilinear form on cells of this dimension, compiled for speed, see ``compile_form``; collective."""
+    if dimension < 3:
+        return compile_form(term)
     arguments = [*jit.get_options()["cffi_extra_compile_args"], *_IN_ANY_ORDER]
-    return fem.form(term, jit_options={"cffi_extra_compile_args": arguments})
+    with compiling():
+        return fem.form(term, jit_options={"cffi_extra_compile_args": arguments})
 
 
 def facet_entities(mesh: dmesh.Mesh, facets: npt.NDArray[np.int32]) -> npt.NDArray[np.int32]:
@@ -72,10 +86,7 @@ def facet_nodes(space: fem.FunctionSpace, facets: npt.NDArray[np.int32]) -> npt.
 
 
 def measure(mesh: dmesh.Mesh, parts: Sequence[npt.NDArray[np.int32]], metadata: dict[str, Any]) -> Any:
-    """Integration over lists of facets, which may overlap, numbered from 1.
-
-    The numbers do not depend on the mesh's own tags, so that forms on different boundaries are compiled once.
-    """
+    """Integration over lists of facets, numbered from 1 on every mesh, so that forms are compiled once."""
     data = [(number, facet_entities(mesh, facets).ravel()) for number, facets in enumerate(parts, start=1)]
     return ufl.Measure("ds", domain=mesh, subdomain_data=data, metadata=metadata)
 
@@ -111,9 +122,7 @@ def _summed(vector: la.Vector) -> npt.NDArray[np.float64]:
 
 
 def over_ranks(values: npt.NDArray[np.float64], space: fem.FunctionSpace) -> npt.NDArray[np.float64]:
-    """What all ranks contribute to the unknowns of a space that this one owns; ``values`` are those of all that it has;
-    collective.
-    """
+    """The sums over all ranks at the owned unknowns of a space, of values at all unknowns of each rank; collective."""
     if space.mesh.comm.size == 1:
         return np.array(values, dtype=np.float64)
     function = fem.Function(space)
@@ -123,14 +132,7 @@ def over_ranks(values: npt.NDArray[np.float64], space: fem.FunctionSpace) -> npt
 
 
 def adjugates(matrices: npt.NDArray[np.float64]) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-    """Adjugate (inverse times determinant) and determinant of many matrices, by hand, because there are many.
-
-    Args:
-        matrices: shape (d, d, ...), d = 2 or 3.
-
-    Returns:
-        Shapes (d, d, ...) and (...).
-    """
+    """Adjugate (inverse times determinant) and determinant of many matrices, shape (d, d, ...), d = 2 or 3."""
     if len(matrices) == 2:
         (a, b), (c, d) = matrices
         return np.array([[d, -b], [-c, a]]), a * d - b * c
@@ -146,3 +148,23 @@ def determinants(matrices: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
         return np.asarray(a * d - b * c)
     (a, b, c), (d, e, f), (g, h, i) = matrices
     return np.asarray(a * (e * i - f * h) + b * (f * g - d * i) + c * (d * h - e * g))
+
+
+def shared_in(holder: str) -> Callable[[Callable[[Any], Any]], Any]:
+    """Make a method a property whose value is computed once and kept in the dictionary ``holder`` of its object.
+
+    ``dataclasses.replace`` passes the dictionary on, so that a copy with the same data computes nothing again; one with
+    other data is given an empty dictionary.
+    """
+
+    def kept(compute: Callable[[Any], Any]) -> Any:
+        @wraps(compute)
+        def value(instance: Any) -> Any:
+            values, name = getattr(instance, holder), compute.__name__
+            if name not in values:
+                values[name] = compute(instance)
+            return values[name]
+
+        return property(value)
+
+    return kept

@@ -101,11 +101,8 @@ class NodalStiffness:
         return np.asarray(sum((joint.times(displacement) for joint in self.joint), forces.ravel()))
 
     def add_to(self, matrix: PETSc.Mat, fixed: npt.NDArray[np.bool_] | None = None) -> None:
-        """Add it to a matrix with a row for each unknown, which is assembled; collective.
-
-        Args:
-            matrix: of a form on the same space.
-            fixed: whose rows and columns are left out, shape (owned dofs,); None: none are.
+        """Add it to the assembled matrix of a form on the same space, without rows and columns that are ``fixed``,
+        shape (owned dofs,); collective.
         """
         dim, blocks = self.blocks.shape[1], self.blocks
         if fixed is not None:

@@ -25,10 +25,6 @@ class NodalValues:
 
     UFL expressions are compiled once, and evaluated in the cells at these nodes only, so that they may be singular
     elsewhere.  Of an expression that jumps between cells any of its values is taken.
-
-    Args:
-        space: the displacements.
-        facets: of the part, local numbers; their cells are those of this rank.
     """
 
     def __init__(self, space: fem.FunctionSpace, facets: npt.NDArray[np.int32]) -> None:
@@ -47,16 +43,8 @@ class NodalValues:
         return np.flatnonzero(np.isin(self._space.dofmap.list, self.nodes).any(axis=1)).astype(np.int32)
 
     def __call__(self, value: Any, name: str, components: int = 1, minimum: float = -np.inf) -> Array:
-        """The values at all nodes of this rank, ghosts included; nan where no facet is; collective.
-
-        Args:
-            value: see ``Foundation``.
-            name: of the argument, for errors.
-            components: 1, or d for a vector.
-            minimum: the smallest value allowed.
-
-        Returns:
-            Shape (nodes,) or (nodes, d).
+        """The values at all nodes of this rank, ghosts included, shape (nodes,) or (nodes, d); nan where no facet is;
+        ``name``: of the argument, for errors; collective.
 
         Raises:
             FormError: the value cannot be evaluated, or is not finite or too small somewhere.
@@ -73,19 +61,14 @@ class NodalValues:
                 point_values = real_numbers(value(in_space(x[self.nodes])) if callable(value) else value)
                 if point_values.ndim < 2 and components > 1:  # one vector for all points
                     point_values = point_values[:, None]
-                rows = (
-                    np.broadcast_to(point_values[:components], (components, self.nodes.size))
-                    if components > 1
-                    else point_values
-                )
+                rows = point_values[:components] if components > 1 else point_values
                 nodal_values[self.nodes] = np.broadcast_to(rows, (components, self.nodes.size)).T
             at = nodal_values[self.nodes]
             bad = np.flatnonzero((~(np.abs(at) <= LARGEST_NUMBER) | (at < minimum)).any(axis=1))
             if bad.size:
                 position = ", ".join(f"{c:g}" for c in x[self.nodes[bad[0]], : self._dimension])
-                wanted = f"a number of at most {LARGEST_NUMBER:g}" + (
-                    "" if minimum == -np.inf else ", and not negative"
-                )
+                wanted = f"a number of at most {LARGEST_NUMBER:g}"
+                wanted += "" if minimum == -np.inf else ", and not negative"
                 wrong = ", ".join(f"{c:g}" for c in at[bad[0]])
                 error = FormError([(name, f"is {wrong} at ({position}); it must be {wanted}")])
         except Exception as failure:  # of the user's callable, perhaps on one rank only

@@ -28,9 +28,7 @@ def strain_degree(space: fem.FunctionSpace, kinematics: Kinematics = SPACE) -> i
 
 
 def parallelepipeds(mesh: dmesh.Mesh) -> bool:
-    """Whether all cells of all ranks are quadrilaterals or hexahedra with affine maps: parallelograms in 2D;
-    collective.
-    """
+    """Whether all cells are quadrilaterals or hexahedra with affine maps; collective."""
     if mesh.topology.cell_name() not in ("quadrilateral", "hexahedron") or compat.geometry_degree(mesh) > 1:
         return False
     dim = mesh.topology.dim

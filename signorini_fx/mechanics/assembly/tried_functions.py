@@ -72,9 +72,7 @@ def _values(entry: Any) -> Iterator[tuple[str, Any]]:
 
 
 def _points(entry: Any, tagged: TaggedMesh) -> npt.NDArray[np.float64]:
-    """Nodes of this rank in the region of an entry, on its boundary with the middles of facets, or of the whole mesh,
-    shape (3, n).
-    """
+    """Nodes of the region of an entry, of its boundary with middles of facets, or of the mesh, shape (3, n)."""
     mesh, boundary, region = tagged.mesh, getattr(entry, "boundary", None) or "", getattr(entry, "region", None) or ""
     if boundary in tagged.boundaries:
         corners = facet_vertices(mesh, tagged.facets(boundary))

@@ -43,10 +43,7 @@ class Deformation:
 
 
 def deformation_of(body: ElasticBody, displacement: fem.Function, size: float) -> Deformation:
-    """How much a displacement deforms a body of a size; collective.
-
-    grad u is evaluated at the midpoint of each cell.
-    """
+    """How much a displacement deforms a body of a size, from grad u at the midpoint of each cell; collective."""
     pieces = body.motions.pieces
     cell = getattr(basix.CellType, body.space.mesh.topology.cell_name())
     slopes, areas = next(gradients(displacement, basix.geometry(cell).mean(axis=0, keepdims=True)))

@@ -23,7 +23,6 @@ from signorini_fx.machine.petsc_objects import free_unused
 from signorini_fx.mechanics.assembly.pieces import find_pieces
 from signorini_fx.mechanics.assembly.tried_functions import try_functions
 from signorini_fx.mechanics.elasticity.choice_of_law import elastic_law, moduli_of
-from signorini_fx.mechanics.elasticity.elastic_law import SceneLaw
 from signorini_fx.mechanics.kinematics.protocol import Kinematics
 from signorini_fx.mechanics.loads.initial_strains import holds, jump_loads, jumps_in
 from signorini_fx.mechanics.loads.load_vectors import (
@@ -44,7 +43,7 @@ from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodies
 from signorini_fx.mechanics.scales import Scales
 from signorini_fx.mechanics.statement.effect import Resistance
 from signorini_fx.mechanics.statement.statement import Statement
-from signorini_fx.records import Inventory, Timings
+from signorini_fx.records import Timings
 from signorini_fx.tuned import LARGEST_MULTIGRID_POISSON, SAME_NUMBER
 
 if TYPE_CHECKING:
@@ -70,13 +69,8 @@ def discretise(statement: Statement, tagged: TaggedMesh, timings: Timings) -> Mo
 
 
 def prepare(statement: Statement, tagged: TaggedMesh, timings: Timings, *, path_step: float = 0) -> Model:
-    """Compile and assemble loads and contact boundaries, and find all errors; collective.
-
-    Args:
-        statement: what is stated of the problem.
-        tagged: its mesh.
-        timings: of the mesh.
-        path_step: place in the lists of factors, at which foundations are; -1: before any has moved.
+    """Compile and assemble loads and contact boundaries, and find all errors; ``path_step``: place in the lists of
+    factors, at which foundations are, -1 before any has moved; collective.
 
     Raises:
         SceneError: a material is not linear; a file is not there on some rank; or with all errors that only the mesh
@@ -130,15 +124,13 @@ def _prepared(statement: Statement, tagged: TaggedMesh, timings: Timings) -> Mod
     if statement.bodies:
         pieces = pieces.of_bodies(tagged.mesh.comm, {name: tagged.cells(name) for name in statement.bodies})
     space = fem.functionspace(tagged.mesh, ("Lagrange", statement.element.degree, (tagged.mesh.geometry.dim,)))
-    inventory = Inventory()
-    elastic = elastic_law(statement, tagged, space, inventory, pieces, moduli)
-    inventory.forms.extend(elastic.names)
+    elastic = elastic_law(statement, tagged, space, moduli)
     z = ufl.TestFunction(space)
     kinematics = statement.kinematics_in(tagged.dimension)
     with timings.phase("compile"):
         supports = Supports.of(statement, space, facets, tagged)
         fixed, turned = supports.fixed, supports.turned
-        on_mesh = FormCoefficients(statement, tagged, space, inventory)
+        on_mesh = FormCoefficients(statement, tagged, space)
         resistance = compile_resistance(
             [effect for effect in statement.of(Resistance) if effect.acts], on_mesh, ufl.TrialFunction(space), z
         )
@@ -146,7 +138,7 @@ def _prepared(statement: Statement, tagged: TaggedMesh, timings: Timings) -> Mod
             applied_load(group, loads, on_mesh, z, supports.at) for group, loads in load_groups(statement).items()
         ]
         on = [facets[effect.boundary] for effect in statement.contact]
-        foundations = _foundations(statement, space, facets, inventory)
+        foundations = _foundations(statement, space, facets)
         assert len(foundations.forms) == len(on)
     with timings.phase("assemble"):
         shapes = foundations.shapes()
@@ -159,7 +151,7 @@ def _prepared(statement: Statement, tagged: TaggedMesh, timings: Timings) -> Mod
         if jumps := jumps_in(statement, tagged, space):
             bonded = [k for k, contact in enumerate(statement.contact) if contact.bonded]
             held = partial(holds, fixed=fixed, turned=turned, boundary=boundary, bonded=bonded)
-            applied += jump_loads(jumps, statement, space, elastic, inventory, held)
+            applied += jump_loads(jumps, statement, space, elastic, held)
         if boundary is not None:
             applied += [load for interface in statement.interfaces for load in interface.loads(tagged, space, boundary)]
     together(
@@ -172,12 +164,12 @@ def _prepared(statement: Statement, tagged: TaggedMesh, timings: Timings) -> Mod
         data, law = foundations.problem(boundary, foundations.data(shapes), Settings.of(statement.solver), scales)
         for step in range(1, statement.steps if any(effect.friction.timed for effect in statement.contact) else 1):
             # Errors are found before the first step.
-            _foundations(statement.placed(step), space, facets, inventory).friction()
+            _foundations(statement.placed(step), space, facets).friction()
     resists = () if resistance is None else (resistance,)
 
     return Model(
         space=space,
-        terms=partial(_terms, elastic, space, inventory, resists),
+        terms=lambda: (*elastic.compiled(space), *resists),
         resists=resists,
         bcs=[support for _, support in supports.conditions],
         turned=turned,
@@ -185,9 +177,10 @@ def _prepared(statement: Statement, tagged: TaggedMesh, timings: Timings) -> Mod
         pieces=pieces,
         boundary=boundary,
         settings=statement.solver,
-        inventory=inventory,
         kinematics=kinematics,
-        compressible=_compressible(statement),
+        # Ratios follow from moduli, with round-off.
+        compressible=max(material.mean_poisson for material in statement.material)
+        <= LARGEST_MULTIGRID_POISSON * (1 + SAME_NUMBER),
         elastic=elastic,
         statement=statement,
         tagged=tagged,
@@ -212,23 +205,8 @@ def _check_measure(kinematics: Kinematics, tagged: TaggedMesh) -> None:
         raise SceneError([("material.hypothesis", f"measure of {kinematics.words!r} is not positive")])
 
 
-def _compressible(statement: Statement) -> bool:
-    """See ``ElasticBody``; ratios follow from moduli, with round-off."""
-    largest = max(material.mean_poisson for material in statement.material)
-    return largest <= LARGEST_MULTIGRID_POISSON * (1 + SAME_NUMBER)
-
-
-def _terms(
-    elastic: SceneLaw, space: fem.FunctionSpace, inventory: Inventory, resists: tuple[fem.Form, ...]
-) -> tuple[fem.Form, ...]:
-    """The compiled terms of a(., .); collective."""
-    return (*elastic.compiled(space, inventory), *resists)
-
-
 def placed(model: M, step: float) -> M:
-    """The same with foundations and friction of a place where they depend on the time, and with the supports that hold
-    there; itself if all are as they were; collective.
-    """
+    """The same with contact and supports of a place in the lists of factors; itself if nothing changes; collective."""
     statement = model.statement.placed(step)
     if statement is model.statement or model.boundary is None:
         return model
@@ -240,9 +218,7 @@ def placed(model: M, step: float) -> M:
 
 
 def held_at(model: M, step: float) -> M:
-    """The same with the supports that hold at a place, and foundations and friction as they are; itself if all supports
-    are as they were; collective.
-    """
+    """The same with the supports of a place, and contact as it is; itself if no support changes; collective."""
     supports = model.statement.placed(step).displacement
     if supports is model.statement.displacement:
         return model
@@ -271,9 +247,7 @@ def _with_supports(model: M, statement: Statement) -> M:
 
 
 def contact_of(model: Model, statement: Statement) -> dict[str, Any]:
-    """``boundary``, ``data``, ``law`` and ``pairs`` of another statement that differs in its contact, or whose supports
-    are those of the model, with other planes of symmetry and other held nodes of the pairs; collective.
-    """
+    """The fields of a model that follow from the contact of another statement, with the same supports; collective."""
     foundations = _foundations_on(model, statement)
     shapes = foundations.shapes()
     rests = at_rest(model.space, model.supports, model.turned, model.fixed)
@@ -289,9 +263,7 @@ def law_of(model: Model, statement: Statement) -> PointFriction | None:
 
 
 def with_gap_and_friction(model: M, statement: Statement) -> M:
-    """The same contact points with gap and friction of another statement that differs in nothing else, and has no
-    friction with axes; collective.
-    """
+    """The same contact points with gap and friction, without axes, of another statement; collective."""
     assert model.boundary is not None
     foundations = _foundations_on(model, statement)
     values = foundations.data(foundations.shapes())
@@ -301,9 +273,7 @@ def with_gap_and_friction(model: M, statement: Statement) -> M:
 
 
 def moved_since(model: Model, earlier: Statement) -> npt.NDArray[np.float64]:
-    """How far the foundations have moved at the contact points from where they are in another statement, length, shape
-    (n, d).
-    """
+    """How far foundations have moved at the contact points since another statement, length, shape (n, d)."""
     assert model.boundary is not None
     moved, dimension = np.zeros_like(model.boundary.x), model.tagged.dimension
     for number, (contact, earlier_contact) in enumerate(zip(model.statement.contact, earlier.contact, strict=True)):
@@ -315,11 +285,11 @@ def moved_since(model: Model, earlier: Statement) -> npt.NDArray[np.float64]:
 
 
 def _foundations_on(model: Model, statement: Statement) -> Foundations:
-    return _foundations(statement, model.space, boundary_facets(statement, model.tagged), Inventory())
+    return _foundations(statement, model.space, boundary_facets(statement, model.tagged))
 
 
 def _foundations(
-    statement: Statement, space: fem.FunctionSpace, facets: Mapping[str, npt.NDArray[np.int32]], inventory: Inventory
+    statement: Statement, space: fem.FunctionSpace, facets: Mapping[str, npt.NDArray[np.int32]]
 ) -> Foundations:
     """The contact of a scene, from the facets of all boundaries."""
     on = [facets[effect.boundary] for effect in statement.contact]
@@ -327,7 +297,7 @@ def _foundations(
         number: facets[effect.against] for number, effect in enumerate(statement.contact) if effect.against is not None
     }
     names = [f"contact {effect.boundary}" for effect in statement.contact]
-    return Foundations(space, foundations_of(statement, on, masters), on, names, inventory, masters)
+    return Foundations(space, foundations_of(statement, on, masters), on, names, masters)
 
 
 def pairs_of(statement: Statement, tagged: TaggedMesh, space: fem.FunctionSpace) -> dict[int, PairedSides]:
@@ -335,7 +305,7 @@ def pairs_of(statement: Statement, tagged: TaggedMesh, space: fem.FunctionSpace)
     facets = boundary_facets(statement, tagged)
     supports = Supports.of(statement, space, facets, tagged)
     rests = at_rest(space, supports.conditions, supports.turned, supports.fixed)
-    foundations = _foundations(statement, space, facets, Inventory())
+    foundations = _foundations(statement, space, facets)
     foundations.boundary(foundations.shapes(), supports.fixed, supports.turned, rests)
     return foundations.pairs
 
@@ -364,11 +334,11 @@ def boundary_facets(statement: Statement, tagged: TaggedMesh) -> dict[str, npt.N
                     "needs its own nodes, and its own boundary"
                 )
                 problems.append((f"{path}.{key}", message))
-    sides = [(f"contact[{index}].boundary", effect.boundary) for index, effect in enumerate(statement.contact)]
-    sides += [
-        (f"contact[{index}].against", effect.against)
+    sides = [
+        (f"contact[{index}].{key}", name)
+        for key in ("boundary", "against")
         for index, effect in enumerate(statement.contact)
-        if effect.against is not None
+        if (name := getattr(effect, key)) is not None
     ]
     for number, (path, name) in enumerate(sides):
         for earlier_path, earlier_name in sides[:number]:
@@ -390,8 +360,8 @@ def boundary_facets(statement: Statement, tagged: TaggedMesh) -> dict[str, npt.N
     for path, effect in statement.listed():
         region = getattr(effect, "region", None)
         if region is not None and region not in tagged.regions:
-            region_names = ", ".join(sorted(tagged.regions)) or "none"
-            problems.append((f"{path}.region", f"the mesh has no region {region!r}; its regions are: {region_names}"))
+            known = ", ".join(sorted(tagged.regions)) or "none"
+            problems.append((f"{path}.region", f"the mesh has no region {region!r}; its regions are: {known}"))
     if problems:
         raise SceneError(problems)
     return facets

@@ -29,9 +29,8 @@ from signorini_fx.algebra.linalg.elasticity import Elasticity, FarPoints, LoadCa
 from signorini_fx.algebra.linalg.schur import SchurComplement
 from signorini_fx.algebra.method import Settings
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.assembly.mesh_entities import action
+from signorini_fx.mechanics.assembly.mesh_entities import action, shared_in
 from signorini_fx.mechanics.assembly.pieces import BodyPieces
-from signorini_fx.mechanics.assembly.shared_cache import shared_in
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.contact_points.contact_map import block_diagonal, contact_map, with_rotations
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
@@ -47,7 +46,6 @@ from signorini_fx.mechanics.rigid.rigid_motions import (
     without_strain,
 )
 from signorini_fx.mechanics.statement.settings import SolverSettings
-from signorini_fx.records import Inventory
 from signorini_fx.tuned import FEWEST_BLOCK_UNKNOWNS, FINER_LEVELS
 
 if TYPE_CHECKING:
@@ -61,7 +59,7 @@ Array = npt.NDArray[np.float64]
 class ElasticBody:
     """A symmetric form a(., .) on a vector Lagrange space with supports and contact points.
 
-    Each of its parts is compiled and assembled when it is first needed, which is collective.
+    Each part is compiled and assembled when it is first needed; what takes forms, matrices or motions is collective.
 
     Attributes:
         space: Y_h, of the displacement.
@@ -74,7 +72,6 @@ class ElasticBody:
         pieces: into which the mesh falls.
         boundary: the contact points; None: there are none.
         settings: how it is to be solved.
-        inventory: what was compiled and assembled.
         kinematics: of the displacement; which motions have no strain in forms of a user's own, these say themselves.
         compressible: whether the material is far enough from incompressible for multigrid.
         elastic: the law that ``terms`` are of, and its unknowns beside the displacement.
@@ -87,10 +84,8 @@ class ElasticBody:
         far: which contact points are not expected to touch, shape (n,), and a displacement that tells where they are;
             None: any of them may.
         eliminated: what a condensed system with another boundary has made of the same stiffness; None: there is none.
-        of_body: results that depend on everything above but ``boundary``, such as the stiffness; they are kept for
-            another boundary, unless unknowns are along its normals.
-        of_contact: results that depend on ``boundary``, too.
-        of_mesh: results that depend on the mesh and ``space`` alone, which no copy changes.
+        of_body, of_contact, of_mesh: results that depend on everything above but ``boundary``, on that too, and on the
+            mesh and ``space`` alone.
     """
 
     space: fem.FunctionSpace
@@ -102,7 +97,6 @@ class ElasticBody:
     pieces: BodyPieces
     boundary: ContactBoundary | None
     settings: SolverSettings
-    inventory: Inventory
     kinematics: Kinematics
     compressible: bool = True
     elastic: ElasticLaw = field(default_factory=ElasticLaw)
@@ -144,14 +138,12 @@ class ElasticBody:
 
     @shared_in("of_contact")
     def motions(self) -> RigidMotions:
-        """The motions without strain that supports, and what else resists them, leave free; bodies that can touch each
-        other are one assembly.
-        """
+        """The free motions without strain; bodies that can touch each other are one assembly."""
         return self._free if self.boundary is None else self._free.joined(self.boundary).with_foundations(self.boundary)
 
     @shared_in("of_body")
     def _supported(self) -> RigidMotions:
-        """The motions without strain that the supports leave free, whatever else resists them."""
+        """The same of supports alone."""
         motions = rigid_motions(self.space, self.fixed.reshape(-1, self.dimension), self.pieces, self.turned)
         if self.kinematics.motions_without_strain is not None:
             motions = without_strain(motions, self.kinematics)
@@ -179,13 +171,9 @@ class ElasticBody:
             return FreeMotions.without_contact(self.comm, self.dimension, self.motions.assembly)
         return self.motions.at(self.boundary)
 
-    @property
-    def system_size(self) -> SystemSize:
-        """The figures that decide which kind of elastic system it gets."""
-        return self._size(self.at_contact)
-
-    def _size(self, at_contact: FreeMotions) -> SystemSize:
-        """The same, with these motions at the contact points."""
+    def system_size(self, at_contact: FreeMotions | None = None) -> SystemSize:
+        """The figures that decide which kind of elastic system it gets, with free motions at the contact points."""
+        at_contact = self.at_contact if at_contact is None else at_contact
         retained, held, across = 0, False, int(self.space.mesh.topology.dim)
         if self.boundary is not None:
             reached = parallel.gather_rows(self.comm, np.unique(self.boundary.reached))
@@ -203,8 +191,7 @@ class ElasticBody:
     @shared_in("of_body")
     def _assembled(self) -> tuple[PETSc.Mat, PETSc.Mat | None, PETSc.Mat | None]:
         """``stiffness`` and ``rotation``, and this without rigid bodies."""
-        self.inventory.matrices.append("stiffness")
-        if self._fit_for_blocks and self._no_blocks is None:
+        if self._fit_for_blocks:
             from signorini_fx.mechanics.assembly.block_stiffness import block_stiffness
 
             return self.elastic.joined(block_stiffness(self.forms, self.fixed, self.beside), None, None, self.fixed)
@@ -264,14 +251,7 @@ class ElasticBody:
             return False
         # Nothing that resists is assembled yet: without it more motions are free, and contact holds them or not.
         at_contact = self._supported.joined(boundary).at(boundary)
-        return choose_kind(self._size(at_contact), self.settings.linear_algebra)[0] == "krylov"
-
-    @shared_in("of_body")
-    def _no_blocks(self) -> str | None:
-        """Why products by blocks cannot be compiled; None: they are; collective."""
-        from signorini_fx.mechanics.assembly.block_stiffness import why_not
-
-        return why_not(self.comm)
+        return choose_kind(self.system_size(at_contact), self.settings.linear_algebra)[0] == "krylov"
 
     @property
     def _rigid(self) -> int:
@@ -287,9 +267,7 @@ class ElasticBody:
 
     @property
     def prescribed(self) -> npt.NDArray[np.bool_]:
-        """Which unknowns of the stiffness this rank has prescribed: ``fixed``, on the last one those of rigid bodies,
-        and of a pressure none.
-        """
+        """Which unknowns of the stiffness this rank has prescribed: ``fixed``, and on the last one of rigid bodies."""
         pressure = np.zeros(self.elastic.count, dtype=bool)
         return np.concatenate((self._held, pressure)) if pressure.size else self._held
 
@@ -300,16 +278,12 @@ class ElasticBody:
 
     @property
     def stiffness(self) -> PETSc.Mat:
-        """Of a(., .) on Y_h, symmetric; prescribed rows and columns are eliminated and have its largest entry on their
-        diagonal.
-        """
+        """Of a(., .) on Y_h; prescribed rows and columns are empty, with its largest entry on their diagonal."""
         return self._assembled[0]
 
     @property
     def rotation(self) -> PETSc.Mat | None:
-        """Q from the unknowns of the stiffness to displacements, with more columns than rows where there are rigid
-        bodies; None: they are the same.
-        """
+        """Q from the unknowns of the stiffness, some of rigid bodies, to displacements; None: they are the same."""
         return self._assembled[1]
 
     @shared_in("of_contact")
@@ -349,15 +323,7 @@ class ElasticBody:
         pushing: Array | None = None,
         pressure_load: Array | None = None,
     ) -> LoadCase:
-        """The right-hand side of loads and prescribed displacements, which are lifted; collective.
-
-        Args:
-            forces: L at the owned dofs, shape (owned dofs,).
-            prescribed: zero, with the prescribed displacements put in.
-            driven: what drives rigid bodies; None: nothing.
-            pushing: those of the forces that may do work on rigid motions; None: all of them.
-            pressure_load: see ``AppliedLoad``.
-        """
+        """The right-hand side of an ``AppliedLoad``, whose prescribed displacements are lifted."""
         comm, dim = self.comm, self.dimension
         prescribed_values, moved = prescribed.x.array[: forces.size], prescribed.x.array.reshape(-1, dim).any(axis=1)
         lifted, start = forces, self.vector(prescribed_values)
@@ -391,7 +357,7 @@ class ElasticBody:
         choose: Callable[[Elasticity, SystemSize, str], tuple[ElasticSystem, str]] = choose_system,
         **options: Any,
     ) -> Task:
-        """Its contact problem, ready for ``strategy.solve_task`` or for a user-defined algorithm; collective.
+        """Its contact problem, ready for ``strategy.solve_task`` or for a user-defined algorithm.
 
         Args:
             cases: loads and prescribed displacements.
@@ -402,11 +368,9 @@ class ElasticBody:
             allowed: the regularisation error allowed for path-following at a displacement, in the energy norm; None:
                 that of the settings, relative to the energy norm of the displacement.
             choose: the elastic system, and the reason for its kind.
-            options: natural_gamma, coordinate_error, has_coulomb and history, see ``Task``.
+            options: see ``Task``.
         """
-        system, reason = choose(self.elasticity(cases, coarser), self.system_size, self.settings.linear_algebra)
-        if self._fit_for_blocks and self._no_blocks is not None:
-            reason = f"{reason}; its products are slower than by blocks: {self._no_blocks}"
+        system, reason = choose(self.elasticity(cases, coarser), self.system_size(), self.settings.linear_algebra)
         system.set_load(factors)
         share = self.settings.regularisation_error
 
@@ -450,7 +414,7 @@ class ElasticBody:
         return function
 
     def driven(self, x: PETSc.Vec, resting: ReferenceMotion | None) -> Array:
-        """The unknowns of rigid bodies in a displacement counted from the reference motion, shape (k,); collective."""
+        """The unknowns of rigid bodies in a displacement counted from the reference motion, shape (k,)."""
         if self.boundary is None or self.boundary.moving is None:
             return np.zeros(0)
         local = np.array(x.getArray(readonly=True)[self.fixed.size : self._held.size])
@@ -468,11 +432,8 @@ class ElasticBody:
         x.getArray()[self.fixed.size : self._held.size] = driven[: self._rigid]
 
     def forces_of(self, displacement: fem.Function, nodes: npt.NDArray[np.int32] | None = None) -> Array:
-        """a(y, .), supports left out, shape (owned dofs,); collective.
-
-        Args:
-            displacement: y.
-            nodes: outside of which y is zero, local numbers, ghosts included; None: there may be none.
+        """a(y, .), supports left out, shape (owned dofs,); ``nodes``: outside of which y is zero, local numbers, ghosts
+        included.
         """
         if nodes is None:
             nodes = np.arange(displacement.x.array.size // self.dimension, dtype=np.int32)
@@ -480,9 +441,7 @@ class ElasticBody:
         return forces if self.beside is None else forces + self.beside.times(displacement)
 
     def forces_where_free(self, displacement: fem.Function) -> Array:
-        """``forces_of``, which may be anything at the unknowns that supports prescribe: the product with the stiffness
-        is cheaper than an integration over all cells; collective.
-        """
+        """``forces_of`` where nothing is prescribed, by the stiffness: cheaper than an integration over all cells."""
         if self.rotation is not None or self.elastic.pressed:
             return self.forces_of(displacement)
         y = self.vector(displacement.x.array)
@@ -497,7 +456,7 @@ class ElasticBody:
         return forces
 
     def energy_norm(self, x: PETSc.Vec) -> float:
-        """Sqrt(a(y, y)) of a displacement, with what is prescribed; collective."""
+        """Sqrt(a(y, y)) of a displacement, with what is prescribed."""
         y = self.function(x)
         forces = self.forces_of(y)
         twice = float(parallel.global_sum(self.comm, forces @ y.x.array[: forces.size])) + self.elastic.energy(y)

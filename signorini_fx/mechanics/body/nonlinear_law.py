@@ -37,16 +37,13 @@ from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.statement.effect import Resistance
 from signorini_fx.mechanics.statement.load_path import LoadPath
 from signorini_fx.mechanics.statement.statement import Statement
-from signorini_fx.records import Inventory
 
 Array = npt.NDArray[np.float64]
 Cells = npt.NDArray[np.int32]
 
 
 def at_rest(statement: Statement) -> Statement:
-    """The same with the linear materials that nonlinear ones are at small strains, and loads that keep their direction
-    alone.
-    """
+    """The same with materials of small strains, and without loads that follow the body."""
     return without_followers(statement).changed(material=tuple(material.at_rest for material in statement.material))
 
 
@@ -72,8 +69,7 @@ class MaterialPoints:
     """The state of one material at the points of quadrature of its cells.
 
     Attributes:
-        material: it.
-        cells: that are made of it, c of them.
+        material, cells: it, and the cells that are made of it, c of them.
         strain: from the displacement of now, less that of the temperature, at the q points of each cell, components
             ``strained``, of shear twice epsilon_ij.
         strained: the components that may not be zero, as places in ``PAIRS``.
@@ -195,12 +191,8 @@ def body_residual(statement: Statement, tagged: TaggedMesh, u: fem.Function) -> 
         if reduced is not None:
             volume = measure(number + len(cells), metadata={"quadrature_degree": reduced})
         if material.finite:
-            change, expanded = kinematics.gradient(u), around
-            if free is not None:
-                change, expanded = (change - free * ufl.Identity(3)) / (1 + free), (1 + free) ** 3 * around
-            energies.append(material.shape_energy_by_change(change) * expanded * shape)
-            if material.splits:
-                energies.append(material.volume_energy_by_change(growth(change)) * expanded * volume)
+            parts_of_energy = _energies(material, kinematics.gradient(u), free)
+            energies += [energy * around * d for energy, d in zip(parts_of_energy, (shape, volume), strict=False)]
             continue
         bulk, shear = _constants(material)
         strain = _small(kinematics, u)
@@ -222,7 +214,7 @@ def body_residual(statement: Statement, tagged: TaggedMesh, u: fem.Function) -> 
     if energies:
         forms.append(ufl.derivative(sum(energies[1:], energies[0]), u, v))
     springs = [effect for effect in statement.of(Resistance) if effect.acts]
-    on = FormCoefficients(statement, tagged, space, Inventory())
+    on = FormCoefficients(statement, tagged, space)
     ds = surface_measure(space.mesh, [tagged.facets(effect.where) for effect in (*following(statement), *springs)], {})
     followers = Followers.of(statement, tagged, u, ds, measure(2 * len(cells)))
     forms += followers.works
@@ -236,13 +228,7 @@ def body_residual(statement: Statement, tagged: TaggedMesh, u: fem.Function) -> 
 
 def stress_parts(material: Any, u: fem.Function, kinematics: Kinematics, free: Any | None) -> list[Any | None]:
     """The Cauchy stress in 3D of the shape, and of the volume, at small strains the stress, UFL, shape (3, 3); None: it
-    is zero, or that of a state.
-
-    Args:
-        material: it.
-        u: the displacement.
-        kinematics: of the body.
-        free: see ``BodyResidual``.
+    is zero, or that of a state; ``free``: see ``BodyResidual``.
     """
     identity = ufl.Identity(3)
     if not material.finite:
@@ -252,15 +238,19 @@ def stress_parts(material: Any, u: fem.Function, kinematics: Kinematics, free: A
         of_shape = None if isinstance(material, PathDependent) else 2 * shear * ufl.dev(strain)
         return [of_shape, bulk * ufl.tr(strain) * identity]
     change = ufl.variable(kinematics.gradient(u))
-    elastic, expanded = change, 1
-    if free is not None:
-        elastic, expanded = (change - free * identity) / (1 + free), (1 + free) ** 3
-    energies = [material.shape_energy_by_change(elastic)]
-    if material.splits:
-        energies.append(material.volume_energy_by_change(growth(elastic)))
     gradient = identity + change
-    stresses = [ufl.diff(expanded * energy, change) * gradient.T / ufl.det(gradient) for energy in energies]
+    energies = _energies(material, change, free)
+    stresses = [ufl.diff(energy, change) * gradient.T / ufl.det(gradient) for energy in energies]
     return [*stresses, None][:2]
+
+
+def _energies(material: Any, change: Any, free: Any | None) -> list[Any]:
+    """The energy of the shape, and that of the volume if it is apart, per undeformed volume, from grad u, UFL."""
+    expanded = 1
+    if free is not None:
+        change, expanded = (change - free * ufl.Identity(3)) / (1 + free), (1 + free) ** 3
+    energies = [material.shape_energy_by_change(change) * expanded]
+    return [*energies, material.volume_energy_by_change(growth(change)) * expanded] if material.splits else energies
 
 
 def _constants(material: Any) -> tuple[float, float]:

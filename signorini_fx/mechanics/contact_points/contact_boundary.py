@@ -25,7 +25,7 @@ from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.algebra.contact.points import ContactPoints, SharedNodes, onto_range
 from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.assembly.averages import Averages, AveragingForms, averaged_points
-from signorini_fx.mechanics.assembly.mesh_entities import assemble, facet_nodes, measure, node_positions
+from signorini_fx.mechanics.assembly.mesh_entities import assemble, compile_form, facet_nodes, measure, node_positions
 from signorini_fx.mechanics.assembly.quadrature import lumped_degree, nodal_rule
 from signorini_fx.mechanics.kinematics import of_components
 from signorini_fx.mechanics.kinematics.protocol import SPACE, Kinematics
@@ -287,7 +287,7 @@ def unit_contact_form(space: fem.FunctionSpace, z: Any, facets: npt.NDArray[np.i
     elif degree == 1:  # exactly: on the axis of a body of revolution the nodal rule has the weight zero
         rule = {"quadrature_degree": lumped_degree(degree, geometry)}
     ds = measure(mesh, [facets], rule)(1)
-    return fem.form(factor * ufl.inner(z, ufl.FacetNormal(mesh)) * ds)
+    return compile_form(factor * ufl.inner(z, ufl.FacetNormal(mesh)) * ds)
 
 
 def contact_part(

@@ -17,10 +17,8 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 from pydantic import Discriminator, Tag, TypeAdapter, WrapValidator, model_validator
 
 from signorini_fx.extensions import LAWS, load_class, names_of
-from signorini_fx.mechanics.laws.coulomb import Coulomb
-from signorini_fx.mechanics.laws.none import NoFriction
+from signorini_fx.mechanics.laws.coulomb import Coulomb, NoFriction, Tresca
 from signorini_fx.mechanics.laws.protocol import FrictionLaw
-from signorini_fx.mechanics.laws.tresca import Tresca
 from signorini_fx.mechanics.statement.base import Table, refused
 from signorini_fx.mechanics.statement.effect import Contradictions, Effect, Features
 from signorini_fx.mechanics.statement.rigid_motion import driven_twice
@@ -118,22 +116,15 @@ class Contact(Effect):
             if self.against is not None:
                 cure = "name it as against, and the others as boundary: several contacts may be against the same one"
             yield ("contact", number), f"boundary {self.boundary!r} is in contact twice: {cure}"
-        if self.foundation is not None:
-            for rival in ("against", "direction"):
-                if getattr(self, rival) is not None:
-                    reason = "the other body" if rival == "against" else "the direction, that of the closest point"
-                    yield ("contact", number, rival), f"foundation already says {reason}: leave one of them out"
+        for rival, said in (("against", "the other body"), ("direction", "the direction, that of the closest point")):
+            if self.foundation is not None and getattr(self, rival) is not None:
+                yield ("contact", number, rival), f"foundation already says {said}: leave one of them out"
         if self.tool is not None:
             yield from _not_with_tools(statement, number)
         if self.against is None:
-            between = {
-                "distance": self.distance == "nominal",
-                "points": self.points != "auto",
-                "sliding": self.sliding != "finite",
-            }
-            for word, is_set in {**between, "adjust": self.adjust is not None}.items():
-                if is_set:
-                    yield ("contact", number, word), "is for contact against another boundary"
+            for key in ("distance", "points", "sliding", "adjust"):
+                if getattr(self, key) != type(self).model_fields[key].default:
+                    yield ("contact", number, key), "is for contact against another boundary"
             return
         if self.against == self.boundary:
             yield ("contact", number, "against"), "is the boundary itself: two bodies have two boundaries"

@@ -6,8 +6,8 @@ A package that says in its pyproject.toml
     "transversely isotropic" = "its.module:TransverselyIsotropic"
 
 has scenes with [material] law = "transversely isotropic" and the keys of this class.  Linear materials of
-``materials`` are known by their keys alone, nonlinear ones by their law, which names their file.  A scene imports the
-files of its materials alone.
+``materials`` are known by their keys alone, nonlinear ones by their law.  A scene imports the files of its materials
+alone.
 """
 
 from __future__ import annotations
@@ -24,22 +24,31 @@ from signorini_fx.extensions import MATERIALS, load_class, names_of
 from signorini_fx.mechanics.materials.isotropic import LinearElastic
 from signorini_fx.mechanics.materials.protocol import Material
 
-NONLINEAR = ("j2", "maxwell", "mooney-rivlin", "neo-hooke", "ogden", "saint-venant-kirchhoff")
+# By their laws the files and classes of nonlinear materials.
+NONLINEAR = {
+    "j2": ("path_dependent", "J2"),
+    "maxwell": ("path_dependent", "Maxwell"),
+    "mooney-rivlin": ("hyperelastic", "MooneyRivlin"),
+    "neo-hooke": ("hyperelastic", "NeoHooke"),
+    "ogden": ("hyperelastic", "Ogden"),
+    "saint-venant-kirchhoff": ("hyperelastic", "SaintVenantKirchhoff"),
+}
+_ORTHOTROPIC = "orthotropic", "OrthotropicElastic"
 
 
-def _of_file(name: str) -> type[Material]:
-    """The material of a file of ``materials``, which is imported."""
-    entry_class: type[Material] = import_module(f"signorini_fx.mechanics.materials.{name.replace('-', '_')}").Entry
-    return entry_class
+def _of_file(file: str, name: str) -> type[Material]:
+    """A material of a file of ``materials``, which is imported."""
+    kind: type[Material] = getattr(import_module(f"signorini_fx.mechanics.materials.{file}"), name)
+    return kind
 
 
 def _class_of(entry: Mapping[str, Any]) -> type[Material]:
     """The class of the material of a table."""
     name = entry.get("law")
     if name is None:
-        return _of_file("orthotropic") if "orthotropic" in entry else LinearElastic
+        return _of_file(*_ORTHOTROPIC) if "orthotropic" in entry else LinearElastic
     if name in NONLINEAR:
-        return _of_file(name)
+        return _of_file(*NONLINEAR[name])
     if name not in (known := names_of(MATERIALS)):
         added = f", those of other packages: {', '.join(known)}" if known else ""
         cure = f"leave law out, or take another one: {', '.join(NONLINEAR)}{added}"
@@ -61,7 +70,7 @@ def read_material(entry: Any) -> Any:
 
 def every_entry() -> Any:
     """The type of any material of this package, for help and messages: this imports all of them."""
-    return reduce(or_, map(_of_file, ("orthotropic", *NONLINEAR)), LinearElastic)
+    return reduce(or_, (_of_file(*place) for place in (_ORTHOTROPIC, *NONLINEAR.values())), LinearElastic)
 
 
 Entry = Annotated[Any, BeforeValidator(read_material)]

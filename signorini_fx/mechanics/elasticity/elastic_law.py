@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from functools import partial
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import basix
@@ -23,43 +22,78 @@ from signorini_fx.machine import compat, parallel
 from signorini_fx.machine.compilation import compiling
 from signorini_fx.mechanics.assembly.mesh_entities import assemble, stiffness_form
 from signorini_fx.mechanics.assembly.quadrature import strain_degree
-from signorini_fx.mechanics.kinematics.protocol import Kinematics
+from signorini_fx.mechanics.kinematics.protocol import Kinematics, position
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
-from signorini_fx.records import Inventory
 
 if TYPE_CHECKING:
     from signorini_fx.mechanics.statement.statement import Statement
 
 _Floats = npt.NDArray[np.float64]
-# Which of the parts of a body, its cells, and stresses at their vertices -> that out of the plane, see ``LawStress``.
-OutOfPlane = Callable[[int, npt.NDArray[np.int32], _Floats], _Floats]
 # A function, and the expression that it is to be interpolated from.
 Interpolation = tuple[fem.Function, fem.Expression]
 
 
 @dataclass(frozen=True)
-class LawStress:
-    """The stress of a displacement by a law, UFL.
+class ElementStress:
+    """The stress of a displacement that the elements work with, as UFL, and what follows from its law: everything that
+    shows or judges a stress takes it from here.
 
     Attributes:
-        sigma: shape (d, d); of the displacement at the time of the last ``ElementStress.refresh``.
+        displacement: y, whose values may change.
+        kinematics: of the displacement.
+        sigma: shape (d, d); of the displacement at the time of the last ``refresh``.
         outward: the stress out of the plane; None: there is none.
-        out_of_plane: that stress of others, see ``ElementStress.outward_of``; None: it is one of them.
         compliance: components tau of a difference of stresses -> C^-1 tau : tau.
         modulus: the largest normal stress per strain, lambda + 2 mu.
         shear_modulus: mu, the mean one of an orthotropic material; None: the body is not known to be isotropic.
         interpolated: what ``sigma`` does not see of the displacement itself.
-        prevented: what of the initial strains the stress out of the plane has beside the other stresses.
+        parts: the cells of each part within which the stress has no jumps, local numbers, ghosts included.
+        move: takes jumps and initial strains to a place in the lists of factors.
     """
 
+    displacement: fem.Function
+    kinematics: Kinematics
     sigma: Any
     outward: Any
-    out_of_plane: OutOfPlane | None
     compliance: Callable[[Any], Any]
     modulus: Any
     shear_modulus: Any
     interpolated: Sequence[Interpolation] = ()
-    prevented: Interpolation | None = None
+    parts: Sequence[npt.NDArray[np.int32]] = ()
+    move: Callable[[float], None] = lambda place: None
+
+    def refresh(self, step: float) -> None:
+        """Take from the displacement anew what ``sigma`` does not see of it, on all cells of this rank, at a place."""
+        self.move(step)
+        for function, expression in self.interpolated:
+            function.interpolate(expression)
+
+    @property
+    def around(self) -> Any:
+        """By what areas and lengths of the mesh are multiplied, see ``Kinematics.measure``."""
+        return self.kinematics.measure(position(self.displacement))
+
+    @property
+    def components(self) -> Any:
+        """The components of sigma, see ``Kinematics.pairs``, and that out of the plane where it is none of them."""
+        pairs = self.kinematics.pairs
+        beyond = [] if self.outward is None or (2, 2) in pairs else [self.outward]
+        return ufl.as_vector([*(self.in_space[pair] for pair in pairs), *beyond])
+
+    def squared(self, difference: Any, times: Any, dx: Any) -> Any:
+        """The form of C^-1 tau : tau for a difference of stresses, its ``components``, times a factor."""
+        within = ufl.as_vector([difference[k] for k in range(len(self.kinematics.pairs))])
+        return times * self.compliance(within) * self.around * dx
+
+    @property
+    def in_space(self) -> Any:
+        """Sigma with all components in 3D, shape (3, 3)."""
+        dim = self.kinematics.dimension
+        out = 0 * self.sigma[0, 0] if self.outward is None else self.outward
+        components = [[self.sigma[i, j] if max(i, j) < dim else 0 * out for j in range(3)] for i in range(3)]
+        if dim < 3:
+            components[2][2] = out
+        return ufl.as_tensor(components)
 
 
 @dataclass(frozen=True)
@@ -76,11 +110,6 @@ class ElasticLaw:
 
     lame: tuple[Any, Any] = field(default=(None, None), kw_only=True)
     stiffness: Any = field(default=None, kw_only=True)
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Of the forms of a(., .)."""
-        return ("elasticity",)
 
     @property
     def reduced(self) -> int | None:
@@ -110,16 +139,12 @@ class ElasticLaw:
         """Of these terms, compiled, at the owned unknowns of the displacement, and of the pressure."""
         return sum((assemble(form) for form in forms), np.zeros(owned)), None
 
-    def compiled(self, space: fem.FunctionSpace, inventory: Inventory) -> tuple[fem.Form, ...]:
+    def compiled(self, space: fem.FunctionSpace) -> tuple[fem.Form, ...]:
         """The terms of a(., .)."""
         terms = self.terms(ufl.TrialFunction(space), ufl.TestFunction(space))
-        across = space.mesh.topology.dim
-        return tuple(
-            inventory.compile(name, partial(stiffness_form, term, across))
-            for name, term in zip(self.names, terms, strict=True)
-        )
+        return tuple(stiffness_form(term, space.mesh.topology.dim) for term in terms)
 
-    def stress(self, y: fem.Function, moved: Any, initial: Any) -> LawStress:
+    def stress(self, y: fem.Function, moved: Any, initial: Any) -> ElementStress:
         """The stress of a displacement, which jumps have ``moved``, with initial strains, None without any, UFL."""
         raise NotImplementedError
 
@@ -133,7 +158,7 @@ class ElasticLaw:
         Args:
             stiffness: of the displacement, prescribed rows and columns empty but for the diagonal.
             rotation: from its unknowns to displacements; None: they are the same.
-            turning: that without rigid bodies.
+            turning: the same without rigid bodies.
             fixed: the prescribed unknowns of the displacement of this rank.
         """
         stiffness.setOption(PETSc.Mat.Option.SPD, True)
@@ -156,12 +181,7 @@ class ElasticLaw:
         return 0.0
 
     def encloses(self, vector: Callable[[_Floats], PETSc.Vec], held: npt.NDArray[np.bool_]) -> bool:
-        """Whether an incompressible body cannot change its volume, because of what is held.
-
-        Args:
-            vector: from forces at the nodes to those at the unknowns that ``held`` is of.
-            held: unknowns of this rank.
-        """
+        """Whether what is ``held`` lets no incompressible body change its volume; ``vector``: see ``ElasticBody``."""
         return False
 
 
@@ -197,13 +217,7 @@ class SceneLaw(ElasticLaw):
     # --- forces at a displacement, for results ---
 
     def force_terms(self, y: fem.Function, z: Any, moved: Any = None) -> tuple[Any, ...]:
-        """The work of the stress of a displacement, as terms to be compiled one by one.
-
-        Args:
-            y: the displacement, with what else its law has found with it.
-            z: what the work is done on.
-            moved: the displacement with jumps; None: there are none.
-        """
+        """The work of the stress of y on z, as terms to be compiled one by one; ``moved``: y with jumps, if any."""
         return self.terms(y if moved is None else moved, z)
 
     def initial_terms(self, z: Any, jump: Any, strain: Any, degree: int) -> list[Any]:
@@ -226,30 +240,13 @@ class SceneLaw(ElasticLaw):
         raise NotImplementedError
 
     def dilation_terms(self, y: fem.Function, jump: Any, strain: Any, degree: int) -> list[Any]:
-        """How far the volume changes otherwise than a pressure says, tested with its functions, and at last the
-        integrals of these, likewise.
-        """
+        """The residual of the law of a pressure, tested with its functions, and at last the integrals of these."""
         raise NotImplementedError
 
     def _integral(self, density: Any, degree: int) -> Any:
         """Over the body, with a quadrature of this degree."""
         around = self.kinematics.measure(ufl.SpatialCoordinate(self.tagged.mesh))
         return density * around * ufl.dx(domain=self.tagged.mesh, metadata={"quadrature_degree": degree})
-
-    # --- stress ---
-
-    def prevented(self, stress: Any, initial: Any) -> Interpolation | None:
-        """``stress`` times an initial strain where the strain out of the plane is prevented."""
-        if initial is None or not self.kinematics.prevented:
-            return None
-        return interpolation(stress * initial, fem.functionspace(self.tagged.mesh, ("DG", 1)))
-
-    def lateral(self, part: int, cells: npt.NDArray[np.int32], tau: _Floats) -> _Floats:
-        """``OutOfPlane`` of an isotropic material."""
-        from signorini_fx.mechanics.elasticity.moduli import poisson_of
-
-        poisson = np.reshape(poisson_of(self.statement.material[part], self.tagged, cells), (-1, 1))
-        return np.asarray(poisson * (tau[..., 0] + tau[..., 1]))
 
 
 @dataclass(frozen=True)
@@ -265,10 +262,6 @@ class IsotropicLaw(SceneLaw):
     """
 
     reduced: int | None = None
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        return ("elasticity", "reduced volumetric elasticity")[: 1 if self.reduced is None else 2]
 
     def terms(self, y: Any, z: Any) -> tuple[Any, ...]:
         first, second = self.kinematics.strain(y), self.kinematics.strain(z)
@@ -292,14 +285,13 @@ class IsotropicLaw(SceneLaw):
             return (self._integral((shearing + volumetric) * product, degree),)
         return self._integral(shearing * product, degree), self._integral(volumetric * product, self.reduced)
 
-    def stress(self, y: fem.Function, moved: Any, initial: Any) -> LawStress:
+    def stress(self, y: fem.Function, moved: Any, initial: Any) -> ElementStress:
         (lame, mu), kinematics, mesh = self.lame, self.kinematics, self.tagged.mesh
         elastic = kinematics.strain(moved, on_axis=True)
-        theta, prevented = ufl.tr(elastic), None
+        theta = ufl.tr(elastic)
         if initial is not None:
             elastic -= initial * ufl.Identity(elastic.ufl_shape[0])
             theta -= kinematics.directions * initial
-            prevented = self.prevented(mu * (3 * lame + 2 * mu) / (lame + mu), initial)  # E times the initial strain
         interpolated = []
         if self.reduced is not None:
             at_points = fem.functionspace(mesh, _at_points(mesh.topology.cell_name(), self.reduced))
@@ -311,80 +303,45 @@ class IsotropicLaw(SceneLaw):
         outward = sigma[2, 2] if elastic.ufl_shape[0] > self.tagged.dimension else None
         if kinematics.prevented:
             outward = mean if initial is None else mean - 2 * mu * initial
-        return LawStress(
+        return ElementStress(
+            y,
+            kinematics,
             within(sigma, len(y)),
             outward,
-            self.lateral if kinematics.prevented else None,
             lambda tau: compliance(tau, kinematics, lame, mu),
             lame + 2 * mu,
             mu,
             interpolated,
-            prevented,
         )
 
 
 def cellwise_stress(
-    y: fem.Function,
-    sigma: Any,
-    outward: Any,
-    moduli: tuple[_Floats, npt.NDArray[np.int32]],
-    *,
-    shear_modulus: Any = None,
-    prevented: Interpolation | None = None,
-) -> LawStress:
-    """That of moduli which are constant in each cell; collective.
-
-    Args:
-        y: the displacement.
-        sigma: see ``LawStress``.
-        outward: see ``LawStress``.
-        moduli: the components of the stress, see ``Kinematics.pairs``, and out of the plane if there is such a stress,
-            over those of the strain, of shear twice epsilon_ij, of each cell, shape (cells, rows, m), and the number
-            of each cell among them.
-        shear_modulus: see ``LawStress``.
-        prevented: see ``LawStress``.
+    y: fem.Function, kinematics: Kinematics, sigma: Any, outward: Any, moduli: _Floats, shear_modulus: Any
+) -> ElementStress:
+    """That of moduli which are constant in each cell: components of the stress, see ``Kinematics.pairs``, over those of
+    the strain, of shear twice epsilon_ij, shape (cells, m, m); collective.
 
     Raises:
         numpy.linalg.LinAlgError: some strain has no stress, on all ranks.
     """
-    mesh, (at_cells, numbers) = y.function_space.mesh, moduli
-    dim, m = int(mesh.geometry.dim), at_cells.shape[2]
-    inverse: Any = at_cells[:, :m]
-    error = None
+    mesh, dim, m = y.function_space.mesh, y.function_space.mesh.geometry.dim, moduli.shape[2]
+    inverse, error = moduli, None
     try:
-        inverse = np.linalg.inv(inverse)
+        inverse = np.asarray(np.linalg.inv(moduli))
     except np.linalg.LinAlgError as found:
         error = found
     parallel.raise_together(mesh.comm, error)
     largest = fem.Function(fem.functionspace(mesh, ("DG", 0)))
-    largest.x.array[:] = at_cells[:, range(dim), range(dim)].max(axis=1)
+    largest.x.array[:] = moduli[:, range(dim), range(dim)].max(axis=1)
     flexibility = fem.Function(fem.functionspace(mesh, ("DG", 0, (m, m))))
     flexibility.x.array[:] = inverse.ravel()
-    ratios = at_cells[:, m:] @ inverse
-
-    def out_of_plane(part: int, cells: npt.NDArray[np.int32], tau: _Floats) -> _Floats:
-        return np.asarray(np.einsum("cm,cvm->cv", ratios[numbers[cells], 0], tau))
-
-    return LawStress(
-        sigma,
-        outward,
-        out_of_plane if m < at_cells.shape[1] else None,
-        lambda tau: ufl.inner(ufl.dot(flexibility, tau), tau),
-        largest,
-        shear_modulus,
-        prevented=prevented,
-    )
+    of_difference = sigma, outward, lambda tau: ufl.inner(ufl.dot(flexibility, tau), tau)
+    return ElementStress(y, kinematics, *of_difference, largest, shear_modulus)
 
 
 def compliance(tau: Any, kinematics: Kinematics, lame: Any, mu: Any, poisson: Any = 0.5) -> Any:
-    """C^-1 tau : tau of an isotropic body for a stress tau, given by its components, see ``Kinematics.pairs``.
-
-    Args:
-        tau: the components.
-        kinematics: of the body.
-        lame: first Lame parameter; None: it may be infinite, and follows from Poisson's ratio.
-        mu: second Lame parameter.
-        poisson: nu, which counts without ``lame``; not in plane stress.
+    """C^-1 tau : tau of an isotropic body for a stress tau, given by its components, see ``Kinematics.pairs``; without
+    the first Lame parameter, which may be infinite, it follows from Poisson's ratio, but not in plane stress.
     """
     normal = [tau[k] for k, (i, j) in enumerate(kinematics.pairs) if i == j]
     shear = [tau[k] for k, (i, j) in enumerate(kinematics.pairs) if i != j]

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
@@ -32,14 +32,11 @@ from petsc4py import PETSc
 from signorini_fx.algebra.linalg.factorisation import has_package
 from signorini_fx.machine import compat, parallel
 from signorini_fx.machine.requirements import needs_fenicsx
-from signorini_fx.mechanics.assembly.mesh_entities import assemble
-from signorini_fx.mechanics.assembly.pieces import BodyPieces
-from signorini_fx.mechanics.elasticity.elastic_law import LawStress, SceneLaw, compliance, within
+from signorini_fx.mechanics.assembly.mesh_entities import assemble, compile_form
+from signorini_fx.mechanics.assembly.pieces import find_pieces
+from signorini_fx.mechanics.elasticity.elastic_law import ElementStress, SceneLaw, compliance, within
 from signorini_fx.mechanics.elasticity.moduli import isotropic
-from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.scales import Scales
-from signorini_fx.mechanics.statement.statement import Statement
-from signorini_fx.records import Inventory
 from signorini_fx.tuned import NOTHING_LEFT
 
 _Floats = npt.NDArray[np.float64]
@@ -76,93 +73,58 @@ def hydrostatic_of(displacement: fem.Function) -> fem.Function:
 
 
 @dataclass(frozen=True)
-class PressureSpace:
-    """The unknowns of the pressure, m at each vertex for m materials.
-
-    Attributes:
-        own: the space of these.
-        part: number of the material of each cell of this rank, ghosts included, shape (cells,).
+class MixedLaw(SceneLaw):
+    """Sigma = 2 mu epsilon - p I, with the pressure p as an unknown; in plane strain -p is the stress out of the plane
+    as well.
     """
 
-    own: fem.FunctionSpace
-    part: npt.NDArray[np.int32]
+    pressed: ClassVar[bool] = True
 
-    @classmethod
-    def of(cls, statement: Statement, tagged: TaggedMesh) -> PressureSpace:
-        """That of the materials of a scene."""
-        m = len(statement.material)
-        part = np.zeros(len(compat.geometry_cells(tagged.mesh)), dtype=np.int32)
-        for number, material in enumerate(statement.material):
-            part[tagged.cells(material.region)] = number
-        return cls(fem.functionspace(tagged.mesh, ("Lagrange", 1, (m,)) if m > 1 else ("Lagrange", 1)), part)
+    @cached_property
+    def own(self) -> fem.FunctionSpace:
+        """Of the unknowns of the pressure, m at each vertex for m materials."""
+        element = ("Lagrange", 1, (self._materials,)) if self._materials > 1 else ("Lagrange", 1)
+        return fem.functionspace(self.tagged.mesh, element)
 
     @property
-    def materials(self) -> int:
-        """M, their number."""
-        return int(self.own.dofmap.index_map_bs)
+    def _materials(self) -> int:
+        return len(self.statement.material)
+
+    @cached_property
+    def _part(self) -> npt.NDArray[np.int32]:
+        """Number of the material of each cell of this rank, ghosts included, shape (cells,)."""
+        part = np.zeros(len(compat.geometry_cells(self.tagged.mesh)), dtype=np.int32)
+        for number, material in enumerate(self.statement.material):
+            part[self.tagged.cells(material.region)] = number
+        return part
 
     @cached_property
     def _component(self) -> fem.Function:
         """1 in the component of the material of each cell, 0 in the others."""
-        space = fem.functionspace(self.own.mesh, ("DG", 0, (self.materials,)))
+        space = fem.functionspace(self.tagged.mesh, ("DG", 0, (self._materials,)))
         indicator = fem.Function(space)
-        indicator.x.array.reshape(-1, self.materials)[space.dofmap.list[:, 0], self.part] = 1.0
+        indicator.x.array.reshape(-1, self._materials)[space.dofmap.list[:, 0], self._part] = 1.0
         return indicator
 
-    def scalar(self, q: Any) -> Any:
-        """A function or an argument of the space as a pressure, UFL."""
-        return q if self.materials == 1 else ufl.inner(self._component, q)
+    def _pressure(self, q: Any) -> Any:
+        """A function or an argument of ``own`` as a pressure, UFL."""
+        return q if self._materials == 1 else ufl.inner(self._component, q)
 
     @property
-    def rows(self) -> npt.NDArray[np.int32]:
+    def _rows(self) -> npt.NDArray[np.int32]:
         """The unknowns of the pressure in each cell of this rank, shape (cells, vertices)."""
-        return self.own.dofmap.list * self.materials + self.part[:, None]
+        return self.own.dofmap.list * self._materials + self._part[:, None]
 
-    def alive(self) -> npt.NDArray[np.bool_]:
-        """Which of the unknowns that this rank owns are at a vertex of their material, shape (count,); collective."""
-        return self.over_cells(np.ones(self.rows.shape)) > 0
-
-    def over_cells(self, values: _Floats) -> _Floats:
-        """The mean of values in cells, shape (cells, vertices), at each unknown of this rank, shape (count,), zero
-        where it has no cell; collective.
+    def _over_cells(self, values: _Floats) -> _Floats:
+        """The mean of values in cells, shape (cells, vertices), at each owned unknown of the pressure, shape (count,),
+        zero where it has no cell; collective.
         """
         sums = [fem.Function(self.own) for _ in range(2)]
         for function, added in zip(sums, (values, np.ones(values.shape)), strict=True):
-            np.add.at(function.x.array, self.rows, added)
+            np.add.at(function.x.array, self._rows, added)
             function.x.scatter_reverse(la.InsertMode.add)
         total, times = (function.x.array[: self.count] for function in sums)
         return total / np.maximum(times, 1.0)
-
-    @property
-    def count(self) -> int:
-        """Unknowns that this rank owns."""
-        return int(self.own.dofmap.index_map.size_local) * self.materials
-
-
-@dataclass(frozen=True)
-class MixedLaw(SceneLaw):
-    """Sigma = 2 mu epsilon - p I, with the pressure p as an unknown; in plane strain -p is the stress out of the plane
-    as well.
-
-    Attributes:
-        pieces: into which the mesh falls, of which bodies that are not joined have a pressure each; None: nobody asks
-            what is enclosed.
-        inventory: what was compiled and assembled.
-    """
-
-    pieces: BodyPieces | None
-    inventory: Inventory
-
-    pressed: ClassVar[bool] = True
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        return "elasticity", "divergence", "compressibility"
-
-    @cached_property
-    def pressures(self) -> PressureSpace:
-        """Of the unknowns of the pressure."""
-        return PressureSpace.of(self.statement, self.tagged)
 
     @cached_property
     def moduli(self) -> tuple[Any, Any]:
@@ -179,8 +141,7 @@ class MixedLaw(SceneLaw):
         """The parts of the body with nu = 1/2, of one material and joined: which cells of this rank, ghosts included,
         are in each of them, shape (parts, cells).
         """
-        yields, part, pieces = self.moduli[1], self.pressures.part, self.pieces
-        assert pieces is not None
+        yields, part, pieces = self.moduli[1], self._part, find_pieces(self.space.mesh)
         soft = [number for number, material in enumerate(self.statement.material) if material.poisson == 0.5]
         joined, last = pieces.assembly[pieces.of_cell], int(pieces.assembly.max()) + 1
         part_cells = [(part == number) & (joined == assembly) for number in soft for assembly in range(last)]
@@ -200,23 +161,16 @@ class MixedLaw(SceneLaw):
         return self.statement.young / scales.spacing(int(self.space.dofmap.index_map.size_global))
 
     @property
-    def own(self) -> fem.FunctionSpace:
-        """Of the unknowns of the pressure."""
-        return self.pressures.own
-
-    @property
     def count(self) -> int:
-        return self.pressures.count
+        return int(self.own.dofmap.index_map.size_local) * self._materials
 
     @cached_property
     def forms(self) -> tuple[fem.Form, ...]:
         """The compiled forms of A, B and -C."""
         terms = self._terms(ufl.TrialFunction(self.space), ufl.TestFunction(self.space), ufl.TrialFunction(self.own))
-        return tuple(
-            self.inventory.compile(name, partial(fem.form, term)) for name, term in zip(self.names, terms, strict=True)
-        )
+        return tuple(map(compile_form, terms))
 
-    def compiled(self, space: fem.FunctionSpace, inventory: Inventory) -> tuple[fem.Form, ...]:
+    def compiled(self, space: fem.FunctionSpace) -> tuple[fem.Form, ...]:
         """See ``ElasticLaw``: A."""
         return self.forms[:1]
 
@@ -229,7 +183,7 @@ class MixedLaw(SceneLaw):
         displacement it is the element of C. Taylor and P. Hood, Comput. Fluids 1 (1973) 73-100, which is stable for
         nu = 1/2 too.
         """
-        p, q = self.pressures.scalar(p), self.pressures.scalar(ufl.TestFunction(self.own))
+        p, q = self._pressure(p), self._pressure(ufl.TestFunction(self.own))
         (mu, compressibility), kinematics = self.moduli, self.kinematics
         unit = fem.Constant(self.space.mesh, default_scalar_type(self.unit))
         trial_strain = kinematics.strain(y)
@@ -244,7 +198,7 @@ class MixedLaw(SceneLaw):
         strain, which enters the constraint alone: div y + p / lambda = (3 + 2 mu / lambda) e, where the factor is
         (1 + nu) / nu.
         """
-        q = self.pressures.scalar(ufl.TestFunction(self.own))
+        q = self._pressure(ufl.TestFunction(self.own))
         return (self._integral(self._swelling * strain * q, degree),)
 
     def jump_terms(self, jump: fem.Function, z: Any) -> tuple[Any, ...]:
@@ -277,10 +231,8 @@ class MixedLaw(SceneLaw):
         return terms
 
     def dilation_terms(self, y: fem.Function, jump: Any, strain: Any, degree: int) -> list[Any]:
-        """See ``SceneLaw``: the weak form of tr(epsilon) + p / lambda = 0, with initial strains as in
-        ``strain_terms``.
-        """
-        q = self.pressures.scalar(ufl.TestFunction(self.own))
+        """See ``SceneLaw``: the weak form of tr(epsilon) + p / lambda = 0, with initial strains."""
+        q = self._pressure(ufl.TestFunction(self.own))
         dilation = ufl.tr(self.kinematics.strain(y if jump is None else y + jump))
         terms = [self._integral((dilation + self.moduli[1] * hydrostatic_of(y)) * q, self.degree)]
         if strain is not None:
@@ -293,30 +245,24 @@ class MixedLaw(SceneLaw):
         (swelling,) = isotropic(self.statement, self.tagged, lambda _, poisson: ((1 + poisson) / poisson,))
         return swelling
 
-    def stress(self, y: fem.Function, moved: Any, initial: Any) -> LawStress:
+    def stress(self, y: fem.Function, moved: Any, initial: Any) -> ElementStress:
         (_, mu), kinematics, pressure = self.lame, self.kinematics, hydrostatic_of(y)
-        young, poisson, modulus = isotropic(
-            self.statement,
-            self.tagged,
-            lambda elastic_modulus, nu: (elastic_modulus, nu, elastic_modulus / (1 - nu**2)),
-        )
+        poisson, modulus = isotropic(self.statement, self.tagged, lambda young, nu: (nu, young / (1 - nu**2)))
         elastic = kinematics.strain(moved, on_axis=True)
         sigma = 2 * mu * elastic - pressure * ufl.Identity(elastic.ufl_shape[0])
         outward = sigma[2, 2] if elastic.ufl_shape[0] > self.tagged.dimension else None
-        return LawStress(
+        return ElementStress(
+            y,
+            kinematics,
             within(sigma, len(y)),
             -pressure if kinematics.prevented else outward,
-            self.lateral if kinematics.prevented else None,
             lambda tau: compliance(tau, kinematics, None, mu, poisson),
             modulus,
             mu,
-            prevented=self.prevented(young, initial),
         )
 
     def _matrix(self, number: int) -> PETSc.Mat:
-        form = self.forms[number]
-        self.inventory.matrices.append(self.names[number])
-        matrix = fem_petsc.assemble_matrix(form)
+        matrix = fem_petsc.assemble_matrix(self.forms[number])
         matrix.assemble()
         return matrix
 
@@ -329,10 +275,10 @@ class MixedLaw(SceneLaw):
     def compressibility(self) -> PETSc.Mat:
         """-C, with its pattern where it is zero; unknowns that count for nothing have an entry like those of B."""
         matrix = self._matrix(2)
-        if self.pressures.materials > 1:
+        if self._materials > 1:
             size = self.divergence.norm(PETSc.NormType.NORM_INFINITY)
             diagonal = matrix.getDiagonal()
-            diagonal.getArray()[~self.pressures.alive()] = -size
+            diagonal.getArray()[self._over_cells(np.ones(self._rows.shape)) == 0] = -size
             matrix.setDiagonal(diagonal)
         return matrix
 
@@ -380,17 +326,17 @@ class MixedLaw(SceneLaw):
         pressure = fem.Function(self.own, name="hydrostatic pressure")
         pressure.x.array[: self.count] = self.unit * values
         pressure.x.scatter_forward()
-        if self.pressures.materials > 1:
+        if self._materials > 1:
             cellwise = fem.Function(fem.functionspace(space.mesh, ("DG", 1)), name=pressure.name)
-            cellwise.x.array[cellwise.function_space.dofmap.list] = pressure.x.array[self.pressures.rows]
+            cellwise.x.array[cellwise.function_space.dofmap.list] = pressure.x.array[self._rows]
             pressure = cellwise
         return MixedDisplacement(space, pressure, name)
 
     def unknowns(self, displacement: fem.Function) -> _Floats:
         pressure = hydrostatic_of(displacement)
         values = pressure.x.array[: self.count]
-        if self.pressures.materials > 1:
-            values = self.pressures.over_cells(pressure.x.array[pressure.function_space.dofmap.list])
+        if self._materials > 1:
+            values = self._over_cells(pressure.x.array[pressure.function_space.dofmap.list])
         return np.asarray(values / self.unit)
 
     def energy(self, displacement: fem.Function) -> float:
@@ -403,10 +349,10 @@ class MixedLaw(SceneLaw):
     @cached_property
     def constant(self) -> list[_Floats]:
         """The forces of a constant pressure in each incompressible part at the owned unknowns of the displacement."""
-        forces, ones = [], np.ones(self.pressures.rows.shape)
+        forces, ones = [], np.ones(self._rows.shape)
         for cells in self.incompressible:
             force, pressure = self.divergence.createVecs()
-            pressure.getArray()[:] = self.pressures.over_cells(ones * cells[:, None]) > 0
+            pressure.getArray()[:] = self._over_cells(ones * cells[:, None]) > 0
             self.divergence.multTranspose(pressure, force)
             forces.append(np.array(force.getArray(readonly=True)))
         return forces

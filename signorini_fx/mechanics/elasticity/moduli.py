@@ -52,13 +52,7 @@ def of_materials(
     statement: Statement, tagged: TaggedMesh, numbers: Callable[..., tuple[Any, ...]], gradings: Sequence[str] = ()
 ) -> tuple[Any, ...]:
     """Numbers of the materials: constants of one material, cell-wise functions of several and of graded ones;
-    collective.
-
-    Args:
-        statement: what is stated of the problem.
-        tagged: its mesh.
-        numbers: of a material, and of what each of ``gradings`` is in its cells, 1 where it is not given.
-        gradings: ``grading``, ``poisson_grading``, as far as the numbers depend on them.
+    ``numbers`` gives them from a material and the values of ``gradings`` in its cells, 1 if not given; collective.
 
     Raises:
         SceneError: a grading is not between 0 and 1.
@@ -99,26 +93,12 @@ def lame_coefficients(statement: Statement, tagged: TaggedMesh) -> tuple[Any, An
 def isotropic(
     statement: Statement, tagged: TaggedMesh, numbers: Callable[[Any, Any], tuple[Any, ...]]
 ) -> tuple[Any, ...]:
-    """Numbers that follow from Young's modulus and Poisson's ratio, floats or arrays, see ``of_materials``;
-    collective.
-    """
+    """Numbers from Young's modulus and Poisson's ratio, floats or arrays, see ``of_materials``; collective."""
 
     def of_both(material: Any, share: Any, of_poisson: Any) -> tuple[Any, ...]:
         return numbers(material.young * share, material.poisson * of_poisson)
 
     return of_materials(statement, tagged, of_both, tuple(_BOUNDS))
-
-
-def poisson_of(material: Any, tagged: TaggedMesh, cells: npt.NDArray[np.int32]) -> Any:
-    """Poisson's ratio of cells of a material: a number, or one of each where it varies, shape (cells,)."""
-    if (grading := _grading(material, "poisson_grading")) is None:
-        return material.poisson
-    return material.poisson * _in_the_middle(grading, tagged, cells)
-
-
-def _grading(material: Any, key: str) -> Any:
-    """That of a modulus, which materials that are not isotropic may not have."""
-    return getattr(material, key, None)
 
 
 def middles(tagged: TaggedMesh, cells: npt.NDArray[np.int32]) -> npt.NDArray[np.float64]:
@@ -129,23 +109,19 @@ def middles(tagged: TaggedMesh, cells: npt.NDArray[np.int32]) -> npt.NDArray[np.
     return np.asarray(middle.T, dtype=np.float64)
 
 
-def _in_the_middle(value: Any, tagged: TaggedMesh, cells: npt.NDArray[np.int32]) -> npt.NDArray[np.float64]:
-    return sample(value, middles(tagged, cells))
-
-
 def graded(statement: Statement, tagged: TaggedMesh, key: str) -> fem.Function | None:
     """By what a modulus is multiplied in each cell; None: by nothing."""
     problems, mesh = [], tagged.mesh
-    if all(_grading(material, key) is None for material in statement.material):
+    if all(getattr(material, key, None) is None for material in statement.material):
         return None
     grading = fem.Function(fem.functionspace(mesh, ("DG", 0)))
     grading.x.array[:] = 1.0
     for index, material in enumerate(statement.material):
-        value = _grading(material, key)
+        value = getattr(material, key, None)
         if value is None or (material.region is not None and material.region not in tagged.regions):
             continue  # the latter is reported elsewhere
         cells = tagged.cells(material.region)
-        values = _in_the_middle(value, tagged, cells)
+        values = sample(value, middles(tagged, cells))
         pressed = treatment_of(statement).pressed
         least = values > 0 if key == "grading" or pressed else values >= 0
         if parallel.any_rank(mesh.comm, not (least & (values <= 1 + SAME_NUMBER)).all()):

@@ -17,9 +17,8 @@ from typing import Any
 
 from signorini_fx.errors import InstallationError
 from signorini_fx.extensions import KINEMATICS, load, names_of
-from signorini_fx.mechanics.kinematics.axisymmetric import AXISYMMETRIC
+from signorini_fx.mechanics.kinematics.axisymmetric import AXISYMMETRIC, TORSION
 from signorini_fx.mechanics.kinematics.protocol import PLANE_STRAIN, PLANE_STRESS, SPACE, Kinematics
-from signorini_fx.mechanics.kinematics.torsion import TORSION
 
 KINDS = (PLANE_STRAIN, PLANE_STRESS, AXISYMMETRIC, TORSION, SPACE)
 CARTESIAN = {2: PLANE_STRAIN, 3: SPACE}
@@ -49,11 +48,8 @@ def of_hypothesis(name: str) -> Kinematics:
 
 
 def of_materials(materials: Iterable[tuple[str, bool]], dimension: int = 2) -> Kinematics:
-    """That of a body with these materials, of each its hypothesis and whether it has torsion.
-
-    Args:
-        materials: of a body; the most special one counts, as all must agree.
-        dimension: of the cells; those in 3D need no hypothesis.
+    """That of a body with these materials, of each its hypothesis and whether it has torsion: the most special one, as
+    all must agree; ``dimension``: of the cells; those in 3D need no hypothesis.
     """
     if dimension != 2:
         return SPACE

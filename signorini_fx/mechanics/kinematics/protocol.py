@@ -57,9 +57,7 @@ class Kinematics:
 
     @property
     def pairs(self) -> list[tuple[int, int]]:
-        """The components of a symmetric tensor: xx, yy, xy in 2D, with ``normal_out`` also zz, and in 3D
-        xx, yy, zz, xy, xz, yz.
-        """
+        """The components of a symmetric tensor: the normal ones, the shears, and zz with ``normal_out``."""
         axes = range(self.dimension)
         return [*((k, k) for k in axes), *combinations(axes, 2), *([(2, 2)] if self.normal_out else [])]
 
@@ -70,9 +68,7 @@ class Kinematics:
 
     @property
     def directions(self) -> int:
-        """In how many directions a strain that is the same in all of them meets a stiffness: in plane stress it is free
-        out of the plane.
-        """
+        """In how many directions a uniform strain meets a stiffness; in plane stress it is free out of the plane."""
         return sum(i == j for i, j in self.stressed)
 
     def components(self, tensor: Any) -> Any:
@@ -82,9 +78,7 @@ class Kinematics:
         return ufl.as_vector([tensor[i, j] for i, j in self.pairs])
 
     def tensors(self, components: _Floats) -> _Floats:
-        """Symmetric tensors from their components, shape (..., components), with zeros out of the plane, shape
-        (..., 3, 3).
-        """
+        """Symmetric tensors, shape (..., 3, 3), from their components, with zeros out of the plane."""
         tensors = np.zeros((*components.shape[:-1], 3, 3))
         for column, (i, j) in enumerate(self.pairs):
             tensors[..., i, j] = tensors[..., j, i] = components[..., column]
@@ -101,9 +95,7 @@ class Kinematics:
         return np.array(self.motions_without_strain or (True,) * self.motions)
 
     def refused_axis(self, axis: tuple[float, ...] | None, about: tuple[float, ...] | None = None) -> str:
-        """Why nothing acts along or about an axis with this direction, which is x[2] without one, through this point;
-        empty: it may.
-        """
+        """Why nothing acts along or about an axis, x[2] unless given, through a point; empty: it may."""
         return ""
 
     def depth(self, size: float) -> float:
@@ -135,9 +127,7 @@ class Kinematics:
         return 1
 
     def measure_at(self, x: _Floats) -> _Floats | None:
-        """``measure`` at points of shape (..., d), shape (...); None: 1.  Round-off may put points of the axis beyond
-        it.
-        """
+        """``measure`` at points of shape (..., d), not below zero by round-off, shape (...); None: 1."""
         return None if self.uniform else np.maximum(self.measure(np.moveaxis(x, -1, 0)), 0.0)
 
 

@@ -35,12 +35,7 @@ def friction_of(law: FrictionLaw | None, count: int) -> PointFriction:
 
 def fault_of(law: FrictionLaw, count: int, modulus: float) -> str:
     """What a law of a user's own says of itself and does not keep, at ``count`` points, for which its parameters are
-    arrays; "": nothing was found.
-
-    Args:
-        law: at its points.
-        count: of its points.
-        modulus: of the body, stress: pressures up to it are tried.
+    arrays; "": nothing was found; ``modulus``: of the body, stress: pressures up to it are tried.
     """
     points = np.arange(0, count, 1 + count // TRIED_POINTS)
     exponents = np.arange(PRESSURES_PER_DECADE * SMALLEST_PRESSURE, 1) / PRESSURES_PER_DECADE
@@ -102,14 +97,7 @@ def _faults(
 
 
 def _round_off(law: FrictionLaw, points: npt.NDArray[np.int64], modulus: float, bound: Array) -> Array:
-    """That of the bound, which may be the difference of numbers as large as it is where it bends, stress, shape (m,).
-
-    Args:
-        law: at its points.
-        points: m of these.
-        modulus: stress.
-        bound: at a pressure as large as the modulus, stress, shape (m,).
-    """
+    """That of the bound, shape (m,), which may be a difference of numbers as large as it is where it bends."""
     largest, straight = bound, np.ones(points.size, dtype=bool)
     for factor in 10.0 ** np.arange(1, LARGEST_BEND + 1):
         beyond = law.at(points).limit(np.full(points.size, factor * modulus))

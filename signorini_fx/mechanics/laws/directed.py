@@ -53,9 +53,8 @@ class FrictionAxes:
         """Those of several boundaries, of the sizes; None: no friction has a direction."""
         if not any(parts):
             return None
-        axes = [
-            part or cls(np.zeros((size, 3)), np.ones(size)) for part, size in zip(parts, sizes, strict=True)
-        ]  # others are discs
+        # Others are discs.
+        axes = [part or cls(np.zeros((size, 3)), np.ones(size)) for part, size in zip(parts, sizes, strict=True)]
         return cls(np.concatenate([part.along for part in axes]), np.concatenate([part.ratio for part in axes]))
 
     def at(self, points: Any) -> FrictionAxes:
@@ -75,13 +74,8 @@ class FrictionAxes:
         return np.stack((np.ones_like(self.ratio), self.ratio), axis=1)[:, None]
 
     def check(self, normal: Array, movable: Callable[[], Array], path: str, comm: Any) -> None:
-        """Whether the axes have a direction at the points of one foundation, and supports are along them; collective.
-
-        Args:
-            normal: of the points, shape (n, 3).
-            movable: see ``ContactPoints``, along these axes.
-            path: of the friction law, for errors.
-            comm: the ranks.
+        """Whether the axes have a direction at the points of one foundation, and supports are along them; ``movable``:
+        see ``ContactPoints``, along these axes; ``path``: of the law, for errors; collective.
 
         Raises:
             FormError: they have none somewhere, or supports are not along them.
@@ -130,9 +124,18 @@ class DirectedLaw(FrictionLaw):
         return np.asarray(along(x) if callable(along) else [sample(component, x) for component in along])
 
     def directions(self, x: Array) -> tuple[Array, Array]:
+        """A vector along which friction is ``limit``, shape (n, 3), and the ratio of that across it, shape (n,), at
+        points of shape (3, n).
+        """
         return self.vectors(x).T, sample(1.0 if self.ratio is None else self.ratio, x)
 
     def axes(self, at: Any, path: str, dimension: int, comm: Any) -> FrictionAxes | None:
+        """The axes of friction at nodes; None: it has no direction; ``at``: evaluates data at nodes, see
+        ``assembly.nodal_values.NodalValues``; ``path``: of the law, for errors; collective.
+
+        Raises:
+            FormError: a value is wrong somewhere.
+        """
         from signorini_fx.machine import parallel
 
         if self.ratio is None:

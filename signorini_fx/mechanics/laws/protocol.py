@@ -23,7 +23,6 @@ import numpy.typing as npt
 from pydantic import BeforeValidator, WithJsonSchema
 
 from signorini_fx.errors import FormError, SceneError
-from signorini_fx.extensions import is_of_package
 from signorini_fx.mechanics.statement.base import Table
 from signorini_fx.mechanics.statement.effect import is_zero
 from signorini_fx.mechanics.statement.expressions import sample
@@ -125,11 +124,6 @@ class FrictionLaw(Table):
         super().__pydantic_init_subclass__(**options)
         cls.positional = tuple(key for key in cls.model_fields if key != "law")
 
-    @property
-    def of_a_user(self) -> bool:
-        """Whether it is none of the laws of this package."""
-        return not is_of_package(type(self))
-
     @classmethod
     def refusal(cls, problems: list[tuple[str, str]]) -> SceneError:
         """See ``Table``: a law belongs to a scene or to a form."""
@@ -164,28 +158,8 @@ class FrictionLaw(Table):
 
     @property
     def directed(self) -> bool:
-        """Whether it depends on the direction of slip, see ``directed``."""
+        """Whether it depends on the direction of slip: a ``DirectedLaw`` with a ratio."""
         return False
-
-    def directions(self, x: Array) -> tuple[Array, Array]:
-        """For the independent check: a vector along which friction is ``limit``, shape (n, 3), and the ratio of that
-        across it, shape (n,), at points of shape (3, n).
-        """
-        return np.tile([1.0, 0.0, 0.0], (x.shape[1], 1)), np.ones(x.shape[1])
-
-    def axes(self, at: Any, path: str, dimension: int, comm: Any) -> Any:
-        """The axes of friction at nodes, see ``directed.FrictionAxes``; None: it has no direction; collective.
-
-        Args:
-            at: evaluates data at nodes, see ``assembly.nodal_values.NodalValues``.
-            path: of the law, for errors.
-            dimension: of space.
-            comm: the ranks.
-
-        Raises:
-            FormError: a value is wrong somewhere.
-        """
-        return None
 
 
 def acting(*values: Any) -> bool:

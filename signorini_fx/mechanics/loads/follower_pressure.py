@@ -24,7 +24,6 @@ from signorini_fx.mechanics.loads.load_vectors import FormCoefficients
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.statement.effect import Force
 from signorini_fx.mechanics.statement.statement import Statement
-from signorini_fx.records import Inventory
 
 
 def follower_pressure(pressure: Any, u: fem.Function, *, axisymmetric: bool = False) -> Any:
@@ -109,12 +108,10 @@ class Followers:
 
     @classmethod
     def of(cls, statement: Statement, tagged: TaggedMesh, u: fem.Function, ds: Any, dx: Any) -> Followers:
-        """Those of a statement at the displacement ``u``; ``ds(1)`` and so on are integrals over the boundaries of
-        pressures, ``dx`` that over the body.
-        """
+        """Those of a statement at ``u``; ``ds(1)`` and so on integrate over the boundaries of pressures."""
         pressures, carried, mesh = following(statement), carried_loads(statement), u.function_space.mesh
         effects, element = [*pressures, *carried], statement.element.degree
-        on = _DisplacedCoefficients(statement, tagged, u.function_space, Inventory(), u)
+        on = _DisplacedCoefficients(statement, tagged, u.function_space, u)
         factors = [fem.Constant(mesh, np.float64(0.0)) for _ in effects]
         kinematics, v, around = on.kinematics, ufl.TestFunction(u.function_space), on.kinematics.measure
         works = [

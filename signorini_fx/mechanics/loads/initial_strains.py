@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,17 +19,18 @@ from dolfinx import default_scalar_type, fem
 from signorini_fx.errors import SceneError
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.averages import from_owners
+from signorini_fx.mechanics.assembly.mesh_entities import compile_form
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
-from signorini_fx.mechanics.elasticity.elastic_law import ElasticLaw
+from signorini_fx.mechanics.elasticity.elastic_law import ElasticLaw, ElementStress
 from signorini_fx.mechanics.loads.load_vectors import AppliedLoad, FormCoefficients
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.statement.effect import InitialStrain, Load
 from signorini_fx.mechanics.statement.statement import Statement
-from signorini_fx.records import Inventory
 from signorini_fx.tuned import ROOT_OF_EPS
 
 if TYPE_CHECKING:
     from signorini_fx.mechanics.contact_points.turned_supports import TurnedNodes
+    from signorini_fx.mechanics.model import Model
 
 _Floats = npt.NDArray[np.float64]
 _Flags = npt.NDArray[np.bool_]
@@ -80,18 +80,10 @@ def jump_loads(
     statement: Statement,
     space: fem.FunctionSpace,
     elastic: ElasticLaw,
-    inventory: Inventory,
     held: Callable[[Jump], bool],
 ) -> list[AppliedLoad]:
-    """-a(J, .) of each jump J, times its amount, and -(div J, .) where the pressure is an unknown; collective.
-
-    Args:
-        jumps: J.
-        statement: what is stated of the problem.
-        space: of the displacement.
-        elastic: what gives the terms of a(., .).
-        inventory: where forms are compiled.
-        held: whether something on this rank holds nodes of a jump along its axis, see ``holds``.
+    """-a(J, .) of each jump J, times its amount, and -(div J, .) where the pressure is an unknown; ``held``: whether
+    something on this rank holds nodes of a jump along its axis, see ``holds``; collective.
 
     Raises:
         SceneError: contact or supports hold its nodes.
@@ -101,12 +93,11 @@ def jump_loads(
         if parallel.any_rank(space.mesh.comm, held(jump)):
             raise SceneError([(jump.path, "contact or a support holds nodes of the section along its axis: move it")])
         terms = elastic.jump_terms(jump.on(space), z)
-        forms = tuple(inventory.compile(jump.entry.name, partial(fem.form, term)) for term in terms)
+        forms = tuple(map(compile_form, terms))
         owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
         forces, pressure_load = elastic.work(forms, owned)
-        ones, zero_displacement = (1.0,) * statement.steps, fem.Function(space)
-        load = AppliedLoad(ones, forms, -forces, zero_displacement, balanced=True, pressure_load=pressure_load)
-        loads.append(replace(load, entry=jump.entry, amount=jump.amount))
+        load = AppliedLoad((1.0,) * statement.steps, forms, -forces, fem.Function(space), entry=jump.entry)
+        loads.append(replace(load, balanced=True, amount=jump.amount, pressure_load=pressure_load))
     return loads
 
 
@@ -117,16 +108,9 @@ def holds(
     boundary: ContactBoundary | None,
     bonded: Sequence[int] = (),
 ) -> bool:
-    """Whether contact or prescribed displacements hold nodes of a jump on this rank along its axis; collective.
-
-    They would see the displacement on one of its sides alone.
-
-    Args:
-        jump: inside the body.
-        fixed: which displacement components are prescribed at the owned nodes, shape (owned dofs,).
-        turned: nodes for which ``fixed`` is told in their own frames; None: there are none.
-        boundary: the contact points; None: there are none.
-        bonded: numbers of the contacts that hold in all directions.
+    """Whether contact or prescribed displacements hold nodes of a jump on this rank along its axis, which would see the
+    displacement on one of its sides alone; ``fixed`` and ``turned``: see ``ElasticBody``; ``bonded``: numbers of the
+    contacts that hold in all directions; collective.
     """
     dim = jump.axis.size
     nodes = np.flatnonzero(jump.nodes[: fixed.size // dim])
@@ -146,21 +130,11 @@ def holds(
 def initial_strain(
     statement: Statement, tagged: TaggedMesh, space: fem.FunctionSpace, step: float
 ) -> tuple[Any, Callable[[float], None]]:
-    """All initial strains together in each direction, UFL, and what moves them to a place in the lists of factors.
-
-    Args:
-        statement: what is stated of the problem.
-        tagged: its mesh.
-        space: of the displacement.
-        step: where they are to begin with.
-
-    Returns:
-        None in place of the strain where there is none.
-    """
+    """All initial strains together in each direction, UFL, None without any, and what moves them to a place."""
     effects = [effect for effect in statement.of(InitialStrain) if effect.acts]
     if not effects:
         return None, lambda step: None
-    on = FormCoefficients(statement, tagged, space, Inventory())  # of its own: other stresses are at other places
+    on = FormCoefficients(statement, tagged, space)  # of its own: other stresses are at other places
     factors = [fem.Constant(tagged.mesh, default_scalar_type(0.0)) for _ in effects]
 
     def move_to(step: float) -> None:
@@ -175,11 +149,7 @@ def initial_strain(
 def total_jump(
     statement: Statement, tagged: TaggedMesh, space: fem.FunctionSpace
 ) -> tuple[Any, Callable[[float], None]]:
-    """All jumps together, UFL, and what moves them to a place in the lists of factors; they are still zero.
-
-    Returns:
-        None in place of the jump where there is none.
-    """
+    """All jumps together, zero so far, UFL, None without any, and what moves them to a place."""
     jumps = jumps_in(statement, tagged, space)
     amounts = [fem.Constant(tagged.mesh, default_scalar_type(0.0)) for _ in jumps]
 
@@ -189,3 +159,19 @@ def total_jump(
 
     terms = [amount * jump.on(space) for amount, jump in zip(amounts, jumps, strict=True)]
     return sum(terms[1:], terms[0]) if terms else None, move_to
+
+
+def element_stress(body: Model, displacement: fem.Function, step: float = 0.0) -> ElementStress:
+    """That of a scene with the initial strains of a place in the lists of factors; collective."""
+    initial, move_to = initial_strain(body.statement, body.tagged, body.space, step)
+    jump, jump_to = total_jump(body.statement, body.tagged, body.space)
+
+    def move(step: float) -> None:
+        move_to(step)
+        jump_to(step)
+
+    of_law = body.elastic.stress(displacement, displacement if jump is None else displacement + jump, initial)
+    parts = [body.tagged.cells(material.region) for material in body.statement.material]
+    stress = replace(of_law, parts=parts, move=move)
+    stress.refresh(step)
+    return stress

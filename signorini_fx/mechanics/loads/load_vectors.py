@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property, partial
 from itertools import count
 from typing import Any, NamedTuple
@@ -17,7 +17,7 @@ from mpi4py import MPI
 from signorini_fx.errors import SceneError
 from signorini_fx.extensions import is_of_package
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.assembly.mesh_entities import assemble, facet_vertices, measure
+from signorini_fx.mechanics.assembly.mesh_entities import assemble, compile_form, facet_vertices, measure
 from signorini_fx.mechanics.contact_points.turned_supports import TurnedNodes
 from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
 from signorini_fx.mechanics.elasticity.choice_of_law import elastic_law
@@ -32,7 +32,6 @@ from signorini_fx.mechanics.statement.effect import Effect, Force, InitialStrain
 from signorini_fx.mechanics.statement.expressions import Expression, sample
 from signorini_fx.mechanics.statement.load_path import factor_at
 from signorini_fx.mechanics.statement.statement import Statement
-from signorini_fx.records import Inventory
 from signorini_fx.tuned import CERTIFICATE_TOLERANCE, LARGEST_NUMBER, SAME_NUMBER
 
 
@@ -109,13 +108,11 @@ class FormCoefficients:
         statement: what is stated of the problem.
         tagged: its mesh.
         space: of the displacement; a callable is interpolated at its nodes.
-        inventory: where integrals over boundaries are compiled.
     """
 
     statement: Statement
     tagged: TaggedMesh
     space: fem.FunctionSpace
-    inventory: Inventory
 
     @cached_property
     def _time(self) -> fem.Constant:
@@ -150,7 +147,7 @@ class FormCoefficients:
     @cached_property
     def elastic(self) -> SceneLaw:
         """The elastic law, with coefficients of its own."""
-        return elastic_law(self.statement, self.tagged, self.space, self.inventory)
+        return elastic_law(self.statement, self.tagged, self.space)
 
     def value_in(self, region: str | None, value: Any) -> Any:
         """A value in the cells of a region, 0 in the others; see ``BodyCoefficients``."""
@@ -186,7 +183,7 @@ class FormCoefficients:
             (where,) = measures(self.space, [effect], self.tagged.facets)
             degree = {"quadrature_degree": effect.degree(self.space.element.basix_element.degree)}
             density = self.value(spread) * self.around
-            form = self.inventory.compile(f"total of {effect.name}", lambda: fem.form(density * where(metadata=degree)))
+            form = compile_form(density * where(metadata=degree))
             integral = float(parallel.global_sum(mesh.comm, np.array(fem.assemble_scalar(form))))
             corners = facet_vertices(mesh, self.tagged.facets(boundary))
             largest = parallel.largest(mesh.comm, np.abs(sample(spread, corners.reshape(-1, 3).T)))
@@ -243,13 +240,8 @@ def measures(space: fem.FunctionSpace, effects: Sequence[Effect], facets: Facets
 
 
 class LoadGroup(NamedTuple):
-    """What loads have in common that are assembled into one vector.
-
-    Attributes:
-        factors: one for each load step.
-        grows: whether they multiply the loads in a ramp from nothing.
-        timed: whether the loads depend on the time.
-        balanced: whether they are initial strains, whose forces balance each other.
+    """What loads have in common that are assembled into one vector, see ``AppliedLoad``; ``timed``: whether they depend
+    on the time.
     """
 
     factors: tuple[float, ...]
@@ -286,16 +278,9 @@ def applied_load(
     compiled: tuple[fem.Form, ...] | None = None,
     step: float = 0,
 ) -> AppliedLoad:
-    """Compile and assemble the loads that share their factors; collective.
-
-    Args:
-        group: what they have in common.
-        loads: all of one group.
-        on: the mesh with its quadrature, times and materials.
-        z: the test function of L.
-        supports: the prescribed displacements at a place in the lists of factors.
-        compiled: the forms of an earlier place; None: they are compiled here.
-        step: the place.
+    """Compile and assemble the loads of a group, with prescribed displacements, at a place in the lists of factors;
+    ``z``: the test function of L; ``compiled``: the forms of an earlier place, None if they are to be compiled;
+    collective.
     """
     factors, grows, timed, balanced = group
     space = on.space
@@ -343,14 +328,11 @@ def driving_load(
 
 
 def compile_loads(loads: Sequence[Load], on: FormCoefficients, z: Any) -> tuple[fem.Form, ...]:
-    """The terms of L of section 2.1 that the loads list, (f, z) and (h, z), compiled together, or those of initial
-    strains.
-    """
+    """The terms of L of section 2.1, (f, z) and (h, z), compiled together, or those of initial strains."""
     if strains := [load for load in loads if isinstance(load, InitialStrain)]:
-        name = " + ".join(strain.name for strain in strains)
         total_strain = sum(_asked(strain, "strain", on) for strain in strains)
         terms = on.elastic.strain_terms(z, total_strain, strains[0].degree(on.space.element.basix_element.degree))
-        return tuple(on.inventory.compile(name, partial(fem.form, term)) for term in terms)
+        return tuple(map(compile_form, terms))
     formed = (load for load in loads if isinstance(load, Force) and not load.nodal)
     forces = sorted(formed, key=lambda load: load.where is not None)
     form = _compiled(forces, lambda load: ufl.inner(_asked(load, "density", on), z), on)
@@ -358,7 +340,7 @@ def compile_loads(loads: Sequence[Load], on: FormCoefficients, z: Any) -> tuple[
 
 
 def compile_resistance(acting: Sequence[Resistance], on: FormCoefficients, y: Any, z: Any) -> fem.Form | None:
-    """The terms of a(y, z) by which some effects resist the displacement on the boundary, compiled together."""
+    """The terms of a(y, z) by which effects resist the displacement on the boundary, compiled together."""
     for effect in acting:
         if not is_of_package(type(effect)):
             _check_reaction(effect, on)
@@ -373,9 +355,7 @@ def _check_reaction(effect: Resistance, on: FormCoefficients) -> None:
     """
     y, z, random = fem.Function(on.space), fem.Function(on.space), np.random.default_rng(0)
     a, b = random.standard_normal((2, y.x.array.size))
-    of_trial = replace(on, inventory=Inventory())
-    form = _compiled([effect], lambda entry: ufl.inner(_asked(entry, "reaction", on, y), z), of_trial)
-
+    form = _compiled([effect], lambda entry: ufl.inner(_asked(entry, "reaction", on, y), z), on)
     assert form is not None
 
     def work(displacement: npt.NDArray[np.float64], at: npt.NDArray[np.float64]) -> float:
@@ -418,14 +398,12 @@ def _compiled(effects: Sequence[Any], integrand: Callable[[Any], Any], on: FormC
     """The integrals of effects over what each of them acts on; None without effects."""
     if not effects:
         return None
-    space, inventory = on.space, on.inventory
-    element, where = space.element.basix_element.degree, measures(space, effects, on.tagged.facets)
+    element, where = on.space.element.basix_element.degree, measures(on.space, effects, on.tagged.facets)
     terms = [
         integrand(effect) * on.around * d(metadata={"quadrature_degree": effect.degree(element)})
         for effect, d in zip(effects, where, strict=True)
     ]
-    name = " + ".join(effect.name for effect in effects)
-    return inventory.compile(name, lambda: fem.form(sum(terms[1:], terms[0])))
+    return compile_form(sum(terms[1:], terms[0]))
 
 
 def check_finite(comm: MPI.Comm, loads: list[AppliedLoad]) -> None:

@@ -20,14 +20,8 @@ from signorini_fx.tuned import ROOT_OF_EPS
 def node_at(
     space: fem.FunctionSpace, effect: Any, path: str, tagged: TaggedMesh, bodies: Sequence[str] = ()
 ) -> npt.NDArray[np.int64]:
-    """The node of this rank at the point ``at`` of an effect, ghosts included, shape (1,) or (0,); collective.
-
-    Args:
-        space: the displacements.
-        effect: acts at a point, of a region if it names one.
-        path: of the effect in the scene, for errors.
-        tagged: the mesh.
-        bodies: regions that are bodies with meshes of their own, for errors.
+    """The node of this rank at the point ``at`` of an effect, of its region if it names one, ghosts included, shape
+    (1,) or (0,); ``path`` and ``bodies``, regions with meshes of their own, are for errors; collective.
 
     Raises:
         SceneError: there is none on any rank, or there are several.
@@ -46,15 +40,9 @@ def node_at(
     owned = candidates[candidates < space.dofmap.index_map.size_local]
     count = int(parallel.global_sum(tagged.mesh.comm, np.array(owned.size)))
     if count > 1:
-        nodes = {body: np.isin(owned, space.dofmap.list[tagged.cells(body)]).any() for body in bodies}
-        touching_bodies = [
-            body for body, has_node in nodes.items() if parallel.any_rank(tagged.mesh.comm, bool(has_node))
-        ]
-        of = (
-            f" of the bodies {' and '.join(map(repr, touching_bodies))}"
-            if touching_bodies
-            else " of parts that do not share their nodes"
-        )
+        nodes = {body: bool(np.isin(owned, space.dofmap.list[tagged.cells(body)]).any()) for body in bodies}
+        touching = [repr(body) for body, has_node in nodes.items() if parallel.any_rank(tagged.mesh.comm, has_node)]
+        of = f" of the bodies {' and '.join(touching)}" if touching else " of parts that do not share their nodes"
         message = (
             f"{count} nodes of the mesh are at {effect.place},{of}: which one is meant is not known; name its region, "
             "or choose a point at which there is one node, or a boundary of one of them"

@@ -58,9 +58,8 @@ class Supports:
         """Those of a scene; collective."""
 
         def found(statement: Statement) -> tuple[Conditions, list[SkewSupport]]:
-            return dirichlet_conditions(statement, space, facets, tagged), skew_supports(
-                statement, space, facets, tagged
-            )
+            of = statement, space, facets, tagged
+            return dirichlet_conditions(*of), skew_supports(*of)
 
         conditions, skew = found(statement)
         owned = space.dofmap.index_map.size_local * space.mesh.geometry.dim
@@ -142,12 +141,6 @@ def components(effect: PrescribedDisplacement, index: int, tagged: TaggedMesh) -
 
 def flat_normal(effect: PrescribedDisplacement, index: int, tagged: TaggedMesh) -> npt.NDArray[np.float64]:
     """Outward unit normal of a flat boundary, exact where it is along an axis, shape (d,); collective."""
-    normal = _flat_normal(effect, index, tagged)
-    return np.pad(normal, (0, tagged.mesh.geometry.dim - normal.size))
-
-
-def _flat_normal(effect: PrescribedDisplacement, index: int, tagged: TaggedMesh) -> npt.NDArray[np.float64]:
-    """Of cells in their own dimension."""
     mesh = tagged.mesh
     facets = tagged.facets(str(effect.boundary))
     dim = mesh.topology.dim
@@ -157,7 +150,7 @@ def _flat_normal(effect: PrescribedDisplacement, index: int, tagged: TaggedMesh)
     outward = parallel.global_sum(mesh.comm, (dmesh.compute_midpoints(mesh, dim - 1, facets) - inside).sum(axis=0))
     flat = np.flatnonzero(high - low <= 1e-9 * tagged.size)
     if flat.size == 1:
-        return np.asarray(np.eye(dim)[flat[0]] * np.sign(outward[flat[0]]))
+        return np.asarray(np.eye(mesh.geometry.dim)[flat[0]] * np.sign(outward[flat[0]]))
     # From the facets themselves: as sharp as round-off allows, which their points all together are not.
     corners = facet_vertices(mesh, facets)[:, :, :dim]
     along = corners[:, 1:dim] - corners[:, :1]
@@ -170,7 +163,7 @@ def _flat_normal(effect: PrescribedDisplacement, index: int, tagged: TaggedMesh)
     if float(high[0] - low[0]) > 1e-9 * tagged.size:
         message = f"boundary {effect.boundary!r} is not flat: use bilateral contact without friction"
         raise SceneError([(f"displacement[{index}].normal", message)])
-    return np.asarray(normal)
+    return np.pad(normal, (0, mesh.geometry.dim - dim))
 
 
 def skew_supports(
@@ -194,9 +187,7 @@ def skew_supports(
 def prescribed(
     space: fem.FunctionSpace, bcs: Sequence[fem.DirichletBC]
 ) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.float64]]:
-    """Which dofs of this rank Dirichlet conditions prescribe, and to what, ghosts included, shape (dofs,); zero where
-    nothing is prescribed.  Where conditions meet the last one applies.
-    """
+    """Which dofs of this rank are prescribed, and to what, else zero, shape (dofs,); the last condition applies."""
     index_map, block = space.dofmap.index_map, space.dofmap.index_map_bs
     values = np.zeros((index_map.size_local + index_map.num_ghosts) * block)
     fixed = np.zeros(values.size, dtype=bool)
@@ -267,12 +258,8 @@ def check_overlap(
             total = int(parallel.global_sum(boundary.comm, np.array(shared)))
             slope = np.abs(boundary.normal[boundary.part == part] @ prescribed.T).max(initial=0.0)
             if total and parallel.global_max(boundary.comm, slope) > 1e-8:
-                problems.append(
-                    (
-                        f"displacement[{index}]",
-                        f"boundary {support.boundary!r} prescribes the normal displacement on {total} facets of the "
-                        f"contact boundary {effect.boundary!r}: remove them from one of the two",
-                    )
-                )
+                message = f"boundary {support.boundary!r} prescribes the normal displacement on {total} facets of the "
+                message += f"contact boundary {effect.boundary!r}: remove them from one of the two"
+                problems.append((f"displacement[{index}]", message))
     if problems:
         raise SceneError(problems)

@@ -30,9 +30,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
+from pydantic import Field
 
 from signorini_fx.extensions import is_of_package
 from signorini_fx.mechanics.kinematics import KINDS
@@ -41,6 +42,7 @@ from signorini_fx.mechanics.materials.protocol import Array, Material
 from signorini_fx.mechanics.statement.effect import Contradictions, Features, Resistance
 from signorini_fx.tuned import NEAR_ONE, TERMS_NEAR_ONE
 
+PoissonBelowHalf = Annotated[float, Field(gt=-1, lt=0.5, allow_inf_nan=False, strict=True)]
 _NOT_YET = "is not possible yet with a nonlinear material"
 
 
@@ -71,8 +73,11 @@ class NonlinearMaterial(Material):
 
     @property
     def constants_at_rest(self) -> tuple[float, float]:
-        """The shear modulus and the bulk modulus at small strains, stresses."""
-        raise NotImplementedError
+        """Shear and bulk modulus at small strains, stresses, by default from the keys ``young`` and ``poisson``."""
+        young, poisson = getattr(self, "young", None), getattr(self, "poisson", None)
+        if young is None or poisson is None:
+            raise NotImplementedError
+        return young / (2 * (1 + poisson)), young / (3 * (1 - 2 * poisson))
 
     @cached_property
     def at_rest(self) -> LinearElastic:

@@ -1,21 +1,95 @@
-"""Linear elasticity with three planes of symmetry, such as that of wood: nine constants."""
+"""Materials whose stress depends on the direction: axes 1, 2 and 3, which may turn from place to place.
+
+In 2D axis 3 is across it, of bodies of revolution along the circumference.  An orthotropic material, such as wood, has
+three planes of symmetry and nine constants.
+"""
 
 from __future__ import annotations
 
 import math
-from typing import Any, Self
+from typing import Annotated, Self
 
 import numpy as np
-from pydantic import model_validator
+from pydantic import Field, model_validator
 
-from signorini_fx.mechanics.materials.directed import Axes
 from signorini_fx.mechanics.materials.protocol import PAIRS, Array, Material
-from signorini_fx.mechanics.statement.base import refused
+from signorini_fx.mechanics.statement.base import Table, refused
 from signorini_fx.mechanics.statement.effect import Contradictions
-from signorini_fx.mechanics.statement.values import Finite, Positive
+from signorini_fx.mechanics.statement.expressions import Expression, sample
+from signorini_fx.mechanics.statement.values import Finite, Positive, SampledValue
+from signorini_fx.tuned import CERTIFICATE_TOLERANCE
 
 # The pairs of axes that Poisson's ratios and shear moduli belong to.
 _SHEARS = PAIRS[3:]
+_ENERGY = "otherwise some strain has no positive energy"
+VectorField = Annotated[tuple[SampledValue, ...], Field(min_length=2, max_length=3)]
+
+
+class Axes(Table):
+    """The axes of a material.
+
+    Attributes:
+        direction: axis 1, a vector of any length, whose components are values; None: along x[0].
+        second: in 3D, a vector that with ``direction`` spans the plane of the axes 1 and 2; None: along x[1].
+    """
+
+    direction: VectorField | None = None
+    second: VectorField | None = None
+
+    @property
+    def turns(self) -> bool:
+        """Whether they may vary from place to place."""
+        return not all(isinstance(value, float) for value in (*(self.direction or ()), *(self.second or ())))
+
+    def dimension_problems(self, dimension: int) -> Contradictions:
+        """What does not fit to a mesh of a dimension: the key, and why."""
+        for key, axis in (("direction", self.direction), ("second", self.second)):
+            if axis is not None and len(axis) != dimension:
+                yield (key,), f"give {dimension} values, not {len(axis)}: the mesh has {dimension} dimensions"
+            if any(isinstance(component, Expression) and component.coordinates > dimension for component in axis or ()):
+                yield (key,), "the mesh is plane: there is no x[2]"
+        if dimension == 2 and self.second is not None:
+            yield ("second",), "the mesh is plane: direction determines the axes, leave it out"
+
+    def axes(self, x: Array) -> Array:
+        """See ``Material``; they are not finite where the vectors of the scene are not, are zero, or are parallel."""
+        first, second = _vectors(self.direction, 0, x), _vectors(self.second, 1, x)
+        if self.direction is not None and len(self.direction) == 2:
+            second = np.column_stack((-first[:, 1], first[:, 0], first[:, 2]))
+        first = _unit(first)
+        second = _unit(second)
+        second = _unit(second - first * np.einsum("ij,ij->i", first, second)[:, None], longest=1.0)
+        return np.stack((first, second, np.cross(first, second)), axis=2)
+
+
+class DirectedMaterial(Axes, Material):
+    """A material with axes; a user's own derives from it.
+
+    Attributes:
+        direction, second: see ``Axes``.
+        hypothesis, torsion, grading, density, expansion, region: see ``Material``.
+    """
+
+    @property
+    def varies(self) -> bool:
+        return self.grading is not None or self.turns
+
+
+def _vectors(components: tuple[object, ...] | None, axis: int, x: Array) -> Array:
+    vectors = np.zeros((x.shape[1], 3))
+    if components is None:
+        vectors[:, axis] = 1.0
+        return vectors
+    for k, value in enumerate(components):
+        vectors[:, k] = sample(value, x)
+    return vectors
+
+
+def _unit(vectors: Array, longest: float | None = None) -> Array:
+    length = np.linalg.norm(vectors, axis=1, keepdims=True)
+    longest = float(np.max(length, initial=0.0, where=np.isfinite(length))) if longest is None else longest
+    nothing = ~(length > CERTIFICATE_TOLERANCE * longest)
+    return np.where(nothing, np.nan, vectors / np.where(nothing, 1.0, length))
 
 
 class Orthotropic(Axes):
@@ -75,14 +149,6 @@ class OrthotropicElastic(Material):
     def stiffness(self) -> Array:
         return np.asarray(np.linalg.inv(self.compliance))
 
-    def stress(self, strain: Any) -> Any:
-        import ufl
-
-        along = [strain[i, j] * (1 if i == j else 2) for i, j in PAIRS]
-        stress = [sum(float(c) * part for c, part in zip(row, along, strict=True)) for row in self.stiffness]
-        at = {frozenset(pair): component for pair, component in zip(PAIRS, stress, strict=True)}
-        return ufl.as_matrix([[at[frozenset((i, j))] for j in range(3)] for i in range(3)])
-
     def axes(self, x: Array) -> Array:
         return self.orthotropic.axes(x)
 
@@ -96,9 +162,3 @@ class OrthotropicElastic(Material):
 
     def dimension_problems(self, dimension: int) -> Contradictions:
         return ((("orthotropic", *path), reason) for path, reason in self.orthotropic.dimension_problems(dimension))
-
-
-_ENERGY = "otherwise some strain has no positive energy"
-
-
-Entry = OrthotropicElastic

@@ -1,7 +1,7 @@
 """What a material says.  All that assembles, judges and tells of one asks these methods and knows no kind.
 
 The fields of its class are its constants.  Strains and stresses are symmetric tensors along its axes, which are those
-of space unless it has others, see ``directed``.  ``stress`` is linear, and UFL:
+of space unless it has others, see ``orthotropic``.  ``stress`` is linear, and UFL:
 
     class Stiff(Material):
         law: Literal["stiff"] = "stiff"
@@ -86,7 +86,7 @@ class Material(Effect):
     expansion: Finite | None = None
     region: str | None = None
 
-    # --- what a material must say ---
+    # --- what a material must say, unless it has ``stiffness`` ---
 
     def stress(self, strain: Any) -> Any:
         """The stress of a strain, UFL, both with shape (3, 3)."""

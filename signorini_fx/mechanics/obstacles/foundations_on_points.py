@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,6 +17,7 @@ from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.contact.friction import PointFriction, joined, stuck
 from signorini_fx.algebra.method import Settings
 from signorini_fx.errors import FormError, SceneError
+from signorini_fx.extensions import is_of_package
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.averages import averaging, averaging_forms, from_owners
 from signorini_fx.mechanics.assembly.mesh_entities import node_positions
@@ -31,7 +32,7 @@ from signorini_fx.mechanics.contact_points.contact_boundary import (
 from signorini_fx.mechanics.interfaces import Foundation, Pair
 from signorini_fx.mechanics.kinematics import CARTESIAN
 from signorini_fx.mechanics.laws.at_points import fault_of, friction_of
-from signorini_fx.mechanics.laws.directed import FrictionAxes
+from signorini_fx.mechanics.laws.directed import DirectedLaw, FrictionAxes
 from signorini_fx.mechanics.laws.protocol import FrictionLaw
 from signorini_fx.mechanics.obstacles.shapes_inside import BodyCells
 from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodies
@@ -39,7 +40,6 @@ from signorini_fx.mechanics.scales import Scales
 from signorini_fx.mechanics.statement.rigid_motion import RigidMotion, driven_twice, rigid_bodies
 from signorini_fx.mechanics.statement.rigid_shape import Distance, distance_from
 from signorini_fx.mechanics.statement.rigid_shape import fault_of as fault_of_shape
-from signorini_fx.records import Inventory
 from signorini_fx.tuned import ROOT_OF_EPS, SAME_NUMBER
 
 if TYPE_CHECKING:
@@ -95,7 +95,6 @@ class Foundations:
         contact: the foundations, and pairs, whose slave sides have the points.
         facets: of each foundation or slave, owned, local numbers.
         names: of its form.
-        inventory: where the forms are compiled.
         masters: facets of the other side of each pair, by its number among the contacts; None: there are no pairs.
     """
 
@@ -105,13 +104,12 @@ class Foundations:
         contact: Sequence[Foundation | Pair],
         facets: Sequence[npt.NDArray[np.int32]],
         names: Sequence[str],
-        inventory: Inventory,
         masters: Mapping[int, npt.NDArray[np.int32]] | None = None,
     ) -> None:
         self._space, self._contact, self.facets = space, contact, facets
         self._masters = dict(masters or {})
         self._pairs: dict[int, PairedSides] = {}
-        self._names, self._inventory = names, inventory
+        self._names = names
         self._values = [NodalValues(space, boundary_facets) for boundary_facets in facets]
         self._dimension = int(space.mesh.geometry.dim)
         self._distances = self._shaped()
@@ -262,12 +260,11 @@ class Foundations:
         """The unit contact form of each foundation, and the coefficient in it that is the factor of its measure; a pair
         has none.
         """
-        given = zip(self._contact, self.facets, self._names, strict=True)
         return [
             (None, None)
             if contact.against is not None
-            else unit_form(self._space, facets, self._inventory, name, measured=contact.measure is not None)
-            for contact, facets, name in given
+            else unit_form(self._space, facets, measured=contact.measure is not None)
+            for contact, facets in zip(self._contact, self.facets, strict=True)
         ]
 
     def factor_of(self, number: int) -> Array | None:
@@ -291,7 +288,7 @@ class Foundations:
         shapes = []
         for k, (contact, at) in enumerate(zip(self._contact, self._values, strict=True)):
             factor, direction, axes = self.factor_of(k), None, None
-            if contact.friction is not None:
+            if isinstance(contact.friction, DirectedLaw):
                 axes = contact.friction.axes(at, f"contact[{k}].friction", self._dimension, self._space.mesh.comm)
             along: Any = self._distances[k].direction if k in self._distances else contact.direction
             if along is not None:
@@ -502,7 +499,7 @@ class Foundations:
         points = [np.flatnonzero(boundary.part == k) for k in range(len(self._contact))]
         for k, (of_all, at) in enumerate(zip(self.friction() if friction is None else friction, points, strict=True)):
             law = None if of_all is None else of_all.at(boundary.nodes[at])
-            if law is not None and law.of_a_user:
+            if law is not None and not is_of_package(type(law)):
                 fault = fault_of(law, at.size, modulus)
                 error = FormError([(f"contact[{k}].friction", fault)]) if fault else None
                 parallel.raise_together(self._space.mesh.comm, error)
@@ -529,15 +526,15 @@ class Foundations:
 
 
 def unit_form(
-    space: fem.FunctionSpace, facets: npt.NDArray[np.int32], inventory: Inventory, name: str, *, measured: bool
+    space: fem.FunctionSpace, facets: npt.NDArray[np.int32], *, measured: bool
 ) -> tuple[Any, fem.Function | None]:
     """The unit contact form of a rigid foundation, and the coefficient in it that is the factor of its measure."""
     function = fem.Function(space) if measured else None
     factor = None if function is None else function[0]
     if averaging(space):
-        return averaging_forms(space, facets, inventory, name, factor), function
+        return averaging_forms(space, facets, factor), function
     z = ufl.TestFunction(space)
-    return inventory.compile(name, partial(unit_contact_form, space, z, facets, factor)), function
+    return unit_contact_form(space, z, facets, factor), function
 
 
 def rigid_points(

@@ -1,5 +1,4 @@
-"""One file per rigid foundation that is a thing: its keys, its signed distance and its normal.
+"""The rigid foundations that are things: their keys, signed distances and normals.
 
-A file has the name of its shape in a scene, and ``Entry``, the class; ``statement.rigid_shape`` finds it there, and it
-is imported when a scene names it.
+``statement.rigid_shape`` knows the file of each, which is imported when a scene names the shape.
 """

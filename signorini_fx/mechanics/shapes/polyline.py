@@ -1,4 +1,4 @@
-"""A line of straight pieces in 2D."""
+"""Lines through points in 2D: of straight pieces, or smooth."""
 
 from __future__ import annotations
 
@@ -11,10 +11,14 @@ from pydantic import Field, model_validator
 
 from signorini_fx.mechanics.statement.rigid_shape import Array, Shape
 from signorini_fx.mechanics.statement.values import Finite
-from signorini_fx.tuned import SAME_LENGTH
+from signorini_fx.tuned import LAST_STEP_ON_SPLINE, SAME_LENGTH, STEPS_ON_SPLINE
 
 # Products of points and pieces that are compared at a time, and pieces that are so few that all are.
 _AT_A_TIME, _FEW = 1_000_000, 256
+# Of a spline: pieces between two points to begin with, and those to each side of the closest one that are searched.
+_BETWEEN, _AROUND = 16, 4
+# Every which of these pieces' corners the line has that must not cross itself.
+_COARSER = 4
 
 Rows = npt.NDArray[np.int64]
 
@@ -97,13 +101,8 @@ class Polyline(LineShape):
 
 
 class NearestPiece:
-    """Which of many straight pieces is the closest one.
-
-    Args:
-        begin: where the pieces begin, shape (m, 2).
-        along: their unit vectors, shape (m, 2).
-        first: the lowest place on each, length, shape (m,); minus infinity where it goes straight on.
-        last: the highest one.
+    """Which of many straight pieces is the closest one: from where they begin, their unit vectors, both of shape (m,
+    2), and the first and last places on each, length, shape (m,), infinite where it goes straight on.
     """
 
     def __init__(self, begin: Array, along: Array, first: Array, last: Array) -> None:
@@ -116,25 +115,17 @@ class NearestPiece:
             self._search(np.flatnonzero(searched))
 
     def _search(self, pieces: Rows) -> None:
-        """Put the middles of equal parts of pieces, about as many as these, into a tree."""
+        """Put the middles of parts of pieces into a tree."""
         from scipy.spatial import cKDTree
 
-        length = self._last[pieces] - self._first[pieces]
-        self._part = float(length.mean())
-        parts = np.maximum(np.ceil(length / self._part), 1).astype(np.int64)
-        self._owner = np.repeat(pieces, parts)
-        number = np.arange(parts.sum()) - np.repeat(np.cumsum(parts) - parts, parts)
-        parameter = self._first[self._owner] + (number + 0.5) * np.repeat(length / parts, parts)
-        self._tree = cKDTree(self._begin[self._owner] + parameter[:, None] * self._along[self._owner])
+        first, length = self._first[pieces, None], (self._last - self._first)[pieces, None]
+        begin, way = self._begin[pieces] + first * self._along[pieces], length * self._along[pieces]
+        owner, middle, self._part = _parts_of(begin, way)
+        self._owner, self._tree = pieces[owner], cKDTree(middle)
 
     def __call__(self, x: Array) -> tuple[Rows, Array]:
-        """The closest piece of each point, the first one of several, and the place of the closest point on it.
-
-        Args:
-            x: points, shape (n, 2).
-
-        Returns:
-            Shapes (n,) and (n,).
+        """The closest piece of each point, the first one of several, and the place of the closest point on it, both of
+        shape (n,), for points of shape (n, 2).
         """
         chosen = np.zeros(len(x), dtype=np.int64)
         counts, within = np.full(len(x), self._compared.size), np.zeros(len(x))
@@ -151,10 +142,8 @@ class NearestPiece:
                 pieces = np.concatenate((pieces, self._owner[parts]))
                 order = np.argsort(rows, kind="stable")
                 rows, pieces = rows[order], pieces[order]
-            away = (
-                x[rows] - self._begin[pieces] - self._share_of_closest(x[rows], pieces)[:, None] * self._along[pieces]
-            )
-            distance = np.linalg.norm(away, axis=1)
+            at = self._share_of_closest(x[rows], pieces)[:, None]
+            distance = np.linalg.norm(x[rows] - self._begin[pieces] - at * self._along[pieces], axis=1)
             starts = np.flatnonzero(np.diff(rows, prepend=-1))
             least = np.repeat(np.minimum.reduceat(distance, starts), np.diff(starts, append=len(rows)))
             chosen[batch] = np.minimum.reduceat(np.where(distance == least, pieces, len(self._begin)), starts)
@@ -164,6 +153,15 @@ class NearestPiece:
         """The place of the closest point on the piece of each point, shape (n,)."""
         foot = np.einsum("nd,nd->n", x - self._begin[pieces], self._along[pieces])
         return np.clip(foot, self._first[pieces], self._last[pieces])
+
+
+def _parts_of(begin: Array, way: Array) -> tuple[Rows, Array, float]:
+    """The owners and middles of equal parts of pieces, none of which is longer than the mean piece, and its length."""
+    length = np.linalg.norm(way, axis=1)
+    parts = np.maximum(np.ceil(length / (longest := float(length.mean()))), 1).astype(np.int64)
+    owner = np.repeat(np.arange(len(way)), parts)
+    number = np.arange(parts.sum()) - np.repeat(np.cumsum(parts) - parts, parts)
+    return owner, begin[owner] + ((number + 0.5) / parts[owner])[:, None] * way[owner], longest
 
 
 class StraightPieces:
@@ -208,20 +206,11 @@ def crossing_pieces(points: Array) -> tuple[int, int] | None:
     """The first two pieces that cross, by their numbers from 0, the lower first; None: there are none.
 
     Pieces that touch without going over to the other side do not cross; nor do those that have an end in common.
-
-    Args:
-        points: of the line, in order, length, shape (m + 1, 2).
     """
     from scipy.spatial import cKDTree
 
-    begin, way = points[:-1], np.diff(points, axis=0)
-    length = np.linalg.norm(way, axis=1)
     # Two pieces that cross have parts that do, no longer than the mean piece, whose middles are no farther apart.
-    longest = float(length.mean())
-    parts = np.ceil(length / longest).astype(np.int64)
-    owner = np.repeat(np.arange(len(way)), parts)
-    number = np.arange(parts.sum()) - np.repeat(np.cumsum(parts) - parts, parts)
-    middle = begin[owner] + ((number + 0.5) / parts[owner])[:, None] * way[owner]
+    owner, middle, longest = _parts_of(points[:-1], np.diff(points, axis=0))
     tree = cKDTree(middle)
     counts = tree.query_ball_point(middle, longest, return_length=True)
     crossings = list[tuple[int, int]]()
@@ -255,4 +244,78 @@ def _sides(points: Array, piece: Rows, second: Rows, count: int, *, closed: bool
     return first, np.where(last == 0, side(points[beyond]), last)
 
 
-Entry = Polyline
+class Spline(LineShape):
+    """The cubic spline through points by the lengths of their chords, without curvature at its ends.
+
+    Attributes:
+        points: in order, lengths; beyond the first and the last one the line goes straight on.
+    """
+
+    shape: Literal["spline"] = "spline"
+
+    @model_validator(mode="after")
+    def _has_sides(self) -> Self:
+        curve, fine = self._curve_through(np.array(self.points))
+        corners = curve(fine[::_COARSER])
+        if self.closed:
+            corners[-1] = corners[0]
+        if (crossed := crossing_pieces(corners)) is not None:
+            numbers = [piece * _COARSER // _BETWEEN + 1 for piece in crossed]
+            first, second = (f"points {number} and {number + 1}" for number in numbers)
+            reason = f"between {first} it crosses what is between {second}: the body has no side of such a line"
+            raise ValueError(f"points: {reason}; leave the loop out")
+        return self
+
+    def _curve_through(self, points: Array) -> tuple[Any, Array]:
+        """The curve, and places along it at which a line of many pieces has its corners, shape (c,)."""
+        from scipy.interpolate import CubicSpline
+
+        at = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))))
+        curve = CubicSpline(at, points, bc_type="periodic" if self.closed else "natural")
+        return curve, np.interp(np.arange(_BETWEEN * (at.size - 1) + 1) / _BETWEEN, np.arange(at.size), at)
+
+    def initial(self, x: Array) -> tuple[Array, Array]:
+        """See ``Shape``: Newton's method for the closest point, from that of a line of many pieces."""
+        curve, fine = self._curve_through(self.walked)
+        corners = curve(fine)
+        chords = np.diff(corners, axis=0)
+        length = np.linalg.norm(chords, axis=1)
+        first, last = np.zeros_like(length), length.copy()
+        if not self.closed:
+            first[0], last[-1] = -np.inf, np.inf
+        chosen, on = NearestPiece(corners[:-1], chords / length[:, None], first, last)(x)
+        parameter = fine[chosen] + on / length[chosen] * np.diff(fine)[chosen]
+        inside = np.clip(parameter, fine[0], fine[-1])
+        # Near a centre of curvature the distance is flat, and the line of pieces may be closest some pieces away.
+        piece = np.diff(fine).max()
+        low, high = inside - _AROUND * piece, inside + _AROUND * piece
+        if not self.closed:
+            low[parameter <= fine[0]], high[parameter >= fine[-1]] = -np.inf, np.inf
+        moving = np.arange(len(x))
+        for _ in range(STEPS_ON_SPLINE):
+            position, slope, bend = self._at(curve, parameter[moving])
+            rise = np.einsum("nd,nd->n", position - x[moving], slope)
+            high[moving] = np.where(rise > 0, parameter[moving], high[moving])
+            low[moving] = np.where(rise < 0, parameter[moving], low[moving])
+            square = np.einsum("nd,nd->n", slope, slope)
+            curvature = square + np.einsum("nd,nd->n", position - x[moving], bend)
+            # Newton's step; near and beyond a centre of curvature, where it leads away, the bracket is halved.
+            ahead = parameter[moving] - rise / np.where(curvature > 0, curvature, square)
+            between = (curvature > 0) & (ahead > low[moving]) & (ahead < high[moving])
+            halved = np.where(np.isfinite(high - low)[moving], (low[moving] + high[moving]) / 2, ahead)
+            ahead = np.where(between, ahead, halved)
+            moved, parameter[moving] = np.abs(ahead - parameter[moving]), ahead
+            moving = moving[(moved > LAST_STEP_ON_SPLINE * piece) & (rise != 0)]
+            if not moving.size:
+                break
+        position, slope, _ = self._at(curve, parameter)
+        normal = np.column_stack((-slope[:, 1], slope[:, 0])) / np.linalg.norm(slope, axis=1)[:, None]
+        return np.einsum("nd,nd->n", x - position, normal), normal
+
+    def _at(self, curve: Any, parameter: Array) -> tuple[Array, Array, Array]:
+        """Position, and first and second derivative; beyond the ends it goes straight on."""
+        if self.closed:
+            return curve(parameter), curve(parameter, 1), curve(parameter, 2)
+        inside = np.clip(parameter, curve.x[0], curve.x[-1])
+        beyond = (parameter - inside)[:, None]
+        return curve(inside) + beyond * curve(inside, 1), curve(inside, 1), np.where(beyond == 0, curve(inside, 2), 0.0)

@@ -62,9 +62,6 @@ class ClosedSurface(Shape):
         return surface_of(self.file, self.size, changed)
 
 
-Entry = ClosedSurface
-
-
 @lru_cache(maxsize=8)
 def surface_of(file: Path, size: float | None, _changed: int) -> Any:
     """The surface in a file, once for each state of the file."""

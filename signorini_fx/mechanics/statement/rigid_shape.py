@@ -1,4 +1,4 @@
-"""What the rigid foundations of ``shapes/`` have in common, and how they are found: by the names of their files.
+"""What the rigid foundations of ``shapes/`` have in common, and where they are found.
 
 Other packages have more by entry points:
 
@@ -26,7 +26,7 @@ import numpy.typing as npt
 from pydantic import BeforeValidator, TypeAdapter, ValidationError, WithJsonSchema
 
 from signorini_fx.errors import SceneError
-from signorini_fx.extensions import SHAPES, is_of_package, load_class, modules_of, names_of
+from signorini_fx.extensions import SHAPES, is_of_package, load_class, names_of
 from signorini_fx.mechanics.statement.expressions import Expression, sample
 from signorini_fx.mechanics.statement.rigid_motion import (
     COMPONENTS,
@@ -64,7 +64,7 @@ class Shape(RigidMotion):
     """A rigid foundation that is a thing: the body is outside of it, or inside where it is hollow.
 
     Attributes:
-        shape: the name of its file.
+        shape: its name.
         hollow: whether the foundation is all that the shape is not.
         shift: by which it is moved, lengths, numbers or expressions of the time t; None: not at all.
         rotation: by which it is turned before it is moved, degrees, counterclockwise; in 3D along the axis [a, b, c]
@@ -349,12 +349,23 @@ def fault_of(shape: Any, x: Array, size: float) -> str:
 
 # --- how they are found ----------------------------------------------------------------------------------------------
 
-PACKAGE = "signorini_fx.mechanics.shapes"
+# The file of each shape, and its class there.
+_SHAPES = {
+    "circle": ("simple", "Circle"),
+    "cone": ("simple", "Cone"),
+    "cylinder": ("simple", "Cylinder"),
+    "edge": ("simple", "Edge"),
+    "plane": ("simple", "Plane"),
+    "polyline": ("polyline", "Polyline"),
+    "sphere": ("simple", "Sphere"),
+    "spline": ("polyline", "Spline"),
+    "surface": ("surface", "ClosedSurface"),
+}
 
 
 def names() -> tuple[str, ...]:
     """The names of all shapes, ascending; none is imported."""
-    return tuple(sorted({*modules_of(PACKAGE), *names_of(SHAPES)}))
+    return tuple(sorted({*_SHAPES, *names_of(SHAPES)}))
 
 
 def shape_class(name: str) -> type[Shape]:
@@ -363,10 +374,11 @@ def shape_class(name: str) -> type[Shape]:
     Raises:
         InstallationError: that of another package cannot be imported, or is none.
     """
-    if name not in modules_of(PACKAGE):
+    if name not in _SHAPES:
         return load_class(SHAPES, name, Shape)
-    entry_class: type[Shape] = import_module(f"{PACKAGE}.{name}").Entry
-    return entry_class
+    file, kind = _SHAPES[name]
+    found: type[Shape] = getattr(import_module(f"signorini_fx.mechanics.shapes.{file}"), kind)
+    return found
 
 
 def read_shape(entry: Any) -> Any:
@@ -380,7 +392,7 @@ def read_shape(entry: Any) -> Any:
     if not isinstance(entry, Mapping):
         raise ValueError(f'a table is expected, such as {{ shape = "plane", point = [...] }}, not {kind_of(entry)}')
     name = entry.get("shape")
-    if name not in modules_of(PACKAGE) and name not in names():
+    if name not in [*_SHAPES] and name not in names():
         raise ValueError(f"shape must be one of {', '.join(names())}, got {shown(name)}")
     return TypeAdapter(shape_class(name)).validate_python(entry)
 

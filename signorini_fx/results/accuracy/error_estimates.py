@@ -10,7 +10,7 @@ import ufl
 from dolfinx import default_scalar_type, fem
 
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.assembly.mesh_entities import assemble, facet_entities
+from signorini_fx.mechanics.assembly.mesh_entities import assemble, compile_form, facet_entities
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable
 from signorini_fx.mechanics.kinematics.protocol import Kinematics
@@ -189,5 +189,5 @@ def missed_loads(model: Model, step: float) -> Floats:
             density * where(metadata={"quadrature_degree": fine}),
             -density * where(metadata={"quadrature_degree": load.degree(model.statement.element.degree)}),
         ]
-    missed = model.inventory.compile("missed loads", lambda: fem.form(sum(terms[1:], terms[0])))
+    missed = compile_form(sum(terms[1:], terms[0]))
     return np.asarray(np.linalg.norm(assemble(missed).reshape(-1, model.dimension), axis=1))

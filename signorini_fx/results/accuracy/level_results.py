@@ -153,5 +153,5 @@ def level_result(
         iteration=max(own[-1].residual if own else 0.0, change or 0.0),
         table=table,
         force=np.concatenate([contact.forces_of_each.ravel() for contact in contacts]),
-        krylov_from=np.inf if task is None else krylov_from(body.system_size, body.settings.linear_algebra),
+        krylov_from=np.inf if task is None else krylov_from(body.system_size(), body.settings.linear_algebra),
     )

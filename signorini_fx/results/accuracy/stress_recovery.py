@@ -16,15 +16,14 @@ from petsc4py import PETSc
 
 from signorini_fx.algebra.linalg import petsc_options
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.assembly.mesh_entities import assemble, measure
+from signorini_fx.mechanics.assembly.mesh_entities import assemble, compile_form, measure
 from signorini_fx.mechanics.assembly.quadrature import parallelepipeds, strain_degree
-from signorini_fx.mechanics.body.element_stress import ElementStress, element_stress
 from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
-from signorini_fx.mechanics.elasticity.elastic_law import fields_of
+from signorini_fx.mechanics.elasticity.elastic_law import ElementStress, fields_of
+from signorini_fx.mechanics.loads.initial_strains import element_stress
 from signorini_fx.mechanics.loads.load_vectors import FormCoefficients
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.effect import Force, Resistance
-from signorini_fx.records import Inventory
 from signorini_fx.tuned import BOUNDARY_RESIDUAL_SHARE, PROJECTION_TOLERANCE
 
 # Tractions that vary may jump within a facet: they are evaluated at this many more points.
@@ -45,7 +44,6 @@ class StressRecovery:
         self,
         stress: Any,
         residual: Callable[[Any], tuple[Callable[[float], None], Any]],
-        inventory: Inventory,
         degree: int | None = None,
     ) -> None:
         """Compile; collective.
@@ -55,10 +53,9 @@ class StressRecovery:
                 what has its displacement, components, parts, ``squared`` and ``refresh``.
             residual: from a test function that is constant in each cell to what moves the loads to a place in the lists
                 of factors, and the squared residual of the traction, see ``boundary_residual``.
-            inventory: what was compiled and assembled.
             degree: of the quadrature in the cells, exact for all that is integrated there; None: UFL estimates it.
         """
-        self._stress, self._displacement, self._inventory = stress, stress.displacement, inventory
+        self._stress, self._displacement = stress, stress.displacement
         mesh, raw = self._displacement.function_space.mesh, stress.components
         self._comm, self._components = mesh.comm, len(raw)
         space = fem.functionspace(mesh, ("Lagrange", 1, (self._components,)))
@@ -69,29 +66,26 @@ class StressRecovery:
         assert np.array_equal(scalar.dofmap.list, space.dofmap.list)
         product = ufl.inner(ufl.TrialFunction(scalar), ufl.TestFunction(scalar))
         weight = fem.Function(cellwise.ufl_function_space())  # 1 in one material, 0 in the others
-        compiled = inventory.compile
         moment = ufl.inner(raw, ufl.TestFunction(space))
         self._weight = weight
         dx = ufl.dx if degree is None else ufl.dx(metadata={"quadrature_degree": degree})
-        self._moments = compiled("stress moments", lambda: fem.form(weight * moment * dx))
-        squares = stress.squared(self._recovered - raw, weight * cellwise, dx)
-        self._squares = compiled("stress recovery error", lambda: fem.form(squares))
-        self._mass = compiled("stress mass", lambda: fem.form(weight * product * dx))
+        self._moments = compile_form(weight * moment * dx)
+        self._squares = compile_form(stress.squared(self._recovered - raw, weight * cellwise, dx))
+        self._mass = compile_form(weight * product * dx)
         self._parts = stress.parts
         self._move_to, unbalanced = residual(cellwise)
-        self._residual = None if unbalanced is None else compiled("boundary residual", lambda: fem.form(unbalanced))
+        self._residual = None if unbalanced is None else compile_form(unbalanced)
 
     @classmethod
-    def of(cls, model: Model, inventory: Inventory | None = None) -> StressRecovery:
-        """That of a scene; ``inventory``: where it is recorded; None: that of the scene."""
+    def of(cls, model: Model) -> StressRecovery:
+        """That of a scene."""
         empty = model.elastic.displacement(model.space, np.zeros(model.elastic.count))
         stress = element_stress(model, empty)
         # Without the radius, and expressions in the stress, all is a product of two polynomials like the strain.
         strained = any(effect.strains for _, effect in model.statement.listed())
         plain = model.kinematics.uniform and not strained and not model.elastic.pressed
         degree = strain_degree(model.space) if plain and parallelepipeds(model.tagged.mesh) else None
-        inventory = model.inventory if inventory is None else inventory
-        return cls(stress, partial(boundary_residual, model, stress), inventory, degree)
+        return cls(stress, partial(boundary_residual, model, stress), degree)
 
     def _choose(self, cells: npt.NDArray[np.int32]) -> None:
         """Restrict the forms to these cells (local numbers, ghosts included)."""
@@ -109,7 +103,6 @@ class StressRecovery:
         diagonal = mass.getDiagonal()
         diagonal.getArray()[:] = np.where(diagonal.getArray(readonly=True) == 0.0, 1.0, 0.0)
         mass.setDiagonal(diagonal, addv=PETSc.InsertMode.ADD)  # nodes of other materials
-        self._inventory.matrices.append("stress mass")
         ksp = PETSc.KSP().create(self._comm)
         ksp.setOperators(mass)
         ksp.setType(PETSc.KSP.Type.CG)
@@ -150,7 +143,7 @@ class StressRecovery:
 
         Returns:
             The cells (local numbers, ghosts included), shape (m,), and at their vertices the components of the
-            stress, see ``Kinematics.pairs``, shape (m, vertices, components).
+            stress, see ``ElementStress.components``, shape (m, vertices, components).
         """
         self._fill(y, step)
         space, stresses = self._recovered.function_space, []

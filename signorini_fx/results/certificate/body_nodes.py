@@ -11,9 +11,8 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.assembly.mesh_entities import node_positions
+from signorini_fx.mechanics.assembly.mesh_entities import node_positions, shared_in
 from signorini_fx.mechanics.assembly.pieces import find_pieces
-from signorini_fx.mechanics.assembly.shared_cache import shared_in
 
 Array = npt.NDArray[np.float64]
 

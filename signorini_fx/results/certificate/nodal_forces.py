@@ -32,7 +32,6 @@ from signorini_fx.mechanics.statement.effect import Force, InitialStrain, Resist
 from signorini_fx.mechanics.statement.expressions import in_space
 from signorini_fx.mechanics.statement.settings import treatment_of
 from signorini_fx.mechanics.statement.statement import Statement
-from signorini_fx.records import Inventory
 from signorini_fx.results.certificate.body_nodes import BodyNodes
 
 Array = npt.NDArray[np.float64]
@@ -42,7 +41,7 @@ class CompiledForms:
     """The linear forms of a statement, compiled when they are first asked for, with coefficients of their own."""
 
     def __init__(self, statement: Statement, tagged: TaggedMesh, space: fem.FunctionSpace) -> None:
-        self.on = FormCoefficients(statement, tagged, space, Inventory())
+        self.on = FormCoefficients(statement, tagged, space)
         self.z = ufl.TestFunction(space)
         self._kept: dict[Hashable, Sequence[fem.Form]] = {}
 
@@ -130,8 +129,8 @@ class NodalForces(BodyNodes):
         """The compiled unit contact form of a part of the boundary."""
         key = "unit form", boundary, self.kinematics.uniform
         if key not in self._of_mesh:
-            about = self.space, self.tagged.facets(boundary), Inventory(), boundary
-            self._of_mesh[key] = unit_form(*about, measured=not self.kinematics.uniform)
+            facets = self.tagged.facets(boundary)
+            self._of_mesh[key] = unit_form(self.space, facets, measured=not self.kinematics.uniform)
         return self._of_mesh[key]
 
     def on_boundary(self, boundary: str, values: Callable[[Array], Array]) -> Array:

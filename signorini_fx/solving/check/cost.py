@@ -122,7 +122,7 @@ def estimated_cost(model: Model, *, linear: bool = True) -> Cost:
         model.statement, friction, nodes, steps=model.statement.expected_steps, levels=model.statement.solver.levels
     )
     matrix = 12.0 * ROW_ENTRIES[dim] * n
-    kind, reason = choice.choose_kind(model.system_size, model.statement.solver.linear_algebra)
+    kind, reason = choice.choose_kind(model.system_size(), model.statement.solver.linear_algebra)
     dense, held = 0, 12.0 * entries
     if kind == "krylov":
         rates = KRYLOV_SECONDS["meshes" if model.statement.solver.levels > 1 else "aggregation"]
