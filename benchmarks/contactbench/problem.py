@@ -226,9 +226,7 @@ def read_problem(name: str | Path) -> Problem:
     try:
         data = tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError:
-        raise ProblemError(
-            f"there is no problem {str(name)!r}: python3 -m benchmarks.contactbench list names them"
-        ) from None
+        raise ProblemError(f"there is no problem {str(name)!r}; there are: {', '.join(problem_names())}") from None
     except tomllib.TOMLDecodeError as error:
         raise ProblemError(f"{path.name}: {error}") from None
     try:
