@@ -17,7 +17,7 @@ from signorini_fx.mechanics.mesh.files.arrays import plain
 from signorini_fx.mechanics.mesh.files.shape import Floats
 
 # Parameters whose values are sets, surfaces, orientations or nodes.
-_NAMING = ("NSET", "ELSET", "SURFACE", "REFNODE", "ROTNODE", "NODE", "ANALYTICALSURFACE")
+_NAMING = ("NSET", "ELSET", "SURFACE", "NODE")
 # Keywords whose rows begin with a node, an element or a set of them, and how many such words there are; None: all.
 _REFERRING: dict[str, int | None] = {
     **dict.fromkeys(("NSET", "ELSET", "ELEMENT", "TIE", "CONTACTPAIR"), None),
@@ -208,9 +208,8 @@ class _Names:
             rows = block.rows if scope.move is None else _moved(block, scope.move)
         except ValueError as error:
             raise DeckError(block, str(error)) from None
-        if block.parameters.get("TYPE", "").upper() not in ("SEGMENTS", "CYLINDER", "REVOLUTION"):
-            count = 2 if "GENERATE" in block.parameters else _REFERRING.get(block.keyword, 0)
-            rows = [[self.word(word, inside) for word in row[:count]] + row[len(row[:count]) :] for row in rows]
+        count = 2 if "GENERATE" in block.parameters else _REFERRING.get(block.keyword, 0)
+        rows = [[self.word(word, inside) for word in row[:count]] + row[len(row[:count]) :] for row in rows]
         return block.changed(parameters, rows)
 
 
@@ -228,8 +227,4 @@ def _moved(block: DeckBlock, move: _Motion) -> Sequence[list[str]]:
         return [
             [row[0], *map(repr, point)] for row, point in zip(rows, plain(moved[:, : 2 if flat else 3]), strict=True)
         ]
-    if block.keyword == "SURFACE" and block.parameters.get("TYPE", "").upper() == "SEGMENTS":
-        pairs = [np.array([real(word) for word in row[1:]]).reshape(-1, 2) for row in rows]
-        ends = [move(np.pad(pair, ((0, 0), (0, 1))))[:, :2] for pair in pairs]
-        return [[row[0], *map(repr, plain(x.ravel()))] for row, x in zip(rows, ends, strict=True)]
     return rows

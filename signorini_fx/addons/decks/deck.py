@@ -13,12 +13,10 @@ from pathlib import Path
 from signorini_fx.addons.decks import keywords, loads, material
 from signorini_fx.addons.decks.bolts import read_bolt
 from signorini_fx.addons.decks.contact import (
-    find_surfaces,
     read_behaviour,
     read_friction,
     read_interaction,
     read_pairs,
-    read_rigid_body,
     read_ties,
 )
 from signorini_fx.addons.decks.content import Deck
@@ -55,7 +53,6 @@ def read_deck(file: Path) -> Deck:
         if block.keyword in _DEFINITIONS:
             with placed(file, block):
                 _DEFINITIONS[block.keyword](deck, block)
-    find_surfaces(deck)
     for block in _used_keywords(file, deck):
         with placed(file, block):
             _say_undefined(deck, block)
@@ -203,7 +200,6 @@ _SETS = ("NODE", "ELEMENT", "NSET", "ELSET", "SURFACE")
 _DEFINITIONS: dict[str, Reader] = {
     "AMPLITUDE": _read_amplitude,
     "PRE-TENSIONSECTION": read_bolt,
-    "RIGIDBODY": read_rigid_body,
 }
 _READERS: dict[str, Reader] = {
     **dict.fromkeys((*_SETS, *_DEFINITIONS, "ENDSTEP", "SYSTEM"), _read_nothing),

@@ -10,7 +10,7 @@ import numpy as np
 from signorini_fx.addons.decks import bolts
 from signorini_fx.addons.decks.content import Deck, DeckLoad, plain_name
 from signorini_fx.addons.decks.groups import Group
-from signorini_fx.addons.decks.keywords import MOVING, OTHER_AMPLITUDE, TOTAL_TIME
+from signorini_fx.addons.decks.keywords import OTHER_AMPLITUDE, TOTAL_TIME
 from signorini_fx.addons.decks.text import ROTATIONS, DeckBlock, DeckError, components, parameter, real
 from signorini_fx.mechanics.mesh.files.arrays import plain
 from signorini_fx.mechanics.mesh.files.cells import completed
@@ -38,12 +38,12 @@ def read_boundary(deck: Deck, block: DeckBlock) -> None:
         deck.check_nodes(name)
         if (mover := deck.mover(name)) is not None:
             for component, value in components(words).items():
-                _drive(deck, block, "prescribed", mover, component, value * factor)
+                bolts.drive(deck, block, "prescribed", mover, component, value * factor)
         elif not plain_name(name).isdigit():
             prescribed.setdefault(name, {}).update(components(words))
     nodes: dict[str, tuple[int, ...]] = {}
     for group in deck.model.groups.get(block.number, []):
-        if body_nodes := tuple(node for node in group.nodes if node not in deck.driven):
+        if body_nodes := tuple(node for node in group.nodes if node not in deck.bolts):
             nodes[group.name] = body_nodes
             prescribed.setdefault(group.name, {}).update(components(group.words))
     for name, displacements in prescribed.items():
@@ -64,14 +64,6 @@ def read_boundary(deck: Deck, block: DeckBlock) -> None:
         for axis, value in along.items():
             for target, lines in places:
                 _set_load(deck, DeckLoad("displacement", target, (axis,), block, lines=lines), value)
-
-
-def _drive(deck: Deck, block: DeckBlock, kind: str, node: int, component: int, value: float) -> None:
-    """What the reference node of a bolt is given; rigid bodies are at rest."""
-    if node in deck.bolts:
-        bolts.drive(deck, block, kind, node, component, value)
-    elif value:
-        deck.lose(block, MOVING)
 
 
 def read_surface_loads(deck: Deck, block: DeckBlock) -> None:
@@ -162,9 +154,9 @@ def read_forces(deck: Deck, block: DeckBlock) -> None:
             key = (mover, int(words[0]))
             drives[key] = drives.get(key, 0.0) + factor * real((*words, "0")[1])
     for (node, component), value in drives.items():
-        _drive(deck, block, "force", node, component, value)
+        bolts.drive(deck, block, "force", node, component, value)
     for group in deck.model.groups.get(block.number, []):
-        on_body = [k for k, node in enumerate(group.nodes) if node not in deck.driven]
+        on_body = [k for k, node in enumerate(group.nodes) if node not in deck.bolts]
         nodes, values = [group.nodes[k] for k in on_body], np.array([group.values[k] for k in on_body])
         component, axis = int(group.words[0]), _AXES.get(int(group.words[0]), "")
         if not nodes:
@@ -197,7 +189,7 @@ def _push_singly(deck: Deck, block: DeckBlock, group: Group, axis: str, factor: 
     """Forces at the nodes of a group, one by one."""
     share = deck.thickness if deck.mesh.dim == 2 and deck.kinematics.uniform else 1.0
     for node, value in zip(group.nodes, group.values, strict=True):
-        for row in plain(deck.rows([node])) if node not in deck.driven else []:
+        for row in plain(deck.rows([node])) if node not in deck.bolts else []:
             if lines := deck.at_point(block, row):
                 _set_load(deck, DeckLoad("point_force", "", (axis,), block, lines=lines), factor * value / share)
 
