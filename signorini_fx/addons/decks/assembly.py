@@ -214,11 +214,7 @@ class _Names:
 
 
 def _moved(block: DeckBlock, move: _Motion) -> Sequence[list[str]]:
-    """The rows of a keyword of a part where its instance is.
-
-    Raises:
-        ValueError: a row has no word where it has to have one, or a word is no number.
-    """
+    """The rows of a keyword of a part where its instance is."""
     rows = block.rows
     if block.keyword == "NODE" and rows:
         _, x = coordinates(block)

@@ -80,12 +80,7 @@ def _say_undefined(deck: Deck, block: DeckBlock) -> None:
 
 
 def _used_keywords(file: Path, deck: Deck) -> Iterator[DeckBlock]:
-    """The keywords without those of steps that are not static.
-
-    Raises:
-        MeshError: the first step does not say of what kind it is, or one does not end before the next one; a keyword is
-            within a step, or outside of one, where it has no meaning.
-    """
+    """The keywords without those of steps that are not static."""
     step: list[DeckBlock] | None = None
     seen, static, kind = False, False, ""
     for block in deck.model.blocks:
@@ -143,11 +138,7 @@ def _read_heading(deck: Deck, block: DeckBlock) -> None:
 
 
 def _read_output(deck: Deck, block: DeckBlock) -> None:
-    """A request for results; a number in its lines belongs to a keyword that is missing.
-
-    Raises:
-        ValueError: there is one.
-    """
+    """A request for results; a number in its lines belongs to a keyword that is missing."""
     rows = block.rows
     if block.keyword.startswith("EL") and rows and all(word.isdecimal() for word in rows[0]):
         rows = rows[1:]  # in Abaqus these are points of the sections of shells and beams

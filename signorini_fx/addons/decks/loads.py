@@ -267,11 +267,7 @@ def share_now(deck: Deck, block: DeckBlock) -> float:
 
 
 def _course_of(amplitude: DeckBlock) -> tuple[Floats, Floats]:
-    """The times and values of an amplitude.
-
-    Raises:
-        DeckError: they are no pairs of numbers, or a time is before the one in front of it.
-    """
+    """The times and values of an amplitude."""
     try:
         words = np.array([real(word) for row in amplitude.rows for word in row])
     except ValueError as error:

@@ -226,9 +226,6 @@ def _nonlinear_law(deck: Deck, section: DeckSection, obstacle: str) -> list[str]
     """The lines of a material that is not linear; None: it is linear here.
 
     Beside rubber one with two constants is that of Saint Venant and Kirchhoff, which knows finite strains.
-
-    Raises:
-        DeckError: it is rubber, and there is an obstacle.
     """
     properties = deck.materials[section.material]
     curve, yielding = properties.get("plastic", (None, None))

@@ -69,11 +69,7 @@ _NO_NUMBERS = np.empty(0, dtype=np.int64)
 
 
 def _kind(element: str) -> tuple[str, int]:
-    """The shape of an element type and its number of nodes.
-
-    Raises:
-        ValueError: it is not one of a plane or solid body.
-    """
+    """The shape of an element type and its number of nodes."""
     if match := _SOLID.match(element):
         if (count := int(match[1])) not in _SOLID_KINDS:
             raise ValueError(f"element type {element}: known are C3D4, C3D6, C3D8, C3D10, C3D15, C3D20")
@@ -422,11 +418,7 @@ class _Reader:
         return groups
 
     def _table(self, kind: str) -> Ints:
-        """The rows of the nodes of each element of a kind.
-
-        Raises:
-            DeckError: the file does not define one of them.
-        """
+        """The rows of the nodes of each element of a kind."""
         nodes = self.elements.nodes[kind]
         table = self.nodes[0].rows(nodes.ravel()).reshape(nodes.shape)
         missing = np.argwhere(table < 0)
@@ -447,11 +439,7 @@ class _Reader:
         return self.elements.by_kind(rows[rows >= 0])
 
     def _sides(self, tables: dict[str, Ints], name: str, faces: Sequence[tuple[int, int]]) -> Iterator[Ints]:
-        """The corners of the faces of a surface that are sides of the body, by their number, shape (n, corners).
-
-        Raises:
-            ValueError: an element has no such face.
-        """
+        """The corners of the faces of a surface that are sides of the body, by their number, shape (n, corners)."""
         elements, listed = self.elements, np.array(faces, dtype=np.int64).reshape(-1, 2)
         rows = elements.rows.rows(listed[:, 0])
         on_body = (rows >= 0) & elements.solid[rows]

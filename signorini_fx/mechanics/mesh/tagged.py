@@ -427,12 +427,7 @@ def _global_nodes(mesh: dmesh.Mesh, rows: npt.NDArray[np.int32]) -> Ints:
 
 
 def _generator(name: str, parameters: Mapping[str, Any]) -> Callable[..., Any]:
-    """The generator of this name, which takes these parameters.
-
-    Raises:
-        SceneError: there is none of this name, it cannot be imported, or parameters are wrong: all of them are
-            reported.
-    """
+    """The generator of this name, which takes these parameters."""
     from signorini_fx.mechanics.statement.generators import known_generators
     from signorini_fx.mechanics.statement.validation import plain_message
 
@@ -530,11 +525,7 @@ def gmsh_mesh(comm: MPI.Comm, draw: Callable[[Any], None], name: str, unit: floa
 
 
 def _drawn(gmsh: Any, top: int, sizes: Sizes, name: str, unit: float) -> MeshArrays:
-    """The mesh of the current model, or one with cells of other lengths; see ``gmsh_mesh``.
-
-    Raises:
-        SceneError: a length cannot be had.
-    """
+    """The mesh of the current model, or one with cells of other lengths; see ``gmsh_mesh``."""
     from signorini_fx.mechanics.mesh.drawing import set_order
     from signorini_fx.mechanics.mesh.files.arrays import from_raw
     from signorini_fx.mechanics.mesh.files.gmsh_reader import content

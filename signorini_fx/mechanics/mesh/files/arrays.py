@@ -257,11 +257,7 @@ def _no_number(raw: RawMesh, entities: _Entities, numbers: list[Ints] | None, va
 
 
 def _body(raw: RawMesh, name: str) -> tuple[str, list[int]]:
-    """The kind of the cells and the blocks that hold them.
-
-    Raises:
-        MeshError: no cells, cells of several kinds, or of a kind without an element.
-    """
+    """The kind of the cells and the blocks that hold them."""
     sizes: dict[str, int] = {}
     for kind, nodes in raw.blocks:
         if len(nodes) and kind not in (*_LINES, "vertex"):

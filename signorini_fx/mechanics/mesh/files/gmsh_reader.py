@@ -184,10 +184,6 @@ def _check_script(file: Path, name: str = "", checked: frozenset[Path] = frozens
         file: the script.
         name: of the file that a scene names, in messages; "" if it is this one.
         checked: the scripts that include it.
-
-    Raises:
-        MeshError: with the word and its line.
-        OSError: it cannot be read.
     """
     where = f"{name}: {file.name}" if name else str(file)
     text = file.read_text(encoding="utf-8-sig", errors="replace")
@@ -223,11 +219,7 @@ def _has_header(file: Path) -> bool:
 
 
 def _run(gmsh: Any, file: Path) -> None:
-    """Run a script, to its end in any case: gmsh's parser would begin the next one where it left this one.
-
-    Raises:
-        MeshError: it is none, does more than draw, or has an error.
-    """
+    """Run a script, to its end in any case: gmsh's parser would begin the next one where it left this one."""
     text = file.read_bytes()
     if text.startswith(b"$"):
         raise MeshError(f"{file}: is not a gmsh script: it begins with $; a mesh must end in .msh")
@@ -252,11 +244,7 @@ def _run(gmsh: Any, file: Path) -> None:
 
 
 def _import(gmsh: Any, file: Path, form: str, size: float | None, *, joined: bool) -> None:
-    """Import a CAD drawing; each surface is a physical group with its number, and so is each solid.
-
-    Raises:
-        MeshError: there is no body.
-    """
+    """Import a CAD drawing; each surface is a physical group with its number, and so is each solid."""
     with _silence():
         shapes = gmsh.model.occ.importShapes(str(file.absolute()), highestDimOnly=True, format=form)
         if joined and len(shapes) > 1:
