@@ -326,7 +326,8 @@ def read_mesh(
         regions: the same for cells and all their vertices.
         data: the cell data that numbers refer to; None: there is only one.
         halvings: how often the sides of all cells are halved, for a drawing on the true shape.
-        degree: degree of the geometry, as in ``formats.read_file``.
+        degree: of the geometry: 1: straight sides; 2 (drawings only): nodes between the corners as well, if there are
+            curves; None: as the file has it, 1 for a drawing of a CAD program.
         size: length of the cells of a .step, .stp or .brep; None: a fraction of the size of the body.
         sections: names of the file whose facets inside the body are wanted, too.
         sizes: of a drawing the lengths of facets of some boundaries, or of all cells, on the first rank.

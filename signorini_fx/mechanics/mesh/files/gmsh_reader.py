@@ -67,12 +67,7 @@ def read_gmsh(
     Args:
         file: an existing file that ends in ``.msh`` or one of ``DRAWN``.
         named: makes the mesh of its content.
-        halvings: how often gmsh divides all cells that it makes, with the new nodes on the true shape.
-        degree: 1: the cells that it makes have straight sides; 2: nodes between their corners on the true shape;
-            None: what the script asks for, 1 for a drawing of a CAD program.
-        size: length of the cells of a CAD drawing, in its unit; None: a fraction of the size of the body.
-        sizes: of a drawing the lengths of facets of some boundaries, or of all cells.
-        joined: whether solids of a CAD drawing that touch or overlap are divided into ones that share faces.
+        halvings: see ``formats.read_file``; likewise the others.
 
     Raises:
         MeshError: its content does not fit its suffix, a script does more than draw, or gmsh cannot make a mesh of it.
