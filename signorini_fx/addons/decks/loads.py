@@ -143,9 +143,7 @@ def _on_the_whole_body(deck: Deck, block: DeckBlock) -> set[tuple[str, ...]]:
 
 
 def read_forces(deck: Deck, block: DeckBlock) -> None:
-    """Forces at nodes: on whole facets a traction, if they are those of a uniform one, or evenly, if all are the same
-    and have the moment of their sum; else one by one.
-    """
+    """Forces at nodes: on whole facets a traction, if they are those of a uniform one; else one by one."""
     _forget(deck, block)
     factor = share_now(deck, block)
     drives: dict[tuple[int, int], float] = {}
@@ -174,15 +172,11 @@ def read_forces(deck: Deck, block: DeckBlock) -> None:
         if where is None or component in deck.given_singly or not deck.kinematics.uniform:
             _push_singly(deck, block, group, axis, factor)
             continue
-        total = 0.0 if abs(values.sum()) < NEGLIGIBLE**2 * np.abs(values).sum() else factor * float(values.sum())
         uniform = _uniform(deck, where, rows, values)
-        if uniform is not None:
-            _set_load(deck, DeckLoad("traction", where, (axis,), block), factor * uniform / deck.thickness)
-        elif total and _like_an_even_one(deck, where, rows, values, axis):
-            _set_load(deck, DeckLoad("force", where, (axis,), block), total / deck.thickness)
-            deck.note(block, f"forces at nodes, {total:g} along {axis} in all ({len(rows)} nodes): on {where!r} evenly")
-        else:
+        if uniform is None:
             _push_singly(deck, block, group, axis, factor)
+        else:
+            _set_load(deck, DeckLoad("traction", where, (axis,), block), factor * uniform / deck.thickness)
 
 
 def _push_singly(deck: Deck, block: DeckBlock, group: Group, axis: str, factor: float) -> None:
@@ -212,18 +206,6 @@ def _areas(deck: Deck, where: str) -> Floats:
     if deck.mesh.completed and deck.mesh.dim == 3 and (full_cell := completed("quad8")) is not None:
         facets, shares = facets[:, :-1], shares @ full_cell[1]
     return np.bincount(facets.ravel(), shares.ravel(), minlength=len(deck.mesh.points)).astype(np.float64)
-
-
-def _like_an_even_one(deck: Deck, where: str, rows: Ints, values: Floats, axis: str) -> bool:
-    """Whether forces at nodes along an axis are all the same, and have the moment of an even traction on a boundary."""
-    if np.ptp(values) > NEGLIGIBLE * np.abs(values).max():
-        return False
-    areas = _areas(deck, where)
-    x = deck.mesh.points[np.searchsorted(deck.numbers, rows)]
-    apart = values @ x / values.sum() - areas @ deck.mesh.points / areas.sum()
-    apart[deck.axes.index(axis)] = 0.0
-    size = np.linalg.norm(np.ptp(deck.mesh.points[areas != 0], axis=0))
-    return bool(np.linalg.norm(apart) <= NEGLIGIBLE * size)
 
 
 def _unit(vector: list[float]) -> tuple[float, ...]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import itertools
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from pathlib import Path
@@ -90,7 +90,7 @@ def faces_of(kind: str) -> tuple[tuple[int, ...], ...]:
     return _FACES.get(kind.rstrip("0123456789"), ())
 
 
-class Numbering(Mapping[int, int]):
+class Numbering:
     """Distinct numbers and the row of each.
 
     Attributes:
@@ -123,15 +123,6 @@ class Numbering(Mapping[int, int]):
         if repeated.size:
             row = int(repeated.min())
             raise DeckError(defining(row), f"{word} {self.numbers[row]} is defined twice")
-
-    def __getitem__(self, number: int) -> int:
-        row = int(self.rows(np.array([number]))[0])
-        if row < 0:
-            raise KeyError(number)
-        return row
-
-    def __iter__(self) -> Iterator[int]:
-        return iter(plain(self.numbers))
 
     def __len__(self) -> int:
         return len(self.numbers)
@@ -492,7 +483,7 @@ class _Elements:
 
     def defining(self, number: int) -> DeckBlock:
         """The keyword that defines an element."""
-        return self._blocks[int(self._defined[self.rows[number]])]
+        return self._blocks[int(self._defined[self.rows.rows(np.array([number]))[0]])]
 
     def number(self, kind: str, row: int) -> int:
         """The number of an element by its row among those of its kind."""
