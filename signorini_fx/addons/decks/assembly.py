@@ -7,7 +7,7 @@ is.  Nodes of the second instance, and of the assembly, get higher numbers.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -15,6 +15,7 @@ import numpy as np
 from signorini_fx.addons.decks.text import DeckBlock, DeckError, coordinates, real
 from signorini_fx.mechanics.mesh.files.arrays import plain
 from signorini_fx.mechanics.mesh.files.shape import Floats
+from signorini_fx.mechanics.statement.rigid_shape import turning
 
 # Parameters whose values are sets, surfaces, orientations or nodes.
 _NAMING = ("NSET", "ELSET", "SURFACE", "NODE")
@@ -31,19 +32,8 @@ _DEFINING = {
     "ELSET": "ELSET",
     "SURFACE": "NAME",
 }
-
-
-@dataclass(frozen=True)
-class _Motion:
-    """A shift, shape (3,), a rotation, shape (3, 3), and another shift."""
-
-    turn: Floats
-    before: Floats
-    after: Floats
-
-    def __call__(self, x: Floats) -> Floats:
-        """Moved positions of shape (n, 3)."""
-        return np.asarray((x + self.before) @ self.turn.T + self.after)
+# From positions in a part to those in the assembly, shape (n, 3).
+_Motion = Callable[[Floats], Floats]
 
 
 @dataclass
@@ -130,22 +120,21 @@ def _instance(block: DeckBlock, parts: dict[str, list[DeckBlock]]) -> _Scope:
         if [len(row) for row in rows] not in ([], [3], [3, 7]):
             raise ValueError("a shift of three numbers is expected, then perhaps two points of an axis and an angle")
         if rows:
-            turn = _rotation(rows[1][3:6] - rows[1][:3], rows[1][6]) if len(rows) > 1 else np.eye(3)
-            pivot = rows[1][:3] if len(rows) > 1 else np.zeros(3)
-            instance.move = _Motion(turn, rows[0] - pivot, pivot)
+            instance.move = _motion(*rows)
     except ValueError as error:
         raise DeckError(block, str(error)) from None
     return instance
 
 
-def _rotation(axis: Floats, degrees: float) -> Floats:
-    """The matrix of a rotation about an axis (Rodrigues)."""
+def _motion(shift: Floats, turn: Floats | None = None) -> _Motion:
+    """A shift, and then a rotation about an axis: two of its points and an angle in degrees."""
+    if turn is None:
+        return lambda x: x + shift
+    pivot, axis = turn[:3], turn[3:6] - turn[:3]
     if not (size := float(np.linalg.norm(axis))) > 0:
         raise ValueError("the axis of the rotation has no length")
-    x, y, z = axis / size
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    angle = np.radians(degrees)
-    return np.asarray(np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross)
+    matrix = turning(tuple(plain(turn[6] / size * axis)), 3)
+    return lambda x: np.asarray((x + shift - pivot) @ matrix.T + pivot)
 
 
 def _defined(block: DeckBlock) -> list[str]:
