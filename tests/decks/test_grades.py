@@ -66,8 +66,14 @@ SAID = {
         *(RUBBER, []),
         {"*SOLID SECTION, ELSET=UP, MATERIAL=STEEL": "*SOLID SECTION, ELSET=UP, MATERIAL=RUBBER"},
     ),
-    ("SHELLSECTION", "of a plane mesh"): (["*SHELL SECTION, ELSET=UP, MATERIAL=STEEL", "1."], []),
-    ("MEMBRANESECTION", "of a plane mesh"): (["*MEMBRANE SECTION, ELSET=UP, MATERIAL=STEEL", "1."], []),
+    **{
+        (f"{kind}SECTION", "of a plane mesh"): (
+            *([], []),
+            {"*SOLID SECTION, ELSET=UP, MATERIAL=STEEL": f"*{kind} SECTION, ELSET=UP, MATERIAL=STEEL"},
+        )
+        for kind in ("SHELL", "MEMBRANE")
+    },
+    ("SOLIDSECTION", "of elements of another one"): (["*SOLID SECTION, ELSET=UP, MATERIAL=STEEL"], []),
     ("BEAMSECTION", ""): (["*BEAM SECTION, ELSET=UP, MATERIAL=STEEL", "1., 1."], []),
     ("SHELLSECTION", "of no part of the mesh"): (["*SHELL SECTION, ELSET=ELSEWHERE, MATERIAL=STEEL", "1."], []),
     ("MEMBRANESECTION", "of no part of the mesh"): (["*MEMBRANE SECTION, ELSET=ELSEWHERE, MATERIAL=STEEL", "1."], []),

@@ -74,6 +74,7 @@ OTHER_BEHAVIOUR = "soft contact is read as LINEAR or TIED only: this contact is 
 ADJUSTED_SET = "ADJUST: a set with only some nodes of the dependent surface is not read"
 NO_BOUNDARY = "is no boundary of the body"
 NO_BODY_PART = "no part of the body"
+IN_ANOTHER_SECTION = "some of its elements are in another section, too: give each of them one"
 _MOMENTS = "moments at nodes are not read"
 
 RULES: tuple[Rule, ...] = (
@@ -102,6 +103,7 @@ RULES: tuple[Rule, ...] = (
     *_rules(Grade.LOST, OTHER_HARDENING, "PLASTIC", case="HARDENING other than ISOTROPIC"),
     *_rules(*(Grade.LOST, NOT_YET_NONLINEAR, "PLASTIC"), case="with soft contact, preload and more: it does not yield"),
     *_rules(Grade.LOST, YIELDING_RUBBER, "PLASTIC", case="of rubber"),
+    *_rules(Grade.REFUSED, IN_ANOTHER_SECTION, "SOLID SECTION", case="of elements of another one"),
     *_rules(Grade.NOTED, BESIDE_RUBBER, "SOLID SECTION", case="beside rubber"),
     *_rules(
         *(Grade.NOTED, "as a plane body under plane stress, without bending", "SHELL SECTION", "MEMBRANE SECTION"),

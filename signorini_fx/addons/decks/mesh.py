@@ -136,12 +136,9 @@ class DeckModel:
         raw: its mesh.
         blocks: its keywords.
         groups: number of a keyword -> the sets of single nodes and faces to which it gives something.
-        sections: number of the keyword of a section -> the set of its elements that no later section has; None: it has
-            none.  Sections that keep all of their elements are not listed.
         undefined: name of a set -> how many of its members the file does not define.
         places: number of a node -> its row in the mesh.
         surfaces: name of a surface -> its elements, each with a face from 1 on.
-        bare: an element of the body that is in no section, and the keyword that defines it; None: all are in one.
         bodies: names of the parts that share no node, if there are several and the file gives nodes values.
         tied: whether there are elements with stiffness that are no part of the body, such as springs.
     """
@@ -149,11 +146,9 @@ class DeckModel:
     raw: RawMesh
     blocks: list[DeckBlock]
     groups: dict[int, list[Group]]
-    sections: dict[int, str | None]
     undefined: dict[str, int]
     places: Numbering
     surfaces: dict[str, list[tuple[int, int]]]
-    bare: tuple[int, DeckBlock] | None
     bodies: tuple[str, ...]
     tied: bool
 
@@ -167,7 +162,6 @@ class _Reader:
     node_sets: dict[str, Ints] = field(default_factory=dict)
     element_sets: dict[str, Ints] = field(default_factory=dict)
     surfaces: dict[str, list[tuple[int, int]]] = field(default_factory=dict)
-    section_blocks: list[DeckBlock] = field(default_factory=list)
     nodal_values: list[tuple[DeckBlock, tuple[str, ...], dict[Any, float]]] = field(default_factory=list)
     passed_over: set[int] = field(default_factory=set)  # elements that are no part of the body
     undefined: dict[str, int] = field(default_factory=dict)
@@ -207,8 +201,6 @@ class _Reader:
                 raise ValueError("coordinates are expected along x, y and z")
             case "NGEN" | "NFILL" | "NCOPY" | "NMAP" | "ELGEN" | "ELCOPY":
                 raise ValueError("nodes and elements are not generated here: write them all into the file")
-            case "SOLIDSECTION" | "SHELLSECTION" | "MEMBRANESECTION":
-                self.section_blocks.append(block)
 
     def _name(self, name: str) -> str:
         return self.spelt.setdefault(name.upper(), name)
@@ -321,7 +313,6 @@ class _Reader:
     def result(self, blocks: list[DeckBlock]) -> DeckModel:
         """Everything with the numbering of arrays."""
         elements, (node_rows, points) = self.elements, self.nodes
-        sections, bare = self._resolved_sections()
         groups = self._named_groups()
         tables = {kind: self._table(kind) for kind in elements.kinds}
         sets = {name: self._rows(name, members) for name, members in self.element_sets.items()}
@@ -349,39 +340,11 @@ class _Reader:
             node_sets[name] = members[members >= 0]
             self._count_undefined(name, len(nodes) - len(node_sets[name]))
         raw = RawMesh(points, all_blocks, sets | named, node_sets)
-        return DeckModel(
-            raw, blocks, groups, sections, self.undefined, node_rows, self.surfaces, bare, tuple(named), self.tied
-        )
+        return DeckModel(raw, blocks, groups, self.undefined, node_rows, self.surfaces, tuple(named), self.tied)
 
     def _count_undefined(self, name: str, count: int) -> None:
         if count:
             self.undefined[name] = count
-
-    def _resolved_sections(self) -> tuple[dict[int, str | None], tuple[int, DeckBlock] | None]:
-        """Of an element in several sections the last one holds: the rest of the others becomes a set of its own."""
-        members: list[Ints] = []
-        for block in self.section_blocks:
-            if "ELSET" not in block.parameters:
-                raise DeckError(block, "ELSET is missing")
-            members.append(self.element_sets.get(self._name(block.parameters["ELSET"]), _NO_NUMBERS))
-        numbering = Numbering(np.unique(np.concatenate([_NO_NUMBERS, *members])))
-        owner = np.full(len(numbering), -1)
-        for position, elements in enumerate(members):
-            owner[numbering.rows(elements)] = position
-        solid = self.elements.rows.numbers[self.elements.solid]
-        without = solid[numbering.rows(solid) < 0]
-        bare = (int(without[0]), self.elements.defining(int(without[0]))) if without.size else None
-        sections: dict[int, str | None] = {}
-        for position, (block, elements) in enumerate(zip(self.section_blocks, members, strict=True)):
-            owned = elements[owner[numbering.rows(elements)] == position]
-            if len(owned) < len(elements):
-                sections[block.number] = None
-            if 0 < len(owned) < len(elements):
-                rest_name = f"{block.parameters['ELSET']}_rest"
-                names = [rest_name] if rest_name.upper() not in self.spelt else self._free(rest_name + "{}")
-                sections[block.number] = name = self._name(next(iter(names)))
-                self.element_sets[name] = owned
-        return sections, bare
 
     def _named_groups(self) -> dict[int, list[Group]]:
         """The groups by the numbers of their keywords; each is a set that the file names, or one that is added."""
