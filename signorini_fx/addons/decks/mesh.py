@@ -63,7 +63,7 @@ _FACET_KINDS = {2: "line", 3: "triangle", 4: "quad"}
 # Keywords that give values to nodes, which belong to their bodies.
 _AT_NODES = {"BOUNDARY", "CLOAD", "TEMPERATURE", "INITIALCONDITIONS", "EQUATION", "MPC", "TIE"}
 _LABELS = {"BOUNDARY": "support", "CLOAD": "force", "DLOAD": "pressure"}
-# Sets of sets may name the same elements repeatedly: more members than this in all sets are an error.
+# A range with more numbers than this is a mistake.
 _MOST_MEMBERS = 20_000_000
 _NO_NUMBERS = np.empty(0, dtype=np.int64)
 
@@ -166,7 +166,6 @@ class _Reader:
     passed_over: set[int] = field(default_factory=set)  # elements that are no part of the body
     undefined: dict[str, int] = field(default_factory=dict)
     tied: bool = False
-    members: int = 0
     spelt: dict[str, str] = field(default_factory=dict)  # names in capitals -> as they are written first
 
     def read(self, block: DeckBlock) -> None:
@@ -214,9 +213,6 @@ class _Reader:
     def _extend(self, sets: dict[str, Ints], name: str, members: Ints) -> None:
         name = self._name(name)
         sets[name] = np.concatenate((sets[name], members)) if name in sets else members
-        self.members += len(members)
-        if self.members > _MOST_MEMBERS:
-            raise ValueError(f"the sets up to {name!r} have more than {_MOST_MEMBERS:,} members together")
 
     def _read_elements(self, block: DeckBlock) -> None:
         kind_name = block.parameters["TYPE"].upper()
@@ -278,11 +274,8 @@ class _Reader:
             elif kind == "ELEMENT" and len(row) > 1 and re.fullmatch(r"[SE]\d+", row[1].upper()):
                 elements = plain(self._member(self.element_sets, row[0]))
                 self.surfaces.setdefault(name, []).extend((element, int(row[1][1:])) for element in elements)
-                self.members += len(elements)
             elif kind == "ELEMENT" and len(row) > 1 and row[1] and not _OTHER_FACE.fullmatch(row[1].upper()):
                 raise ValueError(f"surface {name!r}: a face S1, S2 ... is expected, not {row[1]!r}")
-            if self.members > _MOST_MEMBERS:
-                raise ValueError(f"the surfaces up to {name!r} have more than {_MOST_MEMBERS:,} faces together")
 
     # --- when all keywords have been read -----------------------------------------------------------------------------
 

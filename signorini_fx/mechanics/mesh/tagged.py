@@ -171,14 +171,10 @@ def check_dimension(tagged: TaggedMesh, *, section: bool = False) -> None:
         return
     if (cells, points) != (2, 3):
         raise MeshError(f"the mesh has cells of dimension {cells} and points of dimension {points}: a body has 2 or 3")
-    extent = np.ptp(parallel.global_bounds(tagged.mesh.comm, tagged.mesh.geometry.x.astype(np.float64)), axis=0)
-    flat = np.flatnonzero(extent <= SAME_LENGTH * extent.max())
-    if flat.size and flat[-1] == 2:
-        raise MeshError("the mesh is planar, but its points have three coordinates: give them two (gdim = 2)")
-    if flat.size:
-        axes = " and ".join(f"x[{axis}]" for axis in range(3) if axis != flat[0])
-        raise MeshError(f"the mesh is planar, but in the plane of {axes}: turn it into that of x[0] and x[1]")
-    raise MeshError("the mesh is a shell, a surface in 3D: a body in 3D has tetrahedra or hexahedra")
+    raise MeshError(
+        "the mesh is a surface in 3D (a shell): a planar one has points of two coordinates, x[0] and x[1] (gdim = 2), "
+        "and a body in 3D tetrahedra or hexahedra"
+    )
 
 
 def load_file(

@@ -38,12 +38,8 @@ def read_file(
     """A mesh in 2D or in 3D from a file, the format by its suffix.
 
     A drawing (.geo, .step, .stp, .brep) is meshed again, on the true shape; the cells of other meshes are divided, on
-    their own curved sides.
-
-    Args:
-        file: .msh or .geo (gmsh), .step, .stp or .brep (CAD), .inp (Abaqus), .med (Salome), .vtu, .xdmf.
-        boundaries: see ``read_mesh``; likewise the others.
-        joined: whether solids of a CAD drawing that touch or overlap share faces.
+    their own curved sides.  With ``joined`` solids of a CAD drawing that touch or overlap share faces; the other
+    arguments are those of ``read_mesh``.
 
     Raises:
         MeshError: there is no such file, it cannot be read, or it is not a mesh of one kind of cell.

@@ -62,12 +62,8 @@ def read_gmsh(
 ) -> MeshArrays:
     """A mesh, or a drawing after gmsh has meshed it.
 
-    The surfaces and solids of a CAD drawing are physical groups with their numbers.
-
-    Args:
-        file: an existing file that ends in ``.msh`` or one of ``DRAWN``.
-        named: makes the mesh of its content.
-        halvings: see ``formats.read_file``; likewise the others.
+    The surfaces and solids of a CAD drawing are physical groups with their numbers.  ``named`` makes the mesh of the
+    content of the file; the other arguments are those of ``formats.read_file``.
 
     Raises:
         MeshError: its content does not fit its suffix, a script does more than draw, or gmsh cannot make a mesh of it.
