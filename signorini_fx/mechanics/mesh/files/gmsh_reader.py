@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import contextlib
 import os
 import re
-import sys
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -236,10 +234,9 @@ def _run(gmsh: Any, file: Path) -> None:
 
 def _import(gmsh: Any, file: Path, form: str, size: float | None, *, joined: bool) -> None:
     """Import a CAD drawing; each surface is a physical group with its number, and so is each solid."""
-    with _silence():
-        shapes = gmsh.model.occ.importShapes(str(file.absolute()), highestDimOnly=True, format=form)
-        if joined and len(shapes) > 1:
-            gmsh.model.occ.removeAllDuplicates()
+    shapes = gmsh.model.occ.importShapes(str(file.absolute()), highestDimOnly=True, format=form)
+    if joined and len(shapes) > 1:
+        gmsh.model.occ.removeAllDuplicates()
     gmsh.model.occ.synchronize()
     top = max((dim for dim, _ in shapes), default=0)
     if top < 2:
@@ -256,22 +253,6 @@ def _import(gmsh: Any, file: Path, form: str, size: float | None, *, joined: boo
             if name.startswith("Open CASCADE STEP translator"):  # what the library writes for a part without a name
                 name = ""
             gmsh.model.addPhysicalGroup(dim, [tag], tag, name if dim == top else "")
-
-
-@contextlib.contextmanager
-def _silence() -> Iterator[None]:
-    """Let nothing be printed, as OpenCASCADE does itself."""
-    sys.stdout.flush()
-    kept = [os.dup(number) for number in (1, 2)]
-    with Path(os.devnull).open("wb") as nowhere:
-        try:
-            for number in (1, 2):
-                os.dup2(nowhere.fileno(), number)
-            yield
-        finally:
-            for number, copy in enumerate(kept, start=1):
-                os.dup2(copy, number)
-                os.close(copy)
 
 
 def _mesh(gmsh: Any, halvings: int, degree: int | None) -> None:
