@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.mechanics.mesh.files.cells import CELLS, Cell, completed
-from signorini_fx.mechanics.mesh.files.raw import RawMesh, increases, row_keys, rows_of
+from signorini_fx.mechanics.mesh.files.raw import RawMesh, row_keys, rows_of
 from signorini_fx.mechanics.mesh.files.shape import Floats, Ints, check_shape
 from signorini_fx.mechanics.statement.expressions import Expression
 from signorini_fx.tuned import LARGEST_NUMBER
@@ -203,8 +203,7 @@ class _Entities:
         """The entities that are elements ``members[block]``, sorted."""
         parts = [self.rows[block][chosen] for block, chosen in members.items()]
         numbers = np.concatenate([np.empty(0, dtype=np.int64), *parts])
-        numbers = numbers[numbers >= 0]
-        return numbers if increases(numbers) else np.unique(numbers)
+        return np.unique(numbers[numbers >= 0])
 
     def missed(self, members: Mapping[int, Ints]) -> int:
         """How many of the elements ``members[block]`` are none of the entities."""
