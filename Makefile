@@ -10,7 +10,9 @@ RUFF := build/ruff-0.17.5
 SPHINX := build/sphinx-9.0.4
 BUILD := build/build-1.6.1
 COSMIC_RAY := build/cosmic-ray-8.7.0
+COSMIC := PYTHONPATH=$(COSMIC_RAY) $(COSMIC_RAY)/bin
 SINCE := HEAD~1
+TESTS := tests/verification
 
 # A registry that does not answer at once is asked for minutes.
 PIP := python3 -m pip install --retries 9
@@ -76,8 +78,15 @@ oracle-today: ## check 300 random scenes in the same way, others each day (resul
 	./env python3 -m benchmarks.stability.oracle --jobs 2 --first $$(date +%y%j0) \
 	  --plane 100 --space 60 --bodies 60 --effects 50 --space-effects 30
 
-mutants-drawn: $(COSMIC_RAY)  ## put mistakes drawn by cosmic-ray on the lines that changed since SINCE, and print those that no test notices
-	git diff -U0 $(SINCE) -- signorini_fx | ./env python3 -m benchmarks.stability.drawn
+mutants-drawn: $(COSMIC_RAY)  ## let cosmic-ray spoil lines that changed since SINCE, and print what TESTS do not notice
+	printf '%s\n' '[cosmic-ray]' 'timeout = 600.0' 'test-command = "./env python3 -m pytest -x -q $(TESTS)"' \
+	  "module-path = [$$(git diff --name-only --diff-filter=d $(SINCE) -- 'signorini_fx/*.py' | sed 's/.*/"&",/' | tr -d '\n')]" \
+	  '[cosmic-ray.distributor]' 'name = "local"' '[cosmic-ray.filters.git-filter]' 'branch = "$(SINCE)"' > build/mutants.toml
+	rm -f build/mutants.sqlite
+	$(COSMIC)/cosmic-ray init build/mutants.toml build/mutants.sqlite
+	$(COSMIC)/cr-filter-git --config build/mutants.toml build/mutants.sqlite
+	$(COSMIC)/cosmic-ray exec build/mutants.toml build/mutants.sqlite
+	$(COSMIC)/cr-report --surviving-only --show-diff build/mutants.sqlite
 
 docs: $(SPHINX)  ## build README, docs/, demos and docstrings as a site; warnings are errors (build/docs/docs/index.html)
 	$(SPHINX)/bin/python -m sphinx -q -E -n -W --keep-going -c docs . build/docs
@@ -104,7 +113,7 @@ $(RUFF):
 
 $(COSMIC_RAY):
 	rm -rf $@.d
-	$(PIP) -qq --no-deps --target $@.d cosmic-ray==$(@:build/cosmic-ray-%=%)
+	$(PIP) -qq --target $@.d cosmic-ray==$(@:build/cosmic-ray-%=%)
 	mv $@.d $@
 
 # An environment of its own: what else is installed on this machine has no say in which versions fit.

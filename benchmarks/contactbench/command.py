@@ -1,4 +1,4 @@
-"""List problems, write their meshes, judge results, run programs."""
+"""Write meshes of the problems, judge results, run programs."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from benchmarks.contactbench.answers import Answer, CannotRun, measured
 from benchmarks.contactbench.expressions import ExpressionError
 from benchmarks.contactbench.grids import Grid, make_grid
 from benchmarks.contactbench.judging import Result, ResultError, judge, read_results, without_value
-from benchmarks.contactbench.mesh_files import write_inp, write_msh
+from benchmarks.contactbench.mesh_files import inp_lines, write_msh
 from benchmarks.contactbench.problem import Problem, ProblemError, problem_names, read_problem
 
 # What a row says instead of yes or no, and how much of an error.
@@ -33,10 +33,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="contactbench", description="Contact problems with references.")
     parts = parser.add_subparsers(dest="command", required=True)
-    parts.add_parser("list", help="the problems, one a line")
-    show = parts.add_parser("show", help="a problem in words, with its references")
-    show.add_argument("problem")
-    mesh = parts.add_parser("mesh", help="write meshes")
+    mesh = parts.add_parser("mesh", help="write meshes as .msh and .inp")
     mesh.add_argument("problem", nargs="*", help="none: all")
     mesh.add_argument("--levels", type=int, default=1, help="meshes, each twice as fine")
     mesh.add_argument("--out", type=Path, default=Path("contactbench-meshes"))
@@ -53,33 +50,12 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _run(given: argparse.Namespace) -> int:
-    match given.command:
-        case "list":
-            for name in problem_names():
-                problem = read_problem(name)
-                kinds = "/".join(sorted({quantity.kind for quantity in problem.quantities}))
-                print(f"{name:32} {problem.hypothesis:13} {kinds:16} {problem.title}")
-            return 0
-        case "show":
-            print(_shown(read_problem(given.problem)))
-            return 0
-        case "mesh":
-            return _write_meshes(given)
-        case "judge":
-            problem = read_problem(given.problem)
-            results = read_results(given.file, problem)
-            return _judged(problem, results)
-    return _run_programs(given)
-
-
-def _shown(problem: Problem) -> str:
-    lines = [problem.title, "", problem.text.strip(), "", f"Signs: {problem.signs}", f"Units: {problem.units}"]
-    lines += [f"Source: {problem.source}", ""]
-    for quantity in problem.quantities:
-        numbers = ", ".join(f"{number:.8g}" for number in quantity.numbers)
-        lines.append(f"{quantity.name} [{quantity.unit}]: {quantity.text}")
-        lines.append(f"    {quantity.kind} {numbers}; {'; '.join(quantity.sources)}")
-    return "\n".join(lines)
+    if given.command == "mesh":
+        return _write_meshes(given)
+    if given.command == "run":
+        return _run_programs(given)
+    problem = read_problem(given.problem)
+    return _judged(problem, read_results(given.file, problem))
 
 
 def _write_meshes(given: argparse.Namespace) -> int:
@@ -88,10 +64,10 @@ def _write_meshes(given: argparse.Namespace) -> int:
         problem = read_problem(name)
         for level in range(given.levels):
             grid = make_grid(problem, level)
-            stem = given.out / f"{problem.name}-{level}"
-            write_msh(grid, stem.with_suffix(".msh"))
-            write_inp(grid, problem.hypothesis, stem.with_suffix(".inp"))
-            print(f"{stem}.msh, .inp: {len(grid.points)} nodes, {len(grid.cells)} cells")
+            path = given.out / f"{problem.name}-{level}.inp"
+            write_msh(grid, path.with_suffix(".msh"))
+            path.write_text("\n".join(inp_lines(grid, problem.hypothesis)) + "\n", encoding="utf-8")
+            print(f"{path}: {len(grid.points)} nodes, {len(grid.cells)} cells")
     return 0
 
 

@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
-from benchmarks.contactbench.problem import SHAPES, Body, Problem
+from benchmarks.contactbench.problem import SHAPES, SIDES, Body, Problem
 
 Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
@@ -112,20 +112,10 @@ def _lattice(body: Body, times: int) -> tuple[Floats, Ints, list[tuple[str, Ints
     cells = _cells(numbers)
     sides: list[tuple[str, Ints]] = []
     for k in range(len(keys)):
-        for end, side in enumerate(_sides_of(body.shape, k)):
+        for end, side in enumerate(SIDES[body.shape][k]):
             surface = numbers.take(-end, axis=k)
             sides += _named(body, side, surface, [i for i in range(len(keys)) if i != k], times)
     return x.reshape(-1, x.shape[-1]), cells, sides
-
-
-def _sides_of(shape: str, axis: int) -> tuple[str, str]:
-    """The sides at the start and at the end of a coordinate."""
-    found = {
-        "rectangle": (("left", "right"), ("bottom", "top")),
-        "annulus": (("inner", "outer"), ("start", "end")),
-        "box": (("left", "right"), ("front", "back"), ("bottom", "top")),
-    }
-    return found[shape][axis]
 
 
 def _mapped(body: Body, at: list[Floats]) -> Floats:

@@ -6,6 +6,7 @@ import csv
 import math
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 from benchmarks.contactbench.problem import Problem, Quantity
 
@@ -16,14 +17,8 @@ class ResultError(ValueError):
     """A file of results that cannot be read: file, line, and what to do."""
 
 
-@dataclass(frozen=True)
-class Result:
-    """One row of a file.
-
-    Attributes:
-        quantity: its name in the problem.
-        value: in the units of the problem.
-    """
+class Result(NamedTuple):
+    """One row of a file: the name of a quantity, and its value in the units of the problem."""
 
     quantity: str
     value: float

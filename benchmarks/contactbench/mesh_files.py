@@ -1,14 +1,13 @@
-"""Writes meshes as ``.msh`` (gmsh, version 2.2) and ``.inp`` (Abaqus, CalculiX)."""
+"""Meshes as ``.msh`` (gmsh) and ``.inp`` (Abaqus, CalculiX)."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+
 from benchmarks.contactbench.grids import Grid
 
-# Types of gmsh by corners, of cells and of facets.
-_CELLS = {(2, 4): 3, (3, 8): 5}
-_FACETS = {2: 1, 4: 3}
 ABAQUS = {
     ("plane strain", 4): "CPE4",
     ("plane stress", 4): "CPS4",
@@ -24,26 +23,17 @@ FACES = {
 
 def write_msh(grid: Grid, path: Path) -> None:
     """Write a mesh of gmsh; boundaries and bodies are physical groups with their names."""
-    dimension, boundaries = grid.dimension, sorted(grid.facets)
-    groups = [(dimension - 1, name) for name in boundaries] + [(dimension, name) for name in grid.names]
-    lines = ["$MeshFormat", "2.2 0 8", "$EndMeshFormat", "$PhysicalNames", str(len(groups))]
-    lines += [f'{dim} {tag} "{name}"' for tag, (dim, name) in enumerate(groups, 1)]
-    lines += ["$EndPhysicalNames", "$Nodes", str(len(grid.points))]
-    for number, point in enumerate(grid.points.tolist(), 1):
-        lines.append(" ".join([str(number), *(repr(c) for c in [*point, 0.0][:3])]))
-    rows = [
-        (_FACETS[nodes.shape[1]], tag, row)
-        for tag, name in enumerate(boundaries, 1)
-        for nodes in [grid.facets[name]]
-        for row in (nodes + 1).tolist()
-    ]
-    kind = _CELLS[dimension, grid.cells.shape[1]]
-    owners = (grid.body + len(boundaries) + 1).tolist()
-    rows += [(kind, tag, row) for tag, row in zip(owners, (grid.cells + 1).tolist(), strict=True)]
-    lines += ["$EndNodes", "$Elements", str(len(rows))]
-    for number, (kind, tag, row) in enumerate(rows, 1):
-        lines.append(f"{number} {kind} 2 {tag} {tag} {' '.join(map(str, row))}")
-    path.write_text("\n".join([*lines, "$EndElements"]) + "\n", encoding="utf-8")
+    import meshio
+
+    kinds = {2: ("line", "quad"), 3: ("quad", "hexahedron")}[grid.dimension]
+    blocks = [(kinds[0], grid.facets[name]) for name in grid.facets]
+    blocks += [(kinds[1], grid.cells[grid.body == number]) for number in range(len(grid.names))]
+    tags = [np.full(len(nodes), tag) for tag, (_, nodes) in enumerate(blocks, 1)]
+    names = {name: np.array([tag, grid.dimension - 1]) for tag, name in enumerate(grid.facets, 1)}
+    names |= {name: np.array([tag, grid.dimension]) for tag, name in enumerate(grid.names, len(names) + 1)}
+    points = np.pad(grid.points, ((0, 0), (0, 3 - grid.dimension)))
+    data = {"gmsh:physical": tags, "gmsh:geometrical": tags}
+    meshio.Mesh(points, blocks, cell_data=data, field_data=names).write(path, file_format="gmsh22", binary=False)
 
 
 def field(number: float) -> str:
@@ -71,8 +61,3 @@ def inp_lines(grid: Grid, hypothesis: str) -> list[str]:
         lines.append(f"*SURFACE, NAME=S_{name.upper()}, TYPE=ELEMENT")
         lines += ["{}, S{}".format(*faces[frozenset(row)]) for row in facets.tolist()]
     return lines
-
-
-def write_inp(grid: Grid, hypothesis: str, path: Path) -> None:
-    """Write a mesh as Abaqus and CalculiX read it."""
-    path.write_text("\n".join(inp_lines(grid, hypothesis)) + "\n", encoding="utf-8")

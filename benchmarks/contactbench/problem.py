@@ -16,10 +16,11 @@ Formula = str | float
 HYPOTHESES = {"plane strain": 2, "plane stress": 2, "axisymmetric": 2, "space": 3}
 LAWS = {"none": set[str](), "tresca": {"bound"}, "coulomb": {"coefficient"}}
 SHAPES = {"rectangle": ("x", "y"), "annulus": ("radius", "angle"), "box": ("x", "y", "z")}
+# The sides at the start and at the end of each line.
 SIDES = {
-    "rectangle": ("left", "right", "bottom", "top"),
-    "annulus": ("inner", "outer", "start", "end"),
-    "box": ("left", "right", "front", "back", "bottom", "top"),
+    "rectangle": (("left", "right"), ("bottom", "top")),
+    "annulus": (("inner", "outer"), ("start", "end")),
+    "box": (("left", "right"), ("front", "back"), ("bottom", "top")),
 }
 MEASURES = {
     "normal force": set[str](),
@@ -42,19 +43,7 @@ class ProblemError(ValueError):
 
 @dataclass(frozen=True)
 class Body:
-    """A body: its shape with the lines of its mesh, the names of its sides, and its material.
-
-    Attributes:
-        name: of the body.
-        young: Young's modulus.
-        poisson: Poisson's ratio.
-        shape: a key of ``SHAPES``.
-        lines: for each coordinate of the shape its segments: start, end, cells on the coarsest mesh, and the size of
-            the last over that of the first cell.
-        sides: name of each side, or of each of its segments; "" has no name.
-        centre: of an annulus, whose angles are degrees from the x-axis.
-        straight: whether the body is the polygon of the coarsest mesh, which finer meshes keep.
-    """
+    """A body: its shape with the lines of its mesh, the names of its sides, and its material; see README.md."""
 
     name: str
     young: float
@@ -90,17 +79,9 @@ class Traction:
 
 @dataclass(frozen=True)
 class Contact:
-    """A boundary that may touch a rigid foundation, or the boundary of another body.
+    """A boundary that may touch a rigid foundation, or the boundary ``against`` it; see README.md.
 
-    Attributes:
-        boundary: its name.
-        against: the boundary of the other body; "": a rigid foundation.
-        gap: distance along ``direction`` before loading.
-        direction: from the body to what it may touch, a unit vector of formulas of constants; empty: the outward normal
-            of the body.
-        law: "none", "tresca" or "coulomb".
-        bound: largest shear with Tresca friction.
-        coefficient: of Coulomb friction.
+    A direction without components is the outward normal of the body.
     """
 
     boundary: str
@@ -114,22 +95,9 @@ class Contact:
 
 @dataclass(frozen=True)
 class Quantity:
-    """What is asked for, and its reference.
+    """What is asked for, and its reference; see README.md.
 
-    Attributes:
-        name: by which a result names it.
-        measure: a key of ``MEASURES``.
-        boundary: of the contact.
-        point: where; a node of every mesh.
-        axis: 0, 1 or 2.
-        unit: such as "force / length".
-        text: what it is in words, with its sign.
-        kind: of the reference, one of ``REFERENCES``.
-        numbers: the exact value; both ends of the interval; or two independent values.
-        sources: where the numbers come from.
-        formula: of the exact value; "" for the others.
-        tolerance: largest error of a correct program on the coarsest mesh, relative to ``scale``.
-        scale: what errors are relative to.
+    ``numbers`` are the exact value; both ends of the interval; or two independent values.
     """
 
     name: str
@@ -149,24 +117,7 @@ class Quantity:
 
 @dataclass(frozen=True)
 class Problem:
-    """A problem.
-
-    Attributes:
-        name: of the file.
-        title: in one line.
-        text: geometry, loads and supports in words.
-        signs: sign conventions.
-        units: of data and quantities.
-        source: where it comes from.
-        hypothesis: a key of ``HYPOTHESES``.
-        constants: numbers and formulas of numbers.
-        fields: formulas of positions.
-        bodies: see ``Body``.
-        supports: see ``Support``.
-        tractions: see ``Traction``.
-        contacts: see ``Contact``.
-        quantities: see ``Quantity``.
-    """
+    """A problem; its attributes are the keys of its file, see README.md."""
 
     name: str
     title: str
@@ -226,9 +177,7 @@ def read_problem(name: str | Path) -> Problem:
     try:
         data = tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError:
-        raise ProblemError(
-            f"there is no problem {str(name)!r}: python3 -m benchmarks.contactbench list names them"
-        ) from None
+        raise ProblemError(f"there is no problem {str(name)!r}; there are: {', '.join(problem_names())}") from None
     except tomllib.TOMLDecodeError as error:
         raise ProblemError(f"{path.name}: {error}") from None
     try:
@@ -259,7 +208,7 @@ def _problem(name: str, data: dict[str, Any]) -> Problem:
         for key in SHAPES[shape]:
             rows = [[number(value) for value in row] for row in table[key]]
             lines[key] = [(low, high, int(n), ratio) for low, high, n, ratio in rows]
-        sides = {side: table.get(side, "") for side in SIDES[shape]}
+        sides = {side: table.get(side, "") for pair in SIDES[shape] for side in pair}
         names = {side: [value] if isinstance(value, str) else value for side, value in sides.items()}
         material = number(table["young"]), number(table["poisson"])
         more = {key: table[key] for key in ("centre", "straight") if key in table}

@@ -1,8 +1,7 @@
-"""Example 1 of the paper with the same mesh and numbers for every contestant, and the form of their answers."""
+"""Example 1 of the paper with the same mesh and numbers for the package and for one linear solve."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -10,7 +9,6 @@ import numpy.typing as npt
 from mpi4py import MPI
 
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, generate_mesh
-from signorini_fx.results.solution import Solution
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.scene import Scene
 
@@ -24,11 +22,6 @@ GAMMA = 1e8
 BOUND = 1.5
 COEFFICIENT = 0.3
 TOLERANCE = 1e-7
-
-
-def gap(x: Floats) -> Floats:
-    """The gap d of section 7.1, at points of shape (n,) along the bottom."""
-    return 0.003 * (x - 1.5) ** 2 + 0.001
 
 
 def parameters(nx: int) -> dict[str, Any]:
@@ -56,50 +49,3 @@ def scene(
     }
     made = parse_scene(data)
     return made if isinstance(mesh, int) else made.model_copy(update={"mesh": mesh})
-
-
-@dataclass(frozen=True)
-class Answer:
-    """The answer of a contestant on the contact boundary, nodes from left to right.
-
-    Attributes:
-        x: position, shape (n,).
-        pressure: lambda, stress.
-        shear: mu, stress.
-        contact: nodes of A_c.
-        slip: +1, -1 on the slip sets, else 0.
-        solves: linear solves.
-    """
-
-    x: Floats
-    pressure: Floats
-    shear: Floats
-    contact: npt.NDArray[np.bool_]
-    slip: npt.NDArray[np.int8]
-    solves: int
-
-    @classmethod
-    def of(cls, solution: Solution) -> Answer:
-        """The package's, on one rank."""
-        c = solution.contact
-        assert c is not None
-        order = np.argsort(c.boundary.x[:, 0])
-        slip = np.where(c.bound > 0, c.direction[:, 0], 0).astype(np.int8)
-        nodal = (c.boundary.x[:, 0], c.pressure, c.shear[:, 0], c.in_contact, slip)
-        return cls(*(values[order] for values in nodal), solution.history.linear_solves)
-
-    def differs(self, other: Answer, tolerance: float = 1e-6) -> str:
-        """The differences of ``other``; empty if there are none.
-
-        Pressure and shear are compared relative to the largest pressure.
-        """
-        found = []
-        for name in ("pressure", "shear"):
-            far = np.abs(getattr(self, name) - getattr(other, name)).max() / self.pressure.max()
-            if not far <= tolerance:
-                found.append(f"{name} by {far:.1e}")
-        for name in ("contact", "slip"):
-            count = np.count_nonzero(getattr(self, name) != getattr(other, name))
-            if count:
-                found.append(f"{name} sets at {count} nodes")
-        return ", ".join(found)

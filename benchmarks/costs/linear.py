@@ -5,10 +5,8 @@ The body is held at the bottom instead of touching a foundation there; the patte
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from typing import Any
 
 import example1
@@ -36,23 +34,6 @@ def petsc_options(options: dict[str, str]) -> Iterator[None]:
             table.delValue(name)
 
 
-@dataclass(frozen=True)
-class Body:
-    """The assembled elastic body.
-
-    Attributes:
-        space: of the displacement.
-        matrix: stiffness, symmetric.
-        load: right-hand side.
-        fixed: Dirichlet conditions.
-    """
-
-    space: fem.FunctionSpace
-    matrix: PETSc.Mat
-    load: PETSc.Vec
-    fixed: list[fem.DirichletBC]
-
-
 def elastic_terms(space: fem.FunctionSpace, y: Any, z: Any) -> Any:
     """a(y, z) of section 2.1."""
     mesh = space.mesh
@@ -72,13 +53,13 @@ def load_terms(tagged: TaggedMesh, z: Any) -> Any:
     return ufl.conditional(loaded, example1.TRACTION, 0.0) * z[1] * ds(tagged.boundaries["top"])
 
 
-def assemble(tagged: TaggedMesh, held: dict[str, int]) -> Body:
-    """Assemble with the component ``held[boundary]`` of the displacement fixed."""
+def solve(tagged: TaggedMesh, package: str) -> PETSc.Vec:
+    """Assemble, factorise by a Cholesky factor of ``package``, and solve; the displacement."""
     space = fem.functionspace(tagged.mesh, ("Lagrange", 1, (2,)))
     y, z = ufl.TrialFunction(space), ufl.TestFunction(space)
     stiffness, load = fem.form(elastic_terms(space, y, z)), fem.form(load_terms(tagged, z))
     fixed = []
-    for boundary, component in held.items():
+    for boundary, component in (("left", 0), ("right", 0), ("bottom", 1)):
         part = space.sub(component)
         dofs = fem.locate_dofs_topological(part, 1, tagged.facets(boundary))
         fixed.append(fem.dirichletbc(PETSc.ScalarType(0.0), dofs, part))
@@ -88,32 +69,15 @@ def assemble(tagged: TaggedMesh, held: dict[str, int]) -> Body:
     vector = fem_petsc.assemble_vector(load)
     vector.ghostUpdate(PETSc.InsertMode.ADD, PETSc.ScatterMode.REVERSE)
     fem_petsc.set_bc(vector, fixed)
-    return Body(space, matrix, vector, fixed)
-
-
-def direct_solver(matrix: PETSc.Mat, package: str) -> PETSc.KSP:
-    """A Cholesky factorisation by ``package`` with the options of the caller only."""
-    ksp = PETSc.KSP().create(matrix.comm)
-    ksp.setType(PETSc.KSP.Type.PREONLY)
-    pc = ksp.getPC()
-    pc.setType(PETSc.PC.Type.CHOLESKY)
-    pc.setFactorSolverType(package)
-    ksp.setOperators(matrix)
-    ksp.setFromOptions()
-    return ksp
-
-
-def solve(tagged: TaggedMesh, package: str) -> tuple[PETSc.Vec, dict[str, float]]:
-    """Assemble, factorise, solve; the displacement and the seconds of each."""
-    clock = [time.perf_counter()]
-    body = assemble(tagged, {"left": 0, "right": 0, "bottom": 1})
-    clock.append(time.perf_counter())
     with petsc_options(PACKAGES[package]):
-        ksp = direct_solver(body.matrix, package)
+        ksp = PETSc.KSP().create(matrix.comm)
+        ksp.setType(PETSc.KSP.Type.PREONLY)
+        pc = ksp.getPC()
+        pc.setType(PETSc.PC.Type.CHOLESKY)
+        pc.setFactorSolverType(package)
+        ksp.setOperators(matrix)
+        ksp.setFromOptions()
         ksp.setUp()
-    clock.append(time.perf_counter())
-    x = body.load.duplicate()
-    ksp.solve(body.load, x)
-    clock.append(time.perf_counter())
-    names = ("assemble", "factorise", "solve")
-    return x, {name: after - before for name, before, after in zip(names, clock, clock[1:], strict=False)}
+    x = vector.duplicate()
+    ksp.solve(vector, x)
+    return x

@@ -9,8 +9,7 @@ value decomposition of F and derivatives by a complex step, after division of th
 its metal is integrated along the load steps that are there, by bisection of the yield condition.  Of each load step
 that is called converged it looks at equilibrium, gaps, signs, friction and its direction, whether forces that are
 reported are those that it finds, whether a tool that a force moves is in balance, and of elastic bodies without
-friction whether the second derivative of the energy is positive. Several ranks must end as one rank alone, with its
-displacements and forces.
+friction whether the second derivative of the energy is positive.
 """
 
 from __future__ import annotations
@@ -56,7 +55,6 @@ _DEGREES_OF_REVOLUTION = {
 # Penetration and slip relative to the size: of augmentation, and of a regularised law, whose gamma is 1e5 moduli over
 # the size, below pressures of ten moduli.  Forces are relative to the largest one.
 _NEAR, _SMALL = {"alm": 1e-6, "auto": 1e-4}, 1e-6
-_SAME_ON_RANKS = 1e-8  # displacements and forces of several ranks and of one, relative to the largest
 _SIDES = 600  # unknowns up to which the second derivative is looked at
 _EXPANSION = 2e-5  # per temperature
 
@@ -608,70 +606,13 @@ def ended(scene: RandomScene, comm: MPI.Comm) -> tuple[str, Solution | None, str
 
 
 def tried(seed: int, comm: MPI.Comm = MPI.COMM_SELF) -> tuple[str, list[str], str]:
-    """How the scene of a seed ends, what is wrong with what is called converged, and what is said of the end; of
-    several ranks also what one rank does otherwise; collective.
+    """How the scene of a seed ends, what is wrong with what is called converged, and what is said of the end;
+    collective.
     """
     scene = RandomScene.drawn(seed)
     end, solution, said = ended(scene, comm)
     faults = [] if solution is None else judged(scene, solution, comm)
-    if comm.size > 1:
-        several = None if solution is None else Reported.of(solution, comm)
-        faults += comm.bcast(_unlike_one_rank(scene, end, several) if comm.rank == 0 else None)
     return end, faults, said
-
-
-@dataclass(frozen=True)
-class Reported:
-    """What is compared of runs on several ranks and on one."""
-
-    x: Array  # nodes, length, shape (n, d)
-    # of all nodes in the load steps that are converged, by their times, length, shape (n, d)
-    displacements: dict[float, Array]
-    forces: dict[float, Array]  # of contact in these, shape (d,)
-
-    @classmethod
-    def of(cls, solution: Solution, comm: MPI.Comm) -> Reported:
-        """That of a solution; collective."""
-        x, _, displacements = gathered(solution, comm)
-        moved, forces = dict[float, Array](), dict[float, Array]()
-        for step, values in zip(solution.steps, displacements, strict=True):
-            if step.status.value == "converged" and step.contact is not None:
-                moved[step.time], forces[step.time] = values, np.sum(step.contact.forces, axis=0)
-        return cls(x, moved, forces)
-
-
-def _unlike_one_rank(scene: RandomScene, end: str, several: Reported | None) -> list[str]:
-    """What one rank alone does otherwise than several.
-
-    Steps that one of them has halved may be other ones: then what depends on the path is not compared.
-
-    Args:
-        scene: the scene.
-        end: how it ends on several ranks.
-        several: what they report; None: they have no solution.
-    """
-    end_alone, solution, _ = ended(scene, MPI.COMM_SELF)
-    if end_alone != end or (solution is None) != (several is None):
-        return [f"one rank ends as {end_alone}"]
-    if solution is None or several is None:
-        return []
-    alone = Reported.of(solution, MPI.COMM_SELF)
-    of_path = scene.friction["law"] != "none" or scene.law["law"] == "j2"
-    if of_path and set(alone.forces) != set(several.forces):
-        return []
-    size = float(scene.sizes.max())
-    orders = [np.lexsort(np.round(x.T / size, 9)) for x in (alone.x, several.x)]
-    # No force is known better than the round-off of places tells it.
-    modulus, faults = scene.law.get("young", scene.law.get("bulk", 0.0)), list[str]()
-    least = 1e-9 * modulus * size ** (1 if scene.kind == "plane strain" else 2)
-    for at in sorted(set(alone.forces) & set(several.forces)):
-        ours, theirs = several.displacements[at][orders[1]], alone.displacements[at][orders[0]]
-        apart = np.abs(ours - theirs).max() / max(np.abs(theirs).max(), 1e-9 * size)
-        force, force_alone = several.forces[at], alone.forces[at]
-        forces_apart = np.abs(force - force_alone).max() / max(np.abs(force_alone).max(), least)
-        if max(apart, forces_apart) > _SAME_ON_RANKS:
-            faults.append(f"at {at:g}: displacement {apart:.1e}, force {forces_apart:.1e} from one rank")
-    return faults
 
 
 def judged(scene: RandomScene, solution: Solution, comm: MPI.Comm) -> list[str]:

@@ -14,7 +14,6 @@ HARD = "*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=HARD"
 BASE = stacked([HARD])
 STEP, END = BASE.index("*STEP"), BASE.index("*END STEP")
 NODE = ["*NODE", "900, 5., 5."]
-RIGID = [*NODE, "*ELSET, ELSET=TOOL", "*RIGID BODY, ELSET=TOOL, REF NODE=900"]
 RUBBER = ["*MATERIAL, NAME=RUBBER", "*HYPERELASTIC, NEO HOOKE", "1., 0.01"]
 PAIR = "*CONTACT PAIR, INTERACTION=I"
 OTHER = "*SURFACE INTERACTION, NAME=J"
@@ -67,8 +66,14 @@ SAID = {
         *(RUBBER, []),
         {"*SOLID SECTION, ELSET=UP, MATERIAL=STEEL": "*SOLID SECTION, ELSET=UP, MATERIAL=RUBBER"},
     ),
-    ("SHELLSECTION", "of a plane mesh"): (["*SHELL SECTION, ELSET=UP, MATERIAL=STEEL", "1."], []),
-    ("MEMBRANESECTION", "of a plane mesh"): (["*MEMBRANE SECTION, ELSET=UP, MATERIAL=STEEL", "1."], []),
+    **{
+        (f"{kind}SECTION", "of a plane mesh"): (
+            *([], []),
+            {"*SOLID SECTION, ELSET=UP, MATERIAL=STEEL": f"*{kind} SECTION, ELSET=UP, MATERIAL=STEEL"},
+        )
+        for kind in ("SHELL", "MEMBRANE")
+    },
+    ("SOLIDSECTION", "of elements of another one"): (["*SOLID SECTION, ELSET=UP, MATERIAL=STEEL"], []),
     ("BEAMSECTION", ""): (["*BEAM SECTION, ELSET=UP, MATERIAL=STEEL", "1., 1."], []),
     ("SHELLSECTION", "of no part of the mesh"): (["*SHELL SECTION, ELSET=ELSEWHERE, MATERIAL=STEEL", "1."], []),
     ("MEMBRANESECTION", "of no part of the mesh"): (["*MEMBRANE SECTION, ELSET=ELSEWHERE, MATERIAL=STEEL", "1."], []),
@@ -103,8 +108,6 @@ SAID = {
     ("BOUNDARY", "of tied other nodes"): ([*NODE, "*EQUATION", "2", "900,1,1.,111,1,1.", "*BOUNDARY", "900, 1"], []),
     ("DLOAD", "body force or weight on a part"): ([], ["*DLOAD", "LOW, BY, -1."]),
     ("CLOAD", "components 4 to 6"): ([], ["*CLOAD", "111, 6, 1."]),
-    ("BOUNDARY", "of the reference node of a rigid body"): (RIGID, ["*BOUNDARY", "900, 2, 2, 0.1"]),
-    ("CLOAD", "of the reference node of a rigid body"): (RIGID, ["*CLOAD", "900, 2, 1."]),
     ("DSLOAD", "on another surface"): ([], ["*DSLOAD", "NOWHERE, P, 1."]),
     ("TEMPERATURE", "of some nodes of a body"): (
         ["*MATERIAL, NAME=STEEL", "*EXPANSION", "1."],
@@ -127,14 +130,11 @@ SAID = {
     ("FRICTION", "ROUGH"): ([], [], {HARD: "*FRICTION, ROUGH"}),
     ("CONTACTPAIR", "ADJUST with a smaller set"): ([], [], {PAIR: f"{PAIR}, ADJUST=UP_WALL"}),
     ("CONTACTPAIR", "of another surface"): ([PAIR, "NOWHERE, UP_TOP"], []),
-    ("CONTACTPAIR", "with another rigid surface"): (
-        *(["*SURFACE, NAME=ARC, TYPE=SEGMENTS", "START, 0., 0.", "CIRCL, 1., 0., .5, 0.", PAIR, "UP_TOP, ARC"], []),
-    ),
     ("TIE", "of another surface"): (["*TIE, NAME=T", "NOWHERE, UP_TOP"], []),
     ("TIE", "CYCLIC SYMMETRY"): (["*TIE, CYCLIC SYMMETRY, NAME=T", "UP_TOP, LOW_BOTTOM"], []),
     ("CLEARANCE", ""): (["*CLEARANCE, MASTER=LOW_TOP, SLAVE=UP_BOTTOM, VALUE=0.001"], []),
     ("MODELCHANGE", ""): ([], ["*MODEL CHANGE, TYPE=CONTACT PAIR, REMOVE", "UP_BOTTOM, LOW_TOP"]),
-    ("RIGIDBODY", "of its elements or nodes"): ([*NODE, "*RIGID BODY, ELSET=UP, REF NODE=900"], []),
+    ("RIGIDBODY", ""): ([*NODE, "*RIGID BODY, ELSET=UP, REF NODE=900"], []),
     ("EQUATION", ""): (["*EQUATION", "2", "111, 2, 1., 112, 2, -1."], []),
     ("MPC", ""): (["*MPC", "STRAIGHT, 111, 115, 112, 113"], []),
     ("NODEPRINT", ""): ([], ["*NODE PRINT, NSET=UP_HEAD", "U, RF"]),

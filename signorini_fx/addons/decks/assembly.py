@@ -7,7 +7,7 @@ is.  Nodes of the second instance, and of the assembly, get higher numbers.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -15,9 +15,10 @@ import numpy as np
 from signorini_fx.addons.decks.text import DeckBlock, DeckError, coordinates, real
 from signorini_fx.mechanics.mesh.files.arrays import plain
 from signorini_fx.mechanics.mesh.files.shape import Floats
+from signorini_fx.mechanics.statement.rigid_shape import turning
 
 # Parameters whose values are sets, surfaces, orientations or nodes.
-_NAMING = ("NSET", "ELSET", "SURFACE", "REFNODE", "ROTNODE", "NODE", "ANALYTICALSURFACE")
+_NAMING = ("NSET", "ELSET", "SURFACE", "NODE")
 # Keywords whose rows begin with a node, an element or a set of them, and how many such words there are; None: all.
 _REFERRING: dict[str, int | None] = {
     **dict.fromkeys(("NSET", "ELSET", "ELEMENT", "TIE", "CONTACTPAIR"), None),
@@ -31,19 +32,8 @@ _DEFINING = {
     "ELSET": "ELSET",
     "SURFACE": "NAME",
 }
-
-
-@dataclass(frozen=True)
-class _Motion:
-    """A shift, shape (3,), a rotation, shape (3, 3), and another shift."""
-
-    turn: Floats
-    before: Floats
-    after: Floats
-
-    def __call__(self, x: Floats) -> Floats:
-        """Moved positions of shape (n, 3)."""
-        return np.asarray((x + self.before) @ self.turn.T + self.after)
+# From positions in a part to those in the assembly, shape (n, 3).
+_Motion = Callable[[Floats], Floats]
 
 
 @dataclass
@@ -130,22 +120,21 @@ def _instance(block: DeckBlock, parts: dict[str, list[DeckBlock]]) -> _Scope:
         if [len(row) for row in rows] not in ([], [3], [3, 7]):
             raise ValueError("a shift of three numbers is expected, then perhaps two points of an axis and an angle")
         if rows:
-            turn = _rotation(rows[1][3:6] - rows[1][:3], rows[1][6]) if len(rows) > 1 else np.eye(3)
-            pivot = rows[1][:3] if len(rows) > 1 else np.zeros(3)
-            instance.move = _Motion(turn, rows[0] - pivot, pivot)
+            instance.move = _motion(*rows)
     except ValueError as error:
         raise DeckError(block, str(error)) from None
     return instance
 
 
-def _rotation(axis: Floats, degrees: float) -> Floats:
-    """The matrix of a rotation about an axis (Rodrigues)."""
+def _motion(shift: Floats, turn: Floats | None = None) -> _Motion:
+    """A shift, and then a rotation about an axis: two of its points and an angle in degrees."""
+    if turn is None:
+        return lambda x: x + shift
+    pivot, axis = turn[:3], turn[3:6] - turn[:3]
     if not (size := float(np.linalg.norm(axis))) > 0:
         raise ValueError("the axis of the rotation has no length")
-    x, y, z = axis / size
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    angle = np.radians(degrees)
-    return np.asarray(np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross)
+    matrix = turning(tuple(plain(turn[6] / size * axis)), 3)
+    return lambda x: np.asarray((x + shift - pivot) @ matrix.T + pivot)
 
 
 def _defined(block: DeckBlock) -> list[str]:
@@ -208,18 +197,13 @@ class _Names:
             rows = block.rows if scope.move is None else _moved(block, scope.move)
         except ValueError as error:
             raise DeckError(block, str(error)) from None
-        if block.parameters.get("TYPE", "").upper() not in ("SEGMENTS", "CYLINDER", "REVOLUTION"):
-            count = 2 if "GENERATE" in block.parameters else _REFERRING.get(block.keyword, 0)
-            rows = [[self.word(word, inside) for word in row[:count]] + row[len(row[:count]) :] for row in rows]
+        count = 2 if "GENERATE" in block.parameters else _REFERRING.get(block.keyword, 0)
+        rows = [[self.word(word, inside) for word in row[:count]] + row[len(row[:count]) :] for row in rows]
         return block.changed(parameters, rows)
 
 
 def _moved(block: DeckBlock, move: _Motion) -> Sequence[list[str]]:
-    """The rows of a keyword of a part where its instance is.
-
-    Raises:
-        ValueError: a row has no word where it has to have one, or a word is no number.
-    """
+    """The rows of a keyword of a part where its instance is."""
     rows = block.rows
     if block.keyword == "NODE" and rows:
         _, x = coordinates(block)
@@ -228,8 +212,4 @@ def _moved(block: DeckBlock, move: _Motion) -> Sequence[list[str]]:
         return [
             [row[0], *map(repr, point)] for row, point in zip(rows, plain(moved[:, : 2 if flat else 3]), strict=True)
         ]
-    if block.keyword == "SURFACE" and block.parameters.get("TYPE", "").upper() == "SEGMENTS":
-        pairs = [np.array([real(word) for word in row[1:]]).reshape(-1, 2) for row in rows]
-        ends = [move(np.pad(pair, ((0, 0), (0, 1))))[:, :2] for pair in pairs]
-        return [[row[0], *map(repr, plain(x.ravel()))] for row, x in zip(rows, ends, strict=True)]
     return rows

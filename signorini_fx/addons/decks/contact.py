@@ -3,27 +3,24 @@
 from __future__ import annotations
 
 import itertools
-import re
 from collections import Counter
 from dataclasses import replace
 
 import numpy as np
 
-from signorini_fx.addons.decks.content import Deck, Interaction, SurfacePair, plain_name
+from signorini_fx.addons.decks.content import Deck, Interaction, SurfacePair
 from signorini_fx.addons.decks.keywords import (
     ADJUSTED_SET,
     CONSTRAINT,
     NO_BOUNDARY,
-    NO_PLANE,
     NO_SEPARATION,
     OTHER_BEHAVIOUR,
     PARTNERS,
     ROUGH,
 )
 from signorini_fx.addons.decks.text import DeckBlock, parameter, quoted, real, real_or_none
-from signorini_fx.mechanics.mesh.files.arrays import plain
-from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
-from signorini_fx.tuned import DIGITS_OF_FILES, HARD_CONTACT, SAME_NUMBER
+from signorini_fx.mechanics.mesh.files.shape import Ints
+from signorini_fx.tuned import HARD_CONTACT
 
 # How a contact pair is discretised, which a scene chooses itself.
 _KINDS_OF_PAIRS = ("NODETOSURFACE", "SURFACETOSURFACE", "MORTAR", "LINMORTAR", "PGLINMORTAR", "MASSLESS")
@@ -120,33 +117,24 @@ def contact_tables(deck: Deck) -> tuple[list[list[str]], list[str]]:
     for pair in sorted(_oriented(deck), key=lambda pair: pair.interaction is not None):  # ties come first
         interaction = None if pair.interaction is None else deck.interactions.get(pair.interaction, Interaction())
         label = f"{'tie' if interaction is None else 'contact'} of {pair.slave!r} with {pair.master!r}"
-        surfaces = [name for name in (pair.slave, pair.master) if plain_name(name) in deck.rigid]
-        sides = {name: deck.boundary(name) for name in (pair.slave, pair.master) if name not in surfaces}
-        missing = [name for name, side in sides.items() if side is None]
-        first, *opposite = [side for side in sides.values() if side is not None] or [""]
-        if len(surfaces) == 2 or pair.slave == pair.master or first in opposite:
-            deck.lose(pair.block, f"{label}: {'both are rigid' if surfaces else 'contact of a surface with itself'}")
+        first, opposite = deck.boundary(pair.slave), deck.boundary(pair.master)
+        if first is None or opposite is None:
+            deck.lose(pair.block, f"{label}: {pair.slave if first is None else pair.master!r} {NO_BOUNDARY}")
             continue
-        if missing:
-            deck.lose(pair.block, f"{label}: {missing[0]!r} {NO_BOUNDARY}")
+        if first == opposite:
+            deck.lose(pair.block, f"{label}: contact of a surface with itself")
             continue
-        facets = {side: deck.mesh.boundaries[side] for side in (first, *opposite)}
-        shared = _shared(facets[first], taken | touched) or any(_shared(facets[side], taken) for side in opposite)
-        if shared:
+        facets = {side: deck.mesh.boundaries[side] for side in (first, opposite)}
+        if _shared(facets[first], taken | touched) or _shared(facets[opposite], taken):
             deck.lose(pair.block, f"{label}: facets of {first!r} are in another contact, and have one only")
             continue
         kind = _kind(deck, interaction)
-        if kind == "bonded" and surfaces:
-            deck.lose(pair.block, f"{label}: {surfaces[0]!r} is rigid: give displacements instead")
-            continue
         taken[first] = facets[first]
-        touched |= {side: facets[side] for side in opposite}
-        lines = [f"# {pair.block.origin}", f"boundary = {quoted(first)}"]
-        lines += [f"against = {quoted(side)}" for side in opposite]
-        lines += _foundation(deck, pair.block, first, surfaces[0]) if surfaces else []
+        touched[opposite] = facets[opposite]
+        lines = [f"# {pair.block.origin}", f"boundary = {quoted(first)}", f"against = {quoted(opposite)}"]
         lines += ['kind = "bonded"'] * (kind == "bonded")
         if kind != "bonded" and interaction is not None:
-            lines += _adjust(deck, pair, label, opposite) + _friction(interaction)
+            lines += _adjust(deck, pair, label) + _friction(interaction)
         tables.append(lines)
         interactions.append(interaction)
     return tables, _stiffness(deck, interactions, tables)
@@ -162,7 +150,7 @@ def _oriented(deck: Deck) -> list[SurfacePair]:
 
     def turned(pair: SurfacePair) -> SurfacePair:
         several = deck.boundary(pair.slave) is not None and counts[deck.boundary(pair.slave)] > 1
-        if not several or plain_name(pair.master) in deck.rigid or pair.adjust is not None:
+        if not several or pair.adjust is not None:
             return pair
         return replace(pair, slave=pair.master, master=pair.slave)
 
@@ -180,12 +168,9 @@ def _kind(deck: Deck, interaction: Interaction | None) -> str:
     return "unilateral"
 
 
-def _adjust(deck: Deck, pair: SurfacePair, label: str, opposite: list[str]) -> list[str]:
+def _adjust(deck: Deck, pair: SurfacePair, label: str) -> list[str]:
     """How far points are moved onto the other side: ADJUST of *CONTACT PAIR, a length or a set of nodes."""
     if pair.adjust is None:
-        return []
-    if not opposite:
-        deck.lose(pair.block, f"{label}: ADJUST, which scenes know between two bodies")
         return []
     if (length := real_or_none(pair.adjust)) is not None:
         return [f"adjust = {length!r}"]
@@ -245,103 +230,11 @@ def say_partners(deck: Deck, contacts: list[list[str]]) -> list[list[str]]:
     """
     result = []
     for lines in contacts:
-        between = any(line.startswith("against") for line in lines)
         bonded = any('kind = "bonded"' in line for line in lines)
         keeps = (
             bonded or any(line.startswith("adjust") for line in lines) or (deck.mesh.dim, deck.mesh.degree) == (3, 2)
         )
-        result.append([*lines, 'sliding = "small"'] if between and keeps else lines)
-        if between and keeps and not bonded and deck.nonlinear is not None:
+        result.append([*lines, 'sliding = "small"'] if keeps else lines)
+        if keeps and not bonded and deck.nonlinear is not None:
             deck.lose(deck.nonlinear, PARTNERS)
     return result
-
-
-# --- rigid surfaces: planes at rest ----------------------------------------------------------------------------------
-
-
-def read_rigid_body(deck: Deck, block: DeckBlock) -> None:
-    """*RIGID BODY: a rigid surface and the nodes that move it."""
-    parameters = block.parameters
-    names = [parameters[key] for key in ("ANALYTICALSURFACE", "ELSET") if key in parameters]
-    if not names or any(deck.region(name) is not None for name in names):
-        deck.lose(block, "a rigid part of the body is not read: it deforms here")
-        return
-    deck.rigid |= {plain_name(name) for name in names}
-    nodes = (deck.single(parameters.get(key, "")) for key in ("REFNODE", "ROTNODE"))
-    deck.movers |= {node for node in nodes if node is not None}
-
-
-def find_surfaces(deck: Deck) -> None:
-    """Rigid surfaces, wherever in the file they are named."""
-    for block in deck.model.blocks:
-        if block.keyword == "ELEMENT" and re.match(r"R[23]D", block.parameters.get("TYPE", "").upper()):
-            deck.rigid.add(plain_name(block.parameters.get("ELSET", "")))
-    for block in (block for block in deck.model.blocks if block.keyword == "SURFACE" and "NAME" in block.parameters):
-        name = plain_name(block.parameters["NAME"])
-        if block.parameters.get("TYPE", "").upper() in ("SEGMENTS", "CYLINDER", "REVOLUTION"):
-            deck.drawn[name] = block.rows
-            deck.rigid.add(name)
-        elif block.rows and all(plain_name(row[0]) in deck.rigid for row in block.rows):
-            deck.rigid.add(name)
-            deck.parts[name] = [plain_name(row[0]) for row in block.rows]
-    deck.rigid.discard("")
-
-
-def _foundation(deck: Deck, block: DeckBlock, where: str, surface: str) -> list[str]:
-    """A rigid surface as lines of a contact: the distance to a plane as a formula.
-
-    Args:
-        deck: what has been read.
-        block: the contact pair.
-        where: the boundary of the body.
-        surface: the name of the rigid surface.
-    """
-    points = _points_of(deck, plain_name(surface))
-    body = deck.mesh.points[np.unique(deck.mesh.facet_corners[deck.mesh.boundaries[where]])]
-    plane = None if points is None else _plane(points[:, : deck.mesh.dim])
-    if plane is None:
-        deck.lose(block, f"rigid surface {surface!r}: {NO_PLANE}")
-        return ["gap = 0.0  # the distance to the foundation, which is not known here"]
-    middle, normal = plane
-    side = float(np.mean(body, axis=0) @ normal - middle @ normal)
-    if abs(side) <= DIGITS_OF_FILES * float(np.ptp(deck.mesh.points, axis=0).max()):
-        side = -float((body.mean(axis=0) - deck.mesh.points.mean(axis=0)) @ normal)
-    toward = -normal if side > 0 else normal
-    at, toward = float(middle @ toward), toward + 0.0  # without negative zeros
-    terms = "".join(
-        f" {'-' if share > 0 else '+'} {'' if abs(share) == 1 else f'{abs(share)!r}*'}x[{k}]"
-        for k, share in enumerate(map(float, toward))
-        if share
-    )
-    distance = f"{at!r}{terms}" if at else terms.removeprefix(" + ").lstrip()
-    return [f'gap = "{distance}"', f"direction = {plain(toward)}"]
-
-
-def _points_of(deck: Deck, name: str) -> Floats | None:
-    """Points of a rigid surface that consists of elements, or in 2D of lines."""
-    if (rows := deck.drawn.get(name)) is not None:
-        if deck.mesh.dim == 3 or any(row[0].upper() not in ("START", "LINE") for row in rows):
-            return None
-        try:
-            return np.array([[real(word) for word in row[1:3]] for row in rows])
-        except ValueError as error:
-            raise ValueError(f"the rigid surface {name!r}: {error}") from None
-    labels = {name, *deck.parts.get(name, ())}
-    nodes = [
-        block[rows].ravel()
-        for label, members in deck.model.raw.sets.items()
-        if label.upper() in labels
-        for (_, block), rows in zip(deck.model.raw.blocks, members, strict=True)
-    ]
-    return np.asarray(deck.model.raw.points, dtype=np.float64)[np.unique(np.concatenate(nodes))] if nodes else None
-
-
-def _plane(points: Floats) -> tuple[Floats, Floats] | None:
-    """A point and the unit normal of the plane (in 2D: of the line) through points; None: there is none."""
-    middle = points.mean(axis=0)
-    _, sizes, axes = np.linalg.svd(points - middle)
-    small = DIGITS_OF_FILES * sizes[0]
-    if len(points) < points.shape[1] or sizes[-2] <= small or sizes[-1] > small:
-        return None
-    normal = np.where(np.abs(axes[-1]) < SAME_NUMBER, 0.0, axes[-1])
-    return middle, np.asarray(normal / np.linalg.norm(normal))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -114,8 +114,6 @@ class Deck:
         assumed: the assumption of plane elements, of which ``hypothesis`` is the key.
         ends: step -> the total time at its end.
         temperatures: those of the nodes at the end of each step that changes them, and at rest as step -1.
-        rigid: names of rigid surfaces, in capitals; ``drawn`` has the rows of analytical ones, ``parts`` the sets of
-            others, and ``movers`` the nodes that move and turn them.
         bolts: reference node of a *PRE-TENSION SECTION -> its surface.
         nonlinear: the last step with NLGEOM; None: there is none.
     """
@@ -143,10 +141,6 @@ class Deck:
     interaction: str = ""
     interactions: dict[str, Interaction] = field(default_factory=dict)
     pairs: list[SurfacePair] = field(default_factory=list)
-    rigid: set[str] = field(default_factory=set)
-    parts: dict[str, list[str]] = field(default_factory=dict)
-    movers: set[int] = field(default_factory=set)
-    drawn: dict[str, Sequence[list[str]]] = field(default_factory=dict)
     bolts: dict[int, str] = field(default_factory=dict)
 
     @property
@@ -339,13 +333,8 @@ class Deck:
         return int(self.model.places.numbers[rows[0]]) if len(rows) == 1 else None
 
     def mover(self, name: str) -> int | None:
-        """The node that moves or turns a rigid body or tightens a bolt, if a set or a node is one; None: it is none."""
-        return node if self.driven and (node := self.single(name)) in self.driven else None
-
-    @cached_property
-    def driven(self) -> set[int]:
-        """All nodes that move or turn rigid bodies, or tighten bolts."""
-        return {*self.movers, *self.bolts}
+        """The node that tightens a bolt, if a set or a node is one; None: it is none."""
+        return node if self.bolts and (node := self.single(name)) in self.bolts else None
 
     @cached_property
     def given_singly(self) -> set[int]:

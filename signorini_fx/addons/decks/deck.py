@@ -13,12 +13,10 @@ from pathlib import Path
 from signorini_fx.addons.decks import keywords, loads, material
 from signorini_fx.addons.decks.bolts import read_bolt
 from signorini_fx.addons.decks.contact import (
-    find_surfaces,
     read_behaviour,
     read_friction,
     read_interaction,
     read_pairs,
-    read_rigid_body,
     read_ties,
 )
 from signorini_fx.addons.decks.content import Deck
@@ -55,7 +53,6 @@ def read_deck(file: Path) -> Deck:
         if block.keyword in _DEFINITIONS:
             with placed(file, block):
                 _DEFINITIONS[block.keyword](deck, block)
-    find_surfaces(deck)
     for block in _used_keywords(file, deck):
         with placed(file, block):
             _say_undefined(deck, block)
@@ -83,12 +80,7 @@ def _say_undefined(deck: Deck, block: DeckBlock) -> None:
 
 
 def _used_keywords(file: Path, deck: Deck) -> Iterator[DeckBlock]:
-    """The keywords without those of steps that are not static.
-
-    Raises:
-        MeshError: the first step does not say of what kind it is, or one does not end before the next one; a keyword is
-            within a step, or outside of one, where it has no meaning.
-    """
+    """The keywords without those of steps that are not static."""
     step: list[DeckBlock] | None = None
     seen, static, kind = False, False, ""
     for block in deck.model.blocks:
@@ -146,11 +138,7 @@ def _read_heading(deck: Deck, block: DeckBlock) -> None:
 
 
 def _read_output(deck: Deck, block: DeckBlock) -> None:
-    """A request for results; a number in its lines belongs to a keyword that is missing.
-
-    Raises:
-        ValueError: there is one.
-    """
+    """A request for results; a number in its lines belongs to a keyword that is missing."""
     rows = block.rows
     if block.keyword.startswith("EL") and rows and all(word.isdecimal() for word in rows[0]):
         rows = rows[1:]  # in Abaqus these are points of the sections of shells and beams
@@ -203,7 +191,6 @@ _SETS = ("NODE", "ELEMENT", "NSET", "ELSET", "SURFACE")
 _DEFINITIONS: dict[str, Reader] = {
     "AMPLITUDE": _read_amplitude,
     "PRE-TENSIONSECTION": read_bolt,
-    "RIGIDBODY": read_rigid_body,
 }
 _READERS: dict[str, Reader] = {
     **dict.fromkeys((*_SETS, *_DEFINITIONS, "ENDSTEP", "SYSTEM"), _read_nothing),

@@ -73,9 +73,8 @@ ROUGH = "ROUGH is not read: this contact has no friction"
 OTHER_BEHAVIOUR = "soft contact is read as LINEAR or TIED only: this contact is hard"
 ADJUSTED_SET = "ADJUST: a set with only some nodes of the dependent surface is not read"
 NO_BOUNDARY = "is no boundary of the body"
-NO_PLANE = "only planes are read: give its shape as foundation, or its distance as gap"
-MOVING = "rigid bodies are at rest: state the motion in the foundation of the contact"
 NO_BODY_PART = "no part of the body"
+IN_ANOTHER_SECTION = "some of its elements are in another section, too: give each of them one"
 _MOMENTS = "moments at nodes are not read"
 
 RULES: tuple[Rule, ...] = (
@@ -104,6 +103,7 @@ RULES: tuple[Rule, ...] = (
     *_rules(Grade.LOST, OTHER_HARDENING, "PLASTIC", case="HARDENING other than ISOTROPIC"),
     *_rules(*(Grade.LOST, NOT_YET_NONLINEAR, "PLASTIC"), case="with soft contact, preload and more: it does not yield"),
     *_rules(Grade.LOST, YIELDING_RUBBER, "PLASTIC", case="of rubber"),
+    *_rules(Grade.REFUSED, IN_ANOTHER_SECTION, "SOLID SECTION", case="of elements of another one"),
     *_rules(Grade.NOTED, BESIDE_RUBBER, "SOLID SECTION", case="beside rubber"),
     *_rules(
         *(Grade.NOTED, "as a plane body under plane stress, without bending", "SHELL SECTION", "MEMBRANE SECTION"),
@@ -133,7 +133,6 @@ RULES: tuple[Rule, ...] = (
     *_rules(Grade.LOST, "which a constraint may tie to it", "BOUNDARY", case="of tied other nodes"),
     *_rules(Grade.LOST, "a part of the body", "DLOAD", case="body force or weight on a part"),
     *_rules(Grade.LOST, _MOMENTS, "CLOAD", case="components 4 to 6"),
-    *_rules(Grade.LOST, MOVING, "BOUNDARY", "CLOAD", case="of the reference node of a rigid body"),
     *_rules(Grade.LOST, NO_BOUNDARY, "DSLOAD", case="on another surface"),
     *_rules(Grade.LOST, NODES_DIFFER, "TEMPERATURE", "INITIAL CONDITIONS", case="of some nodes of a body"),
     *_rules(Grade.LOST, UNKNOWN, "INITIAL CONDITIONS", case="neither TEMPERATURE nor VELOCITY"),
@@ -144,15 +143,12 @@ RULES: tuple[Rule, ...] = (
     *_rules(Grade.LOST, ROUGH, "FRICTION", case="ROUGH"),
     *_rules(Grade.LOST, ADJUSTED_SET, "CONTACT PAIR", case="ADJUST with a smaller set"),
     *_rules(Grade.LOST, NO_BOUNDARY, "CONTACT PAIR", "TIE", case="of another surface"),
-    *_rules(Grade.LOST, NO_PLANE, "CONTACT PAIR", case="with another rigid surface"),
     *_rules(Grade.LOST, "general contact is not read: name pairs of surfaces", "CONTACT", "CONTACT INCLUSIONS"),
     *_rules(Grade.LOST, "clearances are those of the mesh", "CLEARANCE"),
     *_rules(Grade.LOST, COMING_AND_GOING, "MODEL CHANGE"),
     *_rules(
-        Grade.LOST,
-        "a rigid part of the body is not read: it deforms here",
+        *(Grade.LOST, "rigid bodies are not read: give the shape as foundation of a contact, or its distance as gap"),
         "RIGID BODY",
-        case="of its elements or nodes",
     ),
     *_rules(
         *(Grade.LOST, CONSTRAINT, "EQUATION", "MPC", "COUPLING", "KINEMATIC", "DISTRIBUTING"),

@@ -10,7 +10,7 @@ import numpy as np
 from signorini_fx.addons.decks import bolts
 from signorini_fx.addons.decks.content import Deck, DeckLoad, plain_name
 from signorini_fx.addons.decks.groups import Group
-from signorini_fx.addons.decks.keywords import MOVING, OTHER_AMPLITUDE, TOTAL_TIME
+from signorini_fx.addons.decks.keywords import OTHER_AMPLITUDE, TOTAL_TIME
 from signorini_fx.addons.decks.text import ROTATIONS, DeckBlock, DeckError, components, parameter, real
 from signorini_fx.mechanics.mesh.files.arrays import plain
 from signorini_fx.mechanics.mesh.files.cells import completed
@@ -38,12 +38,12 @@ def read_boundary(deck: Deck, block: DeckBlock) -> None:
         deck.check_nodes(name)
         if (mover := deck.mover(name)) is not None:
             for component, value in components(words).items():
-                _drive(deck, block, "prescribed", mover, component, value * factor)
+                bolts.drive(deck, block, "prescribed", mover, component, value * factor)
         elif not plain_name(name).isdigit():
             prescribed.setdefault(name, {}).update(components(words))
     nodes: dict[str, tuple[int, ...]] = {}
     for group in deck.model.groups.get(block.number, []):
-        if body_nodes := tuple(node for node in group.nodes if node not in deck.driven):
+        if body_nodes := tuple(node for node in group.nodes if node not in deck.bolts):
             nodes[group.name] = body_nodes
             prescribed.setdefault(group.name, {}).update(components(group.words))
     for name, displacements in prescribed.items():
@@ -64,14 +64,6 @@ def read_boundary(deck: Deck, block: DeckBlock) -> None:
         for axis, value in along.items():
             for target, lines in places:
                 _set_load(deck, DeckLoad("displacement", target, (axis,), block, lines=lines), value)
-
-
-def _drive(deck: Deck, block: DeckBlock, kind: str, node: int, component: int, value: float) -> None:
-    """What the reference node of a bolt is given; rigid bodies are at rest."""
-    if node in deck.bolts:
-        bolts.drive(deck, block, kind, node, component, value)
-    elif value:
-        deck.lose(block, MOVING)
 
 
 def read_surface_loads(deck: Deck, block: DeckBlock) -> None:
@@ -151,9 +143,7 @@ def _on_the_whole_body(deck: Deck, block: DeckBlock) -> set[tuple[str, ...]]:
 
 
 def read_forces(deck: Deck, block: DeckBlock) -> None:
-    """Forces at nodes: on whole facets a traction, if they are those of a uniform one, or evenly, if all are the same
-    and have the moment of their sum; else one by one.
-    """
+    """Forces at nodes: on whole facets a traction, if they are those of a uniform one; else one by one."""
     _forget(deck, block)
     factor = share_now(deck, block)
     drives: dict[tuple[int, int], float] = {}
@@ -162,9 +152,9 @@ def read_forces(deck: Deck, block: DeckBlock) -> None:
             key = (mover, int(words[0]))
             drives[key] = drives.get(key, 0.0) + factor * real((*words, "0")[1])
     for (node, component), value in drives.items():
-        _drive(deck, block, "force", node, component, value)
+        bolts.drive(deck, block, "force", node, component, value)
     for group in deck.model.groups.get(block.number, []):
-        on_body = [k for k, node in enumerate(group.nodes) if node not in deck.driven]
+        on_body = [k for k, node in enumerate(group.nodes) if node not in deck.bolts]
         nodes, values = [group.nodes[k] for k in on_body], np.array([group.values[k] for k in on_body])
         component, axis = int(group.words[0]), _AXES.get(int(group.words[0]), "")
         if not nodes:
@@ -182,22 +172,18 @@ def read_forces(deck: Deck, block: DeckBlock) -> None:
         if where is None or component in deck.given_singly or not deck.kinematics.uniform:
             _push_singly(deck, block, group, axis, factor)
             continue
-        total = 0.0 if abs(values.sum()) < NEGLIGIBLE**2 * np.abs(values).sum() else factor * float(values.sum())
         uniform = _uniform(deck, where, rows, values)
-        if uniform is not None:
-            _set_load(deck, DeckLoad("traction", where, (axis,), block), factor * uniform / deck.thickness)
-        elif total and _like_an_even_one(deck, where, rows, values, axis):
-            _set_load(deck, DeckLoad("force", where, (axis,), block), total / deck.thickness)
-            deck.note(block, f"forces at nodes, {total:g} along {axis} in all ({len(rows)} nodes): on {where!r} evenly")
-        else:
+        if uniform is None:
             _push_singly(deck, block, group, axis, factor)
+        else:
+            _set_load(deck, DeckLoad("traction", where, (axis,), block), factor * uniform / deck.thickness)
 
 
 def _push_singly(deck: Deck, block: DeckBlock, group: Group, axis: str, factor: float) -> None:
     """Forces at the nodes of a group, one by one."""
     share = deck.thickness if deck.mesh.dim == 2 and deck.kinematics.uniform else 1.0
     for node, value in zip(group.nodes, group.values, strict=True):
-        for row in plain(deck.rows([node])) if node not in deck.driven else []:
+        for row in plain(deck.rows([node])) if node not in deck.bolts else []:
             if lines := deck.at_point(block, row):
                 _set_load(deck, DeckLoad("point_force", "", (axis,), block, lines=lines), factor * value / share)
 
@@ -220,18 +206,6 @@ def _areas(deck: Deck, where: str) -> Floats:
     if deck.mesh.completed and deck.mesh.dim == 3 and (full_cell := completed("quad8")) is not None:
         facets, shares = facets[:, :-1], shares @ full_cell[1]
     return np.bincount(facets.ravel(), shares.ravel(), minlength=len(deck.mesh.points)).astype(np.float64)
-
-
-def _like_an_even_one(deck: Deck, where: str, rows: Ints, values: Floats, axis: str) -> bool:
-    """Whether forces at nodes along an axis are all the same, and have the moment of an even traction on a boundary."""
-    if np.ptp(values) > NEGLIGIBLE * np.abs(values).max():
-        return False
-    areas = _areas(deck, where)
-    x = deck.mesh.points[np.searchsorted(deck.numbers, rows)]
-    apart = values @ x / values.sum() - areas @ deck.mesh.points / areas.sum()
-    apart[deck.axes.index(axis)] = 0.0
-    size = np.linalg.norm(np.ptp(deck.mesh.points[areas != 0], axis=0))
-    return bool(np.linalg.norm(apart) <= NEGLIGIBLE * size)
 
 
 def _unit(vector: list[float]) -> tuple[float, ...]:
@@ -275,11 +249,7 @@ def share_now(deck: Deck, block: DeckBlock) -> float:
 
 
 def _course_of(amplitude: DeckBlock) -> tuple[Floats, Floats]:
-    """The times and values of an amplitude.
-
-    Raises:
-        DeckError: they are no pairs of numbers, or a time is before the one in front of it.
-    """
+    """The times and values of an amplitude."""
     try:
         words = np.array([real(word) for row in amplitude.rows for word in row])
     except ValueError as error:

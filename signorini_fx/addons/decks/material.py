@@ -12,6 +12,7 @@ from signorini_fx.addons.decks.content import Deck, DeckSection
 from signorini_fx.addons.decks.keywords import (
     BESIDE_RUBBER,
     FIRST_LINE,
+    IN_ANOTHER_SECTION,
     NO_BODY_PART,
     NOT_YET_NONLINEAR,
     OTHER_ELASTICITY,
@@ -36,8 +37,7 @@ _FIRST_TERM = ("POLYNOMIAL", "REDUCEDPOLYNOMIAL")
 
 def read_section(deck: Deck, block: DeckBlock) -> None:
     """*SOLID SECTION and others: the material of a part, and the thickness of a plane one."""
-    name = deck.model.sections.get(block.number, block.parameters["ELSET"])
-    region = None if name is None else deck.region(name)
+    region = deck.region(block.parameters["ELSET"])
     if block.keyword != "SOLIDSECTION":
         if deck.mesh.dim == 3 or region is None:
             deck.lose(block, NO_BODY_PART)
@@ -45,10 +45,6 @@ def read_section(deck: Deck, block: DeckBlock) -> None:
         deck.note(block, "as a plane body under plane stress, without bending")
     if "MATERIAL" not in block.parameters:
         raise ValueError("MATERIAL is missing; sections of several layers are not known")
-    if name is None:
-        deck.note(block, "all of its elements are of later sections")
-    elif name != block.parameters["ELSET"]:
-        deck.note(block, f"its elements that a later section has too are of that one: the rest is {name!r}")
     if region is not None:
         deck.sections.append(DeckSection(region, block.parameters["MATERIAL"].upper(), block))
     if deck.mesh.dim == 2 and deck.kinematics.uniform and block.rows and block.rows[0] and block.rows[0][0]:
@@ -163,18 +159,21 @@ def material_tables(deck: Deck, obstacle: str, *, heated: bool) -> list[tuple[st
 
     Raises:
         ValueError: a part of the body has none.
+        DeckError: an element has two.
     """
     weighs = any(load.table in ("gravity", "rotation") for load in deck.loads.values())
     keys = ("density",) * weighs + ("expansion",) * heated
     covered = np.zeros(len(deck.mesh.cells), dtype=bool)
     for section in deck.sections:
-        covered[deck.mesh.regions[section.region]] = True
+        cells = deck.mesh.regions[section.region]
+        if covered[cells].any():
+            raise DeckError(section.block, IN_ANOTHER_SECTION)
+        covered[cells] = True
     if not covered.all():
-        why = f"no material: {np.count_nonzero(~covered)} of {len(covered)} cells are in no section"
-        if deck.model.bare is None:
-            raise ValueError(why)
-        element, block = deck.model.bare
-        raise DeckError(block, f"{why}, such as element {element}")
+        middle = deck.mesh.points[deck.mesh.corners[int(np.argmin(covered))]].mean(axis=0)
+        place = ", ".join(f"{value:g}" for value in middle)
+        count = np.count_nonzero(~covered)
+        raise ValueError(f"no material: {count} of {len(covered)} cells are in no section, the first at ({place})")
     shown = list[tuple[str, list[str]]]()
     for section in deck.sections:
         name = f"the material {section.material!r} of {section.region!r}"
@@ -226,9 +225,6 @@ def _nonlinear_law(deck: Deck, section: DeckSection, obstacle: str) -> list[str]
     """The lines of a material that is not linear; None: it is linear here.
 
     Beside rubber one with two constants is that of Saint Venant and Kirchhoff, which knows finite strains.
-
-    Raises:
-        DeckError: it is rubber, and there is an obstacle.
     """
     properties = deck.materials[section.material]
     curve, yielding = properties.get("plastic", (None, None))

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import itertools
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from pathlib import Path
@@ -63,17 +63,13 @@ _FACET_KINDS = {2: "line", 3: "triangle", 4: "quad"}
 # Keywords that give values to nodes, which belong to their bodies.
 _AT_NODES = {"BOUNDARY", "CLOAD", "TEMPERATURE", "INITIALCONDITIONS", "EQUATION", "MPC", "TIE"}
 _LABELS = {"BOUNDARY": "support", "CLOAD": "force", "DLOAD": "pressure"}
-# Sets of sets may name the same elements repeatedly: more members than this in all sets are an error.
+# A range with more numbers than this is a mistake.
 _MOST_MEMBERS = 20_000_000
 _NO_NUMBERS = np.empty(0, dtype=np.int64)
 
 
 def _kind(element: str) -> tuple[str, int]:
-    """The shape of an element type and its number of nodes.
-
-    Raises:
-        ValueError: it is not one of a plane or solid body.
-    """
+    """The shape of an element type and its number of nodes."""
     if match := _SOLID.match(element):
         if (count := int(match[1])) not in _SOLID_KINDS:
             raise ValueError(f"element type {element}: known are C3D4, C3D6, C3D8, C3D10, C3D15, C3D20")
@@ -94,7 +90,7 @@ def faces_of(kind: str) -> tuple[tuple[int, ...], ...]:
     return _FACES.get(kind.rstrip("0123456789"), ())
 
 
-class Numbering(Mapping[int, int]):
+class Numbering:
     """Distinct numbers and the row of each.
 
     Attributes:
@@ -128,15 +124,6 @@ class Numbering(Mapping[int, int]):
             row = int(repeated.min())
             raise DeckError(defining(row), f"{word} {self.numbers[row]} is defined twice")
 
-    def __getitem__(self, number: int) -> int:
-        row = int(self.rows(np.array([number]))[0])
-        if row < 0:
-            raise KeyError(number)
-        return row
-
-    def __iter__(self) -> Iterator[int]:
-        return iter(plain(self.numbers))
-
     def __len__(self) -> int:
         return len(self.numbers)
 
@@ -149,12 +136,9 @@ class DeckModel:
         raw: its mesh.
         blocks: its keywords.
         groups: number of a keyword -> the sets of single nodes and faces to which it gives something.
-        sections: number of the keyword of a section -> the set of its elements that no later section has; None: it has
-            none.  Sections that keep all of their elements are not listed.
         undefined: name of a set -> how many of its members the file does not define.
         places: number of a node -> its row in the mesh.
         surfaces: name of a surface -> its elements, each with a face from 1 on.
-        bare: an element of the body that is in no section, and the keyword that defines it; None: all are in one.
         bodies: names of the parts that share no node, if there are several and the file gives nodes values.
         tied: whether there are elements with stiffness that are no part of the body, such as springs.
     """
@@ -162,11 +146,9 @@ class DeckModel:
     raw: RawMesh
     blocks: list[DeckBlock]
     groups: dict[int, list[Group]]
-    sections: dict[int, str | None]
     undefined: dict[str, int]
     places: Numbering
     surfaces: dict[str, list[tuple[int, int]]]
-    bare: tuple[int, DeckBlock] | None
     bodies: tuple[str, ...]
     tied: bool
 
@@ -180,12 +162,10 @@ class _Reader:
     node_sets: dict[str, Ints] = field(default_factory=dict)
     element_sets: dict[str, Ints] = field(default_factory=dict)
     surfaces: dict[str, list[tuple[int, int]]] = field(default_factory=dict)
-    section_blocks: list[DeckBlock] = field(default_factory=list)
     nodal_values: list[tuple[DeckBlock, tuple[str, ...], dict[Any, float]]] = field(default_factory=list)
     passed_over: set[int] = field(default_factory=set)  # elements that are no part of the body
     undefined: dict[str, int] = field(default_factory=dict)
     tied: bool = False
-    members: int = 0
     spelt: dict[str, str] = field(default_factory=dict)  # names in capitals -> as they are written first
 
     def read(self, block: DeckBlock) -> None:
@@ -220,8 +200,6 @@ class _Reader:
                 raise ValueError("coordinates are expected along x, y and z")
             case "NGEN" | "NFILL" | "NCOPY" | "NMAP" | "ELGEN" | "ELCOPY":
                 raise ValueError("nodes and elements are not generated here: write them all into the file")
-            case "SOLIDSECTION" | "SHELLSECTION" | "MEMBRANESECTION":
-                self.section_blocks.append(block)
 
     def _name(self, name: str) -> str:
         return self.spelt.setdefault(name.upper(), name)
@@ -235,9 +213,6 @@ class _Reader:
     def _extend(self, sets: dict[str, Ints], name: str, members: Ints) -> None:
         name = self._name(name)
         sets[name] = np.concatenate((sets[name], members)) if name in sets else members
-        self.members += len(members)
-        if self.members > _MOST_MEMBERS:
-            raise ValueError(f"the sets up to {name!r} have more than {_MOST_MEMBERS:,} members together")
 
     def _read_elements(self, block: DeckBlock) -> None:
         kind_name = block.parameters["TYPE"].upper()
@@ -299,11 +274,8 @@ class _Reader:
             elif kind == "ELEMENT" and len(row) > 1 and re.fullmatch(r"[SE]\d+", row[1].upper()):
                 elements = plain(self._member(self.element_sets, row[0]))
                 self.surfaces.setdefault(name, []).extend((element, int(row[1][1:])) for element in elements)
-                self.members += len(elements)
             elif kind == "ELEMENT" and len(row) > 1 and row[1] and not _OTHER_FACE.fullmatch(row[1].upper()):
                 raise ValueError(f"surface {name!r}: a face S1, S2 ... is expected, not {row[1]!r}")
-            if self.members > _MOST_MEMBERS:
-                raise ValueError(f"the surfaces up to {name!r} have more than {_MOST_MEMBERS:,} faces together")
 
     # --- when all keywords have been read -----------------------------------------------------------------------------
 
@@ -334,7 +306,6 @@ class _Reader:
     def result(self, blocks: list[DeckBlock]) -> DeckModel:
         """Everything with the numbering of arrays."""
         elements, (node_rows, points) = self.elements, self.nodes
-        sections, bare = self._resolved_sections()
         groups = self._named_groups()
         tables = {kind: self._table(kind) for kind in elements.kinds}
         sets = {name: self._rows(name, members) for name, members in self.element_sets.items()}
@@ -362,39 +333,11 @@ class _Reader:
             node_sets[name] = members[members >= 0]
             self._count_undefined(name, len(nodes) - len(node_sets[name]))
         raw = RawMesh(points, all_blocks, sets | named, node_sets)
-        return DeckModel(
-            raw, blocks, groups, sections, self.undefined, node_rows, self.surfaces, bare, tuple(named), self.tied
-        )
+        return DeckModel(raw, blocks, groups, self.undefined, node_rows, self.surfaces, tuple(named), self.tied)
 
     def _count_undefined(self, name: str, count: int) -> None:
         if count:
             self.undefined[name] = count
-
-    def _resolved_sections(self) -> tuple[dict[int, str | None], tuple[int, DeckBlock] | None]:
-        """Of an element in several sections the last one holds: the rest of the others becomes a set of its own."""
-        members: list[Ints] = []
-        for block in self.section_blocks:
-            if "ELSET" not in block.parameters:
-                raise DeckError(block, "ELSET is missing")
-            members.append(self.element_sets.get(self._name(block.parameters["ELSET"]), _NO_NUMBERS))
-        numbering = Numbering(np.unique(np.concatenate([_NO_NUMBERS, *members])))
-        owner = np.full(len(numbering), -1)
-        for position, elements in enumerate(members):
-            owner[numbering.rows(elements)] = position
-        solid = self.elements.rows.numbers[self.elements.solid]
-        without = solid[numbering.rows(solid) < 0]
-        bare = (int(without[0]), self.elements.defining(int(without[0]))) if without.size else None
-        sections: dict[int, str | None] = {}
-        for position, (block, elements) in enumerate(zip(self.section_blocks, members, strict=True)):
-            owned = elements[owner[numbering.rows(elements)] == position]
-            if len(owned) < len(elements):
-                sections[block.number] = None
-            if 0 < len(owned) < len(elements):
-                rest_name = f"{block.parameters['ELSET']}_rest"
-                names = [rest_name] if rest_name.upper() not in self.spelt else self._free(rest_name + "{}")
-                sections[block.number] = name = self._name(next(iter(names)))
-                self.element_sets[name] = owned
-        return sections, bare
 
     def _named_groups(self) -> dict[int, list[Group]]:
         """The groups by the numbers of their keywords; each is a set that the file names, or one that is added."""
@@ -422,11 +365,7 @@ class _Reader:
         return groups
 
     def _table(self, kind: str) -> Ints:
-        """The rows of the nodes of each element of a kind.
-
-        Raises:
-            DeckError: the file does not define one of them.
-        """
+        """The rows of the nodes of each element of a kind."""
         nodes = self.elements.nodes[kind]
         table = self.nodes[0].rows(nodes.ravel()).reshape(nodes.shape)
         missing = np.argwhere(table < 0)
@@ -447,11 +386,7 @@ class _Reader:
         return self.elements.by_kind(rows[rows >= 0])
 
     def _sides(self, tables: dict[str, Ints], name: str, faces: Sequence[tuple[int, int]]) -> Iterator[Ints]:
-        """The corners of the faces of a surface that are sides of the body, by their number, shape (n, corners).
-
-        Raises:
-            ValueError: an element has no such face.
-        """
+        """The corners of the faces of a surface that are sides of the body, by their number, shape (n, corners)."""
         elements, listed = self.elements, np.array(faces, dtype=np.int64).reshape(-1, 2)
         rows = elements.rows.rows(listed[:, 0])
         on_body = (rows >= 0) & elements.solid[rows]
@@ -504,7 +439,7 @@ class _Elements:
 
     def defining(self, number: int) -> DeckBlock:
         """The keyword that defines an element."""
-        return self._blocks[int(self._defined[self.rows[number]])]
+        return self._blocks[int(self._defined[self.rows.rows(np.array([number]))[0]])]
 
     def number(self, kind: str, row: int) -> int:
         """The number of an element by its row among those of its kind."""

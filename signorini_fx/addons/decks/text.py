@@ -213,11 +213,7 @@ def _heading(line: str) -> tuple[str, dict[str, str]]:
 
 
 def _beside(deck: Path, name: str, depth: int) -> Path:
-    """The included file with a name.
-
-    Raises:
-        ValueError: it is not in the folder of the input file, or files include each other too deep.
-    """
+    """The included file with a name."""
     if depth >= _DEEPEST:
         raise ValueError(f"files include each other more than {_DEEPEST} times deep")
     folder = deck.parent.resolve()

@@ -149,11 +149,7 @@ def _rows_at(file: Path, table: Printed, problem: JudgedProblem) -> tuple[npt.ND
 def _rows_by_cells(
     file: Path, table: Printed, problem: JudgedProblem, near: float
 ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.bool_]]:
-    """``_rows_at`` where several nodes are at one place: cells with the same middle are the same, with their points.
-
-    Raises:
-        MeshError: a node has points with different displacements, or no cell has the middle of one of the problem.
-    """
+    """``_rows_at`` where several nodes are at one place: cells with the same middle are the same, with their points."""
     assert table.points is not None
     x = np.pad(problem.points, ((0, 0), (0, table.points.shape[1] - problem.arrays.dim)))
     tree, nodes, rows = cKDTree(x[problem.cells].mean(axis=1)), [], []

@@ -270,11 +270,7 @@ def read_csv(file: Path) -> Printed:
 
 
 def _whole(file: Path, name: str, values: Floats) -> Ints:
-    """The numbers of nodes.
-
-    Raises:
-        MeshError: one is no whole number, or too large to be the number of a node.
-    """
+    """The numbers of nodes."""
     wrong = ~(np.abs(values) < _LARGEST) | (values != np.rint(values))
     if wrong.any():
         row = int(np.argmax(wrong))

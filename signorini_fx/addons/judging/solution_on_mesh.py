@@ -221,11 +221,7 @@ class SolutionOnMesh:
 
 
 def _solved(problem: JudgedProblem, mesh: TaggedMesh, **entries: Any) -> Solution:
-    """The solution on a mesh with other entries of the scene.
-
-    Raises:
-        NotJudgedError: there is none.
-    """
+    """The solution on a mesh with other entries of the scene."""
     scene = problem.scene.remade(mesh=mesh, body=(), accuracy=None, **entries)
     solution = solve(scene, MPI.COMM_SELF, check=False)
     if not solution.converged:

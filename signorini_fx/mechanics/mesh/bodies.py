@@ -59,12 +59,7 @@ def together(bodies: Sequence[Body], load: Callable[[int, MPI.Comm], TaggedMesh]
 
 
 def _joined(bodies: Sequence[Body], meshes: Sequence[MeshArrays]) -> MeshArrays:
-    """All bodies at their places.
-
-    Raises:
-        SceneError: see ``together``.
-        MeshError: see ``together``.
-    """
+    """All bodies at their places."""
     if len({mesh.degree for mesh in meshes}) > 1:
         meshes = [quadratic(mesh) if mesh.degree == 1 else mesh for mesh in meshes]
     _check_alike(bodies, meshes)

@@ -171,14 +171,10 @@ def check_dimension(tagged: TaggedMesh, *, section: bool = False) -> None:
         return
     if (cells, points) != (2, 3):
         raise MeshError(f"the mesh has cells of dimension {cells} and points of dimension {points}: a body has 2 or 3")
-    extent = np.ptp(parallel.global_bounds(tagged.mesh.comm, tagged.mesh.geometry.x.astype(np.float64)), axis=0)
-    flat = np.flatnonzero(extent <= SAME_LENGTH * extent.max())
-    if flat.size and flat[-1] == 2:
-        raise MeshError("the mesh is planar, but its points have three coordinates: give them two (gdim = 2)")
-    if flat.size:
-        axes = " and ".join(f"x[{axis}]" for axis in range(3) if axis != flat[0])
-        raise MeshError(f"the mesh is planar, but in the plane of {axes}: turn it into that of x[0] and x[1]")
-    raise MeshError("the mesh is a shell, a surface in 3D: a body in 3D has tetrahedra or hexahedra")
+    raise MeshError(
+        "the mesh is a surface in 3D (a shell): a planar one has points of two coordinates, x[0] and x[1] (gdim = 2), "
+        "and a body in 3D tetrahedra or hexahedra"
+    )
 
 
 def load_file(
@@ -326,7 +322,8 @@ def read_mesh(
         regions: the same for cells and all their vertices.
         data: the cell data that numbers refer to; None: there is only one.
         halvings: how often the sides of all cells are halved, for a drawing on the true shape.
-        degree: degree of the geometry, as in ``formats.read_file``.
+        degree: of the geometry: 1: straight sides; 2 (drawings only): nodes between the corners as well, if there are
+            curves; None: as the file has it, 1 for a drawing of a CAD program.
         size: length of the cells of a .step, .stp or .brep; None: a fraction of the size of the body.
         sections: names of the file whose facets inside the body are wanted, too.
         sizes: of a drawing the lengths of facets of some boundaries, or of all cells, on the first rank.
@@ -427,12 +424,7 @@ def _global_nodes(mesh: dmesh.Mesh, rows: npt.NDArray[np.int32]) -> Ints:
 
 
 def _generator(name: str, parameters: Mapping[str, Any]) -> Callable[..., Any]:
-    """The generator of this name, which takes these parameters.
-
-    Raises:
-        SceneError: there is none of this name, it cannot be imported, or parameters are wrong: all of them are
-            reported.
-    """
+    """The generator of this name, which takes these parameters."""
     from signorini_fx.mechanics.statement.generators import known_generators
     from signorini_fx.mechanics.statement.validation import plain_message
 
@@ -530,11 +522,7 @@ def gmsh_mesh(comm: MPI.Comm, draw: Callable[[Any], None], name: str, unit: floa
 
 
 def _drawn(gmsh: Any, top: int, sizes: Sizes, name: str, unit: float) -> MeshArrays:
-    """The mesh of the current model, or one with cells of other lengths; see ``gmsh_mesh``.
-
-    Raises:
-        SceneError: a length cannot be had.
-    """
+    """The mesh of the current model, or one with cells of other lengths; see ``gmsh_mesh``."""
     from signorini_fx.mechanics.mesh.drawing import set_order
     from signorini_fx.mechanics.mesh.files.arrays import from_raw
     from signorini_fx.mechanics.mesh.files.gmsh_reader import content

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.mechanics.mesh.files.cells import CELLS, Cell, completed
-from signorini_fx.mechanics.mesh.files.raw import RawMesh, increases, row_keys, rows_of
+from signorini_fx.mechanics.mesh.files.raw import RawMesh, row_keys, rows_of
 from signorini_fx.mechanics.mesh.files.shape import Floats, Ints, check_shape
 from signorini_fx.mechanics.statement.expressions import Expression
 from signorini_fx.tuned import LARGEST_NUMBER
@@ -203,8 +203,7 @@ class _Entities:
         """The entities that are elements ``members[block]``, sorted."""
         parts = [self.rows[block][chosen] for block, chosen in members.items()]
         numbers = np.concatenate([np.empty(0, dtype=np.int64), *parts])
-        numbers = numbers[numbers >= 0]
-        return numbers if increases(numbers) else np.unique(numbers)
+        return np.unique(numbers[numbers >= 0])
 
     def missed(self, members: Mapping[int, Ints]) -> int:
         """How many of the elements ``members[block]`` are none of the entities."""
@@ -257,11 +256,7 @@ def _no_number(raw: RawMesh, entities: _Entities, numbers: list[Ints] | None, va
 
 
 def _body(raw: RawMesh, name: str) -> tuple[str, list[int]]:
-    """The kind of the cells and the blocks that hold them.
-
-    Raises:
-        MeshError: no cells, cells of several kinds, or of a kind without an element.
-    """
+    """The kind of the cells and the blocks that hold them."""
     sizes: dict[str, int] = {}
     for kind, nodes in raw.blocks:
         if len(nodes) and kind not in (*_LINES, "vertex"):
@@ -310,17 +305,9 @@ def _check_plane(points: Floats, name: str) -> None:
         return
     off = points[np.argmax(np.abs(points[:, 2] - np.median(points[:, 2])))]
     place = ", ".join(f"{value:g}" for value in off)
-    _, extents, axes = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)
-    if len(extents) < 3 or extents[2] <= 1e-9 * extents[0]:
-        normal = ", ".join(f"{value + 0.0:.3g}" for value in np.round(axes[2], 12))
-        where = f"it is in one with the normal ({normal}): turn it"
-    else:
-        where = (
-            "it is a surface in 3D (a shell); a body in 3D has tetrahedra or hexahedra: in gmsh, put the volume "
-            "into a physical group of dimension 3"
-        )
     raise MeshError(
-        f"{name}: the mesh is not in a plane x[2] = constant, off by {spread[2]:g}, the most at ({place}); {where}"
+        f"{name}: the mesh is not in a plane x[2] = constant, off by {spread[2]:g}, the most at ({place}): turn it "
+        "there; a body in 3D has tetrahedra or hexahedra: in gmsh, put the volume into a physical group of dimension 3"
     )
 
 

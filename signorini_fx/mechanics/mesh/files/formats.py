@@ -38,20 +38,8 @@ def read_file(
     """A mesh in 2D or in 3D from a file, the format by its suffix.
 
     A drawing (.geo, .step, .stp, .brep) is meshed again, on the true shape; the cells of other meshes are divided, on
-    their own curved sides.
-
-    Args:
-        file: .msh or .geo (gmsh), .step, .stp or .brep (CAD), .inp (Abaqus), .med (Salome), .vtu, .xdmf.
-        boundaries: names for boundaries, by a number in the cell data or by a rule (see ``from_raw``).
-        regions: the same for parts of the body.
-        data: the cell data that numbers refer to.
-        halvings: how often the sides of all cells are halved.
-        degree: of the geometry: 1: straight sides; 2 (drawings only): nodes between the corners as well, if there are
-            curves; None: as the file has it, 1 for a drawing of a CAD program.
-        size: length of the cells of a .step, .stp or .brep; None: a fraction of the size of the body.
-        sections: names of the file whose facets inside the body are wanted, too.
-        sizes: of a drawing the lengths of facets of some boundaries, or of all cells.
-        joined: whether solids of a CAD drawing that touch or overlap share faces.
+    their own curved sides.  With ``joined`` solids of a CAD drawing that touch or overlap share faces; the other
+    arguments are those of ``read_mesh``.
 
     Raises:
         MeshError: there is no such file, it cannot be read, or it is not a mesh of one kind of cell.

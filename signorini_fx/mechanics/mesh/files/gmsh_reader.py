@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import contextlib
 import os
 import re
-import sys
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -62,17 +60,8 @@ def read_gmsh(
 ) -> MeshArrays:
     """A mesh, or a drawing after gmsh has meshed it.
 
-    The surfaces and solids of a CAD drawing are physical groups with their numbers.
-
-    Args:
-        file: an existing file that ends in ``.msh`` or one of ``DRAWN``.
-        named: makes the mesh of its content.
-        halvings: how often gmsh divides all cells that it makes, with the new nodes on the true shape.
-        degree: 1: the cells that it makes have straight sides; 2: nodes between their corners on the true shape;
-            None: what the script asks for, 1 for a drawing of a CAD program.
-        size: length of the cells of a CAD drawing, in its unit; None: a fraction of the size of the body.
-        sizes: of a drawing the lengths of facets of some boundaries, or of all cells.
-        joined: whether solids of a CAD drawing that touch or overlap are divided into ones that share faces.
+    The surfaces and solids of a CAD drawing are physical groups with their numbers.  ``named`` makes the mesh of the
+    content of the file; the other arguments are those of ``formats.read_file``.
 
     Raises:
         MeshError: its content does not fit its suffix, a script does more than draw, or gmsh cannot make a mesh of it.
@@ -184,10 +173,6 @@ def _check_script(file: Path, name: str = "", checked: frozenset[Path] = frozens
         file: the script.
         name: of the file that a scene names, in messages; "" if it is this one.
         checked: the scripts that include it.
-
-    Raises:
-        MeshError: with the word and its line.
-        OSError: it cannot be read.
     """
     where = f"{name}: {file.name}" if name else str(file)
     text = file.read_text(encoding="utf-8-sig", errors="replace")
@@ -223,11 +208,7 @@ def _has_header(file: Path) -> bool:
 
 
 def _run(gmsh: Any, file: Path) -> None:
-    """Run a script, to its end in any case: gmsh's parser would begin the next one where it left this one.
-
-    Raises:
-        MeshError: it is none, does more than draw, or has an error.
-    """
+    """Run a script, to its end in any case: gmsh's parser would begin the next one where it left this one."""
     text = file.read_bytes()
     if text.startswith(b"$"):
         raise MeshError(f"{file}: is not a gmsh script: it begins with $; a mesh must end in .msh")
@@ -252,15 +233,10 @@ def _run(gmsh: Any, file: Path) -> None:
 
 
 def _import(gmsh: Any, file: Path, form: str, size: float | None, *, joined: bool) -> None:
-    """Import a CAD drawing; each surface is a physical group with its number, and so is each solid.
-
-    Raises:
-        MeshError: there is no body.
-    """
-    with _silence():
-        shapes = gmsh.model.occ.importShapes(str(file.absolute()), highestDimOnly=True, format=form)
-        if joined and len(shapes) > 1:
-            gmsh.model.occ.removeAllDuplicates()
+    """Import a CAD drawing; each surface is a physical group with its number, and so is each solid."""
+    shapes = gmsh.model.occ.importShapes(str(file.absolute()), highestDimOnly=True, format=form)
+    if joined and len(shapes) > 1:
+        gmsh.model.occ.removeAllDuplicates()
     gmsh.model.occ.synchronize()
     top = max((dim for dim, _ in shapes), default=0)
     if top < 2:
@@ -277,22 +253,6 @@ def _import(gmsh: Any, file: Path, form: str, size: float | None, *, joined: boo
             if name.startswith("Open CASCADE STEP translator"):  # what the library writes for a part without a name
                 name = ""
             gmsh.model.addPhysicalGroup(dim, [tag], tag, name if dim == top else "")
-
-
-@contextlib.contextmanager
-def _silence() -> Iterator[None]:
-    """Let nothing be printed, as OpenCASCADE does itself."""
-    sys.stdout.flush()
-    kept = [os.dup(number) for number in (1, 2)]
-    with Path(os.devnull).open("wb") as nowhere:
-        try:
-            for number in (1, 2):
-                os.dup2(nowhere.fileno(), number)
-            yield
-        finally:
-            for number, copy in enumerate(kept, start=1):
-                os.dup2(copy, number)
-                os.close(copy)
 
 
 def _mesh(gmsh: Any, halvings: int, degree: int | None) -> None:

@@ -9,11 +9,13 @@ from typing import Any
 from signorini_fx.errors import InstallationError, MeshError
 
 
-def loaded_gmsh() -> Any:
-    """The module gmsh.
+@contextlib.contextmanager
+def gmsh_session() -> Iterator[Any]:
+    """The module gmsh with an empty model and the same options for everybody: silent, and no file of options is read.
 
     Raises:
         InstallationError: it is not installed, or its wheel lacks a library of the system.
+        MeshError: the caller has gmsh open, whose options would change the mesh.
     """
     try:
         import gmsh
@@ -26,18 +28,6 @@ def loaded_gmsh() -> Any:
             f"this mesh is made by gmsh, which cannot be loaded: {error}; its wheel needs libraries of the system, on "
             "Debian and Ubuntu: apt install libgl1 libglu1-mesa libxcursor1 libxft2 libxinerama1"
         ) from None
-    return gmsh
-
-
-@contextlib.contextmanager
-def gmsh_session() -> Iterator[Any]:
-    """The module gmsh with an empty model and the same options for everybody: silent, and no file of options is read.
-
-    Raises:
-        InstallationError: see ``loaded_gmsh``.
-        MeshError: the caller has gmsh open, whose options would change the mesh.
-    """
-    gmsh = loaded_gmsh()
     if gmsh.isInitialized():
         raise MeshError("gmsh is open in this process: call gmsh.finalize() before a mesh is made or read by it here")
     gmsh.initialize(readConfigFiles=False, interruptible=False)

@@ -65,11 +65,7 @@ def _of_meshio(mesh: Any) -> RawMesh:
 
 
 def _grids(file: Path) -> list[ElementTree.Element]:
-    """The grids of an XDMF file.
-
-    Raises:
-        ValueError: a file with their data is none, such as a pipe, which would be waited for.
-    """
+    """The grids of an XDMF file."""
     root = ElementTree.parse(file).getroot()
     for item in root.iter("DataItem"):
         name = (item.text or "").strip().partition(":")[0]
@@ -81,9 +77,6 @@ def _grids(file: Path) -> list[ElementTree.Element]:
 def _of_grids(file: Path, grids: list[ElementTree.Element]) -> RawMesh:
     """An XDMF file of dolfinx, of whose grids meshio reads the first alone: this is the mesh; the others have elements
     of it or of its boundary, each with a number.
-
-    Raises:
-        ValueError: it is another file.
     """
     import h5py
 

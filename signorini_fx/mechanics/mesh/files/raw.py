@@ -30,11 +30,6 @@ class RawMesh:
     data: dict[str, list[_Ints]] = field(default_factory=dict)
 
 
-def increases(numbers: _Ints) -> bool:
-    """Whether each number is larger than the one before it, so that none occurs twice and they are sorted."""
-    return bool((numbers[1:] > numbers[:-1]).all())
-
-
 def row_keys(rows: _Ints) -> _Ints:
     """One number for each row: two rows have the same if they hold the same numbers, -1 or more, in any order."""
     ordered = 1 + (
