@@ -122,15 +122,9 @@ def mechanics_at(
     *,
     unloaded_at_rest: bool = False,
 ) -> ResidualMechanics:
-    """The forces on a body and its contact sides at a displacement; collective.
-
-    Args:
-        u: the displacement.
-        residual: F(u; .) at the owned unknowns, forces.
-        linear: the contact problem of the last iteration, which knows what is prescribed, the foundations as the user
-            gave them, their data and shapes.
-        lost: round-off of the residual, forces, of its shape; None: it is not known.
-        unloaded_at_rest: see ``Balance``.
+    """The forces on a body and its contact sides at a displacement, where F is ``residual`` and its round-off ``lost``,
+    None: not known, forces at the owned unknowns; ``linear``: of the last iteration; ``unloaded_at_rest``: see
+    ``Balance``; collective.
     """
     space, scales = u.function_space, linear.scales
     fixed, values = prescribed(space, conditions_of(linear.bcs, space))
@@ -179,16 +173,8 @@ def certified(
     before: PreviousStep | None,
     rigid: Sequence[tuple[RigidBodyMotion, Drive]] = (),
 ) -> Certificate:
-    """Check equilibrium and contact conditions at a displacement; collective.
-
-    Args:
-        u: the displacement.
-        mechanics: see ``mechanics_at``.
-        shapes: those of the foundations that have one, by their numbers.
-        tractions: what the solver claims, per area of the undeformed boundary.
-        law: that the method promises.
-        before: the end of the last step; None: there is none.
-        rigid: where tools are that forces move, and what drives them.
+    """Check equilibrium and contact conditions at a displacement; ``tractions``: what the solver claims, per area of
+    the undeformed boundary; ``rigid``: where tools are that forces move, and what drives them; collective.
     """
     places = u.x.array.reshape(-1, u.function_space.mesh.geometry.dim)
     if before is not None:
@@ -205,15 +191,10 @@ def _motion(
     ends: tuple[Sequence[RigidBodyMotion], Sequence[RigidBodyMotion]],
 ) -> Array:
     """How far the shape of each contact point has moved since the last step, length, shape (n, d), beyond what the
-    motions of tools tell of the undeformed points.
+    motions of tools tell of the undeformed points; ``places``: displacements of the nodes at the beginning of the step
+    and now, shape (nodes, d); ``ends``: motions of tools now, and at the beginning.
 
     A node that two shapes touch has a contact point for each.
-
-    Args:
-        shapes: see ``certified``.
-        places: displacements of the nodes at the beginning of the step and now, shape (nodes, d).
-        points: of contact.
-        ends: motions of tools at the end of the step, and at its beginning.
     """
     motion = np.zeros((points.nodes.size, places[0].shape[1]))
     for number, moving in shapes.items():

@@ -107,11 +107,7 @@ class MovingPair:
         return self.sides.holding(self.coupling, state.in_contact[rows], sticks[rows])
 
     def held_nodes(self, *, bilateral: bool) -> HeldNodes:
-        """The nodes that supports hold on both sides, and that carry no point; collective.
-
-        Args:
-            bilateral: whether contact cannot open.
-        """
+        """The nodes that supports hold on both sides, and that carry no point; collective."""
         coupling, sides = self.coupling, self.sides
         count = coupling.constrained_slaves.size
         allowance = from_owners(self.allowance[:, None], sides.slave.nodes[coupling.constrained_slaves], sides.comm)[
@@ -169,12 +165,8 @@ def _normals_of(tangents: Array) -> Array:
 
 
 def spins_of(pairs: Mapping[int, MovingPair], boundary: ContactBoundary, spin: Array | None) -> Array | None:
-    """The rotations of all contact points since the last step, shape (n, d, d); None: by none that counts.
-
-    Args:
-        pairs: by the numbers of their contacts.
-        boundary: all contact points.
-        spin: of points on shapes; None: by none that counts.
+    """The rotations of all contact points since the last step, shape (n, d, d), from those of points on shapes; None:
+    by none that counts.
     """
     dimension = boundary.x.shape[1]
     if dimension == 2 or not pairs:
@@ -213,12 +205,8 @@ def joint_stiffness(pairs: Mapping[int, MovingPair], state: ContactState) -> tup
 
 
 def held_between(state: ContactState, pairs: Sequence[int], sticks: npt.NDArray[np.bool_]) -> JointStiffness:
-    """Products of the rows of relative displacements that contact holds, see ``SlidingSides.holding``; collective.
-
-    Args:
-        state: the contact points of this rank.
-        pairs: the numbers of the contacts.
-        sticks: which of the points friction holds, shape (n,).
+    """Products of the rows of relative displacements that contact holds, see ``SlidingSides.holding``, of contacts with
+    some numbers; ``sticks``: which of the points friction holds, shape (n,); collective.
     """
     boundary, averages = state.boundary, state.boundary.averages
     assert averages is not None
@@ -237,14 +225,9 @@ def held_between(state: ContactState, pairs: Sequence[int], sticks: npt.NDArray[
 def turned_forces(
     state: ContactState, number: int, paired: PairedSides, space: fem.FunctionSpace, displacement: Array
 ) -> JointStiffness:
-    """What displacements change of the contact forces of a pair as normals turn, which is not symmetric; collective.
-
-    Args:
-        state: the contact points of this rank, with tractions.
-        number: of the contact.
-        paired: both sides where they are undeformed.
-        space: of the displacement.
-        displacement: of the owned nodes, length, shape (owned nodes, d).
+    """What displacements change of the contact forces of a pair as normals turn, which is not symmetric; ``paired``:
+    both sides where they are undeformed; ``displacement``: of the owned nodes, length, shape (owned nodes, d);
+    collective.
     """
     boundary, averages, dim = state.boundary, state.boundary.averages, displacement.shape[1]
     assert averages is not None
@@ -273,11 +256,7 @@ def _joint(comm: MPI.Comm, dim: int, entries: tuple[npt.NDArray[Any], ...]) -> J
 
 def slid_past_partners(state: ContactState, sides: Mapping[int, float]) -> list[Finding]:
     """A warning for each pair whose touching points have moved farther along the other side than partners may be kept;
-    collective.
-
-    Args:
-        state: the contact points of this rank.
-        sides: the mean size of facets of the first side of each of these pairs, length, by the number of the contact.
+    ``sides``: the mean size of facets of the first side of each, length, by the number of the contact; collective.
     """
     findings, boundary = list[Finding](), state.boundary
     for number, facet in sides.items():
