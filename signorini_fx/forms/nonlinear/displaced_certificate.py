@@ -119,12 +119,9 @@ def mechanics_at(
     residual: Array,
     linear: LinearisedProblem,
     lost: Array | None = None,
-    *,
-    unloaded_at_rest: bool = False,
 ) -> ResidualMechanics:
     """The forces on a body and its contact sides at a displacement, where F is ``residual`` and its round-off ``lost``,
-    None: not known, forces at the owned unknowns; ``linear``: of the last iteration; ``unloaded_at_rest``: see
-    ``Balance``; collective.
+    None: not known, forces at the owned unknowns; ``linear``: of the last iteration; collective.
     """
     space, scales = u.function_space, linear.scales
     fixed, values = prescribed(space, conditions_of(linear.bcs, space))
@@ -154,7 +151,6 @@ def mechanics_at(
         lost=known,
         with_loads=True,
         displaced=bool(linear.shapes or linear.pairs),
-        unloaded_at_rest=unloaded_at_rest,
     )
     return ResidualMechanics(
         balance,

@@ -12,7 +12,6 @@ from signorini_fx.errors import FormError
 from signorini_fx.forms.nonlinear import outcomes, restarted_body
 from signorini_fx.forms.nonlinear.displaced_certificate import ResidualMechanics
 from signorini_fx.forms.nonlinear.newton import EquilibriumSolver, NoEquilibrium
-from signorini_fx.forms.nonlinear.results import without_digits
 from signorini_fx.forms.nonlinear.state import State
 from signorini_fx.forms.nonlinear.step_sizes import Way, sizes_on_path
 from signorini_fx.mechanics.statement.load_path import LoadPath
@@ -73,13 +72,7 @@ class Continuation:
             recalled=partial(self._recall, way),
             store=partial(self._store, way),
         )
-        earlier_farthest = solver.farthest
         stepping.all(on_step, checkpoint)
-        if solver.farthest > earlier_farthest and without_digits([step.certificate for step in self.steps]):
-            assert solver.solved is not None
-            solver.solved = replace(solver.solved, step=replace(solver.solved.step, status=Status.NO_DIGIT))
-            solver.status, solver.failure = Status.NO_DIGIT, Status.NO_DIGIT.value
-            raise NoEquilibrium(f"{Status.NO_DIGIT.value}: {solver.origin.advice_on(Status.NO_DIGIT)}")
 
     def along(
         self,

@@ -20,7 +20,6 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from signorini_fx.errors import FormError
-from signorini_fx.forms.arguments import conditions_of
 from signorini_fx.forms.elasticity import NOT_FINITE, MatrixError
 from signorini_fx.forms.nonlinear import outcomes
 from signorini_fx.forms.nonlinear.displaced_certificate import ResidualMechanics, certified, mechanics_at
@@ -28,13 +27,12 @@ from signorini_fx.forms.nonlinear.line_search import length_of_increment
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
 from signorini_fx.forms.nonlinear.penetration import overlap, overlap_of_bodies
 from signorini_fx.forms.nonlinear.residual import Residual
-from signorini_fx.forms.nonlinear.results import SolvedBody, without_digits
+from signorini_fx.forms.nonlinear.results import SolvedBody
 from signorini_fx.forms.nonlinear.stability import Stability
 from signorini_fx.forms.nonlinear.state import State
 from signorini_fx.forms.nonlinear.tangent import Tangents, round_off
 from signorini_fx.forms.solver import StepBeginning
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.loads.supports import prescribed
 from signorini_fx.mechanics.obstacles.shapes_inside import BodyCells
 from signorini_fx.mechanics.pairs.mortar_coupling import PairingError
 from signorini_fx.records import Status, Timings
@@ -44,10 +42,8 @@ from signorini_fx.results.solution import ConvergenceError
 from signorini_fx.tuned import (
     KEPT_TANGENT,
     LEAST_INCREMENT,
-    LOST_UNITS,
     NO_FORCE,
     ROOT_OF_EPS,
-    UNITS_OF_NO_LOAD,
     UNITS_OF_PLACES,
 )
 
@@ -129,8 +125,6 @@ class EquilibriumSolver:
     farthest: float = 0.0
     _detail: str = ""  # see ``outcomes.failure``
     _tried: Array | None = None  # see ``Stability.reason_for_none``
-    _begins: Array = field(init=False)  # values of ``u`` where the last attempt began
-    _unloaded: bool = False  # whether that was at rest, see ``_rests_unloaded``
     _mechanics: ResidualMechanics = field(init=False)  # of the certificate
 
     @cached_property
@@ -161,13 +155,12 @@ class EquilibriumSolver:
     def _cells(self) -> BodyCells:
         return BodyCells.of(self.linear.space, self.linear.space.mesh.geometry.dim)
 
-    def attempt(self, *, final: bool = True, alone: bool = False) -> None:
+    def attempt(self, *, final: bool = True) -> None:
         """Solve with the values that Constants, Functions, conditions and shapes have now; collective.
 
         The body is at the solution then; ``take`` makes it the last one.
 
         Args:
-            alone: whether this is no step of a way, so that a digit of it must be known.
             final: whether no smaller step will be tried, so that a failure is asked why there may be no solution.
 
         Raises:
@@ -183,7 +176,7 @@ class EquilibriumSolver:
         try:
             with self.timings.phase("iterate"):
                 status = self._iterate()
-            if status is Status.CONVERGED and alone and self._hidden:
+            if status is Status.CONVERGED and self._hidden:
                 status = Status.NO_DIGIT
             elif status is Status.CONVERGED and self.asks_stability:
                 status = self.stability.verdict()
@@ -269,13 +262,13 @@ class EquilibriumSolver:
         It ends where increments are small and the certificate holds.  The first increment is the last one where F and
         contact are linear: another would only go on with the outer iteration of a contact problem that is solved.
         Where increments are small and the certificate does not hold, as with a tangent that is not the derivative of F,
-        iterations go on for as long as they make it better.  In a body that comes to rest without load increments are
-        relative to nothing: with a J, which may be another tangent, the residual is round-off once they are no longer
-        halved.  So are forces there: the certificate is asked as soon as the displacement is round-off, and of the
-        undeformed body if it refuses.
+        iterations go on for as long as they make it better.  With a J, which may be another tangent, the residual of a
+        body at rest is round-off once increments are no longer halved.  Forces there are relative to nothing: where the
+        displacement is round-off of that at the beginning, Newton's method goes on from the undeformed body.
         """
         comm, u, worst, last_change, keeps = self.linear.space.mesh.comm, self.u, np.inf, np.inf, False
         self.linear.begin_anew()
+        begun = float(parallel.largest(comm, np.abs(u.x.array), 0.0))
         residual: Array | None = None
         rests = False
         for iteration in range(1, self.max_newton + 1):
@@ -284,8 +277,6 @@ class EquilibriumSolver:
             residual = self.residual.at(old) if residual is None else residual
             if residual is None:
                 return Status.INVERTED
-            if iteration == 1:
-                self._begins = old
             try:
                 self.linear.slide()
             except PairingError as error:
@@ -315,7 +306,7 @@ class EquilibriumSolver:
                 for values, further in ((length * increment, moved), (u.x.array, tools + moved))
             )
             small = change <= ROOT_OF_EPS * size
-            least = change <= max(self._least_increment, self._least_motion) or self._keeps_round_off()
+            least = change <= max(self._least_increment, self._least_motion)
             keeps = length == 1.0 and change <= min(KEPT_TANGENT[0] * size, KEPT_TANGENT[1] * last_change)
             shortened, last_change = self.tangents.given and 2 * change < last_change, change
             ends = small or (length == 1.0 and self._is_linear)
@@ -325,7 +316,7 @@ class EquilibriumSolver:
                     return status
                 if self.certificate.worst < worst:
                     worst = self.certificate.worst
-                elif rests or not self._keeps_round_off():
+                elif rests or float(parallel.largest(comm, np.abs(u.x.array), 0.0)) > ROOT_OF_EPS * begun:
                     return status
                 else:
                     u.x.array[:], residual, keeps, rests = 0.0, None, False, True
@@ -339,45 +330,6 @@ class EquilibriumSolver:
         linear = self.linear
         follows = linear.shapes or linear.pairs or linear.moving_tools.coordinates.size
         return not (follows or self.residual.has_state) and self.tangents.affine
-
-    def _keeps_round_off(self) -> bool:
-        """Whether the displacement is round-off of the one that the attempt began with, or of the places where contact
-        is met, and supports leave the undeformed body where it is; collective.
-        """
-        space, comm = self.linear.space, self.linear.space.mesh.comm
-        begun = float(parallel.largest(comm, np.abs(self._begins), 0.0))
-        digits = LOST_UNITS * float(np.finfo(float).eps)
-        if not self._is_within(min(ROOT_OF_EPS * begun, digits * max(begun, self._farthest_place))):
-            return False
-        fixed, values = prescribed(space, conditions_of(self.linear.bcs, space))
-        if self.linear.moving_tools.coordinates.size or parallel.any_rank(comm, bool(values[fixed].any())):
-            return False
-        return self._bears_no_load
-
-    @property
-    def _rests_unloaded(self) -> bool:
-        """Whether the displacement is round-off of the places where contact is met, and no load acts; collective."""
-        places = self._farthest_place
-        digits = LOST_UNITS * float(np.finfo(float).eps)
-        return places > 0 and self._is_within(digits * places) and self._bears_no_load
-
-    def _is_within(self, distance: float) -> bool:
-        """Whether no component of the displacement is larger than a length; collective."""
-        return float(parallel.largest(self.linear.space.mesh.comm, np.abs(self.u.x.array), 0.0)) <= distance
-
-    @property
-    def _bears_no_load(self) -> bool:
-        """Whether forces on the undeformed body are round-off of F: such a body is at rest there; collective."""
-        values = self.u.x.array.copy()
-        forces = self.residual.at(np.zeros_like(values))
-        lost = None if forces is None else round_off(self.u, forces, self.residual.at)
-        self.residual.go_to(values)
-        if forces is None or lost is None:
-            return False
-        free = ~self.linear.prescribed[0][: forces.size]
-        squares = np.array([forces[free] @ forces[free], lost @ lost])
-        acting, unit = np.sqrt(parallel.global_sum(self.linear.space.mesh.comm, squares))
-        return bool(acting <= UNITS_OF_NO_LOAD * unit)
 
     def _increment(
         self, old: Array, residual: Array, *, keeps_stiffness: bool, search: bool
@@ -427,8 +379,9 @@ class EquilibriumSolver:
     @property
     def _hidden(self) -> bool:
         """Whether round-off may be all that there is in the solution, unless the body has come back to rest."""
-        assert self.certificate is not None
-        return self.certificate.displacement > self.farthest and without_digits([self.certificate])
+        certificate = self.certificate
+        assert certificate is not None
+        return certificate.displacement > self.farthest and certificate.placed < 1.0 <= certificate.lost
 
     def _judge(self, residual: Array | None = None) -> Status:
         """Whether an iterate is a solution: no shape is inside the body, and the certificate holds; collective.
@@ -461,7 +414,6 @@ class EquilibriumSolver:
                 return Status.AT_END
         lost = round_off(self.u, residual, self.residual.at)
         self.residual.go_to(values)
-        self._unloaded = self._rests_unloaded
         self.certificate, self._mechanics = self._certified(residual, lost)
         return Status.CONVERGED if self.certificate.holds else Status.NOT_CERTIFIED
 
@@ -473,6 +425,6 @@ class EquilibriumSolver:
             lost: see ``mechanics_at``.
         """
         linear = self.linear
-        mechanics = mechanics_at(self.u, residual, linear, lost, unloaded_at_rest=self._unloaded)
+        mechanics = mechanics_at(self.u, residual, linear, lost)
         conditions = Tractions.of(linear.state), linear.law, linear.previous_step, linear.driven_tools
         return certified(self.u, mechanics, linear.shapes, *conditions), self.origin.loaded(mechanics)

@@ -273,7 +273,7 @@ class NonlinearContactProblem(ProblemOfForms):
         """
         self._continuation.forget()
         with self._as_convergence_error():
-            self._solver.attempt(alone=True)
+            self._solver.attempt()
         self._solver.take()
         return self.u
 

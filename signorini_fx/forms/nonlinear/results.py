@@ -115,18 +115,6 @@ class SolvedBody:
         return replace(solution, status=status, algorithm=f"newton, {solution.algorithm}", history=history)
 
 
-def without_digits(certificates: Sequence[Certificate]) -> bool:
-    """Whether round-off may be all that there is at the ends of load steps that move the body, see ``lost_digits``."""
-    judged = [certificate for certificate in _displaced(certificates) if certificate.placed < 1.0]
-    return bool(judged) and all(certificate.lost >= 1.0 for certificate in judged)
-
-
-def _displaced(certificates: Sequence[Certificate]) -> list[Certificate]:
-    """Those of steps that displace the body by more than round-off of the farthest one."""
-    farthest = max((certificate.displacement for certificate in certificates), default=0.0)
-    return [one for one in certificates if one.displacement > CERTIFICATE_TOLERANCE * farthest]
-
-
 def lost_digits(certificates: Sequence[Certificate], residual: str) -> list[Finding]:
     """What round-off may hide at the ends of load steps, where that is more than a certificate allows.
 
@@ -137,7 +125,8 @@ def lost_digits(certificates: Sequence[Certificate], residual: str) -> list[Find
         certificates: of the load steps.
         residual: what F is called.
     """
-    judged = _displaced(certificates)
+    farthest = max((certificate.displacement for certificate in certificates), default=0.0)
+    judged = [one for one in certificates if one.displacement > CERTIFICATE_TOLERANCE * farthest]
     hidden, placed = (
         max((getattr(certificate, name) for certificate in judged), default=0.0) for name in ("lost", "placed")
     )
