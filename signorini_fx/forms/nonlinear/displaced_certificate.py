@@ -90,7 +90,7 @@ class ResidualBody(SolidBody):
         return list(self._at(y).contact_sides)
 
     def stress(self, y: fem.Function, step: float, shared: dict[str, StressRecovery]) -> RawStresses | str:
-        """See ``SolidBody``: of the materials of a scene."""
+        """Of the materials of a scene."""
         if self.at_end.stresses is None:
             return "only the residual knows the stresses of a nonlinear body: evaluate its own expression"
         path = [(displacement, mechanics.place) for displacement, mechanics in self.at_steps]
@@ -101,7 +101,7 @@ class ResidualBody(SolidBody):
         return self._at(y).forces
 
     def acting(self, y: fem.Function, step: float) -> ActingForces:
-        """See ``SolidBody``: at the supports; which loads act is known to the residual alone."""
+        """At the supports; which loads act is known to the residual alone."""
         end = self._at(y)
         if end.supports is not None:
             supports, places = end.supports(step)
@@ -169,8 +169,8 @@ def certified(
     before: PreviousStep | None,
     rigid: Sequence[tuple[RigidBodyMotion, Drive]] = (),
 ) -> Certificate:
-    """Check equilibrium and contact conditions at a displacement; ``tractions``: what the solver claims, per area of
-    the undeformed boundary; ``rigid``: where tools are that forces move, and what drives them; collective.
+    """Check equilibrium and contact conditions at a displacement; ``tractions``: what the solver claims; ``rigid``:
+    where tools are that forces move, and what drives them; collective.
     """
     places = u.x.array.reshape(-1, u.function_space.mesh.geometry.dim)
     if before is not None:
@@ -187,10 +187,8 @@ def _motion(
     ends: tuple[Sequence[RigidBodyMotion], Sequence[RigidBodyMotion]],
 ) -> Array:
     """How far the shape of each contact point has moved since the last step, length, shape (n, d), beyond what the
-    motions of tools tell of the undeformed points; ``places``: displacements of the nodes at the beginning of the step
-    and now, shape (nodes, d); ``ends``: motions of tools now, and at the beginning.
-
-    A node that two shapes touch has a contact point for each.
+    motions of tools tell of the undeformed points; ``places``: displacements at the beginning of the step and now;
+    ``ends``: motions of tools now, and at the beginning.
     """
     motion = np.zeros((points.nodes.size, places[0].shape[1]))
     for number, moving in shapes.items():

@@ -108,7 +108,6 @@ class MovingFoundations(Foundations):
             self.shapes_of_tools[number].settled = shape
 
     def settle(self) -> None:
-        """See ``Foundations``."""
         self.settled = {number: moving.shape for number, moving in self.shapes_of_tools.items()}
 
     @property
@@ -123,22 +122,17 @@ class MovingFoundations(Foundations):
 
     @property
     def rigid_bodies(self) -> RigidBodies:
-        """See ``Foundations``: at the displaced points."""
         bodies = super().rigid_bodies
         if not bodies.bodies:
             return bodies
         return DisplacedRigidBodies(bodies.bodies, bodies.kinematics, bodies.length, self.at)
 
     def measured(self, shape: Any) -> bool:
-        """See ``Foundations``: along the axis of a body of revolution alone, as forces around it cancel."""
+        """Along the axis of a body of revolution alone, as forces around it cancel."""
         return bool(getattr(shape.prescribed, "x", None) == 0.0)
 
     def sides_of(self, number: int, fixed: npt.NDArray[np.bool_], at_rest: npt.NDArray[np.bool_]) -> SlidingSides:
-        """Both sides of a pair, for the arguments see ``boundary``; collective.
-
-        Raises:
-            FormError: see ``SlidingSides``.
-        """
+        """Both sides of a pair, where supports hold and leave unknowns as in ``boundary``; collective."""
         facing = self.facing(number, self.factor_of(number), fixed, None, at_rest)
         return SlidingSides.of(self._space, self._contact[number].reach, facing, number)
 
@@ -150,8 +144,8 @@ class MovingFoundations(Foundations):
         turned: TurnedNodes | None,
         at_rest: npt.NDArray[np.bool_] | None,
     ) -> ContactBoundary:
-        """See ``Foundations``: where both sides are now, if they slide; else as they are paired where they are
-        undeformed, and, unless they are tied, with the normals of now.
+        """Where both sides are now, if they slide; else as they are paired where they are undeformed, and, unless they
+        are tied, with the normals of now.
         """
         if number in self.sliding:
             return self.sliding[number].boundary()
@@ -170,14 +164,14 @@ class MovingFoundations(Foundations):
     def law(
         self, boundary: ContactBoundary, modulus: float, friction: Sequence[NodalFriction] | None = None
     ) -> PointFriction | None:
-        """See ``Foundations``: a point that does not see the other side has none, not even one without pressure."""
+        """A point that does not see the other side has none, not even one without pressure."""
         law = super().law(boundary, modulus, friction)
         return law if law is None else law.without_points(self._alone(boundary))
 
     def problem(
         self, boundary: ContactBoundary, data: Sequence[FoundationData], settings: Settings, scales: Scales
     ) -> tuple[RegularisedData, PointFriction | None]:
-        """See ``Foundations``: a point that does not see the other side is not held at it, either."""
+        """A point that does not see the other side is not held at it, either."""
         regularised, law = super().problem(boundary, data, settings, scales)
         return replace(regularised, bilateral=regularised.bilateral & ~self._alone(boundary)), law
 
@@ -276,7 +270,6 @@ class LinearisedProblem(FormSolver):
         foundations.check_driven()
 
     def _bilinear_form(self) -> Any:
-        """See ``FormSolver``: moduli of other tangents depend on the displacement."""
         return self._bilinear
 
     def _seen(self, number: int, entry: Any) -> Any:
@@ -299,7 +292,7 @@ class LinearisedProblem(FormSolver):
         return MovingShape(shape, shape, self._added_to_distance(number), nodes, x, turns)
 
     def _added_to_distance(self, number: int) -> Array:
-        """The gap of a foundation with a shape as it is now, at its nodes, length, shape (n,); collective."""
+        """What is added to the distance of a shape now, at its nodes, length, shape (n,); collective."""
         values = self.foundations.nodal_values(number)
         return values(self._gaps[number], f"contact[{number}].gap")[values.nodes]
 
@@ -344,12 +337,7 @@ class LinearisedProblem(FormSolver):
         return [*zip(tools.motions, tools.bodies.drives(), strict=True)]
 
     def slide(self) -> None:
-        """Renew the maps of pairs at the displacement of now; collective.
-
-        Raises:
-            PairingError: a facet sees two sheets of the other side.
-            FormError: two sides do not fit together, or do not see each other although their contact cannot open.
-        """
+        """Renew the maps of pairs at the displacement of now; collective."""
         numbers = [k for k, entry in enumerate(self.contact) if slides(entry)]
         if numbers and not self.pairs:
             fixed, values = prescribed(self.space, conditions_of(self.bcs, self.space))
@@ -382,7 +370,7 @@ class LinearisedProblem(FormSolver):
         self.curvature = NodalStiffness.summed(state.boundary.nodes, nodal, joint)
 
     def _turned_forces(self, state: ContactState) -> list[JointStiffness]:
-        """See ``turned_forces``, for each pair that keeps its partners; collective."""
+        """See ``turned_forces``, for each pair that keeps its partners without being tied; collective."""
         space, places = self.space, self.places[: self.space.dofmap.index_map.size_local]
         return [turned_forces(state, k, paired, space, places) for k, paired in self._turning_pairs.items()]
 
@@ -394,7 +382,7 @@ class LinearisedProblem(FormSolver):
     # --- what a FormSolver asks for ---
 
     def begin_step(self) -> Start:
-        """See ``FormSolver``; slips of points that stick are linearised as their tangent planes turn."""
+        """Slips of points that stick are linearised as their tangent planes turn."""
         state = self._state
         begun = self._from_pairs(super().begin_step())
         if self.task.motions.count:
@@ -419,8 +407,8 @@ class LinearisedProblem(FormSolver):
         return replace(begun, data=replace(begun.data, slip_origin=origin))
 
     def _way(self) -> Array:
-        """Of contact points relative to shapes since the step has begun, length, shape (n, d); what forces have moved
-        these by is not in it.
+        """Of contact points relative to shapes since the step has begun, length, shape (n, d), without what forces
+        move.
         """
         boundary, previous = self.boundary, self.previous_step
         dim, nodes = boundary.x.shape[1], boundary.nodes
@@ -440,8 +428,8 @@ class LinearisedProblem(FormSolver):
         return replace(begun, data=replace(begun.data, slip_origin=origin))
 
     def _body(self, fixed: npt.NDArray[np.bool_], boundary: ContactBoundary) -> ElasticBody:
-        """See ``FormSolver``: a tangent that is not definite is factorised whole.  Its contact problem may have no
-        solution: then a smaller increment of the load is what helps, not another method.
+        """A tangent that is not definite is factorised whole. Its contact problem may have no solution: then a smaller
+        increment of the load is what helps, not another method.
         """
         indefinite = {"linear_algebra": "full", "fallbacks": False}
         definite = self._definite and self.symmetric
@@ -471,14 +459,14 @@ class LinearisedProblem(FormSolver):
         return self.elastic.forces_where_free(self._at) - self._residual_now
 
     def _set_up(self, shapes: Sequence[ShapeDistances]) -> tuple[RegularisedData, PointFriction | None]:
-        """See ``FormSolver``; displacements are counted from the initial position, whatever holds the body."""
+        """Displacements are counted from the initial position, whatever holds the body."""
         data = super()._set_up(shapes)
         self.task = replace(self.task, rest=None)
         return data
 
     def _case(self, values: Array) -> LoadCase:
-        """See ``FormSolver``: with what relative displacements meet; only the residual and what drives tools do work on
-        free motions, and round-off of theirs is none.
+        """With what relative displacements meet; only the residual and what drives tools do work on free motions, and
+        round-off of theirs is none.
         """
         case, elastic = super()._case(values), self.elastic
         if elastic.motions.free.size:
@@ -514,7 +502,6 @@ class LinearisedProblem(FormSolver):
         return self.curvature.nodes, self.curvature.blocks, np.asarray(self._evaluated.loads), *pairs, *joint, *tools
 
     def _size(self) -> float:
-        """See ``FormSolver``: that of the body before it is deformed."""
         return self._diameter
 
     def _moved(self, boundary: ContactBoundary) -> Array | None:
@@ -565,15 +552,10 @@ class LinearisedProblem(FormSolver):
         return not self.rigid.bodies and self.relative is None and self.set_up
 
     def solve(self, *, keeps_stiffness: bool = False) -> None:
-        """Solve it; a tangent that Cholesky's factorisation refuses is factorised as LDL^T; collective.
+        """Solve it, with the stiffness of the last solve if ``keeps_stiffness`` and that has a solution; a tangent that
+        Cholesky's factorisation refuses is factorised as LDL^T; collective.
 
-        Args:
-            keeps_stiffness: whether the body has the stiffness of the last solve, with the residual and the contact
-                points of now, if that has a solution.
-
-        Raises:
-            ConvergenceError: there is no solution.
-            MatrixError: the tangent is not finite, or not symmetric.
+        Raises ConvergenceError: there is no solution; MatrixError: the tangent is not finite, or not symmetric.
         """
         if not (keeps_stiffness and self._solve_with_last_stiffness()):
             self._solve()
@@ -595,7 +577,6 @@ class LinearisedProblem(FormSolver):
         return solved
 
     def _solve(self) -> None:
-        """See ``solve``, without what shears pass on; collective."""
         try:
             why = self.attempt()
             curved = bool(self.curvature.nodes.size or self.curvature.joint)
@@ -621,7 +602,7 @@ class LinearisedProblem(FormSolver):
             return super().attempt()
 
     def _outcome_of_now(self) -> Outcome:
-        """See ``FormSolver``: once more with more points if one has touched that was taken to be far."""
+        """Once more with more points if one has touched that was taken to be far."""
         outcome = super()._outcome_of_now()
         if not self._retained.suffice(self.elastic.far, self.begun, outcome):
             self._last_pattern = None
@@ -630,11 +611,7 @@ class LinearisedProblem(FormSolver):
         return outcome
 
     def leave_open(self, status: Status) -> None:
-        """Make the displacement of now, without any contact, the last result; collective.
-
-        Args:
-            status: how the solve has ended that it is the result of.
-        """
+        """Make the displacement of now, without any contact, the last result, of a solve with this end; collective."""
         with options.applied(*self.options):
             begun = self.begun = self.begin_step()
         nowhere = np.zeros(self.boundary.size)
@@ -662,15 +639,6 @@ class LinearisedProblem(FormSolver):
     def begin_at_tangent(self, *, definite: bool, symmetric: bool) -> None:
         """Assemble the contact problem at the displacement of now, as in the last iteration of an earlier run;
         collective.
-
-        Args:
-            definite: see ``definite``, in that run.
-            symmetric: see ``symmetric``, in that run.
-
-        Raises:
-            MatrixError: see ``solve``.
-            PairingError: see ``slide``.
-            FormError: a value is not finite.
         """
         self.begin_anew()
         self._definite, self.symmetric = definite, symmetric
@@ -695,13 +663,9 @@ class LinearisedProblem(FormSolver):
             self.return_to(advanced)
 
     def derivative_at_solution(self) -> tuple[Any, ...]:
-        """The last solution with the derivative of its contact problem there, see ``SolvedStep.of``, and the problem of
-        that; collective.
+        """The last solution with the derivative of its contact problem there, see ``SolvedStep.of``; collective.
 
-        The derivative of a shear that turns is not symmetric.  All contact points take part.
-
-        Raises:
-            MatrixError: see ``solve``.
+        The derivative of a shear that turns is not symmetric. All contact points take part.
         """
         outcome, solved, symmetric = self.outcome, self.state, self.symmetric
         assert outcome is not None
@@ -718,12 +682,11 @@ class LinearisedProblem(FormSolver):
         return self.elastic, self.task, outcome, self.begun, state, self._at, self.law_now(), turning
 
     def data_now(self, solved: FormSolver | None = None, begun: Array | None = None) -> tuple[Any, ...]:
-        """See ``FormSolver``; and no drives of rigid bodies, and how far shapes have moved at contact points in the
-        load step: all at the displacement of now with what supports prescribe, by which contact points move, too.
+        """See ``FormSolver``; without drives of rigid bodies, and with the motion of shapes at contact points in the
+        step.
 
-        Args:
-            solved: see ``FormSolver``.
-            begun: the displacement at the end of the last step, its values; None: that of the last step here.
+        Contact points are at the displacement of now with what supports prescribe. ``begun``: values of the
+        displacement at the end of the last step; None: those of the last step here.
         """
         kept, at = self._at.x.array.copy(), self._at.x.array
         fixed, supports = prescribed(self.space, conditions_of(self.bcs, self.space))
@@ -737,11 +700,7 @@ class LinearisedProblem(FormSolver):
             self._evaluated.go_to(kept)
 
     def _forms_and_forces(self) -> tuple[list[fem.Form], Array]:
-        """See ``FormSolver``: no form, and minus the residual at the displacement of now.
-
-        Raises:
-            FormError: the residual is not finite there.
-        """
+        """No form, and minus the residual at the displacement of now."""
         if (residual := self._evaluated.at(self._at.x.array.copy())) is None:
             raise FormError([("F", "is not finite beside the solution")])
         return [], -residual
@@ -780,8 +739,8 @@ class LinearisedProblem(FormSolver):
         return State(self._at.x.array.copy(), *solution, certificate, iterations, shapes, tools)
 
     def go_back(self, state: State) -> None:
-        """Make an earlier solution the last one; shapes stay where they are placed, but for those that forces move; the
-        next solve assembles anew; collective.
+        """Make an earlier solution the last one; shapes stay where they are placed, but for those that forces move;
+        collective.
         """
         self._at.x.array[:] = state.displacement
         self.fields.take(self.space, state.contact)

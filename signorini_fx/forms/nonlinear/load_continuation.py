@@ -57,9 +57,7 @@ class Continuation:
     ) -> None:
         """Solve the steps of a way, see ``Stepping``, and for ``several`` ``Start``; collective.
 
-        Raises:
-            NoEquilibrium: one has no solution, and no smaller one is to be tried.
-            FormError: likewise.
+        Raises NoEquilibrium or FormError: one has no solution, and no smaller one is to be tried.
         """
         self.forget()
         solver = self.solver
@@ -81,11 +79,7 @@ class Continuation:
         on_step: Callable[[StepResult], object],
         checkpoint: MeshCheckpoint | None = None,
     ) -> None:
-        """Solve the steps of a path by places instead of times; for the arguments see ``Way``; collective.
-
-        Raises:
-            NoEquilibrium, FormError: see ``follow``.
-        """
+        """Solve the steps of a path by places instead of times; collective."""
         history = self.solver.linear.history
 
         def named(end: float, step: StepResult) -> StepResult:
@@ -100,11 +94,7 @@ class Continuation:
         self.follow(Way(sizes_on_path(path), apply, named, announce), on_step, checkpoint, several=path.several)
 
     def _next_step(self, way: Way) -> StepResult | None:
-        """Solve the next step of a way; None: it has no solution and will be another one; collective.
-
-        Raises:
-            Exception: see ``follow``.
-        """
+        """Solve the next step of a way; None: it has no solution and will be another one; collective."""
         begun, sizes = self.solver.snapshot(), way.sizes
         end = sizes.next
         try:
@@ -119,15 +109,8 @@ class Continuation:
         return self.end_step(way, end)
 
     def _give_up(self, way: Way, begun: State, error: Exception) -> None:
-        """Go back to where a step has begun that has no solution, and say where it is to end instead; collective.
-
-        Args:
-            way: that of the step.
-            begun: the body when it begins.
-            error: why there is none.
-
-        Raises:
-            Exception: no other step is to be tried.
+        """Go back to where a step has begun that has no solution, and say where it is to end instead, or raise why
+        there is none; collective.
         """
         sizes, solver = way.sizes, self.solver
         history, status = solver.linear.history, solver.status
@@ -167,7 +150,6 @@ class Continuation:
         return step
 
     def _store(self, way: Way, checkpoint: MeshCheckpoint, step: StepResult, marks: Marks) -> None:
-        """Store a step in a checkpoint; for the arguments see ``Stepping``; collective."""
         solver, figures = self.solver, {"newton": self.solver.iterations, "path": way.sizes.stored()}
         restarted_body.store(solver.linear, checkpoint, step, solver.tangent_at, solver.timings, marks, figures)
 

@@ -56,11 +56,7 @@ class MovingPair:
         self.settle()
 
     def move(self, u: fem.Function) -> None:
-        """Renew the map at a displacement; collective.
-
-        Raises:
-            PairingError: a facet sees two sheets of the other side.
-        """
+        """Renew the map at a displacement; a PairingError: a facet sees two sheets of the other side; collective."""
         owned = u.function_space.dofmap.index_map.size_local
         displacement = self.sides.gathered(u.x.array.reshape(-1, self.displacement.shape[1])[:owned])
         if not np.array_equal(displacement, self.displacement):
@@ -225,9 +221,8 @@ def held_between(state: ContactState, pairs: Sequence[int], sticks: npt.NDArray[
 def turned_forces(
     state: ContactState, number: int, paired: PairedSides, space: fem.FunctionSpace, displacement: Array
 ) -> JointStiffness:
-    """What displacements change of the contact forces of a pair as normals turn, which is not symmetric; ``paired``:
-    both sides where they are undeformed; ``displacement``: of the owned nodes, length, shape (owned nodes, d);
-    collective.
+    """What displacements of the owned nodes change of the contact forces of a pair as normals turn, which is not
+    symmetric; ``paired``: both sides where they are undeformed; collective.
     """
     boundary, averages, dim = state.boundary, state.boundary.averages, displacement.shape[1]
     assert averages is not None

@@ -76,7 +76,7 @@ class MovingShape:
         return self.shape.model_copy(update=home) if self.driven else self.shape
 
     def carry_to(self, translation: Array, turn: Array, pivot: Array) -> None:
-        """Put a shape that forces move this far from where it is given; for the arguments see the attributes."""
+        """Put a shape that forces move at this translation of the pivot of its rigid body, and turn about that."""
         home, dim = self._home, translation.size
         self.translation, self.turn, self.pivot = translation, turn, pivot
         about = home.reference(dim) - pivot
@@ -104,11 +104,7 @@ class MovingShape:
         self._given = self._distances()
 
     def check(self, number: int, comm: MPI.Comm) -> None:
-        """Refuse a shape that is no longer as it was placed: its way is not known; collective.
-
-        Raises:
-            FormError: it has been changed; ``number``: of its foundation.
-        """
+        """Refuse a shape that is no longer as it was placed: its way is not known; collective."""
         if parallel.any_rank(comm, not np.array_equal(self._distances(), self._given)):
             cure = "give its class placed(shift=...) and moved_from(earlier, x), and move it by place()"
             reason = f"{type(self.shape).__name__} has changed by itself, so that its way is not known: {cure}"
@@ -120,8 +116,8 @@ class MovingShape:
         return np.array(self.shape.distance(self.x)[0] if by_user else [], dtype=np.float64)
 
     def projected_onto(self, u: Array) -> tuple[Array, Array]:
-        """The linearised gap, length, shape (n,), and the direction to the shape, unit vectors of shape (n, d), at
-        displacements of the nodes of shape (n, d).
+        """The linearised gap, length, shape (n,), and the direction to the shape, unit vectors, shape (n, d), at nodes
+        displaced by u, shape (n, d).
         """
         signed, normal = self.shape.distance(self.x + u)
         relative = u - self.spun(self.x + u)  # to a shape that forces move, whose motion is an unknown, too
@@ -134,8 +130,8 @@ class MovingShape:
         return np.asarray(signed + self.added - np.einsum("ni,ni->n", normal, relative)), -normal
 
     def curvature(self, places: Array, size: float) -> Array:
-        """The second derivatives of the distance at points, 1 / length, shape (n, d, d), by central differences of the
-        normal.
+        """The second derivatives of the distance, 1 / length, shape (n, d, d), by central differences of the normal
+        over a share of the ``size`` of the body.
         """
         dimension, step = places.shape[1], NORMAL_DIFFERENCE * size
         hessian = np.zeros((len(places), dimension, dimension))
@@ -314,8 +310,7 @@ def fitting(number: int, shape: Any, dimension: int, *, turns: bool = True) -> A
 def not_driven(shape: Any, dimension: int, *, turns: bool = True) -> tuple[str, str] | None:
     """What of a shape that forces move is not possible, and why; None: nothing.
 
-    In 3D components of rotation vectors add up about one axis alone: either one is free and the others are zero, or
-    all are prescribed.
+    In 3D components of rotation vectors add up about one axis alone.
     """
     if not isinstance(shape, Shape):
         return "force", "cannot move an object of this kind: derive it from Shape"

@@ -62,13 +62,11 @@ class ToolMotion(RigidBodyMotion):
         return rigid_motion(x, self.translation, self.rotation, self.reference)
 
     def as_dict(self, contact: ContactState, contacts: Sequence[Any], kinematics: Kinematics) -> dict[str, Any]:
-        """See ``RigidBodyMotion``: its gap is not linearised."""
+        """Its gap is not linearised."""
         return super().as_dict(contact, contacts, kinematics) | {"gap_error": None}
 
     def arms(self, contact: ContactState, touching: npt.NDArray[np.bool_]) -> Array:
-        """See ``RigidBodyMotion``: a of the displaced points, from their displacement relative to the tool, which is
-        r = X + a - c - psi x a.
-        """
+        """Arms of the displaced points, from their displacement relative to the tool, r = X + a - c - psi x a."""
         boundary = contact.boundary
         relative = contact.u_n[:, None] * boundary.normal
         relative = relative + np.einsum("nij,nj->ni", boundary.cotangents, contact.u_t)
@@ -77,7 +75,7 @@ class ToolMotion(RigidBodyMotion):
         return np.asarray(np.linalg.solve(turns, away.T).T)
 
     def lever(self, x: Array, displacements: Array) -> Array:
-        """See ``RigidBodyMotion``: where they are, from where the pivot is."""
+        """Where they are, from where the pivot is."""
         return np.asarray(x + displacements - self.reference - self.translation)
 
 
@@ -150,12 +148,8 @@ class MovingTools:
         return np.asarray(boundary.moving.modes @ self.coordinates.ravel())
 
     def relative_stiffness(self, state: ContactState, curvature: Array, displacement: Array) -> RelativeStiffness:
-        """What the tractions of contact points do to motions relative to tools.
-
-        Args:
-            state: of the contact points, with their tractions.
-            curvature: C, force per length, shape (n, d, d).
-            displacement: of the nodes of this rank, length, shape (nodes, d).
+        """What tractions of contact points do to motions relative to tools; ``curvature``: C, force per length, shape
+        (n, d, d).
         """
         boundary, tool = state.boundary, self.touching(state.boundary)
         dim, turns, touched = self._translations, len(self.bodies.kinematics.rotations), tool >= 0
@@ -201,13 +195,8 @@ class RelativeStiffness:
     blocks: Array
 
     def forces(self, boundary: ContactBoundary, displacements: Array, moved: Array) -> tuple[Array, Array, float]:
-        """The forces at the points, shape (n, d), on the unknowns of tools, shape (t, m), and the work on both;
-        collective.
-
-        Args:
-            boundary: the contact points.
-            displacements: of the nodes of this rank, shape (nodes, d).
-            moved: the coordinates of tools, shape (t, m).
+        """The forces at the points, shape (n, d), on the unknowns of tools, shape (t, m), and the work on both, of
+        displacements of the nodes of this rank and coordinates of tools; collective.
         """
         assert boundary.moving is not None
         dim, touched, modes = boundary.x.shape[1], self.tool >= 0, boundary.moving.modes

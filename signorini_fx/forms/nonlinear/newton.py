@@ -158,14 +158,11 @@ class EquilibriumSolver:
     def attempt(self, *, final: bool = True) -> None:
         """Solve with the values that Constants, Functions, conditions and shapes have now; collective.
 
-        The body is at the solution then; ``take`` makes it the last one.
+        The body is at the solution then; ``take`` makes it the last one. ``final``: whether no smaller step will be
+        tried, so that a failure is asked why there may be no solution.
 
-        Args:
-            final: whether no smaller step will be tried, so that a failure is asked why there may be no solution.
-
-        Raises:
-            NoEquilibrium: there is no solution: ``status`` says why, and all else is as the last solution was.
-            FormError: see ``NonlinearContactProblem.solve``.
+        Raises NoEquilibrium: ``status`` says why, and all else is as the last solution was; FormError: see
+        ``NonlinearContactProblem.solve``.
         """
         for number, moving in self.linear.shapes.items():
             moving.check(number, self.linear.space.mesh.comm)
@@ -210,11 +207,8 @@ class EquilibriumSolver:
 
     def take_before(self, status: Status, solves: int) -> None:
         """Show the body as it is, without contact, in place of a first solution that there is not, unless its residual
-        or tangent cannot be evaluated; collective.
-
-        Args:
-            status: how the search for it has ended.
-            solves: linear solves of that.
+        or tangent cannot be evaluated; ``status``, ``solves``: how the search for it has ended, after how many linear
+        solves; collective.
         """
         with suppress(FormError, MatrixError, PairingError):
             if (residual := self.residual.at(self.u.x.array.copy())) is None:
@@ -239,9 +233,7 @@ class EquilibriumSolver:
         return self.linear.state_now(self.certificate, self.iterations)
 
     def go_back(self, state: State) -> None:
-        """Go back to where the body was; loads and shapes stay as they are now, but for tools that forces move;
-        collective.
-        """
+        """Go back to where the body was; loads and shapes stay, but for tools that forces move; collective."""
         self.linear.go_back(state)
         self.certificate, self.iterations = state.certificate, state.iterations
         with suppress(FormError):  # before the first solution it may not be possible
@@ -334,17 +326,8 @@ class EquilibriumSolver:
     def _increment(
         self, old: Array, residual: Array, *, keeps_stiffness: bool, search: bool
     ) -> tuple[Array, float, Array | None]:
-        """An increment, the share of it to take, and F there, see ``length_of_increment``; collective.
-
-        Args:
-            old: values of ``u``.
-            residual: F there.
-            keeps_stiffness: see ``LinearisedProblem.solve``.
-            search: see ``length_of_increment``.
-
-        Raises:
-            ConvergenceError: the contact problem has no solution.
-            MatrixError: the tangent is not finite, or not symmetric.
+        """An increment from the values ``old``, where F is ``residual``, the share of it to take, and F there;
+        collective.
         """
         linear = self.linear
         linear.residual = residual
@@ -384,10 +367,8 @@ class EquilibriumSolver:
         return certificate.displacement > self.farthest and certificate.placed < 1.0 <= certificate.lost
 
     def _judge(self, residual: Array | None = None) -> Status:
-        """Whether an iterate is a solution: no shape is inside the body, and the certificate holds; collective.
-
-        Args:
-            residual: F there, which was evaluated last; None: it is evaluated.
+        """Whether an iterate is a solution: no shape is inside the body, and the certificate holds; ``residual``: F
+        there, which was evaluated last; None: it is evaluated; collective.
         """
         self._detail = self.origin.too_large()
         if self._detail:
@@ -418,12 +399,7 @@ class EquilibriumSolver:
         return Status.CONVERGED if self.certificate.holds else Status.NOT_CERTIFIED
 
     def _certified(self, residual: Array, lost: Array | None = None) -> tuple[Certificate, ResidualMechanics]:
-        """The certificate of what there is now, with the forces that it is of; collective.
-
-        Args:
-            residual: F there.
-            lost: see ``mechanics_at``.
-        """
+        """The certificate of what there is now, where F is ``residual``, with the forces that it is of; collective."""
         linear = self.linear
         mechanics = mechanics_at(self.u, residual, linear, lost)
         conditions = Tractions.of(linear.state), linear.law, linear.previous_step, linear.driven_tools

@@ -34,14 +34,8 @@ FINAL = (Status.STABILITY_UNKNOWN, Status.NO_DIGIT, Status.NO_MEMORY, Status.NOT
 
 
 def failure(status: Status, certificate: Certificate | None, says_no: str, detail: str) -> str:
-    """How a solve ends that has no solution, in words.
-
-    Args:
-        status: of the solve.
-        certificate: of its last iterate; None: that has none.
-        says_no: why there may be no solution; empty: nothing says so.
-        detail: where a shape is inside the body, what is wrong between two bodies, by how much a deformation is too
-            large, where an instability begins, or how the contact problem of a tangent has ended; empty: none of these.
+    """How a solve ends that has no solution, in words; ``certificate``: of its last iterate; ``says_no``: why there may
+    be no solution; ``detail``: what is wrong, or where; empty: nothing is known.
     """
     reason = says_no
     if status in (Status.INSIDE, Status.TOO_LARGE, *BETWEEN_BODIES):
@@ -78,14 +72,8 @@ def at_load(error: FormError, where: str, last: str) -> FormError:
 
 
 def end_of_ramp(status: Status, failure: str, where: str, last: str, advice: str) -> str:
-    """The message of a ramp whose last step has no solution.
-
-    Args:
-        status: of the ramp.
-        failure: how the step ends, in words.
-        where: the load or time to which the step goes, in words.
-        last: see ``last_solution``.
-        advice: what to do about it.
+    """The message of a ramp whose last step, to ``where``, has no solution: ``failure``; ``last``: see
+    ``last_solution``.
     """
     if status is Status.LIMIT:
         text = f"{status.value}: {last}; a step to {where} ends with: {failure}"

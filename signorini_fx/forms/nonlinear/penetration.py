@@ -18,15 +18,9 @@ from signorini_fx.mechanics.obstacles.shapes_inside import BodyCells
 
 
 def overlap(u: fem.Function, cells: BodyCells, shapes: Mapping[int, MovingShape], last: State) -> str:
-    """Which shape, how deep and where; empty: none; collective.
+    """Which shape is inside the body, how deep and where; empty: none; collective.
 
     Before there is a solution a shape comes from where it is given, if it is outside of the body there.
-
-    Args:
-        u: the displacement of now.
-        cells: of the body.
-        shapes: by the numbers of their foundations.
-        last: the last solution, or what there is before.
     """
     comm, now, then = cells.space.mesh.comm, cells.placed(u.x.array), cells.placed(last.displacement)
     solved = last.certificate is not None

@@ -369,16 +369,10 @@ class NonlinearContactProblem(ProblemOfForms):
 
 
 def linearised_at(solver: EquilibriumSolver, linear: LinearisedProblem) -> tuple[Any, ...]:
-    """The last solution with its linearised problem, see ``SolvedStep.of``; collective.
+    """The last solution with its linearised problem, which is assembled there, see ``SolvedStep.of``; collective.
 
-    Args:
-        solver: that has found it.
-        linear: its contact problem, or a copy, which is assembled there.
-
-    Raises:
-        RuntimeError: it depends on the state of a material before the last step, which is not kept.
-        FormError: its derivatives are not known.
-        MatrixError: the tangent is not finite.
+    Raises RuntimeError: it depends on the state of a material before the last step, which is not kept; FormError: its
+    derivatives are not known; MatrixError: the tangent is not finite.
     """
     residual = solver.residual
     for number, entry in enumerate(linear.stated):

@@ -49,14 +49,10 @@ class Residual:
         return np.asarray(assemble(self.form) - self.loads)
 
     def at(self, values: Array) -> Array | None:
-        """F at the owned unknowns for values of ``u``, which it gets; None: it is not finite there, or cells are turned
-        inside out; collective.
+        """F at the owned unknowns for values of ``u``, ghosts included, which it gets; None: it is not finite there, or
+        cells are turned inside out; collective.
 
-        Args:
-            values: of all unknowns of this rank, ghosts included, shape (dofs,).
-
-        Raises:
-            FormError: ``update`` has raised an exception.
+        Raises FormError: ``update`` has raised an exception.
         """
         self.go_to(values)
         forces = self.assembled()
@@ -71,11 +67,7 @@ class Residual:
         self.updated()
 
     def updated(self) -> None:
-        """Call ``update``; collective.
-
-        Raises:
-            FormError: it has raised an exception on some rank.
-        """
+        """Call ``update``; a FormError says that it has raised an exception on some rank; collective."""
         if self.update is None:
             return
         error: Exception | None = None
@@ -103,10 +95,8 @@ class InsideOut:
     _signs: list[npt.NDArray[np.int8]] = field(default_factory=list, init=False)  # of det x' at each point
 
     def found(self) -> bool:
-        """Whether det(I + grad u) is not positive at a quadrature point of some cell; collective.
-
-        The points are those of a rule of twice the degree of ``u``.  Sections of bodies of revolution are looked at in
-        their plane.
+        """Whether det(I + grad u) is not positive at a quadrature point of some cell, in the plane of sections;
+        collective.
         """
         slopes = self._slopes
         # The determinant of the product I + grad u = (x + u)' / x', with derivatives along the reference cell.

@@ -27,13 +27,8 @@ _SOLUTION, _TANGENT = "solution", "tangent"
 
 
 def recalled(linear: LinearisedProblem, checkpoint: MeshCheckpoint, figures: Figures, residual: Residual) -> bool:
-    """Give a body the displacement and the contact of its next load step; whether they fit; collective.
-
-    Args:
-        linear: the contact problem of its last tangent.
-        checkpoint: of the run on its mesh; loads and shapes are as they are in the load step.
-        figures: of the load step.
-        residual: of the body.
+    """Give a body the displacement and the contact of its next load step, with loads and shapes as they are in it;
+    whether they fit; collective.
     """
     number, tools = linear.step, linear.moving_tools
     fields = checkpoint.beside(number, linear.space, (_SOLUTION, _TANGENT))
@@ -70,16 +65,8 @@ def store(
     marks: tuple[int, int, int],
     more: Figures,
 ) -> None:
-    """Store a load step that has a solution; collective.
-
-    Args:
-        linear: the contact problem of the last tangent.
-        checkpoint: of the run on its mesh.
-        step: its result.
-        tangent: where the last tangent was formed: values of the displacement, and coordinates of tools.
-        timings: of the run.
-        marks: see ``MeshCheckpoint.store``.
-        more: see ``MeshCheckpoint.store``.
+    """Store a load step that has a solution; ``tangent``: where the last tangent was formed: values of the
+    displacement, and coordinates of tools; collective.
     """
     assert linear.outcome is not None
     ways = {_SOLUTION: linear.moving_tools.coordinates.tolist(), _TANGENT: tangent[1].tolist()}

@@ -62,16 +62,7 @@ class SolvedBody:
         solves: int,
         status: Status = Status.CONVERGED,
     ) -> SolvedBody:
-        """What there is after a solve; collective.
-
-        Args:
-            linear: the contact problem of the last iteration.
-            u: the displacement.
-            certificate: of it.
-            mechanics: its forces and contact sides.
-            solves: linear solves.
-            status: how it has ended.
-        """
+        """What there is after a solve, with its linear solves and how it has ended; collective."""
         assert linear.outcome is not None
         shapes = linear.shapes
         placed: Any = [
@@ -94,15 +85,8 @@ class SolvedBody:
         spent: tuple[History, Timings],
         title: str,
     ) -> Solution:
-        """It with all that results are made of; collective.
-
-        Args:
-            rigid: the rigid bodies.
-            steps: of a ramp, which end with this one; none: the loop is the user's own.
-            mechanics: their displacements and what the residual says of them.
-            ended: how the last solve or ramp has ended, and what is to be known about it.
-            spent: every linear solve, and the seconds.
-            title: of the results.
+        """It with all that results are made of; ``steps``: of a ramp, which end with this one; none: the loop is the
+        user's own; ``ended``: how the last solve or ramp has ended, and findings; collective.
         """
         names = tuple(step.name for step in steps) if any(step.name for step in steps) else ()
         path = LoadPath(tuple(step.time for step in steps), names) if steps else counted_path(self.step.step - 1)
@@ -149,12 +133,7 @@ def lost_digits(certificates: Sequence[Certificate], residual: str) -> list[Find
 
 
 def too_stiff(step: StepResult, farthest: float) -> list[Finding]:
-    """Whether cells of degree 1 make the body too stiff; collective.
-
-    Args:
-        step: a solution.
-        farthest: the largest displacement of a certificate so far: a body that has come back to rest has no strain.
-    """
+    """Whether cells of degree 1 make the body too stiff; one that has come back to rest has no strain; collective."""
     if step.status is not Status.CONVERGED or step.certificate.displacement <= CERTIFICATE_TOLERANCE * farthest:
         return []
     added = added_stiffness(step.displacement)
@@ -169,12 +148,7 @@ def too_stiff(step: StepResult, farthest: float) -> list[Finding]:
 
 
 def findings_of(linear: LinearisedProblem, steps: Sequence[StepResult]) -> tuple[Finding, ...]:
-    """What is to be known about a last solution, see ``NonlinearContactProblem.findings``; collective.
-
-    Args:
-        linear: the contact problem of the last iteration.
-        steps: with a solution.
-    """
+    """What is to be known about a last solution, see ``NonlinearContactProblem.findings``; collective."""
     if not linear.has_state:
         return ()
     entries, mesh = linear.contact, linear.space.mesh

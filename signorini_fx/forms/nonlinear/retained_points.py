@@ -66,13 +66,8 @@ class RetainedPoints:
         shapes: Mapping[int, MovingShape],
         prescribed: tuple[Flags, Array],
     ) -> tuple[Flags, fem.Function] | None:
-        """Which points are left out, shape (n,), and the displacement of now; None: none is.
-
-        Args:
-            boundary: the contact points.
-            state: that of the last solution; None: there is none.
-            shapes: by the numbers of their foundations.
-            prescribed: which unknowns are prescribed, and to what, shapes (dofs,).
+        """Which points are left out, shape (n,), and the displacement of now; None: none is; ``prescribed``: which
+        unknowns are prescribed, and to what, shapes (dofs,).
         """
         plain = boundary.averages is None and boundary.moving is None and boundary.size > 0
         if not self._choosing or self._retain_all or not plain or state is None or state.boundary.size != boundary.size:
@@ -96,12 +91,8 @@ class RetainedPoints:
         return None if near.all() else (~near, self._at)
 
     def suffice(self, far: tuple[Flags, fem.Function] | None, begun: Start, outcome: Outcome) -> bool:
-        """Whether an outcome is that of the problem with all points; else all of them will be retained.
-
-        Args:
-            far: what ``far_points`` said.
-            begun: where the solve has begun.
-            outcome: how it ended.
+        """Whether an outcome is that of the problem with all points; else all of them will be retained; ``far``: what
+        ``far_points`` said.
         """
         system = outcome.problem.system
         # Other systems reach all points, and so does a condensed one of a body that only contact holds.
@@ -122,13 +113,7 @@ class RetainedPoints:
 
 
 def distances(boundary: ContactBoundary, shapes: Mapping[int, MovingShape], places: Array) -> Array:
-    """How far contact points are from their shapes, length, shape (n,); minus infinity for those of no shape.
-
-    Args:
-        boundary: the points.
-        shapes: by the numbers of their foundations.
-        places: displacements of the nodes, shape (nodes, d).
-    """
+    """How far contact points are from their shapes, length, shape (n,); minus infinity for those of no shape."""
     distance = np.full(boundary.size, -np.inf)
     for number, moving in shapes.items():
         points = np.flatnonzero(boundary.part == number)

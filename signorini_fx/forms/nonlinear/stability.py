@@ -79,11 +79,8 @@ class Stability:
         return True
 
     def reason_for_none(self, before: Array, tried: Array | None = None) -> str:
-        """Why there may be no solution, at an iterate; empty: nothing says so; collective.
-
-        Args:
-            before: the last solution, values of ``u``.
-            tried: where the tangent leads to, and no part of the way is possible, likewise; None: not so.
+        """Why there may be no solution, at an iterate; empty: nothing says so; ``before``: values of ``u`` of the last
+        solution; ``tried``: of where the tangent leads to, if no part of the way is possible; collective.
         """
         comm, size = self.u.function_space.mesh.comm, self.linear.extent
         farthest = self.u.x.array if tried is None else tried
@@ -194,14 +191,7 @@ class ToolsAtPoints:
         penalty: float,
     ) -> tuple[PETSc.Mat, npt.NDArray[np.bool_]]:
         """A matrix of the body with what its points hold in it, and the motions of tools as further unknowns, the last
-        ones of the last rank; and which unknowns of this rank are prescribed; collective.
-
-        Args:
-            matrix: of the body, which has what the points do to each other.
-            fixed: see ``negative_directions``.
-            nodes: see ``negative_directions``.
-            held: see ``negative_directions``.
-            penalty: stiffness of what is held.
+        ones of the last rank; and which unknowns of this rank are prescribed; see ``negative_directions``; collective.
         """
         dim, first = held.shape[2], matrix.getOwnershipRange()[0]
         last = matrix.comm.rank == matrix.comm.size - 1

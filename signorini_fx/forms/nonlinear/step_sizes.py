@@ -100,10 +100,8 @@ class StepSizes:
 
 
 def sizes_on_path(path: LoadPath) -> StepSizes:
-    """The places of the steps along a path, see ``statement.load_path``: one for each of its times, or as many as its
-    ramp has; ``reached`` is -1 before the first one.
-
-    The step to the first time may be halved, too, and begins at time 0 then; none is larger than the path asks for.
+    """One step for each time of a path, or as many as its ramp has; ``reached`` is -1 before the first one, which
+    begins at time 0 if it is halved.
     """
     whole = 1.0 / (path.steps or 1)
     first, last = whole if path.from_nothing else 1.0, len(path.times) - 1.0
@@ -111,16 +109,9 @@ def sizes_on_path(path: LoadPath) -> StepSizes:
 
 
 def sizes_to_load(to: float, first: float | None, largest: float | None, smallest: float) -> StepSizes:
-    """The sizes of the steps from 0 to a load, which may be negative.
+    """The sizes of the steps from 0 to a load, see ``NonlinearContactProblem.ramp``.
 
-    Args:
-        to: the load to reach.
-        first: size of the first step; None: all of it.
-        largest: size that any step may have; None: there is none.
-        smallest: share of ``to`` below which no step is halved.
-
-    Raises:
-        FormError: an argument is none of these.
+    Raises FormError: an argument is wrong.
     """
     problems = list[tuple[str, str]]()
 

@@ -33,12 +33,8 @@ from signorini_fx.results.accuracy.stress_recovery import StressRecovery
 def stress_error(
     residual: Any, u: fem.Function, parts: Sequence[npt.NDArray[np.int32]]
 ) -> npt.NDArray[np.float64] | str:
-    """What each owned cell has of the squared relative error of the stress in L2, or why it is not known; collective.
-
-    Args:
-        residual: F in UFL.
-        u: the displacement, where it is evaluated.
-        parts: cells of each material, local numbers, ghosts included.
+    """What each owned cell has of the squared relative error of the stress in L2, or why it is not known; ``parts``:
+    cells of each material, local numbers, ghosts included; collective.
     """
     stress = _Stress(u, stress_of(residual, u), parts)
     recovery = StressRecovery(stress, lambda z: (lambda step: None, None), Inventory())

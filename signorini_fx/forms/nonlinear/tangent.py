@@ -77,13 +77,7 @@ class Tangents:
 
 
 def derivative(F: Any, u: fem.Function, trial: Any) -> Any:
-    """F'(u), integrated at the points at which F is: by default UFL estimates a higher degree for it.
-
-    Args:
-        F: a UFL form with one argument.
-        u: the Function it is differentiated by.
-        trial: the direction.
-    """
+    """F'(u) along ``trial``, integrated where F is, as UFL by default estimates a higher degree for it."""
     lowered = compute_form_data(
         F,
         do_apply_function_pullbacks=True,
@@ -130,13 +124,9 @@ def spacing(space: fem.FunctionSpace) -> Array:
 def is_derivative(
     form: fem.Form, u: fem.Function, forces: Callable[[Array], Array | None], free: npt.NDArray[np.bool_]
 ) -> bool:
-    """Whether the product of a bilinear form with a random displacement is what forces change by; collective.
-
-    Args:
-        form: compiled.
-        u: the displacement.
-        forces: F at the owned unknowns for values of ``u``, ghosts included; None: it has none there.
-        free: which of the owned unknowns are not prescribed, shape (owned dofs,).
+    """Whether the product of a bilinear form with a random displacement is what forces change by; ``forces``: F at the
+    owned unknowns for values of ``u``, ghosts included, None: it has none there; ``free``: which owned unknowns are not
+    prescribed; collective.
     """
     return any(_agrees(form, u, forces, free, strain) for strain in DIFFERENCE_STRAINS)
 
@@ -170,12 +160,7 @@ def _agrees(
 
 
 def random_direction(u: fem.Function, strain: float) -> fem.Function:
-    """A displacement that strains each cell by about this much, the same on any number of ranks only in size.
-
-    Args:
-        u: gives the space.
-        strain: without unit.
-    """
+    """A displacement that strains each cell by about this much, the same on any number of ranks only in size."""
     space, direction = u.function_space, fem.Function(u.function_space)
     generator = np.random.default_rng(space.mesh.comm.rank)
     signs = generator.choice([-1.0, 1.0], direction.x.array.size)
@@ -185,17 +170,13 @@ def random_direction(u: fem.Function, strain: float) -> fem.Function:
 
 
 def round_off(u: fem.Function, residual: Array, forces: Callable[[Array], Array | None]) -> Array:
-    """What round-off changes of forces, shape (owned dofs,); collective.
+    """What round-off changes of forces, shape (owned dofs,); ``residual``: F at ``u``; ``forces``: see
+    ``is_derivative``; collective.
 
     It is measured: over a change that is large beside round-off, and small beside anything else, F is linear, so that
-    its second difference is round-off of three evaluations.  A residual that computes I + grad u has that of the unit,
-    however small u is; one that computes strains from grad u alone that of the strains.  At some unknowns it is
-    nothing by chance: they have the mean of all, quadratic.
-
-    Args:
-        u: the displacement.
-        residual: F there.
-        forces: see ``is_derivative``.
+    its second difference is round-off of three evaluations. A residual that computes I + grad u has that of the unit,
+    however small u is; one that computes strains from grad u alone that of the strains. At some unknowns it is nothing
+    by chance: they have the mean of all, quadratic.
     """
     unit, values = UNITS_OF_DIFFERENCE * float(np.finfo(float).eps), u.x.array.copy()
     change = random_direction(u, unit).x.array
@@ -211,16 +192,10 @@ def round_off(u: fem.Function, residual: Array, forces: Callable[[Array], Array 
 
 
 def refuse_miscompiled(F: Any, residual: fem.Form, u: fem.Function, options: dict[str, Any]) -> None:
-    """Compare a residual with the sum of its integrals by each rule, where it has several; collective.
+    """Compare a compiled residual with the sum of its integrals by each quadrature rule, where F has several;
+    collective.
 
-    Args:
-        F: a UFL form.
-        residual: F, compiled.
-        u: the Function that F depends on; it is as it was afterwards.
-        options: of the form compiler, see ``dolfinx.fem.form``.
-
-    Raises:
-        FormError: they differ.
+    Raises FormError: they differ.
     """
     rules: dict[Any, list[Any]] = {}
     for integral in F.integrals():
