@@ -17,7 +17,6 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-import scipy.sparse as sp
 from dolfinx import fem
 
 from signorini_fx.algebra.algorithms.loose import idle, untouched
@@ -35,7 +34,7 @@ from signorini_fx.forms.arguments import conditions_of, settings_of
 from signorini_fx.forms.elasticity import NOT_POSITIVE, NOT_SYMMETRIC, MatrixError, elastic_body
 from signorini_fx.forms.given_forms import given_forms
 from signorini_fx.forms.nonlinear.arguments import slides
-from signorini_fx.forms.nonlinear.moving_pairs import MovingPair, held_between, joint_stiffness, spins_of, turned_forces
+from signorini_fx.forms.nonlinear.moving_pairs import MovingPair, held_between, turned_forces
 from signorini_fx.forms.nonlinear.moving_shapes import (
     MovingShape,
     curvature_of,
@@ -58,7 +57,6 @@ from signorini_fx.mechanics.assembly.mesh_entities import node_positions
 from signorini_fx.mechanics.assembly.nodal_stiffness import JointStiffness, NodalStiffness
 from signorini_fx.mechanics.body.elastic_body import ElasticBody
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
-from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.contact_points.turned_supports import TurnedNodes
 from signorini_fx.mechanics.loads.supports import prescribed
 from signorini_fx.mechanics.obstacles.foundations_on_points import (
@@ -363,35 +361,31 @@ class LinearisedProblem(FormSolver):
         if tools.there:
             self.relative = tools.relative_stiffness(state, blocks, self.places)
             nodal = np.where((self.relative.tool >= 0)[:, None, None], 0.0, blocks)
-        joint = joint_stiffness(self.pairs, state)
-        if turning := self._turned_forces(state):
-            both_ways = (JointStiffness(part.nodes, sp.csr_array(part.matrix + part.matrix.T)) for part in turning)
-            joint = (*joint, *both_ways)
+        joint = tuple(pair.stiffness(state) for pair in self.pairs.values())
+        places = self.places[: self.space.dofmap.index_map.size_local]
+        for number, paired in self.foundations.kept_pairs.items():
+            if not self.contact[number].bonded:
+                joint = *joint, turned_forces(state, number, paired, self.space, places)
         self.curvature = NodalStiffness.summed(state.boundary.nodes, nodal, joint)
-
-    def _turned_forces(self, state: ContactState) -> list[JointStiffness]:
-        """See ``turned_forces``, for each pair that keeps its partners without being tied; collective."""
-        space, places = self.space, self.places[: self.space.dofmap.index_map.size_local]
-        return [turned_forces(state, k, paired, space, places) for k, paired in self._turning_pairs.items()]
-
-    @property
-    def _turning_pairs(self) -> dict[int, PairedSides]:
-        """Pairs that keep their partners without being tied, where they are undeformed, by their numbers."""
-        return {k: paired for k, paired in self.foundations.kept_pairs.items() if not self.contact[k].bonded}
 
     # --- what a FormSolver asks for ---
 
     def begin_step(self) -> Start:
         """Slips of points that stick are linearised as their tangent planes turn."""
         state = self._state
-        begun = self._from_pairs(super().begin_step())
+        begun = super().begin_step()
+        boundary, tools, origin = self.boundary, self.moving_tools, begun.data.slip_origin
+        for number, pair in self.pairs.items():  # slips count from where their step has begun
+            rows = boundary.part == number
+            origin = origin.copy()
+            origin[rows] = np.einsum("nij,ni->nj", boundary.tangents[rows], pair.slip_origin)
+        begun = replace(begun, data=replace(begun.data, slip_origin=origin))
         if self.task.motions.count:
             begun = replace(begun, several=self.several)
             if self._last is None:
                 self.task.iterate.newton.begin_at(self.task.system.start)
             else:
                 self._last.taken_up(self.task, self.elastic, self.rigid)
-        boundary, tools, origin = self.boundary, self.moving_tools, begun.data.slip_origin
         places = self.places[boundary.nodes] - tools.at_points(boundary)
         way = self._way()
         if tools.there:  # their slips are counted from where a step has begun by their finite motion
@@ -416,16 +410,6 @@ class LinearisedProblem(FormSolver):
             return self.places[nodes]
         earlier = previous.displacement.x.array.reshape(-1, dim)[nodes]
         return np.asarray(self.places[nodes] - earlier - (0.0 if previous.moved is None else previous.moved))
-
-    def _from_pairs(self, begun: Start) -> Start:
-        """With the slips of pairs counted from where their step has begun."""
-        if not self.pairs:
-            return begun
-        origin = begun.data.slip_origin.copy()
-        for number, pair in self.pairs.items():
-            rows = self.boundary.part == number
-            origin[rows] = np.einsum("nij,ni->nj", self.boundary.tangents[rows], pair.slip_origin)
-        return replace(begun, data=replace(begun.data, slip_origin=origin))
 
     def _body(self, fixed: npt.NDArray[np.bool_], boundary: ContactBoundary) -> ElasticBody:
         """A tangent that is not definite is factorised whole. Its contact problem may have no solution: then a smaller
@@ -515,7 +499,7 @@ class LinearisedProblem(FormSolver):
         return self._last.before.displacement.x.array.reshape(self.places.shape)
 
     def _spin(self, boundary: ContactBoundary) -> Array | None:
-        return spins_of(self.pairs, boundary, spin_at(boundary, self.shapes))
+        return spin_at(boundary, {**self.shapes, **self.pairs})
 
     def _note_cost(self, begin: float) -> None:
         """Nothing: who asks for costs asks for those of a load step."""

@@ -6,19 +6,25 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
 
+import numpy as np
 from dolfinx import fem
 
 from signorini_fx.errors import FormError
-from signorini_fx.forms.nonlinear import outcomes, restarted_body
+from signorini_fx.forms.elasticity import MatrixError
+from signorini_fx.forms.nonlinear import outcomes
 from signorini_fx.forms.nonlinear.displaced_certificate import ResidualMechanics
 from signorini_fx.forms.nonlinear.newton import EquilibriumSolver, NoEquilibrium
 from signorini_fx.forms.nonlinear.state import State
 from signorini_fx.forms.nonlinear.step_sizes import Way, sizes_on_path
+from signorini_fx.mechanics.pairs.mortar_coupling import PairingError
 from signorini_fx.mechanics.statement.load_path import LoadPath
 from signorini_fx.records import Status, StepRecord, Timings
 from signorini_fx.results.mechanics import StepResult
+from signorini_fx.results.restart_files import Figures
 from signorini_fx.solving.checkpointed_steps import MeshCheckpoint
 from signorini_fx.solving.load_steps import Marks, Stepping
+
+_SOLUTION, _TANGENT = "solution", "tangent"
 
 
 @dataclass
@@ -150,8 +156,27 @@ class Continuation:
         return step
 
     def _store(self, way: Way, checkpoint: MeshCheckpoint, step: StepResult, marks: Marks) -> None:
-        solver, figures = self.solver, {"newton": self.solver.iterations, "path": way.sizes.stored()}
-        restarted_body.store(solver.linear, checkpoint, step, solver.tangent_at, solver.timings, marks, figures)
+        """Store a load step in a checkpoint; for the arguments see ``Stepping``; collective.
+
+        Stored are its displacement, that at which its last tangent was formed, and the iterate of the contact problem
+        of that.  All else follows as load steps are gone through again.
+        """
+        solver, linear = self.solver, self.solver.linear
+        assert linear.outcome is not None
+        values, coordinates = solver.tangent_at
+        figures = {
+            "newton": solver.iterations,
+            "path": way.sizes.stored(),
+            "linear_solves": step.linear_solves,
+            "coordinates": {_SOLUTION: linear.moving_tools.coordinates.tolist(), _TANGENT: coordinates.tolist()},
+            "definite": bool(linear.definite),
+            "symmetric": bool(linear.symmetric),
+        }
+        at, start = fem.Function(linear.space), replace(linear.begun, place=step.place)
+        at.x.array[:] = values
+        beside, result = {_SOLUTION: step.displacement, _TANGENT: at}, replace(step, displacement=linear.u.copy())
+        solved = linear.task, start, linear.outcome, result
+        checkpoint.store(linear.elastic, solver.timings, *solved, marks, figures, beside)
 
     def _recall(self, way: Way, checkpoint: MeshCheckpoint) -> StepResult | None:
         """Go to the next step as an earlier run has left it, and certify it anew; None: it is not there, or is solved
@@ -165,7 +190,7 @@ class Continuation:
         begun, end = solver.snapshot(), float(figures["place"])
         with timings.phase("restart"):
             way.apply(end)
-            fits = restarted_body.recalled(solver.linear, checkpoint, figures, solver.residual)
+            fits = self._fits(checkpoint, figures)
         if fits:
             if (status := solver.certify(begun)) is Status.CONVERGED:
                 solver.status, solver.iterations = status, figures["newton"]
@@ -178,3 +203,33 @@ class Continuation:
             checkpoint.forget(number)
         solver.begin_again(begun, way.back)
         return None
+
+    def _fits(self, checkpoint: MeshCheckpoint, figures: Figures) -> bool:
+        """Give the body the displacement and the contact of its next load step, with loads and shapes of it; whether
+        they fit; collective.
+        """
+        linear, residual = self.solver.linear, self.solver.residual
+        number, tools = linear.step, linear.moving_tools
+        fields = checkpoint.beside(number, linear.space, (_SOLUTION, _TANGENT))
+        if fields is None:
+            checkpoint.forget(number)
+            return False
+        (solution, tangent), shape = fields, tools.coordinates.shape
+        at_solution, at_tangent = (
+            np.array(figures["coordinates"][name], dtype=np.float64).reshape(shape) for name in (_SOLUTION, _TANGENT)
+        )
+        try:
+            if residual.at(tangent.x.array.copy()) is None:
+                return False
+            tools.carry_to(at_tangent)
+            linear.begin_at_tangent(definite=figures["definite"], symmetric=figures["symmetric"])
+            start = replace(linear.begun, place=float(figures["place"]), factors=np.ones(1))
+            outcome = checkpoint.recall(linear.elastic, linear.scales.size, linear.task, start)
+        except (FormError, MatrixError, PairingError):
+            return False
+        if outcome is None:
+            return False
+        linear.accept(outcome)
+        tools.carry_to(at_solution)
+        residual.u.x.array[:] = solution.x.array
+        return True

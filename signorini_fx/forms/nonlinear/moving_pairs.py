@@ -128,10 +128,12 @@ class MovingPair:
         return f"contact[{self.sides.index}], at ({', '.join(f'{component:.4g}' for component in place)})"
 
     @property
-    def spin(self) -> Array:
-        """The rotation of the frames of the points of this rank since the step has begun, shape (n, d, d): in a plane
-        of symmetry, where neither half turns about the normal alone, about the direction across it.
+    def rotation(self) -> Array:
+        """That of the frames of the points of this rank since the step has begun, shape (n, d, d), in 2D of no account:
+        in a plane of symmetry, where neither half turns about the normal alone, about the direction across it.
         """
+        if self.displacement.shape[1] == 2:
+            return np.eye(2)
         frames, start = (
             np.concatenate((_normals_of(frames.tangents)[:, :, None], self._tangents(frames)), axis=2)
             for frames in (self.coupling.frames, self.begun)
@@ -160,19 +162,6 @@ def _normals_of(tangents: Array) -> Array:
     return np.asarray(np.cross(tangents[:, :, 0], tangents[:, :, 1]))
 
 
-def spins_of(pairs: Mapping[int, MovingPair], boundary: ContactBoundary, spin: Array | None) -> Array | None:
-    """The rotations of all contact points since the last step, shape (n, d, d), from those of points on shapes; None:
-    by none that counts.
-    """
-    dimension = boundary.x.shape[1]
-    if dimension == 2 or not pairs:
-        return spin
-    rotation = np.tile(np.eye(dimension), (boundary.size, 1, 1)) if spin is None else spin
-    for number, pair in pairs.items():
-        rotation[boundary.part == number] = pair.spin
-    return rotation
-
-
 def sheared_across_gaps(pairs: Mapping[int, MovingPair], state: ContactState) -> list[Finding]:
     """Friction that acts at points that are not in contact, as a bound without pressure lets it, for each pair;
     collective.
@@ -193,11 +182,6 @@ def sheared_across_gaps(pairs: Mapping[int, MovingPair], state: ContactState) ->
             )
             findings.append(Finding("warning", f"contact[{number}].friction", message))
     return findings
-
-
-def joint_stiffness(pairs: Mapping[int, MovingPair], state: ContactState) -> tuple[JointStiffness, ...]:
-    """What the tractions of all pairs add to the tangent; collective."""
-    return tuple(pair.stiffness(state) for pair in pairs.values())
 
 
 def held_between(state: ContactState, pairs: Sequence[int], sticks: npt.NDArray[np.bool_]) -> JointStiffness:
@@ -222,7 +206,7 @@ def turned_forces(
     state: ContactState, number: int, paired: PairedSides, space: fem.FunctionSpace, displacement: Array
 ) -> JointStiffness:
     """What displacements of the owned nodes change of the contact forces of a pair as normals turn, which is not
-    symmetric; ``paired``: both sides where they are undeformed; collective.
+    symmetric, and its transpose; ``paired``: both sides where they are undeformed; collective.
     """
     boundary, averages, dim = state.boundary, state.boundary.averages, displacement.shape[1]
     assert averages is not None
@@ -236,7 +220,8 @@ def turned_forces(
     forces = along_vectors((weight * tractions).swapaxes(1, 2)) @ paired.turning(space, displacement)
     entries = sp.coo_array(operator.T @ forces)
     rows, columns = ((dim * nodes[:, None] + components).ravel() for nodes in (averages.nodes, paired.master.nodes))
-    return _joint(boundary.comm, dim, (rows[entries.row], columns[entries.col], entries.data))
+    turned = _joint(boundary.comm, dim, (rows[entries.row], columns[entries.col], entries.data))
+    return JointStiffness(turned.nodes, sp.csr_array(turned.matrix + turned.matrix.T))
 
 
 def _joint(comm: MPI.Comm, dim: int, entries: tuple[npt.NDArray[Any], ...]) -> JointStiffness:

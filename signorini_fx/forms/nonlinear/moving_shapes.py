@@ -143,7 +143,8 @@ class MovingShape:
     @property
     def rotation(self) -> Array:
         """By which it has turned since the last step, shape (d, d); one of another kind has not."""
-        if not isinstance(self.shape, Shape) or not isinstance(self.settled, Shape):
+        stays = self.shape == self.settled
+        if stays or not isinstance(self.shape, Shape) or not isinstance(self.settled, Shape):
             return np.eye(self.x.shape[1])
         return self.shape.turned_from(self.settled, self.x.shape[1])
 
@@ -279,15 +280,15 @@ def motion_at(
     return displacements
 
 
-def spin_at(boundary: ContactBoundary, shapes: Mapping[int, MovingShape]) -> Array | None:
-    """By which rotation the shape of each contact point has turned since the last step, shape (n, d, d); None: none has
-    moved.
+def spin_at(boundary: ContactBoundary, moving: Mapping[int, Any]) -> Array | None:
+    """By which rotation what each contact point touches has turned since the last step, shape (n, d, d); ``moving``:
+    shapes and pairs, by the numbers of their contacts; None: there are none.
     """
-    if all(moving.shape == moving.settled for moving in shapes.values()):
+    if not moving:
         return None
     rotation = np.tile(np.eye(boundary.x.shape[1]), (boundary.size, 1, 1))
-    for number, moving in shapes.items():
-        rotation[boundary.part == number] = moving.rotation
+    for number, touched in moving.items():
+        rotation[boundary.part == number] = touched.rotation
     return rotation
 
 

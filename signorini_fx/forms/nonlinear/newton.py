@@ -22,10 +22,15 @@ from dolfinx import fem
 from signorini_fx.errors import FormError
 from signorini_fx.forms.elasticity import NOT_FINITE, MatrixError
 from signorini_fx.forms.nonlinear import outcomes
-from signorini_fx.forms.nonlinear.displaced_certificate import ResidualMechanics, certified, mechanics_at
+from signorini_fx.forms.nonlinear.displaced_certificate import (
+    ResidualMechanics,
+    certified,
+    mechanics_at,
+    overlap,
+    overlap_of_bodies,
+)
 from signorini_fx.forms.nonlinear.line_search import length_of_increment
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
-from signorini_fx.forms.nonlinear.penetration import overlap, overlap_of_bodies
 from signorini_fx.forms.nonlinear.residual import Residual
 from signorini_fx.forms.nonlinear.results import SolvedBody
 from signorini_fx.forms.nonlinear.stability import Stability

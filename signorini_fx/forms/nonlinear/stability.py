@@ -99,10 +99,12 @@ class Stability:
 
         Another one may lead away from any equilibrium.
         """
-        if not self.tangents.given or self.tangents.trusted:
-            return True
+        return not self.tangents.given or self.tangents.trusted or self._fits(self.tangents.leading, values)
+
+    def _fits(self, tangent: fem.Form, values: Array) -> bool:
+        """Whether a tangent is the derivative of F at values of ``u``; collective."""
         self.residual.go_to(values)
-        fits = is_derivative(self.tangents.leading, self.u, self.residual.at, ~self._fixed)
+        fits = is_derivative(tangent, self.u, self.residual.at, ~self._fixed)
         self.residual.go_to(values)
         return fits
 
@@ -114,16 +116,10 @@ class Stability:
 
     def _derivative(self) -> fem.Form | None:
         """The user's tangent if it is the derivative of F at ``u``, else that of UFL; None: neither is; collective."""
-        if self.tangents.trusted:
-            return self.tangents.leading
-        free, values = ~self._fixed, self.u.x.array.copy()
-        for given in (True, False) if self.tangents.given else (False,):
-            tangent = self.tangents.leading if given else self.tangents.derivative
-            fits = is_derivative(tangent, self.u, self.residual.at, free)
-            self.residual.go_to(values)
-            if fits:
-                return tangent
-        return None
+        tangents, values = self.tangents, self.u.x.array.copy()
+        if tangents.given and self.leads(values):
+            return tangents.leading
+        return tangents.derivative if self._fits(tangents.derivative, values) else None
 
     def _most_moved(self, direction: Array) -> str:
         """Where a displacement of the owned nodes is largest, in words; collective."""
