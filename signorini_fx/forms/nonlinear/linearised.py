@@ -49,7 +49,7 @@ from signorini_fx.forms.nonlinear.moving_tools import DisplacedRigidBodies, Movi
 from signorini_fx.forms.nonlinear.residual import Residual
 from signorini_fx.forms.nonlinear.retained_points import RetainedPoints
 from signorini_fx.forms.nonlinear.state import State
-from signorini_fx.forms.nonlinear.tangent import round_off
+from signorini_fx.forms.nonlinear.tangent import Tangents, round_off
 from signorini_fx.forms.solver import FormSolver, StepBeginning
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.averages import averaging
@@ -193,29 +193,19 @@ class MovingFoundations(Foundations):
 class LinearisedProblem(FormSolver):
     """The contact problem of one iteration.
 
-    Args:
-        tangent: F', a compiled form.
-        residual: F, a compiled form.
-        evaluated: F at the displacement, with the loads beside it.
-        at: the displacement where both are evaluated.
-        bilinear: F' in UFL where it is the same at all displacements; else None.
-        bcs, contact, boundaries, settings: see ``ContactProblem``.
-
-    Raises:
-        FormError: a tool is not possible.
-
     Attributes:
         stated: the foundations and pairs as they were given; ``contact`` has gaps and directions in place of shapes.
         shapes: of the foundations that have one, by their numbers.
         extent: of the mesh, the diagonal of its box, length.
         curvature: what the shapes add to the tangent.
         symmetric: whether the tangent has been symmetric so far.
+        definite: whether it is taken to be positive definite.
         residual: F at the displacement of now, less the loads; None: it has not been assembled yet.
         several: see ``Start``.
         bodies: see ``BodyPieces``.
     """
 
-    symmetric = True
+    symmetric = definite = True
     residual: Array | None = None
     several = False
     bodies: tuple[str, ...] = ()
@@ -227,11 +217,8 @@ class LinearisedProblem(FormSolver):
 
     def __init__(
         self,
-        tangent: fem.Form,
-        residual: fem.Form,
+        tangents: Tangents,
         evaluated: Residual,
-        at: fem.Function,
-        bilinear: Any,
         bcs: Any,
         contact: Any,
         *,
@@ -240,12 +227,12 @@ class LinearisedProblem(FormSolver):
         boundaries: Mapping[str, Any] | None = None,
         **settings: Any,
     ) -> None:
-        increment, self.stated, self._at = fem.Function(at.function_space), contact, at
-        self._bilinear = bilinear
+        at, self.stated, self._tangents = evaluated.u, contact, tangents
+        self._at, increment = at, fem.Function(at.function_space)
         self.shapes = dict[int, MovingShape]()
         self._gaps = {k: entry.gap for k, entry in enumerate(contact) if entry.shape is not None}
         seen = [entry if entry.shape is None else self._seen(k, entry) for k, entry in enumerate(contact)]
-        forms, increment = given_forms(tangent, residual, seen, increment, boundaries=boundaries)
+        forms, increment = given_forms(tangents.leading, evaluated.form, seen, increment, boundaries=boundaries)
         super().__init__(
             forms,
             increment,
@@ -253,7 +240,7 @@ class LinearisedProblem(FormSolver):
             settings_of(settings),
             (petsc_options_prefix, petsc_options),
         )
-        self._evaluated, self._definite, mesh = evaluated, True, at.function_space.mesh
+        self._evaluated, mesh = evaluated, at.function_space.mesh
         self._retained = RetainedPoints(at)
         dim = mesh.geometry.dim
         self.curvature, self._hessians = NodalStiffness.none(dim), np.zeros((0, dim, dim))
@@ -268,7 +255,7 @@ class LinearisedProblem(FormSolver):
         foundations.check_driven()
 
     def _bilinear_form(self) -> Any:
-        return self._bilinear
+        return self._tangents.bilinear
 
     def _seen(self, number: int, entry: Any) -> Any:
         """A foundation with a shape as the linearised problem has it: a gap and a direction."""
@@ -416,7 +403,7 @@ class LinearisedProblem(FormSolver):
         increment of the load is what helps, not another method.
         """
         indefinite = {"linear_algebra": "full", "fallbacks": False}
-        definite = self._definite and self.symmetric
+        definite = self.definite and self.symmetric
         settings = self.settings if definite else self.settings.model_copy(update=indefinite)
         beside: dict[str, Any] = {"beside": self.curvature, "definite": definite, "symmetric": self.symmetric}
         last, comm = self.__dict__.get("elastic"), self.space.mesh.comm
@@ -517,9 +504,7 @@ class LinearisedProblem(FormSolver):
     def _lost(self) -> float:
         """What round-off may make of the resultant of the residual, force; collective."""
         if self._round_off is None:
-            values, free = self._at.x.array.copy(), ~self.elastic.fixed
-            lost = round_off(self._at, self._residual_now, self._evaluated.at)
-            self._evaluated.go_to(values)
+            lost, free = round_off(self._evaluated, self._residual_now), ~self.elastic.fixed
             self._round_off = UNITS_OF_NO_LOAD * float(parallel.global_sum(self.space.mesh.comm, lost[free].sum()))
         return self._round_off
 
@@ -527,7 +512,7 @@ class LinearisedProblem(FormSolver):
 
     def begin_anew(self) -> None:
         """A new load: the tangent is definite until a factorisation refuses it."""
-        self._definite, self._round_off = True, None
+        self.definite, self._round_off = True, None
         self._retained.begin_anew()
 
     @property
@@ -574,9 +559,9 @@ class LinearisedProblem(FormSolver):
         else:
             if not why:
                 return
-            if not self._definite or self.status not in (Status.SINGULAR, Status.LINEAR_SOLVER):
+            if not self.definite or self.status not in (Status.SINGULAR, Status.LINEAR_SOLVER):
                 raise ConvergenceError(self, why)
-        self._definite, self._last_pattern = False, None
+        self.definite, self._last_pattern = False, None
         self.history.add("the tangent is not positive definite: it is factorised as LDL^T")
         if why := self.attempt():
             raise ConvergenceError(self, why)
@@ -615,17 +600,12 @@ class LinearisedProblem(FormSolver):
         """How many steps have ended."""
         return 0 if self._last is None else self._last.start.step
 
-    @property
-    def definite(self) -> bool:
-        """Whether the tangent is taken to be positive definite."""
-        return self._definite
-
     def begin_at_tangent(self, *, definite: bool, symmetric: bool) -> None:
         """Assemble the contact problem at the displacement of now, as in the last iteration of an earlier run;
         collective.
         """
         self.begin_anew()
-        self._definite, self.symmetric = definite, symmetric
+        self.definite, self.symmetric = definite, symmetric
         self.slide()
         self._last_pattern = None
         with options.applied(*self.options):

@@ -136,13 +136,19 @@ class Continuation:
         if not final:
             sizes.halve()
         else:
-            last = outcomes.last_solution(reached if self.steps else None, sizes.to)
+            last = "there is no solution before it"
+            if self.steps:
+                of = "" if sizes.to is None else f" of {sizes.to:g}"
+                last = f"there is a solution at {'' if of else 'time '}{reached:g}{of}"
             if isinstance(error, FormError):
-                raise outcomes.at_load(error, end, last) from error.__cause__
+                reasons = [(key, f"{reason} (at {end}; {last})") for key, reason in error.problems]
+                raise FormError(reasons, error.source) from error.__cause__
             assert status is not None
-            solver.status = status
-            text = outcomes.end_of_ramp(status, solver.failure, end, last, solver.origin.advice_on(status))
-            raise NoEquilibrium(text) from error.__cause__
+            solver.status, advice = status, solver.origin.advice_on(status)
+            text = f"{solver.failure}: at {end}; {last}"
+            if status is Status.LIMIT:
+                text = f"{status.value}: {last}; a step to {end} ends with: {solver.failure}"
+            raise NoEquilibrium(f"{text}. {advice[0].upper()}{advice[1:]}") from error.__cause__
 
     def end_step(self, way: Way, end: float) -> StepResult:
         """Make the last solution that of a step, and begin the next one; ``end``: where the step ends; collective."""

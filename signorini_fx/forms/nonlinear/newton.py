@@ -86,29 +86,21 @@ class EquilibriumSolver:
     """Finds the equilibrium next to where a nonlinear body is, with loads and shapes as they are.
 
     Attributes:
-        u: the displacement.
         linear: the contact problem of an iteration, with the shapes.
-        residual: F.
-        tangents: the user's and the derivative of F.
         commit: the user's function at the end of a step.
-        max_newton: iterations.
         asks_stability: whether an equilibrium must be stable.
-        origin: of F.
         status: how the last attempt has ended; None: by an error, or there is none.
         certificate: of the last solution, or the last iterate; None: there is none.
-        iterations: of the last attempt.
-        linear_solves: of the last attempt.
+        iterations, linear_solves: of the last attempt.
         failure: how the last attempt has ended that has no solution, in words.
         without: why there may be no solution, in words; empty: nothing says so.
         tangent_at: where the last tangent was formed: values of the displacement, and coordinates of tools.
         last: the last solution that was taken, or what there was before; None: nothing was tried so far.
         solved: the last solution that was taken, for results; None: there is none.
         begun: where the step begins that it ends; None: there is none.
-        timings: of the attempts.
         farthest: the largest displacement of the solutions that were taken, relative to the size of the body.
     """
 
-    u: fem.Function
     linear: LinearisedProblem
     residual: Residual
     tangents: Tangents
@@ -132,10 +124,15 @@ class EquilibriumSolver:
     _tried: Array | None = None  # see ``Stability.reason_for_none``
     _mechanics: ResidualMechanics = field(init=False)  # of the certificate
 
+    @property
+    def u(self) -> fem.Function:
+        """The displacement."""
+        return self.residual.u
+
     @cached_property
     def stability(self) -> Stability:
         """The verdict on where the body is."""
-        return Stability(self.u, self.linear, self.tangents, self.residual)
+        return Stability(self.linear, self.tangents, self.residual)
 
     @cached_property
     def _farthest_place(self) -> float:
@@ -398,9 +395,7 @@ class EquilibriumSolver:
             if linear.contact[number].bilateral and (reached := pair.parted):
                 self._detail = reached
                 return Status.AT_END
-        lost = round_off(self.u, residual, self.residual.at)
-        self.residual.go_to(values)
-        self.certificate, self._mechanics = self._certified(residual, lost)
+        self.certificate, self._mechanics = self._certified(residual, round_off(self.residual, residual))
         return Status.CONVERGED if self.certificate.holds else Status.NOT_CERTIFIED
 
     def _certified(self, residual: Array, lost: Array | None = None) -> tuple[Certificate, ResidualMechanics]:

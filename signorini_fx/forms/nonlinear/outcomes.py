@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from signorini_fx.errors import FormError
 from signorini_fx.records import Status
 from signorini_fx.results.certificate.certificate import Certificate
 
@@ -56,27 +55,3 @@ def advice_on_forms(status: Status) -> str:
             "raise max_newton, give the derivative of F as J, or refine the mesh"
         )
     return status.advice
-
-
-def last_solution(reached: float | None, to: float | None) -> str:
-    """Up to which load of a ramp ``to`` one, or which time of a path, there is a solution, in words; None: to none."""
-    if reached is None:
-        return "there is no solution before it"
-    return f"there is a solution at time {reached:g}" if to is None else f"there is a solution at {reached:g} of {to:g}"
-
-
-def at_load(error: FormError, where: str, last: str) -> FormError:
-    """An error of the last step of a ramp; ``where``: its load or time, in words; ``last``: see ``last_solution``."""
-    reasons = [(key, f"{reason} (at {where}; {last})") for key, reason in error.problems]
-    return FormError(reasons, error.source)
-
-
-def end_of_ramp(status: Status, failure: str, where: str, last: str, advice: str) -> str:
-    """The message of a ramp whose last step, to ``where``, has no solution: ``failure``; ``last``: see
-    ``last_solution``.
-    """
-    if status is Status.LIMIT:
-        text = f"{status.value}: {last}; a step to {where} ends with: {failure}"
-    else:
-        text = f"{failure}: at {where}; {last}"
-    return f"{text}. {advice[0].upper()}{advice[1:]}"

@@ -127,15 +127,11 @@ class NonlinearContactProblem(ProblemOfForms):
         options: dict[str, Any] = {"form_compiler_options": form_compiler_options, "jit_options": jit_options}
         tangents = Tangents(F, J, u, options)
         with compiling():
-            compiled = fem.form(F, **options)
-        refuse_miscompiled(F, compiled, u, options)
-        residual = Residual(compiled, u, update)
+            residual = Residual(fem.form(F, **options), u, update)
+        refuse_miscompiled(F, residual.form, u, options)
         self.assembled = self.linear = LinearisedProblem(
-            tangents.leading,
-            compiled,
+            tangents,
             residual,
-            u,
-            tangents.bilinear,
             bcs,
             self.contact,
             petsc_options_prefix=petsc_options_prefix,
@@ -146,7 +142,7 @@ class NonlinearContactProblem(ProblemOfForms):
         self.shapes, fields = self.linear.shapes, self.linear.fields
         self.pressure, self.shear, self.gap, self.slip = fields.pressure, fields.shear, fields.gap, fields.slip
         actions = commit or (lambda: None), max_newton, stability
-        self._solver = EquilibriumSolver(u, self.linear, residual, tangents, *actions)
+        self._solver = EquilibriumSolver(self.linear, residual, tangents, *actions)
         self._continuation = Continuation(self._solver, lambda: self.advance())
 
     @property

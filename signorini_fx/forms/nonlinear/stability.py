@@ -32,18 +32,19 @@ class Stability:
     """What the inertia of the tangent says of a displacement.
 
     Attributes:
-        u: the displacement.
         linear: the contact problem of the last iteration of Newton's method.
-        tangents: the user's and the derivative of F.
-        residual: F.
         where: an instability that was found begins, in words.
     """
 
-    u: fem.Function
     linear: LinearisedProblem
     tangents: Tangents
     residual: Residual
     where: str = ""
+
+    @property
+    def u(self) -> fem.Function:
+        """The displacement."""
+        return self.residual.u
 
     def verdict(self) -> Status:
         """Whether an equilibrium is stable, by the derivative of F; collective."""
@@ -99,14 +100,9 @@ class Stability:
 
         Another one may lead away from any equilibrium.
         """
-        return not self.tangents.given or self.tangents.trusted or self._fits(self.tangents.leading, values)
-
-    def _fits(self, tangent: fem.Form, values: Array) -> bool:
-        """Whether a tangent is the derivative of F at values of ``u``; collective."""
-        self.residual.go_to(values)
-        fits = is_derivative(tangent, self.u, self.residual.at, ~self._fixed)
-        self.residual.go_to(values)
-        return fits
+        tangents = self.tangents
+        known = not tangents.given or tangents.trusted
+        return known or is_derivative(tangents.leading, self.residual, values, ~self._fixed)
 
     @property
     def _fixed(self) -> npt.NDArray[np.bool_]:
@@ -119,7 +115,8 @@ class Stability:
         tangents, values = self.tangents, self.u.x.array.copy()
         if tangents.given and self.leads(values):
             return tangents.leading
-        return tangents.derivative if self._fits(tangents.derivative, values) else None
+        fits = is_derivative(tangents.derivative, self.residual, values, ~self._fixed)
+        return tangents.derivative if fits else None
 
     def _most_moved(self, direction: Array) -> str:
         """Where a displacement of the owned nodes is largest, in words; collective."""

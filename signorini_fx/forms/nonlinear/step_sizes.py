@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from numbers import Real
+from typing import Any
 
 from signorini_fx.errors import FormError
 from signorini_fx.mechanics.statement.load_path import LoadPath, next_place
@@ -113,32 +114,26 @@ def sizes_to_load(to: float, first: float | None, largest: float | None, smalles
 
     Raises FormError: an argument is wrong.
     """
+    size, share = "a positive number, the size of a step", f"a share of the load from {SAME_NUMBER:g} to 1"
+    given: dict[str, Any] = {"to": to, "first": first, "largest": largest, "smallest": smallest}
+    wanted = {"to": "a number other than 0", "first": size, "largest": size, "smallest": share}
     problems = list[tuple[str, str]]()
-
-    def number(name: str, value: object, wanted: str, *, positive: bool) -> float:
-        fits = isinstance(value, Real) and not isinstance(value, bool)
-        if not fits:
-            problems.append((name, f"must be {wanted}, not {kind_of(value)}"))
-            return 1.0
-        size = float(value)  # type: ignore[arg-type]
-        if not math.isfinite(size) or (size <= 0 if positive else size == 0):
-            problems.append((name, f"must be {wanted}, not {value}"))
-        return size
-
-    load = number("to", to, "a number other than 0", positive=False)
-    whole, size = abs(load), "a positive number, the size of a step"
-    most = whole if largest is None else number("largest", largest, size, positive=True)
-    step = whole if first is None else number("first", first, size, positive=True)
-    share = number("smallest", smallest, f"a share of the load from {SAME_NUMBER:g} to 1", positive=True)
-    if not problems and not SAME_NUMBER <= share <= 1:
-        problems.append(("smallest", f"must be a share of the load from {SAME_NUMBER:g} to 1, not {smallest}"))
-    least = share * whole
-    sizes = (("first", first, step), ("largest", largest, most))
+    for name, value in given.items():
+        if value is None and name in ("first", "largest"):
+            continue
+        if not isinstance(value, Real) or isinstance(value, bool):
+            problems.append((name, f"must be {wanted[name]}, not {kind_of(value)}"))
+        elif not math.isfinite(value) or value == 0 or (value < 0 and name != "to"):
+            problems.append((name, f"must be {wanted[name]}, not {value}"))
+    if not problems and not SAME_NUMBER <= smallest <= 1:
+        problems.append(("smallest", f"must be {share}, not {smallest}"))
     if not problems:
+        load = float(to)
+        whole = abs(load)
+        least = smallest * whole
+        sizes = {name: whole if (value := given[name]) is None else float(value) for name in ("first", "largest")}
         problems += [
-            (name, f"is below the smallest step, {least:g}")
-            for name, given, value in sizes
-            if given is not None and value < least
+            (name, f"is below the smallest step, {least:g}") for name in sizes if given[name] and sizes[name] < least
         ]
     if problems:
         raise FormError(problems, "ramp")
@@ -147,7 +142,8 @@ def sizes_to_load(to: float, first: float | None, largest: float | None, smalles
         is_last = whole - abs(reached) - step <= SAME_NUMBER * whole
         return load if is_last else reached + math.copysign(step, load)
 
-    return StepSizes(0.0, min(step, most), most, least, load, beyond, to=load)
+    first_step = min(sizes["first"], sizes["largest"])
+    return StepSizes(0.0, first_step, sizes["largest"], least, load, beyond, to=load)
 
 
 @dataclass(frozen=True)
