@@ -34,7 +34,7 @@ from signorini_fx.forms.arguments import conditions_of, settings_of
 from signorini_fx.forms.elasticity import NOT_POSITIVE, NOT_SYMMETRIC, MatrixError, elastic_body
 from signorini_fx.forms.given_forms import given_forms
 from signorini_fx.forms.nonlinear.arguments import slides
-from signorini_fx.forms.nonlinear.moving_pairs import MovingPair, held_between, turned_forces
+from signorini_fx.forms.nonlinear.moving_pairs import MovingPair, turned_forces
 from signorini_fx.forms.nonlinear.moving_shapes import (
     MovingShape,
     curvature_of,
@@ -54,7 +54,7 @@ from signorini_fx.forms.solver import FormSolver, StepBeginning
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.averages import averaging
 from signorini_fx.mechanics.assembly.mesh_entities import node_positions
-from signorini_fx.mechanics.assembly.nodal_stiffness import JointStiffness, NodalStiffness
+from signorini_fx.mechanics.assembly.nodal_stiffness import NodalStiffness
 from signorini_fx.mechanics.body.elastic_body import ElasticBody
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.contact_points.turned_supports import TurnedNodes
@@ -733,24 +733,10 @@ class LinearisedProblem(FormSolver):
         return np.asarray(rough & acts & (state.direction == 0.0).all(axis=1))
 
     @property
-    def held(self) -> Array:
-        """The directions that contact with shapes holds at each contact point, zero where it holds none, shape (n, d,
-        d).
-        """
-        assert self.outcome is not None
-        boundary = self.state.boundary
-        alone = ~np.isin(boundary.part, [k for k, entry in enumerate(self.contact) if entry.against is not None])
-        normal = boundary.normal[:, None, :] * (self.state.in_contact & alone)[:, None, None]
-        tangents = boundary.tangents.transpose(0, 2, 1) * (self._sticks & alone)[:, None, None]
-        return np.concatenate((normal, tangents), axis=1)
-
-    @property
-    def holding(self) -> list[JointStiffness]:
-        """What contact holds between the sides of pairs, see ``SlidingSides``; collective."""
-        sticks = self._sticks
-        sliding = [pair.holding(self.state, sticks) for pair in self.pairs.values()]
-        paired = [k for k, entry in enumerate(self.contact) if entry.against is not None and k not in self.pairs]
-        return [*sliding, held_between(self.state, paired, sticks)] if paired else sliding
+    def held(self) -> npt.NDArray[np.bool_]:
+        """Which relative displacements contact holds, along the normal and the tangents of each point, shape (n, d)."""
+        sticks = np.tile(self._sticks[:, None], self.state.shear.shape[1])
+        return np.column_stack((self.state.in_contact, sticks))
 
     @property
     def factor_fits(self) -> bool:

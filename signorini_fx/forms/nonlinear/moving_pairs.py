@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import scipy.sparse as sp
 from dolfinx import fem
 from dolfinx import mesh as dmesh
-from mpi4py import MPI
 
 from signorini_fx.algebra.contact.points import inside
 from signorini_fx.machine import parallel
@@ -97,11 +95,6 @@ class MovingPair:
         shear = np.einsum("nik,nk->ni", state.boundary.tangents[rows], state.shear[rows])
         return self.sides.stiffness(self.coupling, state.pressure[rows], shear)
 
-    def holding(self, state: ContactState, sticks: npt.NDArray[np.bool_]) -> JointStiffness:
-        """See ``SlidingSides``; ``sticks``: which of the points of a state friction holds; collective."""
-        rows = np.flatnonzero(state.boundary.part == self.sides.index)
-        return self.sides.holding(self.coupling, state.in_contact[rows], sticks[rows])
-
     def held_nodes(self, *, bilateral: bool) -> HeldNodes:
         """The nodes that supports hold on both sides, and that carry no point; collective."""
         coupling, sides = self.coupling, self.sides
@@ -184,24 +177,6 @@ def sheared_across_gaps(pairs: Mapping[int, MovingPair], state: ContactState) ->
     return findings
 
 
-def held_between(state: ContactState, pairs: Sequence[int], sticks: npt.NDArray[np.bool_]) -> JointStiffness:
-    """Products of the rows of relative displacements that contact holds, see ``SlidingSides.holding``, of contacts with
-    some numbers; ``sticks``: which of the points friction holds, shape (n,); collective.
-    """
-    boundary, averages = state.boundary, state.boundary.averages
-    assert averages is not None
-    dim, of_pair = boundary.x.shape[1], np.isin(boundary.part, pairs)
-    operator = sp.csr_array(averages.operator)
-    nodes = (dim * averages.nodes[:, None] + np.arange(dim)).ravel()
-    total = sp.csr_array((nodes.size, nodes.size))
-    for flags, directions in ((state.in_contact, boundary.normal[:, :, None]), (sticks, boundary.tangents)):
-        points = np.flatnonzero(flags & of_pair)
-        rows = along_vectors(directions[points]) @ operator[(dim * points[:, None] + np.arange(dim)).ravel()]
-        total = total + sp.csr_array(rows.T @ rows)
-    entries = total.tocoo()
-    return _joint(boundary.comm, dim, (nodes[entries.row], nodes[entries.col], entries.data))
-
-
 def turned_forces(
     state: ContactState, number: int, paired: PairedSides, space: fem.FunctionSpace, displacement: Array
 ) -> JointStiffness:
@@ -220,18 +195,13 @@ def turned_forces(
     forces = along_vectors((weight * tractions).swapaxes(1, 2)) @ paired.turning(space, displacement)
     entries = sp.coo_array(operator.T @ forces)
     rows, columns = ((dim * nodes[:, None] + components).ravel() for nodes in (averages.nodes, paired.master.nodes))
-    turned = _joint(boundary.comm, dim, (rows[entries.row], columns[entries.col], entries.data))
-    return JointStiffness(turned.nodes, sp.csr_array(turned.matrix + turned.matrix.T))
-
-
-def _joint(comm: MPI.Comm, dim: int, entries: tuple[npt.NDArray[Any], ...]) -> JointStiffness:
-    """The sum of entries of all ranks, rows, columns and values, by unknowns of the whole body; collective."""
-    row, column, value = (np.concatenate(part) for part in zip(*comm.allgather(entries), strict=True))
+    of_rank = rows[entries.row], columns[entries.col], entries.data
+    row, column, value = (np.concatenate(part) for part in zip(*boundary.comm.allgather(of_rank), strict=True))
     unknowns = np.stack((row, column))
     reached = np.unique(unknowns // dim)
     places = np.searchsorted(reached, unknowns // dim) * dim + unknowns % dim
     matrix = sp.coo_array((value, (places[0], places[1])), shape=(dim * reached.size, dim * reached.size))
-    return JointStiffness(reached, sp.csr_array(matrix))
+    return JointStiffness(reached, sp.csr_array(matrix + matrix.T))
 
 
 def slid_past_partners(state: ContactState, sides: Mapping[int, float]) -> list[Finding]:

@@ -137,10 +137,7 @@ class Stability:
         owned, comm = self._fixed.size, self.u.function_space.mesh.comm
         diagonal = np.abs(linear.elastic.stiffness.getDiagonal().getArray(readonly=True)[:owned])
         largest = parallel.largest(comm, diagonal, 0.0) or 1.0
-        penalty = HOLDING_STIFFNESS * largest
-        at_points = turning_of(state, linear.scales.size) + penalty * np.einsum(
-            "nki,nkj->nij", linear.held, linear.held
-        )
+        at_points = turning_of(state, linear.scales.size)
         curvature, more = linear.curvature, dict[str, Any]()
         if relative is not None:
             on_tool, dim = relative.tool >= 0, at_points.shape[1]
@@ -150,8 +147,7 @@ class Stability:
         nodes, blocks = (
             np.concatenate(parts) for parts in ((curvature.nodes, state.boundary.nodes), (curvature.blocks, at_points))
         )
-        joint = *curvature.joint, *(rows.scaled(penalty) for rows in linear.holding)
-        more["beside"] = NodalStiffness.summed(nodes, blocks, joint)
+        more["beside"] = NodalStiffness.summed(nodes, blocks, curvature.joint)
         settings = linear.settings.model_copy(update={"linear_algebra": "full"})
         points = state.boundary if linear.contact else None
         body = elastic_body(
@@ -166,7 +162,15 @@ class Stability:
             of_body=linear.elastic.of_supports,
             **more,
         )
-        matrix = body.stiffness
+        matrix, rows = body.stiffness, body.contact.operator
+        if linear.contact:
+            kept = (np.flatnonzero(linear.held) + rows.getOwnershipRange()[0]).astype(PETSc.IntType)
+            kept_rows = rows.createSubMatrix(PETSc.IS().createGeneral(kept, comm=matrix.comm))
+            springs = kept_rows.transposeMatMult(kept_rows)
+            fixed = springs.getOwnershipRange()[0] + np.flatnonzero(body.prescribed)
+            springs.zeroRowsColumns(fixed.astype(PETSc.IntType), diag=0.0)
+            structure = PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN
+            matrix.axpy(HOLDING_STIFFNESS * largest, springs, structure=structure)
         if not linear.symmetric:
             matrix.axpy(1.0, matrix.transpose(PETSc.Mat()))
             matrix.scale(0.5)

@@ -133,11 +133,6 @@ class SlidingSides:
         tangents = coupling.frames.tangents
         return np.asarray(tangents - np.einsum("nij,njk->nik", self.across, tangents))
 
-    def _tangent_rows(self, coupling: SlidingCoupling) -> sp.csr_array:
-        """Those of the coupling for what can slide."""
-        tangents = coupling.frames.tangents
-        return sp.csr_array(along_vectors(tangents) @ along_vectors(self._sliding(coupling)).T @ coupling.tangent_rows)
-
     def boundary(self, coupling: SlidingCoupling) -> ContactBoundary:
         """The contact points of this rank; those without a partner do not move, and those in a plane of symmetry not
         across it.
@@ -221,15 +216,3 @@ class SlidingSides:
         at_owned, is_owned = np.zeros((last - first, values.shape[1])), (self.nodes >= first) & (self.nodes < last)
         at_owned[self.nodes[is_owned] - first] = values[is_owned]
         return at_owned
-
-    def holding(
-        self, coupling: SlidingCoupling, touching: npt.NDArray[np.bool_], sticking: npt.NDArray[np.bool_]
-    ) -> JointStiffness:
-        """Products of the rows of relative displacements that contact holds at the points of this rank; collective."""
-        size = self.slave.surface.dimension * self.nodes.size
-        total = sp.csr_array((size, size))
-        for rows, flags in ((coupling.normal_rows, touching), (self._tangent_rows(coupling), sticking)):
-            of_point = np.repeat(self.at_points(flags.astype(np.float64)) > 0, rows.shape[0] // self.points.size)
-            chosen = sp.csr_array(rows)[np.flatnonzero(of_point)]
-            total = total + chosen.T @ chosen
-        return JointStiffness(self.nodes, sp.csr_array(total))
