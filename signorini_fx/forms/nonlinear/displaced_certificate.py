@@ -21,9 +21,10 @@ from signorini_fx.forms.given_forms import Facets
 from signorini_fx.forms.mechanics_of_forms import acting_on, prescribed_nodes, sides_of
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
 from signorini_fx.forms.nonlinear.moving_pairs import MovingPair
-from signorini_fx.forms.nonlinear.moving_shapes import MovingShape
+from signorini_fx.forms.nonlinear.moving_shapes import MovingShape, motion_at
 from signorini_fx.forms.nonlinear.state import State
 from signorini_fx.machine import parallel
+from signorini_fx.mechanics.assembly.mesh_entities import node_positions
 from signorini_fx.mechanics.loads.supports import prescribed
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.obstacles.bodies_inside import PairedBodies
@@ -135,7 +136,7 @@ def mechanics_at(
     places, data = u.x.array.reshape(-1, dim), list(linear.data)
     for number, moving in linear.shapes.items():
         nodal_gap, along = np.full(len(places), np.nan), np.full(places.shape, np.nan)
-        nodal_gap[moving.nodes], along[moving.nodes] = moving.found_from(places[moving.nodes])
+        nodal_gap[moving.nodes], along[moving.nodes] = moving.projected_onto(places[moving.nodes], linear=False)
         distances = ShapeDistances(data[number].shape.factor, along, data[number].shape.axes)
         data[number] = replace(data[number], gap=nodal_gap, shape=distances)
     previous = linear.previous_step
@@ -178,35 +179,19 @@ def certified(
     """Check equilibrium and contact conditions at a displacement; ``tractions``: what the solver claims; ``rigid``:
     where tools are that forces move, and what drives them; collective.
     """
-    places = u.x.array.reshape(-1, u.function_space.mesh.geometry.dim)
+    space = u.function_space
+    places = u.x.array.reshape(-1, space.mesh.geometry.dim)
     if before is not None:
-        ends = [motion for motion, _ in rigid], before.rigid
-        begun = before.displacement.x.array.reshape(places.shape)
-        before = replace(before, moved=_motion(shapes, (begun, places), before.tractions, ends))
+        points, begun = before.tractions, before.displacement.x.array.reshape(places.shape)
+        x = node_positions(space)[points.nodes, : places.shape[1]].astype(np.float64)
+        moved = motion_at(points, x, shapes, (begun, places))
+        tools = [(motion, -1.0) for motion, _ in rigid] + [(motion, 1.0) for motion in before.rigid]
+        if moved is not None:
+            for tool, sign in tools:  # beyond what they tell of the undeformed points
+                touching = np.isin(points.part, tool.body.parts)
+                moved[touching] += sign * tool.at(x[touching])
+        before = replace(before, moved=moved)
     return judged(u, mechanics.forces, mechanics.contact_sides, tractions, law=law, before=before, rigid=rigid)
-
-
-def _motion(
-    shapes: Mapping[int, MovingShape],
-    places: tuple[Array, Array],
-    points: Tractions,
-    ends: tuple[Sequence[RigidBodyMotion], Sequence[RigidBodyMotion]],
-) -> Array:
-    """How far the shape of each contact point has moved since the last step, length, shape (n, d), beyond what the
-    motions of tools tell of the undeformed points; ``places``: displacements at the beginning of the step and now;
-    ``ends``: motions of tools now, and at the beginning.
-    """
-    motion = np.zeros((points.nodes.size, places[0].shape[1]))
-    for number, moving in shapes.items():
-        of_shape = np.flatnonzero(points.part == number)
-        at = np.searchsorted(moving.nodes, nodes := points.nodes[of_shape])
-        begun, now = (moving.x[at] + displaced[nodes] for displaced in places)
-        motion[of_shape] = moving.moved(begun, now)
-        for sign, tools in zip((-1.0, 1.0), ends, strict=True):
-            for tool in tools:
-                if number in tool.body.parts:
-                    motion[of_shape] += sign * tool.at(moving.x[at])
-    return motion
 
 
 def overlap(u: fem.Function, cells: BodyCells, shapes: Mapping[int, MovingShape], last: State) -> str:

@@ -476,7 +476,7 @@ class LinearisedProblem(FormSolver):
         return self._diameter
 
     def _moved(self, boundary: ContactBoundary) -> Array | None:
-        return motion_at(boundary, self.shapes, self._begun_places, self.places)
+        return motion_at(boundary, boundary.x, self.shapes, (self._begun_places, self.places))
 
     @property
     def _begun_places(self) -> Array:
@@ -567,8 +567,11 @@ class LinearisedProblem(FormSolver):
             raise ConvergenceError(self, why)
 
     def attempt(self) -> str:
-        with self._retained.chosen():
+        self._retained.all = False
+        try:
             return super().attempt()
+        finally:
+            self._retained.all = True
 
     def _outcome_of_now(self) -> Outcome:
         """Once more with more points if one has touched that was taken to be far."""
@@ -658,7 +661,8 @@ class LinearisedProblem(FormSolver):
         try:
             *data, boundary, gap, law = super().data_now(solved)
             begins = self._begun_places if begun is None else begun.reshape(self.places.shape)
-            return (*data, boundary, gap, law, None, motion_at(boundary, self.shapes, begins, self.places))
+            motion = motion_at(boundary, boundary.x, self.shapes, (begins, self.places))
+            return (*data, boundary, gap, law, None, motion)
         finally:
             at[:] = kept
             self._evaluated.go_to(kept)

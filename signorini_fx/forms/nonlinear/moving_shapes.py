@@ -115,18 +115,12 @@ class MovingShape:
         by_user = not is_of_package(type(self.shape)) and len(self.x)
         return np.array(self.shape.distance(self.x)[0] if by_user else [], dtype=np.float64)
 
-    def projected_onto(self, u: Array) -> tuple[Array, Array]:
+    def projected_onto(self, u: Array, *, linear: bool = True) -> tuple[Array, Array]:
         """The linearised gap, length, shape (n,), and the direction to the shape, unit vectors, shape (n, d), at nodes
-        displaced by u, shape (n, d).
+        displaced by u, shape (n, d); of a shape that forces move the turn is taken to be a small one, if ``linear``.
         """
         signed, normal = self.shape.distance(self.x + u)
-        relative = u - self.spun(self.x + u)  # to a shape that forces move, whose motion is an unknown, too
-        return np.asarray(signed + self.added - np.einsum("ni,ni->n", normal, relative)), -normal
-
-    def found_from(self, u: Array) -> tuple[Array, Array]:
-        """The same with the finite motion of a shape that forces move."""
-        signed, normal = self.shape.distance(self.x + u)
-        relative = u - self.rigid_motion(self.x)
+        relative = u - (self.spun(self.x + u) if linear else self.rigid_motion(self.x))
         return np.asarray(signed + self.added - np.einsum("ni,ni->n", normal, relative)), -normal
 
     def curvature(self, places: Array, size: float) -> Array:
@@ -264,20 +258,20 @@ def left_by_turning(boundary: ContactBoundary, hessians: Array, way: Array, slip
     return np.asarray(np.einsum("nij,nj,nkj,nk->ni", axes, sizes / (1 + sizes), axes, slip))
 
 
-def motion_at(
-    boundary: ContactBoundary, shapes: Mapping[int, MovingShape], begun: Array, places: Array
-) -> Array | None:
-    """How far shapes have moved at contact points since the last step, length, shape (n, d); None: none has;
-    ``begun``: displacements of the nodes at its end, shape (nodes, d).
+def motion_at(points: Any, x: Array, shapes: Mapping[int, MovingShape], ends: tuple[Array, Array]) -> Array | None:
+    """How far shapes have moved at contact points since the last step, length, shape (n, d); None: none has.
+
+    ``points``: with the ``part`` and the node of each, whose undeformed places are ``x``; ``ends``: displacements of
+    the nodes at the end of the last step and now, shape (nodes, d).
     """
     if all(moving.shape == moving.settled for moving in shapes.values()):
         return None
-    displacements = np.zeros_like(boundary.x)
+    motion = np.zeros_like(x)
     for number, moving in shapes.items():
-        on_part = boundary.part == number
-        x, nodes = boundary.x[on_part], boundary.nodes[on_part]
-        displacements[on_part] = moving.moved(x + begun[nodes], x + places[nodes])
-    return displacements
+        on_part = np.flatnonzero(points.part == number)
+        begun, now = (x[on_part] + displaced[points.nodes[on_part]] for displaced in ends)
+        motion[on_part] = moving.moved(begun, now)
+    return motion
 
 
 def spin_at(boundary: ContactBoundary, moving: Mapping[int, Any]) -> Array | None:

@@ -9,8 +9,7 @@ depend on the choice.  A body that nothing holds but contact is condensed onto a
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 
 import numpy as np
 import numpy.typing as npt
@@ -32,15 +31,15 @@ Flags = npt.NDArray[np.bool_]
 class RetainedPoints:
     """The choice for the tangents of one load, on one rank in 3D; elsewhere dense matrices are small, or none.
 
-    Args:
-        at: the displacement of now.
+    Attributes:
+        all: whether all points are retained: while no tangent is solved for, or where a choice was too small.
     """
 
     def __init__(self, at: fem.Function) -> None:
         self._at = at
         space = at.function_space
         self._possible = space.mesh.geometry.dim == 3 and space.mesh.comm.size == 1
-        self._choosing = self._retain_all = False
+        self.all = True
         self._moved = 0.0  # the largest increment of this load so far, length
         self.begin_anew()
 
@@ -49,15 +48,6 @@ class RetainedPoints:
         self._expected, self._moved = self._moved, 0.0
         self._near: Flags | None = None
         self._last_values: Array | None = None  # values of the displacement in the last iteration
-
-    @contextmanager
-    def chosen(self) -> Iterator[None]:
-        """While one tangent is solved for."""
-        self._choosing, self._retain_all = self._possible, False
-        try:
-            yield
-        finally:
-            self._choosing = False
 
     def far_points(
         self,
@@ -70,7 +60,7 @@ class RetainedPoints:
         unknowns are prescribed, and to what, shapes (dofs,).
         """
         plain = boundary.averages is None and boundary.moving is None and boundary.size > 0
-        if not self._choosing or self._retain_all or not plain or state is None or state.boundary.size != boundary.size:
+        if not self._possible or self.all or not plain or state is None or state.boundary.size != boundary.size:
             return None
         values, (fixed, to) = self._at.x.array, prescribed
         distance = distances(boundary, shapes, values.reshape(-1, boundary.x.shape[1]))
@@ -108,7 +98,7 @@ class RetainedPoints:
             if problem.data.bound is not None:
                 touching |= problem.data.bound > 0.0  # such as that of Tresca, which acts without contact
             suffices = not (touching & points).any()
-        self._retain_all = not suffices
+        self.all = not suffices
         return suffices
 
 
