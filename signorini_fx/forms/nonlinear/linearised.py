@@ -45,7 +45,7 @@ from signorini_fx.forms.nonlinear.moving_shapes import (
     slips_by_displacements,
     spin_at,
 )
-from signorini_fx.forms.nonlinear.moving_tools import DisplacedRigidBodies, MovingTools, RelativeStiffness
+from signorini_fx.forms.nonlinear.moving_tools import DisplacedRigidBodies, MovingTools
 from signorini_fx.forms.nonlinear.residual import Residual
 from signorini_fx.forms.nonlinear.retained_points import RetainedPoints
 from signorini_fx.forms.nonlinear.state import State
@@ -244,7 +244,7 @@ class LinearisedProblem(FormSolver):
         self._retained = RetainedPoints(at)
         dim = mesh.geometry.dim
         self.curvature, self._hessians = NodalStiffness.none(dim), np.zeros((0, dim, dim))
-        self.relative: RelativeStiffness | None = None
+        self.relative: Array | None = None  # see ``MovingTools.relative_stiffness``
         self._diameter = super()._size()
         bounds = parallel.global_bounds(mesh.comm, mesh.geometry.x.astype(np.float64))
         self.extent = float(np.linalg.norm(np.ptp(bounds, axis=0)))
@@ -347,7 +347,7 @@ class LinearisedProblem(FormSolver):
         self._hessians, tools, self.relative = hessians, self.moving_tools, None
         if tools.there:
             self.relative = tools.relative_stiffness(state, blocks, self.places)
-            nodal = np.where((self.relative.tool >= 0)[:, None, None], 0.0, blocks)
+            nodal = np.where((tools.touching(state.boundary) >= 0)[:, None, None], 0.0, blocks)
         joint = tuple(pair.stiffness(state) for pair in self.pairs.values())
         places = self.places[: self.space.dofmap.index_map.size_local]
         for number, paired in self.foundations.kept_pairs.items():
@@ -412,8 +412,8 @@ class LinearisedProblem(FormSolver):
             beside["of_body"] = last.of_body if self._keeps else last.of_supports
             if self._keeps and isinstance(self.task.system, CondensedSystem):
                 beside["eliminated"] = self.task.system.schur
-        if self.relative is not None and len(self.relative.blocks) == boundary.size:
-            beside["relative"] = self.relative.blocks
+        if self.relative is not None and len(self.relative) == boundary.size:
+            beside["relative"] = self.relative
         if self._one_body and definite:
             beside["far"] = self._retained.far_points(boundary, self._state, self.shapes, self.prescribed)
         try:
@@ -447,25 +447,17 @@ class LinearisedProblem(FormSolver):
             case = replace(case, resultant=replace(resultant, size=resultant.size + self._lost / NO_FORCE))
         if elastic.relative is None or self.relative is None:
             return case
-        dim, fixed, moved = self.boundary.x.shape[1], self.prescribed[0], self.moving_tools.coordinates
-        driven = self.rigid.driven_together
+        moved, driven = self.moving_tools.coordinates.ravel(), self.rigid.driven_together
         assert driven is not None
-        free_tools = ~self.rigid.fixed.reshape(moved.shape)
-        held_at = np.where(free_tools, 0.0, driven.motion.reshape(moved.shape))
-        away = self._at.x.array - np.where(fixed, values, 0.0)
-        forces, on_tools, _ = self.relative.forces(self.boundary, away.reshape(-1, dim), moved - held_at)
-        at_nodes = np.zeros((elastic.fixed.size // dim, dim))
-        np.add.at(at_nodes, self.boundary.nodes, forces)
-        added, load = np.where(elastic.fixed, 0.0, at_nodes.ravel()), case.load.getArray()
-        load[: added.size] += added
-        if elastic.comm.rank == elastic.comm.size - 1:
-            load[added.size : added.size + moved.size] += np.where(free_tools, on_tools, 0.0).ravel()
+        away = self._at.x.array - np.where(self.prescribed[0], values, 0.0)
+        forces, _ = elastic.relative_forces(away, moved - np.where(self.rigid.fixed, driven.motion, 0.0))
+        case.load.getArray()[:] += np.where(elastic.prescribed, 0.0, forces)
         return case
 
     def _beside(self) -> Sequence[npt.NDArray[Any]]:
         pairs = [values for pair in self.pairs.values() for values in pair.fingerprint]
         joint = [part.matrix.data for part in self.curvature.joint]
-        tools = [] if self.relative is None else [self.relative.blocks]
+        tools = [] if self.relative is None else [self.relative]
         if self.rigid.bodies:  # arms change with both
             tools += [self.moving_tools.coordinates, self._at.x.array]
         elif not self._one_body and len(self.pairs) < sum(entry.against is not None for entry in self.contact):
@@ -692,12 +684,11 @@ class LinearisedProblem(FormSolver):
         """
         work = 0.0
         if self.rigid.bodies:
-            moved = self.reached - self.moving_tools.coordinates
+            moved = (self.reached - self.moving_tools.coordinates).ravel()
             springs = np.where(self.rigid.fixed, 0.0, self.rigid.stiffness)
-            work += float(springs @ moved.ravel() ** 2)
-            if self.relative is not None:
-                nodal = displacement.x.array.reshape(-1, self.boundary.x.shape[1])
-                work += self.relative.forces(self.boundary, nodal, moved)[2]
+            work += float(springs @ moved**2)
+            if self.elastic.relative is not None:
+                work += self.elastic.relative_forces(displacement.x.array, moved)[1]
         return self.elastic.forces_where_free(displacement), self.curvature.times(displacement), work
 
     def state_now(self, certificate: Certificate | None, iterations: int) -> State:

@@ -32,7 +32,6 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from signorini_fx.forms.nonlinear.moving_shapes import MovingShape, across_arms, rigid_motion
-from signorini_fx.machine import parallel
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.kinematics.protocol import Kinematics
@@ -147,9 +146,9 @@ class MovingTools:
             return np.zeros_like(boundary.x)
         return np.asarray(boundary.moving.modes @ self.coordinates.ravel())
 
-    def relative_stiffness(self, state: ContactState, curvature: Array, displacement: Array) -> RelativeStiffness:
-        """What tractions of contact points do to motions relative to tools; ``curvature``: C, force per length, shape
-        (n, d, d).
+    def relative_stiffness(self, state: ContactState, curvature: Array, displacement: Array) -> Array:
+        """Forces of (r, L w), the displacement relative to the tool and its turn, from the tractions of contact points,
+        force per length, symmetric, zero where there is no tool, shape (n, m, m); ``curvature``: C, shape (n, d, d).
         """
         boundary, tool = state.boundary, self.touching(state.boundary)
         dim, turns, touched = self._translations, len(self.bodies.kinematics.rotations), tool >= 0
@@ -172,40 +171,10 @@ class MovingTools:
         symmetric = ((total + total.transpose(0, 2, 1)) / 2)[:, axes][:, :, axes]
         lengths = np.append(np.ones(dim), np.full(turns, self.bodies.length))
         blocks[touched] += symmetric / np.multiply.outer(lengths, lengths)
-        return RelativeStiffness(tool, blocks)
+        return blocks
 
 
 def turning_matrices(vectors: Array, dimension: int) -> Array:
     """The matrices of the products w x a, shape (n, d, d), of vectors w of shape (n, 3), in 2D (n, 1)."""
     units = np.tile(np.eye(dimension), (len(vectors), 1, 1))
     return np.stack([across_arms(vectors, units[:, axis]) for axis in range(dimension)], axis=2)
-
-
-@dataclass(frozen=True)
-class RelativeStiffness:
-    """What motions relative to tools meet at contact points.
-
-    Attributes:
-        tool: of each of them, -1: none, shape (n,).
-        blocks: forces of (r, L w), the displacement relative to the tool and its turn, force per length, symmetric,
-            zero where there is no tool, shape (n, m, m).
-    """
-
-    tool: npt.NDArray[np.int64]
-    blocks: Array
-
-    def forces(self, boundary: ContactBoundary, displacements: Array, moved: Array) -> tuple[Array, Array, float]:
-        """The forces at the points, shape (n, d), on the unknowns of tools, shape (t, m), and the work on both, of
-        displacements of the nodes of this rank and coordinates of tools; collective.
-        """
-        assert boundary.moving is not None
-        dim, touched, modes = boundary.x.shape[1], self.tool >= 0, boundary.moving.modes
-        relative = displacements[boundary.nodes] - modes @ moved.ravel()
-        turns = np.vstack((moved, np.zeros(moved.shape[1])))[self.tool][:, dim:]
-        motion = np.column_stack((relative, turns))
-        forces = np.einsum("nij,nj->ni", self.blocks, motion)
-        on_tools = -np.einsum("nik,ni->k", modes, forces[:, :dim]).reshape(moved.shape)
-        np.add.at(on_tools[:, dim:], self.tool[touched], forces[touched, dim:])
-        sums = np.append(on_tools.ravel(), np.sum(forces * motion))
-        total = parallel.global_sum(boundary.comm, sums)
-        return forces[:, :dim], total[:-1].reshape(moved.shape), float(total[-1])

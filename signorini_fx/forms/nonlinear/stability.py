@@ -140,8 +140,8 @@ class Stability:
         at_points = turning_of(state, linear.scales.size)
         curvature, more = linear.curvature, dict[str, Any]()
         if relative is not None:
-            on_tool, dim = relative.tool >= 0, at_points.shape[1]
-            more["relative"] = relative.blocks.copy()
+            on_tool, dim = linear.moving_tools.touching(state.boundary) >= 0, at_points.shape[1]
+            more["relative"] = relative.copy()
             more["relative"][on_tool, :dim, :dim] += at_points[on_tool]
             at_points[on_tool] = 0.0
         nodes, blocks = (
