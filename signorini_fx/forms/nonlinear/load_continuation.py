@@ -15,7 +15,7 @@ from signorini_fx.forms.nonlinear import outcomes
 from signorini_fx.forms.nonlinear.displaced_certificate import ResidualMechanics
 from signorini_fx.forms.nonlinear.newton import EquilibriumSolver, NoEquilibrium
 from signorini_fx.forms.nonlinear.state import State
-from signorini_fx.forms.nonlinear.step_sizes import Way, sizes_on_path
+from signorini_fx.forms.nonlinear.step_sizes import Way, way_on_path
 from signorini_fx.mechanics.pairs.mortar_coupling import PairingError
 from signorini_fx.mechanics.statement.load_path import LoadPath
 from signorini_fx.records import Status, StepRecord, Timings
@@ -71,7 +71,7 @@ class Continuation:
         stepping = Stepping[StepResult](
             solver.linear.history,
             solver.timings,
-            ended=lambda: way.sizes.ended,
+            ended=lambda: way.ended,
             solved=partial(self._next_step, way),
             recalled=partial(self._recall, way),
             store=partial(self._store, way),
@@ -97,48 +97,50 @@ class Continuation:
             if path.several:
                 history.add(StepRecord(number, path.name_at(end), path.time_at(end)))
 
-        self.follow(Way(sizes_on_path(path), apply, named, announce), on_step, checkpoint, several=path.several)
+        way = way_on_path(path, apply, named, announce)
+        self.follow(way, on_step, checkpoint, several=path.several)
 
     def _next_step(self, way: Way) -> StepResult | None:
         """Solve the next step of a way; None: it has no solution and will be another one; collective."""
-        begun, sizes = self.solver.snapshot(), way.sizes
-        end = sizes.next
+        begun = self.solver.snapshot()
+        end = way.next
         try:
             way.announce(end)
             way.apply(end)
-            self.solver.attempt(final=not sizes.may_halve)
+            self.solver.attempt(final=not way.may_halve)
             self.solver.take()
         except Exception as error:
             self._give_up(way, begun, error)
             return None
-        sizes.accept(self.solver.iterations)
+        way.accept(self.solver.iterations)
         return self.end_step(way, end)
 
     def _give_up(self, way: Way, begun: State, error: Exception) -> None:
         """Go back to where a step has begun that has no solution, and say where it is to end instead, or raise why
         there is none; collective.
         """
-        sizes, solver = way.sizes, self.solver
+        solver = self.solver
         history, status = solver.linear.history, solver.status
-        final = not sizes.may_halve or status in outcomes.FINAL
+        final = not way.may_halve or status in outcomes.FINAL
         if status is not None and solver.without:
             status = Status.LIMIT
         if final and isinstance(error, NoEquilibrium) and solver.solved is None:
             assert status is not None
             solver.take_before(status, len(history.iterations) - self._solves_before)
             if (before := solver.solved) is not None:
-                solver.solved = replace(before, step=way.named(sizes.next, before.step))
+                solver.solved = replace(before, step=way.named(way.next, before.step))
         solver.begin_again(begun, way.back)
-        end, reached = f"{sizes.kind} {sizes.shown(sizes.next):g}", sizes.shown(sizes.reached)
+        kind = "time" if way.to is None else "load"
+        end, reached = f"{kind} {way.shown(way.next):g}", way.shown(way.reached)
         history.add(f"{end} is given up, back at {reached:g}: {error}")
         if not isinstance(error, NoEquilibrium | FormError):
             raise error
         if not final:
-            sizes.halve()
+            way.halve()
         else:
             last = "there is no solution before it"
             if self.steps:
-                of = "" if sizes.to is None else f" of {sizes.to:g}"
+                of = "" if way.to is None else f" of {way.to:g}"
                 last = f"there is a solution at {'' if of else 'time '}{reached:g}{of}"
             if isinstance(error, FormError):
                 reasons = [(key, f"{reason} (at {end}; {last})") for key, reason in error.problems]
@@ -172,7 +174,7 @@ class Continuation:
         values, coordinates = solver.tangent_at
         figures = {
             "newton": solver.iterations,
-            "path": way.sizes.stored(),
+            "path": {"reached": way.reached, "step": way.step},
             "linear_solves": step.linear_solves,
             "coordinates": {_SOLUTION: linear.moving_tools.coordinates.tolist(), _TANGENT: coordinates.tolist()},
             "definite": bool(linear.definite),
@@ -203,7 +205,7 @@ class Continuation:
                 solver.linear_solves = figures["linear_solves"]
                 solver.take()
                 checkpoint.recall_history(figures, history, timings)
-                way.sizes.resume(figures["path"])
+                way.reached, way.step = (figures["path"][name] for name in ("reached", "step"))
                 return self.end_step(way, end)
             history.add(f"restart: load step {number + 1}: {status.value}: it is solved again")
             checkpoint.forget(number)

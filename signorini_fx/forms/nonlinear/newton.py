@@ -260,41 +260,46 @@ class EquilibriumSolver:
         body at rest is round-off once increments are no longer halved.  Forces there are relative to nothing: where the
         displacement is round-off of that at the beginning, Newton's method goes on from the undeformed body.
         """
-        comm, u, worst, last_change, keeps = self.linear.space.mesh.comm, self.u, np.inf, np.inf, False
-        self.linear.begin_anew()
+        linear, u, worst, last_change, keeps = self.linear, self.u, np.inf, np.inf, False
+        comm = linear.space.mesh.comm
+        linear.begin_anew()
         begun = float(parallel.largest(comm, np.abs(u.x.array), 0.0))
         residual: Array | None = None
         rests = False
         for iteration in range(1, self.max_newton + 1):
             self.iterations = iteration
-            old, tools = self.tangent_at = u.x.array.copy(), self.linear.moving_tools.coordinates
+            old, tools = self.tangent_at = u.x.array.copy(), linear.moving_tools.coordinates
             residual = self.residual.at(old) if residual is None else residual
             if residual is None:
                 return Status.INVERTED
             try:
-                self.linear.slide()
+                linear.slide()
             except PairingError as error:
                 self._detail = str(error)
                 return Status.FOLDED
-            keeps = keeps and self.linear.can_keep_stiffness
+            keeps = keeps and linear.can_keep_stiffness
             if not keeps:
-                self.linear.bend()
+                linear.bend()
+            linear.residual = residual
             try:
-                increment, length, residual = self._increment(
-                    old, residual, keeps_stiffness=keeps, search=iteration > 1
-                )
+                linear.solve(keeps_stiffness=keeps)
+                increment = linear.u.x.array - old
+                at = old, increment, residual
+                length, residual = length_of_increment(linear, self.residual.at, at, search=iteration > 1)
             except ConvergenceError as error:
                 return self._not_solved(error.solution.status)
             except MatrixError as error:
                 if error.fault == NOT_FINITE:
                     return Status.NOT_FINITE
                 raise
+            finally:
+                linear.residual = None
             if length == 0.0:
                 self._tried = old + increment
                 return Status.INVERTED
             u.x.array[:] = old + length * increment
-            moved = length * (self.linear.reached - tools)
-            self.linear.moving_tools.carry_to(tools + moved)
+            moved = length * (linear.reached - tools)
+            linear.moving_tools.carry_to(tools + moved)
             change, size = (
                 max(float(parallel.largest(comm, np.abs(values), 0.0)), float(np.abs(further).max(initial=0.0)))
                 for values, further in ((length * increment, moved), (u.x.array, tools + moved))
@@ -324,22 +329,6 @@ class EquilibriumSolver:
         linear = self.linear
         follows = linear.shapes or linear.pairs or linear.moving_tools.coordinates.size
         return not (follows or self.residual.has_state) and self.tangents.affine
-
-    def _increment(
-        self, old: Array, residual: Array, *, keeps_stiffness: bool, search: bool
-    ) -> tuple[Array, float, Array | None]:
-        """An increment from the values ``old``, where F is ``residual``, the share of it to take, and F there;
-        collective.
-        """
-        linear = self.linear
-        linear.residual = residual
-        try:
-            linear.solve(keeps_stiffness=keeps_stiffness)
-        finally:
-            linear.residual = None
-        increment = linear.u.x.array - old
-        length, forces = length_of_increment(linear, self.residual.at, (old, increment, residual), search=search)
-        return increment, length, forces
 
     def _not_solved(self, inner: Status) -> Status:
         """How a solve ends in which a linear contact problem has no solution: what is proved of that is not proved of

@@ -24,7 +24,7 @@ from signorini_fx.forms.nonlinear.moving_shapes import place
 from signorini_fx.forms.nonlinear.newton import EquilibriumSolver, NoEquilibrium
 from signorini_fx.forms.nonlinear.residual import Residual
 from signorini_fx.forms.nonlinear.results import findings_of, lost_digits, too_stiff
-from signorini_fx.forms.nonlinear.step_sizes import RampStep, Way, sizes_to_load
+from signorini_fx.forms.nonlinear.step_sizes import RampStep, way_to_load
 from signorini_fx.forms.nonlinear.tangent import Tangents, refuse_miscompiled
 from signorini_fx.forms.problem_of_forms import ProblemOfForms
 from signorini_fx.forms.steps import begun_path
@@ -327,7 +327,7 @@ class NonlinearContactProblem(ProblemOfForms):
             steps.append(RampStep(load, self.iterations, step.linear_solves))
             return replace(step, place=float(step.step - 1), time=abs(load))
 
-        way = Way(sizes_to_load(to, first, largest, smallest), apply, named)
+        way = way_to_load(to, first, largest, smallest, apply, named)
         with self._as_convergence_error():
             self._continuation.follow(way, lambda step: on_step(steps[-1]))
         return steps

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from numbers import Real
 from typing import Any
@@ -31,11 +31,12 @@ class RampStep:
 
 
 @dataclass
-class StepSizes:
-    """Where the steps of a way end, one after the other: one without a solution is halved, and after an easy one the
-    next is larger.
+class Way:
+    """A way through load steps: one without a solution is halved, and after an easy one the next is larger.
 
     Attributes:
+        apply: changes a problem to what it is at a place.
+        named: gives the result of a step that ends there its place and time.
         reached: where the last step has ended, or the way begins.
         step: the size of the next step.
         largest: that any step may have.
@@ -44,8 +45,11 @@ class StepSizes:
         beyond: where a step of a size ends that begins at a place.
         shown: the load or time where a step ends, for messages.
         to: the load that is to be reached; None: ends are places on a path.
+        announce: called before a step is solved with where it ends.
     """
 
+    apply: Callable[[float], object]
+    named: Callable[[float, StepResult], StepResult]
     reached: float
     step: float
     largest: float
@@ -54,6 +58,11 @@ class StepSizes:
     beyond: Callable[[float, float], float]
     shown: Callable[[float], float] = lambda end: end
     to: float | None = None
+    announce: Callable[[float], object] = lambda end: None
+
+    def back(self) -> None:
+        """Change the problem to what it is where the last step has ended."""
+        self.apply(self.reached)
 
     @property
     def ended(self) -> bool:
@@ -86,31 +95,31 @@ class StepSizes:
             self.step *= STEP_GROWTH
         self.step = min(max(self.step, self.smallest), self.largest)
 
-    @property
-    def kind(self) -> str:
-        """What ``shown`` gives."""
-        return "time" if self.to is None else "load"
 
-    def stored(self) -> dict[str, float]:
-        """What ``resume`` needs, as plain data."""
-        return {"reached": self.reached, "step": self.step}
-
-    def resume(self, position: Mapping[str, float]) -> None:
-        """Go on from where an earlier run has come to, see ``stored``."""
-        self.reached, self.step = position["reached"], position["step"]
-
-
-def sizes_on_path(path: LoadPath) -> StepSizes:
+def way_on_path(
+    path: LoadPath,
+    apply: Callable[[float], object],
+    named: Callable[[float, StepResult], StepResult],
+    announce: Callable[[float], object],
+) -> Way:
     """One step for each time of a path, or as many as its ramp has; ``reached`` is -1 before the first one, which
     begins at time 0 if it is halved.
     """
     whole = 1.0 / (path.steps or 1)
     first, last = whole if path.from_nothing else 1.0, len(path.times) - 1.0
-    return StepSizes(-1.0, first, whole, SMALLEST_STEP * whole, last, next_place, path.time_at)
+    sizes = -1.0, first, whole, SMALLEST_STEP * whole, last
+    return Way(apply, named, *sizes, next_place, path.time_at, announce=announce)
 
 
-def sizes_to_load(to: float, first: float | None, largest: float | None, smallest: float) -> StepSizes:
-    """The sizes of the steps from 0 to a load, see ``NonlinearContactProblem.ramp``.
+def way_to_load(
+    to: float,
+    first: float | None,
+    largest: float | None,
+    smallest: float,
+    apply: Callable[[float], object],
+    named: Callable[[float, StepResult], StepResult],
+) -> Way:
+    """The steps from 0 to a load, see ``NonlinearContactProblem.ramp``.
 
     Raises FormError: an argument is wrong.
     """
@@ -143,25 +152,4 @@ def sizes_to_load(to: float, first: float | None, largest: float | None, smalles
         return load if is_last else reached + math.copysign(step, load)
 
     first_step = min(sizes["first"], sizes["largest"])
-    return StepSizes(0.0, first_step, sizes["largest"], least, load, beyond, to=load)
-
-
-@dataclass(frozen=True)
-class Way:
-    """A way through load steps.
-
-    Attributes:
-        sizes: where they end.
-        apply: changes a problem to what it is there.
-        named: gives the result of a step that ends there its place and time.
-        announce: called before a step is solved with where it ends.
-    """
-
-    sizes: StepSizes
-    apply: Callable[[float], object]
-    named: Callable[[float, StepResult], StepResult]
-    announce: Callable[[float], object] = lambda end: None
-
-    def back(self) -> None:
-        """Change the problem to what it is where the last step has ended."""
-        self.apply(self.sizes.reached)
+    return Way(apply, named, 0.0, first_step, sizes["largest"], least, load, beyond, to=load)
