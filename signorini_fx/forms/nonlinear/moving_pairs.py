@@ -110,14 +110,10 @@ class MovingPair:
     @property
     def parted(self) -> str:
         """The place of a point that saw the other side as the step began, if none sees it any more; else ""."""
-        left = self.begun.partnered if not self.coupling.frames.partnered.any() else np.zeros(1, dtype=bool)
-        return self._place_of(np.flatnonzero(left))
-
-    def _place_of(self, points: npt.NDArray[np.int64]) -> str:
-        """The place of the first of some points, "" of none."""
-        if not points.size:
+        left = np.flatnonzero(self.begun.partnered)
+        if self.coupling.frames.partnered.any() or not left.size:
             return ""
-        place = self.coupling.slave.x[self.sides.points[points[0]]]
+        place = self.coupling.slave.x[self.sides.points[left[0]]]
         return f"contact[{self.sides.index}], at ({', '.join(f'{component:.4g}' for component in place)})"
 
     @property

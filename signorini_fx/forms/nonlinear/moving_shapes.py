@@ -187,25 +187,23 @@ def curvature_of(hessians: Array, state: ContactState, *, symmetric: bool = True
 
 
 def turning_of(state: ContactState, size: float) -> Array:
-    """What friction of sliding points in 3D does against displacements that turn their slip, force per length, shape
-    (n, d, d).
+    """What friction of sliding points in 3D does against displacements that turn their slip, in the frames of the
+    points, force per length, shape (n, d, d).
 
     The shear m has the direction of the slip s, so it turns with it: a displacement d along the tangent plane and
     across s meets |m| / |s| d.  Without that a shear would be a dead load, under which rubber that is squeezed between
-    rough plates twists.  In 2D no slip turns; a shear that does not follow its slip, as that of an ellipse, is
-    left out.  Slips that are round-off of the body turn as easily as the smallest other ones.
+    rough plates twists.  A shear that does not follow its slip, as that of an ellipse, is left out.  Slips that are
+    round-off of the body turn as easily as the smallest other ones.
     """
     boundary, slip, shear = state.boundary, state.slip_length, state.shear
-    if slip.shape[1] < 2:
-        return np.zeros((boundary.size, boundary.x.shape[1], boundary.x.shape[1]))
-    far, strong = np.linalg.norm(slip, axis=1), np.linalg.norm(shear, axis=1)
-    along = np.einsum("ni,ni->n", slip, shear) >= (1 - NEGLIGIBLE) * far * strong
-    turns = np.flatnonzero(along & state.in_contact & (state.direction != 0.0).any(axis=1) & (far > 0.0))
-    across = np.column_stack((-slip[turns, 1], slip[turns, 0])) / far[turns, None]
-    ways = np.einsum("nij,nj->ni", boundary.tangents[turns], across)
-    rate = boundary.weight[turns] * strong[turns] / np.maximum(far[turns], NORMAL_DIFFERENCE * size)
     blocks = np.zeros((boundary.size, boundary.x.shape[1], boundary.x.shape[1]))
-    blocks[turns] = rate[:, None, None] * np.einsum("ni,nj->nij", ways, ways)
+    if slip.shape[1] == 2:
+        far, strong = np.linalg.norm(slip, axis=1), np.linalg.norm(shear, axis=1)
+        along = np.einsum("ni,ni->n", slip, shear) >= (1 - NEGLIGIBLE) * far * strong
+        turns = np.flatnonzero(along & state.in_contact & (state.direction != 0.0).any(axis=1) & (far > 0.0))
+        across = np.column_stack((-slip[turns, 1], slip[turns, 0])) / far[turns, None]
+        rate = boundary.weight[turns] * strong[turns] / np.maximum(far[turns], NORMAL_DIFFERENCE * size)
+        blocks[turns, 1:, 1:] = rate[:, None, None] * np.einsum("ni,nj->nij", across, across)
     return blocks
 
 

@@ -134,24 +134,19 @@ class EquilibriumSolver:
         """The verdict on where the body is."""
         return Stability(self.linear, self.tangents, self.residual)
 
-    @cached_property
-    def _farthest_place(self) -> float:
-        """The largest coordinate of a body with contact, length; 0: it has none; collective."""
-        mesh = self.linear.space.mesh
-        if not (self.linear.shapes or self.linear.pairs):
-            return 0.0
-        return float(parallel.largest(mesh.comm, np.abs(mesh.geometry.x), 0.0))
-
-    @cached_property
-    def _least_increment(self) -> float:
-        """Increments that may be round-off of the body, or of the places where contact is met, length; collective."""
-        places = UNITS_OF_PLACES * float(np.finfo(float).eps) * self._farthest_place
-        return max(LEAST_INCREMENT * self.linear.extent, places)
-
     @property
-    def _least_motion(self) -> float:
-        """Increments that may be round-off of where a body is that nothing presses on, length; collective."""
-        return self.linear.scales.coordinate_error / NO_FORCE if self.linear.loose else 0.0
+    def _least_increment(self) -> float:
+        """Increments that may be round-off of the body, of the places where contact is met, or of where a body is that
+        nothing presses on, length; collective.
+        """
+        linear, mesh = self.linear, self.linear.space.mesh
+        least = [LEAST_INCREMENT * linear.extent]
+        if linear.shapes or linear.pairs:
+            farthest = float(parallel.largest(mesh.comm, np.abs(mesh.geometry.x), 0.0))
+            least.append(UNITS_OF_PLACES * float(np.finfo(float).eps) * farthest)
+        if linear.loose:
+            least.append(linear.scales.coordinate_error / NO_FORCE)
+        return max(least)
 
     @cached_property
     def _cells(self) -> BodyCells:
@@ -305,7 +300,7 @@ class EquilibriumSolver:
                 for values, further in ((length * increment, moved), (u.x.array, tools + moved))
             )
             small = change <= ROOT_OF_EPS * size
-            least = change <= max(self._least_increment, self._least_motion)
+            least = change <= self._least_increment
             keeps = length == 1.0 and change <= min(KEPT_TANGENT[0] * size, KEPT_TANGENT[1] * last_change)
             shortened, last_change = self.tangents.given and 2 * change < last_change, change
             ends = small or (length == 1.0 and self._is_linear)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -20,7 +19,7 @@ from signorini_fx.forms.nonlinear.residual import Residual
 from signorini_fx.forms.nonlinear.tangent import Tangents, is_derivative
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import node_positions
-from signorini_fx.mechanics.assembly.nodal_stiffness import NodalStiffness
+from signorini_fx.mechanics.contact_points.contact_map import block_diagonal
 from signorini_fx.records import Status
 from signorini_fx.tuned import HOLDING_STIFFNESS, NO_FORCE, ORDER_IN_PLANE, UNSTABLE_DIRECTION
 
@@ -133,50 +132,40 @@ class Stability:
         Points in contact keep their distance, and those that stick their place, by springs.  The verdict does not
         depend on units: all entries that are no stiffness of the body are shares of its largest one.
         """
-        linear, state, relative = self.linear, self.linear.state, self.linear.relative
-        owned, comm = self._fixed.size, self.u.function_space.mesh.comm
+        linear, space, owned = self.linear, self.linear.space, self._fixed.size
         diagonal = np.abs(linear.elastic.stiffness.getDiagonal().getArray(readonly=True)[:owned])
-        largest = parallel.largest(comm, diagonal, 0.0) or 1.0
-        at_points = turning_of(state, linear.scales.size)
-        curvature, more = linear.curvature, dict[str, Any]()
-        if relative is not None:
-            on_tool, dim = linear.moving_tools.touching(state.boundary) >= 0, at_points.shape[1]
-            more["relative"] = relative.copy()
-            more["relative"][on_tool, :dim, :dim] += at_points[on_tool]
-            at_points[on_tool] = 0.0
-        nodes, blocks = (
-            np.concatenate(parts) for parts in ((curvature.nodes, state.boundary.nodes), (curvature.blocks, at_points))
-        )
-        more["beside"] = NodalStiffness.summed(nodes, blocks, curvature.joint)
-        settings = linear.settings.model_copy(update={"linear_algebra": "full"})
-        points = state.boundary if linear.contact else None
+        largest = parallel.largest(space.mesh.comm, diagonal, 0.0) or 1.0
         body = elastic_body(
-            linear.space,
+            space,
             tangent,
             linear.bcs,
             self._fixed,
-            points,
-            settings,
+            linear.state.boundary if linear.contact else None,
+            linear.settings.model_copy(update={"linear_algebra": "full"}),
+            beside=linear.curvature,
+            relative=linear.relative,
             definite=False,
             symmetric=False,
             of_body=linear.elastic.of_supports,
-            **more,
         )
         matrix, rows = body.stiffness, body.contact.operator
         if linear.contact:
-            kept = (np.flatnonzero(linear.held) + rows.getOwnershipRange()[0]).astype(PETSc.IntType)
-            kept_rows = rows.createSubMatrix(PETSc.IS().createGeneral(kept, comm=matrix.comm))
-            springs = kept_rows.transposeMatMult(kept_rows)
-            fixed = springs.getOwnershipRange()[0] + np.flatnonzero(body.prescribed)
-            springs.zeroRowsColumns(fixed.astype(PETSc.IntType), diag=0.0)
-            structure = PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN
-            matrix.axpy(HOLDING_STIFFNESS * largest, springs, structure=structure)
+            springs, held = turning_of(linear.state, linear.scales.size), linear.held
+            components = np.arange(held.shape[1])
+            springs[:, components, components] += HOLDING_STIFFNESS * largest * held
+            acts = np.flatnonzero(springs.any(axis=(1, 2)))
+            kept = (held.shape[1] * acts[:, None] + components).ravel() + rows.getOwnershipRange()[0]
+            rows = rows.createSubMatrix(PETSc.IS().createGeneral(kept.astype(PETSc.IntType), comm=matrix.comm))
+            added = rows.transposeMatMult(block_diagonal(rows, springs[acts]).matMult(rows))
+            fixed = added.getOwnershipRange()[0] + np.flatnonzero(body.prescribed)
+            added.zeroRowsColumns(fixed.astype(PETSc.IntType), diag=0.0)
+            matrix.axpy(1.0, added, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
         if not linear.symmetric:
             matrix.axpy(1.0, matrix.transpose(PETSc.Mat()))
             matrix.scale(0.5)
         if linear.loose:  # bodies may move without resistance, so that a small stiffness must hold them
             matrix.shift(NO_FORCE * largest)
-        negative, direction = negative_directions(matrix, linear.space.mesh.topology.dim)
+        negative, direction = negative_directions(matrix, space.mesh.topology.dim)
         return negative, direction[:owned]
 
 
