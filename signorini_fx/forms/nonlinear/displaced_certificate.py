@@ -22,7 +22,7 @@ from signorini_fx.forms.mechanics_of_forms import acting_on, prescribed_nodes, s
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
 from signorini_fx.forms.nonlinear.moving_pairs import MovingPair
 from signorini_fx.forms.nonlinear.moving_shapes import MovingShape, motion_at
-from signorini_fx.forms.nonlinear.state import State
+from signorini_fx.forms.nonlinear.outcomes import State
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import node_positions
 from signorini_fx.mechanics.loads.supports import prescribed

@@ -46,9 +46,9 @@ from signorini_fx.forms.nonlinear.moving_shapes import (
     spin_at,
 )
 from signorini_fx.forms.nonlinear.moving_tools import DisplacedRigidBodies, MovingTools
+from signorini_fx.forms.nonlinear.outcomes import State
 from signorini_fx.forms.nonlinear.residual import Residual
 from signorini_fx.forms.nonlinear.retained_points import RetainedPoints
-from signorini_fx.forms.nonlinear.state import State
 from signorini_fx.forms.nonlinear.tangent import Tangents, round_off
 from signorini_fx.forms.solver import FormSolver, StepBeginning
 from signorini_fx.machine import parallel

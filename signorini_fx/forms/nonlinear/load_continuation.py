@@ -14,7 +14,7 @@ from signorini_fx.forms.elasticity import MatrixError
 from signorini_fx.forms.nonlinear import outcomes
 from signorini_fx.forms.nonlinear.displaced_certificate import ResidualMechanics
 from signorini_fx.forms.nonlinear.newton import EquilibriumSolver, NoEquilibrium
-from signorini_fx.forms.nonlinear.state import State
+from signorini_fx.forms.nonlinear.outcomes import State
 from signorini_fx.forms.nonlinear.step_sizes import Way, way_on_path
 from signorini_fx.mechanics.pairs.mortar_coupling import PairingError
 from signorini_fx.mechanics.statement.load_path import LoadPath

@@ -13,11 +13,9 @@ may be free.
 
 The tractions t at the points act on the tool by t and a x t.  As normals turn they meet relative displacements
 r = d - R dq by the blocks C of ``curvature_of``.  As the tool turns by w they turn with it, and arms change by
-da = r + w x a; that is, for (da, w),
+r + w x a; the symmetric part of that is, for (r, w),
 
-    [0, -[t]; [t], -(a . t - t a^T)],   with [t] b = t x b,
-
-whose part about the axis is symmetric.
+    [0, -[t]; [t], a . t - (a t^T + t a^T) / 2],   with [t] b = t x b.
 """
 
 from __future__ import annotations
@@ -160,17 +158,13 @@ class MovingTools:
         # In 2D turns are about x[2]: its rows and columns of space are left out.
         space, axes = np.zeros((2, len(arms), 3)), [*range(dim), *range(6 - turns, 6)]
         space[0, :, :dim], space[1, :, :dim] = arms, forces
-        arm, force = turning_matrices(space[0], 3).transpose(0, 2, 1), turning_matrices(space[1], 3)
-        turned = np.zeros((len(arms), 6, 6))
-        products = np.einsum("nk,nk->n", space[0], space[1])[:, None, None] * np.eye(3)
+        turned, force = np.zeros((len(arms), 6, 6)), turning_matrices(space[1], 3)
         turned[:, :3, 3:], turned[:, 3:, :3] = -force, force
-        turned[:, 3:, 3:] = np.einsum("ni,nj->nij", space[1], space[0]) - products
-        joint = np.tile(np.eye(6), (len(arms), 1, 1))
-        joint[:, :3, 3:] = arm  # da = r + w x a
-        total = joint.transpose(0, 2, 1) @ turned @ joint
-        symmetric = ((total + total.transpose(0, 2, 1)) / 2)[:, axes][:, :, axes]
+        products = np.einsum("ni,nj->nij", *space)
+        along = np.einsum("nii->n", products)[:, None, None] * np.eye(3)
+        turned[:, 3:, 3:] = along - (products + products.transpose(0, 2, 1)) / 2
         lengths = np.append(np.ones(dim), np.full(turns, self.bodies.length))
-        blocks[touched] += symmetric / np.multiply.outer(lengths, lengths)
+        blocks[touched] += turned[:, axes][:, :, axes] / np.multiply.outer(lengths, lengths)
         return blocks
 
 

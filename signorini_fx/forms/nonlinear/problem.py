@@ -23,7 +23,7 @@ from signorini_fx.forms.nonlinear.load_continuation import Continuation
 from signorini_fx.forms.nonlinear.moving_shapes import place
 from signorini_fx.forms.nonlinear.newton import EquilibriumSolver, NoEquilibrium
 from signorini_fx.forms.nonlinear.residual import Residual
-from signorini_fx.forms.nonlinear.results import findings_of, lost_digits, too_stiff
+from signorini_fx.forms.nonlinear.results import findings_of, lost_digits, stress_error, too_stiff
 from signorini_fx.forms.nonlinear.step_sizes import RampStep, way_to_load
 from signorini_fx.forms.nonlinear.tangent import Tangents, refuse_miscompiled
 from signorini_fx.forms.problem_of_forms import ProblemOfForms
@@ -170,8 +170,6 @@ class NonlinearContactProblem(ProblemOfForms):
 
         def error() -> npt.NDArray[np.float64] | str:
             """Of the body as it is now."""
-            from signorini_fx.forms.nonlinear.stress_error import stress_error
-
             if self._solver.solved is not solved:
                 return "there is no estimate of the error of an earlier solve"
             return stress_error(self._F, self.u, self._parts)
