@@ -76,24 +76,25 @@ class MovingPair:
     @property
     def opening(self) -> Array:
         """The linearised gap of the points at the displacement, length, shape (n,)."""
-        return self.sides.opening(self.coupling, self.displacement)
+        coupling = self.coupling
+        gap = np.where(coupling.frames.partnered, coupling.gap, self.sides.reach)
+        return np.asarray(gap + coupling.normal_rows @ self.displacement.ravel())[self.sides.mine]
 
     @property
     def slip_origin(self) -> Array:
         """Where the slip of the points counts from, length, shape (n, d)."""
-        return self.sides.slip_origin(self.coupling, self._start_of(self.coupling), self.displacement)
-
-    def _start_of(self, coupling: SlidingCoupling) -> Frames:
-        """The frames of the beginning of the step, see ``SlidingCoupling.started``."""
-        count = self.sides.slave.nodes.size
-        places = self.sides.slave.surface.x, self.sides.master.surface.x
-        return coupling.started(self.begun, places[0] + self.settled[:count], places[1] + self.settled[count:])
+        coupling, count = self.coupling, self.sides.slave.nodes.size
+        slave, master = self.sides.slave.surface.x, self.sides.master.surface.x
+        slip = coupling.slip(coupling.started(self.begun, slave + self.settled[:count], master + self.settled[count:]))
+        along = (coupling.tangent_rows @ self.displacement.ravel()).reshape(slip.shape)
+        return self.sides.sliding_along(coupling, along - slip)
 
     def stiffness(self, state: ContactState) -> JointStiffness:
-        """What the tractions of a state add to the tangent; collective."""
-        rows = np.flatnonzero(state.boundary.part == self.sides.index)
+        """What the tractions of a state add to the tangent, see ``SlidingCoupling``; collective."""
+        rows, sides = np.flatnonzero(state.boundary.part == self.sides.index), self.sides
         shear = np.einsum("nik,nk->ni", state.boundary.tangents[rows], state.shear[rows])
-        return self.sides.stiffness(self.coupling, state.pressure[rows], shear)
+        along = np.einsum("ndk,nd->nk", self.coupling.frames.tangents, sides.at_points(shear))
+        return JointStiffness(sides.nodes, self.coupling.stiffness(sides.at_points(state.pressure[rows]), along))
 
     def held_nodes(self, *, bilateral: bool) -> HeldNodes:
         """The nodes that supports hold on both sides, and that carry no point; collective."""
