@@ -152,14 +152,16 @@ def test_a_body_of_which_no_digit_is_known(scale, factors):
     and there are no figures of it.
     """
     problem, load, _ = own_block(lossy, scale)
-    with pytest.raises(ConvergenceError, match="no digit known: round-off"):
+    with pytest.raises(ConvergenceError, match=r"no digit known: .*[Rr]ound-off"):
         problem.solve() if factors is None else along(problem, load, factors)
     assert problem.status is Status.NO_DIGIT
     if factors is None:
         assert not problem.u.x.array.any()
     else:
         assert problem.solution.status is Status.NO_DIGIT
-        assert [step.status for step in problem.solution.steps] == [Status.NO_DIGIT]
+        at_rest = factors[1] == 0.0  # a first step without load is solved
+        ended = Status.CONVERGED if at_rest else Status.NO_DIGIT
+        assert [step.status for step in problem.solution.steps] == [ended]
 
 
 @pytest.mark.one_quick

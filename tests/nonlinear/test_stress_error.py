@@ -8,7 +8,7 @@ from mpi4py import MPI
 from reference import interpolated
 
 from signorini_fx import Foundation, NonlinearContactProblem
-from signorini_fx.forms.nonlinear.stress_error import stress_error, stress_of
+from signorini_fx.forms.nonlinear.results import stress_error, stress_of
 from signorini_fx.machine import compat
 
 WORLD = MPI.COMM_WORLD

@@ -19,7 +19,8 @@ from signorini_fx.forms.arguments import conditions_of
 from signorini_fx.forms.given_forms import Facets
 from signorini_fx.forms.mechanics_of_forms import acting_on, prescribed_nodes, sides_of
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
-from signorini_fx.forms.nonlinear.moving_shapes import MovingShape
+from signorini_fx.forms.nonlinear.moving_shapes import MovingShape, motion_at
+from signorini_fx.mechanics.assembly.mesh_entities import node_positions
 from signorini_fx.mechanics.loads.supports import prescribed
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.obstacles.foundations_on_points import ShapeDistances
@@ -90,7 +91,7 @@ class ResidualBody(SolidBody):
         return list(self._at(y).contact_sides)
 
     def stress(self, y: fem.Function, step: float, shared: dict[str, StressRecovery]) -> RawStresses | str:
-        """See ``SolidBody``: of the materials of a scene."""
+        """Of the materials of a scene."""
         if self.at_end.stresses is None:
             return "only the residual knows the stresses of a nonlinear body: evaluate its own expression"
         path = [(displacement, mechanics.place) for displacement, mechanics in self.at_steps]
@@ -101,7 +102,7 @@ class ResidualBody(SolidBody):
         return self._at(y).forces
 
     def acting(self, y: fem.Function, step: float) -> ActingForces:
-        """See ``SolidBody``: at the supports; which loads act is known to the residual alone."""
+        """At the supports; which loads act is known to the residual alone."""
         end = self._at(y)
         if end.supports is not None:
             supports, places = end.supports(step)
@@ -119,18 +120,9 @@ def mechanics_at(
     residual: Array,
     linear: LinearisedProblem,
     lost: Array | None = None,
-    *,
-    unloaded_at_rest: bool = False,
 ) -> ResidualMechanics:
-    """The forces on a body and its contact sides at a displacement; collective.
-
-    Args:
-        u: the displacement.
-        residual: F(u; .) at the owned unknowns, forces.
-        linear: the contact problem of the last iteration, which knows what is prescribed, the foundations as the user
-            gave them, their data and shapes.
-        lost: round-off of the residual, forces, of its shape; None: it is not known.
-        unloaded_at_rest: see ``Balance``.
+    """The forces on a body and its contact sides at a displacement, where F is ``residual`` and its round-off ``lost``,
+    None: not known, forces at the owned unknowns; ``linear``: of the last iteration; collective.
     """
     space, scales = u.function_space, linear.scales
     fixed, values = prescribed(space, conditions_of(linear.bcs, space))
@@ -138,7 +130,7 @@ def mechanics_at(
     places, data = u.x.array.reshape(-1, dim), list(linear.data)
     for number, moving in linear.shapes.items():
         nodal_gap, along = np.full(len(places), np.nan), np.full(places.shape, np.nan)
-        nodal_gap[moving.nodes], along[moving.nodes] = moving.found_from(places[moving.nodes])
+        nodal_gap[moving.nodes], along[moving.nodes] = moving.projected_onto(places[moving.nodes], linear=False)
         distances = ShapeDistances(data[number].shape.factor, along, data[number].shape.axes)
         data[number] = replace(data[number], gap=nodal_gap, shape=distances)
     previous = linear.previous_step
@@ -160,7 +152,6 @@ def mechanics_at(
         lost=known,
         with_loads=True,
         displaced=bool(linear.shapes or linear.pairs),
-        unloaded_at_rest=unloaded_at_rest,
     )
     return ResidualMechanics(
         balance,
@@ -179,50 +170,19 @@ def certified(
     before: PreviousStep | None,
     rigid: Sequence[tuple[RigidBodyMotion, Drive]] = (),
 ) -> Certificate:
-    """Check equilibrium and contact conditions at a displacement; collective.
-
-    Args:
-        u: the displacement.
-        mechanics: see ``mechanics_at``.
-        shapes: those of the foundations that have one, by their numbers.
-        tractions: what the solver claims, per area of the undeformed boundary.
-        law: that the method promises.
-        before: the end of the last step; None: there is none.
-        rigid: where tools are that forces move, and what drives them.
+    """Check equilibrium and contact conditions at a displacement; ``tractions``: what the solver claims; ``rigid``:
+    where tools are that forces move, and what drives them; collective.
     """
-    places = u.x.array.reshape(-1, u.function_space.mesh.geometry.dim)
+    space = u.function_space
+    places = u.x.array.reshape(-1, space.mesh.geometry.dim)
     if before is not None:
-        ends = [motion for motion, _ in rigid], before.rigid
-        begun = before.displacement.x.array.reshape(places.shape)
-        before = replace(before, moved=_motion(shapes, (begun, places), before.tractions, ends))
+        points, begun = before.tractions, before.displacement.x.array.reshape(places.shape)
+        x = node_positions(space)[points.nodes, : places.shape[1]].astype(np.float64)
+        moved = motion_at(points, x, shapes, (begun, places))
+        tools = [(motion, -1.0) for motion, _ in rigid] + [(motion, 1.0) for motion in before.rigid]
+        if moved is not None:
+            for tool, sign in tools:  # beyond what they tell of the undeformed points
+                touching = np.isin(points.part, tool.body.parts)
+                moved[touching] += sign * tool.at(x[touching])
+        before = replace(before, moved=moved)
     return judged(u, mechanics.forces, mechanics.contact_sides, tractions, law=law, before=before, rigid=rigid)
-
-
-def _motion(
-    shapes: Mapping[int, MovingShape],
-    places: tuple[Array, Array],
-    points: Tractions,
-    ends: tuple[Sequence[RigidBodyMotion], Sequence[RigidBodyMotion]],
-) -> Array:
-    """How far the shape of each contact point has moved since the last step, length, shape (n, d), beyond what the
-    motions of tools tell of the undeformed points.
-
-    A node that two shapes touch has a contact point for each.
-
-    Args:
-        shapes: see ``certified``.
-        places: displacements of the nodes at the beginning of the step and now, shape (nodes, d).
-        points: of contact.
-        ends: motions of tools at the end of the step, and at its beginning.
-    """
-    motion = np.zeros((points.nodes.size, places[0].shape[1]))
-    for number, moving in shapes.items():
-        of_shape = np.flatnonzero(points.part == number)
-        at = np.searchsorted(moving.nodes, nodes := points.nodes[of_shape])
-        begun, now = (moving.x[at] + displaced[nodes] for displaced in places)
-        motion[of_shape] = moving.moved(begun, now)
-        for sign, tools in zip((-1.0, 1.0), ends, strict=True):
-            for tool in tools:
-                if number in tool.body.parts:
-                    motion[of_shape] += sign * tool.at(moving.x[at])
-    return motion

@@ -25,10 +25,8 @@ Array = npt.NDArray[np.float64]
 def share_of_increment(slope: Callable[[float], float], first: float, *, search: bool) -> float:
     """The share to take; 0: there is none at which the slope is finite.
 
-    Args:
-        slope: at a share, by which the energy changes; infinite where it cannot be evaluated.
-        first: at 0, negative where the increment goes down.
-        search: whether the slope decides, or only whether it is finite.
+    ``slope``: by which the energy changes at a share, infinite where it cannot be evaluated; ``first``: at 0, negative
+    where the increment goes down; ``search``: whether the slope decides, or only whether it is finite.
     """
     share, now = 1.0, slope(1.0)
     for _ in range(LINE_SEARCH_STEPS):
@@ -65,17 +63,11 @@ def length_of_increment(
     *,
     search: bool,
 ) -> tuple[float, Array | None]:
-    """The share of an increment to take, and F there, which ``forces_at`` has evaluated last; 0 and None: there is no F
-    however short it is; collective.
+    """The share of an increment to take, and F there; 0 and None: there is no F however short it is; collective.
 
-    Args:
-        linear: the contact problem that gives the increment.
-        forces_at: F at the owned unknowns for values of ``u``; None: it has none there.
-        at: values of ``u`` and the increment to them, ghosts included, and F at the owned unknowns.
-        search: whether the slope decides, too: not where prescribed values must arrive.
-
-    Raises:
-        FormError: ``forces_at`` has raised one however short it is.
+    ``forces_at``: see ``Residual.at``; its FormError is raised if it is there however short the increment is; ``at``:
+    values of ``u`` and the increment to them, ghosts included, and F at the owned unknowns; ``search``: whether the
+    slope decides, too: not where prescribed values must arrive.
     """
     old, increment, residual = at
     moved = fem.Function(linear.u.function_space)

@@ -17,7 +17,6 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-import scipy.sparse as sp
 from dolfinx import fem
 
 from signorini_fx.algebra.algorithms.loose import idle, untouched
@@ -35,7 +34,7 @@ from signorini_fx.forms.arguments import conditions_of, settings_of
 from signorini_fx.forms.elasticity import NOT_POSITIVE, NOT_SYMMETRIC, MatrixError, elastic_body
 from signorini_fx.forms.given_forms import given_forms
 from signorini_fx.forms.nonlinear.arguments import slides
-from signorini_fx.forms.nonlinear.moving_pairs import MovingPair, held_between, joint_stiffness, spins_of, turned_forces
+from signorini_fx.forms.nonlinear.moving_pairs import MovingPair, turned_forces
 from signorini_fx.forms.nonlinear.moving_shapes import (
     MovingShape,
     curvature_of,
@@ -46,19 +45,18 @@ from signorini_fx.forms.nonlinear.moving_shapes import (
     slips_by_displacements,
     spin_at,
 )
-from signorini_fx.forms.nonlinear.moving_tools import DisplacedRigidBodies, MovingTools, RelativeStiffness
+from signorini_fx.forms.nonlinear.moving_tools import DisplacedRigidBodies, MovingTools
+from signorini_fx.forms.nonlinear.outcomes import State
 from signorini_fx.forms.nonlinear.residual import Residual
 from signorini_fx.forms.nonlinear.retained_points import RetainedPoints
-from signorini_fx.forms.nonlinear.state import State
-from signorini_fx.forms.nonlinear.tangent import round_off
+from signorini_fx.forms.nonlinear.tangent import Tangents, round_off
 from signorini_fx.forms.solver import FormSolver, StepBeginning
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.averages import averaging
 from signorini_fx.mechanics.assembly.mesh_entities import node_positions
-from signorini_fx.mechanics.assembly.nodal_stiffness import JointStiffness, NodalStiffness
+from signorini_fx.mechanics.assembly.nodal_stiffness import NodalStiffness
 from signorini_fx.mechanics.body.elastic_body import ElasticBody
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
-from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.contact_points.turned_supports import TurnedNodes
 from signorini_fx.mechanics.laws.protocol import FrictionLaw
 from signorini_fx.mechanics.loads.supports import prescribed
@@ -108,7 +106,6 @@ class MovingFoundations(Foundations):
             self.shapes_of_tools[number].settled = shape
 
     def settle(self) -> None:
-        """See ``Foundations``."""
         self.settled = {number: moving.shape for number, moving in self.shapes_of_tools.items()}
 
     @property
@@ -123,22 +120,17 @@ class MovingFoundations(Foundations):
 
     @property
     def rigid_bodies(self) -> RigidBodies:
-        """See ``Foundations``: at the displaced points."""
         bodies = super().rigid_bodies
         if not bodies.bodies:
             return bodies
         return DisplacedRigidBodies(bodies.bodies, bodies.kinematics, bodies.length, self.at)
 
     def measured(self, shape: Any) -> bool:
-        """See ``Foundations``: along the axis of a body of revolution alone, as forces around it cancel."""
+        """Along the axis of a body of revolution alone, as forces around it cancel."""
         return bool(getattr(shape.prescribed, "x", None) == 0.0)
 
     def sides_of(self, number: int, fixed: npt.NDArray[np.bool_], at_rest: npt.NDArray[np.bool_]) -> SlidingSides:
-        """Both sides of a pair, for the arguments see ``boundary``; collective.
-
-        Raises:
-            FormError: see ``SlidingSides``.
-        """
+        """Both sides of a pair, where supports hold and leave unknowns as in ``boundary``; collective."""
         facing = self.facing(number, self.factor_of(number), fixed, None, at_rest)
         return SlidingSides.of(self._space, self._contact[number].reach, facing, number)
 
@@ -150,8 +142,8 @@ class MovingFoundations(Foundations):
         turned: TurnedNodes | None,
         at_rest: npt.NDArray[np.bool_] | None,
     ) -> ContactBoundary:
-        """See ``Foundations``: where both sides are now, if they slide; else as they are paired where they are
-        undeformed, and, unless they are tied, with the normals of now.
+        """Where both sides are now, if they slide; else as they are paired where they are undeformed, and, unless they
+        are tied, with the normals of now.
         """
         if number in self.sliding:
             return self.sliding[number].boundary()
@@ -170,14 +162,14 @@ class MovingFoundations(Foundations):
     def law(
         self, boundary: ContactBoundary, modulus: float, friction: Sequence[FrictionLaw | None] | None = None
     ) -> PointFriction | None:
-        """See ``Foundations``: a point that does not see the other side has none, not even one without pressure."""
+        """A point that does not see the other side has none, not even one without pressure."""
         law = super().law(boundary, modulus, friction)
         return law if law is None else law.without_points(self._alone(boundary))
 
     def problem(
         self, boundary: ContactBoundary, data: Sequence[FoundationData], settings: Settings, scales: Scales
     ) -> tuple[RegularisedData, PointFriction | None]:
-        """See ``Foundations``: a point that does not see the other side is not held at it, either."""
+        """A point that does not see the other side is not held at it, either."""
         regularised, law = super().problem(boundary, data, settings, scales)
         return replace(regularised, bilateral=regularised.bilateral & ~self._alone(boundary)), law
 
@@ -201,29 +193,19 @@ class MovingFoundations(Foundations):
 class LinearisedProblem(FormSolver):
     """The contact problem of one iteration.
 
-    Args:
-        tangent: F', a compiled form.
-        residual: F, a compiled form.
-        evaluated: F at the displacement, with the loads beside it.
-        at: the displacement where both are evaluated.
-        bilinear: F' in UFL where it is the same at all displacements; else None.
-        bcs, contact, boundaries, settings: see ``ContactProblem``.
-
-    Raises:
-        FormError: a tool is not possible.
-
     Attributes:
         stated: the foundations and pairs as they were given; ``contact`` has gaps and directions in place of shapes.
         shapes: of the foundations that have one, by their numbers.
         extent: of the mesh, the diagonal of its box, length.
         curvature: what the shapes add to the tangent.
         symmetric: whether the tangent has been symmetric so far.
+        definite: whether it is taken to be positive definite.
         residual: F at the displacement of now, less the loads; None: it has not been assembled yet.
         several: see ``Start``.
         bodies: see ``BodyPieces``.
     """
 
-    symmetric = True
+    symmetric = definite = True
     residual: Array | None = None
     several = False
     bodies: tuple[str, ...] = ()
@@ -235,11 +217,8 @@ class LinearisedProblem(FormSolver):
 
     def __init__(
         self,
-        tangent: fem.Form,
-        residual: fem.Form,
+        tangents: Tangents,
         evaluated: Residual,
-        at: fem.Function,
-        bilinear: Any,
         bcs: Any,
         contact: Any,
         *,
@@ -248,12 +227,12 @@ class LinearisedProblem(FormSolver):
         boundaries: Mapping[str, Any] | None = None,
         **settings: Any,
     ) -> None:
-        increment, self.stated, self._at = fem.Function(at.function_space), contact, at
-        self._bilinear = bilinear
+        at, self.stated, self._tangents = evaluated.u, contact, tangents
+        self._at, increment = at, fem.Function(at.function_space)
         self.shapes = dict[int, MovingShape]()
         self._gaps = {k: entry.gap for k, entry in enumerate(contact) if entry.shape is not None}
         seen = [entry if entry.shape is None else self._seen(k, entry) for k, entry in enumerate(contact)]
-        forms, increment = given_forms(tangent, residual, seen, increment, boundaries=boundaries)
+        forms, increment = given_forms(tangents.leading, evaluated.form, seen, increment, boundaries=boundaries)
         super().__init__(
             forms,
             increment,
@@ -261,11 +240,11 @@ class LinearisedProblem(FormSolver):
             settings_of(settings),
             (petsc_options_prefix, petsc_options),
         )
-        self._evaluated, self._definite, mesh = evaluated, True, at.function_space.mesh
+        self._evaluated, mesh = evaluated, at.function_space.mesh
         self._retained = RetainedPoints(at)
         dim = mesh.geometry.dim
         self.curvature, self._hessians = NodalStiffness.none(dim), np.zeros((0, dim, dim))
-        self.relative: RelativeStiffness | None = None
+        self.relative: Array | None = None  # see ``MovingTools.relative_stiffness``
         self._diameter = super()._size()
         bounds = parallel.global_bounds(mesh.comm, mesh.geometry.x.astype(np.float64))
         self.extent = float(np.linalg.norm(np.ptp(bounds, axis=0)))
@@ -276,8 +255,7 @@ class LinearisedProblem(FormSolver):
         foundations.check_driven()
 
     def _bilinear_form(self) -> Any:
-        """See ``FormSolver``: moduli of other tangents depend on the displacement."""
-        return self._bilinear
+        return self._tangents.bilinear
 
     def _seen(self, number: int, entry: Any) -> Any:
         """A foundation with a shape as the linearised problem has it: a gap and a direction."""
@@ -299,7 +277,7 @@ class LinearisedProblem(FormSolver):
         return MovingShape(shape, shape, self._added_to_distance(number), nodes, x, turns)
 
     def _added_to_distance(self, number: int) -> Array:
-        """The gap of a foundation with a shape as it is now, at its nodes, length, shape (n,); collective."""
+        """What is added to the distance of a shape now, at its nodes, length, shape (n,); collective."""
         values = self.foundations.nodal_values(number)
         return values(self._gaps[number], f"contact[{number}].gap")[values.nodes]
 
@@ -344,12 +322,7 @@ class LinearisedProblem(FormSolver):
         return [*zip(tools.motions, tools.bodies.drives(), strict=True)]
 
     def slide(self) -> None:
-        """Renew the maps of pairs at the displacement of now; collective.
-
-        Raises:
-            PairingError: a facet sees two sheets of the other side.
-            FormError: two sides do not fit together, or do not see each other although their contact cannot open.
-        """
+        """Renew the maps of pairs at the displacement of now; collective."""
         numbers = [k for k, entry in enumerate(self.contact) if slides(entry)]
         if numbers and not self.pairs:
             fixed, values = prescribed(self.space, conditions_of(self.bcs, self.space))
@@ -374,36 +347,32 @@ class LinearisedProblem(FormSolver):
         self._hessians, tools, self.relative = hessians, self.moving_tools, None
         if tools.there:
             self.relative = tools.relative_stiffness(state, blocks, self.places)
-            nodal = np.where((self.relative.tool >= 0)[:, None, None], 0.0, blocks)
-        joint = joint_stiffness(self.pairs, state)
-        if turning := self._turned_forces(state):
-            both_ways = (JointStiffness(part.nodes, sp.csr_array(part.matrix + part.matrix.T)) for part in turning)
-            joint = (*joint, *both_ways)
+            nodal = np.where((tools.touching(state.boundary) >= 0)[:, None, None], 0.0, blocks)
+        joint = tuple(pair.stiffness(state) for pair in self.pairs.values())
+        places = self.places[: self.space.dofmap.index_map.size_local]
+        for number, paired in self.foundations.kept_pairs.items():
+            if not self.contact[number].bonded:
+                joint = *joint, turned_forces(state, number, paired, self.space, places)
         self.curvature = NodalStiffness.summed(state.boundary.nodes, nodal, joint)
-
-    def _turned_forces(self, state: ContactState) -> list[JointStiffness]:
-        """See ``turned_forces``, for each pair that keeps its partners; collective."""
-        space, places = self.space, self.places[: self.space.dofmap.index_map.size_local]
-        return [turned_forces(state, k, paired, space, places) for k, paired in self._turning_pairs.items()]
-
-    @property
-    def _turning_pairs(self) -> dict[int, PairedSides]:
-        """Pairs that keep their partners without being tied, where they are undeformed, by their numbers."""
-        return {k: paired for k, paired in self.foundations.kept_pairs.items() if not self.contact[k].bonded}
 
     # --- what a FormSolver asks for ---
 
     def begin_step(self) -> Start:
-        """See ``FormSolver``; slips of points that stick are linearised as their tangent planes turn."""
+        """Slips of points that stick are linearised as their tangent planes turn."""
         state = self._state
-        begun = self._from_pairs(super().begin_step())
+        begun = super().begin_step()
+        boundary, tools, origin = self.boundary, self.moving_tools, begun.data.slip_origin
+        for number, pair in self.pairs.items():  # slips count from where their step has begun
+            rows = boundary.part == number
+            origin = origin.copy()
+            origin[rows] = np.einsum("nij,ni->nj", boundary.tangents[rows], pair.slip_origin)
+        begun = replace(begun, data=replace(begun.data, slip_origin=origin))
         if self.task.motions.count:
             begun = replace(begun, several=self.several)
             if self._last is None:
                 self.task.iterate.newton.begin_at(self.task.system.start)
             else:
                 self._last.taken_up(self.task, self.elastic, self.rigid)
-        boundary, tools, origin = self.boundary, self.moving_tools, begun.data.slip_origin
         places = self.places[boundary.nodes] - tools.at_points(boundary)
         way = self._way()
         if tools.there:  # their slips are counted from where a step has begun by their finite motion
@@ -419,8 +388,8 @@ class LinearisedProblem(FormSolver):
         return replace(begun, data=replace(begun.data, slip_origin=origin))
 
     def _way(self) -> Array:
-        """Of contact points relative to shapes since the step has begun, length, shape (n, d); what forces have moved
-        these by is not in it.
+        """Of contact points relative to shapes since the step has begun, length, shape (n, d), without what forces
+        move.
         """
         boundary, previous = self.boundary, self.previous_step
         dim, nodes = boundary.x.shape[1], boundary.nodes
@@ -429,22 +398,12 @@ class LinearisedProblem(FormSolver):
         earlier = previous.displacement.x.array.reshape(-1, dim)[nodes]
         return np.asarray(self.places[nodes] - earlier - (0.0 if previous.moved is None else previous.moved))
 
-    def _from_pairs(self, begun: Start) -> Start:
-        """With the slips of pairs counted from where their step has begun."""
-        if not self.pairs:
-            return begun
-        origin = begun.data.slip_origin.copy()
-        for number, pair in self.pairs.items():
-            rows = self.boundary.part == number
-            origin[rows] = np.einsum("nij,ni->nj", self.boundary.tangents[rows], pair.slip_origin)
-        return replace(begun, data=replace(begun.data, slip_origin=origin))
-
     def _body(self, fixed: npt.NDArray[np.bool_], boundary: ContactBoundary) -> ElasticBody:
-        """See ``FormSolver``: a tangent that is not definite is factorised whole.  Its contact problem may have no
-        solution: then a smaller increment of the load is what helps, not another method.
+        """A tangent that is not definite is factorised whole. Its contact problem may have no solution: then a smaller
+        increment of the load is what helps, not another method.
         """
         indefinite = {"linear_algebra": "full", "fallbacks": False}
-        definite = self._definite and self.symmetric
+        definite = self.definite and self.symmetric
         settings = self.settings if definite else self.settings.model_copy(update=indefinite)
         beside: dict[str, Any] = {"beside": self.curvature, "definite": definite, "symmetric": self.symmetric}
         last, comm = self.__dict__.get("elastic"), self.space.mesh.comm
@@ -453,8 +412,8 @@ class LinearisedProblem(FormSolver):
             beside["of_body"] = last.of_body if self._keeps else last.of_supports
             if self._keeps and isinstance(self.task.system, CondensedSystem):
                 beside["eliminated"] = self.task.system.schur
-        if self.relative is not None and len(self.relative.blocks) == boundary.size:
-            beside["relative"] = self.relative.blocks
+        if self.relative is not None and len(self.relative) == boundary.size:
+            beside["relative"] = self.relative
         if self._one_body and definite:
             beside["far"] = self._retained.far_points(boundary, self._state, self.shapes, self.prescribed)
         try:
@@ -471,14 +430,14 @@ class LinearisedProblem(FormSolver):
         return self.elastic.forces_where_free(self._at) - self._residual_now
 
     def _set_up(self, shapes: Sequence[ShapeDistances]) -> tuple[RegularisedData, PointFriction | None]:
-        """See ``FormSolver``; displacements are counted from the initial position, whatever holds the body."""
+        """Displacements are counted from the initial position, whatever holds the body."""
         data = super()._set_up(shapes)
         self.task = replace(self.task, rest=None)
         return data
 
     def _case(self, values: Array) -> LoadCase:
-        """See ``FormSolver``: with what relative displacements meet; only the residual and what drives tools do work on
-        free motions, and round-off of theirs is none.
+        """With what relative displacements meet; only the residual and what drives tools do work on free motions, and
+        round-off of theirs is none.
         """
         case, elastic = super()._case(values), self.elastic
         if elastic.motions.free.size:
@@ -488,25 +447,17 @@ class LinearisedProblem(FormSolver):
             case = replace(case, resultant=replace(resultant, size=resultant.size + self._lost / NO_FORCE))
         if elastic.relative is None or self.relative is None:
             return case
-        dim, fixed, moved = self.boundary.x.shape[1], self.prescribed[0], self.moving_tools.coordinates
-        driven = self.rigid.driven_together
+        moved, driven = self.moving_tools.coordinates.ravel(), self.rigid.driven_together
         assert driven is not None
-        free_tools = ~self.rigid.fixed.reshape(moved.shape)
-        held_at = np.where(free_tools, 0.0, driven.motion.reshape(moved.shape))
-        away = self._at.x.array - np.where(fixed, values, 0.0)
-        forces, on_tools, _ = self.relative.forces(self.boundary, away.reshape(-1, dim), moved - held_at)
-        at_nodes = np.zeros((elastic.fixed.size // dim, dim))
-        np.add.at(at_nodes, self.boundary.nodes, forces)
-        added, load = np.where(elastic.fixed, 0.0, at_nodes.ravel()), case.load.getArray()
-        load[: added.size] += added
-        if elastic.comm.rank == elastic.comm.size - 1:
-            load[added.size : added.size + moved.size] += np.where(free_tools, on_tools, 0.0).ravel()
+        away = self._at.x.array - np.where(self.prescribed[0], values, 0.0)
+        forces, _ = elastic.relative_forces(away, moved - np.where(self.rigid.fixed, driven.motion, 0.0))
+        case.load.getArray()[:] += np.where(elastic.prescribed, 0.0, forces)
         return case
 
     def _beside(self) -> Sequence[npt.NDArray[Any]]:
         pairs = [values for pair in self.pairs.values() for values in pair.fingerprint]
         joint = [part.matrix.data for part in self.curvature.joint]
-        tools = [] if self.relative is None else [self.relative.blocks]
+        tools = [] if self.relative is None else [self.relative]
         if self.rigid.bodies:  # arms change with both
             tools += [self.moving_tools.coordinates, self._at.x.array]
         elif not self._one_body and len(self.pairs) < sum(entry.against is not None for entry in self.contact):
@@ -514,11 +465,10 @@ class LinearisedProblem(FormSolver):
         return self.curvature.nodes, self.curvature.blocks, np.asarray(self._evaluated.loads), *pairs, *joint, *tools
 
     def _size(self) -> float:
-        """See ``FormSolver``: that of the body before it is deformed."""
         return self._diameter
 
     def _moved(self, boundary: ContactBoundary) -> Array | None:
-        return motion_at(boundary, self.shapes, self._begun_places, self.places)
+        return motion_at(boundary, boundary.x, self.shapes, (self._begun_places, self.places))
 
     @property
     def _begun_places(self) -> Array:
@@ -528,7 +478,7 @@ class LinearisedProblem(FormSolver):
         return self._last.before.displacement.x.array.reshape(self.places.shape)
 
     def _spin(self, boundary: ContactBoundary) -> Array | None:
-        return spins_of(self.pairs, boundary, spin_at(boundary, self.shapes))
+        return spin_at(boundary, {**self.shapes, **self.pairs})
 
     def _note_cost(self, begin: float) -> None:
         """Nothing: who asks for costs asks for those of a load step."""
@@ -546,9 +496,7 @@ class LinearisedProblem(FormSolver):
     def _lost(self) -> float:
         """What round-off may make of the resultant of the residual, force; collective."""
         if self._round_off is None:
-            values, free = self._at.x.array.copy(), ~self.elastic.fixed
-            lost = round_off(self._at, self._residual_now, self._evaluated.at)
-            self._evaluated.go_to(values)
+            lost, free = round_off(self._evaluated, self._residual_now), ~self.elastic.fixed
             self._round_off = UNITS_OF_NO_LOAD * float(parallel.global_sum(self.space.mesh.comm, lost[free].sum()))
         return self._round_off
 
@@ -556,7 +504,7 @@ class LinearisedProblem(FormSolver):
 
     def begin_anew(self) -> None:
         """A new load: the tangent is definite until a factorisation refuses it."""
-        self._definite, self._round_off = True, None
+        self.definite, self._round_off = True, None
         self._retained.begin_anew()
 
     @property
@@ -565,15 +513,10 @@ class LinearisedProblem(FormSolver):
         return not self.rigid.bodies and self.relative is None and self.set_up
 
     def solve(self, *, keeps_stiffness: bool = False) -> None:
-        """Solve it; a tangent that Cholesky's factorisation refuses is factorised as LDL^T; collective.
+        """Solve it, with the stiffness of the last solve if ``keeps_stiffness`` and that has a solution; a tangent that
+        Cholesky's factorisation refuses is factorised as LDL^T; collective.
 
-        Args:
-            keeps_stiffness: whether the body has the stiffness of the last solve, with the residual and the contact
-                points of now, if that has a solution.
-
-        Raises:
-            ConvergenceError: there is no solution.
-            MatrixError: the tangent is not finite, or not symmetric.
+        Raises ConvergenceError: there is no solution; MatrixError: the tangent is not finite, or not symmetric.
         """
         if not (keeps_stiffness and self._solve_with_last_stiffness()):
             self._solve()
@@ -595,7 +538,6 @@ class LinearisedProblem(FormSolver):
         return solved
 
     def _solve(self) -> None:
-        """See ``solve``, without what shears pass on; collective."""
         try:
             why = self.attempt()
             curved = bool(self.curvature.nodes.size or self.curvature.joint)
@@ -609,19 +551,22 @@ class LinearisedProblem(FormSolver):
         else:
             if not why:
                 return
-            if not self._definite or self.status not in (Status.SINGULAR, Status.LINEAR_SOLVER):
+            if not self.definite or self.status not in (Status.SINGULAR, Status.LINEAR_SOLVER):
                 raise ConvergenceError(self, why)
-        self._definite, self._last_pattern = False, None
+        self.definite, self._last_pattern = False, None
         self.history.add("the tangent is not positive definite: it is factorised as LDL^T")
         if why := self.attempt():
             raise ConvergenceError(self, why)
 
     def attempt(self) -> str:
-        with self._retained.chosen():
+        self._retained.all = False
+        try:
             return super().attempt()
+        finally:
+            self._retained.all = True
 
     def _outcome_of_now(self) -> Outcome:
-        """See ``FormSolver``: once more with more points if one has touched that was taken to be far."""
+        """Once more with more points if one has touched that was taken to be far."""
         outcome = super()._outcome_of_now()
         if not self._retained.suffice(self.elastic.far, self.begun, outcome):
             self._last_pattern = None
@@ -630,11 +575,7 @@ class LinearisedProblem(FormSolver):
         return outcome
 
     def leave_open(self, status: Status) -> None:
-        """Make the displacement of now, without any contact, the last result; collective.
-
-        Args:
-            status: how the solve has ended that it is the result of.
-        """
+        """Make the displacement of now, without any contact, the last result, of a solve with this end; collective."""
         with options.applied(*self.options):
             begun = self.begun = self.begin_step()
         nowhere = np.zeros(self.boundary.size)
@@ -654,26 +595,12 @@ class LinearisedProblem(FormSolver):
         """How many steps have ended."""
         return 0 if self._last is None else self._last.start.step
 
-    @property
-    def definite(self) -> bool:
-        """Whether the tangent is taken to be positive definite."""
-        return self._definite
-
     def begin_at_tangent(self, *, definite: bool, symmetric: bool) -> None:
         """Assemble the contact problem at the displacement of now, as in the last iteration of an earlier run;
         collective.
-
-        Args:
-            definite: see ``definite``, in that run.
-            symmetric: see ``symmetric``, in that run.
-
-        Raises:
-            MatrixError: see ``solve``.
-            PairingError: see ``slide``.
-            FormError: a value is not finite.
         """
         self.begin_anew()
-        self._definite, self.symmetric = definite, symmetric
+        self.definite, self.symmetric = definite, symmetric
         self.slide()
         self._last_pattern = None
         with options.applied(*self.options):
@@ -695,13 +622,9 @@ class LinearisedProblem(FormSolver):
             self.return_to(advanced)
 
     def derivative_at_solution(self) -> tuple[Any, ...]:
-        """The last solution with the derivative of its contact problem there, see ``SolvedStep.of``, and the problem of
-        that; collective.
+        """The last solution with the derivative of its contact problem there, see ``SolvedStep.of``; collective.
 
-        The derivative of a shear that turns is not symmetric.  All contact points take part.
-
-        Raises:
-            MatrixError: see ``solve``.
+        The derivative of a shear that turns is not symmetric. All contact points take part.
         """
         outcome, solved, symmetric = self.outcome, self.state, self.symmetric
         assert outcome is not None
@@ -718,12 +641,11 @@ class LinearisedProblem(FormSolver):
         return self.elastic, self.task, outcome, self.begun, state, self._at, self.law_now(), turning
 
     def data_now(self, solved: FormSolver | None = None, begun: Array | None = None) -> tuple[Any, ...]:
-        """See ``FormSolver``; and no drives of rigid bodies, and how far shapes have moved at contact points in the
-        load step: all at the displacement of now with what supports prescribe, by which contact points move, too.
+        """See ``FormSolver``; without drives of rigid bodies, and with the motion of shapes at contact points in the
+        step.
 
-        Args:
-            solved: see ``FormSolver``.
-            begun: the displacement at the end of the last step, its values; None: that of the last step here.
+        Contact points are at the displacement of now with what supports prescribe. ``begun``: values of the
+        displacement at the end of the last step; None: those of the last step here.
         """
         kept, at = self._at.x.array.copy(), self._at.x.array
         fixed, supports = prescribed(self.space, conditions_of(self.bcs, self.space))
@@ -731,17 +653,14 @@ class LinearisedProblem(FormSolver):
         try:
             *data, boundary, gap, law = super().data_now(solved)
             begins = self._begun_places if begun is None else begun.reshape(self.places.shape)
-            return (*data, boundary, gap, law, None, motion_at(boundary, self.shapes, begins, self.places))
+            motion = motion_at(boundary, boundary.x, self.shapes, (begins, self.places))
+            return (*data, boundary, gap, law, None, motion)
         finally:
             at[:] = kept
             self._evaluated.go_to(kept)
 
     def _forms_and_forces(self) -> tuple[list[fem.Form], Array]:
-        """See ``FormSolver``: no form, and minus the residual at the displacement of now.
-
-        Raises:
-            FormError: the residual is not finite there.
-        """
+        """No form, and minus the residual at the displacement of now."""
         if (residual := self._evaluated.at(self._at.x.array.copy())) is None:
             raise FormError([("F", "is not finite beside the solution")])
         return [], -residual
@@ -765,12 +684,11 @@ class LinearisedProblem(FormSolver):
         """
         work = 0.0
         if self.rigid.bodies:
-            moved = self.reached - self.moving_tools.coordinates
+            moved = (self.reached - self.moving_tools.coordinates).ravel()
             springs = np.where(self.rigid.fixed, 0.0, self.rigid.stiffness)
-            work += float(springs @ moved.ravel() ** 2)
-            if self.relative is not None:
-                nodal = displacement.x.array.reshape(-1, self.boundary.x.shape[1])
-                work += self.relative.forces(self.boundary, nodal, moved)[2]
+            work += float(springs @ moved**2)
+            if self.elastic.relative is not None:
+                work += self.elastic.relative_forces(displacement.x.array, moved)[1]
         return self.elastic.forces_where_free(displacement), self.curvature.times(displacement), work
 
     def state_now(self, certificate: Certificate | None, iterations: int) -> State:
@@ -780,8 +698,8 @@ class LinearisedProblem(FormSolver):
         return State(self._at.x.array.copy(), *solution, certificate, iterations, shapes, tools)
 
     def go_back(self, state: State) -> None:
-        """Make an earlier solution the last one; shapes stay where they are placed, but for those that forces move; the
-        next solve assembles anew; collective.
+        """Make an earlier solution the last one; shapes stay where they are placed, but for those that forces move;
+        collective.
         """
         self._at.x.array[:] = state.displacement
         self.fields.take(self.space, state.contact)
@@ -810,24 +728,10 @@ class LinearisedProblem(FormSolver):
         return np.asarray(rough & acts & (state.direction == 0.0).all(axis=1))
 
     @property
-    def held(self) -> Array:
-        """The directions that contact with shapes holds at each contact point, zero where it holds none, shape (n, d,
-        d).
-        """
-        assert self.outcome is not None
-        boundary = self.state.boundary
-        alone = ~np.isin(boundary.part, [k for k, entry in enumerate(self.contact) if entry.against is not None])
-        normal = boundary.normal[:, None, :] * (self.state.in_contact & alone)[:, None, None]
-        tangents = boundary.tangents.transpose(0, 2, 1) * (self._sticks & alone)[:, None, None]
-        return np.concatenate((normal, tangents), axis=1)
-
-    @property
-    def holding(self) -> list[JointStiffness]:
-        """What contact holds between the sides of pairs, see ``SlidingSides``; collective."""
-        sticks = self._sticks
-        sliding = [pair.holding(self.state, sticks) for pair in self.pairs.values()]
-        paired = [k for k, entry in enumerate(self.contact) if entry.against is not None and k not in self.pairs]
-        return [*sliding, held_between(self.state, paired, sticks)] if paired else sliding
+    def held(self) -> npt.NDArray[np.bool_]:
+        """Which relative displacements contact holds, along the normal and the tangents of each point, shape (n, d)."""
+        sticks = np.tile(self._sticks[:, None], self.state.shear.shape[1])
+        return np.column_stack((self.state.in_contact, sticks))
 
     @property
     def factor_fits(self) -> bool:

@@ -6,20 +6,25 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
 
+import numpy as np
 from dolfinx import fem
 
 from signorini_fx.errors import FormError
-from signorini_fx.forms.nonlinear import outcomes, restarted_body
+from signorini_fx.forms.elasticity import MatrixError
+from signorini_fx.forms.nonlinear import outcomes
 from signorini_fx.forms.nonlinear.displaced_certificate import ResidualMechanics
 from signorini_fx.forms.nonlinear.newton import EquilibriumSolver, NoEquilibrium
-from signorini_fx.forms.nonlinear.results import without_digits
-from signorini_fx.forms.nonlinear.state import State
-from signorini_fx.forms.nonlinear.step_sizes import Way, sizes_on_path
+from signorini_fx.forms.nonlinear.outcomes import State
+from signorini_fx.forms.nonlinear.step_sizes import Way, way_on_path
+from signorini_fx.mechanics.pairs.mortar_coupling import PairingError
 from signorini_fx.mechanics.statement.load_path import LoadPath
 from signorini_fx.records import Status, StepRecord, Timings
 from signorini_fx.results.mechanics import StepResult
+from signorini_fx.results.restart_files import Figures
 from signorini_fx.solving.checkpointed_steps import MeshCheckpoint
 from signorini_fx.solving.load_steps import Marks, Stepping
+
+_SOLUTION, _TANGENT = "solution", "tangent"
 
 
 @dataclass
@@ -58,9 +63,7 @@ class Continuation:
     ) -> None:
         """Solve the steps of a way, see ``Stepping``, and for ``several`` ``Start``; collective.
 
-        Raises:
-            NoEquilibrium: one has no solution, and no smaller one is to be tried.
-            FormError: likewise.
+        Raises NoEquilibrium or FormError: one has no solution, and no smaller one is to be tried.
         """
         self.forget()
         solver = self.solver
@@ -68,18 +71,12 @@ class Continuation:
         stepping = Stepping[StepResult](
             solver.linear.history,
             solver.timings,
-            ended=lambda: way.sizes.ended,
+            ended=lambda: way.ended,
             solved=partial(self._next_step, way),
             recalled=partial(self._recall, way),
             store=partial(self._store, way),
         )
-        earlier_farthest = solver.farthest
         stepping.all(on_step, checkpoint)
-        if solver.farthest > earlier_farthest and without_digits([step.certificate for step in self.steps]):
-            assert solver.solved is not None
-            solver.solved = replace(solver.solved, step=replace(solver.solved.step, status=Status.NO_DIGIT))
-            solver.status, solver.failure = Status.NO_DIGIT, Status.NO_DIGIT.value
-            raise NoEquilibrium(f"{Status.NO_DIGIT.value}: {solver.origin.advice_on(Status.NO_DIGIT)}")
 
     def along(
         self,
@@ -88,11 +85,7 @@ class Continuation:
         on_step: Callable[[StepResult], object],
         checkpoint: MeshCheckpoint | None = None,
     ) -> None:
-        """Solve the steps of a path by places instead of times; for the arguments see ``Way``; collective.
-
-        Raises:
-            NoEquilibrium, FormError: see ``follow``.
-        """
+        """Solve the steps of a path by places instead of times; collective."""
         history = self.solver.linear.history
 
         def named(end: float, step: StepResult) -> StepResult:
@@ -104,63 +97,60 @@ class Continuation:
             if path.several:
                 history.add(StepRecord(number, path.name_at(end), path.time_at(end)))
 
-        self.follow(Way(sizes_on_path(path), apply, named, announce), on_step, checkpoint, several=path.several)
+        way = way_on_path(path, apply, named, announce)
+        self.follow(way, on_step, checkpoint, several=path.several)
 
     def _next_step(self, way: Way) -> StepResult | None:
-        """Solve the next step of a way; None: it has no solution and will be another one; collective.
-
-        Raises:
-            Exception: see ``follow``.
-        """
-        begun, sizes = self.solver.snapshot(), way.sizes
-        end = sizes.next
+        """Solve the next step of a way; None: it has no solution and will be another one; collective."""
+        begun = self.solver.snapshot()
+        end = way.next
         try:
             way.announce(end)
             way.apply(end)
-            self.solver.attempt(final=not sizes.may_halve)
+            self.solver.attempt(final=not way.may_halve)
             self.solver.take()
         except Exception as error:
             self._give_up(way, begun, error)
             return None
-        sizes.accept(self.solver.iterations)
+        way.accept(self.solver.iterations)
         return self.end_step(way, end)
 
     def _give_up(self, way: Way, begun: State, error: Exception) -> None:
-        """Go back to where a step has begun that has no solution, and say where it is to end instead; collective.
-
-        Args:
-            way: that of the step.
-            begun: the body when it begins.
-            error: why there is none.
-
-        Raises:
-            Exception: no other step is to be tried.
+        """Go back to where a step has begun that has no solution, and say where it is to end instead, or raise why
+        there is none; collective.
         """
-        sizes, solver = way.sizes, self.solver
+        solver = self.solver
         history, status = solver.linear.history, solver.status
-        final = not sizes.may_halve or status in outcomes.FINAL
+        final = not way.may_halve or status in outcomes.FINAL
         if status is not None and solver.without:
             status = Status.LIMIT
         if final and isinstance(error, NoEquilibrium) and solver.solved is None:
             assert status is not None
             solver.take_before(status, len(history.iterations) - self._solves_before)
             if (before := solver.solved) is not None:
-                solver.solved = replace(before, step=way.named(sizes.next, before.step))
+                solver.solved = replace(before, step=way.named(way.next, before.step))
         solver.begin_again(begun, way.back)
-        end, reached = f"{sizes.kind} {sizes.shown(sizes.next):g}", sizes.shown(sizes.reached)
+        kind = "time" if way.to is None else "load"
+        end, reached = f"{kind} {way.shown(way.next):g}", way.shown(way.reached)
         history.add(f"{end} is given up, back at {reached:g}: {error}")
         if not isinstance(error, NoEquilibrium | FormError):
             raise error
         if not final:
-            sizes.halve()
+            way.halve()
         else:
-            last = outcomes.last_solution(reached if self.steps else None, sizes.to)
+            last = "there is no solution before it"
+            if self.steps:
+                of = "" if way.to is None else f" of {way.to:g}"
+                last = f"there is a solution at {'' if of else 'time '}{reached:g}{of}"
             if isinstance(error, FormError):
-                raise outcomes.at_load(error, end, last) from error.__cause__
+                reasons = [(key, f"{reason} (at {end}; {last})") for key, reason in error.problems]
+                raise FormError(reasons, error.source) from error.__cause__
             assert status is not None
-            solver.status = status
-            text = outcomes.end_of_ramp(status, solver.failure, end, last, solver.origin.advice_on(status))
-            raise NoEquilibrium(text) from error.__cause__
+            solver.status, advice = status, solver.origin.advice_on(status)
+            text = f"{solver.failure}: at {end}; {last}"
+            if status is Status.LIMIT:
+                text = f"{status.value}: {last}; a step to {end} ends with: {solver.failure}"
+            raise NoEquilibrium(f"{text}. {advice[0].upper()}{advice[1:]}") from error.__cause__
 
     def end_step(self, way: Way, end: float) -> StepResult:
         """Make the last solution that of a step, and begin the next one; ``end``: where the step ends; collective."""
@@ -174,9 +164,27 @@ class Continuation:
         return step
 
     def _store(self, way: Way, checkpoint: MeshCheckpoint, step: StepResult, marks: Marks) -> None:
-        """Store a step in a checkpoint; for the arguments see ``Stepping``; collective."""
-        solver, figures = self.solver, {"newton": self.solver.iterations, "path": way.sizes.stored()}
-        restarted_body.store(solver.linear, checkpoint, step, solver.tangent_at, solver.timings, marks, figures)
+        """Store a load step in a checkpoint; for the arguments see ``Stepping``; collective.
+
+        Stored are its displacement, that at which its last tangent was formed, and the iterate of the contact problem
+        of that.  All else follows as load steps are gone through again.
+        """
+        solver, linear = self.solver, self.solver.linear
+        assert linear.outcome is not None
+        values, coordinates = solver.tangent_at
+        figures = {
+            "newton": solver.iterations,
+            "path": {"reached": way.reached, "step": way.step},
+            "linear_solves": step.linear_solves,
+            "coordinates": {_SOLUTION: linear.moving_tools.coordinates.tolist(), _TANGENT: coordinates.tolist()},
+            "definite": bool(linear.definite),
+            "symmetric": bool(linear.symmetric),
+        }
+        at, start = fem.Function(linear.space), replace(linear.begun, place=step.place)
+        at.x.array[:] = values
+        beside, result = {_SOLUTION: step.displacement, _TANGENT: at}, replace(step, displacement=linear.u.copy())
+        solved = linear.task, start, linear.outcome, result
+        checkpoint.store(linear.elastic, solver.timings, *solved, marks, figures, beside)
 
     def _recall(self, way: Way, checkpoint: MeshCheckpoint) -> StepResult | None:
         """Go to the next step as an earlier run has left it, and certify it anew; None: it is not there, or is solved
@@ -190,16 +198,46 @@ class Continuation:
         begun, end = solver.snapshot(), float(figures["place"])
         with timings.phase("restart"):
             way.apply(end)
-            fits = restarted_body.recalled(solver.linear, checkpoint, figures, solver.residual)
+            fits = self._fits(checkpoint, figures)
         if fits:
             if (status := solver.certify(begun)) is Status.CONVERGED:
                 solver.status, solver.iterations = status, figures["newton"]
                 solver.linear_solves = figures["linear_solves"]
                 solver.take()
                 checkpoint.recall_history(figures, history, timings)
-                way.sizes.resume(figures["path"])
+                way.reached, way.step = (figures["path"][name] for name in ("reached", "step"))
                 return self.end_step(way, end)
             history.add(f"restart: load step {number + 1}: {status.value}: it is solved again")
             checkpoint.forget(number)
         solver.begin_again(begun, way.back)
         return None
+
+    def _fits(self, checkpoint: MeshCheckpoint, figures: Figures) -> bool:
+        """Give the body the displacement and the contact of its next load step, with loads and shapes of it; whether
+        they fit; collective.
+        """
+        linear, residual = self.solver.linear, self.solver.residual
+        number, tools = linear.step, linear.moving_tools
+        fields = checkpoint.beside(number, linear.space, (_SOLUTION, _TANGENT))
+        if fields is None:
+            checkpoint.forget(number)
+            return False
+        (solution, tangent), shape = fields, tools.coordinates.shape
+        at_solution, at_tangent = (
+            np.array(figures["coordinates"][name], dtype=np.float64).reshape(shape) for name in (_SOLUTION, _TANGENT)
+        )
+        try:
+            if residual.at(tangent.x.array.copy()) is None:
+                return False
+            tools.carry_to(at_tangent)
+            linear.begin_at_tangent(definite=figures["definite"], symmetric=figures["symmetric"])
+            start = replace(linear.begun, place=float(figures["place"]), factors=np.ones(1))
+            outcome = checkpoint.recall(linear.elastic, linear.scales.size, linear.task, start)
+        except (FormError, MatrixError, PairingError):
+            return False
+        if outcome is None:
+            return False
+        linear.accept(outcome)
+        tools.carry_to(at_solution)
+        residual.u.x.array[:] = solution.x.array
+        return True

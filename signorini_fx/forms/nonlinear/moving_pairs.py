@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import scipy.sparse as sp
 from dolfinx import fem
 from dolfinx import mesh as dmesh
-from mpi4py import MPI
 
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.nodal_stiffness import JointStiffness
@@ -53,11 +51,7 @@ class MovingPair:
         self.settle()
 
     def move(self, u: fem.Function) -> None:
-        """Renew the map at a displacement; collective.
-
-        Raises:
-            PairingError: a facet sees two sheets of the other side.
-        """
+        """Renew the map at a displacement; a PairingError: a facet sees two sheets of the other side; collective."""
         owned = u.function_space.dofmap.index_map.size_local
         displacement = self.sides.gathered(u.x.array.reshape(-1, self.displacement.shape[1])[:owned])
         if not np.array_equal(displacement, self.displacement):
@@ -79,48 +73,42 @@ class MovingPair:
     @property
     def opening(self) -> Array:
         """The linearised gap of the points at the displacement, length, shape (n,)."""
-        return self.sides.opening(self.coupling, self.displacement)
+        coupling = self.coupling
+        gap = np.where(coupling.frames.partnered, coupling.gap, self.sides.reach)
+        return np.asarray(gap + coupling.normal_rows @ self.displacement.ravel())[self.sides.mine]
 
     @property
     def slip_origin(self) -> Array:
         """Where the slip of the points counts from, length, shape (n, d)."""
-        return self.sides.slip_origin(self.coupling, self._start_of(self.coupling), self.displacement)
-
-    def _start_of(self, coupling: SlidingCoupling) -> Frames:
-        """The frames of the beginning of the step, see ``SlidingCoupling.started``."""
-        count = self.sides.slave.nodes.size
-        places = self.sides.slave.surface.x, self.sides.master.surface.x
-        return coupling.started(self.begun, places[0] + self.settled[:count], places[1] + self.settled[count:])
+        coupling, count = self.coupling, self.sides.slave.nodes.size
+        slave, master = self.sides.slave.surface.x, self.sides.master.surface.x
+        slip = coupling.slip(coupling.started(self.begun, slave + self.settled[:count], master + self.settled[count:]))
+        along = (coupling.tangent_rows @ self.displacement.ravel()).reshape(slip.shape)
+        return self.sides.sliding_along(coupling, along - slip)
 
     def stiffness(self, state: ContactState) -> JointStiffness:
-        """What the tractions of a state add to the tangent; collective."""
-        rows = np.flatnonzero(state.boundary.part == self.sides.index)
+        """What the tractions of a state add to the tangent, see ``SlidingCoupling``; collective."""
+        rows, sides = np.flatnonzero(state.boundary.part == self.sides.index), self.sides
         shear = np.einsum("nik,nk->ni", state.boundary.tangents[rows], state.shear[rows])
-        return self.sides.stiffness(self.coupling, state.pressure[rows], shear)
-
-    def holding(self, state: ContactState, sticks: npt.NDArray[np.bool_]) -> JointStiffness:
-        """See ``SlidingSides``; ``sticks``: which of the points of a state friction holds; collective."""
-        rows = np.flatnonzero(state.boundary.part == self.sides.index)
-        return self.sides.holding(self.coupling, state.in_contact[rows], sticks[rows])
+        along = np.einsum("ndk,nd->nk", self.coupling.frames.tangents, sides.at_points(shear))
+        return JointStiffness(sides.nodes, self.coupling.stiffness(sides.at_points(state.pressure[rows]), along))
 
     @property
     def parted(self) -> str:
         """The place of a point that saw the other side as the step began, if none sees it any more; else ""."""
-        left = self.begun.partnered if not self.coupling.frames.partnered.any() else np.zeros(1, dtype=bool)
-        return self._place_of(np.flatnonzero(left))
-
-    def _place_of(self, points: npt.NDArray[np.int64]) -> str:
-        """The place of the first of some points, "" of none."""
-        if not points.size:
+        left = np.flatnonzero(self.begun.partnered)
+        if self.coupling.frames.partnered.any() or not left.size:
             return ""
-        place = self.coupling.slave.x[self.sides.points[points[0]]]
+        place = self.coupling.slave.x[self.sides.points[left[0]]]
         return f"contact[{self.sides.index}], at ({', '.join(f'{component:.4g}' for component in place)})"
 
     @property
-    def spin(self) -> Array:
-        """The rotation of the frames of the points of this rank since the step has begun, shape (n, d, d): in a plane
-        of symmetry, where neither half turns about the normal alone, about the direction across it.
+    def rotation(self) -> Array:
+        """That of the frames of the points of this rank since the step has begun, shape (n, d, d), in 2D of no account:
+        in a plane of symmetry, where neither half turns about the normal alone, about the direction across it.
         """
+        if self.displacement.shape[1] == 2:
+            return np.eye(2)
         frames, start = (
             np.concatenate((_normals_of(frames.tangents)[:, :, None], self._tangents(frames)), axis=2)
             for frames in (self.coupling.frames, self.begun)
@@ -149,23 +137,6 @@ def _normals_of(tangents: Array) -> Array:
     return np.asarray(np.cross(tangents[:, :, 0], tangents[:, :, 1]))
 
 
-def spins_of(pairs: Mapping[int, MovingPair], boundary: ContactBoundary, spin: Array | None) -> Array | None:
-    """The rotations of all contact points since the last step, shape (n, d, d); None: by none that counts.
-
-    Args:
-        pairs: by the numbers of their contacts.
-        boundary: all contact points.
-        spin: of points on shapes; None: by none that counts.
-    """
-    dimension = boundary.x.shape[1]
-    if dimension == 2 or not pairs:
-        return spin
-    rotation = np.tile(np.eye(dimension), (boundary.size, 1, 1)) if spin is None else spin
-    for number, pair in pairs.items():
-        rotation[boundary.part == number] = pair.spin
-    return rotation
-
-
 def sheared_across_gaps(pairs: Mapping[int, MovingPair], state: ContactState) -> list[Finding]:
     """Friction that acts at points that are not in contact, as a bound without pressure lets it, for each pair;
     collective.
@@ -188,44 +159,11 @@ def sheared_across_gaps(pairs: Mapping[int, MovingPair], state: ContactState) ->
     return findings
 
 
-def joint_stiffness(pairs: Mapping[int, MovingPair], state: ContactState) -> tuple[JointStiffness, ...]:
-    """What the tractions of all pairs add to the tangent; collective."""
-    return tuple(pair.stiffness(state) for pair in pairs.values())
-
-
-def held_between(state: ContactState, pairs: Sequence[int], sticks: npt.NDArray[np.bool_]) -> JointStiffness:
-    """Products of the rows of relative displacements that contact holds, see ``SlidingSides.holding``; collective.
-
-    Args:
-        state: the contact points of this rank.
-        pairs: the numbers of the contacts.
-        sticks: which of the points friction holds, shape (n,).
-    """
-    boundary, averages = state.boundary, state.boundary.averages
-    assert averages is not None
-    dim, of_pair = boundary.x.shape[1], np.isin(boundary.part, pairs)
-    operator = sp.csr_array(averages.operator)
-    nodes = (dim * averages.nodes[:, None] + np.arange(dim)).ravel()
-    total = sp.csr_array((nodes.size, nodes.size))
-    for flags, directions in ((state.in_contact, boundary.normal[:, :, None]), (sticks, boundary.tangents)):
-        points = np.flatnonzero(flags & of_pair)
-        rows = along_vectors(directions[points]) @ operator[(dim * points[:, None] + np.arange(dim)).ravel()]
-        total = total + sp.csr_array(rows.T @ rows)
-    entries = total.tocoo()
-    return _joint(boundary.comm, dim, (nodes[entries.row], nodes[entries.col], entries.data))
-
-
 def turned_forces(
     state: ContactState, number: int, paired: PairedSides, space: fem.FunctionSpace, displacement: Array
 ) -> JointStiffness:
-    """What displacements change of the contact forces of a pair as normals turn, which is not symmetric; collective.
-
-    Args:
-        state: the contact points of this rank, with tractions.
-        number: of the contact.
-        paired: both sides where they are undeformed.
-        space: of the displacement.
-        displacement: of the owned nodes, length, shape (owned nodes, d).
+    """What displacements of the owned nodes change of the contact forces of a pair as normals turn, which is not
+    symmetric, and its transpose; ``paired``: both sides where they are undeformed; collective.
     """
     boundary, averages, dim = state.boundary, state.boundary.averages, displacement.shape[1]
     assert averages is not None
@@ -239,26 +177,18 @@ def turned_forces(
     forces = along_vectors((weight * tractions).swapaxes(1, 2)) @ paired.turning(space, displacement)
     entries = sp.coo_array(operator.T @ forces)
     rows, columns = ((dim * nodes[:, None] + components).ravel() for nodes in (averages.nodes, paired.master.nodes))
-    return _joint(boundary.comm, dim, (rows[entries.row], columns[entries.col], entries.data))
-
-
-def _joint(comm: MPI.Comm, dim: int, entries: tuple[npt.NDArray[Any], ...]) -> JointStiffness:
-    """The sum of entries of all ranks, rows, columns and values, by unknowns of the whole body; collective."""
-    row, column, value = (np.concatenate(part) for part in zip(*comm.allgather(entries), strict=True))
+    of_rank = rows[entries.row], columns[entries.col], entries.data
+    row, column, value = (np.concatenate(part) for part in zip(*boundary.comm.allgather(of_rank), strict=True))
     unknowns = np.stack((row, column))
     reached = np.unique(unknowns // dim)
     places = np.searchsorted(reached, unknowns // dim) * dim + unknowns % dim
     matrix = sp.coo_array((value, (places[0], places[1])), shape=(dim * reached.size, dim * reached.size))
-    return JointStiffness(reached, sp.csr_array(matrix))
+    return JointStiffness(reached, sp.csr_array(matrix + matrix.T))
 
 
 def slid_past_partners(state: ContactState, sides: Mapping[int, float]) -> list[Finding]:
     """A warning for each pair whose touching points have moved farther along the other side than partners may be kept;
-    collective.
-
-    Args:
-        state: the contact points of this rank.
-        sides: the mean size of facets of the first side of each of these pairs, length, by the number of the contact.
+    ``sides``: the mean size of facets of the first side of each, length, by the number of the contact; collective.
     """
     findings, boundary = list[Finding](), state.boundary
     for number, facet in sides.items():

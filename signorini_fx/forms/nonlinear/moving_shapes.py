@@ -3,6 +3,10 @@
 A node X that is displaced by u is outside of a shape if phi(X + u) >= 0, with phi the signed distance of the shape.
 With the unit normal n_f = grad phi at X + u the condition for a new displacement y is, to first order,
 - n_f . y <= phi(X + u) - n_f . u: a gap and a direction as every foundation has them.
+
+Functions of all shapes take the contact points ``boundary``, the ``shapes`` by the numbers of their foundations,
+``places``, displacements of the nodes, shape (nodes, d), and the ``size`` of the body, lengths; H are the ``hessians``,
+and w is the ``way`` of the points relative to their shapes since the last step, length, shape (n, d).
 """
 
 from __future__ import annotations
@@ -72,13 +76,7 @@ class MovingShape:
         return self.shape.model_copy(update=home) if self.driven else self.shape
 
     def carry_to(self, translation: Array, turn: Array, pivot: Array) -> None:
-        """Put a shape that forces move this far from where it is given.
-
-        Args:
-            translation: of the pivot of its rigid body.
-            turn: about that, see ``turn``.
-            pivot: see ``pivot``.
-        """
+        """Put a shape that forces move at this translation of the pivot of its rigid body, and turn about that."""
         home, dim = self._home, translation.size
         self.translation, self.turn, self.pivot = translation, turn, pivot
         about = home.reference(dim) - pivot
@@ -106,11 +104,7 @@ class MovingShape:
         self._given = self._distances()
 
     def check(self, number: int, comm: MPI.Comm) -> None:
-        """Refuse a shape that is no longer as it was placed: its way is not known; collective.
-
-        Raises:
-            FormError: it has been changed; ``number``: of its foundation.
-        """
+        """Refuse a shape that is no longer as it was placed: its way is not known; collective."""
         if parallel.any_rank(comm, not np.array_equal(self._distances(), self._given)):
             cure = "give its class placed(shift=...) and moved_from(earlier, x), and move it by place()"
             reason = f"{type(self.shape).__name__} has changed by itself, so that its way is not known: {cure}"
@@ -121,28 +115,17 @@ class MovingShape:
         by_user = not is_of_package(type(self.shape)) and len(self.x)
         return np.array(self.shape.distance(self.x)[0] if by_user else [], dtype=np.float64)
 
-    def projected_onto(self, u: Array) -> tuple[Array, Array]:
-        """The linearised gap, length, shape (n,), and the direction to the shape, unit vectors of shape (n, d).
-
-        Args:
-            u: displacements of the nodes, shape (n, d).
+    def projected_onto(self, u: Array, *, linear: bool = True) -> tuple[Array, Array]:
+        """The linearised gap, length, shape (n,), and the direction to the shape, unit vectors, shape (n, d), at nodes
+        displaced by u, shape (n, d); of a shape that forces move the turn is taken to be a small one, if ``linear``.
         """
         signed, normal = self.shape.distance(self.x + u)
-        relative = u - self.spun(self.x + u)  # to a shape that forces move, whose motion is an unknown, too
-        return np.asarray(signed + self.added - np.einsum("ni,ni->n", normal, relative)), -normal
-
-    def found_from(self, u: Array) -> tuple[Array, Array]:
-        """The same with the finite motion of a shape that forces move."""
-        signed, normal = self.shape.distance(self.x + u)
-        relative = u - self.rigid_motion(self.x)
+        relative = u - (self.spun(self.x + u) if linear else self.rigid_motion(self.x))
         return np.asarray(signed + self.added - np.einsum("ni,ni->n", normal, relative)), -normal
 
     def curvature(self, places: Array, size: float) -> Array:
-        """The second derivatives of the distance, 1 / length, shape (n, d, d), by central differences of the normal.
-
-        Args:
-            places: points, shape (n, d).
-            size: of the body, length.
+        """The second derivatives of the distance, 1 / length, shape (n, d, d), by central differences of the normal
+        over a share of the ``size`` of the body.
         """
         dimension, step = places.shape[1], NORMAL_DIFFERENCE * size
         hessian = np.zeros((len(places), dimension, dimension))
@@ -154,7 +137,8 @@ class MovingShape:
     @property
     def rotation(self) -> Array:
         """By which it has turned since the last step, shape (d, d); one of another kind has not."""
-        if not isinstance(self.shape, Shape) or not isinstance(self.settled, Shape):
+        stays = self.shape == self.settled
+        if stays or not isinstance(self.shape, Shape) or not isinstance(self.settled, Shape):
             return np.eye(self.x.shape[1])
         return self.shape.turned_from(self.settled, self.x.shape[1])
 
@@ -163,11 +147,8 @@ class MovingShape:
 
         They are those where the nodes were: the way of a node relative to it turns with it then.  Not the closest ones:
         a node may be inside by the penalty, or away by a gap that is added, and would slip as both turn.  Objects of
-        other kinds know the way of the points that are closest now alone.
-
-        Args:
-            begun: places of nodes at the end of the last step, shape (n, d).
-            places: where these are now, likewise.
+        other kinds know the way of the points that are closest now alone.  ``begun`` and ``places``: of nodes at the
+        end of the last step, and now, shape (n, d).
         """
         if self.shape == self.settled:
             return np.zeros_like(places)
@@ -177,13 +158,8 @@ class MovingShape:
 
 
 def hessians_at(boundary: ContactBoundary, shapes: Mapping[int, MovingShape], places: Array, size: float) -> Array:
-    """The second derivatives H of the distances at contact points, 1 / length, shape (n, d, d); zero without a shape.
-
-    Args:
-        boundary: the contact points.
-        shapes: by the numbers of their foundations.
-        places: displacements of the nodes, shape (nodes, d).
-        size: of the body, length.
+    """The second derivatives H of the distances at contact points, 1 / length, shape (n, d, d); zero without
+    a shape.
     """
     hessians = np.zeros((boundary.size, boundary.x.shape[1], boundary.x.shape[1]))
     for number, moving in shapes.items():
@@ -197,13 +173,9 @@ def curvature_of(hessians: Array, state: ContactState, *, symmetric: bool = True
     displacements of the points relative to shapes, force per length, shape (n, d, d).
 
     The force of a pressure lambda along the normal n turns by -lambda H d, with H the second derivatives of the
-    distance; a shear m in the tangent plane turns by n (m . H d).
-
-    Args:
-        hessians: H, see ``hessians_at``.
-        state: of the contact points, with their tractions.
-        symmetric: whether the transpose of what turns the shear is added.  It acts on displacements along the normal
-            alone: where there is contact these are of second order in d.
+    distance; a shear m in the tangent plane turns by n (m . H d).  Where ``symmetric`` the transpose of what turns the
+    shear is added: it acts on displacements along the normal alone, and where there is contact these are of second
+    order in d.
     """
     boundary = state.boundary
     shear = np.einsum("nij,nj->ni", boundary.tangents, state.shear)
@@ -215,29 +187,23 @@ def curvature_of(hessians: Array, state: ContactState, *, symmetric: bool = True
 
 
 def turning_of(state: ContactState, size: float) -> Array:
-    """What friction of sliding points in 3D does against displacements that turn their slip, force per length, shape
-    (n, d, d).
+    """What friction of sliding points in 3D does against displacements that turn their slip, in the frames of the
+    points, force per length, shape (n, d, d).
 
     The shear m has the direction of the slip s, so it turns with it: a displacement d along the tangent plane and
     across s meets |m| / |s| d.  Without that a shear would be a dead load, under which rubber that is squeezed between
-    rough plates twists.  In 2D no slip turns; a shear that does not follow its slip, as that of an ellipse, is
-    left out.
-
-    Args:
-        state: of the contact points, with their tractions and slips of this step.
-        size: of the body, length: slips that are round-off of it turn as easily as the smallest other ones.
+    rough plates twists.  A shear that does not follow its slip, as that of an ellipse, is left out.  Slips that are
+    round-off of the body turn as easily as the smallest other ones.
     """
     boundary, slip, shear = state.boundary, state.slip_length, state.shear
-    if slip.shape[1] < 2:
-        return np.zeros((boundary.size, boundary.x.shape[1], boundary.x.shape[1]))
-    far, strong = np.linalg.norm(slip, axis=1), np.linalg.norm(shear, axis=1)
-    along = np.einsum("ni,ni->n", slip, shear) >= (1 - NEGLIGIBLE) * far * strong
-    turns = np.flatnonzero(along & state.in_contact & (state.direction != 0.0).any(axis=1) & (far > 0.0))
-    across = np.column_stack((-slip[turns, 1], slip[turns, 0])) / far[turns, None]
-    ways = np.einsum("nij,nj->ni", boundary.tangents[turns], across)
-    rate = boundary.weight[turns] * strong[turns] / np.maximum(far[turns], NORMAL_DIFFERENCE * size)
     blocks = np.zeros((boundary.size, boundary.x.shape[1], boundary.x.shape[1]))
-    blocks[turns] = rate[:, None, None] * np.einsum("ni,nj->nij", ways, ways)
+    if slip.shape[1] == 2:
+        far, strong = np.linalg.norm(slip, axis=1), np.linalg.norm(shear, axis=1)
+        along = np.einsum("ni,ni->n", slip, shear) >= (1 - NEGLIGIBLE) * far * strong
+        turns = np.flatnonzero(along & state.in_contact & (state.direction != 0.0).any(axis=1) & (far > 0.0))
+        across = np.column_stack((-slip[turns, 1], slip[turns, 0])) / far[turns, None]
+        rate = boundary.weight[turns] * strong[turns] / np.maximum(far[turns], NORMAL_DIFFERENCE * size)
+        blocks[turns, 1:, 1:] = rate[:, None, None] * np.einsum("ni,nj->nij", across, across)
     return blocks
 
 
@@ -246,11 +212,6 @@ def turned_slips(boundary: ContactBoundary, hessians: Array, way: Array) -> Arra
 
     The slip is the part of the way w along the tangent plane, which turns with a displacement d.  So the slip changes
     by M d with M = 1 - (n_f . w) H on the plane, not by d, where a point has come to its shape within the step.
-
-    Args:
-        boundary: the contact points.
-        hessians: H, see ``hessians_at``.
-        way: w, of the points relative to their shapes since the last step, length, shape (n, d).
     """
     along = np.einsum("ni,ni->n", boundary.normal, way)  # - n_f . w
     bends = np.einsum("n,nki,nkl,nlj->nij", along, boundary.tangents, hessians, boundary.tangents)
@@ -267,7 +228,7 @@ def slips_by_displacements(
 ) -> Array:
     """How slips of this step change with displacements d of their points, less d along the contact, without unit, shape
     (n, d - 1, d): see ``turned_slips``, and a shape of a user's own that turns within the step has moved farther
-    elsewhere; the arguments are those of ``turned_slips`` and ``hessians_at``.
+    elsewhere.
     """
     slopes = np.zeros((boundary.size, boundary.x.shape[1] - 1, boundary.x.shape[1]))
     slopes[:, :, 1:] = turned_slips(boundary, hessians, way)
@@ -285,66 +246,47 @@ def slips_by_displacements(
 
 
 def left_by_turning(boundary: ContactBoundary, hessians: Array, way: Array, slip: Array) -> Array:
-    """What part of a slip turning tangent planes undo, or take on top of it, length, shape (n, d - 1).
+    """What part of a slip s turning tangent planes undo, or take on top of it: s - M^-1 s, length, shape (n, d - 1).
 
     With M of ``turned_slips`` what is left to go, s, needs d = -M^-1 s.  In a bowl M may vanish: it is not taken below
     1 + ``MOST_TURNED``.
-
-    Args:
-        boundary: the contact points.
-        hessians: see ``turned_slips``.
-        way: likewise.
-        slip: s, shape (n, d - 1).
-
-    Returns:
-        s - M^-1 s.
     """
     sizes, axes = np.linalg.eigh(turned_slips(boundary, hessians, way))
     sizes = np.maximum(sizes, MOST_TURNED)
     return np.asarray(np.einsum("nij,nj,nkj,nk->ni", axes, sizes / (1 + sizes), axes, slip))
 
 
-def motion_at(
-    boundary: ContactBoundary, shapes: Mapping[int, MovingShape], begun: Array, places: Array
-) -> Array | None:
+def motion_at(points: Any, x: Array, shapes: Mapping[int, MovingShape], ends: tuple[Array, Array]) -> Array | None:
     """How far shapes have moved at contact points since the last step, length, shape (n, d); None: none has.
 
-    Args:
-        boundary: the contact points.
-        shapes: by the numbers of their foundations.
-        begun: displacements of the nodes at the end of the last step, shape (nodes, d).
-        places: those of now, likewise.
+    ``points``: with the ``part`` and the node of each, whose undeformed places are ``x``; ``ends``: displacements of
+    the nodes at the end of the last step and now, shape (nodes, d).
     """
     if all(moving.shape == moving.settled for moving in shapes.values()):
         return None
-    displacements = np.zeros_like(boundary.x)
+    motion = np.zeros_like(x)
     for number, moving in shapes.items():
-        on_part = boundary.part == number
-        x, nodes = boundary.x[on_part], boundary.nodes[on_part]
-        displacements[on_part] = moving.moved(x + begun[nodes], x + places[nodes])
-    return displacements
+        on_part = np.flatnonzero(points.part == number)
+        begun, now = (x[on_part] + displaced[points.nodes[on_part]] for displaced in ends)
+        motion[on_part] = moving.moved(begun, now)
+    return motion
 
 
-def spin_at(boundary: ContactBoundary, shapes: Mapping[int, MovingShape]) -> Array | None:
-    """By which rotation the shape of each contact point has turned since the last step, shape (n, d, d); None: none has
-    moved.
+def spin_at(boundary: ContactBoundary, moving: Mapping[int, Any]) -> Array | None:
+    """By which rotation what each contact point touches has turned since the last step, shape (n, d, d); ``moving``:
+    shapes and pairs, by the numbers of their contacts; None: there are none.
     """
-    if all(moving.shape == moving.settled for moving in shapes.values()):
+    if not moving:
         return None
     rotation = np.tile(np.eye(boundary.x.shape[1]), (boundary.size, 1, 1))
-    for number, moving in shapes.items():
-        rotation[boundary.part == number] = moving.rotation
+    for number, touched in moving.items():
+        rotation[boundary.part == number] = touched.rotation
     return rotation
 
 
 def fitting(number: int, shape: Any, dimension: int, *, turns: bool = True) -> Any:
-    """The shape of a foundation, if it fits a mesh of this dimension.
-
-    Args:
-        number: of the foundation.
-        shape: as a user gives it.
-        dimension: of the mesh.
-        turns: whether forces may turn it: not where the contact has a measure, or points that average.
+    """The shape of a foundation as a user gives it, if it fits a mesh of this dimension; ``turns``: whether forces may
+    turn it: not where the contact has a measure, or points that average.
 
     Raises:
         FormError: it does not.
@@ -361,8 +303,7 @@ def fitting(number: int, shape: Any, dimension: int, *, turns: bool = True) -> A
 def not_driven(shape: Any, dimension: int, *, turns: bool = True) -> tuple[str, str] | None:
     """What of a shape that forces move is not possible, and why; None: nothing.
 
-    In 3D components of rotation vectors add up about one axis alone: either one is free and the others are zero, or
-    all are prescribed.
+    In 3D components of rotation vectors add up about one axis alone.
     """
     if not isinstance(shape, Shape):
         return "force", "cannot move an object of this kind: derive it from Shape"
@@ -420,13 +361,8 @@ def _finite(value: Any) -> bool:
 
 
 def rigid_motion(x: Array, translation: Array, turn: Array, pivot: Array) -> Array:
-    """How far a rigid body that has turned, and then moved, takes points, length, shape (n, d).
-
-    Args:
-        x: the points, shape (n, d).
-        translation: of its pivot, shape (d,).
-        turn: the rotation vector, radians, in 2D an angle, shape (1,) or (3,).
-        pivot: length, shape (d,).
+    """How far a rigid body that has turned, and then moved, takes points at x, length, shape (n, d); ``turn``: the
+    rotation vector, radians, in 2D an angle, shape (1,) or (3,).
     """
     return np.asarray((x - pivot) @ (turn_of(turn) - np.eye(x.shape[1])).T + translation)
 
@@ -445,12 +381,8 @@ def across_arms(turn: Array, arms: Array) -> Array:
 
 
 def turned_further(initial: float | tuple[float, ...], turn: Array, near: float | tuple[float, ...]) -> Any:
-    """The rotation of a shape, degrees, that is turned further than it is given.
-
-    Args:
-        initial: its rotation, degrees, see ``Shape``.
-        turn: the rotation vector by which it is turned then, radians.
-        near: a rotation from which that is not far: of all whole turns more or fewer the nearest one is taken.
+    """The rotation of a shape, degrees, that is turned by a rotation vector in radians from its ``initial`` one; of all
+    whole turns more or fewer that nearest to ``near`` is taken.
     """
     if turn.size == 1:
         assert isinstance(initial, float)

@@ -13,11 +13,9 @@ may be free.
 
 The tractions t at the points act on the tool by t and a x t.  As normals turn they meet relative displacements
 r = d - R dq by the blocks C of ``curvature_of``.  As the tool turns by w they turn with it, and arms change by
-da = r + w x a; that is, for (da, w),
+r + w x a; the symmetric part of that is, for (r, w),
 
-    [0, -[t]; [t], -(a . t - t a^T)],   with [t] b = t x b,
-
-whose part about the axis is symmetric.
+    [0, -[t]; [t], a . t - (a t^T + t a^T) / 2],   with [t] b = t x b.
 """
 
 from __future__ import annotations
@@ -32,7 +30,6 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from signorini_fx.forms.nonlinear.moving_shapes import MovingShape, across_arms, rigid_motion
-from signorini_fx.machine import parallel
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.kinematics.protocol import Kinematics
@@ -62,13 +59,11 @@ class ToolMotion(RigidBodyMotion):
         return rigid_motion(x, self.translation, self.rotation, self.reference)
 
     def as_dict(self, contact: ContactState, contacts: Sequence[Any], kinematics: Kinematics) -> dict[str, Any]:
-        """See ``RigidBodyMotion``: its gap is not linearised."""
+        """Its gap is not linearised."""
         return super().as_dict(contact, contacts, kinematics) | {"gap_error": None}
 
     def arms(self, contact: ContactState, touching: npt.NDArray[np.bool_]) -> Array:
-        """See ``RigidBodyMotion``: a of the displaced points, from their displacement relative to the tool, which is
-        r = X + a - c - psi x a.
-        """
+        """Arms of the displaced points, from their displacement relative to the tool, r = X + a - c - psi x a."""
         boundary = contact.boundary
         relative = contact.u_n[:, None] * boundary.normal
         relative = relative + np.einsum("nij,nj->ni", boundary.cotangents, contact.u_t)
@@ -77,7 +72,7 @@ class ToolMotion(RigidBodyMotion):
         return np.asarray(np.linalg.solve(turns, away.T).T)
 
     def lever(self, x: Array, displacements: Array) -> Array:
-        """See ``RigidBodyMotion``: where they are, from where the pivot is."""
+        """Where they are, from where the pivot is."""
         return np.asarray(x + displacements - self.reference - self.translation)
 
 
@@ -149,13 +144,9 @@ class MovingTools:
             return np.zeros_like(boundary.x)
         return np.asarray(boundary.moving.modes @ self.coordinates.ravel())
 
-    def relative_stiffness(self, state: ContactState, curvature: Array, displacement: Array) -> RelativeStiffness:
-        """What the tractions of contact points do to motions relative to tools.
-
-        Args:
-            state: of the contact points, with their tractions.
-            curvature: C, force per length, shape (n, d, d).
-            displacement: of the nodes of this rank, length, shape (nodes, d).
+    def relative_stiffness(self, state: ContactState, curvature: Array, displacement: Array) -> Array:
+        """Forces of (r, L w), the displacement relative to the tool and its turn, from the tractions of contact points,
+        force per length, symmetric, zero where there is no tool, shape (n, m, m); ``curvature``: C, shape (n, d, d).
         """
         boundary, tool = state.boundary, self.touching(state.boundary)
         dim, turns, touched = self._translations, len(self.bodies.kinematics.rotations), tool >= 0
@@ -167,56 +158,17 @@ class MovingTools:
         # In 2D turns are about x[2]: its rows and columns of space are left out.
         space, axes = np.zeros((2, len(arms), 3)), [*range(dim), *range(6 - turns, 6)]
         space[0, :, :dim], space[1, :, :dim] = arms, forces
-        arm, force = turning_matrices(space[0], 3).transpose(0, 2, 1), turning_matrices(space[1], 3)
-        turned = np.zeros((len(arms), 6, 6))
-        products = np.einsum("nk,nk->n", space[0], space[1])[:, None, None] * np.eye(3)
+        turned, force = np.zeros((len(arms), 6, 6)), turning_matrices(space[1], 3)
         turned[:, :3, 3:], turned[:, 3:, :3] = -force, force
-        turned[:, 3:, 3:] = np.einsum("ni,nj->nij", space[1], space[0]) - products
-        joint = np.tile(np.eye(6), (len(arms), 1, 1))
-        joint[:, :3, 3:] = arm  # da = r + w x a
-        total = joint.transpose(0, 2, 1) @ turned @ joint
-        symmetric = ((total + total.transpose(0, 2, 1)) / 2)[:, axes][:, :, axes]
+        products = np.einsum("ni,nj->nij", *space)
+        along = np.einsum("nii->n", products)[:, None, None] * np.eye(3)
+        turned[:, 3:, 3:] = along - (products + products.transpose(0, 2, 1)) / 2
         lengths = np.append(np.ones(dim), np.full(turns, self.bodies.length))
-        blocks[touched] += symmetric / np.multiply.outer(lengths, lengths)
-        return RelativeStiffness(tool, blocks)
+        blocks[touched] += turned[:, axes][:, :, axes] / np.multiply.outer(lengths, lengths)
+        return blocks
 
 
 def turning_matrices(vectors: Array, dimension: int) -> Array:
     """The matrices of the products w x a, shape (n, d, d), of vectors w of shape (n, 3), in 2D (n, 1)."""
     units = np.tile(np.eye(dimension), (len(vectors), 1, 1))
     return np.stack([across_arms(vectors, units[:, axis]) for axis in range(dimension)], axis=2)
-
-
-@dataclass(frozen=True)
-class RelativeStiffness:
-    """What motions relative to tools meet at contact points.
-
-    Attributes:
-        tool: of each of them, -1: none, shape (n,).
-        blocks: forces of (r, L w), the displacement relative to the tool and its turn, force per length, symmetric,
-            zero where there is no tool, shape (n, m, m).
-    """
-
-    tool: npt.NDArray[np.int64]
-    blocks: Array
-
-    def forces(self, boundary: ContactBoundary, displacements: Array, moved: Array) -> tuple[Array, Array, float]:
-        """The forces at the points, shape (n, d), on the unknowns of tools, shape (t, m), and the work on both;
-        collective.
-
-        Args:
-            boundary: the contact points.
-            displacements: of the nodes of this rank, shape (nodes, d).
-            moved: the coordinates of tools, shape (t, m).
-        """
-        assert boundary.moving is not None
-        dim, touched, modes = boundary.x.shape[1], self.tool >= 0, boundary.moving.modes
-        relative = displacements[boundary.nodes] - modes @ moved.ravel()
-        turns = np.vstack((moved, np.zeros(moved.shape[1])))[self.tool][:, dim:]
-        motion = np.column_stack((relative, turns))
-        forces = np.einsum("nij,nj->ni", self.blocks, motion)
-        on_tools = -np.einsum("nik,ni->k", modes, forces[:, :dim]).reshape(moved.shape)
-        np.add.at(on_tools[:, dim:], self.tool[touched], forces[touched, dim:])
-        sums = np.append(on_tools.ravel(), np.sum(forces * motion))
-        total = parallel.global_sum(boundary.comm, sums)
-        return forces[:, :dim], total[:-1].reshape(moved.shape), float(total[-1])

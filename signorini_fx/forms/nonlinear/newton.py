@@ -20,21 +20,19 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from signorini_fx.errors import FormError
-from signorini_fx.forms.arguments import conditions_of
 from signorini_fx.forms.elasticity import NOT_FINITE, MatrixError
 from signorini_fx.forms.nonlinear import outcomes
 from signorini_fx.forms.nonlinear.displaced_certificate import ResidualMechanics, certified, mechanics_at
 from signorini_fx.forms.nonlinear.line_search import length_of_increment
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
+from signorini_fx.forms.nonlinear.outcomes import State
 from signorini_fx.forms.nonlinear.penetration import overlap, overlap_of_bodies
 from signorini_fx.forms.nonlinear.residual import Residual
-from signorini_fx.forms.nonlinear.results import SolvedBody, without_digits
+from signorini_fx.forms.nonlinear.results import SolvedBody
 from signorini_fx.forms.nonlinear.stability import Stability
-from signorini_fx.forms.nonlinear.state import State
 from signorini_fx.forms.nonlinear.tangent import Tangents, round_off
 from signorini_fx.forms.solver import StepBeginning
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.loads.supports import prescribed
 from signorini_fx.mechanics.obstacles.shapes_inside import BodyCells
 from signorini_fx.mechanics.pairs.mortar_coupling import PairingError
 from signorini_fx.records import Status, Timings
@@ -44,10 +42,8 @@ from signorini_fx.results.solution import ConvergenceError
 from signorini_fx.tuned import (
     KEPT_TANGENT,
     LEAST_INCREMENT,
-    LOST_UNITS,
     NO_FORCE,
     ROOT_OF_EPS,
-    UNITS_OF_NO_LOAD,
     UNITS_OF_PLACES,
 )
 
@@ -85,29 +81,21 @@ class EquilibriumSolver:
     """Finds the equilibrium next to where a nonlinear body is, with loads and shapes as they are.
 
     Attributes:
-        u: the displacement.
         linear: the contact problem of an iteration, with the shapes.
-        residual: F.
-        tangents: the user's and the derivative of F.
         commit: the user's function at the end of a step.
-        max_newton: iterations.
         asks_stability: whether an equilibrium must be stable.
-        origin: of F.
         status: how the last attempt has ended; None: by an error, or there is none.
         certificate: of the last solution, or the last iterate; None: there is none.
-        iterations: of the last attempt.
-        linear_solves: of the last attempt.
+        iterations, linear_solves: of the last attempt.
         failure: how the last attempt has ended that has no solution, in words.
         without: why there may be no solution, in words; empty: nothing says so.
         tangent_at: where the last tangent was formed: values of the displacement, and coordinates of tools.
         last: the last solution that was taken, or what there was before; None: nothing was tried so far.
         solved: the last solution that was taken, for results; None: there is none.
         begun: where the step begins that it ends; None: there is none.
-        timings: of the attempts.
         farthest: the largest displacement of the solutions that were taken, relative to the size of the body.
     """
 
-    u: fem.Function
     linear: LinearisedProblem
     residual: Residual
     tangents: Tangents
@@ -129,50 +117,44 @@ class EquilibriumSolver:
     farthest: float = 0.0
     _detail: str = ""  # see ``outcomes.failure``
     _tried: Array | None = None  # see ``Stability.reason_for_none``
-    _begins: Array = field(init=False)  # values of ``u`` where the last attempt began
-    _unloaded: bool = False  # whether that was at rest, see ``_rests_unloaded``
     _mechanics: ResidualMechanics = field(init=False)  # of the certificate
+
+    @property
+    def u(self) -> fem.Function:
+        """The displacement."""
+        return self.residual.u
 
     @cached_property
     def stability(self) -> Stability:
         """The verdict on where the body is."""
-        return Stability(self.u, self.linear, self.tangents, self.residual)
-
-    @cached_property
-    def _farthest_place(self) -> float:
-        """The largest coordinate of a body with contact, length; 0: it has none; collective."""
-        mesh = self.linear.space.mesh
-        if not (self.linear.shapes or self.linear.pairs):
-            return 0.0
-        return float(parallel.largest(mesh.comm, np.abs(mesh.geometry.x), 0.0))
-
-    @cached_property
-    def _least_increment(self) -> float:
-        """Increments that may be round-off of the body, or of the places where contact is met, length; collective."""
-        places = UNITS_OF_PLACES * float(np.finfo(float).eps) * self._farthest_place
-        return max(LEAST_INCREMENT * self.linear.extent, places)
+        return Stability(self.linear, self.tangents, self.residual)
 
     @property
-    def _least_motion(self) -> float:
-        """Increments that may be round-off of where a body is that nothing presses on, length; collective."""
-        return self.linear.scales.coordinate_error / NO_FORCE if self.linear.loose else 0.0
+    def _least_increment(self) -> float:
+        """Increments that may be round-off of the body, of the places where contact is met, or of where a body is that
+        nothing presses on, length; collective.
+        """
+        linear, mesh = self.linear, self.linear.space.mesh
+        least = [LEAST_INCREMENT * linear.extent]
+        if linear.shapes or linear.pairs:
+            farthest = float(parallel.largest(mesh.comm, np.abs(mesh.geometry.x), 0.0))
+            least.append(UNITS_OF_PLACES * float(np.finfo(float).eps) * farthest)
+        if linear.loose:
+            least.append(linear.scales.coordinate_error / NO_FORCE)
+        return max(least)
 
     @cached_property
     def _cells(self) -> BodyCells:
         return BodyCells.of(self.linear.space, self.linear.space.mesh.geometry.dim)
 
-    def attempt(self, *, final: bool = True, alone: bool = False) -> None:
+    def attempt(self, *, final: bool = True) -> None:
         """Solve with the values that Constants, Functions, conditions and shapes have now; collective.
 
-        The body is at the solution then; ``take`` makes it the last one.
+        The body is at the solution then; ``take`` makes it the last one. ``final``: whether no smaller step will be
+        tried, so that a failure is asked why there may be no solution.
 
-        Args:
-            alone: whether this is no step of a way, so that a digit of it must be known.
-            final: whether no smaller step will be tried, so that a failure is asked why there may be no solution.
-
-        Raises:
-            NoEquilibrium: there is no solution: ``status`` says why, and all else is as the last solution was.
-            FormError: see ``NonlinearContactProblem.solve``.
+        Raises NoEquilibrium: ``status`` says why, and all else is as the last solution was; FormError: see
+        ``NonlinearContactProblem.solve``.
         """
         for number, moving in self.linear.shapes.items():
             moving.check(number, self.linear.space.mesh.comm)
@@ -183,7 +165,7 @@ class EquilibriumSolver:
         try:
             with self.timings.phase("iterate"):
                 status = self._iterate()
-            if status is Status.CONVERGED and alone and self._hidden:
+            if status is Status.CONVERGED and self._hidden:
                 status = Status.NO_DIGIT
             elif status is Status.CONVERGED and self.asks_stability:
                 status = self.stability.verdict()
@@ -217,11 +199,8 @@ class EquilibriumSolver:
 
     def take_before(self, status: Status, solves: int) -> None:
         """Show the body as it is, without contact, in place of a first solution that there is not, unless its residual
-        or tangent cannot be evaluated; collective.
-
-        Args:
-            status: how the search for it has ended.
-            solves: linear solves of that.
+        or tangent cannot be evaluated; ``status``, ``solves``: how the search for it has ended, after how many linear
+        solves; collective.
         """
         with suppress(FormError, MatrixError, PairingError):
             if (residual := self.residual.at(self.u.x.array.copy())) is None:
@@ -246,9 +225,7 @@ class EquilibriumSolver:
         return self.linear.state_now(self.certificate, self.iterations)
 
     def go_back(self, state: State) -> None:
-        """Go back to where the body was; loads and shapes stay as they are now, but for tools that forces move;
-        collective.
-        """
+        """Go back to where the body was; loads and shapes stay, but for tools that forces move; collective."""
         self.linear.go_back(state)
         self.certificate, self.iterations = state.certificate, state.iterations
         with suppress(FormError):  # before the first solution it may not be possible
@@ -269,53 +246,56 @@ class EquilibriumSolver:
         It ends where increments are small and the certificate holds.  The first increment is the last one where F and
         contact are linear: another would only go on with the outer iteration of a contact problem that is solved.
         Where increments are small and the certificate does not hold, as with a tangent that is not the derivative of F,
-        iterations go on for as long as they make it better.  In a body that comes to rest without load increments are
-        relative to nothing: with a J, which may be another tangent, the residual is round-off once they are no longer
-        halved.  So are forces there: the certificate is asked as soon as the displacement is round-off, and of the
-        undeformed body if it refuses.
+        iterations go on for as long as they make it better.  With a J, which may be another tangent, the residual of a
+        body at rest is round-off once increments are no longer halved.  Forces there are relative to nothing: where the
+        displacement is round-off of that at the beginning, Newton's method goes on from the undeformed body.
         """
-        comm, u, worst, last_change, keeps = self.linear.space.mesh.comm, self.u, np.inf, np.inf, False
-        self.linear.begin_anew()
+        linear, u, worst, last_change, keeps = self.linear, self.u, np.inf, np.inf, False
+        comm = linear.space.mesh.comm
+        linear.begin_anew()
+        begun = float(parallel.largest(comm, np.abs(u.x.array), 0.0))
         residual: Array | None = None
         rests = False
         for iteration in range(1, self.max_newton + 1):
             self.iterations = iteration
-            old, tools = self.tangent_at = u.x.array.copy(), self.linear.moving_tools.coordinates
+            old, tools = self.tangent_at = u.x.array.copy(), linear.moving_tools.coordinates
             residual = self.residual.at(old) if residual is None else residual
             if residual is None:
                 return Status.INVERTED
-            if iteration == 1:
-                self._begins = old
             try:
-                self.linear.slide()
+                linear.slide()
             except PairingError as error:
                 self._detail = str(error)
                 return Status.FOLDED
-            keeps = keeps and self.linear.can_keep_stiffness
+            keeps = keeps and linear.can_keep_stiffness
             if not keeps:
-                self.linear.bend()
+                linear.bend()
+            linear.residual = residual
             try:
-                increment, length, residual = self._increment(
-                    old, residual, keeps_stiffness=keeps, search=iteration > 1
-                )
+                linear.solve(keeps_stiffness=keeps)
+                increment = linear.u.x.array - old
+                at = old, increment, residual
+                length, residual = length_of_increment(linear, self.residual.at, at, search=iteration > 1)
             except ConvergenceError as error:
                 return self._not_solved(error.solution.status)
             except MatrixError as error:
                 if error.fault == NOT_FINITE:
                     return Status.NOT_FINITE
                 raise
+            finally:
+                linear.residual = None
             if length == 0.0:
                 self._tried = old + increment
                 return Status.INVERTED
             u.x.array[:] = old + length * increment
-            moved = length * (self.linear.reached - tools)
-            self.linear.moving_tools.carry_to(tools + moved)
+            moved = length * (linear.reached - tools)
+            linear.moving_tools.carry_to(tools + moved)
             change, size = (
                 max(float(parallel.largest(comm, np.abs(values), 0.0)), float(np.abs(further).max(initial=0.0)))
                 for values, further in ((length * increment, moved), (u.x.array, tools + moved))
             )
             small = change <= ROOT_OF_EPS * size
-            least = change <= max(self._least_increment, self._least_motion) or self._keeps_round_off()
+            least = change <= self._least_increment
             keeps = length == 1.0 and change <= min(KEPT_TANGENT[0] * size, KEPT_TANGENT[1] * last_change)
             shortened, last_change = self.tangents.given and 2 * change < last_change, change
             ends = small or (length == 1.0 and self._is_linear)
@@ -325,7 +305,7 @@ class EquilibriumSolver:
                     return status
                 if self.certificate.worst < worst:
                     worst = self.certificate.worst
-                elif rests or not self._keeps_round_off():
+                elif rests or float(parallel.largest(comm, np.abs(u.x.array), 0.0)) > ROOT_OF_EPS * begun:
                     return status
                 else:
                     u.x.array[:], residual, keeps, rests = 0.0, None, False, True
@@ -339,70 +319,6 @@ class EquilibriumSolver:
         linear = self.linear
         follows = linear.shapes or linear.pairs or linear.moving_tools.coordinates.size
         return not (follows or self.residual.has_state) and self.tangents.affine
-
-    def _keeps_round_off(self) -> bool:
-        """Whether the displacement is round-off of the one that the attempt began with, or of the places where contact
-        is met, and supports leave the undeformed body where it is; collective.
-        """
-        space, comm = self.linear.space, self.linear.space.mesh.comm
-        begun = float(parallel.largest(comm, np.abs(self._begins), 0.0))
-        digits = LOST_UNITS * float(np.finfo(float).eps)
-        if not self._is_within(min(ROOT_OF_EPS * begun, digits * max(begun, self._farthest_place))):
-            return False
-        fixed, values = prescribed(space, conditions_of(self.linear.bcs, space))
-        if self.linear.moving_tools.coordinates.size or parallel.any_rank(comm, bool(values[fixed].any())):
-            return False
-        return self._bears_no_load
-
-    @property
-    def _rests_unloaded(self) -> bool:
-        """Whether the displacement is round-off of the places where contact is met, and no load acts; collective."""
-        places = self._farthest_place
-        digits = LOST_UNITS * float(np.finfo(float).eps)
-        return places > 0 and self._is_within(digits * places) and self._bears_no_load
-
-    def _is_within(self, distance: float) -> bool:
-        """Whether no component of the displacement is larger than a length; collective."""
-        return float(parallel.largest(self.linear.space.mesh.comm, np.abs(self.u.x.array), 0.0)) <= distance
-
-    @property
-    def _bears_no_load(self) -> bool:
-        """Whether forces on the undeformed body are round-off of F: such a body is at rest there; collective."""
-        values = self.u.x.array.copy()
-        forces = self.residual.at(np.zeros_like(values))
-        lost = None if forces is None else round_off(self.u, forces, self.residual.at)
-        self.residual.go_to(values)
-        if forces is None or lost is None:
-            return False
-        free = ~self.linear.prescribed[0][: forces.size]
-        squares = np.array([forces[free] @ forces[free], lost @ lost])
-        acting, unit = np.sqrt(parallel.global_sum(self.linear.space.mesh.comm, squares))
-        return bool(acting <= UNITS_OF_NO_LOAD * unit)
-
-    def _increment(
-        self, old: Array, residual: Array, *, keeps_stiffness: bool, search: bool
-    ) -> tuple[Array, float, Array | None]:
-        """An increment, the share of it to take, and F there, see ``length_of_increment``; collective.
-
-        Args:
-            old: values of ``u``.
-            residual: F there.
-            keeps_stiffness: see ``LinearisedProblem.solve``.
-            search: see ``length_of_increment``.
-
-        Raises:
-            ConvergenceError: the contact problem has no solution.
-            MatrixError: the tangent is not finite, or not symmetric.
-        """
-        linear = self.linear
-        linear.residual = residual
-        try:
-            linear.solve(keeps_stiffness=keeps_stiffness)
-        finally:
-            linear.residual = None
-        increment = linear.u.x.array - old
-        length, forces = length_of_increment(linear, self.residual.at, (old, increment, residual), search=search)
-        return increment, length, forces
 
     def _not_solved(self, inner: Status) -> Status:
         """How a solve ends in which a linear contact problem has no solution: what is proved of that is not proved of
@@ -427,14 +343,13 @@ class EquilibriumSolver:
     @property
     def _hidden(self) -> bool:
         """Whether round-off may be all that there is in the solution, unless the body has come back to rest."""
-        assert self.certificate is not None
-        return self.certificate.displacement > self.farthest and without_digits([self.certificate])
+        certificate = self.certificate
+        assert certificate is not None
+        return certificate.displacement > self.farthest and certificate.placed < 1.0 <= certificate.lost
 
     def _judge(self, residual: Array | None = None) -> Status:
-        """Whether an iterate is a solution: no shape is inside the body, and the certificate holds; collective.
-
-        Args:
-            residual: F there, which was evaluated last; None: it is evaluated.
+        """Whether an iterate is a solution: no shape is inside the body, and the certificate holds; ``residual``: F
+        there, which was evaluated last; None: it is evaluated; collective.
         """
         self._detail = self.origin.too_large()
         if self._detail:
@@ -459,20 +374,12 @@ class EquilibriumSolver:
             if linear.contact[number].bilateral and (reached := pair.parted):
                 self._detail = reached
                 return Status.AT_END
-        lost = round_off(self.u, residual, self.residual.at)
-        self.residual.go_to(values)
-        self._unloaded = self._rests_unloaded
-        self.certificate, self._mechanics = self._certified(residual, lost)
+        self.certificate, self._mechanics = self._certified(residual, round_off(self.residual, residual))
         return Status.CONVERGED if self.certificate.holds else Status.NOT_CERTIFIED
 
     def _certified(self, residual: Array, lost: Array | None = None) -> tuple[Certificate, ResidualMechanics]:
-        """The certificate of what there is now, with the forces that it is of; collective.
-
-        Args:
-            residual: F there.
-            lost: see ``mechanics_at``.
-        """
+        """The certificate of what there is now, where F is ``residual``, with the forces that it is of; collective."""
         linear = self.linear
-        mechanics = mechanics_at(self.u, residual, linear, lost, unloaded_at_rest=self._unloaded)
+        mechanics = mechanics_at(self.u, residual, linear, lost)
         conditions = Tractions.of(linear.state), linear.law, linear.previous_step, linear.driven_tools
         return certified(self.u, mechanics, linear.shapes, *conditions), self.origin.loaded(mechanics)

@@ -1,10 +1,18 @@
-"""How solves and ramps of nonlinear bodies end: which outcomes mean what, and in words."""
+"""How solves of nonlinear bodies end: which outcomes mean what, in words, and what a failure takes back."""
 
 from __future__ import annotations
 
-from signorini_fx.errors import FormError
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from signorini_fx.algebra.algorithms.task import Outcome
+from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.records import Status
 from signorini_fx.results.certificate.certificate import Certificate
+from signorini_fx.results.step_frames import LastSolution
 
 # What the statics of linear bodies prove.
 OF_LINEAR_BODIES = (
@@ -34,14 +42,8 @@ FINAL = (Status.STABILITY_UNKNOWN, Status.NO_DIGIT, Status.NO_MEMORY, Status.NOT
 
 
 def failure(status: Status, certificate: Certificate | None, says_no: str, detail: str) -> str:
-    """How a solve ends that has no solution, in words.
-
-    Args:
-        status: of the solve.
-        certificate: of its last iterate; None: that has none.
-        says_no: why there may be no solution; empty: nothing says so.
-        detail: where a shape is inside the body, what is wrong between two bodies, by how much a deformation is too
-            large, where an instability begins, or how the contact problem of a tangent has ended; empty: none of these.
+    """How a solve ends that has no solution, in words; ``certificate``: of its last iterate; ``says_no``: why there may
+    be no solution; ``detail``: what is wrong, or where; empty: nothing is known.
     """
     reason = says_no
     if status in (Status.INSIDE, Status.TOO_LARGE, *BETWEEN_BODIES):
@@ -64,31 +66,26 @@ def advice_on_forms(status: Status) -> str:
     return status.advice
 
 
-def last_solution(reached: float | None, to: float | None) -> str:
-    """Up to which load of a ramp ``to`` one, or which time of a path, there is a solution, in words; None: to none."""
-    if reached is None:
-        return "there is no solution before it"
-    return f"there is a solution at time {reached:g}" if to is None else f"there is a solution at {reached:g} of {to:g}"
+@dataclass(frozen=True)
+class State:
+    """A solution, or what there is before the first one.
 
-
-def at_load(error: FormError, where: str, last: str) -> FormError:
-    """An error of the last step of a ramp; ``where``: its load or time, in words; ``last``: see ``last_solution``."""
-    reasons = [(key, f"{reason} (at {where}; {last})") for key, reason in error.problems]
-    return FormError(reasons, error.source)
-
-
-def end_of_ramp(status: Status, failure: str, where: str, last: str, advice: str) -> str:
-    """The message of a ramp whose last step has no solution.
-
-    Args:
-        status: of the ramp.
-        failure: how the step ends, in words.
-        where: the load or time to which the step goes, in words.
-        last: see ``last_solution``.
-        advice: what to do about it.
+    Attributes:
+        displacement: values of ``u``, ghosts included.
+        contact: the contact points; None: there is no solution.
+        outcome: of the contact problem of the last iteration; None: there is none.
+        guess: where the next solve may begin; None: as the load step does.
+        certificate: of the solution; None: there is none.
+        iterations: of Newton's method.
+        shapes: of the foundations, where they were placed, by their numbers.
+        tools: coordinates of those that forces move, lengths, shape (t, m), see ``MovingTools``.
     """
-    if status is Status.LIMIT:
-        text = f"{status.value}: {last}; a step to {where} ends with: {failure}"
-    else:
-        text = f"{failure}: at {where}; {last}"
-    return f"{text}. {advice[0].upper()}{advice[1:]}"
+
+    displacement: npt.NDArray[np.float64]
+    contact: ContactState | None
+    outcome: Outcome | None
+    guess: LastSolution | None
+    certificate: Certificate | None
+    iterations: int
+    shapes: dict[int, Any]
+    tools: npt.NDArray[np.float64]

@@ -23,8 +23,8 @@ from signorini_fx.forms.nonlinear.load_continuation import Continuation
 from signorini_fx.forms.nonlinear.moving_shapes import place
 from signorini_fx.forms.nonlinear.newton import EquilibriumSolver, NoEquilibrium
 from signorini_fx.forms.nonlinear.residual import Residual
-from signorini_fx.forms.nonlinear.results import findings_of, lost_digits, too_stiff
-from signorini_fx.forms.nonlinear.step_sizes import RampStep, Way, sizes_to_load
+from signorini_fx.forms.nonlinear.results import findings_of, lost_digits, stress_error, too_stiff
+from signorini_fx.forms.nonlinear.step_sizes import RampStep, way_to_load
 from signorini_fx.forms.nonlinear.tangent import Tangents, refuse_miscompiled
 from signorini_fx.forms.problem_of_forms import ProblemOfForms
 from signorini_fx.forms.steps import begun_path
@@ -127,15 +127,11 @@ class NonlinearContactProblem(ProblemOfForms):
         options: dict[str, Any] = {"form_compiler_options": form_compiler_options, "jit_options": jit_options}
         tangents = Tangents(F, J, u, options)
         with compiling():
-            compiled = fem.form(F, **options)
-        refuse_miscompiled(F, compiled, u, options)
-        residual = Residual(compiled, u, update)
+            residual = Residual(fem.form(F, **options), u, update)
+        refuse_miscompiled(F, residual.form, u, options)
         self.assembled = self.linear = LinearisedProblem(
-            tangents.leading,
-            compiled,
+            tangents,
             residual,
-            u,
-            tangents.bilinear,
             bcs,
             self.contact,
             petsc_options_prefix=petsc_options_prefix,
@@ -146,7 +142,7 @@ class NonlinearContactProblem(ProblemOfForms):
         self.shapes, fields = self.linear.shapes, self.linear.fields
         self.pressure, self.shear, self.gap, self.slip = fields.pressure, fields.shear, fields.gap, fields.slip
         actions = commit or (lambda: None), max_newton, stability
-        self._solver = EquilibriumSolver(u, self.linear, residual, tangents, *actions)
+        self._solver = EquilibriumSolver(self.linear, residual, tangents, *actions)
         self._continuation = Continuation(self._solver, lambda: self.advance())
 
     @property
@@ -174,8 +170,6 @@ class NonlinearContactProblem(ProblemOfForms):
 
         def error() -> npt.NDArray[np.float64] | str:
             """Of the body as it is now."""
-            from signorini_fx.forms.nonlinear.stress_error import stress_error
-
             if self._solver.solved is not solved:
                 return "there is no estimate of the error of an earlier solve"
             return stress_error(self._F, self.u, self._parts)
@@ -273,7 +267,7 @@ class NonlinearContactProblem(ProblemOfForms):
         """
         self._continuation.forget()
         with self._as_convergence_error():
-            self._solver.attempt(alone=True)
+            self._solver.attempt()
         self._solver.take()
         return self.u
 
@@ -331,7 +325,7 @@ class NonlinearContactProblem(ProblemOfForms):
             steps.append(RampStep(load, self.iterations, step.linear_solves))
             return replace(step, place=float(step.step - 1), time=abs(load))
 
-        way = Way(sizes_to_load(to, first, largest, smallest), apply, named)
+        way = way_to_load(to, first, largest, smallest, apply, named)
         with self._as_convergence_error():
             self._continuation.follow(way, lambda step: on_step(steps[-1]))
         return steps
@@ -369,16 +363,10 @@ class NonlinearContactProblem(ProblemOfForms):
 
 
 def linearised_at(solver: EquilibriumSolver, linear: LinearisedProblem) -> tuple[Any, ...]:
-    """The last solution with its linearised problem, see ``SolvedStep.of``; collective.
+    """The last solution with its linearised problem, which is assembled there, see ``SolvedStep.of``; collective.
 
-    Args:
-        solver: that has found it.
-        linear: its contact problem, or a copy, which is assembled there.
-
-    Raises:
-        RuntimeError: it depends on the state of a material before the last step, which is not kept.
-        FormError: its derivatives are not known.
-        MatrixError: the tangent is not finite.
+    Raises RuntimeError: it depends on the state of a material before the last step, which is not kept; FormError: its
+    derivatives are not known; MatrixError: the tangent is not finite.
     """
     residual = solver.residual
     for number, entry in enumerate(linear.stated):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import cached_property
 
 import basix
 import numpy as np
@@ -34,36 +33,41 @@ class Residual:
     u: fem.Function
     update: Callable[[], object] | None
     loads: Array | float = 0.0
+    _slopes: CellSlopes | None = field(default=None, init=False)  # of the mesh where it is
 
     @property
     def has_state(self) -> bool:
         """Whether the material may have a state that ``update`` finds."""
         return self.update is not None
 
-    @cached_property
-    def _inside_out(self) -> InsideOut:
-        return InsideOut(self.u)
-
     def assembled(self) -> Array:
         """F less the loads at ``u`` as it is, at the owned unknowns; collective."""
         return np.asarray(assemble(self.form) - self.loads)
 
     def at(self, values: Array) -> Array | None:
-        """F at the owned unknowns for values of ``u``, which it gets; None: it is not finite there, or cells are turned
-        inside out; collective.
+        """F at the owned unknowns for values of ``u``, ghosts included, which it gets; None: it is not finite there, or
+        cells are turned inside out; collective.
 
-        Args:
-            values: of all unknowns of this rank, ghosts included, shape (dofs,).
-
-        Raises:
-            FormError: ``update`` has raised an exception.
+        Raises FormError: ``update`` has raised an exception.
         """
         self.go_to(values)
         forces = self.assembled()
-        comm = self.u.function_space.mesh.comm
-        if parallel.any_rank(comm, not np.isfinite(forces).all()) or self._inside_out.found():
-            return None
-        return forces
+        fails = not np.isfinite(forces).all() or self._turned_inside_out()
+        return None if parallel.any_rank(self.u.function_space.mesh.comm, fails) else forces
+
+    def _turned_inside_out(self) -> bool:
+        """Whether det(I + grad u) is not positive at a quadrature point of some cell of this rank, in the plane of
+        sections.
+        """
+        space = self.u.function_space
+        if self._slopes is None or not self._slopes.fits:
+            cell, degree = space.mesh.topology.cell_name(), space.element.basix_element.degree
+            self._slopes = CellSlopes(space, basix.make_quadrature(getattr(basix.CellType, cell), 2 * degree)[0])
+        # The determinant of the product I + grad u = (x + u)' / x', with derivatives along the reference cell.
+        return any(
+            bool((determinants(place + moved[: len(place)]) * np.sign(determinants(place)) <= 0).any())
+            for place, moved in self._slopes.along_reference(self.u)
+        )
 
     def go_to(self, values: Array) -> None:
         """Give ``u`` values, and the material its state there; for the arguments and errors see ``at``; collective."""
@@ -71,11 +75,7 @@ class Residual:
         self.updated()
 
     def updated(self) -> None:
-        """Call ``update``; collective.
-
-        Raises:
-            FormError: it has raised an exception on some rank.
-        """
+        """Call ``update``; a FormError says that it has raised an exception on some rank; collective."""
         if self.update is None:
             return
         error: Exception | None = None
@@ -88,41 +88,3 @@ class Residual:
             parallel.raise_together(self.u.function_space.mesh.comm, named)
         except FormError as failed:
             raise failed from error
-
-
-@dataclass
-class InsideOut:
-    """Looks for cells of a body that are turned inside out.
-
-    Attributes:
-        u: the displacement.
-    """
-
-    u: fem.Function
-    _undeformed: CellSlopes | None = field(default=None, init=False)
-    _signs: list[npt.NDArray[np.int8]] = field(default_factory=list, init=False)  # of det x' at each point
-
-    def found(self) -> bool:
-        """Whether det(I + grad u) is not positive at a quadrature point of some cell; collective.
-
-        The points are those of a rule of twice the degree of ``u``.  Sections of bodies of revolution are looked at in
-        their plane.
-        """
-        slopes = self._slopes
-        # The determinant of the product I + grad u = (x + u)' / x', with derivatives along the reference cell.
-        inverted = any(
-            bool((determinants(place + moved[: len(place)]) * sign <= 0).any())
-            for sign, (place, moved) in zip(self._signs, slopes.along_reference(self.u), strict=True)
-        )
-        return parallel.any_rank(self.u.function_space.mesh.comm, inverted)
-
-    @property
-    def _slopes(self) -> CellSlopes:
-        """Of the mesh as it is, which is looked at again where it has been moved."""
-        if self._undeformed is None or not self._undeformed.fits:
-            space = self.u.function_space
-            mesh, degree = space.mesh, space.element.basix_element.degree
-            points = basix.make_quadrature(getattr(basix.CellType, mesh.topology.cell_name()), 2 * degree)[0]
-            self._undeformed = CellSlopes(space, points)
-            self._signs = [np.sign(determinants(place)).astype(np.int8) for place in self._undeformed.of_places()]
-        return self._undeformed

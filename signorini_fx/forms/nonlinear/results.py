@@ -1,4 +1,11 @@
-"""The results of a ``NonlinearContactProblem`` as a ``Solution``."""
+"""The results of a ``NonlinearContactProblem`` as a ``Solution``, and the error of its stress from the residual alone.
+
+The stress P is what the residual multiplies the gradient of its test function by (of finite strains the first
+Piola-Kirchhoff stress).  In each cell it is taken as a polynomial of degree k - 1, and projected onto the continuous
+functions of degree 1 in each material; its difference to the projection is measured in L2 (Zienkiewicz and Zhu).  The
+error is that of the last load step: what a coarse mesh leaves in the state of a material counts as far as it makes the
+stress rough.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +14,14 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
+import scipy.sparse.linalg
+import ufl
 from dolfinx import fem
+from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering
+from ufl.algorithms.apply_derivatives import apply_derivatives
+from ufl.algorithms.map_integrands import map_integrand_dags
+from ufl.corealg.multifunction import MultiFunction
 
 from signorini_fx.algebra.algorithms.task import Outcome, Task
 from signorini_fx.algebra.contact.friction import PointFriction
@@ -15,11 +29,15 @@ from signorini_fx.forms.given_forms import GivenForms, named_parts
 from signorini_fx.forms.nonlinear.displaced_certificate import ResidualBody, ResidualMechanics
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
 from signorini_fx.forms.nonlinear.moving_pairs import facet_size, sheared_across_gaps, slid_past_partners
+from signorini_fx.machine import parallel
+from signorini_fx.machine.compilation import compiling
+from signorini_fx.mechanics.assembly.mesh_entities import assemble
 from signorini_fx.mechanics.body.deformation import added_stiffness, deformation_of
 from signorini_fx.mechanics.body.elastic_body import ElasticBody
 from signorini_fx.mechanics.interfaces import Pair
 from signorini_fx.mechanics.statement.load_path import LoadPath, counted_path
 from signorini_fx.records import Finding, History, Status, Timings
+from signorini_fx.results.accuracy.stress_recovery import StressRecovery
 from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.results.mechanics import StepResult
 from signorini_fx.results.solution import Solution
@@ -62,16 +80,7 @@ class SolvedBody:
         solves: int,
         status: Status = Status.CONVERGED,
     ) -> SolvedBody:
-        """What there is after a solve; collective.
-
-        Args:
-            linear: the contact problem of the last iteration.
-            u: the displacement.
-            certificate: of it.
-            mechanics: its forces and contact sides.
-            solves: linear solves.
-            status: how it has ended.
-        """
+        """What there is after a solve, with its linear solves and how it has ended; collective."""
         assert linear.outcome is not None
         shapes = linear.shapes
         placed: Any = [
@@ -94,15 +103,8 @@ class SolvedBody:
         spent: tuple[History, Timings],
         title: str,
     ) -> Solution:
-        """It with all that results are made of; collective.
-
-        Args:
-            rigid: the rigid bodies.
-            steps: of a ramp, which end with this one; none: the loop is the user's own.
-            mechanics: their displacements and what the residual says of them.
-            ended: how the last solve or ramp has ended, and what is to be known about it.
-            spent: every linear solve, and the seconds.
-            title: of the results.
+        """It with all that results are made of; ``steps``: of a ramp, which end with this one; none: the loop is the
+        user's own; ``ended``: how the last solve or ramp has ended, and findings; collective.
         """
         names = tuple(step.name for step in steps) if any(step.name for step in steps) else ()
         path = LoadPath(tuple(step.time for step in steps), names) if steps else counted_path(self.step.step - 1)
@@ -115,18 +117,6 @@ class SolvedBody:
         return replace(solution, status=status, algorithm=f"newton, {solution.algorithm}", history=history)
 
 
-def without_digits(certificates: Sequence[Certificate]) -> bool:
-    """Whether round-off may be all that there is at the ends of load steps that move the body, see ``lost_digits``."""
-    judged = [certificate for certificate in _displaced(certificates) if certificate.placed < 1.0]
-    return bool(judged) and all(certificate.lost >= 1.0 for certificate in judged)
-
-
-def _displaced(certificates: Sequence[Certificate]) -> list[Certificate]:
-    """Those of steps that displace the body by more than round-off of the farthest one."""
-    farthest = max((certificate.displacement for certificate in certificates), default=0.0)
-    return [one for one in certificates if one.displacement > CERTIFICATE_TOLERANCE * farthest]
-
-
 def lost_digits(certificates: Sequence[Certificate], residual: str) -> list[Finding]:
     """What round-off may hide at the ends of load steps, where that is more than a certificate allows.
 
@@ -137,7 +127,8 @@ def lost_digits(certificates: Sequence[Certificate], residual: str) -> list[Find
         certificates: of the load steps.
         residual: what F is called.
     """
-    judged = _displaced(certificates)
+    farthest = max((certificate.displacement for certificate in certificates), default=0.0)
+    judged = [one for one in certificates if one.displacement > CERTIFICATE_TOLERANCE * farthest]
     hidden, placed = (
         max((getattr(certificate, name) for certificate in judged), default=0.0) for name in ("lost", "placed")
     )
@@ -160,12 +151,7 @@ def lost_digits(certificates: Sequence[Certificate], residual: str) -> list[Find
 
 
 def too_stiff(step: StepResult, farthest: float) -> list[Finding]:
-    """Whether cells of degree 1 make the body too stiff; collective.
-
-    Args:
-        step: a solution.
-        farthest: the largest displacement of a certificate so far: a body that has come back to rest has no strain.
-    """
+    """Whether cells of degree 1 make the body too stiff; one that has come back to rest has no strain; collective."""
     if step.status is not Status.CONVERGED or step.certificate.displacement <= CERTIFICATE_TOLERANCE * farthest:
         return []
     added = added_stiffness(step.displacement)
@@ -180,12 +166,7 @@ def too_stiff(step: StepResult, farthest: float) -> list[Finding]:
 
 
 def findings_of(linear: LinearisedProblem, steps: Sequence[StepResult]) -> tuple[Finding, ...]:
-    """What is to be known about a last solution, see ``NonlinearContactProblem.findings``; collective.
-
-    Args:
-        linear: the contact problem of the last iteration.
-        steps: with a solution.
-    """
+    """What is to be known about a last solution, see ``NonlinearContactProblem.findings``; collective."""
     if not linear.has_state:
         return ()
     entries, mesh = linear.contact, linear.space.mesh
@@ -199,3 +180,79 @@ def findings_of(linear: LinearisedProblem, steps: Sequence[StepResult]) -> tuple
     inside = pushed_nodes([linear.state], linear.scales.size)
     inside += shapes_in_results(linear.foundations.placed_shapes, linear.u)
     return (*inside, *sheared_across_gaps(linear.pairs, linear.state), *past, *loose)
+
+
+def stress_error(
+    residual: Any, u: fem.Function, parts: Sequence[npt.NDArray[np.int32]]
+) -> npt.NDArray[np.float64] | str:
+    """What each owned cell has of the squared relative error of the stress in L2, or why it is not known; ``parts``:
+    cells of each material, local numbers, ghosts included; collective.
+    """
+    stress = _Stress(u, stress_of(residual, u), parts)
+    recovery = StressRecovery(stress, lambda z: (lambda step: None, None))
+    size = float(parallel.global_sum(u.function_space.mesh.comm, np.array(stress.square())))
+    return np.asarray(recovery.squares(u) / size) if size > 0 else "there is no stress, and no error of it"
+
+
+def stress_of(residual: Any, u: fem.Function) -> fem.Function:
+    """P as a polynomial of degree k - 1 in each cell, its components row by row; collective."""
+    mesh, rows = u.function_space.mesh, u.ufl_shape[0]
+    columns, degree = mesh.geometry.dim, u.function_space.element.basix_element.degree - 1
+    space, scalar = (fem.functionspace(mesh, ("DG", degree, shape)) for shape in ((rows * columns,), ()))
+    tested, product = ufl.TestFunction(space), ufl.inner(ufl.TrialFunction(scalar), ufl.TestFunction(scalar))
+    tensor = ufl.as_matrix([[tested[i * columns + j] for j in range(columns)] for i in range(rows)])
+    lowered = apply_derivatives(apply_algebra_lowering(residual))
+    over_cells = ufl.Form([integral for integral in lowered.integrals() if integral.integral_type() == "cell"])
+    with compiling():
+        moments = fem.form(map_integrand_dags(_GivenGradient(tensor), over_cells))
+        mass = fem.assemble_matrix(fem.form(product * ufl.dx)).to_scipy()
+    owned = scalar.dofmap.index_map.size_local
+    stress = fem.Function(space)
+    values = assemble(moments).reshape(owned, rows * columns)
+    if owned:
+        stress.x.array[: values.size] = scipy.sparse.linalg.splu(mass[:owned, :owned].tocsc()).solve(values).ravel()
+    stress.x.scatter_forward()
+    return stress
+
+
+@dataclass(frozen=True)
+class _Stress:
+    """P as ``StressRecovery`` sees the stress of linear elasticity, see ``ElementStress``.
+
+    Attributes:
+        displacement: u.
+        components: of P, a function.
+        parts: see ``stress_error``.
+    """
+
+    displacement: fem.Function
+    components: fem.Function
+    parts: Sequence[npt.NDArray[np.int32]]
+
+    def squared(self, difference: Any, times: Any, dx: Any) -> Any:
+        """See ``ElementStress``: without a compliance."""
+        return times * ufl.inner(difference, difference) * dx
+
+    def square(self) -> float:
+        """The part of this rank of the squared norm of P."""
+        with compiling():
+            return float(np.real(fem.assemble_scalar(fem.form(ufl.inner(self.components, self.components) * ufl.dx))))
+
+    def refresh(self, step: float) -> None:
+        """P is that of one load step."""
+
+
+class _GivenGradient(MultiFunction):  # type: ignore[misc]  # UFL has no types
+    """A tensor in the place of the gradient of an argument, and zero in that of the argument itself."""
+
+    expr = MultiFunction.reuse_if_untouched
+
+    def __init__(self, tensor: Any) -> None:
+        super().__init__()
+        self._tensor = tensor
+
+    def grad(self, gradient: Any) -> Any:
+        return self._tensor if isinstance(gradient.ufl_operands[0], ufl.Argument) else gradient
+
+    def argument(self, argument: Any) -> Any:
+        return ufl.zero(argument.ufl_shape)

@@ -9,8 +9,7 @@ depend on the choice.  A body that nothing holds but contact is condensed onto a
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 
 import numpy as np
 import numpy.typing as npt
@@ -32,15 +31,15 @@ Flags = npt.NDArray[np.bool_]
 class RetainedPoints:
     """The choice for the tangents of one load, on one rank in 3D; elsewhere dense matrices are small, or none.
 
-    Args:
-        at: the displacement of now.
+    Attributes:
+        all: whether all points are retained: while no tangent is solved for, or where a choice was too small.
     """
 
     def __init__(self, at: fem.Function) -> None:
         self._at = at
         space = at.function_space
         self._possible = space.mesh.geometry.dim == 3 and space.mesh.comm.size == 1
-        self._choosing = self._retain_all = False
+        self.all = True
         self._moved = 0.0  # the largest increment of this load so far, length
         self.begin_anew()
 
@@ -50,15 +49,6 @@ class RetainedPoints:
         self._near: Flags | None = None
         self._last_values: Array | None = None  # values of the displacement in the last iteration
 
-    @contextmanager
-    def chosen(self) -> Iterator[None]:
-        """While one tangent is solved for."""
-        self._choosing, self._retain_all = self._possible, False
-        try:
-            yield
-        finally:
-            self._choosing = False
-
     def far_points(
         self,
         boundary: ContactBoundary,
@@ -66,16 +56,11 @@ class RetainedPoints:
         shapes: Mapping[int, MovingShape],
         prescribed: tuple[Flags, Array],
     ) -> tuple[Flags, fem.Function] | None:
-        """Which points are left out, shape (n,), and the displacement of now; None: none is.
-
-        Args:
-            boundary: the contact points.
-            state: that of the last solution; None: there is none.
-            shapes: by the numbers of their foundations.
-            prescribed: which unknowns are prescribed, and to what, shapes (dofs,).
+        """Which points are left out, shape (n,), and the displacement of now; None: none is; ``prescribed``: which
+        unknowns are prescribed, and to what, shapes (dofs,).
         """
         plain = boundary.averages is None and boundary.moving is None and boundary.size > 0
-        if not self._choosing or self._retain_all or not plain or state is None or state.boundary.size != boundary.size:
+        if not self._possible or self.all or not plain or state is None or state.boundary.size != boundary.size:
             return None
         values, (fixed, to) = self._at.x.array, prescribed
         distance = distances(boundary, shapes, values.reshape(-1, boundary.x.shape[1]))
@@ -96,12 +81,8 @@ class RetainedPoints:
         return None if near.all() else (~near, self._at)
 
     def suffice(self, far: tuple[Flags, fem.Function] | None, begun: Start, outcome: Outcome) -> bool:
-        """Whether an outcome is that of the problem with all points; else all of them will be retained.
-
-        Args:
-            far: what ``far_points`` said.
-            begun: where the solve has begun.
-            outcome: how it ended.
+        """Whether an outcome is that of the problem with all points; else all of them will be retained; ``far``: what
+        ``far_points`` said.
         """
         system = outcome.problem.system
         # Other systems reach all points, and so does a condensed one of a body that only contact holds.
@@ -117,18 +98,12 @@ class RetainedPoints:
             if problem.data.bound is not None:
                 touching |= problem.data.bound > 0.0  # such as that of Tresca, which acts without contact
             suffices = not (touching & points).any()
-        self._retain_all = not suffices
+        self.all = not suffices
         return suffices
 
 
 def distances(boundary: ContactBoundary, shapes: Mapping[int, MovingShape], places: Array) -> Array:
-    """How far contact points are from their shapes, length, shape (n,); minus infinity for those of no shape.
-
-    Args:
-        boundary: the points.
-        shapes: by the numbers of their foundations.
-        places: displacements of the nodes, shape (nodes, d).
-    """
+    """How far contact points are from their shapes, length, shape (n,); minus infinity for those of no shape."""
     distance = np.full(boundary.size, -np.inf)
     for number, moving in shapes.items():
         points = np.flatnonzero(boundary.part == number)

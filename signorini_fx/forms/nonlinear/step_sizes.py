@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from numbers import Real
+from typing import Any
 
 from signorini_fx.errors import FormError
 from signorini_fx.mechanics.statement.load_path import LoadPath, next_place
@@ -30,11 +31,12 @@ class RampStep:
 
 
 @dataclass
-class StepSizes:
-    """Where the steps of a way end, one after the other: one without a solution is halved, and after an easy one the
-    next is larger.
+class Way:
+    """A way through load steps: one without a solution is halved, and after an easy one the next is larger.
 
     Attributes:
+        apply: changes a problem to what it is at a place.
+        named: gives the result of a step that ends there its place and time.
         reached: where the last step has ended, or the way begins.
         step: the size of the next step.
         largest: that any step may have.
@@ -43,8 +45,11 @@ class StepSizes:
         beyond: where a step of a size ends that begins at a place.
         shown: the load or time where a step ends, for messages.
         to: the load that is to be reached; None: ends are places on a path.
+        announce: called before a step is solved with where it ends.
     """
 
+    apply: Callable[[float], object]
+    named: Callable[[float, StepResult], StepResult]
     reached: float
     step: float
     largest: float
@@ -53,6 +58,11 @@ class StepSizes:
     beyond: Callable[[float, float], float]
     shown: Callable[[float], float] = lambda end: end
     to: float | None = None
+    announce: Callable[[float], object] = lambda end: None
+
+    def back(self) -> None:
+        """Change the problem to what it is where the last step has ended."""
+        self.apply(self.reached)
 
     @property
     def ended(self) -> bool:
@@ -85,69 +95,54 @@ class StepSizes:
             self.step *= STEP_GROWTH
         self.step = min(max(self.step, self.smallest), self.largest)
 
-    @property
-    def kind(self) -> str:
-        """What ``shown`` gives."""
-        return "time" if self.to is None else "load"
 
-    def stored(self) -> dict[str, float]:
-        """What ``resume`` needs, as plain data."""
-        return {"reached": self.reached, "step": self.step}
-
-    def resume(self, position: Mapping[str, float]) -> None:
-        """Go on from where an earlier run has come to, see ``stored``."""
-        self.reached, self.step = position["reached"], position["step"]
-
-
-def sizes_on_path(path: LoadPath) -> StepSizes:
-    """The places of the steps along a path, see ``statement.load_path``: one for each of its times, or as many as its
-    ramp has; ``reached`` is -1 before the first one.
-
-    The step to the first time may be halved, too, and begins at time 0 then; none is larger than the path asks for.
+def way_on_path(
+    path: LoadPath,
+    apply: Callable[[float], object],
+    named: Callable[[float, StepResult], StepResult],
+    announce: Callable[[float], object],
+) -> Way:
+    """One step for each time of a path, or as many as its ramp has; ``reached`` is -1 before the first one, which
+    begins at time 0 if it is halved.
     """
     whole = 1.0 / (path.steps or 1)
     first, last = whole if path.from_nothing else 1.0, len(path.times) - 1.0
-    return StepSizes(-1.0, first, whole, SMALLEST_STEP * whole, last, next_place, path.time_at)
+    sizes = -1.0, first, whole, SMALLEST_STEP * whole, last
+    return Way(apply, named, *sizes, next_place, path.time_at, announce=announce)
 
 
-def sizes_to_load(to: float, first: float | None, largest: float | None, smallest: float) -> StepSizes:
-    """The sizes of the steps from 0 to a load, which may be negative.
+def way_to_load(
+    to: float,
+    first: float | None,
+    largest: float | None,
+    smallest: float,
+    apply: Callable[[float], object],
+    named: Callable[[float, StepResult], StepResult],
+) -> Way:
+    """The steps from 0 to a load, see ``NonlinearContactProblem.ramp``.
 
-    Args:
-        to: the load to reach.
-        first: size of the first step; None: all of it.
-        largest: size that any step may have; None: there is none.
-        smallest: share of ``to`` below which no step is halved.
-
-    Raises:
-        FormError: an argument is none of these.
+    Raises FormError: an argument is wrong.
     """
+    size, share = "a positive number, the size of a step", f"a share of the load from {SAME_NUMBER:g} to 1"
+    given: dict[str, Any] = {"to": to, "first": first, "largest": largest, "smallest": smallest}
+    wanted = {"to": "a number other than 0", "first": size, "largest": size, "smallest": share}
     problems = list[tuple[str, str]]()
-
-    def number(name: str, value: object, wanted: str, *, positive: bool) -> float:
-        fits = isinstance(value, Real) and not isinstance(value, bool)
-        if not fits:
-            problems.append((name, f"must be {wanted}, not {kind_of(value)}"))
-            return 1.0
-        size = float(value)  # type: ignore[arg-type]
-        if not math.isfinite(size) or (size <= 0 if positive else size == 0):
-            problems.append((name, f"must be {wanted}, not {value}"))
-        return size
-
-    load = number("to", to, "a number other than 0", positive=False)
-    whole, size = abs(load), "a positive number, the size of a step"
-    most = whole if largest is None else number("largest", largest, size, positive=True)
-    step = whole if first is None else number("first", first, size, positive=True)
-    share = number("smallest", smallest, f"a share of the load from {SAME_NUMBER:g} to 1", positive=True)
-    if not problems and not SAME_NUMBER <= share <= 1:
-        problems.append(("smallest", f"must be a share of the load from {SAME_NUMBER:g} to 1, not {smallest}"))
-    least = share * whole
-    sizes = (("first", first, step), ("largest", largest, most))
+    for name, value in given.items():
+        if value is None and name in ("first", "largest"):
+            continue
+        if not isinstance(value, Real) or isinstance(value, bool):
+            problems.append((name, f"must be {wanted[name]}, not {kind_of(value)}"))
+        elif not math.isfinite(value) or value == 0 or (value < 0 and name != "to"):
+            problems.append((name, f"must be {wanted[name]}, not {value}"))
+    if not problems and not SAME_NUMBER <= smallest <= 1:
+        problems.append(("smallest", f"must be {share}, not {smallest}"))
     if not problems:
+        load = float(to)
+        whole = abs(load)
+        least = smallest * whole
+        sizes = {name: whole if (value := given[name]) is None else float(value) for name in ("first", "largest")}
         problems += [
-            (name, f"is below the smallest step, {least:g}")
-            for name, given, value in sizes
-            if given is not None and value < least
+            (name, f"is below the smallest step, {least:g}") for name in sizes if given[name] and sizes[name] < least
         ]
     if problems:
         raise FormError(problems, "ramp")
@@ -156,25 +151,5 @@ def sizes_to_load(to: float, first: float | None, largest: float | None, smalles
         is_last = whole - abs(reached) - step <= SAME_NUMBER * whole
         return load if is_last else reached + math.copysign(step, load)
 
-    return StepSizes(0.0, min(step, most), most, least, load, beyond, to=load)
-
-
-@dataclass(frozen=True)
-class Way:
-    """A way through load steps.
-
-    Attributes:
-        sizes: where they end.
-        apply: changes a problem to what it is there.
-        named: gives the result of a step that ends there its place and time.
-        announce: called before a step is solved with where it ends.
-    """
-
-    sizes: StepSizes
-    apply: Callable[[float], object]
-    named: Callable[[float, StepResult], StepResult]
-    announce: Callable[[float], object] = lambda end: None
-
-    def back(self) -> None:
-        """Change the problem to what it is where the last step has ended."""
-        self.apply(self.sizes.reached)
+    first_step = min(sizes["first"], sizes["largest"])
+    return Way(apply, named, 0.0, first_step, sizes["largest"], least, load, beyond, to=load)

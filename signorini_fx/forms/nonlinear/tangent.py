@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import cached_property
 from typing import Any
 
@@ -15,6 +14,7 @@ from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering
 from ufl.algorithms.apply_derivatives import apply_derivatives
 
 from signorini_fx.errors import FormError
+from signorini_fx.forms.nonlinear.residual import Residual
 from signorini_fx.machine import parallel
 from signorini_fx.machine.compilation import compiling
 from signorini_fx.mechanics.assembly.mesh_entities import action, assemble
@@ -77,13 +77,7 @@ class Tangents:
 
 
 def derivative(F: Any, u: fem.Function, trial: Any) -> Any:
-    """F'(u), integrated at the points at which F is: by default UFL estimates a higher degree for it.
-
-    Args:
-        F: a UFL form with one argument.
-        u: the Function it is differentiated by.
-        trial: the direction.
-    """
+    """F'(u) along ``trial``, integrated where F is, as UFL by default estimates a higher degree for it."""
     lowered = compute_form_data(
         F,
         do_apply_function_pullbacks=True,
@@ -114,113 +108,76 @@ def derivative(F: Any, u: fem.Function, trial: Any) -> Any:
     return ufl.derivative(ufl.Form([as_assembled(integral) for integral in F.integrals()]), u, trial)
 
 
-def spacing(space: fem.FunctionSpace) -> Array:
-    """The size of the smallest cell around each node, ghosts included, length, shape (nodes,); collective."""
-    mesh, tdim = space.mesh, space.mesh.topology.dim
-    cells = mesh.topology.index_map(tdim)
-    count = cells.size_local + cells.num_ghosts
-    size, function = mesh.h(tdim, np.arange(count, dtype=np.int32)), fem.Function(space)
-    smallest = np.full(function.x.array.size // space.dofmap.index_map_bs, np.inf)
-    np.minimum.at(smallest, space.dofmap.list[:count], np.asarray(size)[:, None])
-    function.x.array[:] = np.repeat(smallest, space.dofmap.index_map_bs)
-    function.x.scatter_forward()
-    return np.array(function.x.array[:: space.dofmap.index_map_bs])
+def is_derivative(form: fem.Form, residual: Residual, values: Array, free: npt.NDArray[np.bool_]) -> bool:
+    """Whether the product of a bilinear form with random displacements is what F changes by at values of ``u``, at the
+    owned unknowns that are not prescribed; collective.
 
-
-def is_derivative(
-    form: fem.Form, u: fem.Function, forces: Callable[[Array], Array | None], free: npt.NDArray[np.bool_]
-) -> bool:
-    """Whether the product of a bilinear form with a random displacement is what forces change by; collective.
-
-    Args:
-        form: compiled.
-        u: the displacement.
-        forces: F at the owned unknowns for values of ``u``, ghosts included; None: it has none there.
-        free: which of the owned unknowns are not prescribed, shape (owned dofs,).
+    Where a change leads across a yield surface, forces change otherwise ahead than behind: either is a derivative.
     """
-    return any(_agrees(form, u, forces, free, strain) for strain in DIFFERENCE_STRAINS)
+    u, comm = residual.u, residual.u.function_space.mesh.comm
 
+    def agrees(strain: float) -> bool:
+        """Over a change of strain of this size."""
+        now, direction = residual.at(values), random_direction(u, strain)
+        direction.x.array[: free.size][~free] = 0.0
+        direction.x.scatter_forward()
+        nodes = direction.x.array.size // u.function_space.dofmap.index_map_bs
+        predicted = action((form,), direction, np.arange(nodes, dtype=np.int32))
+        ahead, behind = (residual.at(values + sign * direction.x.array) for sign in (1.0, -1.0))
+        if now is None or ahead is None or behind is None:
+            return False
+        apart = np.abs(predicted - (ahead - behind) / 2) - np.abs(ahead - 2 * now + behind) / 2
+        error = np.where(free, np.maximum(apart, 0.0), 0.0)
+        squares = parallel.global_sum(comm, np.array([error @ error, (predicted * free) @ predicted]))
+        return bool(squares[0] <= SAME_TANGENT**2 * squares[1])
 
-def _agrees(
-    form: fem.Form,
-    u: fem.Function,
-    forces: Callable[[Array], Array | None],
-    free: npt.NDArray[np.bool_],
-    strain: float,
-) -> bool:
-    """The same over a change of strain of this size; ``u`` is as it was after it, but not what depends on it.
-
-    Where the change leads across a yield surface, forces change otherwise ahead than behind: either is a derivative.
-    """
-    comm, values = u.function_space.mesh.comm, u.x.array.copy()
-    now = forces(values)
-    direction = random_direction(u, strain)
-    direction.x.array[: free.size][~free] = 0.0
-    direction.x.scatter_forward()
-    nodes = direction.x.array.size // u.function_space.dofmap.index_map_bs
-    predicted = action((form,), direction, np.arange(nodes, dtype=np.int32))
-    ahead, behind = (forces(values + sign * direction.x.array) for sign in (1.0, -1.0))
-    u.x.array[:] = values
-    if now is None or ahead is None or behind is None:
-        return False
-    apart = np.abs(predicted - (ahead - behind) / 2) - np.abs(ahead - 2 * now + behind) / 2
-    error = np.where(free, np.maximum(apart, 0.0), 0.0)
-    squares = parallel.global_sum(comm, np.array([error @ error, (predicted * free) @ predicted]))
-    return bool(squares[0] <= SAME_TANGENT**2 * squares[1])
+    fits = any(map(agrees, DIFFERENCE_STRAINS))
+    residual.go_to(values)
+    return fits
 
 
 def random_direction(u: fem.Function, strain: float) -> fem.Function:
-    """A displacement that strains each cell by about this much, the same on any number of ranks only in size.
-
-    Args:
-        u: gives the space.
-        strain: without unit.
-    """
+    """A displacement that strains each cell by about this much, the same on any number of ranks only in size."""
     space, direction = u.function_space, fem.Function(u.function_space)
-    generator = np.random.default_rng(space.mesh.comm.rank)
-    signs = generator.choice([-1.0, 1.0], direction.x.array.size)
-    direction.x.array[:] = strain * np.repeat(spacing(space), space.dofmap.index_map_bs) * signs
+    mesh, tdim, dim = space.mesh, space.mesh.topology.dim, space.dofmap.index_map_bs
+    cells = mesh.topology.index_map(tdim)
+    count = cells.size_local + cells.num_ghosts
+    smallest = np.full(direction.x.array.size // dim, np.inf)  # cell around each node
+    np.minimum.at(smallest, space.dofmap.list[:count], mesh.h(tdim, np.arange(count, dtype=np.int32))[:, None])
+    signs = np.random.default_rng(mesh.comm.rank).choice([-1.0, 1.0], direction.x.array.size)
+    direction.x.array[:] = strain * np.repeat(smallest, dim) * signs
     direction.x.scatter_forward()
     return direction
 
 
-def round_off(u: fem.Function, residual: Array, forces: Callable[[Array], Array | None]) -> Array:
-    """What round-off changes of forces, shape (owned dofs,); collective.
+def round_off(residual: Residual, forces: Array) -> Array:
+    """What round-off changes of F, shape (owned dofs,), which is ``forces`` at ``u``; collective.
 
     It is measured: over a change that is large beside round-off, and small beside anything else, F is linear, so that
-    its second difference is round-off of three evaluations.  A residual that computes I + grad u has that of the unit,
-    however small u is; one that computes strains from grad u alone that of the strains.  At some unknowns it is
-    nothing by chance: they have the mean of all, quadratic.
-
-    Args:
-        u: the displacement.
-        residual: F there.
-        forces: see ``is_derivative``.
+    its second difference is round-off of three evaluations. A residual that computes I + grad u has that of the unit,
+    however small u is; one that computes strains from grad u alone that of the strains. At some unknowns it is nothing
+    by chance: they have the mean of all, quadratic.
     """
-    unit, values = UNITS_OF_DIFFERENCE * float(np.finfo(float).eps), u.x.array.copy()
+    u, unit = residual.u, UNITS_OF_DIFFERENCE * float(np.finfo(float).eps)
+    values = u.x.array.copy()
     change = random_direction(u, unit).x.array
     last_digits = unit * np.abs(values) * np.sign(change)
     change = np.where(np.abs(last_digits) > np.abs(change), last_digits, change)
-    ahead, behind = (forces(values + sign * change) for sign in (1.0, -1.0))
+    ahead, behind = (residual.at(values + sign * change) for sign in (1.0, -1.0))
+    residual.go_to(values)
     if ahead is None or behind is None:
-        return np.zeros_like(residual)
+        return np.zeros_like(forces)
     # The variances of three evaluations add up: 1 + 4 + 1.
-    comm, lost = u.function_space.mesh.comm, np.abs(ahead - 2 * residual + behind) / np.sqrt(6)
+    comm, lost = u.function_space.mesh.comm, np.abs(ahead - 2 * forces + behind) / np.sqrt(6)
     squares, count = parallel.global_sum(comm, np.array([lost @ lost, lost.size]))
     return np.asarray(np.maximum(lost, np.sqrt(squares / count)))
 
 
 def refuse_miscompiled(F: Any, residual: fem.Form, u: fem.Function, options: dict[str, Any]) -> None:
-    """Compare a residual with the sum of its integrals by each rule, where it has several; collective.
+    """Compare a compiled residual with the sum of its integrals by each quadrature rule, where F has several;
+    collective.
 
-    Args:
-        F: a UFL form.
-        residual: F, compiled.
-        u: the Function that F depends on; it is as it was afterwards.
-        options: of the form compiler, see ``dolfinx.fem.form``.
-
-    Raises:
-        FormError: they differ.
+    Raises FormError: they differ.
     """
     rules: dict[Any, list[Any]] = {}
     for integral in F.integrals():

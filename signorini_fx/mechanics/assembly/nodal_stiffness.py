@@ -29,10 +29,6 @@ class JointStiffness:
     nodes: npt.NDArray[np.int64]
     matrix: sp.csr_array
 
-    def scaled(self, factor: float) -> JointStiffness:
-        """Times a factor."""
-        return JointStiffness(self.nodes, factor * self.matrix)
-
     def times(self, displacement: fem.Function) -> Array:
         """See ``NodalStiffness``; collective."""
         space = displacement.function_space

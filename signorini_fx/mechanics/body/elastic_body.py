@@ -225,19 +225,34 @@ class ElasticBody:
 
     def _add_relative(self, stiffness: PETSc.Mat, rotation: PETSc.Mat | None) -> None:
         """Add ``relative`` to a stiffness without the rows and columns of what is prescribed; collective."""
-        boundary, fixed, relative = self.boundary, self._held, self.relative
-        assert boundary is not None
-        assert relative is not None
-        dim = self.dimension
-        onto = np.tile(np.eye(relative.shape[1]), (boundary.size, 1, 1))
-        onto[:, :dim, :dim] = np.concatenate((boundary.normal[:, :, None], boundary.cotangents), axis=2)
-        contact = contact_map(boundary, fixed, stiffness, rotation, dim)
-        operator = with_rotations(contact, boundary)
-        blocks = block_diagonal(operator, np.asarray(onto.transpose(0, 2, 1) @ relative @ onto))
-        added = operator.transposeMatMult(blocks.matMult(operator))
+        fixed = self._held
+        operator, blocks = self._relative(contact_map(self.boundary, fixed, stiffness, rotation, self.dimension))
+        added = operator.transposeMatMult(block_diagonal(operator, blocks).matMult(operator))
         first = added.getOwnershipRange()[0]
         added.zeroRowsColumns((first + np.flatnonzero(fixed)).astype(PETSc.IntType), diag=0.0)
         stiffness.axpy(1.0, added, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+
+    def _relative(self, contact: ContactMap) -> tuple[PETSc.Mat, Array]:
+        """``with_rotations``, and ``relative`` in the frames of its rows, shape (n, m, m); collective."""
+        boundary, relative, dim = self.boundary, self.relative, self.dimension
+        assert boundary is not None
+        assert relative is not None
+        onto = np.tile(np.eye(relative.shape[1]), (boundary.size, 1, 1))
+        onto[:, :dim, :dim] = np.concatenate((boundary.normal[:, :, None], boundary.cotangents), axis=2)
+        return with_rotations(contact, boundary), np.asarray(onto.transpose(0, 2, 1) @ relative @ onto)
+
+    def relative_forces(self, displacement: Array, driven: Array) -> tuple[Array, float]:
+        """The forces of ``relative`` on all unknowns, and their work, of displacements of the nodes of this rank, shape
+        (dofs,), and motions of rigid bodies, shape (k,); collective.
+        """
+        operator, blocks = self._relative(self.contact)
+        x = self.vector(displacement)
+        self.begin_driven(x, driven, None)
+        motion, forces = operator.createVecLeft(), x.duplicate()
+        operator.mult(x, motion)
+        motion.getArray()[:] = np.einsum("nij,nj->ni", blocks, motion.getArray().reshape(len(blocks), -1)).ravel()
+        operator.multTranspose(motion, forces)
+        return np.array(forces.getArray(readonly=True)), float(forces.dot(x))
 
     @shared_in("of_body")
     def _fit_for_blocks(self) -> bool:

@@ -13,13 +13,12 @@ from mpi4py import MPI
 
 from signorini_fx.errors import FormError
 from signorini_fx.mechanics.assembly.averages import Averages, from_owners
-from signorini_fx.mechanics.assembly.nodal_stiffness import JointStiffness
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary, segments_of
 from signorini_fx.mechanics.obstacles.paired_points import FacingSides, PairedSide
 from signorini_fx.mechanics.pairs.dual_functions import HeldSides
 from signorini_fx.mechanics.pairs.pair_side import PairSurface
 from signorini_fx.mechanics.pairs.search import default_reach
-from signorini_fx.mechanics.pairs.sliding import Frames, SlidingCoupling, along_vectors, slide
+from signorini_fx.mechanics.pairs.sliding import SlidingCoupling, along_vectors, slide
 from signorini_fx.mechanics.pairs.sparse_scaling import beside
 
 Array = npt.NDArray[np.float64]
@@ -132,11 +131,6 @@ class SlidingSides:
         tangents = coupling.frames.tangents
         return np.asarray(tangents - np.einsum("nij,njk->nik", self.across, tangents))
 
-    def _tangent_rows(self, coupling: SlidingCoupling) -> sp.csr_array:
-        """Those of the coupling for what can slide."""
-        tangents = coupling.frames.tangents
-        return sp.csr_array(along_vectors(tangents) @ along_vectors(self._sliding(coupling)).T @ coupling.tangent_rows)
-
     def boundary(self, coupling: SlidingCoupling) -> ContactBoundary:
         """The contact points of this rank; those without a partner do not move, and those in a plane of symmetry not
         across it.
@@ -174,21 +168,6 @@ class SlidingSides:
             pushing=pushing,
         )
 
-    def opening(self, coupling: SlidingCoupling, displacement: Array) -> Array:
-        """The linearised gap of the points of this rank, for the whole displacement, length, shape (n,).
-
-        Args:
-            coupling: the map at a displacement.
-            displacement: of the nodes of both sides, shape (m, d).
-        """
-        gap = np.where(coupling.frames.partnered, coupling.gap, self.reach)
-        return np.asarray(gap + coupling.normal_rows @ displacement.ravel())[self.mine]
-
-    def slip_origin(self, coupling: SlidingCoupling, begun: Frames, displacement: Array) -> Array:
-        """Where slips of the points of this rank are counted from, for the whole displacement, length, shape (n, d)."""
-        slip = coupling.slip(begun)
-        return self.sliding_along(coupling, (coupling.tangent_rows @ displacement.ravel()).reshape(slip.shape) - slip)
-
     def sliding_along(self, coupling: SlidingCoupling, slip: Array) -> Array:
         """Slips along T_i of the points of all ranks, shape (n, d - 1), as vectors without what nothing slides along,
         at those of this rank, shape (n, d).
@@ -203,32 +182,9 @@ class SlidingSides:
         gathered = from_owners(owned, self.slave.nodes[self.points], self.comm)
         return gathered.reshape(len(gathered), *values.shape[1:])
 
-    def stiffness(self, coupling: SlidingCoupling, pressure: Array, shear: Array) -> JointStiffness:
-        """What tractions at the points of this rank add to the tangent, see ``SlidingCoupling``; collective.
-
-        Args:
-            coupling: the map.
-            pressure: stress, shape (n,).
-            shear: as vectors, shape (n, d).
-        """
-        along = np.einsum("ndk,nd->nk", coupling.frames.tangents, self.at_points(shear))
-        return JointStiffness(self.nodes, coupling.stiffness(self.at_points(pressure), along))
-
     def at_owned_nodes(self, values: Array) -> Array:
         """Values at the nodes of both sides, shape (m, d), at the owned nodes of the space, shape (owned nodes, d)."""
         first, last = self.space.dofmap.index_map.local_range
         at_owned, is_owned = np.zeros((last - first, values.shape[1])), (self.nodes >= first) & (self.nodes < last)
         at_owned[self.nodes[is_owned] - first] = values[is_owned]
         return at_owned
-
-    def holding(
-        self, coupling: SlidingCoupling, touching: npt.NDArray[np.bool_], sticking: npt.NDArray[np.bool_]
-    ) -> JointStiffness:
-        """Products of the rows of relative displacements that contact holds at the points of this rank; collective."""
-        size = self.slave.surface.dimension * self.nodes.size
-        total = sp.csr_array((size, size))
-        for rows, flags in ((coupling.normal_rows, touching), (self._tangent_rows(coupling), sticking)):
-            of_point = np.repeat(self.at_points(flags.astype(np.float64)) > 0, rows.shape[0] // self.points.size)
-            chosen = sp.csr_array(rows)[np.flatnonzero(of_point)]
-            total = total + chosen.T @ chosen
-        return JointStiffness(self.nodes, sp.csr_array(total))

@@ -279,9 +279,7 @@ def judged(
     immovable = nodes.immovable(supports, nodal_displacements, rigid)
     figures |= contact_conditions(nodes, u_n, nodes.rounded(slip, 1), nodes.rounded(origin, -1), law, immovable, points)
     places = float(farthest) if balance.displaced else 0.0
-    # Forces of contact have the digits of the solver, and no more than those of places in a body that is at rest.
-    at_rest = balance.unloaded_at_rest and reach <= LOST_UNITS * np.finfo(float).eps * places
-    left = equilibrium(balance, pieces, y, nodes, units, reach, places=places if at_rest else 0.0)
+    left = equilibrium(balance, pieces, y, nodes, units, reach)
     unbalanced = left.share
     for (motion, drive), negligible in zip(rigid, _faint_forces(nodes, at[0], mean, penalty, moved), strict=True):
         resultant = nodes.resultant(motion, nodal_displacements)

@@ -39,8 +39,6 @@ class Balance:
             forces, shape (owned nodes, d); None: there is none.
         with_loads: whether ``internal`` is a whole residual, from which loads cannot be told.
         displaced: whether contact is met at displaced points.
-        unloaded_at_rest: whether displacements are round-off of these points, and forces on the undeformed body that of
-            ``internal``: nothing but contact acts.
     """
 
     surface: BodyNodes
@@ -56,7 +54,6 @@ class Balance:
     lost: Nodal | None = None
     with_loads: bool = False
     displaced: bool = False
-    unloaded_at_rest: bool = False
 
     def works(self, y: Nodal) -> Nodal:
         """What internal, resisting, external and initial forces do on displacements of the owned nodes, shape (n, d):
@@ -146,8 +143,6 @@ def equilibrium(
     nodes: ContactNodes | None,
     units: PieceScales,
     reach: float,
-    *,
-    places: float = 0.0,
 ) -> ForcesLeft:
     """The residual of (3.3a) in the free unknowns, of each piece and of the worst contact node as a stress; collective.
 
@@ -158,8 +153,7 @@ def equilibrium(
     Four floors keep round-off from counting as a residual where hardly any force acts: ``least``, from the
     displacement and the stiffness of an element; ``slight``, from all forces, what supports take included;
     ``joint``, from the largest force on any piece, as all are solved in one system; and ``missing``, from the digits
-    that the sums themselves lose, and coordinates of the nodes over their distances, and in a body at rest without
-    load, at the contact nodes, the coordinates at which contact is met.
+    that the sums themselves lose, and coordinates of the nodes over their distances.
 
     Args:
         balance: forces on the body without contact.
@@ -168,8 +162,6 @@ def equilibrium(
         nodes: the contact points with the tractions at them; None: there are none.
         units: what stresses and lengths are relative to, of each piece.
         reach: the largest displacement of anything, also of a rigid body, length.
-        places: the largest coordinate at which contact is met, length, where no load acts and all displacements are
-            round-off of it; else 0.
     """
     comm, supports = balance.surface.space.mesh.comm, balance.supports
     _, stiffest = balance.of_pieces(pieces)
@@ -206,8 +198,6 @@ def equilibrium(
     coordinates = parallel.largest(comm, np.abs(balance.surface.at_nodes[: balance.surface.owned]), 0.0)
     last_digit = UNITS_OF_PLACES * np.finfo(float).eps * coordinates
     missing = pieces.norms(residual) - digits * least / NO_FORCE - last_digit / np.array(spacing) * reacting
-    if nodes is not None:
-        missing -= digits * places * firmness * pieces.norms(np.ones(len(reached)), pieces.piece[reached])
     hidden = 0.0
     if balance.lost is not None:
         lost = LOST_UNITS * pieces.norms(balance.lost)
@@ -222,13 +212,11 @@ def equilibrium(
     residual_share = max(map(ratio, missing, force))
     if nodes is None:
         return ForcesLeft(residual_share, unjudged, hidden)
-    # The stress at a node is known to the digits of loads, and of the displacement, or of places where contact is met,
-    # over the length of its side.  Of that, and so of all forces, the digits of coordinates are known.
+    # The stress at a node is known to the digits of loads, and of the displacement over the length of its side.  Of
+    # that, and so of all forces, the digits of coordinates are known.
     reached_piece, load = pieces.piece[reached], pieces.largest(np.linalg.norm(loads, axis=1))
     modulus, side = np.array([piece_scales.modulus for piece_scales in stiffest]), balance.stiffest.side(area)
-    least_stress = digits * (
-        (modulus * np.maximum(units.far, places))[reached_piece] / side + load[reached_piece] / area
-    )
+    least_stress = digits * ((modulus * units.far)[reached_piece] / side + load[reached_piece] / area)
     acts = np.maximum(load, pieces.largest(np.linalg.norm(balance.internal, axis=1)))[reached_piece]
     least_stress += last_digit / side * acts / area
     if balance.lost is not None:
