@@ -14,7 +14,7 @@ from signorini_fx.mechanics.statement.units import with_unit
 from signorini_fx.quantities.digits import between, figure
 from signorini_fx.quantities.validity import validity_of
 from signorini_fx.records import Status
-from signorini_fx.tuned import FAR_ABOVE_YIELD, NEGLIGIBLE
+from signorini_fx.tuned import FAR_GAP, NEGLIGIBLE
 
 # Rows of a list that the terminal shows.
 MOST_ROWS = 8
@@ -124,8 +124,8 @@ def share_in_words(summary: dict[str, Any], of: str = "") -> str:
     largest, apart = summary["utilisation"], between(summary["stress"])
     share = largest["value"]
     if share is not None and share > 1 and largest.get("no_limit"):
-        return f"{'far ' * (share > FAR_ABOVE_YIELD)}above {of or '100 %'}"
-    if share is not None and share > FAR_ABOVE_YIELD:
+        return f"{'far ' * (share > FAR_GAP)}above {of or '100 %'}"
+    if share is not None and share > FAR_GAP:
         return f"{figure(share, apart)} times{' ' * bool(of)}{of}"
     return f"{figure(None if share is None else 100 * share, apart)} %{' of ' * bool(of)}{of}"
 

@@ -41,10 +41,10 @@ from signorini_fx.tuned import (
     FEWEST_MESHES,
     LARGEST_GAMMA,
     LEFT_BY_SOLVES,
+    MANY_STEPS,
     MARGIN,
     MARGIN_OF_OTHERS,
     MEMORY_SHARE,
-    MOST_MESHES,
     POLYGON_ERRORS,
     REGULARISATION_SHARE,
     SMALLEST_JUMP,
@@ -132,8 +132,8 @@ def solve_to_accuracy(
             compared, rate = goal.of not in LOCAL or goal.of == "pressure", rates.get(goal.of) or _seen_rate(levels)
             touching = level.table.touching if goal.of == "peak" else FEW_NODES
             jump = meshes.jump(excess, rate, compared=compared, dimension=level.dimension, touching=touching)
-            if enough and len(levels) >= MOST_MESHES:
-                notify(f"accuracy: {MOST_MESHES} meshes have not reached it")
+            if enough and len(levels) >= MANY_STEPS:
+                notify(f"accuracy: {MANY_STEPS} meshes have not reached it")
                 return replace(solution, status=Status.OUT_OF_REACH)
             beyond = None
             if enough and not meshes.adaptive:

@@ -14,7 +14,7 @@ from signorini_fx.algebra.contact.active_sets import ActiveSets
 from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.records import Status
-from signorini_fx.tuned import AUGMENTED_SHARE, AUTOMATIC_GAMMA
+from signorini_fx.tuned import AUTOMATIC_GAMMA, CONTINUATION_SHARE
 
 
 def softened(start: Start, data: RegularisedData) -> RegularisedData:
@@ -22,7 +22,7 @@ def softened(start: Start, data: RegularisedData) -> RegularisedData:
     easiest.  Slip counts without the part of it in earlier load steps that is due to the regularisation.
     """
     slip_origin = data.slip_origin - start.elastic_slip
-    gammas = AUGMENTED_SHARE * data.gamma_n, AUGMENTED_SHARE * data.gamma_t
+    gammas = CONTINUATION_SHARE * data.gamma_n, CONTINUATION_SHARE * data.gamma_t
     return replace(data, slip_origin=slip_origin, gamma_n=gammas[0], gamma_t=gammas[1])
 
 

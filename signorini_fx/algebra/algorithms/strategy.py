@@ -42,13 +42,7 @@ from signorini_fx.algebra.contact.nodal_vectors import length
 from signorini_fx.algebra.contact.statics import no_balance
 from signorini_fx.machine import parallel
 from signorini_fx.records import OuterRecord, Status
-from signorini_fx.tuned import (
-    CONTINUATION_SHARE,
-    LARGEST_GAMMA,
-    LARGEST_GAMMA_RATIO,
-    NO_FORCE,
-    START_GAMMA,
-)
+from signorini_fx.tuned import CONTINUATION_SHARE, GAMMA_GROWTH, LARGEST_GAMMA, NO_FORCE, START_GAMMA
 
 
 def solve_task(task: Task, start: Start, solve_budget: int | None = None) -> Outcome:
@@ -215,7 +209,7 @@ def _given_friction(task: Task, start: Start, data: RegularisedData) -> Outcome:
 
             # A later load step begins with the gamma that the previous one has found; without a load there was no path.
             first = START_GAMMA * task.natural_gamma if start.regularisation_error is None else data.gamma_n
-            ratio = float(np.clip(data.gamma_t / data.gamma_n, 1 / LARGEST_GAMMA_RATIO, LARGEST_GAMMA_RATIO))
+            ratio = float(np.clip(data.gamma_t / data.gamma_n, 1 / GAMMA_GROWTH, GAMMA_GROWTH))
             status, last, error = path_following(
                 newton,
                 replace(data, gamma_n=first, gamma_t=ratio * first),

@@ -24,7 +24,7 @@ from signorini_fx.mechanics.assembly.mesh_entities import node_positions
 from signorini_fx.mechanics.assembly.nodal_stiffness import JointStiffness, NodalStiffness
 from signorini_fx.mechanics.rigid.rigid_bodies import with_more_unknowns
 from signorini_fx.records import Status
-from signorini_fx.tuned import HOLDING_STIFFNESS, NO_FORCE, ORDER_IN_PLANE, UNSTABLE_DIRECTION
+from signorini_fx.tuned import HOLDING_STIFFNESS, NEGLIGIBLE, NO_FORCE, ORDER_IN_PLANE
 
 Array = npt.NDArray[np.float64]
 
@@ -314,5 +314,5 @@ def _unstable_direction(matrix: PETSc.Mat, factor: PETSc.PC) -> Array:
         return parallel.gather_rows(comm, np.array(y.getArray(readonly=True)))
 
     inverse, begin = LinearOperator(matrix.getSize(), matvec=solved), np.random.default_rng(0)
-    _, vectors = eigsh(inverse, k=1, which="SA", v0=begin.standard_normal(inverse.shape[0]), tol=UNSTABLE_DIRECTION)
+    _, vectors = eigsh(inverse, k=1, which="SA", v0=begin.standard_normal(inverse.shape[0]), tol=NEGLIGIBLE)
     return np.asarray(vectors[own, 0])
