@@ -16,12 +16,11 @@ from signorini_fx.records import Status
 class FallBack:
     """The fall-back for the problems of a load step; ``exhausted``: whether it has failed for one of its problems,
     which most likely has no solution, such as one of a fixed-point iteration beyond a limit load, then it is not tried
-    for the others; ``needless``: asked before whether another solution ends the iteration.
+    for the others.
     """
 
     def __init__(self) -> None:
         self.exhausted = False
-        self.needless: Callable[[], bool] = lambda: False
 
     def __call__(
         self, newton: SemismoothNewton, data: RegularisedData, failed: Status, measure: Callable[[], float | None]
@@ -29,7 +28,7 @@ class FallBack:
         """How it ends, or else the original status, with the iterate that it left."""
         from signorini_fx.algebra.algorithms.interior_point import interior_point
 
-        if self.exhausted or self.needless() or newton.history.exhausted:
+        if self.exhausted or newton.history.exhausted:
             return failed
         start = newton.checkpoint()
         newton.history.add(f"{failed.value}: {CONVEX}")

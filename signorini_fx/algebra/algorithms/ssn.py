@@ -165,14 +165,16 @@ class SemismoothNewton:
         solves_before = self.history.linear_solves
         status = self.attempt(data, first_sets, first_iteration=first_iteration, max_iterations=max_iterations)
         self.close(data, status, solves_before, measure)
-        # With a friction bound that depends on the pressure there is no energy, and no convex programme.
-        may_fall_back = max_iterations is None and data.follows is None
-        # A limit that the user has set is no failure.
-        ran_on = status is Status.MAX_ITERATIONS and not self._limited
-        if self._fall_back is not None and may_fall_back and (status is Status.CYCLING or ran_on):
+        if max_iterations is not None or status not in (Status.CYCLING, Status.MAX_ITERATIONS):
+            return status
+        if self.problem.lost_to_round_off(self.x, NO_FORCE):
+            return Status.ROUND_OFF
+        # With a friction bound that depends on the pressure there is no energy, and no convex programme; a limit that
+        # the user has set is no failure.
+        ran_on = status is Status.CYCLING or not self._limited
+        if self._fall_back is not None and data.follows is None and ran_on:
             status = self._fall_back(self, data, status, measure)
-        failed = status in (Status.CYCLING, Status.MAX_ITERATIONS) and max_iterations is None
-        return Status.ROUND_OFF if failed and self.problem.lost_to_round_off(self.x, NO_FORCE) else status
+        return status
 
     def close(
         self,

@@ -166,18 +166,13 @@ def _released(task: Task, failed: Outcome, law: PointFriction, moved: float) -> 
     kept = failed.data.bilateral | (law.bound(nothing) != 0)
     if parallel.any_rank(points.comm, bool(kept.any())) or task.motions.count:
         return None
-    if history.overdue() or (history.exhausted and task.settings.limited("max_iterations")):
+    if history.exhausted:
         return None
     reached, opened = newton.checkpoint(), ActiveSets.of(~points.everywhere, np.zeros_like(failed.data.mu_hat))
-    system, data, status = newton.problem.system, replace(failed.data, bound=nothing), Status.CONVERGED
+    system, data = newton.problem.system, replace(failed.data, bound=nothing)
     newton.begin_at(system.start)
-    if system.load.norm() > 0 or system.start.norm() > 0:  # else exactly zero
-        # Whatever has failed has taken; the second solve takes away what a factor leaves of what pressed before.
-        limit, history.limit = history.limit, max(history.limit, history.linear_solves + 2)
-        try:
-            status = newton.attempt(data, opened, max_iterations=2)
-        finally:
-            history.limit = limit
+    # The second solve takes away what a factor leaves of what pressed before.
+    status = newton.attempt(data, opened, max_iterations=2)
     change, largest = newton.x.copy(), max(moved, newton.x.norm(PETSc.NormType.NORM_INFINITY))
     change.axpy(-1.0, reached[0])
     entered = parallel.largest(points.comm, system.contact.traces(newton.x)[0] - data.gap)
@@ -297,7 +292,7 @@ def _either_way(
     """The fixed-point iteration or the monolithic Newton method; if it fails the other one, then augmentation; all
     begin at the iterate of ``begun``.
     """
-    s, newton, fall_back = task.settings, begun.newton, task.iterate.fall_back
+    s, newton = task.settings, begun.newton
     checkpoint = newton.checkpoint()
 
     ways: dict[Attempt, Callable[[], Status]] = {FIXED_POINT: fixed, MONOLITHIC: monolithic}
@@ -314,25 +309,12 @@ def _either_way(
         if name is AUGMENTED:
             return by_augmentation(task, start, law, begun)
         nonlocal slid
-        moved = checkpoint[0].norm(PETSc.NormType.NORM_INFINITY)
-        released: Outcome | None = None
-
-        def needless() -> bool:
-            nonlocal released
-            released = _released(task, begun, law, moved)
-            return released is not None
-
-        fall_back.needless = needless  # one linear solve, where fall-backs take hundreds
-        try:
-            status = ways[name]()
-        finally:
-            fall_back.needless = lambda: False
-        if released is not None:
-            return released
-        status = proved(task, newton.problem, law, status)
+        status = proved(task, newton.problem, law, ways[name]())
         slid = slid if name is MONOLITHIC else status is Status.SLIDES_AT_PRESSURES
         outcome = replace(begun, status=status, monolithic=name is MONOLITHIC)
-        return outcome if status is Status.CONVERGED or slid else _released(task, outcome, law, moved) or outcome
+        if status is Status.CONVERGED or slid:
+            return outcome
+        return _released(task, outcome, law, checkpoint[0].norm(PETSc.NormType.NORM_INFINITY)) or outcome
 
     def settled(outcome: Outcome) -> bool:
         if outcome.monolithic and monolithic_first:  # the fixed point is its documented fall-back
