@@ -7,7 +7,6 @@ from dataclasses import replace
 from signorini_fx.algebra.algorithms.alm import augmented_lagrangian
 from signorini_fx.algebra.algorithms.augmentation import Augmentation
 from signorini_fx.algebra.algorithms.coulomb_statics import coulomb_start, proved
-from signorini_fx.algebra.algorithms.fp import fixed_point
 from signorini_fx.algebra.algorithms.ssn import SemismoothNewton
 from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
 from signorini_fx.algebra.contact.active_sets import ActiveSets
@@ -38,21 +37,9 @@ def by_augmentation(task: Task, start: Start, law: PointFriction, begun: Outcome
         if status is not Status.CONVERGED:
             return replace(failed, status=proved(task, newton.problem, law, status))
         multipliers = newton.multipliers()
-    if law.has_derivative:
-        coupled = replace(data, bound=law.given, follows=law, lambda_hat=multipliers[0], mu_hat=multipliers[1])
-        augmentation = augmentation_on(task, task.iterate.unsymmetric_newton)
-        status = augmented_lagrangian(augmentation, coupled, newton.problem.sets, max_outer=s.max_outer_iterations)
-    else:
-        status = fixed_point(
-            newton,
-            data,
-            law,
-            multipliers,
-            None,
-            tolerance=s.tolerance,
-            max_outer=s.max_outer_iterations,
-            augmentation=augmentation_on(task, newton),
-        )
+    coupled = replace(data, bound=law.given, follows=law, lambda_hat=multipliers[0], mu_hat=multipliers[1])
+    augmentation = augmentation_on(task, task.iterate.unsymmetric_newton)
+    status = augmented_lagrangian(augmentation, coupled, newton.problem.sets, max_outer=s.max_outer_iterations)
     if status is not Status.CONVERGED:
         return replace(failed, status=proved(task, newton.problem, law, status))
     scene_data = replace(data, gamma_n=begun.data.gamma_n, gamma_t=begun.data.gamma_t)
