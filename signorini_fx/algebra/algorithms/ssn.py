@@ -67,7 +67,7 @@ class SemismoothNewton:
         max_iterations: linear solves allowed for one problem.
         history: where the records go.
         symmetric: whether the Jacobian is; it is not if the friction bound depends on the pressure.
-        fall_back: called if this iteration does not solve a problem, see ``fall_backs``; None: nothing.
+        fall_back: called if this iteration does not solve a problem, see ``task.FallBack``; None: nothing.
         propose_sets: called, once in a problem with a given friction bound, if full steps change few sets at a time;
             None: nothing.
         limited: whether the user has set the limit on linear solves, so that reaching it is not a failure.

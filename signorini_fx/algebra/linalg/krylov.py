@@ -16,7 +16,6 @@ import numpy.typing as npt
 from petsc4py import PETSc
 
 from signorini_fx.algebra.linalg import petsc_options
-from signorini_fx.algebra.linalg.assembled import AssembledSystem
 from signorini_fx.algebra.linalg.blocks import is_by_blocks, use_entries
 from signorini_fx.algebra.linalg.callbacks import called_back, weakly
 from signorini_fx.algebra.linalg.elasticity import Elasticity
@@ -28,6 +27,7 @@ from signorini_fx.algebra.linalg.factorisation import (
     use_factor,
     use_factorisation,
 )
+from signorini_fx.algebra.linalg.full import AssembledSystem
 from signorini_fx.algebra.linalg.multigrid import ContactLevels, ContactPreconditioner, Hierarchy
 from signorini_fx.algebra.linalg.petsc_c import call
 from signorini_fx.machine import parallel
