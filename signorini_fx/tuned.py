@@ -187,8 +187,6 @@ MOST_UNIFORM_UNKNOWNS = 2.5e6
 # Generated meshes begin with cells this many times as large as those of the scene; quadratic ones with as many
 # unknowns. Choice, by degree.
 COARSER_START = {1: 4, 2: 8}
-# Estimates that compare meshes need three of them, these two: one to begin with and one to confirm.
-FEWEST_MESHES = {"energy": 2, "pressure": 2}
 # Estimates are multiplied by this, by quantity and degree, and all others by the second: what they may be too small by.
 # Source: docs/evidence/effectivity.csv, where they are, displacement 0.79 to 1.14, pressure 0.50 to 1.85.
 MARGIN, MARGIN_OF_OTHERS = {("energy", 1): 1.7, ("energy", 2): 1.4}, 2.0
@@ -231,8 +229,8 @@ DENSE_SPEED, DENSE_STEP_SECONDS = 2e10, 1e-4
 # 316,899 unknowns, and with 6,075 and 42,483; see docs/evidence/multigrid_levels.csv.
 KRYLOV_SECONDS = {"meshes": (3e-6, 1.5e-6), "aggregation": (1.5e-5, 6e-6)}
 MULTIGRID_SHARE = 1.2
-# Bytes that a process holds before it has a mesh; what mesh, forms and vectors need per unknown; entries in a row of
-# the stiffness matrix by dimension.  Source: 18 and 81 are those of Q1.  No record of the bytes.
+# Bytes that a process holds before it has a mesh; what mesh, forms and vectors need per unknown, or a cell at least;
+# entries in a row of the stiffness matrix by dimension.  Source: 18 and 81 are those of Q1.  No record of the bytes.
 BASE_BYTES, BYTES_PER_DOF, ROW_ENTRIES = 1.4e8, 1.0e3, {2: 18, 3: 81}
 # Bytes more for each contact node of a body that is against another one, where contact widens the rows of the matrices:
 # peaks of solves in 3D with 1,764, 5,041 and 40,804 such nodes of degree 1 (193 to 202 kB), and 1,502 in 2D.
@@ -412,8 +410,6 @@ PROGRESS_PAUSE = 0.2
 # FEniCSx with its libraries takes 0.6 GB of address space before it computes anything, of which 0.25 GB are data; with
 # less memory its libraries wait for ever, or end the process.  Bytes, with a margin.
 ADDRESS_SPACE, DATA_SEGMENT = 1.0e9, 0.5e9
-# Bytes that a cell takes at least until its body is solved: the mesh, the stiffness and the Jacobian.  No record.
-BYTES_PER_CELL = 1000.0
 
 # --- meshes and points in them ---------------------------------------------------------------------------------------
 
@@ -515,21 +511,20 @@ FOUNDATION_BESIDE, FOUNDATION_GRID, FOUNDATION_GRID_IN_SPACE, WHOLE_FOUNDATION =
 # Margins over the longer side: of a plane around the contact boundary, and around a boundary, where arrows need room.
 PLANE_MARGIN, SURFACE_MARGIN = 0.12, 0.08
 # If the surroundings of the contact are less than this share of a boundary, only they are drawn; contact on less than
-# this share of the diagonal of the body is enlarged.
+# this share of the diagonal of the body is enlarged; a gap that is magnified to more than the first one of it leaves
+# the picture.
 SMALL_PART, SMALL_ZONE = 0.5, 0.2
 # Length of a mean normal below which a boundary is drawn as a closed one.
 CLOSED_IN_PICTURE = 0.3
 # Sizes from which on the edges of a cell in 2D and of a facet in 3D are drawn, in 1/72 inch.
 VISIBLE_CELL, VISIBLE_FACET = 5.0, 9.0
-# A foundation whose direction the magnified gap turns by more than these degrees is another one; a gap that is
-# magnified to more than this share of the diagonal of the body leaves the picture.
-BENT_FOUNDATION, GAP_IN_PICTURE = 30.0, 0.5
+# A foundation whose direction the magnified gap turns by more than these degrees is another one.
+BENT_FOUNDATION = 30.0
 # Length of the longest arrow, over the longer side: of a contact surface, of a set-up.  A load of less than the last
-# share of the largest one has no arrow.
+# share of the largest one has no arrow; arrows along the boundary are so far beside the body, over its size.
 LONGEST_ARROW, LONGEST_ARROW_OF_SETUP, SMALLEST_ARROW = 0.06, 0.13, 0.02
-# How far arrows are beside the body: along its boundary, over the size of the body, and around the picture of a body,
-# over its longer side.
-ARROWS_ALONG, ARROWS_AROUND = 0.02, 0.05
+# How far arrows are around the picture of a body, over its longer side.
+ARROWS_AROUND = 0.05
 # At most so many arrows or supports, and strokes, along the larger side of a picture.
 MOST_ARROWS, MOST_STROKES = 22.0, 50.0
 # Colours are so far in front of the body, over its size.
@@ -622,10 +617,9 @@ JUDGED_SAME_TIME = 1e-4
 JUDGED_UNITS = 2.5
 # Numbers on the next mesh up to which it is solved for the error on the mesh of a result: half a minute in 3D.
 JUDGED_FINEST = 60_000
-# In so many increments a problem with friction is solved again.  Choice: CalculiX takes ten or fewer.
+# In so many increments a problem with friction is solved again, and so many values of a number are tried.  Choice:
+# CalculiX takes ten increments or fewer.
 JUDGED_INCREMENTS = 8
-# By which share a number of the problem is changed for its effect, and how many values are tried.  Choice.
-JUDGED_TRIED_STEP, JUDGED_ROUNDS = 0.1, 8
-# Another problem explains a result if it leaves at most this share of its distance; if that is within the error of the
-# mesh, only this one.  Of 34 good results the best one leaves .56.
-JUDGED_LEFT, JUDGED_SURELY_LEFT = 0.45, 0.1
+# Another problem explains a result if it leaves at most this share of its distance; ``NOTABLE`` if that is within the
+# error of the mesh.  Of 34 good results the best one leaves .56.
+JUDGED_LEFT = 0.45

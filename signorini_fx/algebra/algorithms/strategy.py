@@ -332,8 +332,6 @@ def _either_way(
     def settled(outcome: Outcome) -> bool:
         if outcome.monolithic and monolithic_first:  # the fixed point is its documented fall-back
             return outcome.status in (Status.CONVERGED, Status.SINGULAR, Status.NOT_FINITE)
-        if outcome.status is Status.ROUND_OFF and slid:  # that of an iterate which has slid far away
-            return False
         return not task.gave_up(outcome.status)
 
     last = ended(names[0])
