@@ -9,7 +9,8 @@ from mpi4py import MPI
 from scenes import alone, example1
 
 from signorini_fx.algebra import attempts
-from signorini_fx.algebra.algorithms import augmented_fall_back, strategy
+from signorini_fx.algebra.algorithms import coulomb as coulomb_module
+from signorini_fx.algebra.algorithms import strategy
 from signorini_fx.mechanics.body.discretisation import discretise
 from signorini_fx.mechanics.mesh.tagged import gmsh_mesh
 from signorini_fx.records import History, Status, Timings
@@ -125,7 +126,7 @@ def test_each_way_is_the_fallback_of_the_other(monkeypatch, algorithm, coulomb):
 @pytest.mark.parametrize("fallbacks", [False, True])
 def test_one_bound_proves_nothing(monkeypatch, push, kind, status, fallbacks):
     """A body slides under the bound of one pressure: an outcome only where the law allows for no equilibrium either."""
-    ways = {strategy: ("fixed_point", "coulomb_newton"), augmented_fall_back: ("augmented_lagrangian",)}
+    ways = {strategy: ("fixed_point", "coulomb_newton"), coulomb_module: ("augmented_lagrangian",)}
     for module, names in ways.items():
         for name in names:
             monkeypatch.setattr(module, name, lambda *arguments, **options: Status.SLIDES)

@@ -164,11 +164,7 @@ class _Programme:
                 return Status.CONVERGED
             if newton.history.exhausted:
                 break
-            begun = newton.x.copy()
             step = self._advanced(at, exact=True)
-            if step is None and near:  # the products are below the round-off of the blocks
-                newton.begin_at(begun)
-                return Status.CONVERGED
             at = None if step is None else step.end
         return Status.MAX_ITERATIONS
 

@@ -16,15 +16,17 @@ from petsc4py import PETSc
 
 from signorini_fx.algebra.algorithms.alm import augmented_lagrangian
 from signorini_fx.algebra.algorithms.augmentation import with_enough_digits
-from signorini_fx.algebra.algorithms.augmented_fall_back import (
+from signorini_fx.algebra.algorithms.coulomb import (
     augmentation_on,
     automatic_gamma,
     by_augmentation,
+    coulomb_newton,
+    coulomb_start,
+    proved,
 )
-from signorini_fx.algebra.algorithms.coulomb_statics import coulomb_start, proved
 from signorini_fx.algebra.algorithms.fp import fixed_point
 from signorini_fx.algebra.algorithms.loose import UNEXPLAINED, idle, near_the_last_place
-from signorini_fx.algebra.algorithms.ssn import Checkpoint, SemismoothNewton
+from signorini_fx.algebra.algorithms.ssn import Checkpoint
 from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
 from signorini_fx.algebra.attempts import (
     AUGMENTED,
@@ -228,20 +230,6 @@ def _given_friction(task: Task, start: Start, data: RegularisedData) -> Outcome:
         case _:
             status = newton.solve(data, start.sets, first_iteration=start.iteration)
     return Outcome(status, newton, start.data, regularisation_error=error)
-
-
-def coulomb_newton(
-    newton: SemismoothNewton,
-    data: RegularisedData,
-    law: PointFriction,
-    first_sets: ActiveSets | None,
-) -> Status:
-    """Solve the Coulomb problem in one semi-smooth Newton iteration of an inner method with an unsymmetric solver, from
-    its iterate (the pure contact problem); not in the paper.  The map mu - clip(mu_hat + gamma_2 tau_T y, -F lambda(y),
-    F lambda(y)) with lambda(y) of (3.3b) is as semi-smooth as (3.4); its derivative has d mu / d tau_N y = +-F gamma_1
-    at slip nodes in contact.  It converges locally: from a poor start its sets may cycle.
-    """
-    return newton.solve(replace(data, bound=law.given, follows=law), first_sets)
 
 
 def _coulomb(task: Task, start: Start, law: PointFriction) -> Outcome:
