@@ -52,6 +52,7 @@ from signorini_fx.tuned import (
     DECIDING_PRODUCT,
     FIRST_SHEAR,
     NO_FORCE,
+    NOTHING_LEFT,
     SAME_NUMBER,
     SETTLED_POINTS,
     SHARE_OF_WAY,
@@ -160,7 +161,7 @@ class _Programme:
             product = self._product(at)
             near = product <= SAME_NUMBER * first
             sets = natural_sets(*problem.system.contact.traces(newton.x), self._data)
-            if near and (product <= SAME_NUMBER**2 * first or problem.accept(newton.x, sets, NO_FORCE)):
+            if near and (product <= NOTHING_LEFT**2 * first or problem.accept(newton.x, sets, NO_FORCE)):
                 return Status.CONVERGED
             if newton.history.exhausted:
                 break
