@@ -23,14 +23,10 @@ LARGEST_GAMMA = 1e9
 # Path-following begins at this times E / size, where the penetration is about a hundredth of the displacements; check
 # warns of a smaller gamma in a scene.  Choice.
 START_GAMMA = 100.0
-# Continuation begins at this share of the last gamma.  Source: Table 4 of the paper (1e4 before 1e8).
+# Continuation begins at this share of the last gamma, and the augmented Lagrangian method as a fall-back, whose limit
+# is the same for every gamma.  Source: Table 4 of the paper (1e4 before 1e8), and the cube of
+# tests/solving/test_limit_loads.py: with ten times as much the sets of one of eight cycle at 0.98 of the limit.
 CONTINUATION_SHARE = 1e-4
-# The model of the path has one pole: it is useless if gamma_n and gamma_t differ by more than this factor.
-# No record.
-LARGEST_GAMMA_RATIO = 10.0
-# Below this share of gamma the pole is left out of the model, which saves a back substitution: it changes the distance
-# to the limit by no more.  Choice, from the formula of the distance.
-NEGLIGIBLE_POLE = 0.05
 # The regularisation error of path-following, relative to the estimated discretisation error, by degree of the
 # displacement.  With degree 2 the model of the path was found to be wrong by a factor of two.  Tuned on the scenes of
 # docs/evidence/effectivity.csv.
@@ -46,24 +42,17 @@ PROBLEMS_PER_STEP = 40
 # increment is tried, and the last attempt, with all fall-backs, this many times those: where a limit load cannot be
 # proved, the way up to it sets the price of enclosing it.  Choice; see tests/solving/test_limit_loads.py.
 FAILED_STEP, FAILED_RAMP = 3, 4
-# As a fall-back the augmented Lagrangian method begins with a gamma this much smaller: the limit is the same for every
-# gamma, and the problems are easiest with a small one.  Tuned on the cube of tests/solving/test_limit_loads.py with 3
-# to 6 cells a side: with ten times as much the sets of one of eight cycle at 0.98 of the limit.
-AUGMENTED_SHARE = 1e-4
 
 # --- augmented Lagrangian method -------------------------------------------------------------------------------------
 
 # A multiplier is slow if an update leaves more than this share of its last change; then its gamma is increased.
-# No record of this and the next three; test_augmentation.py checks that the limit is reached with gamma_n and gamma_t
+# No record of this and the next one; test_augmentation.py checks that the limit is reached with gamma_n and gamma_t
 # from 1e-3 to 1e5 times the natural gamma.
 SLOW_SHARE = 0.1
 # Factor by which gamma is increased from one problem to the next: the sets of one are a start for those of the next.
+# By the same factor both gammas may differ on a path; gamma is at most so many times the stiffness at the contact
+# nodes, where an update leaves a tenth of the error, and the natural one, where round-off of the multipliers begins.
 GAMMA_GROWTH = 10.0
-# With gamma at this times the stiffness at the contact nodes no multiplier is slow.  An update then leaves less
-# than 1 / (1 + this) of the error.
-ENOUGH_GAMMA = 10.0
-# A gamma above this times the natural one leaves too few digits for the multipliers, which are gamma times a length.
-LARGEST_AUGMENTED_GAMMA = 10.0
 
 # --- linear algebra --------------------------------------------------------------------------------------------------
 
@@ -82,7 +71,7 @@ RETAINED_REACH = 0.5
 # Source: docs/evidence/linear_algebra_in_space.csv.
 FEWEST_KRYLOV_UNKNOWNS, FEWEST_KRYLOV_UNKNOWNS_IF_CONDENSED = 20_000, 40_000
 # From this number of unknowns on a body that gets a Krylov method is assembled by blocks: below it a product takes less
-# time than to call it.  Choice.
+# time than to call it.  A coarsest mesh with more is coarsened further by aggregation.  Choice.
 FEWEST_BLOCK_UNKNOWNS = 3_000
 # How far ahead of their use the entries of blocks are asked for, in bytes: 50 blocks of 3 x 3 in double precision.
 # Tuned on products with the block of tests/support/spaces.py: from 1,100 to 7,200 the time differs by a tenth.
@@ -100,8 +89,6 @@ BROKEN_DOWN = 1e-7
 # A mesh is a level of multigrid for another one whose cells are between these many times smaller: more levels of
 # nearly the same size cost more than they help, and smoothing cannot bridge more.  Choice.
 FINER_LEVELS = (1.5, 3.0)
-# A coarsest mesh with more unknowns is coarsened further by aggregation, with fewer it is factorised.  Choice.
-MOST_COARSEST_UNKNOWNS = 3_000
 # On several ranks each rank has the whole factor of so few unknowns of contact.  Measured: with 3,900 of them a factor
 # takes as long on two ranks as on one, and each solve twice as long.
 MOST_REPLICATED_UNKNOWNS = 10_000
@@ -109,16 +96,6 @@ MOST_REPLICATED_UNKNOWNS = 10_000
 HELD_STIFFNESS = 0.5
 # Chebyshev's smoother damps this part of the spectrum, in shares of the estimated largest eigenvalue.  Source: PETSc's.
 SMOOTHED_SPECTRUM = (0.1, 1.1)
-# Coordinates that differ by less, relative to the extent of the body, are one in the order of elimination.  Choice.
-SAME_COORDINATE = 1e-7
-# Relative tolerance of a Krylov solve that ends by its absolute one.  Choice: less than round-off leaves.
-NO_RELATIVE_TOLERANCE = 1e-15
-# Share of the forces that an inexact Krylov solve never leaves: ten times that at which Newton's method ends.  Choice.
-NEVER_LEFT = 1e-7
-# Soft stiffnesses that differ by less make no other levels: the cycle need not be exact.  Choice.
-SAME_SOFT_STIFFNESS = 0.1
-# Steps of the least squares that find what moves with a rigid body.  Choice.
-RIGID_STEPS = 100
 
 # --- nested iteration ------------------------------------------------------------------------------------------------
 
@@ -151,11 +128,6 @@ POLLUTION = 6.0
 # The same of the largest pressure: tuned on half disks and spheres of degree 1, on a plane and on each other, in the
 # plane, of revolution and in 3D (tests/accuracy/test_remade_meshes.py); no others were held out.
 POLLUTION_OF_PEAK = 2.0
-# Angles between facets below this (radians) are none.  Choice: the root of the unit of round-off, as for directions.
-STRAIGHT_ANGLE = 1e-7
-# Where the projection that recovers the stress ends, as a share of its right-hand side.  Choice: far below the error
-# that is estimated from it.
-PROJECTION_TOLERANCE = 1e-8
 # --- convergence table: errors and costs from mesh to mesh ------------------------------------------------------------
 
 # How errors decrease with h.  The square-root ends of the contact zone limit all but the peak.  Rates observed on two
@@ -215,10 +187,6 @@ MOST_UNIFORM_UNKNOWNS = 2.5e6
 # Generated meshes begin with cells this many times as large as those of the scene; quadratic ones with as many
 # unknowns. Choice, by degree.
 COARSER_START = {1: 4, 2: 8}
-# Estimates that compare meshes need three of them, these two: one to begin with and one to confirm.
-FEWEST_MESHES = {"energy": 2, "pressure": 2}
-# No run came close to this number of meshes.  Choice.
-MOST_MESHES = 40
 # Estimates are multiplied by this, by quantity and degree, and all others by the second: what they may be too small by.
 # Source: docs/evidence/effectivity.csv, where they are, displacement 0.79 to 1.14, pressure 0.50 to 1.85.
 MARGIN, MARGIN_OF_OTHERS = {("energy", 1): 1.7, ("energy", 2): 1.4}, 2.0
@@ -261,8 +229,8 @@ DENSE_SPEED, DENSE_STEP_SECONDS = 2e10, 1e-4
 # 316,899 unknowns, and with 6,075 and 42,483; see docs/evidence/multigrid_levels.csv.
 KRYLOV_SECONDS = {"meshes": (3e-6, 1.5e-6), "aggregation": (1.5e-5, 6e-6)}
 MULTIGRID_SHARE = 1.2
-# Bytes that a process holds before it has a mesh; what mesh, forms and vectors need per unknown; entries in a row of
-# the stiffness matrix by dimension.  Source: 18 and 81 are those of Q1.  No record of the bytes.
+# Bytes that a process holds before it has a mesh; what mesh, forms and vectors need per unknown, or a cell at least;
+# entries in a row of the stiffness matrix by dimension.  Source: 18 and 81 are those of Q1.  No record of the bytes.
 BASE_BYTES, BYTES_PER_DOF, ROW_ENTRIES = 1.4e8, 1.0e3, {2: 18, 3: 81}
 # Bytes more for each contact node of a body that is against another one, where contact widens the rows of the matrices:
 # peaks of solves in 3D with 1,764, 5,041 and 40,804 such nodes of degree 1 (193 to 202 kB), and 1,502 in 2D.
@@ -310,8 +278,6 @@ SAME_LENGTH = 1e-9
 # What is computed from a solution (forces, pressures, displacements, normals of facets) below this share of the largest
 # one is round-off.  Choice: solves leave up to 1e-10 of the forces.
 ZERO_IN_SOLUTION = 1e-9
-# Strain at which residuals are compared with the sum of their integrals.  Choice: any at which all terms differ from 0.
-TRIED_STRAIN = 0.01
 
 # Points of Gauss' rule on a segment of the overlap of two sides in 2D, which belong to the definition of the map
 # between them: integrands are rational where normals turn, and not polynomials on curved facets.  Choice.
@@ -326,49 +292,43 @@ NO_FORCE = 1e-8
 # Drawings and files have few digits, and so has the place of a point in a cell: points are one, faces plane and
 # directions parallel within this share of their size or this angle in radians.  Choice: single precision.
 DIGITS_OF_FILES = 1e-6
-# Step in a reference facet that ends Newton's method of overlaps: round-off.  Choice.
-LAST_STEP_IN_FACET = 1e-14
 # Numbers of a scene are between these, in any units, or energies and forces overflow.  Choice.
 LARGEST_NUMBER, SMALLEST_NUMBER = 1e60, 1e-60
 # A row of a table of yield stresses that rises more steeply, in Young's moduli per plastic strain, is a mistake in
 # writing: beyond it the plastic strain of a step is lost in round-off.  Choice.
 STEEPEST_HARDENING = 1e6
 
+# Steps at most of iterations that end long before: Newton's, and by projections, for places on curves and in cells, for
+# balances and for chi, and meshes until an accuracy is reached.  Choice.
+MANY_STEPS = 50
+
 # --- algorithms ------------------------------------------------------------------------------------------------------
 
-# A step from as far away as this many times the solution, or from forces as many times as large, leaves that many times
-# its round-off: another step follows.  Choice.
-FAR_START = 1e3
 # Interior points: each step goes at most this share of the way to the nearest bound.  Source: usual value.
 SHARE_OF_WAY = 0.99
 # Stiffness of the foundation with which they begin, in units of the natural stiffness, and the least share of this if
 # the body is lifted far.  Beams, blisters, plates and weightless strips take the fewest solves between 1e-4 and 1e-3,
 # and three times as many on a foundation of stiffness gamma.
 SOFT_FOUNDATION, SOFTEST_FOUNDATION = 3e-4, 1e-6
-# Below this share of the first products full steps have to end the iteration.  Choice.
-LAST_PRODUCT = 1e-20
 # Shears begin below this share of their bound.  Choice: inside.
 FIRST_SHEAR = 0.5
 # They are asked for sets after the first number of full steps, if in the last three the contact set has changed its
-# size, the points that have changed are at least the second number, and the third share of those of the three before,
-# unless full steps would be through with all points in fewer steps than the fourth number; and whatever has changed
-# after the last number of full steps.  None of 400 random compact problems gets there, nor do the tables of the paper;
-# with 6 steps and a share of 0.6 two of 200 did.
-SLOW_STEPS, SLOW_CHANGES, STILL_CHANGING, STEPS_LEFT, SLOWEST_STEPS = 7, 6, 0.7, 15, 25
+# size, the points that have changed are at least the second number, and ``DECIDED`` of those of the three before,
+# unless full steps would be through with all points in fewer steps than the third number; and whatever has changed
+# after the last number of full steps, which is also the most that they take.  None of 400 random compact problems gets
+# there, nor do the tables of the paper; with 6 steps and a share of 0.6 two of 200 did.
+SLOW_STEPS, SLOW_CHANGES, STEPS_LEFT, SLOWEST_STEPS = 7, 6, 15, 25
 # In 3D, without friction, a whole row of a coarse plate opens with each full step and few rows open at all: sets are
 # asked for if full steps would be through in no fewer than this.  Tuned on 51 plates (docs/evidence/slender.csv), which
 # take 943 solves then, 1,012 with the number above; beams in 2D are better with that.
 STEPS_LEFT_OF_FRONTS = 40
-# They propose sets once their products are at most the first share of the first ones, a step has gone at least the
-# second share of its way, and the sets of at most the third share of the points still change.  Of two iterates the
-# quotient either of the pressures or of the openings tends to 1; while both are below the first number at more than
-# the second share of the points, nothing is known.  At most so many steps.  From the same problems and slender bodies.
-DECIDING_PRODUCT, DECIDING_SHARE, SETTLED_POINTS = 1e-2, 0.7, 0.005
-DECIDED_QUOTIENT, UNDECIDED_POINTS, PROPOSAL_STEPS = 0.7, 0.08, 25
-# Tolerance of a solve for the derivatives along the path without a factor: far below the error of the model.  Choice.
-ROUGH_SLOPE_TOLERANCE = 1e-2
+# They propose sets once their products are at most the first share of the first ones, a step has gone at least
+# ``DECIDED`` of its way, and the sets of at most the second share of the points still change.  Of two iterates the
+# quotient either of the pressures or of the openings tends to 1; while both are below ``DECIDED`` at more than the
+# third share of the points, nothing is known.  From the same problems and slender bodies.
+DECIDING_PRODUCT, SETTLED_POINTS, UNDECIDED_POINTS, DECIDED = 1e-2, 0.005, 0.08, 0.7
 # Residuals are measured by forces that are at least this share of stiffness times displacement, of which
-# NO_FORCE is then still above round-off.  Choice.
+# NO_FORCE is then still above round-off; an inexact Krylov solve leaves no less of the forces.  Choice.
 ATTAINABLE_SHARE = 1e-7
 
 # --- assembly, contact boundaries and supports -----------------------------------------------------------------------
@@ -389,21 +349,15 @@ LOCKING_POISSON = 0.45
 
 # --- statics and limit loads -----------------------------------------------------------------------------------------
 
-# Coulomb friction above this is treated as unlimited.  Choice: its cone leaves six digits of a pressure.
-UNLIMITED_FRICTION = 1e6
-# Contact forces beyond this multiple of the loads balance nothing: round-off would.  Choice.
+# Contact forces beyond this multiple of the loads balance nothing: round-off would.  Coulomb friction above it is
+# treated as unlimited: its cone leaves eight digits of a pressure.  Choice.
 LARGEST_BALANCING_FORCE = 1e4
-# Work of a unit traction on a motion, relative to the load, below which the traction does not bring the point nearer.
-# Choice: a few units of round-off.
-STATIONARY_WORK = 1e-15
 
 # --- bounds of the error ---------------------------------------------------------------------------------------------
 
 # Of tractions between facets that do not match: parts along the edges of a facet into which it is divided so many
 # times.  Tuned on random scenes of two bodies in 3D.
 PARTS_OF_EDGE, DIVISIONS = 3, 2
-# Steps of Newton's method that balances contact tractions.  Choice: five were enough from none and 1e4 times more.
-BALANCING_STEPS = 50
 # Round-off of forms per unit of eps, of the ratio of the moduli, and of the fourth power of the condition of a
 # tetrahedron.  Source: those of turned ones, which are the same, differ by a third of this at most, see
 # tests/bounds/test_lifted_tractions.py.
@@ -411,20 +365,18 @@ ROUNDED_FORMS = 1e3
 
 # --- check: what it warns of -----------------------------------------------------------------------------------------
 
-# A gap is far if it is this many times larger than prescribed displacements.  Choice.
+# A gap is far if it is this many times larger than prescribed displacements; above so many times the yield stress a
+# share is no longer told in per cent.  Choice.
 FAR_GAP = 10.0
 # --- derivatives and friction laws of users --------------------------------------------------------------------------
 
-# Solves after which the iteration for chi ends.  Choice.
-MOST_ADJOINT_SOLVES = 30
 # Change of a datum or a Constant for a difference of residuals, relative to it, or to the natural unit of one that is
 # zero, and strain for a difference of energies.  Choice: the cube root of the unit of round-off is best for central
 # differences.
 DIFFERENCE_STEP = 1e-5
-# Constants of forms: half widths from which the limit is extrapolated, and what a narrow difference is wrong by at
-# least.  Choice: smooth data settle after three to five widths; narrow differences of slender bodies are wrong by 1e-5
-# to 7e-4.
-WIDEST_DIFFERENCE, WIDTHS_OF_DIFFERENCE, NOISE_OF_DIFFERENCE = 1e-2, 6, 1e-5
+# Constants of forms: half widths from which the limit is extrapolated.  Choice: smooth data settle after three to five
+# widths; narrow differences of slender bodies are wrong by 1e-5 to 7e-4.
+WIDEST_DIFFERENCE, WIDTHS_OF_DIFFERENCE = 1e-2, 6
 # A displacement that would be magnified by no more than this is drawn as it is.  Choice.
 SEEN_AS_IT_IS = 2.5
 # Share of displacement and tractions by which they are changed for a difference of a quantity of a user's own.  Choice:
@@ -432,7 +384,8 @@ SEEN_AS_IT_IS = 2.5
 QUANTITY_CHANGE = 1e-4
 # What a law of a user's own says of itself is tried at about so many of its points, from this power of ten of the
 # modulus up to the modulus, at so many pressures in each decade.  It may be wrong by this share of
-# the slopes of its chords between neighbouring pressures.  Where it bends beyond the modulus, up to this power of ten
+# the slopes of its chords between neighbouring pressures, and by so much less a distance of a shape may grow along its
+# normals, which are smoothed where facets meet.  Where it bends beyond the modulus, up to this power of ten
 # of it, its round-off is that of its bound there.  Choice.
 TRIED_POINTS, SMALLEST_PRESSURE, PRESSURES_PER_DECADE = 50, -9, 32
 WRONG_SLOPE, LARGEST_BEND = 1e-2, 12
@@ -450,15 +403,13 @@ SHORTENED_IF_LOOSE, SHORTENED_AT_MOST = 4.0, 30.0
 # Seconds that may pass until the first rank has ended one with the same error, and until a rank that may have an error
 # later has it.  Choice.
 END_PATIENCE, ERROR_PATIENCE = 1.0, 30.0
-# Seconds between two attempts to get a lock of a compilation, and of waiting for it without a word.  Choice.
-LOCK_PAUSE, LOCK_SILENCE = 0.05, 10.0
-# Seconds between two changes of the line of progress.  Choice.
+# Seconds of waiting for the lock of a compilation without a word.  Choice.
+LOCK_SILENCE = 10.0
+# Seconds between two changes of the line of progress, and two attempts to get a lock.  Choice.
 PROGRESS_PAUSE = 0.2
 # FEniCSx with its libraries takes 0.6 GB of address space before it computes anything, of which 0.25 GB are data; with
 # less memory its libraries wait for ever, or end the process.  Bytes, with a margin.
 ADDRESS_SPACE, DATA_SEGMENT = 1.0e9, 0.5e9
-# Bytes that a cell takes at least until its body is solved: the mesh, the stiffness and the Jacobian.  No record.
-BYTES_PER_CELL = 1000.0
 
 # --- meshes and points in them ---------------------------------------------------------------------------------------
 
@@ -480,11 +431,8 @@ FACET_SAMPLES = 5
 # Half of the facets may not be longer than this times what was asked for, after so many meshes at most.  Choice: the
 # longest edges of triangles of gmsh are 1.2 times as long as their mean, and each mesh is far nearer to a curve.
 LONGEST_FACET, MOST_MESHINGS = 1.4, 3
-# Newton's steps at most for the place of a point in a cell, and the reference coordinates within which it is sought.
-# Choice.
-STEPS_IN_CELL, REFERENCE_BOUNDS = 20, (-1.0, 2.0)
-# Steps of the search for the nearest point of a spline at most, and the last one as a share of a piece.  Choice.
-STEPS_ON_SPLINE, LAST_STEP_ON_SPLINE = 80, 1e-15
+# Reference coordinates within which the place of a point in a cell is sought.  Choice.
+REFERENCE_BOUNDS = -1.0, 2.0
 # A point outside the convex hull of those of a table is moved towards their middle by these shares of its distance: for
 # round-off, and for a curved boundary between the nodes of another mesh.  Choice.
 OUTSIDE_HULL = (1e-9, 0.02)
@@ -496,7 +444,8 @@ HARD_CONTACT = 1e4
 
 # --- contact between two bodies --------------------------------------------------------------------------------------
 
-# Share of the size of a side by which the bodies may overlap.  Choice: more is a mistake in a scene.
+# Share of the size of a side by which the bodies may overlap, and within which facets are partners, beyond the smallest
+# distance of both sides.  Choice: more is a mistake in a scene.
 DEEPEST_OVERLAP = 0.2
 # Share of its weight that a function must keep to carry a point.  No record.
 KEPT_WEIGHT = 0.03
@@ -509,9 +458,6 @@ MOSTLY_HELD = 0.5
 TURNED_DIRECTION = 1.0
 # Of two sides that face each other the product of the normals is below this.  Choice: 102 degrees.
 FACING_SIDES = -0.2
-# Share of the size of the smaller side within which facets are partners, beyond the smallest distance of both sides.
-# Choice.
-PARTNERS_REACH = 0.2
 # How many facets points of two nonlinear bodies that keep their partners may move along the other side without a
 # warning.  Choice: forces of blocks with some facets over the contact were off by 9 % after one.
 FACETS_OF_KEPT_PARTNERS = 0.5
@@ -531,9 +477,9 @@ LOST_UNITS = 100.0
 # Units in the last place of the largest coordinate that distances and lengths of sides may lose.  Choice: of scenes 1e6
 # times their size away from the origin nodal forces lost one over the length of a side, distances two.
 UNITS_OF_PLACES = 10.0
-# A linear solve leaves at most so many times what units in the last place of the displacement leave, which is estimated
-# from so many random signs.  Choice: one to five, by any factorisation.
-LAST_DIGITS, ROUNDINGS = 10.0, 4
+# A linear solve leaves at most so many times what units in the last place of the displacement leave, too, which is
+# estimated from so many random signs.  Choice: one to five, by any factorisation.
+ROUNDINGS = 4
 # A boundary is closed if the sum of its normals, by their areas, is a smaller share of its area: on straight facets of
 # unequal lengths it is no exact zero.  Choice.
 CLOSED_BOUNDARY = 0.01
@@ -541,8 +487,6 @@ CLOSED_BOUNDARY = 0.01
 BESIDE_VERTEX = 1.01
 # Angles within a body that differ by less than these degrees are equal.  Choice.
 SAME_ANGLE = 1.0
-# Times the yield stress above which a share is no longer told in per cent.  Choice.
-FAR_ABOVE_YIELD = 10.0
 
 # --- uniqueness ------------------------------------------------------------------------------------------------------
 
@@ -564,21 +508,20 @@ FOUNDATION_BESIDE, FOUNDATION_GRID, FOUNDATION_GRID_IN_SPACE, WHOLE_FOUNDATION =
 # Margins over the longer side: of a plane around the contact boundary, and around a boundary, where arrows need room.
 PLANE_MARGIN, SURFACE_MARGIN = 0.12, 0.08
 # If the surroundings of the contact are less than this share of a boundary, only they are drawn; contact on less than
-# this share of the diagonal of the body is enlarged.
+# this share of the diagonal of the body is enlarged; a gap that is magnified to more than the first one of it leaves
+# the picture.
 SMALL_PART, SMALL_ZONE = 0.5, 0.2
 # Length of a mean normal below which a boundary is drawn as a closed one.
 CLOSED_IN_PICTURE = 0.3
 # Sizes from which on the edges of a cell in 2D and of a facet in 3D are drawn, in 1/72 inch.
 VISIBLE_CELL, VISIBLE_FACET = 5.0, 9.0
-# A foundation whose direction the magnified gap turns by more than these degrees is another one; a gap that is
-# magnified to more than this share of the diagonal of the body leaves the picture.
-BENT_FOUNDATION, GAP_IN_PICTURE = 30.0, 0.5
+# A foundation whose direction the magnified gap turns by more than these degrees is another one.
+BENT_FOUNDATION = 30.0
 # Length of the longest arrow, over the longer side: of a contact surface, of a set-up.  A load of less than the last
-# share of the largest one has no arrow.
+# share of the largest one has no arrow; arrows along the boundary are so far beside the body, over its size.
 LONGEST_ARROW, LONGEST_ARROW_OF_SETUP, SMALLEST_ARROW = 0.06, 0.13, 0.02
-# How far arrows are beside the body: along its boundary, over the size of the body, and around the picture of a body,
-# over its longer side.
-ARROWS_ALONG, ARROWS_AROUND = 0.02, 0.05
+# How far arrows are around the picture of a body, over its longer side.
+ARROWS_AROUND = 0.05
 # At most so many arrows or supports, and strokes, along the larger side of a picture.
 MOST_ARROWS, MOST_STROKES = 22.0, 50.0
 # Colours are so far in front of the body, over its size.
@@ -626,8 +569,6 @@ EQUAL_STRETCHES = 0.01
 # Below this distance from one a series takes the place of powers and logarithms less their tangents, up to this power
 # of the distance: their difference loses as many digits as the series leaves out.  Choice, from both errors.
 NEAR_ONE, TERMS_NEAR_ONE = 1e-3, 6
-# Relative error of the eigenvalue whose vector shows where an instability begins.  Choice: it is shown in words.
-UNSTABLE_DIRECTION = 0.01
 # What holds a contact point where the inertia of the tangent is looked at, in units of the largest entry on the
 # diagonal.  Choice.
 HOLDING_STIFFNESS = 1e4
@@ -658,12 +599,6 @@ MOST_PLACES = 400
 INRADIUS_GRID = 9
 # Share of the radius of the largest ball in a rigid shape at which its middle is.  Choice.
 SHAPE_MIDDLE = 0.9
-# Projections onto a cell and a shape in turn, by which a point of both is sought.  Choice: where both share more than a
-# point few are needed.
-PROJECTIONS = 50
-# Along a normal of a shape of a user's own its distance may grow by so much less than a distance does: normals that are
-# smoothed where facets meet.  Choice: eight degrees.
-WRONG_NORMAL = 1e-2
 # Strains at which a material is tried before it is used.  Choice: none, small, and those of rubber.
 TRIED_STRAINS = (0.0, 1e-3, 0.02, 0.2)
 
@@ -679,10 +614,9 @@ JUDGED_SAME_TIME = 1e-4
 JUDGED_UNITS = 2.5
 # Numbers on the next mesh up to which it is solved for the error on the mesh of a result: half a minute in 3D.
 JUDGED_FINEST = 60_000
-# In so many increments a problem with friction is solved again.  Choice: CalculiX takes ten or fewer.
+# In so many increments a problem with friction is solved again, and so many values of a number are tried.  Choice:
+# CalculiX takes ten increments or fewer.
 JUDGED_INCREMENTS = 8
-# By which share a number of the problem is changed for its effect, and how many values are tried.  Choice.
-JUDGED_TRIED_STEP, JUDGED_ROUNDS = 0.1, 8
-# Another problem explains a result if it leaves at most this share of its distance; if that is within the error of the
-# mesh, only this one.  Of 34 good results the best one leaves .56.
-JUDGED_LEFT, JUDGED_SURELY_LEFT = 0.45, 0.1
+# Another problem explains a result if it leaves at most this share of its distance; ``NOTABLE`` if that is within the
+# error of the mesh.  Of 34 good results the best one leaves .56.
+JUDGED_LEFT = 0.45

@@ -34,14 +34,12 @@ EXACT_SOLVES = Attempt(
 )
 CONVEX = Attempt("interior point", "the problem as a convex programme, which has no sets that could cycle")
 FIXED_POINT = Attempt("fixed point", "Coulomb friction as a sequence of problems with given friction bounds")
-MONOLITHIC = Attempt(
-    "monolithic Newton", "Coulomb friction in one iteration, unless there is a cap or bilateral contact"
-)
+MONOLITHIC = Attempt("monolithic Newton", "Coulomb friction in one iteration, unless there is a cap")
 METHOD = Attempt("the method of the scene", "`algorithm` and `coulomb` of the scene, with what is tried for them")
 AUGMENTED = Attempt(
     "augmented Lagrangian",
-    "with a small gamma and, where there is a monolithic form, friction bounds that follow the pressure; its limit is "
-    "the solution without regularisation",
+    "with a small gamma and friction bounds that follow the pressure, unless there is a cap; its limit is the solution "
+    "without regularisation",
 )
 HALF = Attempt(
     "half the increment",
@@ -65,7 +63,9 @@ def for_coulomb(*, monolithic: bool, first: bool, fallbacks: bool, augmented: bo
     """What is tried for one problem with Coulomb friction; ``monolithic``: whether its monolithic form is to be had,
     and ``first`` whether that is tried first, with the fixed point as its documented fall-back.
     """
-    ways = [FIXED_POINT, *((AUGMENTED,) if augmented else ())]
-    if monolithic:
-        ways.insert(0 if first else 1, MONOLITHIC)
-    return tuple(ways if fallbacks else ways[: 2 if monolithic and first else 1])
+    if not monolithic:
+        return (FIXED_POINT,)
+    ways = (MONOLITHIC, FIXED_POINT) if first else (FIXED_POINT, MONOLITHIC)
+    if not fallbacks:
+        return ways if first else ways[:1]
+    return (*ways, AUGMENTED) if augmented else ways

@@ -25,7 +25,7 @@ from typing import Any
 
 from signorini_fx.errors import MachineError
 from signorini_fx.machine import signals
-from signorini_fx.tuned import LOCK_PAUSE, LOCK_SILENCE
+from signorini_fx.tuned import LOCK_SILENCE, PROGRESS_PAUSE
 
 _LOCKS = ".signorini_fx.locks"
 # What this process has loaded, by folder and name: to find a form FFCx lists the folder, which may hold thousands.
@@ -108,7 +108,7 @@ def prepare(folder: Path, module: str, patience: float, held: ExitStack) -> None
                 _mark(folder, module).unlink(missing_ok=True)
                 return
         signals.serve()
-        time.sleep(LOCK_PAUSE)
+        time.sleep(PROGRESS_PAUSE)
 
 
 def library(folder: Path, name: str, declarations: str, source: str, arguments: Sequence[str]) -> Any:

@@ -14,7 +14,7 @@ from signorini_fx.mechanics.model import Model
 from signorini_fx.records import Finding, Status
 from signorini_fx.results.certificate.certificate import balance_of
 from signorini_fx.results.certificate.nodal_forces import NodalForces
-from signorini_fx.tuned import LAST_DIGITS, ROUNDINGS
+from signorini_fx.tuned import ROUNDINGS, UNITS_OF_PLACES
 
 
 def status_by_digits(
@@ -24,7 +24,7 @@ def status_by_digits(
     other arguments see ``left_by_last_digits``; collective.
     """
     share = left_by_last_digits(model, displacement, step)
-    if not missing <= LAST_DIGITS * share:
+    if not missing <= UNITS_OF_PLACES * share:
         return Status.NOT_CERTIFIED, None
     message = (
         f"cells are too flat or too small beside the body: the last digit of the displacement alone leaves {share:.1g} "

@@ -38,13 +38,12 @@ from signorini_fx.solving.finer_meshes import Meshes
 from signorini_fx.solving.meshed_problem import SolvedMesh, Unsolved
 from signorini_fx.tuned import (
     FEW_NODES,
-    FEWEST_MESHES,
     LARGEST_GAMMA,
     LEFT_BY_SOLVES,
+    MANY_STEPS,
     MARGIN,
     MARGIN_OF_OTHERS,
     MEMORY_SHARE,
-    MOST_MESHES,
     POLYGON_ERRORS,
     REGULARISATION_SHARE,
     SMALLEST_JUMP,
@@ -107,7 +106,7 @@ def solve_to_accuracy(
         estimate = getattr(rows[-2], goal.of) if rows else _estimate_on_one(levels[0], goal)
         margin = MARGIN.get((goal.of, meshes.problem.degree), MARGIN_OF_OTHERS)
         error = inf if estimate is None else estimate * margin
-        enough = len(levels) >= FEWEST_MESHES.get(goal.of, 3)
+        enough = len(levels) >= (2 if goal.of in ("energy", "pressure") else 3)
         certified = goal.certified and (len(levels) == 1 or error + regularisation <= goal.target)
         if certified:  # where not even the estimate meets the target the bound does not; the first mesh may be refused
             solved, certain, without = _certified(solved, first=len(levels) == 1)
@@ -132,8 +131,8 @@ def solve_to_accuracy(
             compared, rate = goal.of not in LOCAL or goal.of == "pressure", rates.get(goal.of) or _seen_rate(levels)
             touching = level.table.touching if goal.of == "peak" else FEW_NODES
             jump = meshes.jump(excess, rate, compared=compared, dimension=level.dimension, touching=touching)
-            if enough and len(levels) >= MOST_MESHES:
-                notify(f"accuracy: {MOST_MESHES} meshes have not reached it")
+            if enough and len(levels) >= MANY_STEPS:
+                notify(f"accuracy: {MANY_STEPS} meshes have not reached it")
                 return replace(solution, status=Status.OUT_OF_REACH)
             beyond = None
             if enough and not meshes.adaptive:

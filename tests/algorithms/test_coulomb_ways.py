@@ -9,7 +9,8 @@ from mpi4py import MPI
 from scenes import alone, example1
 
 from signorini_fx.algebra import attempts
-from signorini_fx.algebra.algorithms import augmented_fall_back, strategy
+from signorini_fx.algebra.algorithms import coulomb as coulomb_module
+from signorini_fx.algebra.algorithms import strategy
 from signorini_fx.mechanics.body.discretisation import discretise
 from signorini_fx.mechanics.mesh.tagged import gmsh_mesh
 from signorini_fx.records import History, Status, Timings
@@ -125,7 +126,7 @@ def test_each_way_is_the_fallback_of_the_other(monkeypatch, algorithm, coulomb):
 @pytest.mark.parametrize("fallbacks", [False, True])
 def test_one_bound_proves_nothing(monkeypatch, push, kind, status, fallbacks):
     """A body slides under the bound of one pressure: an outcome only where the law allows for no equilibrium either."""
-    ways = {strategy: ("fixed_point", "coulomb_newton"), augmented_fall_back: ("fixed_point", "augmented_lagrangian")}
+    ways = {strategy: ("fixed_point", "coulomb_newton"), coulomb_module: ("augmented_lagrangian",)}
     for module, names in ways.items():
         for name in names:
             monkeypatch.setattr(module, name, lambda *arguments, **options: Status.SLIDES)
@@ -190,32 +191,11 @@ def test_friction_without_pressure():
     assert "no load presses the body on its foundation" in solution.advice
 
 
-def capped(seed):
-    """Six by seven quadratic cells over a slanted foundation, F = 1000 up to a cap, pushed from random directions."""
-    rng = np.random.default_rng(seed)
-    supports = ([{"boundary": "left", "x": 0.0}], [{"boundary": side, "x": 0.0} for side in ("left", "right")])
-    return parse_scene(
-        {
-            "mesh": {"generator": "rectangle", "parameters": {"nx": 6, "ny": 7}},
-            "element": {"degree": 2},
-            "material": {"young": 5000.0, "poisson": 0.4},
-            "displacement": supports[rng.integers(2)],
-            "traction": {"boundary": "top", "y": -20.0, "x": rng.uniform(-30, 30)},
-            "contact": {
-                "boundary": "bottom",
-                "gap": "0.003*(x[0] - 1)**2",
-                "direction": [rng.uniform(-1, 1), -1.0],
-                "friction": {"law": "coulomb", "coefficient": 1000.0, "cap": 10 ** rng.uniform(-1, 2)},
-            },
-        }
-    )
-
-
 def test_the_limit_is_an_end(monkeypatch):
     """A method that would go on for ever is stopped, with the outcome of the first way and a word in the history."""
     monkeypatch.setattr(attempts, "PROBLEMS_PER_STEP", 1)
     begin = time.process_time()
-    solution = alone(capped(3), check=False)
+    solution = alone(square(coulomb="fp"), check=False)
     assert not solution.converged
     assert solution.history.linear_solves <= 200
     assert any("as many linear solves as they may" in event for event in solution.history.events)

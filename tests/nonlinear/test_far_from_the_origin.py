@@ -12,7 +12,7 @@ from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import parse_scene
 
 COMM = MPI.COMM_SELF
-LAST_DIGITS = (
+UNITS_OF_PLACES = (
     4.0  # units in the last place of coordinates that displacements may lose, and strains over the size of a cell
 )
 
@@ -56,7 +56,7 @@ def test_a_scene_as_the_judge_sees_it(seed):
         assert judge.faults(now, before) == []
         before = now
         lost = np.abs(step.displacement.x.array - at_origin[step.time]).max()
-        assert lost < LAST_DIGITS * np.finfo(float).eps * np.abs(x).max()
+        assert lost < UNITS_OF_PLACES * np.finfo(float).eps * np.abs(x).max()
 
 
 @pytest.mark.one_quick
@@ -75,5 +75,5 @@ def test_block_between_plates(unit, far):
     place = far * unit * np.array([1.0, 0.7])
     solution = solve(moved(stated, place), COMM)
     pressed = -stress_of_block(2 / 3)
-    lost = LAST_DIGITS * np.finfo(float).eps * 4 * far
+    lost = UNITS_OF_PLACES * np.finfo(float).eps * 4 * far
     assert solution.contact.pressure == pytest.approx(pressed, rel=max(1e-9, lost))

@@ -17,7 +17,7 @@ import numpy as np
 
 from signorini_fx.addons.bounds.simplices import Array
 from signorini_fx.quantities.proved_statements import Refused
-from signorini_fx.tuned import BALANCING_STEPS, NOTHING_LEFT
+from signorini_fx.tuned import MANY_STEPS, NOTHING_LEFT
 
 
 @dataclass
@@ -101,7 +101,7 @@ def balanced(loads: Array, contacts: list[AdmissibleTractions], small: Array) ->
         return tractions, unbalanced, float(far + multipliers @ unbalanced)
 
     tractions, unbalanced, value = tried(y)
-    for _ in range(BALANCING_STEPS):
+    for _ in range(MANY_STEPS):
         if (last := imbalance(unbalanced)) <= 0:
             return tractions
         slope = sum((contact.slope(y) for contact in contacts), np.zeros((len(y), len(y))))

@@ -34,7 +34,7 @@ from signorini_fx.algebra.linalg.failures import unprinted
 from signorini_fx.algebra.problem.tangent import ContactTangent
 from signorini_fx.errors import SignoriniError
 from signorini_fx.machine import parallel
-from signorini_fx.tuned import CERTIFICATE_TOLERANCE, LEFT_BY_SOLVES, MOST_ADJOINT_SOLVES, SAME_NUMBER
+from signorini_fx.tuned import CERTIFICATE_TOLERANCE, LEFT_BY_SOLVES, MANY_STEPS, SAME_NUMBER
 
 
 class AdjointError(SignoriniError):
@@ -157,7 +157,7 @@ class TransposedTangent:
                 raise AdjointError("the tangent at the solution is singular: there is no derivative")
             stalls = change > 0.5 * last and change <= CERTIFICATE_TOLERANCE * size
             settled = change <= max(LEFT_BY_SOLVES * size, round_off)
-            if not law.exact or settled or stalls or solves >= MOST_ADJOINT_SOLVES:
+            if not law.exact or settled or stalls or solves >= MANY_STEPS:
                 break
             last = change
             residual.set(0.0)

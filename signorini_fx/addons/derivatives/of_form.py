@@ -26,7 +26,6 @@ from signorini_fx.quantities.functional import Functional, Gradient
 from signorini_fx.tuned import (
     DIFFERENCE_STEP,
     LEFT_BY_SOLVES,
-    NOISE_OF_DIFFERENCE,
     WIDEST_DIFFERENCE,
     WIDTHS_OF_DIFFERENCE,
     ZERO_IN_SOLUTION,
@@ -93,7 +92,7 @@ def extrapolated(slope: Callable[[float], float], unit: float) -> float:
     the noise of a narrow one where the data are smooth, and the narrow one elsewhere.
     """
     narrow = slope(DIFFERENCE_STEP * (unit or 1.0))
-    best, error, rows = narrow, NOISE_OF_DIFFERENCE * abs(narrow), list[list[float]]()
+    best, error, rows = narrow, DIFFERENCE_STEP * abs(narrow), list[list[float]]()
     for k in range(WIDTHS_OF_DIFFERENCE if unit else 0):
         try:
             row = [slope(WIDEST_DIFFERENCE * 0.5**k * unit)]

@@ -15,7 +15,7 @@ from signorini_fx.mechanics.mesh.files.shape import Floats
 from signorini_fx.mechanics.statement.effect import Load
 from signorini_fx.mechanics.statement.expressions import Expression
 from signorini_fx.scenes.scene import Scene
-from signorini_fx.tuned import JUDGED_ROUNDS, JUDGED_TRIED_STEP
+from signorini_fx.tuned import JUDGED_INCREMENTS, NOTABLE
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ def _nearest_value(
     """The best value by secants; None: it has no effect, or no solution."""
     value, before, u_before = alternative.trial, alternative.start, on_mesh.displacement
     nearest: tuple[str, float] | None = None
-    for _ in range(JUDGED_ROUNDS):
+    for _ in range(JUDGED_INCREMENTS):
         u = _solved(on_mesh, alternative, value)
         if u is None:
             break
@@ -92,7 +92,7 @@ def _alternatives(scene: Scene, size: float) -> Iterator[Alternative]:
         for number, entry in enumerate(entries)
         if isinstance(entry, Load) and key != "displacement"
     ]
-    factor, trial = 1.0, 1.0 + JUDGED_TRIED_STEP
+    factor, trial = 1.0, 1.0 + NOTABLE
     if loads:
         yield Alternative(
             lambda value: f"its loads are {value:.4g} times the problem's, or its moduli {1 / value:.4g} times",
@@ -121,7 +121,7 @@ def _alternatives(scene: Scene, size: float) -> Iterator[Alternative]:
                 lambda value, number=number: _changed(  # type: ignore[misc]
                     scene, "material", number, young=materials[number].young / value
                 ),
-                JUDGED_TRIED_STEP,
+                NOTABLE,
             )
     for number, contact in enumerate(scene.contact):
         if contact.bonded:
@@ -130,7 +130,7 @@ def _alternatives(scene: Scene, size: float) -> Iterator[Alternative]:
         yield Alternative(
             lambda value, contact=contact: f"its gap of {contact.boundary} is larger by {value:.4g}",  # type: ignore[misc]
             0.0,
-            JUDGED_TRIED_STEP * size,
+            NOTABLE * size,
             lambda value, number=number, contact=contact: _changed(  # type: ignore[misc]
                 scene, "contact", number, gap=_shifted(contact.gap, value)
             ),
@@ -154,7 +154,7 @@ def _of_friction(scene: Scene, number: int, contact: Any) -> Iterator[Alternativ
     def text(value: float) -> str:
         return f"its {key} of friction on {contact.boundary} is {value:.4g}, not {start:.4g}"
 
-    yield Alternative(text, start, start / 2 if start > 0 else JUDGED_TRIED_STEP, entries, 0.0)
+    yield Alternative(text, start, start / 2 if start > 0 else NOTABLE, entries, 0.0)
 
 
 def _named(key: str, number: int, scene: Scene) -> str:

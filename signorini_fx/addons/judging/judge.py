@@ -25,10 +25,10 @@ from signorini_fx.tuned import (
     JUDGED_INCREMENTS,
     JUDGED_LEFT,
     JUDGED_SAME_TIME,
-    JUDGED_SURELY_LEFT,
     JUDGED_UNITS,
     MARGIN_OF_OTHERS,
     NEGLIGIBLE,
+    NOTABLE,
 )
 
 # With reduced integration there are as many points as with cells twice as large, on which the error is so much larger.
@@ -217,7 +217,7 @@ class _Judging:
     def _other_problem(self, on_mesh: float, farthest: float, printed: float, *, agrees: bool) -> str:
         """The other problem that the result solves, in words; "": there is none."""
         ours, v = self.ours, self.v
-        share_left = JUDGED_SURELY_LEFT if agrees else JUDGED_LEFT
+        share_left = NOTABLE if agrees else JUDGED_LEFT
         enough = min(share_left * on_mesh + printed, farthest)
         names = [step.name for step in ours.solution.shown_steps]
         steps = [ours.norm(v - step) for step in ours.steps]

@@ -21,7 +21,7 @@ from signorini_fx.addons.pictures.marks import Largest, mark_largest
 from signorini_fx.addons.pictures.style import INK, MUTED, SCREEN, STYLE, VALUES, Floats, finish, math_number
 from signorini_fx.addons.pictures.tones import Tones, upper_tone
 from signorini_fx.mechanics.statement.units import bracketed
-from signorini_fx.tuned import BENT_FOUNDATION, GAP_IN_PICTURE, SMALL_ZONE, VISIBLE_CELL
+from signorini_fx.tuned import BENT_FOUNDATION, SMALL_PART, SMALL_ZONE, VISIBLE_CELL
 
 _BENT = math.cos(math.radians(BENT_FOUNDATION))
 _TRIANGLES = 15_000  # of which a field is made up at least
@@ -40,7 +40,7 @@ def keeps_shape(added: float, size: float, real: Floats, drawn: Floats) -> bool:
         drawn: those of the pieces that are drawn, shape (m, d).
     """
     lengths = np.linalg.norm(real, axis=1) * np.linalg.norm(drawn, axis=1)
-    return added <= GAP_IN_PICTURE * size and bool((np.einsum("ij,ij->i", real, drawn) >= _BENT * lengths).all())
+    return added <= SMALL_PART * size and bool((np.einsum("ij,ij->i", real, drawn) >= _BENT * lengths).all())
 
 
 @dataclass(frozen=True)

@@ -32,7 +32,6 @@ from signorini_fx.addons.pictures.style import (
 from signorini_fx.addons.pictures.tones import spaced
 from signorini_fx.mechanics.statement.units import bracketed, labelled, unit
 from signorini_fx.tuned import (
-    ARROWS_ALONG,
     COLOURS_ABOVE,
     LONGEST_ARROW_OF_SETUP,
     MOST_ARROWS,
@@ -224,7 +223,7 @@ class Setup:
         """Of vectors of length 1 at most; those into the body end at it, and the others begin there."""
         lengths, outwards = np.linalg.norm(vectors, axis=1), np.einsum("ij,ij->i", vectors, normals)
         along = np.abs(outwards) < 0.3 * lengths
-        start = at + ARROWS_ALONG * self._size * along[:, None] * normals
+        start = at + SMALLEST_ARROW * self._size * along[:, None] * normals
         steps = LONGEST_ARROW_OF_SETUP * self._size * vectors
         start = np.where((outwards < -1e-12)[:, None], start - steps, start)[lengths >= SMALLEST_ARROW]
         ends = start + steps[lengths >= SMALLEST_ARROW]

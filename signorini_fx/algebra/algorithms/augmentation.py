@@ -22,14 +22,14 @@ from signorini_fx.algebra.contact.complementarity import RegularisedData, slip_o
 from signorini_fx.algebra.contact.nodal_vectors import Nodal, inner, unit
 from signorini_fx.algebra.contact.nodal_vectors import length as length_of
 from signorini_fx.algebra.contact.points import shares
-from signorini_fx.tuned import ENOUGH_GAMMA, GAMMA_GROWTH, LARGEST_AUGMENTED_GAMMA, NEGLIGIBLE, SLOW_SHARE
+from signorini_fx.tuned import GAMMA_GROWTH, NEGLIGIBLE, SLOW_SHARE
 
 T = TypeVar("T")
 
 
 def with_enough_digits(data: RegularisedData, natural: float) -> RegularisedData:
     """The problem with gammas reduced so that their round-off does not hide the limit."""
-    largest = LARGEST_AUGMENTED_GAMMA * natural
+    largest = GAMMA_GROWTH * natural
     return replace(data, gamma_n=min(data.gamma_n, largest), gamma_t=min(data.gamma_t, largest))
 
 
@@ -123,7 +123,7 @@ class Augmentation:
     def next(self, data: RegularisedData, factor: float = 1.0) -> RegularisedData:
         """The next problem: the multipliers as shifts; gamma times ``factor`` or, if convergence is slow, increased."""
         pressure, shear = self.newton.shifts(data)
-        enough, largest = ENOUGH_GAMMA * float(self._stiffness.max()), LARGEST_AUGMENTED_GAMMA * self.natural
+        enough, largest = GAMMA_GROWTH * float(self._stiffness.max()), GAMMA_GROWTH * self.natural
 
         def grown(gamma: float, slow: bool) -> float:
             raised = min(GAMMA_GROWTH * gamma, enough) if slow else gamma

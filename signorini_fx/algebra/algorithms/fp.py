@@ -14,7 +14,6 @@ from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.algebra.contact.points import shares
-from signorini_fx.machine import parallel
 from signorini_fx.records import Status
 from signorini_fx.tuned import CERTIFICATE_TOLERANCE, NEGLIGIBLE
 
@@ -68,11 +67,7 @@ def fixed_point(
             measured = change is not None and newton.problem.groups.count == 1
             left = (np.array([change]) if measured else _changes(newton, g)) > tolerance
             if np.any(back & left) if left.any() else back.all():
-                torn = law.ends_open is not None and bool(np.any(law.ends_open & ((g != 0) != (pressure != 0))))
-                if parallel.any_rank(newton.problem.points.comm, torn):
-                    newton.history.add("contact points open with their cohesion, and are closed without it")
-                else:
-                    newton.history.add("the fixed point alternates between two friction bounds")
+                newton.history.add("the fixed point alternates between two friction bounds")
                 return Status.OUTER_MAX_ITERATIONS
         previous, g = g, pressure
         if augmentation is not None:

@@ -48,16 +48,15 @@ from signorini_fx.algebra.linalg.failures import factor_lacks_memory, unprinted
 from signorini_fx.machine import parallel
 from signorini_fx.records import IterationRecord, Status
 from signorini_fx.tuned import (
-    DECIDED_QUOTIENT,
+    DECIDED,
     DECIDING_PRODUCT,
-    DECIDING_SHARE,
     FIRST_SHEAR,
-    LAST_PRODUCT,
     NO_FORCE,
-    PROPOSAL_STEPS,
+    NOTHING_LEFT,
     SAME_NUMBER,
     SETTLED_POINTS,
     SHARE_OF_WAY,
+    SLOWEST_STEPS,
     SOFT_FOUNDATION,
     SOFTEST_FOUNDATION,
     UNDECIDED_POINTS,
@@ -162,15 +161,11 @@ class _Programme:
             product = self._product(at)
             near = product <= SAME_NUMBER * first
             sets = natural_sets(*problem.system.contact.traces(newton.x), self._data)
-            if near and (product <= LAST_PRODUCT * first or problem.accept(newton.x, sets, NO_FORCE)):
+            if near and (product <= NOTHING_LEFT**2 * first or problem.accept(newton.x, sets, NO_FORCE)):
                 return Status.CONVERGED
             if newton.history.exhausted:
                 break
-            begun = newton.x.copy()
             step = self._advanced(at, exact=True)
-            if step is None and near:  # the products are below the round-off of the blocks
-                newton.begin_at(begun)
-                return Status.CONVERGED
             at = None if step is None else step.end
         return Status.MAX_ITERATIONS
 
@@ -184,14 +179,14 @@ class _Programme:
         settled = max(1.0, SETTLED_POINTS * self._number(self._points.everywhere))
         undecided_points = UNDECIDED_POINTS * self._number(self._points.everywhere)
         closed, slip = (np.zeros_like(self._one_sided) for _ in range(2))
-        for _ in range(PROPOSAL_STEPS):
+        for _ in range(SLOWEST_STEPS):
             step = None if at is None else self._advanced(at, exact=False)
             if step is None:
                 return None
             at, closed_before, slip_before = step.end, closed, slip
             closed, slip, undecided = self._indicated(step)
             changed = self._number((closed != closed_before) | (slip != slip_before))
-            small = self._product(at) <= DECIDING_PRODUCT * first and step.share > DECIDING_SHARE
+            small = self._product(at) <= DECIDING_PRODUCT * first and step.share > DECIDED
             if newton.history.exhausted or (
                 small and changed <= settled and self._number(undecided) <= undecided_points
             ):
@@ -211,7 +206,7 @@ class _Programme:
         opens = np.divide(end.opening, begin.opening, out=none.copy(), where=one)
         slides = np.divide(end.rate, begin.rate, out=none.copy(), where=rubs)
         remains = np.divide(self._room(end.shear), self._room(begin.shear), out=none + 1.0, where=rubs)
-        undecided = one & (np.maximum(presses, opens) < DECIDED_QUOTIENT)
+        undecided = one & (np.maximum(presses, opens) < DECIDED)
         return presses > opens, rubs & (slides > remains), undecided
 
     def _on_a_soft_foundation(self, softest: float, *, exact: bool) -> _Inside | None:

@@ -28,9 +28,8 @@ from signorini_fx.algebra.contact.active_sets import ActiveSets, tangent
 from signorini_fx.algebra.contact.complementarity import RegularisedData, slip_of
 from signorini_fx.algebra.contact.nodal_vectors import Nodal, length
 from signorini_fx.algebra.linalg import callbacks
-from signorini_fx.machine import parallel
 from signorini_fx.records import Status
-from signorini_fx.tuned import GAMMA_GROWTH, NEGLIGIBLE_POLE, ROUGH_SLOPE_TOLERANCE
+from signorini_fx.tuned import GAMMA_GROWTH, NEGLIGIBLE
 
 
 @dataclass(frozen=True)
@@ -52,7 +51,7 @@ class PathModel:
 
 
 def path_model(newton: SemismoothNewton, data: RegularisedData) -> PathModel:
-    """Fit the model at the solution that ``newton`` holds; one or two back substitutions, collective."""
+    """Fit the model at the solution that ``newton`` holds; two back substitutions, collective."""
     problem = newton.problem
     points, system = problem.points, problem.system
     sets = problem.sets
@@ -74,15 +73,10 @@ def path_model(newton: SemismoothNewton, data: RegularisedData) -> PathModel:
     first, stretched = solved_again(newton, -contact_force(newton.x, data.gap, data.slip_origin)), newton.x.duplicate()
     system.matrix.mult(first, stretched)
     energy = stretched.dot(first)
-    reach = data.gamma_n
-    # The pole is a mean stiffness at the contact nodes, below the largest one; it may be too small to matter.
-    stiffness = system.contact.stiffness(system.matrix.getDiagonal())
-    largest = parallel.largest(system.comm, stiffness)
-    if largest > NEGLIGIBLE_POLE * data.gamma_n:
-        force = -2.0 * contact_force(first, np.zeros_like(data.gap), np.zeros_like(data.mu_hat))
-        second = solved_again(newton, force)
-        curvature = -stretched.dot(second)
-        reach = 2.0 * energy / curvature if curvature > 0 else data.gamma_n
+    # The pole is a mean stiffness at the contact nodes, below the largest one; it may be too small to be seen.
+    second = solved_again(newton, -2.0 * contact_force(first, np.zeros_like(data.gap), np.zeros_like(data.mu_hat)))
+    curvature = -stretched.dot(second)
+    reach = 2.0 * energy / curvature if curvature > 0 else data.gamma_n
     # lambda = gamma_1 (tau_N y - d) on A_c along the path.
     u_n, u_t = system.contact.traces(newton.x)
     slope_n, slope_t = system.contact.traces(first)
@@ -93,7 +87,7 @@ def path_model(newton: SemismoothNewton, data: RegularisedData) -> PathModel:
     ahead = points.felt(slip + reach * slope_t)
     stays = ~sets.slip & (ahead > length(slip) / 2)
     may_slip = np.zeros_like(stays) if data.bound is None else np.isfinite(data.bound)
-    left_slip = points.norm(np.sqrt(stiffness) * ahead * (stays & may_slip))
+    left_slip = points.norm(np.sqrt(system.contact.stiffness(system.matrix.getDiagonal())) * ahead * (stays & may_slip))
     return PathModel(data.gamma_n, reach - data.gamma_n, reach * distance, reach * pressure_slope, left_slip)
 
 
@@ -102,7 +96,7 @@ def solved_again(newton: SemismoothNewton, force: PETSc.Vec) -> PETSc.Vec:
     ksp, x = newton.snes.getKSP(), newton.x.duplicate()
     # A Krylov method ends by the size of the forces of the problem; this right-hand side has another size.
     tolerances = ksp.getTolerances()
-    ksp.setTolerances(rtol=ROUGH_SLOPE_TOLERANCE, atol=0.0)
+    ksp.setTolerances(rtol=NEGLIGIBLE, atol=0.0)
     callbacks.solve(ksp.solve, force, x)
     ksp.setTolerances(*tolerances)
     return x

@@ -21,7 +21,7 @@ from signorini_fx.algebra.problem.regularised import RegularisedProblem
 from signorini_fx.machine import parallel, signals
 from signorini_fx.records import History, IterationRecord, OuterRecord, Status
 from signorini_fx.tuned import (
-    FAR_START,
+    DECIDED,
     NEGLIGIBLE,
     NO_FORCE,
     SAME_NUMBER,
@@ -30,7 +30,6 @@ from signorini_fx.tuned import (
     SLOWEST_STEPS,
     STEPS_LEFT,
     STEPS_LEFT_OF_FRONTS,
-    STILL_CHANGING,
 )
 
 _RENEW, _KEEP = -2, -1
@@ -68,7 +67,7 @@ class SemismoothNewton:
         max_iterations: linear solves allowed for one problem.
         history: where the records go.
         symmetric: whether the Jacobian is; it is not if the friction bound depends on the pressure.
-        fall_back: called if this iteration does not solve a problem, see ``fall_backs``; None: nothing.
+        fall_back: called if this iteration does not solve a problem, see ``task.FallBack``; None: nothing.
         propose_sets: called, once in a problem with a given friction bound, if full steps change few sets at a time;
             None: nothing.
         limited: whether the user has set the limit on linear solves, so that reaching it is not a failure.
@@ -166,14 +165,16 @@ class SemismoothNewton:
         solves_before = self.history.linear_solves
         status = self.attempt(data, first_sets, first_iteration=first_iteration, max_iterations=max_iterations)
         self.close(data, status, solves_before, measure)
-        # With a friction bound that depends on the pressure there is no energy, and no convex programme.
-        may_fall_back = max_iterations is None and data.follows is None
-        # A limit that the user has set is no failure.
-        ran_on = status is Status.MAX_ITERATIONS and not self._limited
-        if self._fall_back is not None and may_fall_back and (status is Status.CYCLING or ran_on):
+        if max_iterations is not None or status not in (Status.CYCLING, Status.MAX_ITERATIONS):
+            return status
+        if self.problem.lost_to_round_off(self.x, NO_FORCE):
+            return Status.ROUND_OFF
+        # With a friction bound that depends on the pressure there is no energy, and no convex programme; a limit that
+        # the user has set is no failure.
+        ran_on = status is Status.CYCLING or not self._limited
+        if self._fall_back is not None and data.follows is None and ran_on:
             status = self._fall_back(self, data, status, measure)
-        failed = status in (Status.CYCLING, Status.MAX_ITERATIONS) and max_iterations is None
-        return Status.ROUND_OFF if failed and self.problem.lost_to_round_off(self.x, NO_FORCE) else status
+        return status
 
     def close(
         self,
@@ -379,13 +380,13 @@ class SemismoothNewton:
                 balanced = problem.accept(self.x, problem.next.trial, snes.getTolerances()[0])
                 return int(_SNES.CONVERGED_FNORM_RELATIVE) if balanced else self._stop(Status.CYCLING)
             if self._settled(residual, law):
-                from_afar = norms[1] > FAR_START * norms[0] or last_forces > FAR_START * problem.force_scale
+                from_afar = NEGLIGIBLE * norms[1] > norms[0] or NEGLIGIBLE * last_forces > problem.force_scale
                 from_afar = from_afar and residual > SAME_NUMBER and k < snes.getTolerances()[3]
                 return int(_SNES.CONVERGED_ITERATING if from_afar else _SNES.CONVERGED_FNORM_RELATIVE)
             # The sets are right.  Either the linear solve was not exact, which the next step with the same sets
             # corrects, or directions of slip still change.
             self._stalls.append(max(residual, law))
-            self._vanishing = last_forces > FAR_START * problem.force_scale > 0
+            self._vanishing = NEGLIGIBLE * last_forces > problem.force_scale > 0
             turning = law > snes.getTolerances()[0]
             patience = _TURNS if turning else 2
             if len(self._stalls) > patience and self._stalls[-1] > 0.5 * self._stalls[-patience]:
@@ -416,7 +417,7 @@ class SemismoothNewton:
             return False
         lost = (self._changes[-4][1] - self._changes[-1][1]) / 3
         left = self._changes[-1][1] if lost > 0 else self._point_count - self._changes[-1][1]
-        enough = sum(changes[-3:]) >= max(SLOW_CHANGES, STILL_CHANGING * sum(changes[:3]))
+        enough = sum(changes[-3:]) >= max(SLOW_CHANGES, DECIDED * sum(changes[:3]))
         fronts = self.problem.points.dimension == 3 and self.problem.data.bound is None
         steps_left = STEPS_LEFT_OF_FRONTS if fronts else STEPS_LEFT
         return (enough and 0 < abs(lost) * steps_left <= left) or k >= SLOWEST_STEPS

@@ -16,13 +16,14 @@ from petsc4py import PETSc
 
 from signorini_fx.algebra.algorithms.alm import augmented_lagrangian
 from signorini_fx.algebra.algorithms.augmentation import with_enough_digits
-from signorini_fx.algebra.algorithms.augmented_fall_back import (
+from signorini_fx.algebra.algorithms.coulomb import (
     augmentation_on,
     automatic_gamma,
     by_augmentation,
+    coulomb_newton,
+    coulomb_start,
+    proved,
 )
-from signorini_fx.algebra.algorithms.coulomb_newton import coulomb_newton
-from signorini_fx.algebra.algorithms.coulomb_statics import coulomb_start, proved
 from signorini_fx.algebra.algorithms.fp import fixed_point
 from signorini_fx.algebra.algorithms.loose import UNEXPLAINED, idle, near_the_last_place
 from signorini_fx.algebra.algorithms.ssn import Checkpoint
@@ -42,13 +43,7 @@ from signorini_fx.algebra.contact.nodal_vectors import length
 from signorini_fx.algebra.contact.statics import no_balance
 from signorini_fx.machine import parallel
 from signorini_fx.records import OuterRecord, Status
-from signorini_fx.tuned import (
-    CONTINUATION_SHARE,
-    LARGEST_GAMMA,
-    LARGEST_GAMMA_RATIO,
-    NO_FORCE,
-    START_GAMMA,
-)
+from signorini_fx.tuned import CONTINUATION_SHARE, GAMMA_GROWTH, LARGEST_GAMMA, NO_FORCE, START_GAMMA
 
 
 def solve_task(task: Task, start: Start, solve_budget: int | None = None) -> Outcome:
@@ -172,18 +167,13 @@ def _released(task: Task, failed: Outcome, law: PointFriction, moved: float) -> 
     kept = failed.data.bilateral | (law.bound(nothing) != 0)
     if parallel.any_rank(points.comm, bool(kept.any())) or task.motions.count:
         return None
-    if history.overdue() or (history.exhausted and task.settings.limited("max_iterations")):
+    if history.exhausted:
         return None
     reached, opened = newton.checkpoint(), ActiveSets.of(~points.everywhere, np.zeros_like(failed.data.mu_hat))
-    system, data, status = newton.problem.system, replace(failed.data, bound=nothing), Status.CONVERGED
+    system, data = newton.problem.system, replace(failed.data, bound=nothing)
     newton.begin_at(system.start)
-    if system.load.norm() > 0 or system.start.norm() > 0:  # else exactly zero
-        # Whatever has failed has taken; the second solve takes away what a factor leaves of what pressed before.
-        limit, history.limit = history.limit, max(history.limit, history.linear_solves + 2)
-        try:
-            status = newton.attempt(data, opened, max_iterations=2)
-        finally:
-            history.limit = limit
+    # The second solve takes away what a factor leaves of what pressed before.
+    status = newton.attempt(data, opened, max_iterations=2)
     change, largest = newton.x.copy(), max(moved, newton.x.norm(PETSc.NormType.NORM_INFINITY))
     change.axpy(-1.0, reached[0])
     entered = parallel.largest(points.comm, system.contact.traces(newton.x)[0] - data.gap)
@@ -215,7 +205,7 @@ def _given_friction(task: Task, start: Start, data: RegularisedData) -> Outcome:
 
             # A later load step begins with the gamma that the previous one has found; without a load there was no path.
             first = START_GAMMA * task.natural_gamma if start.regularisation_error is None else data.gamma_n
-            ratio = float(np.clip(data.gamma_t / data.gamma_n, 1 / LARGEST_GAMMA_RATIO, LARGEST_GAMMA_RATIO))
+            ratio = float(np.clip(data.gamma_t / data.gamma_n, 1 / GAMMA_GROWTH, GAMMA_GROWTH))
             status, last, error = path_following(
                 newton,
                 replace(data, gamma_n=first, gamma_t=ratio * first),
@@ -303,7 +293,7 @@ def _either_way(
     """The fixed-point iteration or the monolithic Newton method; if it fails the other one, then augmentation; all
     begin at the iterate of ``begun``.
     """
-    s, newton, fall_back = task.settings, begun.newton, task.iterate.fall_back
+    s, newton = task.settings, begun.newton
     checkpoint = newton.checkpoint()
 
     ways: dict[Attempt, Callable[[], Status]] = {FIXED_POINT: fixed, MONOLITHIC: monolithic}
@@ -320,31 +310,16 @@ def _either_way(
         if name is AUGMENTED:
             return by_augmentation(task, start, law, begun)
         nonlocal slid
-        moved = checkpoint[0].norm(PETSc.NormType.NORM_INFINITY)
-        released: Outcome | None = None
-
-        def needless() -> bool:
-            nonlocal released
-            released = _released(task, begun, law, moved)
-            return released is not None
-
-        fall_back.needless = needless  # one linear solve, where fall-backs take hundreds
-        try:
-            status = ways[name]()
-        finally:
-            fall_back.needless = lambda: False
-        if released is not None:
-            return released
-        status = proved(task, newton.problem, law, status)
+        status = proved(task, newton.problem, law, ways[name]())
         slid = slid if name is MONOLITHIC else status is Status.SLIDES_AT_PRESSURES
         outcome = replace(begun, status=status, monolithic=name is MONOLITHIC)
-        return outcome if status is Status.CONVERGED or slid else _released(task, outcome, law, moved) or outcome
+        if status is Status.CONVERGED or slid:
+            return outcome
+        return _released(task, outcome, law, checkpoint[0].norm(PETSc.NormType.NORM_INFINITY)) or outcome
 
     def settled(outcome: Outcome) -> bool:
         if outcome.monolithic and monolithic_first:  # the fixed point is its documented fall-back
             return outcome.status in (Status.CONVERGED, Status.SINGULAR, Status.NOT_FINITE)
-        if outcome.status is Status.ROUND_OFF and slid:  # that of an iterate which has slid far away
-            return False
         return not task.gave_up(outcome.status)
 
     last = ended(names[0])

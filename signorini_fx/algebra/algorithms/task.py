@@ -11,8 +11,8 @@ import numpy as np
 import numpy.typing as npt
 from petsc4py import PETSc
 
-from signorini_fx.algebra.algorithms.fall_backs import FallBack
 from signorini_fx.algebra.algorithms.ssn import SemismoothNewton
+from signorini_fx.algebra.attempts import CONVEX
 from signorini_fx.algebra.contact.active_sets import ActiveSets, slip_multiplier
 from signorini_fx.algebra.contact.complementarity import RegularisedData, slip_of
 from signorini_fx.algebra.contact.friction import PointFriction
@@ -234,6 +234,32 @@ class Task:
         if status is Status.OUTER_MAX_ITERATIONS:
             return not self.settings.limited("max_outer_iterations")
         return status in (Status.CYCLING, Status.SLIDES_AT_PRESSURES)
+
+
+class FallBack:
+    """The fall-back for the problems of a load step; ``exhausted``: whether it has failed for one of its problems,
+    which most likely has no solution, such as one of a fixed-point iteration beyond a limit load, then it is not tried
+    for the others.
+    """
+
+    def __init__(self) -> None:
+        self.exhausted = False
+
+    def __call__(
+        self, newton: SemismoothNewton, data: RegularisedData, failed: Status, measure: Callable[[], float | None]
+    ) -> Status:
+        """How it ends, or else the original status, with the iterate that it left."""
+        from signorini_fx.algebra.algorithms.interior_point import interior_point
+
+        if self.exhausted or newton.history.exhausted:
+            return failed
+        start = newton.checkpoint()
+        newton.history.add(f"{failed.value}: {CONVEX}")
+        if interior_point(newton, replace(data, sigma=np.inf), measure) is Status.CONVERGED:
+            return Status.CONVERGED
+        self.exhausted = True
+        newton.restore(start)
+        return failed
 
 
 class Iterate:

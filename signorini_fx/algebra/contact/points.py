@@ -152,10 +152,6 @@ class ContactPoints:
         size = np.asarray(np.linalg.norm(alone, axis=1))
         return size if beside is None else np.minimum(size, np.linalg.norm(alone + self._felt(beside), axis=1))
 
-    def scale(self, values: Nodal, beside: Nodal | None = None) -> float:
-        """The norm of what the body feels of a pressure or a shear; zero if supports take all of it; collective."""
-        return self.norm(self.felt(values, beside))
-
     def _felt(self, values: Nodal) -> Nodal:
         """A pressure (n,) or a shear (n, d - 1) as vectors without what supports take, shape (n, d)."""
         if values.ndim == 1:

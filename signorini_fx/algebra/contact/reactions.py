@@ -22,14 +22,7 @@ from signorini_fx.algebra.contact.motions import FreeMotions
 from signorini_fx.algebra.contact.nodal_vectors import Nodal, length, unit
 from signorini_fx.machine import parallel
 from signorini_fx.records import Status
-from signorini_fx.tuned import (
-    CERTIFICATE_TOLERANCE,
-    LARGEST_BALANCING_FORCE,
-    NO_FORCE,
-    NOTHING_LEFT,
-    STATIONARY_WORK,
-    UNLIMITED_FRICTION,
-)
+from signorini_fx.tuned import CERTIFICATE_TOLERANCE, LARGEST_BALANCING_FORCE, NO_FORCE, NOTHING_LEFT, ZERO_COMPONENT
 
 # Columns that a motion adds, for each dimension; motions that are tried, and those without progress.
 _COLUMNS, _ROUNDS, _PATIENCE = 4, 400, 3
@@ -138,7 +131,7 @@ def reactions(
     base_bound, share, cap, sides, able, assembly = table[:, (1 + tangents) * k :].T
     sideways = table[:, k : (1 + tangents) * k].reshape(-1, tangents, k)
     # A foundation that may pull as well as push gives friction without limit but a cap: F |lambda| is not convex.
-    unlimited = (share > 0) & ((sides > 0) | (share > UNLIMITED_FRICTION))
+    unlimited = (share > 0) & ((sides > 0) | (share > LARGEST_BALANCING_FORCE))
     return Reactions(
         normal=np.where(able[:, None] > 0, table[:, :k], 0.0),
         tangential=sideways,
@@ -198,7 +191,7 @@ def nearest(contact: Reactions, load: Nodal, *, unlimited: bool = False) -> Near
             rows[-1] /= np.linalg.norm(rows[-1])
         work = rows @ residual
         steepest = np.argsort(-work, kind="stable")[: _COLUMNS * target.size]
-        steepest = steepest[work[steepest] > max(STATIONARY_WORK, NOTHING_LEFT * distance)]
+        steepest = steepest[work[steepest] > max(ZERO_COMPONENT, NOTHING_LEFT * distance)]
         if not steepest.size:
             break
         columns, pressing = np.concatenate((columns, rows[steepest])), np.concatenate((pressing, node[steepest]))
@@ -240,7 +233,7 @@ def combination(columns: Nodal, target: Nodal, passive: list[int]) -> tuple[list
         gain = columns @ residual
         gain[passive + banned] = -np.inf
         best = int(np.argmax(gain)) if gain.size else -1
-        if best < 0 or gain[best] <= max(STATIONARY_WORK, NOTHING_LEFT * float(np.linalg.norm(residual))):
+        if best < 0 or gain[best] <= max(ZERO_COMPONENT, NOTHING_LEFT * float(np.linalg.norm(residual))):
             break
         passive, values = [*passive, best], np.append(values, 0.0)
         while True:

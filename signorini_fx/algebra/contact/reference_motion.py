@@ -16,7 +16,7 @@ from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.contact.motions import FreeMotions
 from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.machine import parallel
-from signorini_fx.tuned import CERTIFICATE_TOLERANCE, NOTHING_LEFT
+from signorini_fx.tuned import CERTIFICATE_TOLERANCE, NOTHING_LEFT, SAME_NUMBER
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ def reference_motion(
         return None
     u_n, u_t = motions.normal @ motion, motions.tangential @ motion
     # A motion along the normals has no tangential part except for round-off.
-    still = parallel.largest(comm, np.abs(u_t)) <= 1e-12 * float(np.abs(motion).max())
+    still = parallel.largest(comm, np.abs(u_t)) <= SAME_NUMBER * float(np.abs(motion).max())
     return ReferenceMotion(motion, u_n, np.zeros_like(u_t) if still else u_t)
 
 

@@ -34,35 +34,27 @@ class LoadCase:
 
 
 class Level(Protocol):
-    """The unknowns of an elastic system on one mesh, and on a coarser one: a level of multigrid.
-
-    Attributes:
-        coarser: the next coarser level; None: there is none.
-        block: unknowns per node.
-        interpolation: from the unknowns on the coarser level, prescribed ones left out; None: there is none.
-        positions: of the unknowns of this rank, shape (n, 3).
-        stiffness: the matrix on this mesh; None: it has other unknowns as well.
-    """
+    """The unknowns of an elastic system on one mesh, and on a coarser one: a level of multigrid."""
 
     @property
     def coarser(self) -> Level | None:
-        """See above."""
+        """The next coarser level; None: there is none."""
 
     @property
     def block(self) -> int:
-        """See above."""
+        """Unknowns per node."""
 
     @property
     def interpolation(self) -> PETSc.Mat | None:
-        """See above."""
+        """From the unknowns on the coarser level, prescribed ones left out; None: there is none."""
 
     @property
     def positions(self) -> npt.NDArray[np.float64]:
-        """See above."""
+        """Of the unknowns of this rank, shape (n, 3)."""
 
     @property
     def stiffness(self) -> PETSc.Mat | None:
-        """See above."""
+        """The matrix on this mesh; None: it has other unknowns as well."""
 
     def modes(self) -> PETSc.NullSpace:
         """Rigid motions, orthonormal: what multigrid must not forget on its coarse levels."""

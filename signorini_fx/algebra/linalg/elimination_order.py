@@ -17,7 +17,7 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from signorini_fx.tuned import SAME_COORDINATE
+from signorini_fx.tuned import SAME_LENGTH
 
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.intp]
@@ -107,7 +107,7 @@ def _once(numbers: Numbers, size: int) -> Numbers:
 def _paths(positions: Array, piece: npt.NDArray[np.int32]) -> npt.NDArray[np.int64]:
     """For each node its piece, and a bit for each halving of it, on which side the node is, shape (n,)."""
     # Round-off must not divide nodes that are in one plane, which would make of a separating layer two.
-    positions = np.rint(positions / (float(np.ptp(positions, axis=0).max()) * SAME_COORDINATE or 1.0))
+    positions = np.rint(positions / (float(np.ptp(positions, axis=0).max()) * SAME_LENGTH or 1.0))
     paths = piece.astype(np.int64) << _DEEPEST
     for nodes in np.split(np.argsort(piece, kind="stable"), np.cumsum(np.bincount(piece))[:-1]):
         waiting = [(cKDTree(positions.take(nodes, axis=0), leafsize=_LEAF).tree, 0, 0)] if nodes.size > _LEAF else []

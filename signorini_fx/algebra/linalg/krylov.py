@@ -16,7 +16,6 @@ import numpy.typing as npt
 from petsc4py import PETSc
 
 from signorini_fx.algebra.linalg import petsc_options
-from signorini_fx.algebra.linalg.assembled import AssembledSystem
 from signorini_fx.algebra.linalg.blocks import is_by_blocks, use_entries
 from signorini_fx.algebra.linalg.callbacks import called_back, weakly
 from signorini_fx.algebra.linalg.elasticity import Elasticity
@@ -28,10 +27,11 @@ from signorini_fx.algebra.linalg.factorisation import (
     use_factor,
     use_factorisation,
 )
+from signorini_fx.algebra.linalg.full import AssembledSystem
 from signorini_fx.algebra.linalg.multigrid import ContactLevels, ContactPreconditioner, Hierarchy
 from signorini_fx.algebra.linalg.petsc_c import call
 from signorini_fx.machine import parallel
-from signorini_fx.tuned import INEXACT_TOLERANCE, KRYLOV_STEPS, LEFT_BY_SOLVES, NEVER_LEFT, NO_RELATIVE_TOLERANCE
+from signorini_fx.tuned import ATTAINABLE_SHARE, INEXACT_TOLERANCE, KRYLOV_STEPS, LEFT_BY_SOLVES, ZERO_COMPONENT
 
 
 @dataclass
@@ -166,11 +166,11 @@ class KrylovSystem(AssembledSystem):
         self._preconditioners[ksp.handle].solve_contact(b, x)
         rtol, atol, _, _ = ksp.getTolerances()
         # With no absolute tolerance a share of this right-hand side is asked for, which is none of the forces.
-        if petsc_options.user_sets("ksp_") or (atol == 0.0 and rtol > NO_RELATIVE_TOLERANCE):
+        if petsc_options.user_sets("ksp_") or (atol == 0.0 and rtol > ZERO_COMPONENT):
             return
         size = (b - ksp.getOperators()[0] * x).norm()
         allowance = self._left_by(size) if self.inexact else 0.0
-        ksp.setTolerances(rtol=NO_RELATIVE_TOLERANCE, atol=max(LEFT_BY_SOLVES * self._forces, allowance))
+        ksp.setTolerances(rtol=ZERO_COMPONENT, atol=max(LEFT_BY_SOLVES * self._forces, allowance))
         self._first_residual = size if allowance > 0 else 0.0  # else Newton's method ends, and another iteration begins
 
     def _left_by(self, size: float) -> float:
@@ -181,7 +181,7 @@ class KrylovSystem(AssembledSystem):
         """
         scales = [scale for scale in (self._forces, self._first_residual) if scale > 0]
         share = min(INEXACT_TOLERANCE, max((size / scale for scale in scales), default=1.0))
-        return share * size if share * size > NEVER_LEFT * self._forces else 0.0
+        return share * size if share * size > ATTAINABLE_SHARE * self._forces else 0.0
 
     def keep_factor(self, ksp: PETSc.KSP, unchanged: bool, forces: float, *, exact: bool = False) -> bool:
         """For the same matrix; where it is another one, a solve by multigrid need not be exact."""

@@ -35,13 +35,7 @@ from signorini_fx.algebra.linalg.petsc_c import call
 from signorini_fx.algebra.linalg.rigid_unknowns import relative_to_rigid_bodies, with_rigid_bodies
 from signorini_fx.algebra.linalg.truncation import TruncatedLevels
 from signorini_fx.machine import parallel
-from signorini_fx.tuned import (
-    MOST_COARSEST_UNKNOWNS,
-    NEGLIGIBLE,
-    NOTHING_LEFT,
-    SAME_SOFT_STIFFNESS,
-    SMOOTHED_SPECTRUM,
-)
+from signorini_fx.tuned import FEWEST_BLOCK_UNKNOWNS, NEGLIGIBLE, NOTABLE, NOTHING_LEFT, SMOOTHED_SPECTRUM
 
 Array = npt.NDArray[np.float64]
 _ESTIMATING_STEPS = 10
@@ -78,7 +72,7 @@ class Hierarchy:
                 row_by_row(level_matrix).setBlockSize(at.block)
             coarse.append(level_matrix)
         interpolations = [interpolation for _, interpolation in chain]
-        if coarse[-1].getSize()[0] > MOST_COARSEST_UNKNOWNS:
+        if coarse[-1].getSize()[0] > FEWEST_BLOCK_UNKNOWNS:
             coarse[-1].setNearNullSpace(chain[-1][0].modes())
             below = cls._aggregated(coarse[-1])
             interpolations += below.interpolations
@@ -252,7 +246,7 @@ class ContactLevels:
         if self._truncated_at is None:
             return True
         truncated = self._truncated_at
-        near = SAME_SOFT_STIFFNESS * np.abs(truncated[1]) + NEGLIGIBLE * self.nodes.scale[:, None, None]
+        near = NOTABLE * np.abs(truncated[1]) + NEGLIGIBLE * self.nodes.scale[:, None, None]
         return bool((np.abs(held - truncated[0]) > NEGLIGIBLE).any() or (np.abs(soft - truncated[1]) > near).any())
 
     def _inverse_diagonal(self) -> PETSc.Mat:

@@ -14,7 +14,7 @@ from petsc4py import PETSc
 
 from signorini_fx.algebra.contact.contact_map import ContactMap
 from signorini_fx.machine import parallel
-from signorini_fx.tuned import NOTHING_LEFT, RIGID_STEPS, SAME_NUMBER
+from signorini_fx.tuned import KRYLOV_STEPS, NOTHING_LEFT, SAME_NUMBER
 
 
 def of_nodes(matrix: PETSc.Mat, rigid: int) -> PETSc.Mat:
@@ -75,7 +75,7 @@ def relative_to_rigid_bodies(contact: ContactMap, places: PETSc.IS, rigid: int) 
     ksp.setType(PETSc.KSP.Type.LSQR)
     ksp.getPC().setType(PETSc.PC.Type.NONE)
     ksp.setOperators(operator)
-    ksp.setTolerances(rtol=SAME_NUMBER, max_it=RIGID_STEPS)
+    ksp.setTolerances(rtol=SAME_NUMBER, max_it=KRYLOV_STEPS)
     motion, moved = operator.createVecs()
     unit = contact.operator.createVecRight()
     numbers = parallel.gather_rows(comm.tompi4py(), unknowns[nodes:, None].astype(np.float64))[:, 0].astype(

@@ -12,7 +12,7 @@ five to ten times as long as its numbers.
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -22,25 +22,15 @@ from signorini_fx.algebra.linalg import row_by_row
 from signorini_fx.algebra.linalg.blocks import apart, change_added, is_by_blocks, with_added
 from signorini_fx.tuned import NOTHING_LEFT
 
+if TYPE_CHECKING:
+    from signorini_fx.algebra.linalg.nodal_blocks import JoinedBodies, NodalBlocks
+
 Array = npt.NDArray[np.float64]
 _SAME_PATTERN, _SUBSET_PATTERN, _DIFFERENT_PATTERN = (
     PETSc.Mat.Structure.SAME_NONZERO_PATTERN,
     PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN,
     PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN,
 )
-
-
-class Blocks(Protocol):
-    """How matrices have blocks for the points.
-
-    Attributes:
-        shape: of blocks, (n, d, d).
-    """
-
-    shape: tuple[int, ...]
-
-    def matrix(self, blocks: Array, into: PETSc.Mat | None = None) -> PETSc.Mat:
-        """The matrix with these blocks on its diagonal; ``into``: an earlier one to fill again; collective."""
 
 
 class TruncatedLevels:
@@ -51,7 +41,7 @@ class TruncatedLevels:
 
     def __init__(
         self,
-        blocks: Blocks,
+        blocks: NodalBlocks | JoinedBodies,
         lift: PETSc.Mat | None,
         functions: PETSc.Mat,
         elastic: PETSc.Mat,

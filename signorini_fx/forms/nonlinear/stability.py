@@ -21,7 +21,7 @@ from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import node_positions
 from signorini_fx.mechanics.contact_points.contact_map import block_diagonal
 from signorini_fx.records import Status
-from signorini_fx.tuned import HOLDING_STIFFNESS, NO_FORCE, ORDER_IN_PLANE, UNSTABLE_DIRECTION
+from signorini_fx.tuned import HOLDING_STIFFNESS, NEGLIGIBLE, NO_FORCE, ORDER_IN_PLANE
 
 Array = npt.NDArray[np.float64]
 
@@ -205,5 +205,5 @@ def _unstable_direction(matrix: PETSc.Mat, factor: PETSc.PC) -> Array:
         return parallel.gather_rows(comm, np.array(y.getArray(readonly=True)))
 
     inverse, begin = LinearOperator(matrix.getSize(), matvec=solved), np.random.default_rng(0)
-    _, vectors = eigsh(inverse, k=1, which="SA", v0=begin.standard_normal(inverse.shape[0]), tol=UNSTABLE_DIRECTION)
+    _, vectors = eigsh(inverse, k=1, which="SA", v0=begin.standard_normal(inverse.shape[0]), tol=NEGLIGIBLE)
     return np.asarray(vectors[own, 0])

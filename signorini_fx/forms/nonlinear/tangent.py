@@ -18,7 +18,7 @@ from signorini_fx.forms.nonlinear.residual import Residual
 from signorini_fx.machine import parallel
 from signorini_fx.machine.compilation import compiling
 from signorini_fx.mechanics.assembly.mesh_entities import action, assemble
-from signorini_fx.tuned import DIFFERENCE_STRAINS, NOTHING_LEFT, SAME_TANGENT, TRIED_STRAIN, UNITS_OF_DIFFERENCE
+from signorini_fx.tuned import DIFFERENCE_STRAINS, NEGLIGIBLE, NOTHING_LEFT, SAME_TANGENT, UNITS_OF_DIFFERENCE
 
 Array = npt.NDArray[np.float64]
 
@@ -187,7 +187,7 @@ def refuse_miscompiled(F: Any, residual: fem.Form, u: fem.Function, options: dic
     with compiling():
         parts = [fem.form(ufl.Form(integrals), **options) for integrals in rules.values()]
     values = u.x.array.copy()
-    u.x.array[:] += random_direction(u, TRIED_STRAIN).x.array
+    u.x.array[:] += random_direction(u, NEGLIGIBLE).x.array
     whole, summed = assemble(residual), np.sum([assemble(part) for part in parts], axis=0)
     u.x.array[:] = values
     comm = u.function_space.mesh.comm

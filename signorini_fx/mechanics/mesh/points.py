@@ -19,7 +19,7 @@ from dolfinx import geometry
 from dolfinx import mesh as dmesh
 
 from signorini_fx.machine import compat, parallel
-from signorini_fx.tuned import NOTHING_LEFT, REFERENCE_BOUNDS, STEPS_IN_CELL
+from signorini_fx.tuned import MANY_STEPS, NOTHING_LEFT, REFERENCE_BOUNDS
 
 Array = npt.NDArray[np.float64]
 Cells = npt.NDArray[np.int32]
@@ -177,7 +177,7 @@ def _pull_back(element: Any, corners: Array, reference: Array) -> Array:
         Shape (n, d); for a point far outside its cell somewhere at the bounds.
     """
     moving = np.arange(len(corners))
-    for _ in range(STEPS_IN_CELL):
+    for _ in range(MANY_STEPS):
         if not moving.size:
             break
         table = element.tabulate(1, reference[moving])[..., 0]

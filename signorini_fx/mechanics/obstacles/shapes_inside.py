@@ -33,15 +33,7 @@ from mpi4py import MPI
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import node_positions
 from signorini_fx.mechanics.statement.rigid_shape import Shape
-from signorini_fx.tuned import (
-    MOST_PLACES,
-    PROJECTIONS,
-    SAME_LENGTH,
-    SHAPE_INSIDE,
-    SHAPE_MIDDLE,
-    SHAPE_STEP,
-    WRONG_NORMAL,
-)
+from signorini_fx.tuned import MANY_STEPS, MOST_PLACES, SAME_LENGTH, SHAPE_INSIDE, SHAPE_MIDDLE, SHAPE_STEP, WRONG_SLOPE
 
 Array = npt.NDArray[np.float64]
 
@@ -189,13 +181,13 @@ class BodyCells:
         deep = np.zeros((0, 1 + places.shape[1]))
         if near.size:
             x, allowed, (at, outward) = x[near], allowed[near], self.planes(corners[near])
-            for _ in range(PROJECTIONS):
+            for _ in range(MANY_STEPS):
                 for facet in range(outward.shape[1]):
                     beyond = np.einsum("nd,nd->n", x - at[:, facet], outward[:, facet])
                     x = x - np.maximum(beyond, 0.0)[:, None] * outward[:, facet]
                 signed, normal = shape.distance(x)
                 beyond = np.einsum("nfd,nfd->nf", x[:, None] - at, outward).max(axis=1)
-                found = (-signed - added > (1.0 - WRONG_NORMAL) * allowed) & (beyond <= SAME_LENGTH * reach[near])
+                found = (-signed - added > (1.0 - WRONG_SLOPE) * allowed) & (beyond <= SAME_LENGTH * reach[near])
                 if found.all():
                     break
                 x = x - np.maximum(signed + added + allowed, 0.0)[:, None] * normal * ~found[:, None]

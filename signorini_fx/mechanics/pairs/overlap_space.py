@@ -16,7 +16,7 @@ import numpy.typing as npt
 from signorini_fx.mechanics.pairs.overlap_quadrature import Overlap
 from signorini_fx.mechanics.pairs.pair_side import Lagrange, PairSurface
 from signorini_fx.mechanics.pairs.search import Patches, candidates
-from signorini_fx.tuned import LAST_STEP_IN_FACET, NOTHING_LEFT, SAME_LENGTH
+from signorini_fx.tuned import NOTHING_LEFT, SAME_LENGTH, ZERO_COMPONENT
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
@@ -164,7 +164,7 @@ def projected_places(side: PairSurface, facets: Indices, at: Array, p: Array, ce
         first, second = side.functions.slopes(place) @ flat
         step = np.stack((_cross(residual, second), _cross(first, residual)), axis=-1) / _cross(first, second)[..., None]
         at[moving] = place + step
-        moving = moving[np.abs(step).max(axis=(1, 2)) >= LAST_STEP_IN_FACET]
+        moving = moving[np.abs(step).max(axis=(1, 2)) >= ZERO_COMPONENT]
         if not moving.size:
             break
     return at

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import cKDTree
 
-from signorini_fx.tuned import FACING_SIDES, PARTNERS_REACH, SAME_LENGTH
+from signorini_fx.tuned import DEEPEST_OVERLAP, FACING_SIDES, SAME_LENGTH
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
@@ -53,7 +53,7 @@ def default_reach(slave: Array, master: Array) -> float:
     """
     nearest = float(cKDTree(master).query(slave)[0].min())
     sizes = [2.0 * float(np.linalg.norm(x - x.mean(axis=0), axis=1).max()) for x in (slave, master)]
-    return nearest + PARTNERS_REACH * min(sizes)
+    return nearest + DEEPEST_OVERLAP * min(sizes)
 
 
 def candidates(slave: Patches, master: Patches, reach: float, turning: npt.ArrayLike) -> tuple[Indices, Indices]:

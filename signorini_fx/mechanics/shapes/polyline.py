@@ -11,7 +11,7 @@ from pydantic import Field, model_validator
 
 from signorini_fx.mechanics.statement.rigid_shape import Array, Shape
 from signorini_fx.mechanics.statement.values import Finite
-from signorini_fx.tuned import LAST_STEP_ON_SPLINE, SAME_LENGTH, STEPS_ON_SPLINE
+from signorini_fx.tuned import MANY_STEPS, SAME_LENGTH, ZERO_COMPONENT
 
 # Products of points and pieces that are compared at a time, and pieces that are so few that all are.
 _AT_A_TIME, _FEW = 1_000_000, 256
@@ -292,7 +292,7 @@ class Spline(LineShape):
         if not self.closed:
             low[parameter <= fine[0]], high[parameter >= fine[-1]] = -np.inf, np.inf
         moving = np.arange(len(x))
-        for _ in range(STEPS_ON_SPLINE):
+        for _ in range(MANY_STEPS):
             position, slope, bend = self._at(curve, parameter[moving])
             rise = np.einsum("nd,nd->n", position - x[moving], slope)
             high[moving] = np.where(rise > 0, parameter[moving], high[moving])
@@ -305,7 +305,7 @@ class Spline(LineShape):
             halved = np.where(np.isfinite(high - low)[moving], (low[moving] + high[moving]) / 2, ahead)
             ahead = np.where(between, ahead, halved)
             moved, parameter[moving] = np.abs(ahead - parameter[moving]), ahead
-            moving = moving[(moved > LAST_STEP_ON_SPLINE * piece) & (rise != 0)]
+            moving = moving[(moved > ZERO_COMPONENT * piece) & (rise != 0)]
             if not moving.size:
                 break
         position, slope, _ = self._at(curve, parameter)

@@ -14,7 +14,7 @@ from pydantic import AfterValidator, ConfigDict, validate_call
 
 from signorini_fx.errors import SceneError
 from signorini_fx.extensions import GENERATORS, load, names_of
-from signorini_fx.tuned import BYTES_PER_CELL, LARGEST_NUMBER, SMALLEST_NUMBER
+from signorini_fx.tuned import BYTES_PER_DOF, LARGEST_NUMBER, SMALLEST_NUMBER
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -108,7 +108,7 @@ def refuse_too_large(comm: MPI.Comm, cells: float) -> None:
     """
     from signorini_fx.machine import parallel
 
-    wanted, available = BYTES_PER_CELL * cells, parallel.machine_memory(comm)
+    wanted, available = BYTES_PER_DOF * cells, parallel.machine_memory(comm)
     if wanted > available:
         message = f"about {cells:.2g} cells would need {wanted / 1e9:.0f} GB or more, there are {available / 1e9:.0f}"
         raise SceneError([("mesh.parameters", f"{message}: use fewer and larger cells")])

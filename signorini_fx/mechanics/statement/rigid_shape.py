@@ -36,7 +36,7 @@ from signorini_fx.mechanics.statement.rigid_motion import (
 )
 from signorini_fx.mechanics.statement.validation import problems_of
 from signorini_fx.mechanics.statement.values import Vector, kind_of, shown
-from signorini_fx.tuned import NORMAL_DIFFERENCE, SAME_LENGTH, WRONG_NORMAL, ZERO_IN_SOLUTION
+from signorini_fx.tuned import NORMAL_DIFFERENCE, SAME_LENGTH, WRONG_SLOPE, ZERO_IN_SOLUTION
 
 Array = npt.NDArray[np.float64]
 
@@ -338,9 +338,9 @@ def fault_of(shape: Any, x: Array, size: float) -> str:
         (f"the normals of {name} are not of unit length", ~(np.abs(length - 1) <= SAME_LENGTH)),
         (
             f"distance of {name} does not grow along its normals as a distance does",
-            ~(np.abs(signed - behind - step) <= WRONG_NORMAL * step + ZERO_IN_SOLUTION * np.abs(signed)),
+            ~(np.abs(signed - behind - step) <= WRONG_SLOPE * step + ZERO_IN_SOLUTION * np.abs(signed)),
         ),
-        (f"distance of {name} is not negative inside", (np.abs(at_surface) <= WRONG_NORMAL * step) & (within >= 0)),
+        (f"distance of {name} is not negative inside", (np.abs(at_surface) <= WRONG_SLOPE * step) & (within >= 0)),
     ):
         if wrong.any():
             return f"{reason} at {tuple(map(float, x[wrong.argmax()]))}"

@@ -15,14 +15,7 @@ from signorini_fx.mechanics.contact_points.contact_boundary import ContactBounda
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable, is_closed
 from signorini_fx.mechanics.kinematics.protocol import PLANE_STRAIN, Kinematics
 from signorini_fx.results.accuracy.contact_surface import ContactSurface
-from signorini_fx.tuned import (
-    CORNER_ANGLE,
-    CORNER_ERROR_SHARE,
-    CORNER_SHARE,
-    JUMP_RATIO,
-    KINK_SHARE,
-    STRAIGHT_ANGLE,
-)
+from signorini_fx.tuned import CORNER_ANGLE, CORNER_ERROR_SHARE, CORNER_SHARE, JUMP_RATIO, KINK_SHARE, ROOT_OF_EPS
 
 Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
@@ -150,7 +143,7 @@ def chords(table: ContactTable) -> tuple[Floats, Floats]:
             angles.append(turning(x, y)[near])
             lengths.append(np.maximum(size[:-1], size[1:])[near])
     angle, length = np.concatenate(angles), np.concatenate(lengths)
-    curved = (angle > STRAIGHT_ANGLE) & (angle <= CORNER_ANGLE)
+    curved = (angle > ROOT_OF_EPS) & (angle <= CORNER_ANGLE)
     return angle[curved], length[curved]
 
 

@@ -24,7 +24,7 @@ from signorini_fx.mechanics.loads.initial_strains import element_stress
 from signorini_fx.mechanics.loads.load_vectors import FormCoefficients
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.effect import Force, Resistance
-from signorini_fx.tuned import BOUNDARY_RESIDUAL_SHARE, PROJECTION_TOLERANCE
+from signorini_fx.tuned import BOUNDARY_RESIDUAL_SHARE, ROOT_OF_EPS
 
 # Tractions that vary may jump within a facet: they are evaluated at this many more points.
 _FINE_DEGREE = 20
@@ -106,7 +106,7 @@ class StressRecovery:
         ksp = PETSc.KSP().create(self._comm)
         ksp.setOperators(mass)
         ksp.setType(PETSc.KSP.Type.CG)
-        ksp.setTolerances(rtol=PROJECTION_TOLERANCE)
+        ksp.setTolerances(rtol=ROOT_OF_EPS)
         # On a grid this is the factor itself where nodes are numbered along its lines; elsewhere it saves most steps.
         ksp.setOptionsPrefix(f"{petsc_options.PREFIX}mass_")
         ksp.getPC().setType(PETSc.PC.Type.BJACOBI)

@@ -180,9 +180,8 @@ def attempts_for(statement: Statement) -> tuple[tuple[str, tuple[str, ...], str]
     problem = PLAN["problem with given friction"] if s.fallbacks else (FULL_STEPS, EXACT_SOLVES)
     rows = [("a problem with given friction", problem, f"at most {s.max_iterations} linear solves each")]
     if statement.has_coulomb:
-        bilateral = any(contact.kind == "bilateral" for contact in statement.contact)
         ways = for_coulomb(
-            monolithic=not bilateral and all(contact.friction.has_derivative for contact in statement.contact),
+            monolithic=all(contact.friction.has_derivative for contact in statement.contact),
             first=s.coulomb == "newton",
             fallbacks=s.fallbacks,
             augmented=all(contact.interface != "overclosures" for contact in statement.contact),

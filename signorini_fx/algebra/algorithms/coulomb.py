@@ -1,4 +1,4 @@
-"""What statics says about Coulomb friction: a first problem that has a solution, and which outcomes are proved."""
+"""Coulomb friction: the start, the monolithic method, what statics proves, and augmentation as a fall-back."""
 
 from __future__ import annotations
 
@@ -7,14 +7,18 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from signorini_fx.algebra.algorithms.task import Task
+from signorini_fx.algebra.algorithms.alm import augmented_lagrangian
+from signorini_fx.algebra.algorithms.augmentation import Augmentation
+from signorini_fx.algebra.algorithms.ssn import SemismoothNewton
+from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
+from signorini_fx.algebra.contact.active_sets import ActiveSets
 from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.contact.friction import PointFriction, as_given, stuck
 from signorini_fx.algebra.contact.statics import no_balance
 from signorini_fx.algebra.problem.regularised import RegularisedProblem
 from signorini_fx.machine import parallel
 from signorini_fx.records import Status
-from signorini_fx.tuned import CERTIFICATE_TOLERANCE
+from signorini_fx.tuned import AUTOMATIC_GAMMA, CERTIFICATE_TOLERANCE, CONTINUATION_SHARE
 
 
 def coulomb_start(task: Task, data: RegularisedData) -> RegularisedData:
@@ -83,3 +87,57 @@ def share_of_loads(task: Task, data: RegularisedData) -> float:
     allowed = reactions(motions, as_given(data.bound), data.bilateral)
     loaded = [(number, columns) for number, columns in motions.assemblies if load[columns].any()]
     return min((largest_multiple(allowed.of(number, at), load[at]) for number, at in loaded), default=np.inf)
+
+
+def coulomb_newton(
+    newton: SemismoothNewton,
+    data: RegularisedData,
+    law: PointFriction,
+    first_sets: ActiveSets | None,
+) -> Status:
+    """Solve the Coulomb problem in one semi-smooth Newton iteration of an inner method with an unsymmetric solver, from
+    its iterate (the pure contact problem); not in the paper.  The map mu - clip(mu_hat + gamma_2 tau_T y, -F lambda(y),
+    F lambda(y)) with lambda(y) of (3.3b) is as semi-smooth as (3.4); its derivative has d mu / d tau_N y = +-F gamma_1
+    at slip nodes in contact.  It converges locally: from a poor start its sets may cycle.
+    """
+    return newton.solve(replace(data, bound=law.given, follows=law), first_sets)
+
+
+def softened(start: Start, data: RegularisedData) -> RegularisedData:
+    """The first problem of augmentation, whose limit is the same for every gamma: a small one makes the problems
+    easiest.  Slip counts without the part of it in earlier load steps that is due to the regularisation.
+    """
+    slip_origin = data.slip_origin - start.elastic_slip
+    gammas = CONTINUATION_SHARE * data.gamma_n, CONTINUATION_SHARE * data.gamma_t
+    return replace(data, slip_origin=slip_origin, gamma_n=gammas[0], gamma_t=gammas[1])
+
+
+def by_augmentation(task: Task, start: Start, law: PointFriction, begun: Outcome) -> Outcome:
+    """The last fall-back for Coulomb friction, which leaves no regularisation error, nor the elastic slip of earlier
+    load steps; it begins with the multipliers of the load step before, or with the start of Coulomb friction;
+    ``begun``: the outcome with the problem of the method that has failed.
+    """
+    s, newton, multipliers, data = task.settings, task.iterate.newton, start.multipliers, softened(start, begun.data)
+    failed = replace(begun, newton=newton, monolithic=False)
+    if multipliers is None:
+        status = newton.solve(coulomb_start(task, data), ActiveSets.all_in_contact(*data.mu_hat.shape))
+        if status is not Status.CONVERGED:
+            return replace(failed, status=proved(task, newton.problem, law, status))
+        multipliers = newton.multipliers()
+    coupled = replace(data, bound=law.given, follows=law, lambda_hat=multipliers[0], mu_hat=multipliers[1])
+    augmentation = augmentation_on(task, task.iterate.unsymmetric_newton)
+    status = augmented_lagrangian(augmentation, coupled, newton.problem.sets, max_outer=s.max_outer_iterations)
+    if status is not Status.CONVERGED:
+        return replace(failed, status=proved(task, newton.problem, law, status))
+    scene_data = replace(data, gamma_n=begun.data.gamma_n, gamma_t=begun.data.gamma_t)
+    return Outcome(status, newton, scene_data, augmented=True)  # no regularisation error of path-following remains
+
+
+def augmentation_on(task: Task, newton: SemismoothNewton) -> Augmentation:
+    """The update of augmented Lagrangian methods on the problems of an inner method of the task."""
+    return Augmentation(newton, automatic_gamma(task), task.settings.tolerance)
+
+
+def automatic_gamma(task: Task) -> float:
+    """The gamma of a scene that gives none."""
+    return AUTOMATIC_GAMMA * task.natural_gamma
