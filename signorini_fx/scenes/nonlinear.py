@@ -170,31 +170,13 @@ class ProblemOfScene(NonlinearContactProblem):
             )
         except FormError as error:
             raise _of_scene(error, statement) from None
-        problem.begin(statement, model, body, held)
-        problem.linear.history = history
+        problem.statement, problem.model, problem.body, problem._held = statement, model, body, held
+        anew = NonlinearForces(statement, tagged, space)
+        problem._solver.origin = StatedOrigin(problem, anew, StatesOnPath(anew))
+        problem._solver.tangents.trusted = body.tangent is not None
+        problem.linear.bodies, problem.linear.history = model.pieces.bodies, history
+        problem._begins_at(statement.placed(-1))
         return problem
-
-    def begin(
-        self,
-        statement: Statement,
-        model: Model,
-        body: BodyResidual,
-        held: list[tuple[fem.Function, npt.NDArray[np.int32]]],
-    ) -> None:
-        """Take what the problem is of, with foundations where they are at time 0; collective.
-
-        Args:
-            statement: the scene.
-            model: the linear body that it is at small strains.
-            body: its residual.
-            held: the values of supports, and the unknowns that they are of.
-        """
-        self.statement, self.model, self.body, self._held = statement, model, body, held
-        anew = NonlinearForces(statement, model.tagged, model.space)
-        self._solver.origin = StatedOrigin(self, anew, StatesOnPath(anew))
-        self.linear.bodies = model.pieces.bodies
-        self._solver.tangents.trusted = body.tangent is not None
-        self._begins_at(statement.placed(-1))
 
     def solved(
         self,
