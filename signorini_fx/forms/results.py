@@ -1,4 +1,4 @@
-"""The results of a ``ContactProblem``: its solution, errors, costs and findings."""
+"""The results of a ``ContactProblem``: its solution and errors."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ from signorini_fx.mechanics.contact_points.contact_table import contact_table
 from signorini_fx.mechanics.statement.load_path import LoadPath
 from signorini_fx.records import Status
 from signorini_fx.results.accuracy.error_estimates import Errors, combined
-from signorini_fx.results.accuracy.level_results import LevelResult, level_result
 from signorini_fx.results.solution import Solution
 from signorini_fx.results.stresses import RawStresses
 from signorini_fx.solving.load_steps import StepProgress
@@ -52,20 +51,3 @@ def errors_of(solver: FormSolver, stress: RawStresses) -> Errors:
         raise FormError([("stress", "there is no error estimate where the forms are multiplied by a measure")])
     table, squares = contact_table(solver.state, forms.names), stress.recovery().squares(solver.u)
     return combined(solver.model(), table, squares, stress.energy())
-
-
-def level_of(solver: FormSolver, number: int, errors: Errors) -> LevelResult:
-    """The cost of the last solve with its estimated errors; ``number``: of the mesh; collective."""
-    assert solver.outcome is not None
-    return level_result(
-        number,
-        solver.elastic,
-        solver.task,
-        solver.outcome,
-        errors.size,
-        errors,
-        contact_table(solver.state, solver.forms.names),
-        own=solver.history.iterations[solver.solves_before :],
-        cost=solver.cost,
-        contacts=[solver.state],
-    )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -89,8 +88,6 @@ class FormSolver:
         previous_step: the end of the last step, as the present foundations see it; None: there is none.
         outcome: how the last solve ended; None: what has been assembled since is another problem.
         solves_before: the number of linear solves before the last solve or run.
-        cost: wall seconds of it, and the peak of memory.
-        memory: the peak of memory before anything was assembled.
         folders: with the load steps of its runs.
     """
 
@@ -122,7 +119,7 @@ class FormSolver:
         self.foundations.check_driven()
         self.fields = ContactFields.on(space)
         self.history, self.timings = History(), Timings()
-        self.memory, self.solves_before, self.cost = parallel.peak_memory(space.mesh.comm), 0, (0.0, 0.0)
+        self.solves_before = 0
         self.status: Status | None = None
         self.certificate: Certificate | None = None
         self.deformation: Deformation | None = None
@@ -161,20 +158,15 @@ class FormSolver:
         Raises:
             FormError: a value is not finite, or cannot be evaluated.
         """
-        begin, self.solves_before, self.timings = time.perf_counter(), len(self.history.iterations), Timings()
+        self.solves_before, self.timings = len(self.history.iterations), Timings()
         with options.applied(*self.options), self.timings.phase("solve"):
             self.begun = self.begin_step()
             outcome = self._outcome_of_now()
             self.show(outcome, self._judged(outcome))
-        self._note_cost(begin)
         status = self.status
         if status is None or status is Status.CONVERGED:
             return ""
         return f"{status.value}: {status.advice}"
-
-    def _note_cost(self, begin: float) -> None:
-        """Keep what a solve has taken that began at a time of ``time.perf_counter``; collective."""
-        self.cost = time.perf_counter() - begin, parallel.peak_memory(self.space.mesh.comm)
 
     def _outcome_of_now(self) -> Outcome:
         """How the contact problem of now ends; collective."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -19,7 +18,7 @@ from signorini_fx.algebra.linalg import ElasticSystem
 from signorini_fx.errors import FormError, SceneError
 from signorini_fx.forms import options
 from signorini_fx.forms.solver import FormSolver, StepBeginning
-from signorini_fx.machine import compat, parallel
+from signorini_fx.machine import compat
 from signorini_fx.mechanics.statement.load_path import LoadPath
 from signorini_fx.mechanics.statement.values import kind_of
 from signorini_fx.records import Timings
@@ -99,7 +98,7 @@ def solve_path(
     stored: MeshCheckpoint | None = None,
 ) -> StepProgress:
     """Solve the load steps of a path, which the solver is left at the last of; collective."""
-    begin, comm, solver.timings = time.perf_counter(), solver.space.mesh.comm, Timings()
+    solver.timings = Timings()
     solver.solves_before = len(solver.history.iterations)
     increments = Increments(path, solver.settings)
     with options.applied(*solver.options):
@@ -108,7 +107,6 @@ def solve_path(
             solver.begun = start = solver.begin_step()
         body = FormSteps(solver.model(path), path, solver.timings, solver, clock, solver.beginning())
         progress = all_load_steps(body, solver.task, start, increments, lambda step: on_step(step.result), stored)
-    solver.cost = time.perf_counter() - begin, parallel.peak_memory(comm)
     return progress
 
 

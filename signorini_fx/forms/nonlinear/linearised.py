@@ -530,9 +530,6 @@ class LinearisedProblem(FormSolver):
     def _spin(self, boundary: ContactBoundary) -> Array | None:
         return spins_of(self.pairs, boundary, spin_at(boundary, self.shapes))
 
-    def _note_cost(self, begin: float) -> None:
-        """Nothing: who asks for costs asks for those of a load step."""
-
     def _judged(self, outcome: Outcome) -> None:
         """None: the solution of the nonlinear problem gets one."""
         return None
