@@ -135,14 +135,14 @@ def all_load_steps(
         step = _attempt(progress, path)
         result = step.result
         failed = result.status is not Status.CONVERGED
-        if failed and path.shorten(result.status) and not history.exhausted:
+        if failed and not history.exhausted and path.shorten(result.status):
             history.add(f"{step}: {HALF}")
             newton.restore(beginning)
             return None
         progress.take(step)
         if progress.failed:
-            if path.bracket is not None:
-                history.add(f"the ramp ends: {path.bracket}")
+            if bracket := path.bracket(result.status):
+                history.add(f"the ramp ends: {bracket}")
             return None
         path.advance(result.linear_solves)
         return step
@@ -180,7 +180,6 @@ def _attempt(progress: StepProgress, path: Increments) -> LoadStep:
         begun.start,
         place=path_step,
         factors=begun.body.load(begun.task.system, path_step),
-        without_fall_backs=path.without_fall_backs,
         several=steps.several,
     )
     if steps.several:
@@ -218,6 +217,6 @@ def _recalled_step(progress: StepProgress, level_checkpoint: MeshCheckpoint, pat
         return None
     level_checkpoint.recall_history(figures, history, timings)
     path.resume(figures["path"])
-    step = LoadStep.of(begun, outcome, replace(result, linear_solves=path.at.last))
+    step = LoadStep.of(begun, outcome, replace(result, linear_solves=path.last))
     progress.take(step)
     return step
