@@ -78,7 +78,7 @@ def parser() -> argparse.ArgumentParser:
     check.add_argument("scene", type=named_path, metavar="SCENE", help="scene file (TOML)")
     output = check.add_mutually_exclusive_group()
     output.add_argument("--json", action="store_true", help="print JSON instead of text")
-    output.add_argument("--verbose", action="store_true", help="print all findings, and the methods that will be tried")
+    output.add_argument("--verbose", action="store_true", help="print all findings")
     report = commands.add_parser("report", help="write one HTML page from a result folder, to read, print and send")
     report.add_argument("folder", type=named_path, metavar="FOLDER", help="result folder that solve wrote")
     report.add_argument("--out", type=named_path, metavar="FILE", help="the page (default: report.html in the folder)")
