@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from functools import cache
@@ -31,7 +29,6 @@ from signorini_fx.results.accuracy.stress_recovery import StressRecovery
 from signorini_fx.results.functionals import functionals
 from signorini_fx.results.mechanics import SolidBody, StatedBody, StepResult
 from signorini_fx.results.solution import Solution
-from signorini_fx.solving.check.cost import estimated_cost
 from signorini_fx.solving.check.findings import refuse_beforehand, scene_findings
 from signorini_fx.solving.check.result_findings import (
     facets_in_result,
@@ -83,8 +80,6 @@ def solve_mesh(
                 f"the contact points are on {contact.boundary!r}, not on {stated.boundary!r}: see contact.points"
             )
     history.move(dofs=model.dofs)
-    if history.watchers and history.progress.meshes == 1:
-        history.move(end=time.perf_counter() + math.sqrt(math.prod(estimated_cost(model).seconds)))
     with timings.phase("condense"):
         task = contact_task(model, history, coarser)
     with timings.phase("iterate"):
