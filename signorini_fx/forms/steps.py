@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import ufl
 from dolfinx import fem
-from ufl.algorithms.analysis import extract_constants
 
 from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
 from signorini_fx.algebra.contact.nodal_vectors import Nodal
@@ -18,7 +15,6 @@ from signorini_fx.algebra.linalg import ElasticSystem
 from signorini_fx.errors import FormError, SceneError
 from signorini_fx.forms import options
 from signorini_fx.forms.solver import FormSolver, StepBeginning
-from signorini_fx.machine import compat
 from signorini_fx.mechanics.statement.load_path import LoadPath
 from signorini_fx.mechanics.statement.values import kind_of
 from signorini_fx.records import Timings
@@ -126,12 +122,12 @@ def begun_path(
         if restart:
             raise FormError([("restart", "needs the folder of the checkpoint")])
         return path, clock, None
-    clock.turn(path.time_at(0))  # the checkpoint is that of the Constants at this time
     return path, clock, MeshCheckpoint(checkpoint_of(solver, folder, path, restart=restart), 0)
 
 
 def checkpoint_of(solver: FormSolver, folder: str | Path, path: LoadPath, *, restart: bool) -> Checkpoint:
-    """The checkpoint of a path in a folder, with the Constants as they are at the first time; collective.
+    """The checkpoint of a path in a folder; collective.  Values of Constants are not compared: certificates judge what
+    is taken from it.
 
     Raises:
         FormError: the folder is that of another problem, or of another run of this one.
@@ -145,7 +141,6 @@ def checkpoint_of(solver: FormSolver, folder: str | Path, path: LoadPath, *, res
         "path": asdict(path),
         "settings": solver.settings.model_dump(mode="json"),
         "contact": [type(contact).__name__ for contact in forms.contact],
-        "constants": _constants_of(forms.compiled, forms.contact),
         "cells": mesh.topology.index_map(mesh.topology.dim).size_global,
         "unknowns": dofmap.index_map.size_global * dofmap.index_map_bs,
     }
@@ -157,17 +152,3 @@ def checkpoint_of(solver: FormSolver, folder: str | Path, path: LoadPath, *, res
         raise FormError(error.problems, "run") from None
     solver.folders.append(at)
     return stored
-
-
-def _constants_of(compiled: Iterable[fem.Form], entries: Any) -> list[float]:
-    """The values of all Constants of forms, and of contacts with what belongs to them."""
-    values = [float(number) for form in compiled for number in compat.packed_constants(form)]
-    if isinstance(entries, Mapping):
-        return values + _constants_of((), list(entries.values()))
-    if isinstance(entries, list | tuple):
-        return values + [number for entry in entries for number in _constants_of((), entry)]
-    if isinstance(entries, ufl.core.expr.Expr):
-        return values + [float(number) for node in extract_constants(entries) for number in np.ravel(node.value)]
-    if isinstance(getattr(entries, "__dict__", None), dict) and type(entries).__module__.startswith("signorini_fx."):
-        return values + _constants_of((), vars(entries))
-    return values

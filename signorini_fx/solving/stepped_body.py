@@ -8,8 +8,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from dolfinx import fem
-
 from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
 from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.algebra.linalg import ElasticSystem
@@ -145,34 +143,20 @@ def certified_result(
         from signorini_fx.results.last_digits import status_by_digits
 
         status, reason = status_by_digits(model, displacement, certificate.worst, start.place)
-    reached = status, displacement, contact, certificate, deformation, 0
-    return replace(step_result(path, start.step, start.place, *reached), tools=rigid, reason=reason)
-
-
-def step_result(
-    path: LoadPath,
-    number: int,
-    path_step: float,
-    status: Status,
-    displacement: fem.Function,
-    contact: ContactState | None,
-    certificate: Certificate,
-    deformation: Deformation,
-    linear_solves: int,
-) -> StepResult:
-    """The result of a load step; ``number``: of those before it."""
     return StepResult(
-        step=number + 1,
-        place=path_step,
-        time=path.time_at(path_step),
-        name=path.name_at(path_step),
+        step=start.step + 1,
+        place=start.place,
+        time=path.time_at(start.place),
+        name=path.name_at(start.place),
         status=status,
         displacement=displacement,
         contact=contact,
         certificate=certificate,
         deformation=deformation,
         strain_energy=certificate.strain_energy,
-        linear_solves=linear_solves,
+        linear_solves=0,
+        tools=rigid,
+        reason=reason,
     )
 
 

@@ -105,15 +105,9 @@ def changed(old, new):
         (changed("nx = 6", 'nx = "six"'), ("--set", "solver.levels=2"), "mesh.parameters.nx: must be"),
         ("solver = 3\n" + SCENE, ("--set", "solver.levels=2"), "solver: must be a table"),
         ("accuracy = [1]\n" + SCENE, ("--accuracy", "0.1"), "accuracy: must be a table"),
-        (".".join(["a"] * 30_000) + " = 1\n" + SCENE, (), "syntax: a key of more than 50 parts (at line 1)"),
-        (
-            SCENE + "[" + " . ".join(['"a b"'] * 30_000) + "]",
-            (),
-            f"syntax: a key of more than 50 parts (at line {SCENE.count(chr(10)) + 1})",
-        ),
         (b"\xef\xbb\xbf" + changed("poisson = 0.4", "poisson = 0.6").encode(), (), "material.poisson: must be less"),
     ],
-    ids=range(16),
+    ids=range(14),
 )
 def test_scene(solve_text, text, arguments, message):
     """Exit code 2 and one line that names the key."""
