@@ -174,9 +174,18 @@ class ContactProblem(ProblemOfForms):
             RuntimeError: the problem was given no ``stress``.
             FormError: see ``stress``; or there is no contact, or a measure multiplies the forms, which is not known.
         """
-        from signorini_fx.forms.results import errors_of
+        from signorini_fx.mechanics.contact_points.contact_table import contact_table
+        from signorini_fx.results.accuracy.error_estimates import combined
 
-        return errors_of(self.assembled, self.stress)
+        stress, solver = self.stress, self.assembled
+        if not self.contact:
+            wrong = "there is none, and no error of its pressure: of the stress see stress.error"
+            raise FormError([("contact", wrong)])
+        if solver.forms.weighted:
+            wrong = "there is no error estimate where the forms are multiplied by a measure"
+            raise FormError([("stress", wrong)])
+        table, squares = contact_table(self.state, solver.forms.names), stress.recovery().squares(self.u)
+        return combined(solver.model(), table, squares, stress.energy())
 
     @property
     def findings(self) -> tuple[Finding, ...]:
@@ -184,7 +193,7 @@ class ContactProblem(ProblemOfForms):
         return () if self.assembled.outcome is None else self.solution.findings
 
     def titled(self, title: str) -> Solution:
-        from signorini_fx.forms.results import solution_of
+        from signorini_fx.forms.steps import solution_of
 
         path, progress = self._ran or (None, None)
         return solution_of(self.assembled, path, progress, title)

@@ -12,9 +12,8 @@ from dolfinx import mesh as dmesh
 
 from signorini_fx.errors import FormError
 from signorini_fx.forms.contact_problem import ContactProblem
-from signorini_fx.forms.results import solution_of
 from signorini_fx.forms.solver import FormSolver
-from signorini_fx.forms.steps import Clock, checkpoint_of, solve_path
+from signorini_fx.forms.steps import Clock, checkpoint_of, solution_of, solve_path
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.mesh.refinement import check_divisible, refine
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, tag_boundaries

@@ -1,4 +1,4 @@
-"""The load steps of a ``ContactProblem``."""
+"""The load steps of a ``ContactProblem``, and its solution."""
 
 from __future__ import annotations
 
@@ -17,13 +17,14 @@ from signorini_fx.forms import options
 from signorini_fx.forms.solver import FormSolver, StepBeginning
 from signorini_fx.mechanics.statement.load_path import LoadPath
 from signorini_fx.mechanics.statement.values import kind_of
-from signorini_fx.records import Timings
+from signorini_fx.records import Status, Timings
 from signorini_fx.results.mechanics import StepResult
 from signorini_fx.results.restart_files import Checkpoint
+from signorini_fx.results.solution import Solution
 from signorini_fx.results.step_frames import StepEnd
 from signorini_fx.solving.checkpointed_steps import MeshCheckpoint, open_checkpoint
-from signorini_fx.solving.load_steps import StepProgress, all_load_steps
-from signorini_fx.solving.ramp import Increments
+from signorini_fx.solving.load_steps import Increments, StepProgress, all_load_steps
+from signorini_fx.solving.solve_on_mesh import contact_solution, findings_of_steps
 from signorini_fx.solving.stepped_body import BegunStep, SteppedBody
 
 
@@ -104,6 +105,28 @@ def solve_path(
         body = FormSteps(solver.model(path), path, solver.timings, solver, clock, solver.beginning())
         progress = all_load_steps(body, solver.task, start, increments, lambda step: on_step(step.result), stored)
     return progress
+
+
+def solution_of(solver: FormSolver, path: LoadPath | None, progress: StepProgress | None, title: str = "") -> Solution:
+    """The last solution, or the last iterate, with the values that the forms have now; of a run its path, and how its
+    load steps have ended; collective.
+
+    Raises:
+        RuntimeError: there is none so far.
+    """
+    outcome = solver.outcome
+    if outcome is None:
+        raise RuntimeError("there is no solution so far: call solve()")
+    alone = solver.result
+    assert alone is not None
+    steps = [alone] if progress is None else progress.results
+    ended = (outcome, outcome.problem.data) if progress is None else progress.ended
+    assert ended is not None
+    # Of a load step that has failed the forms are not those of the results, which are of one before it.
+    settled = steps[-1].status is Status.CONVERGED or len(steps) == 1
+    body = replace(solver.model(path, title), settled=settled)
+    findings = findings_of_steps(body, steps, [], solver.foundations.placed_shapes)
+    return contact_solution(body, steps, solver.task, ended, solver.timings, lambda: tuple(findings))
 
 
 def begun_path(

@@ -38,9 +38,8 @@ from signorini_fx.solving.check.result_findings import (
     shapes_in_results,
 )
 from signorini_fx.solving.data_at_times import StatedSteps
-from signorini_fx.solving.load_steps import all_load_steps
+from signorini_fx.solving.load_steps import Increments, all_load_steps
 from signorini_fx.solving.loose_bodies import loose_at_rest
-from signorini_fx.solving.ramp import Increments
 from signorini_fx.solving.stepped_body import LoadStep, first_start
 from signorini_fx.tuned import PATH_ERROR_SHARE
 
