@@ -268,10 +268,10 @@ def all_load_steps(
         return step
 
     def store(checkpoint: MeshCheckpoint, step: LoadStep, marks: Marks) -> None:
-        figures = {"path": path.stored(), **step.stored()}
-        checkpoint.store(
-            step.body.model, step.body.timings, step.task, step.start, step.outcome, step.result, marks, figures
-        )
+        model, figures = step.body.model, {"path": path.stored()}
+        for interface in model.statement.interfaces:
+            figures |= interface.stored(model, step.start.place)
+        checkpoint.store(model, step.body.timings, step.task, step.start, step.outcome, step.result, marks, figures)
 
     stepping = Stepping[LoadStep](
         history,
@@ -292,6 +292,8 @@ def _marks(history: History) -> Marks:
 
 def _attempt(progress: StepProgress, path: Increments) -> LoadStep:
     """Solve the next load step, which may have no solution."""
+    from signorini_fx.solving.iterated_interfaces.protocol import LoadStepStart, solve_step
+
     history, steps = progress.task.history, progress.body.path
     solves_before = history.linear_solves
     path_step = path.next
@@ -306,7 +308,9 @@ def _attempt(progress: StepProgress, path: Increments) -> LoadStep:
         history.add(StepRecord(start.step + 1, steps.name_at(path_step), steps.time_at(path_step)))
     history.move(step=start.step + 1, steps=len(steps.times))
     with begun.body.timings.phase("iterate"):
-        begun, outcome, reason = replace(begun, start=start).solved(path.allowed)
+        end = solve_step(LoadStepStart(begun.body.model, begun.task, start, path.allowed))
+    begun = replace(begun, body=replace(begun.body, model=end.model), start=end.start)
+    outcome, reason = end.outcome, end.reason
     if reason is None:
         when = f"load step {start.step + 1}: " if steps.several else ""
         reason = explained(begun.body.model, begun.task, outcome, when)
@@ -324,9 +328,15 @@ def _recalled_step(progress: StepProgress, level_checkpoint: MeshCheckpoint, pat
     newton = progress.task.iterate.newton
     checkpoint = newton.checkpoint()
     with timings.phase("restart"):
-        begun = progress.begun(float(figures["place"]))
-        begun = begun.recalled(float(figures["place"]), figures)
-        outcome = level_checkpoint.recall(begun.body.model, begun.body.model.tagged.size, begun.task, begun.start)
+        place = float(figures["place"])
+        begun = progress.begun(place)
+        model = begun.body.model
+        for interface in model.statement.interfaces:
+            model = interface.recalled(model, place, figures)
+        body = replace(begun.body, model=model)
+        start = replace(begun.start, place=place, factors=body.load(begun.task.system, place))
+        begun = replace(begun, body=body, start=start)
+        outcome = level_checkpoint.recall(model, model.tagged.size, begun.task, start)
     if outcome is None:
         return None
     result = begun.certified(outcome)

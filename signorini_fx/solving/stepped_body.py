@@ -5,8 +5,8 @@ Scenes and forms differ in one thing only: how the model of another place is mad
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
 from signorini_fx.algebra.contact.nodal_vectors import Nodal
@@ -17,7 +17,7 @@ from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.rigid.mesh_levels import MeshLevel
 from signorini_fx.mechanics.statement.load_path import LoadPath
 from signorini_fx.mechanics.statement.settings import SolverSettings
-from signorini_fx.records import Finding, Status, Timings
+from signorini_fx.records import Status, Timings
 from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.results.certificate.law_of_method import Law, PreviousStep, Tractions
 from signorini_fx.results.mechanics import SolidBody, StepResult
@@ -65,18 +65,6 @@ class BegunStep:
     start: Start
     last: PreviousStep | None
 
-    def solved(self, allowed: int) -> tuple[BegunStep, Outcome, Finding | None]:
-        """Solve it with so many linear solves for each contact problem.
-
-        Returns:
-            The load step with what was found of its loads, how it ended, and why it has no solution; None: that is not
-            known.
-        """
-        from signorini_fx.solving.iterated_interfaces.protocol import LoadStepStart, solve_step
-
-        end = solve_step(LoadStepStart(self.body.model, self.task, self.start, allowed))
-        return replace(self, body=replace(self.body, model=end.model), start=end.start), end.outcome, end.reason
-
     def certified(self, outcome: Outcome) -> StepResult:
         """The result with the certificate's verdict; recorded linear solves are not counted yet."""
         body = self.body
@@ -84,22 +72,6 @@ class BegunStep:
             result = certified_result(body.model, body.path, (self.task, self.start, self.last), outcome)
             body.show(outcome, result)
         return result
-
-    def stored(self) -> dict[str, Any]:
-        """What else a checkpoint needs of it, plain data."""
-        model, figures = self.body.model, dict[str, Any]()
-        for interface in model.statement.interfaces:
-            figures |= interface.stored(model, self.start.place)
-        return figures
-
-    def recalled(self, path_step: float, figures: dict[str, Any]) -> BegunStep:
-        """It at its place, with what ``stored`` has returned."""
-        model = self.body.model
-        for interface in model.statement.interfaces:
-            model = interface.recalled(model, path_step, figures)
-        body = replace(self.body, model=model)
-        start = replace(self.start, place=path_step, factors=body.load(self.task.system, path_step))
-        return replace(self, body=body, start=start)
 
 
 @dataclass(frozen=True)
