@@ -89,7 +89,7 @@ def _solved(
             step_errors.append(made.errors)
 
     solution = solution_of(solver, path, solve_path(solver, path, clock, estimate, checkpoint))
-    return SolvedMesh(solution, forms.tagged, solver.task, solver.scales.modulus, solver.outcome)
+    return SolvedMesh(solution, forms.tagged, solver.task, solver.outcome)
 
 
 def _estimable(solver: FormSolver) -> bool:

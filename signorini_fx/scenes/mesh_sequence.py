@@ -32,7 +32,7 @@ from signorini_fx.scenes.plan import Plan, planned, scene_with
 from signorini_fx.scenes.scene import Scene
 from signorini_fx.solving.checkpointed_steps import MeshCheckpoint
 from signorini_fx.solving.finer_meshes import Meshes
-from signorini_fx.solving.meshed_problem import MeshedProblem, SolvedMesh, plane_modulus
+from signorini_fx.solving.meshed_problem import MeshedProblem, SolvedMesh
 from signorini_fx.solving.nested import solve_nested
 from signorini_fx.solving.solve_on_mesh import solve_mesh
 from signorini_fx.solving.stepped_body import LoadStep
@@ -110,11 +110,11 @@ def _solved(
         displacement = model.function(outcome.displacement())
         step_errors.append(estimate_errors(model, displacement, result.strain_energy, table, result.place))
 
-    load, modulus = partial(load_mesh, scene, comm), max(map(plane_modulus, scene.material))
+    load = partial(load_mesh, scene, comm)
     solution, task, outcome = solve_mesh(
         scene.statement, load, problem.history, state, estimate, coarser, checkpoint, with_findings=shown
     )
-    return SolvedMesh(solution, solution.model.tagged, task, modulus, outcome)
+    return SolvedMesh(solution, solution.model.tagged, task, outcome)
 
 
 def _solved_nonlinear(
@@ -127,7 +127,7 @@ def _solved_nonlinear(
     """Solved anew, along the whole load path; the errors are those after the last load step, without those of contact
     where cells lock: estimates of them were up to 30 times too small.
     """
-    from signorini_fx.mechanics.body.nonlinear_law import at_rest, volume_degree
+    from signorini_fx.mechanics.body.nonlinear_law import volume_degree
     from signorini_fx.scenes.nonlinear import solve_nonlinear
 
     scene, comm = problem.source.model_copy(update={"solver": problem.settings}), problem.comm
@@ -137,8 +137,7 @@ def _solved_nonlinear(
         nearly = any(material.locks for material in scene.statement.material)
         locking = nearly and volume_degree(scene.statement, solution.model.tagged) is None
         step_errors.append(replace(errors, pressure=None) if locking else errors)
-    modulus = max(map(plane_modulus, at_rest(scene.statement).material))
-    return SolvedMesh(solution, solution.model.tagged, None, modulus)
+    return SolvedMesh(solution, solution.model.tagged, None)
 
 
 def _with_points_kept(scene: Scene, solved: SolvedMesh) -> Scene:
