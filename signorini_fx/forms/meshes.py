@@ -29,7 +29,6 @@ from signorini_fx.solving import nested, to_accuracy
 from signorini_fx.solving.checkpointed_steps import MeshCheckpoint
 from signorini_fx.solving.finer_meshes import Meshes
 from signorini_fx.solving.meshed_problem import MeshedProblem, SolvedMesh
-from signorini_fx.solving.stepped_body import CoarserMesh
 
 AnyMesh: TypeAlias = "dmesh.Mesh | TaggedMesh"
 Make = Callable[[Any], Any]
@@ -82,7 +81,7 @@ def _solved(
     solver.history = problem.history
     if problem.changed is not None:
         solver.settings = problem.changed
-    solver.coarser = CoarserMesh(coarser, state, None if path.several else coarser)
+    solver.coarser, solver.coarser_state = coarser, state
 
     def estimate(result: StepResult) -> None:
         if _estimable(solver):

@@ -65,8 +65,7 @@ def solve_nested(
             )
             levels.clear()
         sides = solution.statement.sides
-        if solved.task is not None:
-            coarser = solution.model.level(coarser, solution.displacement)
+        coarser = solved.as_level(coarser)
         if solution.converged:
             state, certified = solved.state, solution
             if number + 1 < count:

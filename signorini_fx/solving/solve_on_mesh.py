@@ -81,8 +81,9 @@ def solve_mesh(
     history.move(dofs=model.dofs)
     with timings.phase("condense"):
         task = contact_task(model, history, coarser)
-    with timings.phase("iterate"):
-        start = first_start(task, task.start, model, state, None if statement.several_steps else coarser)
+    start = task.start
+    if model.boundary is not None:
+        start = first_start(start, model.boundary, state)
     return solve_contact(model, task, start, timings, on_step, kept, with_findings=with_findings)
 
 

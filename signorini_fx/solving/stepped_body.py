@@ -12,9 +12,8 @@ from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
 from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.algebra.linalg import ElasticSystem
 from signorini_fx.mechanics.body.deformation import Deformation, deformation_of
-from signorini_fx.mechanics.body.elastic_body import ElasticBody
+from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
-from signorini_fx.mechanics.rigid.mesh_levels import MeshLevel
 from signorini_fx.mechanics.statement.load_path import LoadPath
 from signorini_fx.mechanics.statement.settings import SolverSettings
 from signorini_fx.records import Status, Timings
@@ -144,43 +143,12 @@ def judged(status: Status, certificate: Certificate, deformation: Deformation, s
     return Status.NOT_CERTIFIED if status is Status.CONVERGED and not certificate.holds else status
 
 
-@dataclass(frozen=True)
-class CoarserMesh:
-    """What a coarser mesh gives to a finer one: the levels of multigrid, its contact points, and the level with a
-    displacement to begin with.
-    """
-
-    level: MeshLevel | None = None
-    state: ContactState | None = None
-    displaced: MeshLevel | None = None
-
-
-def first_start(
-    task: Task, start: Start, body: ElasticBody, state: ContactState | None, coarser: MeshLevel | None
-) -> Start:
-    """Where the first load step of a task starts, from the contact state and the displacement of a coarser mesh if
-    there are any; collective.
+def first_start(start: Start, boundary: ContactBoundary, state: ContactState | None) -> Start:
+    """Where the first load step of a task starts, from the contact state of a coarser mesh if there is one;
+    collective.
     """
     if state is None:
         return start
     from signorini_fx.solving.nested import carry_over
 
-    assert body.boundary is not None
-    if coarser is not None:
-        begin_at_coarse(task, coarser, body)
-    return start.begin_from(*carry_over(state, body.boundary))
-
-
-def begin_at_coarse(task: Task, coarser: MeshLevel, body: ElasticBody) -> None:
-    """Begin with the displacement of the coarser mesh, where solves are not exact and gain by it; collective."""
-    from signorini_fx.algebra.linalg.krylov import KrylovSystem
-
-    system, free = task.system, ~body.fixed
-    if not isinstance(system, KrylovSystem) or body.turned is not None:
-        return
-    level = system.elasticity.level
-    start = level.start() if isinstance(level, MeshLevel) and level.coarser is coarser else None
-    if start is not None:
-        if task.rest is not None:
-            start.getArray()[:] -= body.motions.displacement(task.rest.motion).ravel()[: free.size]
-        task.iterate.x.getArray()[: free.size][free] = start.getArray(readonly=True)[free]
+    return start.begin_from(*carry_over(state, boundary))
