@@ -44,17 +44,16 @@ def solve_scenes(
     scenes: Sequence[Scene],
     comm: MPI.Comm,
     history: History,
-    on_level: Callable[[Solution], object] | None = None,
+    on_level: Callable[[Solution], object] = lambda solution: None,
     stored: Checkpoint | None = None,
 ) -> Solution:
     """A scene on its coarser meshes, and then on its own, see ``solving.nested.solve_nested``."""
-    shown = [on_level is not None or scene is scenes[-1] for scene in scenes]
-    meshes = [meshed_scene(scene, comm, history, stored, shown=each) for scene, each in zip(scenes, shown, strict=True)]
-    return solve_nested(meshes, len(meshes), comm, history, on_level or _nobody)
+    meshes = [meshed_scene(scene, comm, history, stored) for scene in scenes]
+    return solve_nested(meshes, len(meshes), comm, history, on_level)
 
 
 def solve_scene_to_accuracy(
-    scene: Scene, goal: Accuracy, comm: MPI.Comm, history: History, on_level: Callable[[Solution], object] | None
+    scene: Scene, goal: Accuracy, comm: MPI.Comm, history: History, on_level: Callable[[Solution], object]
 ) -> Solution:
     """See ``solving.to_accuracy.solve_to_accuracy``.
 
@@ -63,19 +62,13 @@ def solve_scene_to_accuracy(
         MeshError: see ``meshes_of``.
     """
     budget = Budget.begins(goal, comm, history)
-    return solve_to_accuracy(meshes_of(scene, goal, comm, history), budget, history, on_level or _nobody)
-
-
-def _nobody(solution: Solution) -> None:
-    """Nobody looks at the solution on a coarser mesh."""
+    return solve_to_accuracy(meshes_of(scene, goal, comm, history), budget, history, on_level)
 
 
 def meshed_scene(
-    scene: Scene, comm: MPI.Comm, history: History, stored: Checkpoint | None = None, *, shown: bool = True
+    scene: Scene, comm: MPI.Comm, history: History, stored: Checkpoint | None = None
 ) -> MeshedProblem[Scene]:
-    """A scene on one of several meshes; ``shown``: whether somebody may look at the result, else nothing is said about
-    the scene on this mesh.
-    """
+    """A scene on one of several meshes."""
     return MeshedProblem(
         source=scene,
         comm=comm,
@@ -84,7 +77,7 @@ def meshed_scene(
         paired=scene.statement.sides[1] is not None,
         soft=bool(overclosures_of(scene.statement)),
         stated=lambda source: source.solver,
-        solve=_solved_nonlinear if scene.statement.nonlinear else partial(_solved, shown=shown),
+        solve=_solved_nonlinear if scene.statement.nonlinear else _solved,
         on_cells=scene_with,
         keep=_with_points_kept,
         stored=stored,
@@ -97,8 +90,6 @@ def _solved(
     coarser: MeshLevel | None,
     checkpoint: MeshCheckpoint | None,
     step_errors: list[Errors],
-    *,
-    shown: bool,
 ) -> SolvedMesh:
     scene, comm = problem.source.model_copy(update={"solver": problem.settings}), problem.comm
 
@@ -111,9 +102,7 @@ def _solved(
         step_errors.append(estimate_errors(model, displacement, result.strain_energy, table, result.place))
 
     load = partial(load_mesh, scene, comm)
-    solution, task, outcome = solve_mesh(
-        scene.statement, load, problem.history, state, estimate, coarser, checkpoint, with_findings=shown
-    )
+    solution, task, outcome = solve_mesh(scene.statement, load, problem.history, state, estimate, coarser, checkpoint)
     return SolvedMesh(solution, solution.model.tagged, task, outcome)
 
 

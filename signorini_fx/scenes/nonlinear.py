@@ -67,12 +67,6 @@ def solve_nonlinear(
 ) -> Solution:
     """The solution, or the load steps up to one that has none; collective.
 
-    Args:
-        scene: with a nonlinear material.
-        comm: the ranks that share the work.
-        history: takes every linear solve.
-        stored: the checkpoint that load steps are taken from and stored in; None: there is none.
-
     Raises:
         SceneError: the scene is wrong, or does not fit its mesh.
         MeshError: the mesh cannot be read or generated.
@@ -185,12 +179,7 @@ class ProblemOfScene(NonlinearContactProblem):
         on_step: Callable[[StepResult], object] = lambda step: None,
     ) -> Solution:
         """The solution of all load steps, or of those before one that has none: of the first one the body as it was
-        before; collective.
-
-        Args:
-            timings: of what was done so far.
-            stored: the checkpoint that load steps are taken from and stored in; None: there is none.
-            on_step: called after each load step.
+        before; ``timings``: of what was done so far; collective.
 
         Raises:
             ConvergenceError: the first one has none, and its body cannot be evaluated.
@@ -263,12 +252,8 @@ class ProblemOfScene(NonlinearContactProblem):
         return linearised_at(self._solver, self.linear)
 
     def go_through(self, begins_at: float | None, path_step: float) -> None:
-        """Loads, supports and foundations of a load step, with slips that count from where the one before it ends;
-        collective.
-
-        Args:
-            begins_at: the place in the lists of factors where that one ends; None: there is none.
-            path_step: that of the load step.
+        """Loads, supports and foundations of a load step, with slips that count from the place where the one before it
+        ends, None: there is none; collective.
         """
         if begins_at is None:
             self._begins_at(self.statement.placed(-1))
@@ -278,12 +263,8 @@ class ProblemOfScene(NonlinearContactProblem):
         self.go_to(path_step)
 
     def forces_anew(self, statement: Statement, displacement: fem.Function) -> Array:
-        """Minus the residual of the body in another scene on the mesh at the place of now, forces of shape
-        (owned dofs,); collective.
-
-        Args:
-            statement: that scene, without materials that have a state.
-            displacement: y.
+        """Minus the residual of the body in another scene, without materials that have a state, on the mesh at the
+        place of now, forces of shape (owned dofs,); collective.
         """
         anew = NonlinearForces(statement, self.model.tagged, self.model.space)
         return -anew.residual(displacement, {}, self.path_step)
@@ -311,32 +292,20 @@ class ProblemOfScene(NonlinearContactProblem):
 
 @dataclass(frozen=True)
 class ReachedStep:
-    """A load step of a scene.
+    """A load step of a scene."""
 
-    Attributes:
-        path_step: its place in the lists of factors.
-        end: the body at its end.
-        begun: where it begins.
-    """
-
-    path_step: float
-    end: State
+    path_step: float  # its place in the lists of factors
+    end: State  # the body at its end
     begun: StepBeginning
 
 
 @dataclass(frozen=True)
 class StatedOrigin(Origin):
-    """What a scene knows of its residual: the loads and supports by name, the stress, and the sizes of strains.
-
-    Attributes:
-        problem: of the scene.
-        anew: the forces of its materials and loads.
-        states: of its materials.
-    """
+    """What a scene knows of its residual: the loads and supports by name, the stress, and the sizes of strains."""
 
     residual: ClassVar[str] = "material"
     problem: ProblemOfScene
-    anew: NonlinearForces
+    anew: NonlinearForces  # of its materials and loads
     states: StatesOnPath
 
     def too_large(self) -> str:

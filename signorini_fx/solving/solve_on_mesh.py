@@ -46,27 +46,18 @@ from signorini_fx.tuned import PATH_ERROR_SHARE
 if TYPE_CHECKING:
     from signorini_fx.solving.checkpointed_steps import MeshCheckpoint
 
-# Called after a load step that has a solution.
-AfterStep = Callable[[LoadStep], object]
-
-
-def _nothing_more(step: LoadStep) -> None:
-    """Does nothing after a load step."""
-
 
 def solve_mesh(
     statement: Statement,
     load: Callable[[], TaggedMesh],
     history: History,
     state: ContactState | None,
-    on_step: AfterStep = _nothing_more,
+    on_step: Callable[[LoadStep], object] = lambda step: None,
     coarser: MeshLevel | None = None,
     kept: MeshCheckpoint | None = None,
-    *,
-    with_findings: bool = True,
 ) -> tuple[Solution, Task, Outcome]:
     """Solve on one mesh, starting from the contact state of a coarser one if there is one, with it as a level of
-    multigrid; ``load`` gives the mesh; ``with_findings``: whether the solution says what is odd about the scene on it.
+    multigrid; ``load`` gives the mesh, and ``on_step`` is called after each load step.
     """
     timings = Timings()
     with timings.phase("mesh"):
@@ -84,7 +75,7 @@ def solve_mesh(
     start = task.start
     if model.boundary is not None:
         start = first_start(start, model.boundary, state)
-    return solve_contact(model, task, start, timings, on_step, kept, with_findings=with_findings)
+    return solve_contact(model, task, start, timings, on_step, kept)
 
 
 def solve_contact(
@@ -92,10 +83,8 @@ def solve_contact(
     task: Task,
     start: Start,
     timings: Timings,
-    on_step: AfterStep = _nothing_more,
+    on_step: Callable[[LoadStep], object] = lambda step: None,
     level_checkpoint: MeshCheckpoint | None = None,
-    *,
-    with_findings: bool = True,
 ) -> tuple[Solution, Task, Outcome]:
     """All load steps, until one has no solution, the contact problem of the last one, and how the last one with a
     solution ended.
@@ -111,7 +100,7 @@ def solve_contact(
     progress = all_load_steps(body, task, start, increments, on_step, level_checkpoint)
     model, task = progress.body.model, progress.task
     assert progress.ended is not None
-    found = _found(model, tuple(progress.results)) if with_findings else tuple
+    found = _found(model, tuple(progress.results))
     solution = contact_solution(model, progress.results, task, progress.ended, timings, found)
     return solution, task, progress.ended[0]
 
