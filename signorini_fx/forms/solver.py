@@ -156,9 +156,6 @@ class FormSolver:
 
         Returns:
             Why there is no solution, and what to do; "": there is one.
-
-        Raises:
-            FormError: a value is not finite, or cannot be evaluated.
         """
         self.solves_before, self.timings = len(self.history.iterations), Timings()
         with options.applied(*self.options), self.timings.phase("solve"):

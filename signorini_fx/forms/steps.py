@@ -29,11 +29,7 @@ from signorini_fx.solving.stepped_body import BegunStep, SteppedBody
 
 
 class Clock:
-    """Changes a problem to what it is at a time, by a function of the time, or a Constant whose value is the time.
-
-    Raises:
-        FormError: it is neither.
-    """
+    """Changes a problem to what it is at a time, by a function of the time, or a Constant whose value is the time."""
 
     def __init__(self, at: Callable[[float], object] | fem.Constant) -> None:
         if not callable(at) and not (isinstance(at, fem.Constant) and at.value.ndim == 0):
@@ -110,9 +106,6 @@ def solve_path(
 def solution_of(solver: FormSolver, path: LoadPath | None, progress: StepProgress | None, title: str = "") -> Solution:
     """The last solution, or the last iterate, with the values that the forms have now; of a run its path, and how its
     load steps have ended; collective.
-
-    Raises:
-        RuntimeError: there is none so far.
     """
     outcome = solver.outcome
     if outcome is None:
@@ -151,9 +144,6 @@ def begun_path(
 def checkpoint_of(solver: FormSolver, folder: str | Path, path: LoadPath, *, restart: bool) -> Checkpoint:
     """The checkpoint of a path in a folder; collective.  Values of Constants are not compared: certificates judge what
     is taken from it.
-
-    Raises:
-        FormError: the folder is that of another problem, or of another run of this one.
     """
     if (at := Path(folder).resolve()) in solver.folders:
         reason = f"{folder} has the load steps of another run of this problem: give each run a folder of its own"

@@ -55,12 +55,7 @@ def solve_scenes(
 def solve_scene_to_accuracy(
     scene: Scene, goal: Accuracy, comm: MPI.Comm, history: History, on_level: Callable[[Solution], object]
 ) -> Solution:
-    """See ``solving.to_accuracy.solve_to_accuracy``.
-
-    Raises:
-        SceneError: see ``meshes_of``.
-        MeshError: see ``meshes_of``.
-    """
+    """See ``solving.to_accuracy.solve_to_accuracy``."""
     budget = Budget.begins(goal, comm, history)
     return solve_to_accuracy(meshes_of(scene, goal, comm, history), budget, history, on_level)
 
@@ -186,12 +181,7 @@ def _remade(
 
 
 def meshes_of(scene: Scene, goal: Accuracy, comm: MPI.Comm, history: History) -> Meshes:
-    """The meshes of a scene on the way to an accuracy.
-
-    Raises:
-        SceneError: see ``planned``.
-        MeshError: the mesh cannot be refined.
-    """
+    """The meshes of a scene on the way to an accuracy."""
     plan = planned(scene, goal, comm)
     generated, any_jump = plan.scene.statement.generated, plan.scene.statement.generated and not plan.adaptive
     made = any_jump or isinstance(plan.scene.mesh, MeshFile) or bool(plan.scene.body and not generated)

@@ -86,12 +86,7 @@ def problem_of(scene: Scene, comm: mpi4py.MPI.Comm, history: History, timings: T
 
 
 def linear_body(scene: Scene, comm: mpi4py.MPI.Comm, timings: Timings) -> Model:
-    """The body that a scene is at small strains, on its mesh, after all checks; collective.
-
-    Raises:
-        SceneError: see ``solve_nonlinear``.
-        MeshError: see ``solve_nonlinear``.
-    """
+    """The body that a scene is at small strains, on its mesh, after all checks; collective."""
     with timings.phase("mesh"):
         tagged = load_mesh(scene, comm)
     check_materials(scene.statement.material)
@@ -130,11 +125,7 @@ class ProblemOfScene(NonlinearContactProblem):
 
     @classmethod
     def of(cls, statement: Statement, model: Model, history: History) -> ProblemOfScene:
-        """That of a statement; collective.
-
-        Raises:
-            SceneError: a setting or a shape does not fit.
-        """
+        """That of a statement; collective."""
         space, tagged, statement = model.space, model.tagged, _with_sides_of(statement, model.statement)
         facets = boundary_facets(statement, tagged)
         on = [facets[entry.boundary] for entry in statement.contact]
@@ -364,11 +355,7 @@ def _at_its_time(friction: Any) -> Any:
 
 
 def _refuse_shrunk(model: Model) -> None:
-    """Refuse temperatures by which lengths of a body would shrink to nothing; collective.
-
-    Raises:
-        SceneError: there are some.
-    """
+    """Refuse temperatures by which lengths of a body would shrink to nothing; collective."""
     strain, move_to = initial_strain(model.statement, model.tagged, model.space, 0)
     if strain is None:
         return
@@ -386,11 +373,7 @@ def _refuse_shrunk(model: Model) -> None:
 
 
 def _refuse_turning(statement: Statement, dimension: int) -> None:
-    """Refuse tools that turn as none can.
-
-    Raises:
-        SceneError: there is one.
-    """
+    """Refuse tools that turn as none can."""
     turns = ~statement.kinematics_in(dimension).unbalanced  # what these are is zero
     for number, contact in enumerate(statement.contact):
         if (shape := contact.tool) is None or not shape.drives:

@@ -58,11 +58,7 @@ _LARGEST_FILE = 1_000_000
 
 
 def read_scene_text(path: Path) -> str:
-    """The text of a scene file.
-
-    Raises:
-        SceneError: the file cannot be read as text, or is too long.
-    """
+    """The text of a scene file."""
     try:
         with path.open(encoding="utf-8-sig") as file:
             text = file.read(_LARGEST_FILE + 1)

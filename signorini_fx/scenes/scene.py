@@ -79,9 +79,6 @@ class Rigid(RigidMotion):
 def with_shapes(entry: Any) -> Any:
     """The tables of a scene, where names of rigid bodies among the foundations of contacts are shapes; tables that are
     wrong stay as they are.
-
-    Raises:
-        ValidationError: a name is not that of one rigid body, or none refers to it.
     """
     if not isinstance(entry, Mapping) or not isinstance(entry.get("contact", ()), list | tuple | Mapping | BaseModel):
         return entry

@@ -141,11 +141,7 @@ def _checkpoint(
 
 
 def refuse_other_than_comm(comm: object) -> None:
-    """Check that the argument is a communicator.
-
-    Raises:
-        TypeError: it is not.
-    """
+    """Check that the argument is a communicator."""
     if not isinstance(comm, MPI.Comm) or comm == MPI.COMM_NULL:
         name = "MPI.COMM_NULL" if isinstance(comm, MPI.Comm) else kind_of(comm)
         raise TypeError(f"a communicator of mpi4py is expected, such as MPI.COMM_WORLD, not {name}")
