@@ -299,7 +299,6 @@ class Progress:
         steps: how many there are.
         solve: running number of the linear solve, from 1.
         krylov: steps of the Krylov method in this linear solve.
-        end: when the solve will end by the forecast, on the clock of ``time.perf_counter``; None: no forecast.
     """
 
     mesh: int = 1
@@ -309,7 +308,6 @@ class Progress:
     steps: int = 1
     solve: int = 1
     krylov: int = 0
-    end: float | None = None
 
 
 @dataclass(frozen=True)

@@ -39,7 +39,7 @@ PATH_ERROR_SHARE = {1: 1.0, 2: 1 / 3}
 # them.
 PROBLEMS_PER_STEP = 40
 # A load step of a ramp takes at most this many times the linear solves of the last one with a solution before a smaller
-# increment is tried, and the last attempt, with all fall-backs, this many times those: where a limit load cannot be
+# increment is tried, and the last attempt this many times those: where a limit load cannot be
 # proved, the way up to it sets the price of enclosing it.  Choice; see tests/solving/test_limit_loads.py.
 FAILED_STEP, FAILED_RAMP = 3, 4
 

@@ -2,8 +2,8 @@
 
 An attempt begins at a state and ends with an outcome, one after the other until one of them settles the matter.
 Attempts nest: those at a load step consist of problems with friction, and these of regularised problems with a
-given friction bound.  This module alone says which there are: the log and ``check`` call
-them by these names, and the page made of docs/theory.md lists them.
+given friction bound.  This module alone says which there are: the log calls them by
+these names, and the page made of docs/theory.md lists them.
 """
 
 from __future__ import annotations
@@ -15,9 +15,7 @@ from signorini_fx.tuned import PROBLEMS_PER_STEP
 
 @dataclass(frozen=True)
 class Attempt:
-    """One way to go on after another one has failed: its name in the log and in ``check``, and what it does, for the
-    documentation.
-    """
+    """One way to go on after another one has failed: its name in the log, and what it does, for the documentation."""
 
     name: str
     what: str
@@ -41,10 +39,7 @@ AUGMENTED = Attempt(
     "with a small gamma and friction bounds that follow the pressure, unless there is a cap; its limit is the solution "
     "without regularisation",
 )
-HALF = Attempt(
-    "half the increment",
-    "in a ramp, in place of the fall-backs: the same for half the increment of the load; the last attempt has them all",
-)
+HALF = Attempt("half the increment", "in a ramp: the same for half the increment of the load")
 
 # What each attempt is an attempt at, from the inside out; the first of each is what is done if nothing goes wrong.
 PLAN: dict[str, tuple[Attempt, ...]] = {

@@ -33,11 +33,7 @@ _NOT_HERE = {
 
 
 def space_of(a: Any, L: Any, u: fem.Function | None) -> fem.FunctionSpace:
-    """The space of the displacements.
-
-    Raises:
-        FormError: the forms are not a bilinear and a linear form on one vector Lagrange space that is supported.
-    """
+    """The space of the displacements."""
     if np.issubdtype(default_scalar_type, np.complexfloating):
         raise FormError([("a", "PETSc is built for complex numbers; contact needs a real build")])
     if not isinstance(u, fem.Function | None):
@@ -86,11 +82,7 @@ def _supported(space: fem.FunctionSpace) -> fem.FunctionSpace:
 
 
 def conditions_of(bcs: Any, space: fem.FunctionSpace) -> list[fem.DirichletBC]:
-    """The Dirichlet conditions.
-
-    Raises:
-        FormError: one of them is none, or is on another space.
-    """
+    """The Dirichlet conditions."""
     bcs = [bcs] if isinstance(bcs, fem.DirichletBC) else bcs or []
     for k, condition in enumerate(bcs):
         if not isinstance(condition, fem.DirichletBC):
@@ -101,11 +93,7 @@ def conditions_of(bcs: Any, space: fem.FunctionSpace) -> list[fem.DirichletBC]:
 
 
 def settings_of(options: dict[str, Any]) -> SolverSettings:
-    """The settings of the solver.
-
-    Raises:
-        FormError: with all that are wrong.
-    """
+    """The settings of the solver."""
     known = {name: value for name, value in options.items() if value is not None or name not in _NOT_HERE}
     if wrong := [(name, reason) for name, reason in _NOT_HERE.items() if name in known]:
         raise FormError(wrong)
@@ -121,11 +109,7 @@ def settings_of(options: dict[str, Any]) -> SolverSettings:
 
 
 def foundations_of(contact: Any) -> tuple[Foundation | Pair, ...]:
-    """The foundations and pairs, their own arguments checked as far as they need no mesh.
-
-    Raises:
-        FormError: with all errors.
-    """
+    """The foundations and pairs, their own arguments checked as far as they need no mesh."""
     contacts = [contact] if isinstance(contact, Foundation | Pair) else list(contact or [])
     problems = list[tuple[str, str]]()
     for k, entry in enumerate(contacts):
@@ -244,11 +228,7 @@ def _listed(selection: Any, mesh: dmesh.Mesh, dim: int, count: int) -> Facets:
 
 
 def boundaries_of(given: Mapping[str, Any] | None, mesh: dmesh.Mesh) -> dict[str, Facets]:
-    """The facets of each part of the boundary that has a name; collective.
-
-    Raises:
-        FormError: with all that are wrong.
-    """
+    """The facets of each part of the boundary that has a name; collective."""
     facets, problems = dict[str, Facets](), list[tuple[str, str]]()
     for name, selection in (given or {}).items():
         try:

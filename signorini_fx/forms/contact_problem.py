@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -31,7 +30,6 @@ from signorini_fx.results.contact_fields import ContactFields
 
 if TYPE_CHECKING:
     from signorini_fx.quantities.functional import Gradient
-    from signorini_fx.results.accuracy.convergence_table import Price
     from signorini_fx.results.accuracy.error_estimates import Errors
     from signorini_fx.results.mechanics import StepResult
     from signorini_fx.results.solution import Solution
@@ -176,31 +174,18 @@ class ContactProblem(ProblemOfForms):
             RuntimeError: the problem was given no ``stress``.
             FormError: see ``stress``; or there is no contact, or a measure multiplies the forms, which is not known.
         """
-        from signorini_fx.forms.results import errors_of
+        from signorini_fx.mechanics.contact_points.contact_table import contact_table
+        from signorini_fx.results.accuracy.error_estimates import combined
 
-        return errors_of(self.assembled, self.stress)
-
-    def convergence_table(self, *coarser: ContactProblem) -> list[Price]:
-        """Errors and costs of the last solve here and on coarser meshes, and those expected of the next; collective.
-
-        Args:
-            coarser: the same problem on coarser meshes, solved, the coarsest first; at least one.
-
-        Raises:
-            RuntimeError: see ``errors``; or a problem has no solution.
-            FormError: see ``errors``; or there is no coarser mesh, or meshes do not become finer.
-        """
-        from signorini_fx.forms.results import level_of
-        from signorini_fx.results.accuracy.convergence_table import convergence_table
-
-        problems = (*coarser, self)
-        if any(problem.assembled.outcome is None or problem.status is not Status.CONVERGED for problem in problems):
-            raise RuntimeError("there is no solution: a convergence table needs one on each mesh")
-        levels = [level_of(problem.assembled, number, problem.errors) for number, problem in enumerate(problems)]
-        finer = all(coarse.dimension == fine.dimension and coarse.dofs < fine.dofs for coarse, fine in pairwise(levels))
-        if not coarser or not finer:
-            raise FormError([("coarser", "give the same problem on coarser meshes, solved, the coarsest first")])
-        return convergence_table(levels, coarser[0].assembled.memory)
+        stress, solver = self.stress, self.assembled
+        if not self.contact:
+            wrong = "there is none, and no error of its pressure: of the stress see stress.error"
+            raise FormError([("contact", wrong)])
+        if solver.forms.weighted:
+            wrong = "there is no error estimate where the forms are multiplied by a measure"
+            raise FormError([("stress", wrong)])
+        table, squares = contact_table(self.state, solver.forms.names), stress.recovery().squares(self.u)
+        return combined(solver.model(), table, squares, stress.energy())
 
     @property
     def findings(self) -> tuple[Finding, ...]:
@@ -208,7 +193,7 @@ class ContactProblem(ProblemOfForms):
         return () if self.assembled.outcome is None else self.solution.findings
 
     def titled(self, title: str) -> Solution:
-        from signorini_fx.forms.results import solution_of
+        from signorini_fx.forms.steps import solution_of
 
         path, progress = self._ran or (None, None)
         return solution_of(self.assembled, path, progress, title)

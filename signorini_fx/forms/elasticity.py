@@ -45,9 +45,6 @@ def elastic_body(
 ) -> ElasticBody:
     """The elastic body of a user's form, assembled, see ``ElasticBody``; with a stiffness that is ``of_body`` nothing
     is; collective.
-
-    Raises:
-        FormError: the form is not symmetric, not positive, or not finite.
     """
     body = ElasticBody(
         space=space,
@@ -75,9 +72,6 @@ def elastic_body(
 def case_of(elastic: ElasticBody, forces: Array, values: Array, driven: Driven | None) -> LoadCase:
     """The right-hand side of the forces L, shape (owned dofs,), of prescribed displacements, ghosts included, shape
     (dofs,), and of what drives rigid bodies; collective.
-
-    Raises:
-        FormError: one of them is not finite.
     """
     function = fem.Function(elastic.space)
     function.x.array[:] = values

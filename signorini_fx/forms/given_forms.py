@@ -101,12 +101,7 @@ def given_forms(
     boundaries: Mapping[str, Any] | None = None,
     **compiler_options: Any,
 ) -> tuple[GivenForms, fem.Function]:
-    """What a ``ContactProblem`` is given, and the Function that takes its solution; collective.
-
-    Raises:
-        FormError: an argument is wrong.
-        MachineError: a form cannot be compiled.
-    """
+    """What a ``ContactProblem`` is given, and the Function that takes its solution; collective."""
     space, entries = space_of(a, L, u), foundations_of(contact)
     facets, masters = facets_of(entries, space.mesh)
     with compiling():

@@ -12,9 +12,8 @@ from dolfinx import mesh as dmesh
 
 from signorini_fx.errors import FormError
 from signorini_fx.forms.contact_problem import ContactProblem
-from signorini_fx.forms.results import solution_of
 from signorini_fx.forms.solver import FormSolver
-from signorini_fx.forms.steps import Clock, checkpoint_of, solve_path
+from signorini_fx.forms.steps import Clock, checkpoint_of, solution_of, solve_path
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.mesh.refinement import check_divisible, refine
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, tag_boundaries
@@ -30,7 +29,6 @@ from signorini_fx.solving import nested, to_accuracy
 from signorini_fx.solving.checkpointed_steps import MeshCheckpoint
 from signorini_fx.solving.finer_meshes import Meshes
 from signorini_fx.solving.meshed_problem import MeshedProblem, SolvedMesh
-from signorini_fx.solving.stepped_body import CoarserMesh
 
 AnyMesh: TypeAlias = "dmesh.Mesh | TaggedMesh"
 Make = Callable[[Any], Any]
@@ -83,14 +81,14 @@ def _solved(
     solver.history = problem.history
     if problem.changed is not None:
         solver.settings = problem.changed
-    solver.coarser = CoarserMesh(coarser, state, None if path.several else coarser)
+    solver.coarser, solver.coarser_state = coarser, state
 
     def estimate(result: StepResult) -> None:
         if _estimable(solver):
             step_errors.append(made.errors)
 
     solution = solution_of(solver, path, solve_path(solver, path, clock, estimate, checkpoint))
-    return SolvedMesh(solution, forms.tagged, solver.task, solver.scales.modulus, solver.outcome)
+    return SolvedMesh(solution, forms.tagged, solver.task, solver.outcome)
 
 
 def _estimable(solver: FormSolver) -> bool:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -37,6 +36,7 @@ from signorini_fx.mechanics.interfaces import Foundation, Pair
 from signorini_fx.mechanics.loads.supports import prescribed
 from signorini_fx.mechanics.mesh.tagged import diameter_of
 from signorini_fx.mechanics.obstacles.foundations_on_points import FoundationData, Foundations, ShapeDistances
+from signorini_fx.mechanics.rigid.mesh_levels import MeshLevel
 from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodies, RigidBodyMotion
 from signorini_fx.mechanics.rigid.rigid_motions import RigidMotions
 from signorini_fx.mechanics.scales import Scales
@@ -47,7 +47,7 @@ from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.results.certificate.law_of_method import PreviousStep
 from signorini_fx.results.contact_fields import ContactFields
 from signorini_fx.results.step_frames import LastSolution, StepEnd, from_rest
-from signorini_fx.solving.stepped_body import CoarserMesh, certified_result, first_start
+from signorini_fx.solving.stepped_body import certified_result, first_start
 
 if TYPE_CHECKING:
     from signorini_fx.results.mechanics import StepResult
@@ -89,8 +89,7 @@ class FormSolver:
         previous_step: the end of the last step, as the present foundations see it; None: there is none.
         outcome: how the last solve ended; None: what has been assembled since is another problem.
         solves_before: the number of linear solves before the last solve or run.
-        cost: wall seconds of it, and the peak of memory.
-        memory: the peak of memory before anything was assembled.
+        coarser, coarser_state: levels of multigrid, and the contact state of a coarser mesh; None: there is none.
         folders: with the load steps of its runs.
     """
 
@@ -120,7 +119,7 @@ class FormSolver:
         self.foundations.check_driven()
         self.fields = ContactFields.on(space)
         self.history, self.timings = History(), Timings()
-        self.memory, self.solves_before, self.cost = parallel.peak_memory(space.mesh.comm), 0, (0.0, 0.0)
+        self.solves_before = 0
         self.status: Status | None = None
         self.certificate: Certificate | None = None
         self.deformation: Deformation | None = None
@@ -128,7 +127,8 @@ class FormSolver:
         self.tools: tuple[RigidBodyMotion, ...] = ()
         self.previous_step: PreviousStep | None = None
         self.outcome: Outcome | None = None
-        self.coarser = CoarserMesh()
+        self.coarser: MeshLevel | None = None
+        self.coarser_state: ContactState | None = None
         self.folders = list[Path]()
         self._last_pattern: tuple[tuple[int, ...], tuple[int, ...]] | None = None
         self._last_modulus: tuple[tuple[int, ...], float | None] = (), None
@@ -137,7 +137,6 @@ class FormSolver:
         self._start: Start | None = None  # of the present step, in the frames of the present foundations
         self._solution: LastSolution | None = None  # from which the next solve may begin
         self._state: ContactState | None = None
-        self._first: Start | None = None  # where the first step starts, in these frames
         self._parts: NamedParts | None = None  # once they are asked for
 
     @property
@@ -155,24 +154,16 @@ class FormSolver:
 
         Returns:
             Why there is no solution, and what to do; "": there is one.
-
-        Raises:
-            FormError: a value is not finite, or cannot be evaluated.
         """
-        begin, self.solves_before, self.timings = time.perf_counter(), len(self.history.iterations), Timings()
+        self.solves_before, self.timings = len(self.history.iterations), Timings()
         with options.applied(*self.options), self.timings.phase("solve"):
             self.begun = self.begin_step()
             outcome = self._outcome_of_now()
             self.show(outcome, self._judged(outcome))
-        self._note_cost(begin)
         status = self.status
         if status is None or status is Status.CONVERGED:
             return ""
         return f"{status.value}: {status.advice}"
-
-    def _note_cost(self, begin: float) -> None:
-        """Keep what a solve has taken that began at a time of ``time.perf_counter``; collective."""
-        self.cost = time.perf_counter() - begin, parallel.peak_memory(self.space.mesh.comm)
 
     def _outcome_of_now(self) -> Outcome:
         """How the contact problem of now ends; collective."""
@@ -202,7 +193,8 @@ class FormSolver:
                 start, self.previous_step = from_rest(self.space, self.boundary, start, moved)
             if (resting := self.task.rest) is not None:
                 start = replace(start, data=resting.data_from(start.data))
-            begun = self._first_start(start)
+            # From a coarser mesh, as long as there is no solution.
+            begun = first_start(start, self.boundary, self.coarser_state if self._solution is None else None)
         else:
             assert self._last is not None
             data = data if (resting := self.task.rest) is None else resting.data_from(data)
@@ -215,16 +207,6 @@ class FormSolver:
         begun = replace(begun, factors=np.ones(1))
         self._checkpoint = self.task.iterate.newton.checkpoint()
         return begun if self._solution is None else self._solution.begins(begun, self.boundary)
-
-    def _first_start(self, start: Start) -> Start:
-        """From a coarser mesh, as long as there is no solution; collective."""
-        if self._solution is not None:
-            return start
-        first = self._first
-        if first is None:
-            coarser = self.coarser
-            first = self._first = first_start(self.task, start, self.elastic, coarser.state, coarser.displaced)
-        return replace(start, sets=first.sets, iteration=first.iteration, multipliers=first.multipliers)
 
     def beginning(self) -> StepBeginning:
         """Where the present step begins, whatever is tried from there."""
@@ -313,7 +295,7 @@ class FormSolver:
             # A body that has fallen may have been taken hold of since: then it is counted from the initial position.
             held, spin = parallel.any_rank(space.mesh.comm, self._holds_fallen(fixed)), self._spin(boundary)
             self._start, resting = self._last.projected_onto(boundary, held=held, spin=spin)
-        self.boundary, self._first = boundary, None
+        self.boundary = boundary
         elastic = self.elastic = self._body(fixed[:owned], boundary)
         self.scales = scales_of(elastic, boundary, self.foundations.facets, self._size(), self._natural_modulus())
         case, data = self._case(values), self._point_data(shapes)
@@ -321,7 +303,7 @@ class FormSolver:
             [case],
             np.ones(1),
             *data,
-            coarser=self.coarser.level,
+            coarser=self.coarser,
             natural_gamma=self.scales.gamma,
             coordinate_error=self.scales.coordinate_error,
             history=self.history,

@@ -1,17 +1,13 @@
-"""The load steps of a ``ContactProblem``."""
+"""The load steps of a ``ContactProblem``, and its solution."""
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import ufl
 from dolfinx import fem
-from ufl.algorithms.analysis import extract_constants
 
 from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
 from signorini_fx.algebra.contact.nodal_vectors import Nodal
@@ -19,25 +15,21 @@ from signorini_fx.algebra.linalg import ElasticSystem
 from signorini_fx.errors import FormError, SceneError
 from signorini_fx.forms import options
 from signorini_fx.forms.solver import FormSolver, StepBeginning
-from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.statement.load_path import LoadPath
 from signorini_fx.mechanics.statement.values import kind_of
-from signorini_fx.records import Timings
+from signorini_fx.records import Status, Timings
 from signorini_fx.results.mechanics import StepResult
 from signorini_fx.results.restart_files import Checkpoint
+from signorini_fx.results.solution import Solution
 from signorini_fx.results.step_frames import StepEnd
 from signorini_fx.solving.checkpointed_steps import MeshCheckpoint, open_checkpoint
-from signorini_fx.solving.load_steps import StepProgress, all_load_steps
-from signorini_fx.solving.ramp import Increments
+from signorini_fx.solving.load_steps import Increments, StepProgress, all_load_steps
+from signorini_fx.solving.solve_on_mesh import contact_solution, findings_of_steps
 from signorini_fx.solving.stepped_body import BegunStep, SteppedBody
 
 
 class Clock:
-    """Changes a problem to what it is at a time, by a function of the time, or a Constant whose value is the time.
-
-    Raises:
-        FormError: it is neither.
-    """
+    """Changes a problem to what it is at a time, by a function of the time, or a Constant whose value is the time."""
 
     def __init__(self, at: Callable[[float], object] | fem.Constant) -> None:
         if not callable(at) and not (isinstance(at, fem.Constant) and at.value.ndim == 0):
@@ -99,7 +91,7 @@ def solve_path(
     stored: MeshCheckpoint | None = None,
 ) -> StepProgress:
     """Solve the load steps of a path, which the solver is left at the last of; collective."""
-    begin, comm, solver.timings = time.perf_counter(), solver.space.mesh.comm, Timings()
+    solver.timings = Timings()
     solver.solves_before = len(solver.history.iterations)
     increments = Increments(path, solver.settings)
     with options.applied(*solver.options):
@@ -108,8 +100,26 @@ def solve_path(
             solver.begun = start = solver.begin_step()
         body = FormSteps(solver.model(path), path, solver.timings, solver, clock, solver.beginning())
         progress = all_load_steps(body, solver.task, start, increments, lambda step: on_step(step.result), stored)
-    solver.cost = time.perf_counter() - begin, parallel.peak_memory(comm)
     return progress
+
+
+def solution_of(solver: FormSolver, path: LoadPath | None, progress: StepProgress | None, title: str = "") -> Solution:
+    """The last solution, or the last iterate, with the values that the forms have now; of a run its path, and how its
+    load steps have ended; collective.
+    """
+    outcome = solver.outcome
+    if outcome is None:
+        raise RuntimeError("there is no solution so far: call solve()")
+    alone = solver.result
+    assert alone is not None
+    steps = [alone] if progress is None else progress.results
+    ended = (outcome, outcome.problem.data) if progress is None else progress.ended
+    assert ended is not None
+    # Of a load step that has failed the forms are not those of the results, which are of one before it.
+    settled = steps[-1].status is Status.CONVERGED or len(steps) == 1
+    body = replace(solver.model(path, title), settled=settled)
+    findings = findings_of_steps(body, steps, [], solver.foundations.placed_shapes)
+    return contact_solution(body, steps, solver.task, ended, solver.timings, lambda: tuple(findings))
 
 
 def begun_path(
@@ -128,15 +138,12 @@ def begun_path(
         if restart:
             raise FormError([("restart", "needs the folder of the checkpoint")])
         return path, clock, None
-    clock.turn(path.time_at(0))  # the checkpoint is that of the Constants at this time
     return path, clock, MeshCheckpoint(checkpoint_of(solver, folder, path, restart=restart), 0)
 
 
 def checkpoint_of(solver: FormSolver, folder: str | Path, path: LoadPath, *, restart: bool) -> Checkpoint:
-    """The checkpoint of a path in a folder, with the Constants as they are at the first time; collective.
-
-    Raises:
-        FormError: the folder is that of another problem, or of another run of this one.
+    """The checkpoint of a path in a folder; collective.  Values of Constants are not compared: certificates judge what
+    is taken from it.
     """
     if (at := Path(folder).resolve()) in solver.folders:
         reason = f"{folder} has the load steps of another run of this problem: give each run a folder of its own"
@@ -147,7 +154,6 @@ def checkpoint_of(solver: FormSolver, folder: str | Path, path: LoadPath, *, res
         "path": asdict(path),
         "settings": solver.settings.model_dump(mode="json"),
         "contact": [type(contact).__name__ for contact in forms.contact],
-        "constants": _constants_of(forms.compiled, forms.contact),
         "cells": mesh.topology.index_map(mesh.topology.dim).size_global,
         "unknowns": dofmap.index_map.size_global * dofmap.index_map_bs,
     }
@@ -159,17 +165,3 @@ def checkpoint_of(solver: FormSolver, folder: str | Path, path: LoadPath, *, res
         raise FormError(error.problems, "run") from None
     solver.folders.append(at)
     return stored
-
-
-def _constants_of(compiled: Iterable[fem.Form], entries: Any) -> list[float]:
-    """The values of all Constants of forms, and of contacts with what belongs to them."""
-    values = [float(number) for form in compiled for number in compat.packed_constants(form)]
-    if isinstance(entries, Mapping):
-        return values + _constants_of((), list(entries.values()))
-    if isinstance(entries, list | tuple):
-        return values + [number for entry in entries for number in _constants_of((), entry)]
-    if isinstance(entries, ufl.core.expr.Expr):
-        return values + [float(number) for node in extract_constants(entries) for number in np.ravel(node.value)]
-    if isinstance(getattr(entries, "__dict__", None), dict) and type(entries).__module__.startswith("signorini_fx."):
-        return values + _constants_of((), vars(entries))
-    return values

@@ -33,11 +33,7 @@ Law = Callable[[Any], Any]
 
 
 def law_of(stress: Any, u: fem.Function) -> Law | None:
-    """What ``ContactProblem`` is given, as a function of the displacement.
-
-    Raises:
-        FormError: the mesh is a section in 3D.
-    """
+    """What ``ContactProblem`` is given, as a function of the displacement."""
     if stress is not None and is_section(u.function_space.mesh):
         raise FormError([("stress", "stresses and their estimates are not possible yet on a plane mesh in 3D")])
     if stress is None or (callable(stress) and not hasattr(stress, "ufl_shape")):

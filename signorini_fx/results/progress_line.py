@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 from mpi4py import MPI
 
 from signorini_fx.machine import parallel, terminal
-from signorini_fx.machine.display import duration
 from signorini_fx.tuned import PROGRESS_PAUSE
 
 if TYPE_CHECKING:
@@ -20,7 +19,7 @@ _ERASE = "\r\x1b[K"
 
 
 class ProgressLine:
-    """A line that says where a solve is: mesh, unknowns, load step, linear solve, Krylov steps and the time left.
+    """A line that says where a solve is: mesh, unknowns, load step, linear solve and Krylov steps.
 
     To be given to ``solve`` as ``on_progress``, on all ranks::
 
@@ -53,7 +52,7 @@ class ProgressLine:
         if not self._silent and seconds >= self._next:
             self._next = seconds + PROGRESS_PAUSE
             self._shown = True
-            self._show(progress_text(progress, seconds))
+            self._show(progress_text(progress))
 
     def erase(self) -> None:
         """Remove the line."""
@@ -78,8 +77,8 @@ def _display_of_a_notebook() -> Any:
     return interactive.display.display if interactive is not None and hasattr(shell, "kernel") else None
 
 
-def progress_text(progress: Progress, seconds: float) -> str:
-    """Where a solve is, in words; ``seconds``: on the clock of ``progress.end``."""
+def progress_text(progress: Progress) -> str:
+    """Where a solve is, in words."""
     p = progress
     parts = []
     if p.meshes != 1:
@@ -91,6 +90,4 @@ def progress_text(progress: Progress, seconds: float) -> str:
     parts.append(f"linear solve {p.solve}")
     if p.krylov:
         parts.append(f"{p.krylov} Krylov steps")
-    if p.end is not None and p.end > seconds:
-        parts.append(f"about {duration(p.end - seconds)} left")
     return ", ".join(parts)

@@ -26,7 +26,7 @@ from signorini_fx.results.accuracy.next_accuracy import between
 from signorini_fx.scenes.mesh import coarser_scenes, load_mesh, scene_on
 from signorini_fx.scenes.plan import planned
 from signorini_fx.scenes.scene import Scene
-from signorini_fx.solving.check.cost import Cost, attempts_for, estimated_cost, memory_finding
+from signorini_fx.solving.check.cost import Cost, estimated_cost, memory_finding
 from signorini_fx.solving.check.findings import nonlinear_findings, refuse_beforehand, scene_findings
 from signorini_fx.solving.check.petsc_options import refuse_mistyped
 from signorini_fx.solving.check.uniqueness import uniqueness_findings
@@ -49,8 +49,6 @@ class Check:
     acts: tuple[str, ...]  # what acts, each in words
     cost: Cost  # an estimate
     findings: tuple[Finding, ...] = field(default=())  # warnings and notes
-    # what will be tried for what, in order, and how many linear solves that may take, see ``attempts_for``
-    plan: tuple[tuple[str, tuple[str, ...], str], ...] = ()
 
     @property
     def warnings(self) -> tuple[Finding, ...]:
@@ -86,18 +84,11 @@ def check_scene(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD, *, uniqueness: bo
     cost = estimated_cost(model)
     findings = [*memory_finding(cost, comm), *scene_findings(model)]
     findings += uniqueness_findings(model) if uniqueness else []
-    return Check(
-        scene.title,
-        _acting(model, compared=compared),
-        cost,
-        tuple(findings),
-        attempts_for(scene.statement),
-    )
+    return Check(scene.title, _acting(model, compared=compared), cost, tuple(findings))
 
 
 def _nonlinear(scene: Scene, comm: MPI.Comm) -> Check:
     """See ``check_scene``: of a scene with nonlinear materials, whose modules are imported for it alone."""
-    from signorini_fx.forms.nonlinear.problem import MOST_ITERATIONS
     from signorini_fx.mechanics.body.nonlinear_law import volume_degree
     from signorini_fx.scenes.nonlinear import ProblemOfScene, linear_body
 
@@ -113,9 +104,8 @@ def _nonlinear(scene: Scene, comm: MPI.Comm) -> Check:
         *["reduced integration"] * (volume_degree(statement, model.tagged) is not None),
         *(one for one in others if one != "reduced integration"),
     )
-    plan = (("a load step", ("Newton's method", "half the step"), f"at most {MOST_ITERATIONS} iterations each"),)
     findings = (*memory_finding(cost, comm), *nonlinear_findings(statement, model))
-    return Check(scene.title, acting, cost, findings, plan)
+    return Check(scene.title, acting, cost, findings)
 
 
 def _newton_cost(linear: Cost, steps: int) -> Cost:
@@ -222,8 +212,8 @@ def _gaps(model: Model, index: int) -> str:
 
 
 def text_of(check: Check, *, verbose: bool) -> str:
-    """What acts, what it will cost, and what the scene lacks, in 80 columns; with ``verbose`` all of it and the methods
-    that will be tried, else at most fifteen lines.
+    """What acts, what it will cost, and what the scene lacks, in 80 columns; with ``verbose`` all of it, else at most
+    fifteen lines.
     """
     cost, (low, high) = check.cost, check.cost.linear_solves
     solves = f"{low}" if low == high else f"{low} to {high}"
@@ -235,10 +225,6 @@ def text_of(check: Check, *, verbose: bool) -> str:
     lines += _paragraph("cost", estimate, None if verbose else _COST)
     if verbose:
         lines += _paragraph("solver", cost.linear_algebra, None)
-        for purpose, attempts, limit in check.plan:
-            lines += _paragraph(
-                "tried", f"for {purpose}, until one has a solution: {'; '.join(attempts)} ({limit})", None
-            )
     findings = sorted(check.findings, key=lambda finding: finding.level != "warning")
     for k, finding in enumerate(findings):
         told = _paragraph(finding.level, f"{finding.path}: {finding.message}", None if verbose else _FINDING)

@@ -44,9 +44,6 @@ def with_cells_alike(scene: Scene) -> Scene:
     """The scene with one kind of cell for all generators of several bodies, where it leaves that open.
 
     It is that which the scene gives one of them, otherwise the first of their own ones that all can make.
-
-    Raises:
-        SceneError: unknown generator, or wrong parameters.
     """
     able: dict[int, tuple[str, ...]] = {}
     for number, body in enumerate(scene.body):
@@ -112,11 +109,7 @@ def _makes_cells(mesh: Any) -> bool:
 
 
 def scene_on(scene: Scene, factor: float) -> Scene:
-    """The scene on a mesh with elements ``factor`` times as large.
-
-    Raises:
-        SceneError: the generator cannot make such a mesh.
-    """
+    """The scene on a mesh with elements ``factor`` times as large."""
     contacts = with_larger_contact_sizes(scene.contact, factor)
     if scene.body:
         bodies = tuple(body.model_copy(update={"mesh": _mesh_on(body.mesh, factor)}) for body in scene.body)

@@ -32,7 +32,7 @@ from signorini_fx.scenes.plan import Plan, planned, scene_with
 from signorini_fx.scenes.scene import Scene
 from signorini_fx.solving.checkpointed_steps import MeshCheckpoint
 from signorini_fx.solving.finer_meshes import Meshes
-from signorini_fx.solving.meshed_problem import MeshedProblem, SolvedMesh, plane_modulus
+from signorini_fx.solving.meshed_problem import MeshedProblem, SolvedMesh
 from signorini_fx.solving.nested import solve_nested
 from signorini_fx.solving.solve_on_mesh import solve_mesh
 from signorini_fx.solving.stepped_body import LoadStep
@@ -44,38 +44,26 @@ def solve_scenes(
     scenes: Sequence[Scene],
     comm: MPI.Comm,
     history: History,
-    on_level: Callable[[Solution], object] | None = None,
+    on_level: Callable[[Solution], object] = lambda solution: None,
     stored: Checkpoint | None = None,
 ) -> Solution:
     """A scene on its coarser meshes, and then on its own, see ``solving.nested.solve_nested``."""
-    shown = [on_level is not None or scene is scenes[-1] for scene in scenes]
-    meshes = [meshed_scene(scene, comm, history, stored, shown=each) for scene, each in zip(scenes, shown, strict=True)]
-    return solve_nested(meshes, len(meshes), comm, history, on_level or _nobody)
+    meshes = [meshed_scene(scene, comm, history, stored) for scene in scenes]
+    return solve_nested(meshes, len(meshes), comm, history, on_level)
 
 
 def solve_scene_to_accuracy(
-    scene: Scene, goal: Accuracy, comm: MPI.Comm, history: History, on_level: Callable[[Solution], object] | None
+    scene: Scene, goal: Accuracy, comm: MPI.Comm, history: History, on_level: Callable[[Solution], object]
 ) -> Solution:
-    """See ``solving.to_accuracy.solve_to_accuracy``.
-
-    Raises:
-        SceneError: see ``meshes_of``.
-        MeshError: see ``meshes_of``.
-    """
+    """See ``solving.to_accuracy.solve_to_accuracy``."""
     budget = Budget.begins(goal, comm, history)
-    return solve_to_accuracy(meshes_of(scene, goal, comm, history), budget, history, on_level or _nobody)
-
-
-def _nobody(solution: Solution) -> None:
-    """Nobody looks at the solution on a coarser mesh."""
+    return solve_to_accuracy(meshes_of(scene, goal, comm, history), budget, history, on_level)
 
 
 def meshed_scene(
-    scene: Scene, comm: MPI.Comm, history: History, stored: Checkpoint | None = None, *, shown: bool = True
+    scene: Scene, comm: MPI.Comm, history: History, stored: Checkpoint | None = None
 ) -> MeshedProblem[Scene]:
-    """A scene on one of several meshes; ``shown``: whether somebody may look at the result, else nothing is said about
-    the scene on this mesh.
-    """
+    """A scene on one of several meshes."""
     return MeshedProblem(
         source=scene,
         comm=comm,
@@ -84,7 +72,7 @@ def meshed_scene(
         paired=scene.statement.sides[1] is not None,
         soft=bool(overclosures_of(scene.statement)),
         stated=lambda source: source.solver,
-        solve=_solved_nonlinear if scene.statement.nonlinear else partial(_solved, shown=shown),
+        solve=_solved_nonlinear if scene.statement.nonlinear else _solved,
         on_cells=scene_with,
         keep=_with_points_kept,
         stored=stored,
@@ -97,8 +85,6 @@ def _solved(
     coarser: MeshLevel | None,
     checkpoint: MeshCheckpoint | None,
     step_errors: list[Errors],
-    *,
-    shown: bool,
 ) -> SolvedMesh:
     scene, comm = problem.source.model_copy(update={"solver": problem.settings}), problem.comm
 
@@ -110,11 +96,9 @@ def _solved(
         displacement = model.function(outcome.displacement())
         step_errors.append(estimate_errors(model, displacement, result.strain_energy, table, result.place))
 
-    load, modulus = partial(load_mesh, scene, comm), max(map(plane_modulus, scene.material))
-    solution, task, outcome = solve_mesh(
-        scene.statement, load, problem.history, state, estimate, coarser, checkpoint, with_findings=shown
-    )
-    return SolvedMesh(solution, solution.model.tagged, task, modulus, outcome)
+    load = partial(load_mesh, scene, comm)
+    solution, task, outcome = solve_mesh(scene.statement, load, problem.history, state, estimate, coarser, checkpoint)
+    return SolvedMesh(solution, solution.model.tagged, task, outcome)
 
 
 def _solved_nonlinear(
@@ -127,7 +111,7 @@ def _solved_nonlinear(
     """Solved anew, along the whole load path; the errors are those after the last load step, without those of contact
     where cells lock: estimates of them were up to 30 times too small.
     """
-    from signorini_fx.mechanics.body.nonlinear_law import at_rest, volume_degree
+    from signorini_fx.mechanics.body.nonlinear_law import volume_degree
     from signorini_fx.scenes.nonlinear import solve_nonlinear
 
     scene, comm = problem.source.model_copy(update={"solver": problem.settings}), problem.comm
@@ -137,8 +121,7 @@ def _solved_nonlinear(
         nearly = any(material.locks for material in scene.statement.material)
         locking = nearly and volume_degree(scene.statement, solution.model.tagged) is None
         step_errors.append(replace(errors, pressure=None) if locking else errors)
-    modulus = max(map(plane_modulus, at_rest(scene.statement).material))
-    return SolvedMesh(solution, solution.model.tagged, None, modulus)
+    return SolvedMesh(solution, solution.model.tagged, None)
 
 
 def _with_points_kept(scene: Scene, solved: SolvedMesh) -> Scene:
@@ -198,12 +181,7 @@ def _remade(
 
 
 def meshes_of(scene: Scene, goal: Accuracy, comm: MPI.Comm, history: History) -> Meshes:
-    """The meshes of a scene on the way to an accuracy.
-
-    Raises:
-        SceneError: see ``planned``.
-        MeshError: the mesh cannot be refined.
-    """
+    """The meshes of a scene on the way to an accuracy."""
     plan = planned(scene, goal, comm)
     generated, any_jump = plan.scene.statement.generated, plan.scene.statement.generated and not plan.adaptive
     made = any_jump or isinstance(plan.scene.mesh, MeshFile) or bool(plan.scene.body and not generated)

@@ -66,12 +66,6 @@ def solve_nonlinear(
 ) -> Solution:
     """The solution, or the load steps up to one that has none; collective.
 
-    Args:
-        scene: with a nonlinear material.
-        comm: the ranks that share the work.
-        history: takes every linear solve.
-        stored: the checkpoint that load steps are taken from and stored in; None: there is none.
-
     Raises:
         SceneError: the scene is wrong, or does not fit its mesh.
         MeshError: the mesh cannot be read or generated.
@@ -91,12 +85,7 @@ def problem_of(scene: Scene, comm: mpi4py.MPI.Comm, history: History, timings: T
 
 
 def linear_body(scene: Scene, comm: mpi4py.MPI.Comm, timings: Timings) -> Model:
-    """The body that a scene is at small strains, on its mesh, after all checks; collective.
-
-    Raises:
-        SceneError: see ``solve_nonlinear``.
-        MeshError: see ``solve_nonlinear``.
-    """
+    """The body that a scene is at small strains, on its mesh, after all checks; collective."""
     with timings.phase("mesh"):
         tagged = load_mesh(scene, comm)
     check_materials(scene.statement.material)
@@ -130,11 +119,7 @@ class ProblemOfScene(NonlinearContactProblem):
 
     @classmethod
     def of(cls, statement: Statement, model: Model, history: History) -> ProblemOfScene:
-        """That of a statement; collective.
-
-        Raises:
-            SceneError: a setting or a shape does not fit.
-        """
+        """That of a statement; collective."""
         space, tagged, statement = model.space, model.tagged, _with_sides_of(statement, model.statement)
         facets = boundary_facets(statement, tagged)
         on = [facets[entry.boundary] for entry in statement.contact]
@@ -164,31 +149,13 @@ class ProblemOfScene(NonlinearContactProblem):
             )
         except FormError as error:
             raise _of_scene(error, statement) from None
-        problem.begin(statement, model, body, held)
-        problem.linear.history = history
+        problem.statement, problem.model, problem.body, problem._held = statement, model, body, held
+        anew = NonlinearForces(statement, tagged, space)
+        problem._solver.origin = StatedOrigin(problem, anew, StatesOnPath(anew))
+        problem._solver.tangents.trusted = body.tangent is not None
+        problem.linear.bodies, problem.linear.history = model.pieces.bodies, history
+        problem._begins_at(statement.placed(-1))
         return problem
-
-    def begin(
-        self,
-        statement: Statement,
-        model: Model,
-        body: BodyResidual,
-        held: list[tuple[fem.Function, npt.NDArray[np.int32]]],
-    ) -> None:
-        """Take what the problem is of, with foundations where they are at time 0; collective.
-
-        Args:
-            statement: the scene.
-            model: the linear body that it is at small strains.
-            body: its residual.
-            held: the values of supports, and the unknowns that they are of.
-        """
-        self.statement, self.model, self.body, self._held = statement, model, body, held
-        anew = NonlinearForces(statement, model.tagged, model.space)
-        self._solver.origin = StatedOrigin(self, anew, StatesOnPath(anew))
-        self.linear.bodies = model.pieces.bodies
-        self._solver.tangents.trusted = body.tangent is not None
-        self._begins_at(statement.placed(-1))
 
     def solved(
         self,
@@ -197,12 +164,7 @@ class ProblemOfScene(NonlinearContactProblem):
         on_step: Callable[[StepResult], object] = lambda step: None,
     ) -> Solution:
         """The solution of all load steps, or of those before one that has none: of the first one the body as it was
-        before; collective.
-
-        Args:
-            timings: of what was done so far.
-            stored: the checkpoint that load steps are taken from and stored in; None: there is none.
-            on_step: called after each load step.
+        before; ``timings``: of what was done so far; collective.
 
         Raises:
             ConvergenceError: the first one has none, and its body cannot be evaluated.
@@ -274,12 +236,8 @@ class ProblemOfScene(NonlinearContactProblem):
         return linearised_at(self._solver, self.linear)
 
     def go_through(self, begins_at: float | None, path_step: float) -> None:
-        """Loads, supports and foundations of a load step, with slips that count from where the one before it ends;
-        collective.
-
-        Args:
-            begins_at: the place in the lists of factors where that one ends; None: there is none.
-            path_step: that of the load step.
+        """Loads, supports and foundations of a load step, with slips that count from the place where the one before it
+        ends, None: there is none; collective.
         """
         if begins_at is None:
             self._begins_at(self.statement.placed(-1))
@@ -289,12 +247,8 @@ class ProblemOfScene(NonlinearContactProblem):
         self.go_to(path_step)
 
     def forces_anew(self, statement: Statement, displacement: fem.Function) -> Array:
-        """Minus the residual of the body in another scene on the mesh at the place of now, forces of shape
-        (owned dofs,); collective.
-
-        Args:
-            statement: that scene, without materials that have a state.
-            displacement: y.
+        """Minus the residual of the body in another scene, without materials that have a state, on the mesh at the
+        place of now, forces of shape (owned dofs,); collective.
         """
         anew = NonlinearForces(statement, self.model.tagged, self.model.space)
         return -anew.residual(displacement, {}, self.path_step)
@@ -322,32 +276,20 @@ class ProblemOfScene(NonlinearContactProblem):
 
 @dataclass(frozen=True)
 class ReachedStep:
-    """A load step of a scene.
+    """A load step of a scene."""
 
-    Attributes:
-        path_step: its place in the lists of factors.
-        end: the body at its end.
-        begun: where it begins.
-    """
-
-    path_step: float
-    end: State
+    path_step: float  # its place in the lists of factors
+    end: State  # the body at its end
     begun: StepBeginning
 
 
 @dataclass(frozen=True)
 class StatedOrigin(Origin):
-    """What a scene knows of its residual: the loads and supports by name, the stress, and the sizes of strains.
-
-    Attributes:
-        problem: of the scene.
-        anew: the forces of its materials and loads.
-        states: of its materials.
-    """
+    """What a scene knows of its residual: the loads and supports by name, the stress, and the sizes of strains."""
 
     residual: ClassVar[str] = "material"
     problem: ProblemOfScene
-    anew: NonlinearForces
+    anew: NonlinearForces  # of its materials and loads
     states: StatesOnPath
 
     def too_large(self) -> str:
@@ -406,11 +348,7 @@ def _at_its_time(friction: Any) -> Any:
 
 
 def _refuse_shrunk(model: Model) -> None:
-    """Refuse temperatures by which lengths of a body would shrink to nothing; collective.
-
-    Raises:
-        SceneError: there are some.
-    """
+    """Refuse temperatures by which lengths of a body would shrink to nothing; collective."""
     strain, move_to = initial_strain(model.statement, model.tagged, model.space, 0)
     if strain is None:
         return
@@ -428,11 +366,7 @@ def _refuse_shrunk(model: Model) -> None:
 
 
 def _refuse_turning(statement: Statement, dimension: int) -> None:
-    """Refuse tools that turn as none can.
-
-    Raises:
-        SceneError: there is one.
-    """
+    """Refuse tools that turn as none can."""
     turns = ~statement.kinematics_in(dimension).unbalanced  # what these are is zero
     for number, contact in enumerate(statement.contact):
         if (shape := contact.tool) is None or not shape.drives:

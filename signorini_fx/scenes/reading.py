@@ -57,16 +57,8 @@ def _found_from(folder: Path, table: Any) -> Any:
 _LARGEST_FILE = 1_000_000
 
 
-# A key of many parts separated by dots, for which parsing takes quadratic time; no table is that deep.
-_DEEP_KEY = re.compile(r"""(?<![\w."'-])(?:(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){50}""")
-
-
 def read_scene_text(path: Path) -> str:
-    """The text of a scene file.
-
-    Raises:
-        SceneError: the file cannot be read as text, or is too long.
-    """
+    """The text of a scene file."""
     try:
         with path.open(encoding="utf-8-sig") as file:
             text = file.read(_LARGEST_FILE + 1)
@@ -92,9 +84,6 @@ def parse_scene_text(text: str, path: Path, changes: Changes = MappingProxyType(
     Raises:
         SceneError: a syntax error with line and column, or all errors of the content at once.
     """
-    if deep_key := _DEEP_KEY.search(text):
-        line = text.count("\n", 0, deep_key.start()) + 1
-        raise SceneError([("syntax", f"a key of more than 50 parts (at line {line})")], str(path))
     try:
         data = tomllib.loads(text)
     except ValueError as error:  # TOMLDecodeError, or a number with thousands of digits

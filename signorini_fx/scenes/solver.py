@@ -33,7 +33,7 @@ def solve(
     *,
     check: bool = True,
     observers: Sequence[Callable[[Any], None]] = (),
-    on_level: Callable[[Solution], object] | None = None,
+    on_level: Callable[[Solution], object] = lambda solution: None,
     on_progress: Callable[[Progress], object] | None = None,
     checkpoint: str | Path | None = None,
     restart: bool = False,
@@ -50,8 +50,7 @@ def solve(
         check: raise if no solution was reached; otherwise look at ``Solution.status``.
         observers: called with each ``IterationRecord``, ``OuterRecord`` and event when it occurs, and with a
             ``StepRecord`` where one of several load steps begins.
-        on_level: called with the solution on each mesh but the last, before the next one is solved; collective; None:
-            nothing is.
+        on_level: called with the solution on each mesh but the last, before the next one is solved; collective.
         on_progress: called with where the solve is, at each step of a Krylov method; given on all ranks or on none.
         checkpoint: the result folder, in which every load step on every mesh is stored as soon as it is complete,
             until ``write_results`` writes the result there; None: nowhere. Needs a scene with contact and several load
@@ -86,7 +85,7 @@ def _solved(
     scene: Scene,
     comm: MPI.Comm,
     history: History,
-    on_level: Callable[[Solution], object] | None,
+    on_level: Callable[[Solution], object],
     checkpoint: str | Path | None,
     *,
     restart: bool,
@@ -142,11 +141,7 @@ def _checkpoint(
 
 
 def refuse_other_than_comm(comm: object) -> None:
-    """Check that the argument is a communicator.
-
-    Raises:
-        TypeError: it is not.
-    """
+    """Check that the argument is a communicator."""
     if not isinstance(comm, MPI.Comm) or comm == MPI.COMM_NULL:
         name = "MPI.COMM_NULL" if isinstance(comm, MPI.Comm) else kind_of(comm)
         raise TypeError(f"a communicator of mpi4py is expected, such as MPI.COMM_WORLD, not {name}")

@@ -97,7 +97,8 @@ def _solved(scene: Scene, comm: MPI.Comm, last: tuple[Scene, Solution, Task] | N
     model = with_gap_and_friction(earlier.model, statement)
     refuse_beforehand(model)
     task = contact_task(model, history, choose=lambda *_: (solved.system, solved.linear_algebra))
-    start = first_start(task, task.start, model, earlier.contact, None)
+    assert model.boundary is not None
+    start = first_start(task.start, model.boundary, earlier.contact)
     solution, task, _ = solve_contact(model, task, start, Timings())
     return solution, task
 

@@ -1,24 +1,36 @@
-"""The loop over load steps of every kind of body; of a linear one the attempts at each of them, and what the
-checkpoint has of it.
+"""The loop over load steps of every kind of body; of a linear one the increments of a ramp, the attempts at each load
+step, and what the checkpoint has of it.
 
-It knows neither scenes nor forms: each has a ``SteppedBody`` of its own.
+It knows neither scenes nor forms: each has a ``SteppedBody`` of its own.  That no load beyond a limit can be held is
+proved by statics, see ``algebra.contact.statics``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from math import floor
 from typing import TYPE_CHECKING, Generic, TypeVar
 
 from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
-from signorini_fx.algebra.attempts import HALF
+from signorini_fx.algebra.attempts import HALF, step_limit
 from signorini_fx.algebra.contact.complementarity import RegularisedData
+from signorini_fx.mechanics.statement.load_path import LoadPath, next_place
+from signorini_fx.mechanics.statement.settings import SolverSettings
 from signorini_fx.records import History, Status, StepRecord, Timings
 from signorini_fx.results.mechanics import StepResult
 from signorini_fx.results.step_frames import StepEnd
 from signorini_fx.solving.loose_bodies import explained
-from signorini_fx.solving.ramp import Increments
 from signorini_fx.solving.stepped_body import BegunStep, LoadStep, SteppedBody
+from signorini_fx.tuned import (
+    EASY_STEP,
+    ENCLOSED,
+    FAILED_RAMP,
+    FAILED_STEP,
+    LARGEST_INCREMENT,
+    SAME_LENGTH,
+    SMALLEST_INCREMENT,
+)
 
 if TYPE_CHECKING:
     from signorini_fx.solving.checkpointed_steps import MeshCheckpoint
@@ -67,6 +79,114 @@ class Stepping(Generic[S]):
             if not self.ended():
                 self.go_on(step)
             marks = _marks(self.history)
+
+
+# Outcomes that another increment of the load does not change if nothing has been reached before.  Afterwards the same
+# linear solver has solved the same body, and fails because the tangents near a limit load are nearly singular.
+_HOPELESS_AT_FIRST = (Status.NOT_HELD, Status.LINEAR_SOLVER, Status.NO_MEMORY)
+
+
+class Increments:
+    """Where a problem is on its path through load steps; places are those of ``statement.load_path``.
+
+    Without a ramp every time is a load step, and one without a solution ends the way.  In a ramp its increment is
+    halved, until the load is enclosed between one with and one without a solution.  The linear solves of the last load
+    step set how many an attempt without one may take.
+
+    Args:
+        path: the load steps.
+        settings: of the solver.
+
+    Attributes:
+        reached: the place of the last load step with a solution; -1 before the first one.
+        increment: from there to the next one.
+        easy: how many of the last ones were easy.
+        last: linear solves of the last load step with a solution.
+    """
+
+    def __init__(self, path: LoadPath, settings: SolverSettings) -> None:
+        self._last, self._time = len(path.times) - 1, path.time_at
+        self._iterations = settings.max_iterations
+        self._divided, self._from_nothing = path.steps is not None, path.from_nothing
+        self._nominal = 1.0 / (path.steps or 1)
+        # A list of several factors begins with one step to the first of them, in which slip is counted from rest.
+        self.reached, self.increment = -1.0, self._nominal if path.from_nothing else 1.0
+        self.easy = self.last = 0
+
+    @property
+    def ended(self) -> bool:
+        """Whether the last load step has been solved."""
+        return self.reached >= self._last
+
+    @property
+    def next(self) -> float:
+        """The place of the next load step; none goes beyond the next factor."""
+        return next_place(self.reached, self.increment)
+
+    @property
+    def _divisible(self) -> bool:
+        return self._divided and (self._from_nothing or self.reached >= 0)
+
+    @property
+    def _encloses(self) -> bool:
+        """Whether the increment is not divided any more."""
+        reached = self.reached
+        begun = reached - floor(reached + SAME_LENGTH) if reached >= 0 else reached + 1.0
+        return self.next - reached <= max(ENCLOSED * begun, SMALLEST_INCREMENT * self._nominal)
+
+    @property
+    def allowed(self) -> int:
+        """Linear solves that the next load step may take."""
+        if not self._divisible:
+            return step_limit(self._iterations)
+        # One at which nothing changes takes two, which is no measure for one that fails.
+        before_smaller = FAILED_STEP * (max(self.last, EASY_STEP) if self.last else self._iterations)
+        return FAILED_RAMP * before_smaller if self._encloses else before_smaller
+
+    def bracket(self, status: Status) -> str | None:
+        """Between which loads a ramp has ended whose last load step has this status; None where no ramp or no load is
+        the reason.
+        """
+        if self._is_final(status):
+            return None
+        nothing = self.reached == (-1.0 if self._from_nothing else 0.0)
+        held = "without any load" if nothing else f"at time {self._time(self.reached):.6g}"
+        return f"there is a solution {held}, and none at time {self._time(self.next):.6g}"
+
+    def _is_final(self, status: Status) -> bool:
+        """Whether a load step that ended with ``status`` has no solution for any increment."""
+        return not self._divisible or (self.reached < 0 and status in _HOPELESS_AT_FIRST)
+
+    def advance(self, linear_solves: int) -> None:
+        """The next load step has a solution, which took this many linear solves."""
+        divisible, enclosed = self._divisible, self._encloses
+        self.reached, self.last = self.next, linear_solves
+        if not self._divided:
+            return
+        if not divisible:
+            self.increment = self._nominal
+            return
+        self.easy = self.easy + 1 if linear_solves <= EASY_STEP else 0
+        if (self.easy > 1 or enclosed) and self.increment < LARGEST_INCREMENT * self._nominal:
+            self.increment, self.easy = 2 * self.increment, 0
+
+    def resume(self, position: Mapping[str, float]) -> None:
+        """Go on from where an earlier run has come to, see ``stored``."""
+        self.reached, self.increment = position["reached"], position["increment"]
+        self.easy, self.last = int(position["easy"]), int(position["last"])
+
+    def stored(self) -> dict[str, float]:
+        """What ``resume`` needs, as plain data."""
+        return {name: getattr(self, name) for name in ("reached", "increment", "easy", "last")}
+
+    def shorten(self, status: Status) -> bool:
+        """Halve the increment, because the next load step ended with ``status``; whether a smaller one may be tried:
+        not where the load is enclosed.
+        """
+        if self._is_final(status) or self._encloses:
+            return False
+        self.increment, self.easy = (self.next - self.reached) / 2, 0
+        return True
 
 
 @dataclass
@@ -135,23 +255,23 @@ def all_load_steps(
         step = _attempt(progress, path)
         result = step.result
         failed = result.status is not Status.CONVERGED
-        if failed and path.shorten(result.status) and not history.exhausted:
+        if failed and not history.exhausted and path.shorten(result.status):
             history.add(f"{step}: {HALF}")
             newton.restore(beginning)
             return None
         progress.take(step)
         if progress.failed:
-            if path.bracket is not None:
-                history.add(f"the ramp ends: {path.bracket}")
+            if bracket := path.bracket(result.status):
+                history.add(f"the ramp ends: {bracket}")
             return None
         path.advance(result.linear_solves)
         return step
 
     def store(checkpoint: MeshCheckpoint, step: LoadStep, marks: Marks) -> None:
-        figures = {"path": path.stored(), **step.stored()}
-        checkpoint.store(
-            step.body.model, step.body.timings, step.task, step.start, step.outcome, step.result, marks, figures
-        )
+        model, figures = step.body.model, {"path": path.stored()}
+        for interface in model.statement.interfaces:
+            figures |= interface.stored(model, step.start.place)
+        checkpoint.store(model, step.body.timings, step.task, step.start, step.outcome, step.result, marks, figures)
 
     stepping = Stepping[LoadStep](
         history,
@@ -172,6 +292,8 @@ def _marks(history: History) -> Marks:
 
 def _attempt(progress: StepProgress, path: Increments) -> LoadStep:
     """Solve the next load step, which may have no solution."""
+    from signorini_fx.solving.iterated_interfaces.protocol import LoadStepStart, solve_step
+
     history, steps = progress.task.history, progress.body.path
     solves_before = history.linear_solves
     path_step = path.next
@@ -180,14 +302,15 @@ def _attempt(progress: StepProgress, path: Increments) -> LoadStep:
         begun.start,
         place=path_step,
         factors=begun.body.load(begun.task.system, path_step),
-        without_fall_backs=path.without_fall_backs,
         several=steps.several,
     )
     if steps.several:
         history.add(StepRecord(start.step + 1, steps.name_at(path_step), steps.time_at(path_step)))
     history.move(step=start.step + 1, steps=len(steps.times))
     with begun.body.timings.phase("iterate"):
-        begun, outcome, reason = replace(begun, start=start).solved(path.allowed)
+        end = solve_step(LoadStepStart(begun.body.model, begun.task, start, path.allowed))
+    begun = replace(begun, body=replace(begun.body, model=end.model), start=end.start)
+    outcome, reason = end.outcome, end.reason
     if reason is None:
         when = f"load step {start.step + 1}: " if steps.several else ""
         reason = explained(begun.body.model, begun.task, outcome, when)
@@ -205,9 +328,15 @@ def _recalled_step(progress: StepProgress, level_checkpoint: MeshCheckpoint, pat
     newton = progress.task.iterate.newton
     checkpoint = newton.checkpoint()
     with timings.phase("restart"):
-        begun = progress.begun(float(figures["place"]))
-        begun = begun.recalled(float(figures["place"]), figures)
-        outcome = level_checkpoint.recall(begun.body.model, begun.body.model.tagged.size, begun.task, begun.start)
+        place = float(figures["place"])
+        begun = progress.begun(place)
+        model = begun.body.model
+        for interface in model.statement.interfaces:
+            model = interface.recalled(model, place, figures)
+        body = replace(begun.body, model=model)
+        start = replace(begun.start, place=place, factors=body.load(begun.task.system, place))
+        begun = replace(begun, body=body, start=start)
+        outcome = level_checkpoint.recall(model, model.tagged.size, begun.task, start)
     if outcome is None:
         return None
     result = begun.certified(outcome)
@@ -218,6 +347,6 @@ def _recalled_step(progress: StepProgress, level_checkpoint: MeshCheckpoint, pat
         return None
     level_checkpoint.recall_history(figures, history, timings)
     path.resume(figures["path"])
-    step = LoadStep.of(begun, outcome, replace(result, linear_solves=path.at.last))
+    step = LoadStep.of(begun, outcome, replace(result, linear_solves=path.last))
     progress.take(step)
     return step

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from math import isfinite
 from typing import Generic, Self, TypeVar
 
 import numpy as np
@@ -16,7 +15,6 @@ from signorini_fx.algebra.linalg.failures import memory_ended
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.machine import parallel, signals
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
-from signorini_fx.mechanics.materials.protocol import Material
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.rigid.mesh_levels import MeshLevel
 from signorini_fx.mechanics.statement.settings import SolverSettings
@@ -36,14 +34,13 @@ OF_THE_BODY = (Status.NOT_HELD, Status.OPEN, Status.TIPS, Status.SLIDES, Status.
 
 @dataclass(frozen=True)
 class SolvedMesh:
-    """A problem on one mesh, of a nonlinear body without a task; ``modulus``: the largest one of the plane problem,
-    stress; of a solution that is none, or has no estimate, the rest is None.
+    """A problem on one mesh, of a nonlinear body without a task; of a solution that is none, or has no estimate, the
+    rest is None.
     """
 
     solution: Solution
     tagged: TaggedMesh
     task: Task | None
-    modulus: float
     outcome: Outcome | None = None
     level: LevelResult | None = None
     errors: Errors | None = None
@@ -133,7 +130,7 @@ class MeshedProblem(Generic[P]):
         if not self.polygonal or (last is not None and not self.in_parts):
             return last or 0.0
         assert solved.level is not None
-        return polygon_error(solved.level.table, solved.modulus)
+        return polygon_error(solved.level.table, solved.solution.model.scales.modulus)
 
     def solved(self, number: int, state: ContactState | None, coarser: MeshLevel | None) -> SolvedMesh:
         """Solve it from the contact state of a coarser mesh, with its errors and its cost; collective."""
@@ -164,14 +161,6 @@ class MeshedProblem(Generic[P]):
             contacts=[step.contact for step in solution.steps if step.contact and step.place.is_integer()],
         )
         return replace(solved, level=level, errors=errors)
-
-
-def plane_modulus(material: Material) -> float:
-    """Stress per strain along a line without lateral stress, or more: E / (1 - nu^2), in plane stress E."""
-    if not material.isotropic:
-        return material.stiffest(pressed=False)
-    first, second = material.lame
-    return 4 * second * ((first + second) / (first + 2 * second) if isfinite(first) else 1.0)
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,6 @@ starts in the set of its coarse neighbours.  On every mesh but the coarsest only
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 from typing import Any
@@ -22,7 +21,7 @@ from signorini_fx.mechanics.contact_points.contact_boundary import ContactBounda
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.rigid.mesh_levels import MeshLevel
 from signorini_fx.records import History
-from signorini_fx.results.accuracy.convergence_table import convergence_table, seconds_to_come, with_polygon
+from signorini_fx.results.accuracy.convergence_table import convergence_table, with_polygon
 from signorini_fx.results.accuracy.level_results import LevelResult
 from signorini_fx.results.solution import Solution
 from signorini_fx.solving.meshed_problem import MeshedProblem, Unsolved
@@ -50,11 +49,6 @@ def solve_nested(
     following = iter(problems)
     for number in range(count):
         history.move(mesh=number + 1, meshes=count, dofs=0)
-        if levels:
-            last = levels[-1]
-            solved_so_far = [(level.dofs, level.seconds) for level in levels]
-            to_come = seconds_to_come(solved_so_far, count - number, last.dimension, last.krylov_from)
-            history.move(end=time.perf_counter() + to_come)
         name = f"mesh {number + 1} of {count}"
         try:
             problem = next(following)
@@ -71,8 +65,7 @@ def solve_nested(
             )
             levels.clear()
         sides = solution.statement.sides
-        if solved.task is not None:
-            coarser = solution.model.level(coarser, solution.displacement)
+        coarser = solved.as_level(coarser)
         if solution.converged:
             state, certified = solved.state, solution
             if number + 1 < count:

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import math
-import time
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
@@ -14,11 +12,14 @@ from dolfinx import fem
 
 from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
 from signorini_fx.algebra.contact.complementarity import RegularisedData
+from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.algebra.linalg import ElasticSystem
 from signorini_fx.algebra.linalg.choice import SystemSize, choose_system
 from signorini_fx.algebra.linalg.elasticity import Elasticity
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.body.discretisation import discretise
+from signorini_fx.mechanics.assembly.averages import from_owners
+from signorini_fx.mechanics.body.discretisation import discretise, moved_since, placed
+from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.contact_points.first_sets import first_sets
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
@@ -28,10 +29,11 @@ from signorini_fx.mechanics.rigid.mesh_levels import MeshLevel
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.records import Finding, History, Status, Timings
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery
+from signorini_fx.results.certificate.law_of_method import PreviousStep
 from signorini_fx.results.functionals import functionals
 from signorini_fx.results.mechanics import SolidBody, StatedBody, StepResult
 from signorini_fx.results.solution import Solution
-from signorini_fx.solving.check.cost import estimated_cost
+from signorini_fx.results.step_frames import StepEnd, from_rest, turned
 from signorini_fx.solving.check.findings import refuse_beforehand, scene_findings
 from signorini_fx.solving.check.result_findings import (
     facets_in_result,
@@ -39,22 +41,13 @@ from signorini_fx.solving.check.result_findings import (
     result_findings,
     shapes_in_results,
 )
-from signorini_fx.solving.data_at_times import StatedSteps
-from signorini_fx.solving.load_steps import all_load_steps
+from signorini_fx.solving.load_steps import Increments, all_load_steps
 from signorini_fx.solving.loose_bodies import loose_at_rest
-from signorini_fx.solving.ramp import Increments
-from signorini_fx.solving.stepped_body import LoadStep, first_start
+from signorini_fx.solving.stepped_body import BegunStep, LoadStep, SteppedBody, first_start
 from signorini_fx.tuned import PATH_ERROR_SHARE
 
 if TYPE_CHECKING:
     from signorini_fx.solving.checkpointed_steps import MeshCheckpoint
-
-# Called after a load step that has a solution.
-AfterStep = Callable[[LoadStep], object]
-
-
-def _nothing_more(step: LoadStep) -> None:
-    """Does nothing after a load step."""
 
 
 def solve_mesh(
@@ -62,14 +55,12 @@ def solve_mesh(
     load: Callable[[], TaggedMesh],
     history: History,
     state: ContactState | None,
-    on_step: AfterStep = _nothing_more,
+    on_step: Callable[[LoadStep], object] = lambda step: None,
     coarser: MeshLevel | None = None,
     kept: MeshCheckpoint | None = None,
-    *,
-    with_findings: bool = True,
 ) -> tuple[Solution, Task, Outcome]:
     """Solve on one mesh, starting from the contact state of a coarser one if there is one, with it as a level of
-    multigrid; ``load`` gives the mesh; ``with_findings``: whether the solution says what is odd about the scene on it.
+    multigrid; ``load`` gives the mesh, and ``on_step`` is called after each load step.
     """
     timings = Timings()
     with timings.phase("mesh"):
@@ -82,13 +73,12 @@ def solve_mesh(
                 f"the contact points are on {contact.boundary!r}, not on {stated.boundary!r}: see contact.points"
             )
     history.move(dofs=model.dofs)
-    if history.watchers and history.progress.meshes == 1:
-        history.move(end=time.perf_counter() + math.sqrt(math.prod(estimated_cost(model).seconds)))
     with timings.phase("condense"):
         task = contact_task(model, history, coarser)
-    with timings.phase("iterate"):
-        start = first_start(task, task.start, model, state, None if statement.several_steps else coarser)
-    return solve_contact(model, task, start, timings, on_step, kept, with_findings=with_findings)
+    start = task.start
+    if model.boundary is not None:
+        start = first_start(start, model.boundary, state)
+    return solve_contact(model, task, start, timings, on_step, kept)
 
 
 def solve_contact(
@@ -96,10 +86,8 @@ def solve_contact(
     task: Task,
     start: Start,
     timings: Timings,
-    on_step: AfterStep = _nothing_more,
+    on_step: Callable[[LoadStep], object] = lambda step: None,
     level_checkpoint: MeshCheckpoint | None = None,
-    *,
-    with_findings: bool = True,
 ) -> tuple[Solution, Task, Outcome]:
     """All load steps, until one has no solution, the contact problem of the last one, and how the last one with a
     solution ended.
@@ -115,7 +103,7 @@ def solve_contact(
     progress = all_load_steps(body, task, start, increments, on_step, level_checkpoint)
     model, task = progress.body.model, progress.task
     assert progress.ended is not None
-    found = _found(model, tuple(progress.results)) if with_findings else tuple
+    found = _found(model, tuple(progress.results))
     solution = contact_solution(model, progress.results, task, progress.ended, timings, found)
     return solution, task, progress.ended[0]
 
@@ -265,3 +253,96 @@ def _allowed(model: Model) -> Callable[[fem.Function], float] | None:
         return None
     recovery, share = StressRecovery.of(model), PATH_ERROR_SHARE[model.statement.element.degree]
     return lambda y: share * recovery.error(y)
+
+
+@dataclass(frozen=True)
+class StatedSteps(SteppedBody):
+    """A body that a statement says all of; ``renew``: makes the contact problem of a model whose foundations have
+    moved.
+    """
+
+    renew: Callable[[Model], Task]
+
+    def begun(self, path_step: float, task: Task, first: Start, end: StepEnd | None) -> BegunStep:
+        earlier, start, last = self.model, first, None
+        if end is not None:
+            start, last = end.start, end.before
+        moved = placed(earlier, path_step)
+        if moved is earlier:
+            return BegunStep(self, task, start, last)
+        stepped = replace(self, model=moved)
+        if moved.boundary is earlier.boundary:
+            assert moved.law is not None
+            bound = moved.law.given if start.multipliers is None else moved.law.bound(start.multipliers[0])
+            return BegunStep(stepped, task, replace(start, law=moved.law, data=replace(start.data, bound=bound)), last)
+        task = self.renew(moved)
+        return BegunStep(stepped, task, *on_moved_foundations(earlier, moved, task, start, end))
+
+    def load(self, system: ElasticSystem, path_step: float) -> Nodal:
+        return self.model.load(system, path_step)
+
+
+def on_moved_foundations(
+    earlier: Model, moved: Model, task: Task, start: Start, end: StepEnd | None
+) -> tuple[Start, PreviousStep]:
+    """A load step on foundations that have moved: where it starts, and the end of the last one as it begins from it;
+    supports hold the body, see ``check.findings``; collective.
+    """
+    assert earlier.boundary is not None
+    assert moved.boundary is not None
+    if end is None:
+        drift, begun = moved_since(moved, moved.statement.placed(-1)), task.start
+        if start.sets is not None and start.multipliers is not None:  # of a coarser mesh
+            pressure, shear = start.multipliers
+            shear = np.einsum("njk,nk->nj", turned(earlier.boundary, moved.boundary), shear)
+            begun = begun.begin_from(start.sets, (pressure, shear))
+        return from_rest(moved.space, moved.boundary, begun, drift)
+    end.taken_up(task, moved, moved.rigid)
+    begun, _ = end.projected_onto(moved.boundary, held=True)
+    if task.rest is not None:  # contact alone holds the body, which comes to rest elsewhere with another gap
+        begun = replace(begun, data=replace(begun.data, slip_origin=begun.data.slip_origin - task.rest.u_t))
+    drift = moved_since(moved, earlier.statement)
+    begun, before = end.begins_on(moved.boundary, task.start.data, moved.law, drift, start=begun)
+    change = _seen_otherwise(earlier.boundary, moved.boundary, before.displacement)
+    if change is None or begun.multipliers is None:
+        return begun, before
+    tangents = moved.boundary.tangents
+    data = replace(begun.data, slip_origin=begun.data.slip_origin + np.einsum("nij,ni->nj", tangents, change))
+    across = np.zeros((moved.boundary.size, tangents.shape[1], tangents.shape[1]))
+    for number, pair in moved.pairs.items():
+        across[moved.boundary.part == number] = pair.across
+    if not parallel.any_rank(moved.boundary.comm, bool(across.any())):
+        return replace(begun, data=data), before
+
+    def without_across(vectors: Nodal | None) -> Any:  # of shears along the tangents, or in 3D
+        if vectors is None:
+            return None
+        inner = across if vectors.shape[1] == across.shape[1] else tangents.swapaxes(1, 2) @ across @ tangents
+        return vectors - np.einsum("nij,nj->ni", inner, vectors)
+
+    pressure, shear = begun.multipliers
+    begun = replace(
+        begun,
+        data=replace(data, mu_hat=without_across(data.mu_hat)),
+        multipliers=(pressure, without_across(shear)),
+        elastic_slip=without_across(begun.elastic_slip),
+    )
+    tractions = replace(before.tractions, shear=without_across(before.tractions.shear))
+    return begun, replace(before, tractions=tractions, elastic_slip=without_across(before.elastic_slip))
+
+
+def _seen_otherwise(earlier: ContactBoundary, now: ContactBoundary, displacement: fem.Function) -> Nodal | None:
+    """What the relative displacement at the points of two bodies is now more than it was for the same displacement,
+    shape (n, d): a support that holds from now on, or does no longer, changes across which planes of symmetry there is
+    none; None: points see what they have seen; collective.
+    """
+    if earlier.averages is None or now.averages is None:
+        return None
+    space = displacement.function_space
+    dim, owned = space.mesh.geometry.dim, space.dofmap.index_map.size_local
+    y = displacement.x.array.reshape(-1, dim)[:owned]
+    seen = [
+        (averages.operator @ from_owners(y, averages.nodes, now.comm).ravel()).reshape(-1, dim)
+        for averages in (earlier.averages, now.averages)
+    ]
+    return np.asarray(seen[1] - seen[0])

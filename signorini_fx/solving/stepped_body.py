@@ -5,21 +5,18 @@ Scenes and forms differ in one thing only: how the model of another place is mad
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
-
-from dolfinx import fem
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
 from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.algebra.linalg import ElasticSystem
 from signorini_fx.mechanics.body.deformation import Deformation, deformation_of
-from signorini_fx.mechanics.body.elastic_body import ElasticBody
+from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
-from signorini_fx.mechanics.rigid.mesh_levels import MeshLevel
 from signorini_fx.mechanics.statement.load_path import LoadPath
 from signorini_fx.mechanics.statement.settings import SolverSettings
-from signorini_fx.records import Finding, Status, Timings
+from signorini_fx.records import Status, Timings
 from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.results.certificate.law_of_method import Law, PreviousStep, Tractions
 from signorini_fx.results.mechanics import SolidBody, StepResult
@@ -67,18 +64,6 @@ class BegunStep:
     start: Start
     last: PreviousStep | None
 
-    def solved(self, allowed: int) -> tuple[BegunStep, Outcome, Finding | None]:
-        """Solve it with so many linear solves for each contact problem.
-
-        Returns:
-            The load step with what was found of its loads, how it ended, and why it has no solution; None: that is not
-            known.
-        """
-        from signorini_fx.solving.iterated_interfaces.protocol import LoadStepStart, solve_step
-
-        end = solve_step(LoadStepStart(self.body.model, self.task, self.start, allowed))
-        return replace(self, body=replace(self.body, model=end.model), start=end.start), end.outcome, end.reason
-
     def certified(self, outcome: Outcome) -> StepResult:
         """The result with the certificate's verdict; recorded linear solves are not counted yet."""
         body = self.body
@@ -86,22 +71,6 @@ class BegunStep:
             result = certified_result(body.model, body.path, (self.task, self.start, self.last), outcome)
             body.show(outcome, result)
         return result
-
-    def stored(self) -> dict[str, Any]:
-        """What else a checkpoint needs of it, plain data."""
-        model, figures = self.body.model, dict[str, Any]()
-        for interface in model.statement.interfaces:
-            figures |= interface.stored(model, self.start.place)
-        return figures
-
-    def recalled(self, path_step: float, figures: dict[str, Any]) -> BegunStep:
-        """It at its place, with what ``stored`` has returned."""
-        model = self.body.model
-        for interface in model.statement.interfaces:
-            model = interface.recalled(model, path_step, figures)
-        body = replace(self.body, model=model)
-        start = replace(self.start, place=path_step, factors=body.load(self.task.system, path_step))
-        return replace(self, body=body, start=start)
 
 
 @dataclass(frozen=True)
@@ -145,34 +114,20 @@ def certified_result(
         from signorini_fx.results.last_digits import status_by_digits
 
         status, reason = status_by_digits(model, displacement, certificate.worst, start.place)
-    reached = status, displacement, contact, certificate, deformation, 0
-    return replace(step_result(path, start.step, start.place, *reached), tools=rigid, reason=reason)
-
-
-def step_result(
-    path: LoadPath,
-    number: int,
-    path_step: float,
-    status: Status,
-    displacement: fem.Function,
-    contact: ContactState | None,
-    certificate: Certificate,
-    deformation: Deformation,
-    linear_solves: int,
-) -> StepResult:
-    """The result of a load step; ``number``: of those before it."""
     return StepResult(
-        step=number + 1,
-        place=path_step,
-        time=path.time_at(path_step),
-        name=path.name_at(path_step),
+        step=start.step + 1,
+        place=start.place,
+        time=path.time_at(start.place),
+        name=path.name_at(start.place),
         status=status,
         displacement=displacement,
         contact=contact,
         certificate=certificate,
         deformation=deformation,
         strain_energy=certificate.strain_energy,
-        linear_solves=linear_solves,
+        linear_solves=0,
+        tools=rigid,
+        reason=reason,
     )
 
 
@@ -188,43 +143,12 @@ def judged(status: Status, certificate: Certificate, deformation: Deformation, s
     return Status.NOT_CERTIFIED if status is Status.CONVERGED and not certificate.holds else status
 
 
-@dataclass(frozen=True)
-class CoarserMesh:
-    """What a coarser mesh gives to a finer one: the levels of multigrid, its contact points, and the level with a
-    displacement to begin with.
-    """
-
-    level: MeshLevel | None = None
-    state: ContactState | None = None
-    displaced: MeshLevel | None = None
-
-
-def first_start(
-    task: Task, start: Start, body: ElasticBody, state: ContactState | None, coarser: MeshLevel | None
-) -> Start:
-    """Where the first load step of a task starts, from the contact state and the displacement of a coarser mesh if
-    there are any; collective.
+def first_start(start: Start, boundary: ContactBoundary, state: ContactState | None) -> Start:
+    """Where the first load step of a task starts, from the contact state of a coarser mesh if there is one;
+    collective.
     """
     if state is None:
         return start
     from signorini_fx.solving.nested import carry_over
 
-    assert body.boundary is not None
-    if coarser is not None:
-        begin_at_coarse(task, coarser, body)
-    return start.begin_from(*carry_over(state, body.boundary))
-
-
-def begin_at_coarse(task: Task, coarser: MeshLevel, body: ElasticBody) -> None:
-    """Begin with the displacement of the coarser mesh, where solves are not exact and gain by it; collective."""
-    from signorini_fx.algebra.linalg.krylov import KrylovSystem
-
-    system, free = task.system, ~body.fixed
-    if not isinstance(system, KrylovSystem) or body.turned is not None:
-        return
-    level = system.elasticity.level
-    start = level.start() if isinstance(level, MeshLevel) and level.coarser is coarser else None
-    if start is not None:
-        if task.rest is not None:
-            start.getArray()[:] -= body.motions.displacement(task.rest.motion).ravel()[: free.size]
-        task.iterate.x.getArray()[: free.size][free] = start.getArray(readonly=True)[free]
+    return start.begin_from(*carry_over(state, boundary))

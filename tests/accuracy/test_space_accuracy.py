@@ -12,8 +12,6 @@ from spaces import block, box
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import facet_vertices
-from signorini_fx.mechanics.materials.isotropic import LinearElastic
-from signorini_fx.mechanics.materials.orthotropic import OrthotropicElastic
 from signorini_fx.mechanics.mesh.refinement import refine
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, generate_mesh
 from signorini_fx.mechanics.statement.settings import Accuracy
@@ -21,19 +19,8 @@ from signorini_fx.records import History, Status
 from signorini_fx.scenes.mesh_sequence import meshed_scene
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve
-from signorini_fx.solving.meshed_problem import plane_modulus
 
 WORLD = MPI.COMM_WORLD
-
-
-@pytest.mark.parametrize("hypothesis", ["plane strain", "plane stress"])
-@pytest.mark.parametrize("poisson", [-0.3, 0.0, 0.3, 0.5])
-def test_modulus_of_facets(hypothesis, poisson):
-    """E / (1 - nu^2) of a half-plane, in plane stress E, and no less of a material with directions."""
-    material = LinearElastic(young=7.0, poisson=poisson, hypothesis=hypothesis)
-    assert plane_modulus(material) == pytest.approx(7.0 if hypothesis == "plane stress" else 7.0 / (1 - poisson**2))
-    wood = OrthotropicElastic(orthotropic={"young": [9.0, 2.0, 1.0], "poisson": [0.3] * 3, "shear": [1.0] * 3})
-    assert plane_modulus(wood) >= 9.0
 
 
 LAWS = {"none": {}, "tresca": {"bound": 1.5}, "coulomb": {"coefficient": 0.3}}

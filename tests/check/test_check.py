@@ -419,7 +419,7 @@ MODELS = {
     **{key: [import_module(f"{PACKAGE}.{key}").Entry] for key in LISTED},
     "contact": [contact_of.UnilateralContact],
     "contact.friction": [Tresca, Coulomb],
-    "rigid": [import_module("signorini_fx.scenes.rigid_table").Rigid],
+    "rigid": [import_module("signorini_fx.scenes.scene").Rigid],
     "load_steps": [LoadSteps],
     "solver": [settings.SolverSettings],
     "mesh": [scene.MeshGenerator, scene.MeshFile],

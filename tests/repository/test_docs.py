@@ -59,7 +59,7 @@ from signorini_fx.results.files import write_results
 from signorini_fx.scenes import cli, scene
 from signorini_fx.scenes.checks import check_scene
 from signorini_fx.scenes.reading import parse_scene, read_scene
-from signorini_fx.scenes.rigid_table import Rigid
+from signorini_fx.scenes.scene import Rigid
 from signorini_fx.scenes.template import starting_scene
 
 ROOT = Path(__file__).parents[2]

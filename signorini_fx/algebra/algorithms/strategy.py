@@ -302,7 +302,7 @@ def _either_way(
         first=monolithic_first,
         fallbacks=s.fallbacks,
         # Not of soft contact, which it would make hard.
-        augmented=not start.without_fall_backs and start.data.share is None,
+        augmented=start.data.share is None,
     )
     slid = False  # whether the last fixed point did, with its last pressures
 

@@ -42,7 +42,6 @@ class Start:
         place: where the load step is on the way through all of them, for its owner.
         factors: of the load cases; None: the load stays as it is set.
         regularisation_error: that of path-following in an earlier load step, in the energy norm.
-        without_fall_backs: whether only the methods themselves are tried, because a smaller increment may do.
         several: whether it is one of several: a body that nothing loads in it then waits where it is for its load.
     """
 
@@ -56,7 +55,6 @@ class Start:
     place: float = 0.0
     factors: Nodal | None = None
     regularisation_error: float | None = None
-    without_fall_backs: bool = False
     several: bool = False
 
     def begin_from(self, sets: ActiveSets, multipliers: tuple[Nodal, Nodal]) -> Start:
@@ -306,7 +304,7 @@ class Iterate:
 
     def begin_step(self, start: Start) -> None:
         """Apply the loads and prescribed displacements of a load step to the current iterate."""
-        self.fall_back.exhausted = start.without_fall_backs
+        self.fall_back.exhausted = False
         if start.factors is not None:
             self._system.set_load(start.factors)
         fixed = self._system.contact.fixed

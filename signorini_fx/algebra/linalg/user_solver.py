@@ -17,9 +17,9 @@ from typing import Protocol
 from petsc4py import PETSc
 
 from signorini_fx.algebra.linalg import petsc_options
-from signorini_fx.algebra.linalg.assembled import AssembledSystem
 from signorini_fx.algebra.linalg.callbacks import called_back, weakly
 from signorini_fx.algebra.linalg.elasticity import Elasticity
+from signorini_fx.algebra.linalg.full import AssembledSystem
 from signorini_fx.errors import InstallationError
 from signorini_fx.extensions import LINEAR_SOLVERS, load
 from signorini_fx.tuned import BROKEN_DOWN, KRYLOV_STEPS, LEFT_BY_SOLVES

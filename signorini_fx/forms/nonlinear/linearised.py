@@ -480,9 +480,6 @@ class LinearisedProblem(FormSolver):
     def _spin(self, boundary: ContactBoundary) -> Array | None:
         return spin_at(boundary, {**self.shapes, **self.pairs})
 
-    def _note_cost(self, begin: float) -> None:
-        """Nothing: who asks for costs asks for those of a load step."""
-
     def _judged(self, outcome: Outcome) -> None:
         """None: the solution of the nonlinear problem gets one."""
         return None

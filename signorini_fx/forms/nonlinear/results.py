@@ -44,7 +44,6 @@ from signorini_fx.results.solution import Solution
 from signorini_fx.solving.check.result_findings import pushed_nodes, shapes_in_results
 from signorini_fx.solving.loose_bodies import loose_at_rest
 from signorini_fx.solving.solve_on_mesh import contact_solution
-from signorini_fx.solving.stepped_body import step_result
 from signorini_fx.tuned import CERTIFICATE_TOLERANCE, NOTABLE
 
 
@@ -88,9 +87,20 @@ class SolvedBody:
         ]
         number, y = linear.begun.step, u.copy()
         y.name = u.name
-        deformation = deformation_of(linear.elastic, u, linear.scales.size)
-        reached = status, y, linear.state if linear.contact else None, certificate, deformation, solves
-        step = replace(step_result(counted_path(number), number, number, *reached), tools=linear.moving_tools.motions)
+        step = StepResult(
+            step=number + 1,
+            place=float(number),
+            time=counted_path(number).time_at(number),
+            name="",
+            status=status,
+            displacement=y,
+            contact=linear.state if linear.contact else None,
+            certificate=certificate,
+            deformation=deformation_of(linear.elastic, u, linear.scales.size),
+            strain_energy=certificate.strain_energy,
+            linear_solves=solves,
+            tools=linear.moving_tools.motions,
+        )
         forms = replace(linear.forms, contact=tuple(placed))
         return cls(forms, linear.elastic, linear.outcome, linear.begun.law, linear.task, mechanics, step)
 

@@ -307,12 +307,12 @@ class ElasticBody:
         behind = self.comm.bcast(self.elastic.count, root=self.comm.size - 1) if self.elastic.pressed else 0
         return contact_map(self.boundary, self.prescribed, self.stiffness, self.rotation, self.dimension, behind)
 
-    def level(self, coarser: MeshLevel | None = None, solved: fem.Function | None = None) -> MeshLevel:
+    def level(self, coarser: MeshLevel | None = None) -> MeshLevel:
         """Its mesh over coarser ones, of which those are left out that are hardly coarser, or far too coarse."""
         dimension, (least, greatest) = self.dimension, FINER_LEVELS
         alone = not self.elastic.pressed and (self.boundary is None or self.boundary.moving is None)
         stiffness = self.stiffness if alone else None
-        level = MeshLevel(self.space, self.fixed, self._assembled[2], self.motions, coarser, solved, stiffness)
+        level = MeshLevel(self.space, self.fixed, self._assembled[2], self.motions, coarser, stiffness)
         while level.coarser is not None and level.dofs < least**dimension * level.coarser.dofs:
             level.coarser = level.coarser.coarser
         if level.coarser is not None and level.dofs > greatest**dimension * level.coarser.dofs:

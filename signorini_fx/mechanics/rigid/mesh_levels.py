@@ -34,7 +34,6 @@ class MeshLevel:
         rotation: from the unknowns to displacements; None: they are the same.
         motions: the rigid motions.
         coarser: the same on the next coarser mesh; None: there is none.
-        solved: a displacement to begin with on a finer mesh; None: there is none.
         stiffness: of these unknowns; None: it has others as well.
     """
 
@@ -43,7 +42,6 @@ class MeshLevel:
     rotation: PETSc.Mat | None
     motions: RigidMotions
     coarser: MeshLevel | None
-    solved: fem.Function | None = None
     stiffness: PETSc.Mat | None = None
 
     @property
@@ -117,19 +115,6 @@ class MeshLevel:
             matrix = self.rotation.transposeMatMult(matrix)
         matrix.diagonalScale(self.free_components(), self.coarser.free_components())
         return row_by_row(matrix)
-
-    def start(self) -> PETSc.Vec | None:
-        """The displacement of the coarser mesh in the unknowns of this one, prescribed ones zero; collective."""
-        coarse, interpolation = self.coarser, self.interpolation
-        if coarse is None or coarse.solved is None or interpolation is None:
-            return None
-        x = coarse.vector()
-        x.getArray()[:] = coarse.solved.x.array[: x.getLocalSize()]
-        if coarse.rotation is not None:
-            coarse.rotation.multTranspose(x.copy(), x)
-        start = self.vector()
-        interpolation.mult(x, start)
-        return start
 
     def _shares(self, coarse: MeshLevel) -> Any | None:
         """Shares of the coarse nodes (global numbers) in each owned node, scipy sparse; None: some node is nowhere."""

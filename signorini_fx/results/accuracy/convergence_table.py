@@ -237,22 +237,6 @@ def powers(dofs: float, dimension: int, krylov_from: float) -> tuple[float, floa
     return (1.0, 1.0) if dofs >= krylov_from else (TIME_POWER[dimension], MEMORY_POWER[dimension])
 
 
-def seconds_to_come(solved: Sequence[tuple[int, float]], meshes: int, dimension: int, krylov_from: float) -> float:
-    """The time that more meshes will take, each with cells half as large as the previous one; ``solved``: unknowns and
-    seconds of the solved meshes, at least one; all of the time of a single one grows.
-    """
-    (earlier_dofs, earlier), (dofs, seconds) = solved[-2] if len(solved) > 1 else solved[-1], solved[-1]
-    total = 0.0
-    for number in range(1, meshes + 1):
-        growth = 2.0 ** (dimension * number)
-        power, _ = powers(dofs * growth, dimension, krylov_from)
-        if earlier_dofs < dofs:
-            total += grown(seconds, earlier, dofs / earlier_dofs, growth, power, least=LEAST_GROWING_TIME)
-        else:
-            total += seconds * growth**power
-    return total
-
-
 def render(rows: list[Price]) -> str:
     """The convergence table for a terminal."""
 

@@ -78,7 +78,7 @@ def parser() -> argparse.ArgumentParser:
     check.add_argument("scene", type=named_path, metavar="SCENE", help="scene file (TOML)")
     output = check.add_mutually_exclusive_group()
     output.add_argument("--json", action="store_true", help="print JSON instead of text")
-    output.add_argument("--verbose", action="store_true", help="print all findings, and the methods that will be tried")
+    output.add_argument("--verbose", action="store_true", help="print all findings")
     report = commands.add_parser("report", help="write one HTML page from a result folder, to read, print and send")
     report.add_argument("folder", type=named_path, metavar="FOLDER", help="result folder that solve wrote")
     report.add_argument("--out", type=named_path, metavar="FILE", help="the page (default: report.html in the folder)")
@@ -135,7 +135,6 @@ def _add_options_of_solve(solve: argparse.ArgumentParser) -> None:
     solve.add_argument(
         "--out", type=named_path, metavar="DIR", help="result folder (default: results/NAME of the file)"
     )
-    solve.add_argument("--levels", type=int, metavar="N", help="meshes of a nested iteration (overrides solver.levels)")
     solve.add_argument(
         "--accuracy",
         type=parsed_accuracy,
@@ -145,14 +144,6 @@ def _add_options_of_solve(solve: argparse.ArgumentParser) -> None:
     quantities = ("energy", "pressure", "force", "zone", "peak")
     solve.add_argument(
         "--of", choices=quantities, help="quantity that must be accurate (overrides accuracy.of; default: energy)"
-    )
-    solve.add_argument("--adaptive", action="store_const", const="adaptive", help="refine triangles adaptively")
-    solve.add_argument(
-        "--budget",
-        action="append",
-        type=parsed_budget,
-        metavar="60s|4GB",
-        help="limit on time or memory for the accuracy, in s, min or h, or in MB or GB; may be repeated",
     )
     solve.add_argument(
         "--restart", action="store_true", help="continue a killed run after its last complete load step or mesh"
@@ -172,14 +163,6 @@ def _add_options_of_solve(solve: argparse.ArgumentParser) -> None:
     said.add_argument("--verbose", action="store_true", help="print each iteration, and all that is in summary.json")
 
 
-_NUMBER = r"\s*(\d+(?:\.\d*)?|\.\d+)\s*"
-# Unit -> key of the scene, and the size of the unit there: seconds, GB.
-_BUDGETS = {
-    **{"s": ("seconds", 1.0), "min": ("seconds", 60.0), "h": ("seconds", 3600.0)},
-    **{"MB": ("memory", 1e-3), "GB": ("memory", 1.0), "TB": ("memory", 1e3)},
-}
-
-
 def named_path(text: str) -> Path:
     """A path; an empty one, as of a variable of a shell that is not set, would be the current folder."""
     if not text:
@@ -197,16 +180,6 @@ def parsed_accuracy(text: str) -> float:
         raise argparse.ArgumentTypeError(f"a number like 0.05 or 5% is expected, got {text!r}") from None
 
 
-def parsed_budget(text: str) -> tuple[str, float]:
-    """60s or 4GB as the key of the scene and its value."""
-    match = re.fullmatch(rf"{_NUMBER}({'|'.join(_BUDGETS)})\s*", text)
-    if match is None:
-        expected = "a time like 60s, 5min or 2h, or a memory like 500MB or 4GB, is expected"
-        raise argparse.ArgumentTypeError(f"{expected}, got {text!r}")
-    key, unit = _BUDGETS[match[2]]
-    return key, float(match[1]) * unit
-
-
 def parsed_setting(text: str) -> tuple[str, Any]:
     """PATH=VALUE of an entry of the scene."""
     try:
@@ -218,11 +191,8 @@ def parsed_setting(text: str) -> tuple[str, Any]:
 def changes(options: argparse.Namespace) -> dict[str, Any]:
     """The entries of the scene that the command line replaces, by their paths."""
     entries = {
-        "solver.levels": getattr(options, "levels", None),
         "accuracy.target": getattr(options, "accuracy", None),
         "accuracy.of": getattr(options, "of", None),
-        "accuracy.refinement": getattr(options, "adaptive", None),
-        **{f"accuracy.{key}": value for key, value in getattr(options, "budget", None) or ()},
         **dict(getattr(options, "set", None) or ()),
     }
     return {path: value for path, value in entries.items() if value is not None}

@@ -9,15 +9,6 @@ from dataclasses import dataclass
 import numpy as np
 from mpi4py import MPI
 
-from signorini_fx.algebra.attempts import (
-    EXACT_SOLVES,
-    FULL_STEPS,
-    HALF,
-    METHOD,
-    PLAN,
-    for_coulomb,
-    step_limit,
-)
 from signorini_fx.algebra.linalg import choice
 from signorini_fx.algebra.linalg.factorisation import factor_entries
 from signorini_fx.machine import parallel
@@ -34,8 +25,6 @@ from signorini_fx.tuned import (
     DENSE_SPEED,
     DENSE_STEP_SECONDS,
     FACTOR_SECONDS,
-    FAILED_RAMP,
-    FAILED_STEP,
     KRYLOV_SECONDS,
     MEMORY_SHARE,
     MORE_SOLVES,
@@ -169,29 +158,3 @@ def memory_finding(cost: Cost, comm: MPI.Comm) -> list[Finding]:
         f"about {cost.memory_bytes / 1e9:.0f} GB are needed, this machine has {available / 1e9:.0f}: use a coarser mesh"
     )
     return [Finding("warning", "mesh", message)]
-
-
-def attempts_for(statement: Statement) -> tuple[tuple[str, tuple[str, ...], str], ...]:
-    """Rows of what is tried for, the attempts in order, and their limit; none without contact."""
-    s, ramp = statement.solver, statement.automatic_steps is not None
-    if not statement.contact:
-        return ()
-    limit = step_limit(s.max_iterations)
-    problem = PLAN["problem with given friction"] if s.fallbacks else (FULL_STEPS, EXACT_SOLVES)
-    rows = [("a problem with given friction", problem, f"at most {s.max_iterations} linear solves each")]
-    if statement.has_coulomb:
-        ways = for_coulomb(
-            monolithic=all(contact.friction.has_derivative for contact in statement.contact),
-            first=s.coulomb == "newton",
-            fallbacks=s.fallbacks,
-            augmented=all(contact.interface != "overclosures" for contact in statement.contact),
-        )
-        rows.append(("Coulomb friction", ways, f"at most {s.max_outer_iterations} problems each"))
-    rows.append(("a load step", (METHOD,), f"at most {limit} linear solves together"))
-    if ramp:
-        solves_limit = (
-            f"at most {FAILED_STEP} times the linear solves of the last load step before the increment is halved, "
-            f"{FAILED_STEP * FAILED_RAMP} times at the smallest increment"
-        )
-        rows.append(("a load step of the ramp", (METHOD, HALF), solves_limit))
-    return tuple((purpose, tuple(map(str, names)), solves_limit) for purpose, names, solves_limit in rows)
