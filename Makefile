@@ -1,7 +1,7 @@
 # Everything runs through ./env: on this machine if it has dolfinx, otherwise in the image of the Dockerfile.
 # DEBIAN=sid make TARGET uses the image of that release.
 .DEFAULT_GOAL := help
-.PHONY: help demo test golden nightly test-core test-slow test-ranks test-wheel test-report test-sid golden-two lint format paper bench oracle oracle-today mutants-drawn docs dist clean
+.PHONY: help demo test golden nightly test-core test-slow test-two test-three test-wheel test-report test-sid golden-two lint format paper bench oracle oracle-today mutants-drawn docs dist clean
 DEMOS := example1_tresca example1_coulomb
 REPORTS := $(addprefix demos/scenes/,example1_coulomb press_and_slide bracket) tests/data/three_feet
 SIDE_BY_SIDE := ./env python3 -m pytest -q -n auto --maxprocesses 8 --dist worksteal
@@ -31,7 +31,7 @@ golden:     ## compare the answers of hundreds of problems with those recorded, 
 	./env python3 -m tests.golden
 
 nightly:    ## run what .ci/run leaves out: hours; it goes on after a failure
-	$(MAKE) -k test-slow test-ranks golden golden-two test-sid test-wheel oracle-today
+	$(MAKE) -k test-slow test-two test-three golden golden-two test-sid test-wheel oracle-today
 
 golden-two: ## compare the same answers on two ranks
 	./env python3 -m tests.golden --ranks 2 --jobs 1
@@ -42,8 +42,11 @@ test-sid:   ## run the quick tests in the image of Debian sid
 test-slow:  ## run the slow tests on one rank, side by side
 	$(SIDE_BY_SIDE) -m "slow" tests
 
-test-ranks: ## run the tests marked mpi: the slow ones on two ranks, and all on three
-	n=2; $(ON_RANKS) -m "mpi and slow"; two=$$?; n=3; $(ON_RANKS) -m "mpi" && exit $$two
+test-two:   ## run the slow tests marked mpi on two ranks
+	n=2; $(ON_RANKS) -m "mpi and slow"
+
+test-three: ## run all tests marked mpi on three ranks
+	n=3; $(ON_RANKS) -m "mpi"
 
 test-core:  ## run the quick tests with no add-on installed; those that ask for one are skipped
 	SFX_WITHOUT_ADD_ONS=1 $(SIDE_BY_SIDE) tests

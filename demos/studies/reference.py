@@ -178,7 +178,7 @@ class Reference:
         self._points[:, : mesh.geometry.dim] = at_points(ufl.SpatialCoordinate(mesh))
         sizes = at_points(stress.around * ufl.JacobianDeterminant(mesh))[:, 0]
         self._weights = np.abs(sizes) * np.tile(weights, cells.size)
-        self._stress = at_points(stress.components)
+        self._stress = at_points(_within(stress))
         tau = ufl.variable(fem.Constant(mesh, np.zeros(len(stress.kinematics.pairs))))
         twice = ufl.diff(ufl.diff(stress.compliance(tau), tau), tau)
         self._compliance = at_points(twice / 2).reshape(-1, len(tau), len(tau))
@@ -213,12 +213,17 @@ class Reference:
         space = fem.functionspace(mesh, ("DG", solution.statement.element.degree, (self._stress.shape[1],)))
         function = fem.Function(space)
         points = compat.interpolation_points(space.element)
-        function.interpolate(fem.Expression(solution.stress.stress.components, points))
+        function.interpolate(fem.Expression(_within(solution.stress.stress), points))
         cells, places, _ = cells_of_points(mesh, self._points, OUTSIDE_OTHER_MESH)
         assert (cells >= 0).all()  # the meshes are of one body
         shares = space.element.basix_element.tabulate(0, places)[0, :, :, 0]
         values = function.x.array.reshape(-1, self._stress.shape[1])
         return np.asarray(np.einsum("nk,nkc->nc", shares, values[space.dofmap.list[cells]]))
+
+
+def _within(stress: Any) -> Any:
+    """Components of a stress without that out of the plane."""
+    return ufl.as_vector([stress.components[k] for k in range(len(stress.kinematics.pairs))])
 
 
 def reference_solution(scene: Scene, unknowns: int) -> tuple[Reference, dict[str, float | None]]:

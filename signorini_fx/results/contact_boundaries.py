@@ -64,7 +64,7 @@ def contact_figures(statement: Statement, contact: ContactState) -> list[Contact
     return figures
 
 
-def _moment_about_middle(contact: ContactState, part: int) -> tuple[float | list[float] | None, float | None]:
+def _moment_about_middle(contact: ContactState, part: int) -> tuple[float | list[float | None] | None, float | None]:
     """See ``ContactFigures``; None and None: the boundary is not closed; collective."""
     boundary, comm = contact.boundary, contact.boundary.comm
     on_part = boundary.part == part
@@ -83,7 +83,7 @@ def _moment_about_middle(contact: ContactState, part: int) -> tuple[float | list
     reach = np.linalg.norm(np.einsum("nij,ni->nj", boundary.tangents[on_part], way), axis=1)
     largest_moments = weight * np.where(reach > 0, contact.bound[on_part] * reach, 0.0)
     limit = float(parallel.global_sum(comm, np.array(largest_moments.sum())))
-    components = [float(component) for component in moment]
+    components: list[float | None] = [float(component) for component in moment]
     return components[0] if len(components) == 1 else components, limit
 
 

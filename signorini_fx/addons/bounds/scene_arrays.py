@@ -181,7 +181,9 @@ class _SceneRows:
             return {"lame": lame, "mu": mu}
         pairs = [(int(i), int(j)) for i, j in np.sort(np.column_stack((ROWS[d], COLUMNS[d])), axis=1)]
         axes = [self._model.kinematics.pairs.index(pair) for pair in pairs]
-        return {"stiffness": elastic.stiffness.at_cells[cells][:, axes][:, :, axes]}
+        moduli = elastic.stiffness.stiffness
+        at_cells = moduli.x.array.reshape(-1, *moduli.ufl_shape)[moduli.function_space.dofmap.list[cells, 0]]
+        return {"stiffness": at_cells[:, axes][:, :, axes]}
 
     def _inside(self, region: str | None) -> npt.NDArray[np.bool_]:
         """Which cells are in a region; None: all of them."""

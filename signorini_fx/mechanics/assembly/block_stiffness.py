@@ -41,7 +41,7 @@ def block_stiffness(
     extended.array[: fixed.size] = fixed
     extended.scatter_forward()
     held = extended.array.reshape(-1, size) > 0
-    some = held.any(axis=1)
+    some: npt.NDArray[np.bool_] = np.asarray(held.any(axis=1))
     block = np.flatnonzero(some[of_row] | some[columns])
     blocks[block] = np.where(held[of_row[block], :, None] | held[columns[block], None, :], 0.0, blocks[block])
     rows = BlockRows(
