@@ -509,7 +509,7 @@ class Foundations:
         return joined(parts, points).without_pressure(boundary.points.immovable)
 
     def _gap(self, boundary: ContactBoundary, data: Sequence[FoundationData]) -> Array:
-        """The gap at the points, averaged where the displacement is that it is compared with.  All averages grow by what
+        """The gap at the points, averaged like the displacement that it is compared with; all averages grow by what
         one is below the least value: where a round foundation touches a node nothing overlaps; collective.
         """
         gap = np.zeros(boundary.size)
