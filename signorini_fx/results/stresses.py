@@ -21,9 +21,8 @@ from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import node_positions
 from signorini_fx.mechanics.elasticity.elastic_law import ElementStress
 from signorini_fx.mechanics.elasticity.moduli import of_materials
-from signorini_fx.mechanics.loads.initial_strains import element_stress
 from signorini_fx.mechanics.model import Model
-from signorini_fx.results.accuracy.stress_recovery import StressRecovery
+from signorini_fx.results.accuracy.stress_recovery import StressRecovery, element_stress
 from signorini_fx.results.interpolation import interpolated
 from signorini_fx.results.singularities import why_no_limit
 

@@ -7,7 +7,7 @@ from dolfinx import fem
 from mpi4py import MPI
 from test_stresses import INNER, OUTER, PRESSURE, cylinder
 
-from signorini_fx.mechanics.loads.initial_strains import element_stress
+from signorini_fx.results.accuracy.stress_recovery import element_stress
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve
 

@@ -21,7 +21,7 @@ from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.averages import from_owners
 from signorini_fx.mechanics.assembly.mesh_entities import compile_form
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
-from signorini_fx.mechanics.elasticity.elastic_law import ElasticLaw, ElementStress
+from signorini_fx.mechanics.elasticity.elastic_law import ElasticLaw
 from signorini_fx.mechanics.loads.load_vectors import AppliedLoad, FormCoefficients
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.statement.effect import InitialStrain, Load
@@ -30,7 +30,6 @@ from signorini_fx.tuned import ROOT_OF_EPS
 
 if TYPE_CHECKING:
     from signorini_fx.mechanics.contact_points.turned_supports import TurnedNodes
-    from signorini_fx.mechanics.model import Model
 
 _Floats = npt.NDArray[np.float64]
 _Flags = npt.NDArray[np.bool_]
@@ -159,19 +158,3 @@ def total_jump(
 
     terms = [amount * jump.on(space) for amount, jump in zip(amounts, jumps, strict=True)]
     return sum(terms[1:], terms[0]) if terms else None, move_to
-
-
-def element_stress(body: Model, displacement: fem.Function, step: float = 0.0) -> ElementStress:
-    """That of a scene with the initial strains of a place in the lists of factors; collective."""
-    initial, move_to = initial_strain(body.statement, body.tagged, body.space, step)
-    jump, jump_to = total_jump(body.statement, body.tagged, body.space)
-
-    def move(step: float) -> None:
-        move_to(step)
-        jump_to(step)
-
-    of_law = body.elastic.stress(displacement, displacement if jump is None else displacement + jump, initial)
-    parts = [body.tagged.cells(material.region) for material in body.statement.material]
-    stress = replace(of_law, parts=parts, move=move)
-    stress.refresh(step)
-    return stress

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -20,7 +21,7 @@ from signorini_fx.mechanics.assembly.mesh_entities import assemble, compile_form
 from signorini_fx.mechanics.assembly.quadrature import parallelepipeds, strain_degree
 from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
 from signorini_fx.mechanics.elasticity.elastic_law import ElementStress, fields_of
-from signorini_fx.mechanics.loads.initial_strains import element_stress
+from signorini_fx.mechanics.loads.initial_strains import initial_strain, total_jump
 from signorini_fx.mechanics.loads.load_vectors import FormCoefficients
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.effect import Force, Resistance
@@ -284,3 +285,19 @@ def cell_sizes(mesh: dmesh.Mesh) -> fem.Function:
     count = size.x.array.size
     size.x.array[:] = mesh.h(dim, np.arange(count, dtype=np.int32)) if count else 0.0
     return size
+
+
+def element_stress(body: Model, displacement: fem.Function, step: float = 0.0) -> ElementStress:
+    """That of a scene with the initial strains of a place in the lists of factors; collective."""
+    initial, move_to = initial_strain(body.statement, body.tagged, body.space, step)
+    jump, jump_to = total_jump(body.statement, body.tagged, body.space)
+
+    def move(step: float) -> None:
+        move_to(step)
+        jump_to(step)
+
+    of_law = body.elastic.stress(displacement, displacement if jump is None else displacement + jump, initial)
+    parts = [body.tagged.cells(material.region) for material in body.statement.material]
+    stress = replace(of_law, parts=parts, move=move)
+    stress.refresh(step)
+    return stress
