@@ -188,8 +188,7 @@ def points_of(body: Body, part: int) -> Points:
         gap[reached] = at_points(effect.get("gap", 0.0), body.x[reached])
         if "foundation" in effect:
             gap[reached] += from_shape(effect["foundation"], body.x[reached])[0]
-        at = shares @ gap
-        at += max(gap[reached].min() - at.min(), 0.0)  # no average is below the least distance
+        at = np.maximum(shares @ gap, gap[reached].min())  # an average is not below the least distance
         return Points(body.x[vertices], csr_array(kron(shares, eye_array(body.dim))), weight, normals, at)
 
     if not averaged:

@@ -509,8 +509,8 @@ class Foundations:
         return joined(parts, points).without_pressure(boundary.points.immovable)
 
     def _gap(self, boundary: ContactBoundary, data: Sequence[FoundationData]) -> Array:
-        """The gap at the points, averaged like the displacement that it is compared with; all averages grow by what
-        one is below the least value: where a round foundation touches a node nothing overlaps; collective.
+        """The gap at the points, averaged where the displacement is that it is compared with, and not below its least
+        value: where a round foundation touches a node nothing overlaps; collective.
         """
         gap = np.zeros(boundary.size)
         for k, contact_data in enumerate(data):
@@ -521,8 +521,7 @@ class Foundations:
             owned_gap = np.nan_to_num(contact_data.gap[: self._space.dofmap.index_map.size_local, None])
             reached = from_owners(owned_gap, boundary.averages.nodes, boundary.comm)[:, 0]
             least = -parallel.largest(boundary.comm, -contact_data.gap[~np.isnan(contact_data.gap)], -np.inf)
-            averaged = boundary.averages.shares[on_part] @ reached
-            gap[on_part] = averaged + max(least + parallel.largest(boundary.comm, -averaged, -np.inf), 0.0)
+            gap[on_part] = np.maximum(boundary.averages.shares[on_part] @ reached, least)
         return gap
 
 

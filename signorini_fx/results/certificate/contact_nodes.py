@@ -62,15 +62,14 @@ class ContactSide:
         return np.asarray(self.averages.shares @ reached)
 
     def with_gap(self, gap: Nodal, body: BodyNodes) -> ContactSide:
-        """The same with a gap at all nodes of this rank, length, shape (nodes,), and larger averages where one is below
-        the least of them; collective.
+        """The same with a gap at all nodes of this rank, length, shape (nodes,); averages are not below the least one;
+        collective.
         """
         if self.averages is None:
             return replace(self, gap=gap[self.nodes])
         reached = from_owners(np.nan_to_num(gap[: body.owned, None]), self.averages.nodes, body.comm)[:, 0]
         least = -parallel.largest(body.comm, -reached, -np.inf)
-        averaged = self.averages.shares @ reached
-        return replace(self, gap=averaged + max(least + parallel.largest(body.comm, -averaged, -np.inf), 0.0))
+        return replace(self, gap=np.maximum(self.averages.shares @ reached, least))
 
     def movable(self, vectors: Nodal, supports: PrescribedNodes, body: BodyNodes) -> Nodal:
         """The part of vectors at the points that is along directions in which something can move, shape (n, d);
