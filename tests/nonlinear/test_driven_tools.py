@@ -73,6 +73,20 @@ def test_a_block_under_a_plate(kind):
         assert total(solution.last_step)[1] == pytest.approx(force, rel=1e-9)
 
 
+@pytest.mark.mpi
+def test_a_rank_without_contact_points():
+    """Of a tall block some rank has no part of its top: the tool rests where it does on one rank."""
+    mesh = {"generator": "rectangle", "parameters": {"length": 1.0, "height": 4.0, "nx": 2, "ny": 8}}
+    tool = {"shape": "circle", "centre": [0.5, 5.5], "radius": 1.5, "force": [0.0, -5.0]}
+    tool |= {"prescribed": UPRIGHT | {"x": 0.0}}
+    scene = rolled(tool, mesh=mesh, load_steps={"times": [1.0]})
+    together, alone = (solve(scene, comm).last_step for comm in (MPI.COMM_WORLD, MPI.COMM_SELF))
+    assert together.status is Status.CONVERGED
+    assert MPI.COMM_WORLD.size == 1 or MPI.COMM_WORLD.allreduce(together.contact.boundary.size == 0, MPI.LOR)
+    assert total(together)[1] == pytest.approx(-5.0, rel=1e-9)
+    assert together.tools[0].translation == pytest.approx(alone.tools[0].translation, rel=1e-9, abs=1e-12)
+
+
 @pytest.mark.mpi(slow=True)
 def test_between_a_ground_and_a_tool():
     """Contact alone holds the block: it falls to the ground, and the tool with it, by the gap more."""

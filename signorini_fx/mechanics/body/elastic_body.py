@@ -250,7 +250,7 @@ class ElasticBody:
         self.begin_driven(x, driven, None)
         motion, forces = operator.createVecLeft(), x.duplicate()
         operator.mult(x, motion)
-        motion.getArray()[:] = np.einsum("nij,nj->ni", blocks, motion.getArray().reshape(len(blocks), -1)).ravel()
+        motion.getArray()[:] = np.einsum("nij,nj->ni", blocks, motion.getArray().reshape(blocks.shape[:2])).ravel()
         operator.multTranspose(motion, forces)
         return np.array(forces.getArray(readonly=True)), float(forces.dot(x))
 
