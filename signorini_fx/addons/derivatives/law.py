@@ -17,9 +17,8 @@ import numpy.typing as npt
 from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.algebra.contact.nodal_vectors import Nodal, inner, length, unit
 from signorini_fx.algebra.contact.state import PointState
-from signorini_fx.errors import FormError
 from signorini_fx.machine import parallel
-from signorini_fx.tuned import CERTIFICATE_TOLERANCE, NEGLIGIBLE, NORMAL_DIFFERENCE, ROOT_OF_EPS
+from signorini_fx.tuned import CERTIFICATE_TOLERANCE
 
 
 @dataclass(frozen=True)
@@ -91,9 +90,6 @@ def linearised(
         gamma: (gamma_1, gamma_2), stress per length; those of the regularisation unless ``exact``.
         exact: whether there is no regularisation.
         before: the shear at the beginning of the load step, stress, shape (n, d - 1); None: zero.
-
-    Raises:
-        FormError: a friction law says another derivative of its bound than differences of the bound.
     """
     contact, (count, tangents) = state.in_contact, state.shear.shape
     law = law if state.has_friction else None
@@ -101,8 +97,6 @@ def linearised(
     moves = np.any(state.direction != 0, axis=1) | ~(state.bound > 0)
     slips = moves & (state.bound > 0)
     slip = np.where(slips[:, None], unit(state.shear), 0.0)
-    if law is not None and law.laws:
-        _check_derivative(state, law, coefficient, slips & contact & (state.pressure > 0))
     coefficient = np.where(slips, coefficient, 0.0)  # it may be infinite where there is no pressure
     spread = np.broadcast_to(np.eye(1 + tangents), (count, 1 + tangents, 1 + tangents)).copy()
     spread[:, 1:, 0] = slip * coefficient[:, None]
@@ -134,19 +128,3 @@ def _between(
     stopping = slips & (gamma[1] * length(state.xi) <= tolerance)
     starting = sticks & np.isfinite(state.bound) & (bound - length(state.shear) <= tolerance)
     return int(parallel.global_sum(comm, np.array(np.count_nonzero(opening | stopping | starting))))
-
-
-def _check_derivative(state: PointState, law: PointFriction, slope: Nodal, where: npt.NDArray[np.bool_]) -> None:
-    """Whether the derivative of the bound is between its differences to both sides; collective."""
-    pressure, bound = state.pressure, law.bound(state.pressure)
-    step = np.where(where, NORMAL_DIFFERENCE * pressure, 1.0)
-    above, below = ((law.bound(pressure + sign * step) - bound) / (sign * step) for sign in (1, -1))
-    largest = np.maximum(np.maximum(np.abs(above), np.abs(below)), np.abs(slope))
-    tolerance = NEGLIGIBLE * largest + ROOT_OF_EPS * np.abs(bound) / np.where(where, pressure, 1.0)
-    wrong = where & ~((slope >= np.minimum(above, below) - tolerance) & (slope <= np.maximum(above, below) + tolerance))
-    error = None
-    if wrong.any():
-        k = int(wrong.argmax())
-        reason = f"derivative is {slope[k]:.6g} at the pressure {pressure[k]:.6g}, where limit grows by {above[k]:.6g}"
-        error = FormError([("contact.friction", reason)])
-    parallel.raise_together(state.points.comm, error)

@@ -19,12 +19,12 @@ import numpy.typing as npt
 from signorini_fx.addons.derivatives.adjoint import Explicit
 from signorini_fx.addons.derivatives.entries import varied
 from signorini_fx.addons.derivatives.gradient import By, ChangedStep, SolvedStep, difference, explicit
-from signorini_fx.errors import SceneError
 from signorini_fx.forms.nonlinear.moving_shapes import spin_at
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.discretisation import held_at, prepare
 from signorini_fx.mechanics.body.nonlinear_law import at_rest
 from signorini_fx.mechanics.model import Model
+from signorini_fx.mechanics.statement.features import refuse
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.quantities.functional import Functional
 from signorini_fx.records import History, Timings
@@ -32,6 +32,11 @@ from signorini_fx.results.solution import ConvergenceError, Solution
 from signorini_fx.scenes.nonlinear import ProblemOfScene, ReachedStep
 
 Array = npt.NDArray[np.float64]
+# Features of a scene with nonlinear materials that have no derivatives.
+REFUSES = {
+    "contact of two bodies": "derivatives are not possible yet where two nonlinear bodies touch",
+    "driven foundation": "derivatives are not possible yet where a force moves it on a nonlinear body",
+}
 
 
 @dataclass(frozen=True)
@@ -46,7 +51,7 @@ class NonlinearSteps:
     @classmethod
     def solved(cls, statement: Statement, problem_of: Callable[[Timings], ProblemOfScene]) -> NonlinearSteps:
         """Solve a scene; collective."""
-        refuse_on_bodies(statement)
+        refuse(statement, REFUSES)
         begin, timings, reached = time.perf_counter(), Timings(), list[ReachedStep]()
         problem = problem_of(timings)
         solution = problem.solved(timings, on_step=lambda step: reached.append(problem.reached()))
@@ -170,17 +175,3 @@ class ChangedScene:
             begun[: fixed.size][fixed] = self.values(step.preceding.path_step)[fixed]
         *_, boundary, gap, law, _, drift = touching.linear.data_now(problem.linear, begun)
         return replace(usual, boundary=boundary, gap=gap, law=law, drift=drift, spin=spin_at(boundary, touching.shapes))
-
-
-def refuse_on_bodies(statement: Statement) -> None:
-    """Refuse contacts whose derivatives are not known."""
-    problems = list[tuple[str, str]]()
-    for number, contact in enumerate(statement.contact):
-        if contact.against is not None:
-            reason = "derivatives are not possible yet where two nonlinear bodies touch"
-            problems.append((f"contact[{number}].against", reason))
-        if contact.tool is not None and contact.tool.drives:
-            reason = "derivatives are not possible yet where a force moves it on a nonlinear body"
-            problems.append((f"contact[{number}].foundation", reason))
-    if problems:
-        raise SceneError(problems)
