@@ -33,8 +33,8 @@ import numpy as np
 import space
 
 from signorini_fx import Solution, TaggedMesh, solve, sweep
-from signorini_fx.machine.csv_text import write_csv
 from signorini_fx.machine.parallel import peak_memory
+from signorini_fx.machine.result_files import write_csv
 
 COEFFICIENTS = np.linspace(0.05, 1.0, 20).tolist()
 # A run over another one, and what it may be at most.

@@ -23,7 +23,7 @@ from mpi4py import MPI
 from dolfinx import fem
 from reference import Reference, divided, reference_errors, reference_solution
 
-from signorini_fx.machine.csv_text import write_csv
+from signorini_fx.machine.result_files import write_csv
 from signorini_fx.mechanics.mesh.tagged import generate_mesh
 from signorini_fx.mechanics.statement.settings import Accuracy
 from signorini_fx.records import History

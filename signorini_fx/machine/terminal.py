@@ -1,4 +1,6 @@
-"""Text for the terminal: printed once, in any encoding, and without an error if nobody reads it.  No MPI here."""
+"""Text for the terminal: printed once, in any encoding, and without an error if nobody reads it; and what launchers of
+ranks (mpirun, srun) set in the environment.  No MPI here.
+"""
 
 from __future__ import annotations
 
@@ -12,8 +14,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TextIO
 
-from signorini_fx.machine import launcher
-
+_RANK = ("PMIX_RANK", "OMPI_COMM_WORLD_RANK", "PMI_RANK", "SLURM_PROCID")
+_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS")
 _lost = False
 # Of a terminal that nobody has made wider, which is what short answers are written for.
 COLUMNS = 80
@@ -55,7 +57,7 @@ def prepare() -> None:
 
 def is_terminal(stream: TextIO | None) -> bool:
     """Whether somebody reads this stream on a terminal; of a rank of mpirun that is not known, and it counts as no."""
-    return stream is not None and stream.isatty() and not launcher.gives_pseudo_terminals()
+    return stream is not None and stream.isatty() and not _gives_pseudo_terminals()
 
 
 @dataclass(frozen=True)
@@ -132,3 +134,26 @@ def _give_up(stream: TextIO, reason: OSError) -> None:
     if stream is sys.stdout and not isinstance(reason, BrokenPipeError):
         _lost = True
         print(f"signorini-fx: the output cannot be written: {reason.strerror}", file=sys.stderr)
+
+
+def started_as_root() -> bool:
+    """Whether this process is the first of its ranks, or the only one."""
+    return next((os.environ[name] for name in _RANK if name in os.environ), "0") == "0"
+
+
+def _gives_pseudo_terminals() -> bool:
+    """Whether the standard output of a rank is a pseudo-terminal wherever the output of the launcher itself goes.
+
+    Open MPI's mpirun does so, even if its output is a file; MPICH's, Intel's and Slurm's launchers pass pipes on.
+    """
+    return "OMPI_COMM_WORLD_SIZE" in os.environ
+
+
+def limit_threads() -> None:
+    """One thread for each rank unless the environment says otherwise; for a process that has not loaded BLAS.
+
+    The fronts of factorisations are small.  Threads of OpenBLAS wait for each other in loops, so that on a busy machine
+    with two cores Example 1 takes 4 to 7 seconds with two and 1 with one.
+    """
+    if not any(name in os.environ for name in _THREADS):
+        os.environ["OMP_NUM_THREADS"] = "1"

@@ -17,8 +17,7 @@ from pydantic import BaseModel
 from signorini_fx.errors import InstallationError, MissingPackageError, PictureError, ResultError, cannot_be_written
 from signorini_fx.extensions import add_on
 from signorini_fx.machine import parallel
-from signorini_fx.machine.csv_text import Table, write_columns, write_csv
-from signorini_fx.machine.result_files import read_csv, read_summary
+from signorini_fx.machine.result_files import Table, read_csv, read_summary, write_columns, write_csv
 from signorini_fx.machine.terminal import printable, say
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable, contact_table
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh

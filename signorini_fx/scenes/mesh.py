@@ -21,8 +21,13 @@ from signorini_fx.mechanics.mesh.tagged import (
     generate_mesh,
     load_file,
 )
-from signorini_fx.mechanics.statement.contact_sizes import contact_sizes, with_larger_contact_sizes
-from signorini_fx.mechanics.statement.mesh_sources import DRAWN, MeshFile, MeshGenerator
+from signorini_fx.mechanics.statement.mesh_sources import (
+    DRAWN,
+    MeshFile,
+    MeshGenerator,
+    contact_sizes,
+    with_larger_contact_sizes,
+)
 from signorini_fx.scenes.scene import Scene
 
 

@@ -18,8 +18,7 @@ from signorini_fx.mechanics.mesh.files.size_field import SizeField
 from signorini_fx.mechanics.mesh.remeshing import moved_back, size_fields
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, generate_mesh, load_file
 from signorini_fx.mechanics.rigid.mesh_levels import MeshLevel
-from signorini_fx.mechanics.statement.contact_sizes import contact_sizes
-from signorini_fx.mechanics.statement.mesh_sources import MeshFile, MeshGenerator
+from signorini_fx.mechanics.statement.mesh_sources import MeshFile, MeshGenerator, contact_sizes
 from signorini_fx.mechanics.statement.rigid_shape import turning
 from signorini_fx.mechanics.statement.settings import Accuracy
 from signorini_fx.records import History

@@ -22,9 +22,8 @@ from signorini_fx.mechanics.mesh.tagged import (
     load_file,
     simplex_parameters,
 )
-from signorini_fx.mechanics.statement.contact_sizes import contact_sizes
 from signorini_fx.mechanics.statement.features import divisible
-from signorini_fx.mechanics.statement.mesh_sources import DRAWN, MeshFile, MeshGenerator
+from signorini_fx.mechanics.statement.mesh_sources import DRAWN, MeshFile, MeshGenerator, contact_sizes
 from signorini_fx.mechanics.statement.settings import Accuracy
 from signorini_fx.results.accuracy.next_accuracy import LOCAL, divides
 from signorini_fx.scenes.mesh import load_mesh

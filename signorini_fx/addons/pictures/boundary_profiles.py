@@ -34,7 +34,7 @@ from signorini_fx.addons.pictures.style import (
     plain,
     unit_of,
 )
-from signorini_fx.machine.csv_text import Table
+from signorini_fx.machine.result_files import Table
 from signorini_fx.mechanics.statement.units import bracketed
 from signorini_fx.tuned import SMALL_PART
 

@@ -36,7 +36,7 @@ from signorini_fx.addons.pictures.style import (
     unit_of,
 )
 from signorini_fx.addons.pictures.tones import spaced, upper_tone
-from signorini_fx.machine.csv_text import Table
+from signorini_fx.machine.result_files import Table
 from signorini_fx.mechanics.statement.units import bracketed, unit
 from signorini_fx.tuned import CLOSED_IN_PICTURE, LONGEST_ARROW, SURFACE_MARGIN
 

@@ -29,7 +29,7 @@ from signorini_fx.addons.pictures.style import (
     plain,
     unit_of,
 )
-from signorini_fx.machine.csv_text import Table
+from signorini_fx.machine.result_files import Table
 from signorini_fx.records import Status
 from signorini_fx.tuned import NEGLIGIBLE, ZERO_IN_SOLUTION
 

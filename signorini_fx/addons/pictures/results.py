@@ -14,7 +14,7 @@ import numpy.typing as npt
 from signorini_fx.addons.pictures.body import DrawnBody
 from signorini_fx.addons.pictures.fields import FIELDS
 from signorini_fx.machine import parallel
-from signorini_fx.machine.csv_text import Table
+from signorini_fx.machine.result_files import Table
 from signorini_fx.machine.terminal import say
 from signorini_fx.mechanics.statement.units import labelled
 from signorini_fx.records import as_rows

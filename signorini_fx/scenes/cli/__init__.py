@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from functools import partial
 
 from signorini_fx.machine import terminal
-from signorini_fx.machine.launcher import limit_threads
+from signorini_fx.machine.terminal import limit_threads
 from signorini_fx.scenes.cli import commands
 from signorini_fx.scenes.cli.exit_codes import on_one_process, on_ranks
 from signorini_fx.scenes.cli.grammar import parser

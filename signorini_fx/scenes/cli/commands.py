@@ -145,7 +145,7 @@ def sweep(options: argparse.Namespace) -> int:
     from mpi4py import MPI
 
     from signorini_fx.machine import parallel
-    from signorini_fx.machine.csv_text import write_csv
+    from signorini_fx.machine.result_files import write_csv
     from signorini_fx.records import Status
     from signorini_fx.results.folder import ResultFolder
     from signorini_fx.scenes import sweep as study

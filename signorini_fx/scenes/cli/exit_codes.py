@@ -11,7 +11,7 @@ from collections.abc import Callable
 
 from signorini_fx.errors import SceneError, SignoriniError
 from signorini_fx.machine import terminal
-from signorini_fx.machine.launcher import started_as_root
+from signorini_fx.machine.terminal import started_as_root
 from signorini_fx.tuned import END_PATIENCE
 
 EXIT_OK, EXIT_NO_SOLUTION, EXIT_BAD_INPUT, EXIT_CRASH, EXIT_INCOMPLETE, EXIT_INTERRUPTED = 0, 1, 2, 3, 4, 130

@@ -11,7 +11,7 @@ from typing import Any, NoReturn
 from signorini_fx import __version__
 from signorini_fx.errors import SceneError, shortened
 from signorini_fx.machine import terminal
-from signorini_fx.machine.launcher import started_as_root
+from signorini_fx.machine.terminal import started_as_root
 from signorini_fx.mechanics.statement.changes import parsed_change
 from signorini_fx.scenes.cli.exit_codes import EXIT_BAD_INPUT
 
