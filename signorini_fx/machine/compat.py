@@ -6,11 +6,9 @@ from functools import cache
 from typing import Any
 
 import basix
-import basix.ufl
 import mpi4py.MPI  # noqa: F401  # before dolfinx, which finds MPI once it is loaded
 import numpy as np
 import numpy.typing as npt
-import ufl
 from dolfinx import __version__, cpp, fem, mesh
 
 from signorini_fx.machine.requirements import needs_fenicsx
@@ -18,20 +16,6 @@ from signorini_fx.machine.requirements import needs_fenicsx
 VERSION = tuple(int(part) for part in __version__.split(".")[:2])
 if VERSION < (0, 9):
     raise needs_fenicsx(f"dolfinx is {__version__}")
-
-
-def share_cells() -> None:
-    """Give all elements on one kind of cell the same ``ufl.Cell``.
-
-    basix makes a new one whenever an element is asked for its cell, as UFL does hundreds of times for a form; a
-    hexahedron is made of 150 objects, and each rank makes all of them.
-    """
-    cell = cache(ufl.Cell)
-    base: Any = basix.ufl._ElementBase
-    base.cell = property(lambda element: cell(element._cellname), doc=base.cell.__doc__)
-
-
-share_cells()
 
 
 def interpolation_points(element: Any) -> npt.NDArray[np.float64]:
