@@ -11,7 +11,6 @@ from mpi4py import MPI
 
 from signorini_fx.errors import SceneError
 from signorini_fx.machine import signals
-from signorini_fx.mechanics.statement.settings import treatment_of
 from signorini_fx.mechanics.statement.values import kind_of
 from signorini_fx.quantities.quantity import own_quantities
 from signorini_fx.records import History, Progress
@@ -128,8 +127,8 @@ def _checkpoint(
         without = "a scene with one load step on one mesh"
     elif not scene.statement.nonlinear and any(effect.friction.timed for effect in scene.contact):
         without = "a scene with friction that depends on the time"
-    elif treatment_of(scene).pressed:  # which is not stored
-        without = f"a scene with a {treatment_of(scene).words}"
+    elif scene.element.pressed:  # which is not stored
+        without = "a scene with a mixed element"
     if folder is None or without is not None:
         if restart:
             raise SceneError([("restart", f"{without} has no checkpoint to go on from: solve it without restart")])

@@ -19,7 +19,6 @@ from signorini_fx.mechanics.elasticity.elastic_law import ElementStress, Isotrop
 from signorini_fx.mechanics.elasticity.moduli import check_covers, graded, lame_coefficients, middles, reduced_degree
 from signorini_fx.mechanics.materials.protocol import PAIRS, Array
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
-from signorini_fx.mechanics.statement.settings import treatment_of
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.tuned import SAME_LENGTH, ZERO_IN_SOLUTION
 
@@ -182,7 +181,7 @@ def elastic_law(
 ) -> SceneLaw:
     """That of a scene on its mesh; ``moduli``: those of the scene, None if they are to be computed; collective."""
     lame, stiffness, reduced = moduli or moduli_of(statement, tagged)
-    if treatment_of(statement).pressed:
+    if statement.element.pressed:
         from signorini_fx.mechanics.elasticity.mixed_pressure import MixedLaw
 
         return MixedLaw(statement, tagged, space, lame=lame)

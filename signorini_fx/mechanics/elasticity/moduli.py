@@ -15,7 +15,6 @@ from signorini_fx.errors import SceneError
 from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.statement.expressions import sample
-from signorini_fx.mechanics.statement.settings import treatment_of
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.tuned import SAME_NUMBER
 
@@ -122,7 +121,7 @@ def graded(statement: Statement, tagged: TaggedMesh, key: str) -> fem.Function |
             continue  # the latter is reported elsewhere
         cells = tagged.cells(material.region)
         values = sample(value, middles(tagged, cells))
-        pressed = treatment_of(statement).pressed
+        pressed = statement.element.pressed
         least = values > 0 if key == "grading" or pressed else values >= 0
         if parallel.any_rank(mesh.comm, not (least & (values <= 1 + SAME_NUMBER)).all()):
             bounds = _BOUNDS[key].replace("from 0 to 1", "above 0 and at most 1") if pressed else _BOUNDS[key]
@@ -137,14 +136,15 @@ def reduced_degree(statement: Statement, mesh: dmesh.Mesh) -> int | None:
     """Quadrature degree of the volumetric term where it is reduced: Q1/P0, P2/P0, Q2 with two points per axis."""
     degree, kind = statement.element.degree, mesh.topology.cell_name()
     has_form = not (degree == 1 and kind in ("triangle", "tetrahedron"))
-    requested = treatment_of(statement).reduced
-    if requested and not has_form:
+    volumetric = statement.element.volumetric
+    if volumetric == "reduced" and not has_form:
         plane = kind == "triangle"
         cure = "use degree = 2, or quadrilaterals" if plane else "use hexahedra"
         message = f"linear {'triangles' if plane else 'tetrahedra'} have no reduced form: {cure}"
         raise SceneError([("element.volumetric", message)])
     nearly = any(material.locks for material in statement.material)
     apart = all(material.isotropic for material in statement.material)
-    if requested is False or not has_form or not apart or (requested is None and not nearly):
+    asked = volumetric == "reduced" or (volumetric == "auto" and nearly)
+    if not (asked and has_form and apart):
         return None
     return 3 if degree == 2 and kind in ("quadrilateral", "hexahedron") else 1

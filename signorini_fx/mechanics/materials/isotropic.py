@@ -9,7 +9,6 @@ from pydantic import Field
 
 from signorini_fx.mechanics.materials.protocol import Material
 from signorini_fx.mechanics.statement.effect import Contradictions, Features
-from signorini_fx.mechanics.statement.settings import treatment_of
 from signorini_fx.mechanics.statement.values import Positive, SampledValue
 from signorini_fx.tuned import LOCKING_POISSON, SAME_NUMBER
 
@@ -88,7 +87,7 @@ class LinearElastic(Material):
         if apart and self.poisson_grading is not None:
             reason = "is not possible yet where another material is anisotropic"
             yield ("material", number, "poisson_grading"), reason
-        if treatment_of(statement).pressed:
+        if statement.element.pressed:
             setting = repr(statement.element.volumetric)
             if not self.poisson > 0:
                 yield ("material", number, "poisson"), f"must be above 0 where element.volumetric = {setting}"

@@ -13,10 +13,11 @@ from typing import Any
 
 from signorini_fx.errors import SceneError
 from signorini_fx.mechanics.statement.effect import Contradictions, Keys
-from signorini_fx.mechanics.statement.settings import TREATMENTS, treatment_of
 
 REFUSED_BY_SETTINGS: Mapping[str, Mapping[str, str]] = {
-    **{treatment.words: treatment.refuses for treatment in TREATMENTS.values() if treatment.refuses},
+    "mixed element": {
+        "krylov": "must not be 'krylov' where element.volumetric = 'mixed': multigrid needs a positive definite matrix"
+    },
     "several bodies": {
         "local refinement": "is not possible for several [[body]], each of which is made anew with smaller cells: use "
         "'uniform'"
@@ -29,13 +30,14 @@ REFUSED_BY_SETTINGS: Mapping[str, Mapping[str, str]] = {
 
 def features(statement: Any) -> Iterator[tuple[str, Keys]]:
     """Each with the key that asks for it."""
-    solver, accuracy, treatment = statement.solver, statement.accuracy, treatment_of(statement)
+    solver, accuracy, element = statement.solver, statement.accuracy, statement.element
     of = None if accuracy is None else accuracy.of
-    of_contact = of not in (None, "energy") and treatment.reduced is False
+    of_contact = of not in (None, "energy") and element.volumetric in ("full", "mixed")
     locking = of_contact and any(material.locks for material in statement.material)
     for name, path, used in (
         (statement.kinematics.words, ("material",), True),
-        (treatment.words, ("element", "volumetric"), bool(treatment.words)),
+        ("reduced integration", ("element", "volumetric"), element.volumetric == "reduced"),
+        ("mixed element", ("element", "volumetric"), element.pressed),
         ("krylov", ("solver", "linear_algebra"), solver.linear_algebra == "krylov"),
         ("nested iteration", ("solver", "levels"), solver.levels > 1),
         ("requested accuracy", ("accuracy",), accuracy is not None),

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from datetime import date
 from typing import Annotated, Any, ClassVar, Literal, Self
 
@@ -46,50 +45,16 @@ class Discretised(Table):
             which does not lock as nu -> 0.5 (it equals the mixed displacement-pressure element with the pressure
             eliminated); ``auto``: reduced where some nu is at least 0.45 in plane strain and the element has a reduced
             form; ``mixed``: a pressure of degree 1 is an unknown of its own (Taylor-Hood, with degree 2), which does
-            not lock either, and allows for nu = 0.5.
+            not lock either; nu must be above 0, and may be 0.5.
     """
 
     degree: Annotated[int, Field(ge=1, le=2, strict=True)] = 1
     volumetric: Literal["full", "reduced", "auto", "mixed"] = "full"
 
-
-@dataclass(frozen=True)
-class VolumetricTreatment:
-    """What ``element.volumetric`` asks for.
-
-    Attributes:
-        words: the feature of a scene that it is; "": that of every scene.
-        reduced: whether the volumetric term is to be integrated with fewer points: True, False, or None where some
-            material locks.
-        pressed: whether a pressure of one degree less is an unknown of its own.  It needs Poisson's ratios above 0, and
-            allows for 1/2.
-        refuses: the features of a scene that it does not go together with, and why.
-    """
-
-    words: str = ""
-    reduced: bool | None = False
-    pressed: bool = False
-    refuses: Mapping[str, str] = field(default_factory=dict)
-
-
-TREATMENTS = {
-    "full": VolumetricTreatment(),
-    "auto": VolumetricTreatment(reduced=None),
-    "reduced": VolumetricTreatment("reduced integration", reduced=True),
-    "mixed": VolumetricTreatment(
-        "mixed element",
-        pressed=True,
-        refuses={
-            "krylov": "must not be 'krylov' where element.volumetric = 'mixed': multigrid needs a positive definite "
-            "matrix",
-        },
-    ),
-}
-
-
-def treatment_of(statement: Any) -> VolumetricTreatment:
-    """That of a scene."""
-    return TREATMENTS[statement.element.volumetric]
+    @property
+    def pressed(self) -> bool:
+        """Whether a pressure is an unknown."""
+        return self.volumetric == "mixed"
 
 
 class Box(Table):

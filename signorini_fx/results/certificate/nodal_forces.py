@@ -30,7 +30,6 @@ from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.obstacles.foundations_on_points import unit_form
 from signorini_fx.mechanics.statement.effect import Force, InitialStrain, Resistance
 from signorini_fx.mechanics.statement.expressions import in_space
-from signorini_fx.mechanics.statement.settings import treatment_of
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.results.certificate.body_nodes import BodyNodes
 
@@ -147,7 +146,7 @@ class NodalForces(BodyNodes):
     @property
     def pressed(self) -> bool:
         """Whether a pressure is an unknown."""
-        return treatment_of(self.statement).pressed
+        return self.statement.element.pressed
 
     def internal(self, displacement: fem.Function) -> Array:
         """a(y, .) of the strains of a displacement, forces, shape (owned nodes, d).
