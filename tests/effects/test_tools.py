@@ -141,7 +141,7 @@ def test_a_force_and_the_motion_that_it_causes_give_the_same(dimension, law, alg
     assert np.abs(np.array(row["force"]) + given)[free].max() < 1e-9 * np.abs(given).max()
     assert forced.contact.in_contact.any() or COMM.size > 1
     driven = solve(block(dimension, law, algebra, **element, **prescribed(tool)))
-    assert apart(forced, driven) < 1e-10
+    assert apart(forced, driven) < 1e-10 + 10 * (forced.certificate.worst + driven.certificate.worst)
     if law != "coulomb":  # whose fixed point contracts faster where the motion is prescribed
         assert forced.history.linear_solves <= 1.2 * driven.history.linear_solves + 1
     assert forced.certificate.worst < 1e-9

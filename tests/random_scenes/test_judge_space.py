@@ -71,7 +71,7 @@ def test_a_constant_stress_is_in_balance(cell, degree):
 TRESCA, COULOMB = {"law": "tresca", "bound": 0.5}, {"law": "coulomb", "coefficient": 0.2}
 TRIALS = {
     "tresca": Trial(0, scene(TRESCA), block(inner=0.03)[0], same(3)),
-    "coulomb": Trial(0, scene(COULOMB, 2), block("tetrahedron", shape=(2, 1, 1))[0], Units(1e-6, 1e5, 3)),
+    "coulomb": Trial(0, scene(COULOMB, 2), block("tetrahedron", shape=(2, 2, 1))[0], Units(1e-6, 1e5, 3)),
     "limit": Trial(0, scene(COULOMB, solver={"algorithm": "alm"}), block("tetrahedron")[0], same(3)),
 }
 ANSWERS: dict[str, Answer] = {}

@@ -183,13 +183,10 @@ def points_of(body: Body, part: int) -> Points:
     normals = moments[vertices] / size[:, None]
 
     def found(shares: csr_array, weight: Array) -> Points:
-        reached = np.unique(shares.indices)
-        gap = np.zeros(len(body.x))
-        gap[reached] = at_points(effect.get("gap", 0.0), body.x[reached])
+        gap = at_points(effect.get("gap", 0.0), body.x[vertices])
         if "foundation" in effect:
-            gap[reached] += from_shape(effect["foundation"], body.x[reached])[0]
-        at = np.maximum(shares @ gap, gap[reached].min())  # an average is not below the least distance
-        return Points(body.x[vertices], csr_array(kron(shares, eye_array(body.dim))), weight, normals, at)
+            gap = gap + from_shape(effect["foundation"], body.x[vertices])[0]
+        return Points(body.x[vertices], csr_array(kron(shares, eye_array(body.dim))), weight, normals, gap)
 
     if not averaged:
         own = coo_array(

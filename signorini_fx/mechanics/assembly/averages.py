@@ -10,7 +10,7 @@ psi_i are dual to the linear hat functions phi_i of the vertices on each facet f
 delta_ik: psi_i = 4 phi_i - 1 on a flat one.  They sum to one, so that a constant traction loads the body as it should,
 all w_i = (phi_i, 1) are positive, and y_i of a linear displacement is its value at the vertex: a point hardly feels
 the tractions of those beside it, and pressures do not alternate (Wohlmuth, SIAM J. Numer. Anal. 38 (2000) 989-1012).
-A gap is averaged in the same way as the displacement that it is compared with.
+The gap that it is compared with is that of the vertex: what is averaged of a round one is negative where it touches.
 """
 
 from __future__ import annotations

@@ -19,7 +19,7 @@ from signorini_fx.algebra.method import Settings
 from signorini_fx.errors import FormError, SceneError
 from signorini_fx.extensions import is_of_package
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.assembly.averages import averaging, averaging_forms, from_owners
+from signorini_fx.mechanics.assembly.averages import averaging, averaging_forms
 from signorini_fx.mechanics.assembly.mesh_entities import node_positions
 from signorini_fx.mechanics.assembly.nodal_values import NodalValues
 from signorini_fx.mechanics.contact_points.contact_boundary import (
@@ -509,19 +509,11 @@ class Foundations:
         return joined(parts, points).without_pressure(boundary.points.immovable)
 
     def _gap(self, boundary: ContactBoundary, data: Sequence[FoundationData]) -> Array:
-        """The gap at the points, averaged where the displacement is that it is compared with, and not below its least
-        value: where a round foundation touches a node nothing overlaps; collective.
-        """
+        """The gap at the points: that of their nodes, whose value averages of a linear displacement have, too."""
         gap = np.zeros(boundary.size)
         for k, contact_data in enumerate(data):
             on_part = boundary.part == k
-            if boundary.averages is None or contact_data.pair is not None or not averaging(self._space):
-                gap[on_part] = contact_data.gap[boundary.nodes[on_part]]
-                continue
-            owned_gap = np.nan_to_num(contact_data.gap[: self._space.dofmap.index_map.size_local, None])
-            reached = from_owners(owned_gap, boundary.averages.nodes, boundary.comm)[:, 0]
-            least = -parallel.largest(boundary.comm, -contact_data.gap[~np.isnan(contact_data.gap)], -np.inf)
-            gap[on_part] = np.maximum(boundary.averages.shares[on_part] @ reached, least)
+            gap[on_part] = contact_data.gap[boundary.nodes[on_part]]
         return gap
 
 

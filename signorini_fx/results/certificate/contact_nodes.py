@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
@@ -60,16 +60,6 @@ class ContactSide:
             return np.asarray(values[self.nodes])
         reached = from_owners(np.nan_to_num(values[: body.owned]), self.averages.nodes, body.comm)
         return np.asarray(self.averages.shares @ reached)
-
-    def with_gap(self, gap: Nodal, body: BodyNodes) -> ContactSide:
-        """The same with a gap at all nodes of this rank, length, shape (nodes,); averages are not below the least one;
-        collective.
-        """
-        if self.averages is None:
-            return replace(self, gap=gap[self.nodes])
-        reached = from_owners(np.nan_to_num(gap[: body.owned, None]), self.averages.nodes, body.comm)[:, 0]
-        least = -parallel.largest(body.comm, -reached, -np.inf)
-        return replace(self, gap=np.maximum(self.averages.shares @ reached, least))
 
     def movable(self, vectors: Nodal, supports: PrescribedNodes, body: BodyNodes) -> Nodal:
         """The part of vectors at the points that is along directions in which something can move, shape (n, d);

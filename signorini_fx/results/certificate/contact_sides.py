@@ -40,8 +40,7 @@ def rigid_side(
     free = np.zeros(body.owned * body.dimension, dtype=bool)
     part = rigid_points(body.space, unit_form, facets, 0, shape, free)
     at = part.nodes
-    side = ContactSide(at, part.weight, part.normal, gap[at], bound, bilateral, part.averages, None, _at(axes, at))
-    return side if part.averages is None else side.with_gap(gap, body)
+    return ContactSide(at, part.weight, part.normal, gap[at], bound, bilateral, part.averages, None, _at(axes, at))
 
 
 def paired_side(
