@@ -18,7 +18,8 @@ _ACCURACIES = (1e-9, 1e-8, 1e-7)
 
 
 def held(body: Body, contact: Contact) -> bool:
-    """Whether contact and stick everywhere would hold every piece of the body.
+    """Whether contact and stick everywhere would hold every piece of the body: stick that follows pressure where no
+    support takes the pressure.
 
     A motion that is resisted 1e4 times less than it moves the contact counts as free: facets of a cylinder do not hold
     a turn.
@@ -28,8 +29,11 @@ def held(body: Body, contact: Contact) -> bool:
         return True
     moves = contact.moves(motions)
     rows = [np.einsum("nik,ni->nk", moves, contact.normal)]
-    across = range(contact.x.shape[1] - 1)
-    rows += [np.einsum("nik,ni->nk", moves, contact.tangents[:, k])[contact.rubs] for k in across]
+    dim = contact.x.shape[1]
+    normal = sum(contact.operator[k::dim].multiply(contact.normal[:, [k]]) for k in range(dim))
+    movable = np.einsum("nmi,mij->nmj", normal.toarray().reshape(-1, *body.x.shape), np.eye(dim) - body.held)
+    rubs = contact.rubs & ((contact.given > 0) | (abs(movable).max(axis=(1, 2)) > 1e-9))
+    rows += [np.einsum("nik,ni->nk", moves, contact.tangents[:, k])[rubs] for k in range(dim - 1)]
     values = np.linalg.svd(np.concatenate(rows), compute_uv=False)
     largest = np.linalg.norm(moves.reshape(-1, motions.shape[1]), ord=2)
     return bool(np.sum(values > 1e-4 * largest) == motions.shape[1])
