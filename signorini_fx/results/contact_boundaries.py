@@ -65,7 +65,7 @@ def contact_figures(statement: Statement, contact: ContactState) -> list[Contact
 
 
 def _moment_about_middle(contact: ContactState, part: int) -> tuple[float | list[float | None] | None, float | None]:
-    """See ``ContactFigures``; None and None: the boundary is not closed; collective."""
+    """``moment`` and ``moment_limit`` of a part; None and None: the boundary is not closed; collective."""
     boundary, comm = contact.boundary, contact.boundary.comm
     on_part = boundary.part == part
     weight, x, normal = boundary.weight[on_part], boundary.centre[on_part], boundary.normal[on_part]

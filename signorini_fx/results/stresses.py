@@ -328,7 +328,7 @@ class Stresses(RawStresses):
         return cls(element_stress(model, displacement, step), recovery, energy, step, model=model)
 
     def utilisation(self) -> dict[str, Any] | None:
-        """See ``RawStresses``: of raw and recovered stress the one that uses more, and where."""
+        """Of raw and recovered stress the one that uses more, and where."""
         model = self.model
         assert model is not None
         if all(math.isinf(material.yields_at) for material in model.statement.material):

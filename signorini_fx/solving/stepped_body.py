@@ -95,7 +95,7 @@ def certified_result(
     begun: tuple[Task, Start, PreviousStep | None],
     outcome: Outcome,
 ) -> StepResult:
-    """See ``BegunStep.certified``; ``begun``: its task, start and last step; collective."""
+    """The result of a step; ``begun``: its task, start and last step; collective."""
     (task, start, last), unknowns = begun, outcome.displacement()
     displacement = model.from_rest(task.rest, unknowns)
     contact = None if model.boundary is None else model.state(task, outcome, start)
