@@ -79,7 +79,7 @@ QUANTITIES = (
     *("deformation", "utilisation"),
 )
 # Those of energies, which forms know without what heat strains, and that of the stress.
-ENERGIES, STRESS = ("strain_energy", "functionals"), ("stress",)
+ENERGIES, STRESS = ("strain_energy",), ("stress",)
 # By how much two fronts may differ, relative to the largest value of all load steps: two assemblies of one problem
 # differ by round-off, which gamma = 1e5 moduli makes 1e5 times as large where a pressure is a penetration.
 SAME = 1e-8
@@ -494,7 +494,6 @@ class Differences:
             "moment": sizes.force * arm,
             "through": sizes.force,
             "energy": unstrained,
-            "functionals": unstrained,
         }
         values_of_scene, values_of_forms = (of_results(solution) | of_fields(solution) for solution in (scene, forms))
         for key in [key for key in keys if key in values_of_scene]:

@@ -278,14 +278,6 @@ class ErrorBoundFigures(Row):
     statement: str = described("All of it in a sentence, or why there is no bound.")
 
 
-class BothFunctionals(Row):
-    """Energies."""
-
-    primal: Number
-    dual: Number
-    relative_duality_gap: Number
-
-
 class CostFigures(Row):
     """Of the estimated error and the seconds of this run."""
 
@@ -450,9 +442,6 @@ class Summary(Run):
     certificate: CertificateFigures = described("The check of the conditions of the problem; every figure is relative.")
     error_bound: ErrorBoundFigures = perhaps(
         "A guaranteed bound of the error in the energy norm, where the scene asks for it."
-    )
-    functionals: BothFunctionals = perhaps(
-        "Primal and dual functional of the regularised problem, energies, without Coulomb friction."
     )
     cost: CostFigures = perhaps("What the accuracy took, and what a better one would take; a forecast.")
 

@@ -13,7 +13,7 @@ from signorini_fx.machine import parallel
 
 def of_results(solution: Any) -> dict[str, Any]:
     """Those that stand with the solution; collective."""
-    law, functionals, contact = solution.law, solution.functionals, solution.contact
+    law, contact = solution.law, solution.contact
     known: dict[str, Any] = {
         "held_by_supports": solution.model.motions.free.shape[1] == 0,
         **({} if contact is None else _of_contact(solution)),
@@ -24,12 +24,6 @@ def of_results(solution: Any) -> dict[str, Any]:
         "law": None if law is None else law.model_dump(),
         "certificate": solution.certificate.as_dict(),
     }
-    if functionals is not None:
-        known["functionals"] = {
-            "primal": functionals.primal,
-            "dual": functionals.dual,
-            "relative_duality_gap": functionals.relative_gap,
-        }
     known = {key: value for key, value in known.items() if value is not None}
     if contact is not None and contact.boundary.x.shape[1] == 3:
         known["contact_force_through"] = _through(contact)

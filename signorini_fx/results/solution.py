@@ -30,7 +30,6 @@ from signorini_fx.results.certificate.contact_nodes import ContactSide
 from signorini_fx.results.contact_boundaries import contact_figures
 from signorini_fx.results.contact_fields import BoundaryFields, boundary_fields
 from signorini_fx.results.friction_used import friction_used
-from signorini_fx.results.functionals import Functionals
 from signorini_fx.results.mechanics import SolidBody, StepResult
 from signorini_fx.results.requested_law import requested_law
 from signorini_fx.results.resultants import Resultants
@@ -68,7 +67,6 @@ class Solution:
         model: what was solved, on its mesh.
         displacement: y, a finite element function.
         contact: nodal state of the contact boundary of this rank (``table`` has all ranks'), None without contact.
-        functionals: primal and dual functional, None where the friction bound follows the pressure or without contact.
         certificate: the check of the conditions of the problem after the solve.
         steps: one result per load step, up to the last one that was tried; the fields above but for model, status and
             algorithm are those of ``last_step``.
@@ -87,7 +85,6 @@ class Solution:
     model: SolidBody
     displacement: fem.Function
     contact: ContactState | None
-    functionals: Functionals | None
     certificate: Certificate
     steps: tuple[StepResult, ...]
     history: History
@@ -244,7 +241,6 @@ class Solution:
             contact=step.contact,
             certificate=step.certificate,
             steps=(*past, step),
-            functionals=None,
         )
 
     @property
