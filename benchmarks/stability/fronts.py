@@ -74,8 +74,8 @@ class Levelling(FrictionLaw):
 register(LAWS, "own", Levelling)
 # Quantities that forms answer as scenes do; of the others forms call boundaries otherwise.
 QUANTITIES = (
-    *("contact_nodes", "touching_nodes", "held_by_supports", "max_pressure", "max_shear", "pressure_integral"),
-    *("areas", "contact_force", "friction_force", "contact_moment", "friction_moment", "contact_force_through"),
+    *("contact_nodes", "touching_nodes", "max_pressure", "max_shear", "pressure_integral"),
+    *("areas", "contact_force", "friction_force", "contact_moment", "friction_moment"),
     *("deformation", "utilisation"),
 )
 # Those of energies, which forms know without what heat strains, and that of the stress.
@@ -492,7 +492,6 @@ class Differences:
         floors = {
             "force": sizes.force,
             "moment": sizes.force * arm,
-            "through": sizes.force,
             "energy": unstrained,
         }
         values_of_scene, values_of_forms = (of_results(solution) | of_fields(solution) for solution in (scene, forms))
