@@ -27,9 +27,8 @@ from signorini_fx.results.accuracy.next_accuracy import NAMES, CostOfAccuracy, n
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery
 from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.results.certificate.contact_nodes import ContactSide
-from signorini_fx.results.contact_boundaries import contact_figures
 from signorini_fx.results.contact_fields import BoundaryFields, boundary_fields
-from signorini_fx.results.friction_used import friction_used
+from signorini_fx.results.contact_figures import contact_figures, friction_used, section_forces
 from signorini_fx.results.mechanics import SolidBody, StepResult
 from signorini_fx.results.requested_law import another_law
 from signorini_fx.results.resultants import Resultants
@@ -301,8 +300,6 @@ class Solution:
     @cached_property
     def preloads(self) -> list[SectionForce]:
         """The forces through sections that are tightened; with load steps, in the last one; collective."""
-        from signorini_fx.results.section_forces import section_forces
-
         return section_forces(self.statement, self.model.tagged, self.displacement, self._position)
 
     @cached_property

@@ -28,8 +28,8 @@ from signorini_fx.mechanics.effects.preload import Preload
 from signorini_fx.mechanics.loads.initial_strains import Jump
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.records import Finding, Status
+from signorini_fx.results.contact_figures import section_forces
 from signorini_fx.results.mechanics import SolidBody
-from signorini_fx.results.section_forces import section_forces
 from signorini_fx.solving.iterated_interfaces.protocol import Interface, LoadStepEnd, LoadStepStart
 from signorini_fx.tuned import (
     CERTIFICATE_TOLERANCE,
