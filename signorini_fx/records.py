@@ -166,7 +166,7 @@ _ADVICE = {
     ),
     Status.NOT_CERTIFIED: (
         "the check after the solve found that conditions of the problem are violated: see the certificate in the "
-        "summary; lower solver.gamma_n and solver.gamma_t, with Coulomb friction solver.tolerance, or check the mesh"
+        "summary; lower solver.gamma_n and solver.gamma_t, with Coulomb friction solver.tolerance, or mend flat cells"
     ),
     Status.BUDGET: (
         "raise the budget, or require less: this is a certified solution on the last mesh that the budget allowed, "
@@ -184,10 +184,7 @@ _ADVICE = {
         "remove what keeps the finer mesh from a solution, or require less: this is a certified solution on the last "
         "mesh that has one, less accurate than required"
     ),
-    Status.ROUND_OFF: (
-        "gamma is too large for double precision: lower solver.gamma_n and solver.gamma_t; without contact the "
-        "smallest cells are too flat or too small"
-    ),
+    Status.ROUND_OFF: "gamma is too large for double precision: lower solver.gamma_n and solver.gamma_t",
 }
 
 

@@ -477,9 +477,6 @@ LOST_UNITS = 100.0
 # Units in the last place of the largest coordinate that distances and lengths of sides may lose.  Choice: of scenes 1e6
 # times their size away from the origin nodal forces lost one over the length of a side, distances two.
 UNITS_OF_PLACES = 10.0
-# A linear solve leaves at most so many times what units in the last place of the displacement leave, too, which is
-# estimated from so many random signs.  Choice: one to five, by any factorisation.
-ROUNDINGS = 4
 # A boundary is closed if the sum of its normals, by their areas, is a smaller share of its area: on straight facets of
 # unequal lengths it is no exact zero.  Choice.
 CLOSED_BOUNDARY = 0.01

@@ -74,12 +74,12 @@ class Levelling(FrictionLaw):
 register(LAWS, "own", Levelling)
 # Quantities that forms answer as scenes do; of the others forms call boundaries otherwise.
 QUANTITIES = (
-    *("contact_nodes", "touching_nodes", "held_by_supports", "max_pressure", "max_shear", "pressure_integral"),
-    *("areas", "contact_force", "friction_force", "contact_moment", "friction_moment", "contact_force_through"),
+    *("contact_nodes", "touching_nodes", "max_pressure", "max_shear", "pressure_integral"),
+    *("areas", "contact_force", "friction_force", "contact_moment", "friction_moment"),
     *("deformation", "utilisation"),
 )
 # Those of energies, which forms know without what heat strains, and that of the stress.
-ENERGIES, STRESS = ("strain_energy", "functionals"), ("stress",)
+ENERGIES, STRESS = ("strain_energy",), ("stress",)
 # By how much two fronts may differ, relative to the largest value of all load steps: two assemblies of one problem
 # differ by round-off, which gamma = 1e5 moduli makes 1e5 times as large where a pressure is a penetration.
 SAME = 1e-8
@@ -492,9 +492,7 @@ class Differences:
         floors = {
             "force": sizes.force,
             "moment": sizes.force * arm,
-            "through": sizes.force,
             "energy": unstrained,
-            "functionals": unstrained,
         }
         values_of_scene, values_of_forms = (of_results(solution) | of_fields(solution) for solution in (scene, forms))
         for key in [key for key in keys if key in values_of_scene]:

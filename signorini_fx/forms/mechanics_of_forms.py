@@ -66,7 +66,7 @@ class FormBody(SolidBody):
 
     @property
     def scales(self) -> Scales:
-        """See ``Model``: forms state no materials."""
+        """Forms state no materials."""
         return self.form_scales
 
     def sides(self, y: fem.Function) -> list[ContactSide]:
@@ -74,7 +74,7 @@ class FormBody(SolidBody):
         return sides_of(self.foundation_data, self.unit_forms, forms.contact, forms.masters, BodyNodes(forms.space))
 
     def balance(self, y: fem.Function, step: float) -> Balance:
-        """See ``SolidBody``: of the present values of the forms, wherever ``step`` is."""
+        """Of the present values of the forms, wherever ``step`` is."""
         (a, L), (fixed, values), scales = self.user_forms.compiled, self.prescribed_dofs, self.form_scales
         dim = self.dimension
         nodes = np.arange(values.size // dim, dtype=np.int32)
@@ -91,7 +91,7 @@ class FormBody(SolidBody):
         return stresses_of(forms.stress, y, forms.parts, forms.original, forms.touching, fixed, shared)
 
     def acting(self, y: fem.Function, step: float) -> ActingForces:
-        """See ``SolidBody``: what acts through the parts of the boundary that have names."""
+        """What acts through the parts of the boundary that have names."""
         from signorini_fx.results.resultants import ActingForces
 
         balance, forms, (fixed, _) = self.balance(y, step), self.user_forms, self.prescribed_dofs

@@ -325,9 +325,7 @@ class FormSolver:
         return bool(self._rested.displacement(self._last.rest.motion).ravel()[fixed].any())
 
     def _natural_modulus(self) -> float | None:
-        """See ``natural_modulus``, and where forms have no stress ``modulus_of_energy``: looked for anew when the
-        coefficients of ``a`` change, not when foundations do; collective.
-        """
+        """Of the stress of the forms, or of ``a``: anew when coefficients of ``a`` change; collective."""
         law, forms = self.forms.stress, self.forms
         fingerprint = digest(self.forms.compiled[0])
         last, modulus = self._last_modulus

@@ -59,7 +59,7 @@ class FormSteps(SteppedBody):
     beginning: StepBeginning
 
     def begun(self, path_step: float, task: Task, first: Start, end: StepEnd | None) -> BegunStep:
-        """See ``SteppedBody``: from the end of the last load step, which the solver has kept."""
+        """From the end of the last load step, which the solver has kept."""
         solver = self.solver
         solver.return_to(self.beginning)
         with self.timings.phase("assemble"):
@@ -71,14 +71,14 @@ class FormSteps(SteppedBody):
         return BegunStep(replace(self, model=solver.model(self.path)), solver.task, start, solver.previous_step)
 
     def load(self, system: ElasticSystem, path_step: float) -> Nodal:
-        """See ``SteppedBody``: the system has those of the time of the place."""
+        """The system has those of the time of the place."""
         return np.ones(1)
 
     def show(self, outcome: Outcome, result: StepResult) -> None:
         self.solver.show(outcome, result)
 
     def ended(self, end: StepEnd) -> FormSteps:
-        """See ``SteppedBody``: the next load step begins as after ``advance``."""
+        """The next load step begins as after ``advance``."""
         self.solver.end_at(end)
         return replace(self, beginning=self.solver.beginning())
 

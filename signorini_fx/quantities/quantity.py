@@ -12,9 +12,6 @@ from signorini_fx.errors import InstallationError
 from signorini_fx.extensions import QUANTITIES, load, names_of
 from signorini_fx.quantities.summary import Row, RowOfSteps, Run, Summary, unit_of
 
-# Attributes and methods that quantities had, and that would be ignored.
-_FORMER = {"kind", "scope", "stage", "terminal", "report", "steps", "first", "brief", "request", "functional", "bounds"}
-
 
 class Quantity:
     """A result of one's own: a class with this as its base sets ``key`` and ``title`` and has the method ``value``.
@@ -54,14 +51,11 @@ def _usable(name: str, extension: Any) -> Quantity:
     """A quantity from an object, or from a class that needs no arguments.
 
     Raises:
-        InstallationError: it is none, has what quantities had once, or its key is taken.
+        InstallationError: it is none, or its key is taken.
     """
     quantity = extension() if isinstance(extension, type) else extension
     if not isinstance(quantity, Quantity) or not isinstance(getattr(quantity, "title", None), str):
         raise InstallationError(f"the quantity {name!r} is no signorini_fx.Quantity with a key and a title")
-    if former := sorted(_FORMER & {*dir(quantity)}):
-        advice = "leave it out: a quantity has key, title and unit, and the method value"
-        raise InstallationError(f"the quantity {name!r}: {former[0]} was removed: {advice}")
     taken = {*Summary.model_fields, *RowOfSteps.model_fields}
     if getattr(quantity, "key", None) != name or not name.isidentifier() or name in taken:
         raise InstallationError(f"the quantity {name!r} needs a key that is its name, an identifier that is not taken")

@@ -312,5 +312,4 @@ _TABLE = (
     Shown("utilisation", "yield stress used", _utilisation),
     Shown("deformation", "deformation", _deformation),
     Shown("error_bound", "error bound", lambda summary: [summary["error_bound"]["statement"]]),
-    Shown("functionals", "duality gap", lambda summary: [f"{summary['functionals']['relative_duality_gap']:.1e}"]),
 )

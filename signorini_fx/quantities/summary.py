@@ -233,14 +233,6 @@ class LargestDeformation(Row):
     displacement: Number = described("Largest displacement, relative to the size of the body.")
 
 
-class RequestedLaw(Row):
-    """The law that the certificate judges, and the one that the settings ask for."""
-
-    asked: str = described("What the settings ask for; empty: nothing particular.")
-    delivered: str = described("The law of the results.")
-    differs: str = described("In what it is not what was asked for, and what to do; empty: in nothing.")
-
-
 class CertificateFigures(Row):
     """Its figures, each relative."""
 
@@ -276,14 +268,6 @@ class ErrorBoundFigures(Row):
     round_off: Number = described("Part of round-off.", default=None)
     guaranteed: bool = described("Whether it is a bound; else an estimate.", default=None)
     statement: str = described("All of it in a sentence, or why there is no bound.")
-
-
-class BothFunctionals(Row):
-    """Energies."""
-
-    primal: Number
-    dual: Number
-    relative_duality_gap: Number
 
 
 class CostFigures(Row):
@@ -396,9 +380,6 @@ class Summary(Run):
     friction_used: Number = perhaps(
         "Share of its friction that the loads use, with the friction bounds of this solution."
     )
-    held_by_supports: bool = described(
-        "Whether supports leave the body no rigid motion, so that no load can move it away."
-    )
     contact_nodes: Count = perhaps("Nodes of the contact boundary.")
     touching_nodes: Count = perhaps("Those in contact.")
     contact_force: Vector = perhaps(
@@ -417,9 +398,6 @@ class Summary(Run):
     )
     friction_moment: Vector = perhaps(
         "Moment of `friction_force` about the origin, in 3D; with torsion about the axis x[1].", "moment"
-    )
-    contact_force_through: Point | None = perhaps(
-        "Point of the central axis of the contact force that is nearest to the origin, in 3D.", "length"
     )
     contact_boundaries: list[ContactFigures] = perhaps("Each contact boundary; areas are lengths in 2D.")
     tools: list[Tool] = perhaps("Foundations that forces move: how they have moved, and what the body does to them.")
@@ -444,15 +422,9 @@ class Summary(Run):
         "Largest von Mises stress over the yield stress, and where; absent if no material has a yield stress."
     )
     deformation: LargestDeformation = described("Of the load step with the largest one.")
-    law: RequestedLaw = perhaps(
-        "The contact law of the results, and whether it is the one that was asked for; absent without a solution."
-    )
     certificate: CertificateFigures = described("The check of the conditions of the problem; every figure is relative.")
     error_bound: ErrorBoundFigures = perhaps(
         "A guaranteed bound of the error in the energy norm, where the scene asks for it."
-    )
-    functionals: BothFunctionals = perhaps(
-        "Primal and dual functional of the regularised problem, energies, without Coulomb friction."
     )
     cost: CostFigures = perhaps("What the accuracy took, and what a better one would take; a forecast.")
 

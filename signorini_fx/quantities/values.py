@@ -13,27 +13,16 @@ from signorini_fx.machine import parallel
 
 def of_results(solution: Any) -> dict[str, Any]:
     """Those that stand with the solution; collective."""
-    law, functionals, contact = solution.law, solution.functionals, solution.contact
+    contact = solution.contact
     known: dict[str, Any] = {
-        "held_by_supports": solution.model.motions.free.shape[1] == 0,
         **({} if contact is None else _of_contact(solution)),
         "preloads": [section.model_dump() for section in solution.preloads] or None,
         "resultants": solution.resultants.as_rows(),
         "strain_energy": solution.last_step.strain_energy,
         "deformation": asdict(max((step.deformation for step in solution.shown_steps), key=lambda step: step.largest)),
-        "law": None if law is None else law.model_dump(),
         "certificate": solution.certificate.as_dict(),
     }
-    if functionals is not None:
-        known["functionals"] = {
-            "primal": functionals.primal,
-            "dual": functionals.dual,
-            "relative_duality_gap": functionals.relative_gap,
-        }
-    known = {key: value for key, value in known.items() if value is not None}
-    if contact is not None and contact.boundary.x.shape[1] == 3:
-        known["contact_force_through"] = _through(contact)
-    return known
+    return {key: value for key, value in known.items() if value is not None}
 
 
 def _of_contact(solution: Any) -> dict[str, Any]:
@@ -75,15 +64,6 @@ def _zones(table: Any) -> dict[str, Any]:
         "stick": table.zones(acting & (columns["friction"] == "stick")),
         "slip": table.zones(acting & np.isin(columns["friction"], ["slip+", "slip-", "slip"])),
     }
-
-
-def _through(contact: Any) -> list[float] | None:
-    """A point of the central axis of the contact force; over a revolution there is none."""
-    force = contact.forces[0]
-    size = float(force @ force)
-    if not (size > 0 and contact.boundary.kinematics.uniform):
-        return None
-    return _plain(np.cross(force, contact.moments[0]) / size)
 
 
 def of_fields(solution: Any) -> dict[str, Any]:

@@ -8,10 +8,9 @@ from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
-from typing import Any, TypeVar, cast
+from typing import Any
 
 import numpy as np
-from mpi4py import MPI
 from pydantic import BaseModel
 
 from signorini_fx.errors import InstallationError, MissingPackageError, PictureError, ResultError, cannot_be_written
@@ -30,15 +29,13 @@ from signorini_fx.results.fields import (
     FIELD_FILES,
     VTU,
     facets_of,
-    size_of_fields,
     write_fields,
     write_surface,
 )
-from signorini_fx.results.folder import CHECKPOINT, SUMMARY, ResultFolder, reserve
+from signorini_fx.results.folder import CHECKPOINT, SUMMARY, ResultFolder
 from signorini_fx.results.solution import Solution
 from signorini_fx.results.summary import summary_of
 
-T = TypeVar("T")
 # The result of the last completed mesh, while the next one is being solved.
 LAST_LEVEL = "last_level"
 # Fields drawn on demand: the von Mises stress always is, and the displacement around the axis where there is one.
@@ -185,8 +182,10 @@ class _Written:
         summary["finished"] = parallel.on_root(comm, lambda: datetime.now(UTC).isoformat(timespec="seconds"))
         steps = summary.get("steps", [])
         if fields:
-            reserve(comm, part, size_of_fields(solution))
-            summary["fields"] = _together(comm, self.folder, lambda: write_fields(solution, part))
+            try:
+                summary["fields"] = write_fields(solution, part)
+            except OSError as error:
+                raise cannot_be_written(self.folder.path, error) from None
             summary |= of_fields(solution)
 
         def write() -> None:
@@ -273,17 +272,6 @@ def _for_json(value: Any) -> Any:
     if isinstance(value, str):
         return value if value.isprintable() else printable(value)
     return None if isinstance(value, float) and not np.isfinite(value) else value
-
-
-def _together(comm: MPI.Comm, folder: ResultFolder, write: Callable[[], T]) -> T:
-    """Files that all ranks write together; an error on one rank is raised on all."""
-    result, error = None, None
-    try:
-        result = write()
-    except (OSError, RuntimeError) as reason:  # MPI raises the second
-        error = cannot_be_written(folder.path, reason)
-    parallel.raise_together(comm, error)
-    return cast(T, result)
 
 
 def _contact_by_step(solution: Solution) -> Table:

@@ -167,28 +167,6 @@ class ResultFolder:
             self._lock = None
 
 
-def reserve(comm: MPI.Comm, part: Path, size: float) -> None:
-    """Check that this many bytes can be written: libraries that write fields do not survive a full disk; ``part``: a
-    folder inside the one that an error names; collective.
-
-    Raises:
-        OutputError: they cannot be written.
-    """
-
-    def allocate() -> None:
-        trial = part / "reserved"
-        try:
-            with trial.open("wb") as file:
-                os.posix_fallocate(file.fileno(), 0, max(int(size), 1))
-            trial.unlink()
-        except OSError as error:
-            if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
-                raise cannot_be_written(part.parent, error) from None
-            trial.unlink(missing_ok=True)  # the file system cannot tell
-
-    parallel.on_root(comm, allocate)
-
-
 def _lock(descriptor: int) -> None:
     """Lock the folder, or go on without a lock if the file system has none.
 

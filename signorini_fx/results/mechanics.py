@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from signorini_fx.results.accuracy.stress_recovery import StressRecovery
     from signorini_fx.results.certificate.nodal_forces import NodalForces
     from signorini_fx.results.resultants import ActingForces, NamedForces
-    from signorini_fx.results.stresses import RawStresses, Stresses
+    from signorini_fx.results.stresses import RawStresses
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,15 +92,21 @@ class StatedBody(SolidBody):
 
         return sides_of(NodalForces.on(self), self.pairs)
 
-    def stress(self, y: fem.Function, step: float, shared: dict[str, StressRecovery]) -> Stresses:
-        from signorini_fx.results.stresses import Stresses
+    def stress(self, y: fem.Function, step: float, shared: dict[str, StressRecovery]) -> RawStresses:
+        from signorini_fx.results.accuracy.stress_recovery import StressRecovery, element_stress
+        from signorini_fx.results.stresses import RawStresses
+
+        def recovery() -> StressRecovery:
+            if "recovery" not in shared:
+                shared["recovery"] = StressRecovery.of(self)
+            return shared["recovery"]
 
         def energy() -> float:
             balance = self.balance(y, step)
             nodal_displacements = y.x.array.reshape(-1, balance.surface.dimension)
             return balance.strain_energy(balance.works(nodal_displacements[: balance.surface.owned]))
 
-        return Stresses.of(self, y, step, shared, energy)
+        return RawStresses(element_stress(self, y, step), recovery, energy, step, model=self)
 
     def balance(self, y: fem.Function, step: float) -> Balance:
         from signorini_fx.results.certificate.nodal_forces import NodalForces

@@ -95,7 +95,7 @@ class NonlinearStresses(RawStresses):
 
     @cached_property
     def plastic_strain(self) -> fem.Function | None:
-        """See ``RawStresses``: in each cell within the values at its points."""
+        """In each cell within the values at its points."""
         if self.plastic is None:
             return None
         space = self.tensor.function_space
@@ -109,7 +109,7 @@ class NonlinearStresses(RawStresses):
         return None if self.plastic is None else self._extreme_of_points(self.plastic, 1.0)
 
     def _extreme(self, field: str, component: int, *, sign: float) -> Extreme:
-        """See ``StressFields``: at the points of quadrature."""
+        """At the points of quadrature."""
         check_has_extremes(field)
         stress = self.at_points.stress
         if field in COMPONENTS:

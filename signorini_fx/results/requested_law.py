@@ -11,20 +11,18 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 
 from signorini_fx.mechanics.statement.settings import SolverSettings
-from signorini_fx.quantities.summary import RequestedLaw
 from signorini_fx.records import Finding
 from signorini_fx.results.certificate.certificate import Certificate
-from signorini_fx.results.certificate.law_of_method import UNREGULARISED
 
 
-def requested_law(
+def another_law(
     settings: SolverSettings,
     certificates: Mapping[int, Certificate],
     left: float | None,
     *,
     raises_gamma: bool = False,
-) -> tuple[RequestedLaw, tuple[Finding, ...]]:
-    """The law that settings ask for beside that of the load steps, and a warning where it is another one.
+) -> Finding | None:
+    """A warning where the law of the load steps is not the one that settings ask for.
 
     Args:
         settings: of the solver.
@@ -33,39 +31,40 @@ def requested_law(
         raises_gamma: whether an accuracy is asked for, which raises gamma as it needs to.
     """
     laws = {step: certificate.law for step, certificate in certificates.items()}
-    last = list(laws.values())[-1]
-    asked, differs, key = "", "", "solver.algorithm"
     if settings.algorithm == "alm":
-        asked, others = str(UNREGULARISED), [step for step, law in laws.items() if law.regularised]
-        if others:
-            worst = max((certificates[step] for step in others), key=lambda certificate: certificate.penetration)
-            differs = (
-                f"'alm' was not reached{_where(laws, others)}, the regularised law with gamma_n = "
-                f"{laws[others[-1]].gamma_n:.3g} was solved instead; it leaves penetration {worst.penetration:.1e} and "
-                f"elastic slip {worst.stick_slip:.1e} times the largest displacement; raise solver.gamma_n and "
-                "solver.gamma_t to lessen them, or change the loads in smaller steps"
-            )
-    elif raises_gamma:
-        pass
-    elif settings.algorithm == "path-following":
+        others = [step for step, law in laws.items() if law.regularised]
+        if not others:
+            return None
+        worst = max((certificates[step] for step in others), key=lambda certificate: certificate.penetration)
+        message = (
+            f"'alm' was not reached{_where(laws, others)}, the regularised law with gamma_n = "
+            f"{laws[others[-1]].gamma_n:.3g} was solved instead; it leaves penetration {worst.penetration:.1e} and "
+            f"elastic slip {worst.stick_slip:.1e} times the largest displacement; raise solver.gamma_n and "
+            "solver.gamma_t to lessen them, or change the loads in smaller steps"
+        )
+        return Finding("warning", "solver.algorithm", message)
+    if raises_gamma:
+        return None
+    if settings.algorithm == "path-following":
         allowed = settings.regularisation_error
-        if allowed != "auto":
-            asked, key = f"a regularisation error of {allowed:.2g}", "solver.regularisation_error"
-            if left is not None and left > allowed:
-                differs = (
-                    f"{asked} was asked for and {left:.2g} is left; with a gamma above {last.gamma_n:.3g} round-off "
-                    "would take over; take algorithm = 'alm', which leaves none"
-                )
-    elif given := {name: value for name in ("gamma_n", "gamma_t") if (value := getattr(settings, name)) != "auto"}:
-        asked, key = ", ".join(f"{name} = {value:.3g}" for name, value in given.items()), "solver.gamma_n"
-        others = [step for step, law in laws.items() if any(getattr(law, name) != given[name] for name in given)]
-        if others:
-            differs = (
-                f"{asked} was asked for, and a fall-back has solved {laws[others[-1]]} in its place"
-                f"{_where(laws, others)}; lower gamma, or set solver.fallbacks = false to have this gamma or nothing"
-            )
-    law = RequestedLaw(asked=asked, delivered=str(last), differs=differs)
-    return law, ((Finding("warning", key, differs),) if differs else ())
+        if allowed == "auto" or left is None or left <= allowed:
+            return None
+        gamma = list(laws.values())[-1].gamma_n
+        message = (
+            f"a regularisation error of {allowed:.2g} was asked for and {left:.2g} is left; with a gamma above "
+            f"{gamma:.3g} round-off would take over; take algorithm = 'alm', which leaves none"
+        )
+        return Finding("warning", "solver.regularisation_error", message)
+    given = {name: value for name in ("gamma_n", "gamma_t") if (value := getattr(settings, name)) != "auto"}
+    others = [step for step, law in laws.items() if any(getattr(law, name) != given[name] for name in given)]
+    if not others:
+        return None
+    asked = ", ".join(f"{name} = {value:.3g}" for name, value in given.items())
+    message = (
+        f"{asked} was asked for, and a fall-back has solved {laws[others[-1]]} in its place{_where(laws, others)}; "
+        "lower gamma, or set solver.fallbacks = false to have this gamma or nothing"
+    )
+    return Finding("warning", "solver.gamma_n", message)
 
 
 def _where(steps: Iterable[int], others: list[int]) -> str:

@@ -1,8 +1,8 @@
 """Checkpoints: the complete load steps of a run on disk, for any number of ranks.
 
 Each load step on each mesh has a folder of its own, which appears under its name when it is complete: the displacement
-cell by cell in the order of the input of the mesh, which all ranks write together and which does not depend on them;
-what belongs to the contact nodes with their positions; and figures.
+cell by cell in the order of the input of the mesh, which does not depend on the ranks; what belongs to the contact
+nodes with their positions; and figures.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ from signorini_fx.errors import MeshError, OutputError, SceneError, cannot_be_wr
 from signorini_fx.machine import manifest, parallel
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.results.files import describe
-from signorini_fx.results.folder import CHECKPOINT, reserve
+from signorini_fx.results.folder import CHECKPOINT
 from signorini_fx.tuned import SAME_LENGTH
 
 Nodal = npt.NDArray[np.float64]
 Figures = dict[str, Any]
 
-_FORMAT = 9
-_SCENE, _FIGURES, _NODES, _FIELD = "scene.json", "figures.json", "nodes.npz", "displacement.bin"
+_FORMAT = 10
+_SCENE, _FIGURES, _NODES, _FIELD = "scene.json", "figures.json", "nodes.npz", "displacement.npy"
 _ABSENT = "(absent)"
 
 
@@ -93,7 +93,7 @@ class Checkpoint:
             with (folder / _NODES).open("rb") as stream, np.load(stream, allow_pickle=False) as file:
                 stored = {name: file[name] for name in file.files}
             contact_values = _placed(stored, boundary, displacement, size)
-        except (MPI.Exception, OSError, ValueError, KeyError, BadZipFile):  # the step is solved again
+        except (OSError, ValueError, EOFError, KeyError, BadZipFile):  # the step is solved again
             contact_values = None
         if parallel.any_rank(self._comm, contact_values is None) or contact_values is None:
             return None
@@ -103,8 +103,8 @@ class Checkpoint:
         """A further displacement of a load step by its name; None: it cannot be read."""
         function, failed = fem.Function(space), False
         try:
-            _read_field(self._folder(level, step) / f"{name}.bin", function)
-        except (MPI.Exception, OSError):
+            _read_field(self._folder(level, step) / f"{name}.npy", function)
+        except (OSError, ValueError, EOFError):
             failed = True
         return None if parallel.any_rank(self._comm, failed) else function
 
@@ -125,16 +125,9 @@ class Checkpoint:
             OutputError: it cannot be written.
         """
         part, functions = self.path / manifest.PART, {_FIELD: displacement}
-        functions |= {f"{name}.bin": function for name, function in (beside or {}).items()}
+        functions |= {f"{name}.npy": function for name, function in (beside or {}).items()}
         self._begin()
-        reserve(self._comm, part, len(functions) * _size_of(displacement))
-        error = None
-        try:
-            for name, function in functions.items():
-                _write_field(part / name, function)
-        except MPI.Exception as reason:
-            error = cannot_be_written(self.path, reason)
-        parallel.raise_together(self._comm, error)
+        fields = {name: _by_cell(function) for name, function in functions.items()}
         moved = displacement.x.array.reshape(-1, boundary.x.shape[1])[boundary.nodes]
         columns = {"part": boundary.part.astype(np.float64), "x": boundary.x, "y": moved, **nodal}
         widths = [1 if np.ndim(values) == 1 else values.shape[1] for values in columns.values()]
@@ -145,6 +138,8 @@ class Checkpoint:
             try:
                 pieces = np.split(rows, np.cumsum(widths)[:-1], axis=1)
                 named: dict[str, Any] = dict(zip(columns, pieces, strict=True))
+                for name, values in fields.items():
+                    np.save(part / name, values)
                 with (part / _NODES).open("wb") as file:
                     np.savez(file, **named)
                 (part / _FIGURES).write_text(json.dumps(figures), encoding="utf-8")
@@ -229,62 +224,33 @@ class Checkpoint:
         return complete
 
 
-def _rows_of(space: fem.FunctionSpace, cells: int) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int64], MPI.Datatype]:
-    """The first ``cells`` cells of this rank by their numbers in the input of the mesh: the numbers, increasing, the
-    nodes of each in the order of its vertices there, and the type of a row of values.
+def _by_cell(function: fem.Function) -> Nodal:
+    """The values of a function in each cell, in the order of the input of the mesh, on the first rank; collective.
 
-    Up to degree 2, and only there, this order does not depend on how the mesh is distributed.
+    Up to degree 2, and only there, the order of nodes in a cell does not depend on how the mesh is distributed.
     """
-    numbers = np.asarray(space.mesh.topology.original_cell_index[:cells])
-    order = np.argsort(numbers)
-    nodes = np.asarray(space.dofmap.list)[:cells][order].astype(np.int64)
-    row = MPI.DOUBLE.Create_contiguous(space.dofmap.list.shape[1] * space.dofmap.index_map_bs)
-    row.Commit()
-    return numbers[order].astype(np.int32), nodes, row
-
-
-def _transfer(
-    comm: MPI.Intracomm, path: Path, mode: int, numbers: npt.NDArray[np.int32], row: Any, values: Nodal
-) -> None:
-    """Write or read the rows with these numbers, all ranks together."""
-    filetype = row.Create_indexed_block(1, numbers) if numbers.size else row.Dup()
-    filetype.Commit()
-    file = MPI.File.Open(comm, str(path), mode)
-    try:
-        file.Set_view(0, MPI.DOUBLE, filetype)
-        (file.Read_all if mode == MPI.MODE_RDONLY else file.Write_all)([values, MPI.DOUBLE])
-    finally:
-        file.Close()
-        filetype.Free()
-        row.Free()
-
-
-def _write_field(path: Path, function: fem.Function) -> None:
-    """Write the values of a function cell by cell, in the order of the input of the mesh; collective."""
-    space = function.function_space
-    topology = space.mesh.topology
-    numbers, nodes, row = _rows_of(space, topology.index_map(topology.dim).size_local)
-    values = np.ascontiguousarray(function.x.array.reshape(-1, space.dofmap.index_map_bs)[nodes])
-    _transfer(space.mesh.comm, path, MPI.MODE_CREATE | MPI.MODE_WRONLY, numbers, row, values)
+    space, comm = function.function_space, function.function_space.mesh.comm
+    cells = space.mesh.topology.index_map(space.mesh.topology.dim).size_local
+    values = function.x.array.reshape(-1, space.dofmap.index_map_bs)[space.dofmap.list[:cells]]
+    numbers = parallel.rows_on_root(comm, np.asarray(space.mesh.topology.original_cell_index[:cells]))
+    return np.asarray(parallel.rows_on_root(comm, values.reshape(cells, -1))[np.argsort(numbers)])
 
 
 def _read_field(path: Path, function: fem.Function) -> None:
-    """Read what ``_write_field`` has written, on any number of ranks; collective."""
-    space = function.function_space
-    cells = len(space.mesh.topology.original_cell_index)
-    numbers, nodes, row = _rows_of(space, cells)
-    values = np.empty((*nodes.shape, space.dofmap.index_map_bs))
-    _transfer(space.mesh.comm, path, MPI.MODE_RDONLY, numbers, row, values)
-    function.x.array.reshape(-1, space.dofmap.index_map_bs)[nodes.ravel()] = values.reshape(-1, values.shape[2])
-    function.x.scatter_forward()
+    """Read what ``_by_cell`` has given, in all cells of this rank, those of other ranks that it knows too.
 
-
-def _size_of(displacement: fem.Function) -> float:
-    """About how many bytes a load step takes."""
-    space = displacement.function_space
-    topology = space.mesh.topology
-    cells = topology.index_map(topology.dim).size_global
-    return 8.0 * cells * space.dofmap.list.shape[1] * space.dofmap.index_map_bs + 1e5
+    Raises:
+        OSError: it cannot be read.
+        ValueError: it is another array, or part of one.
+        EOFError: it is empty.
+    """
+    space, topology = function.function_space, function.function_space.mesh.topology
+    nodes, size = np.asarray(space.dofmap.list), space.dofmap.index_map_bs
+    stored = np.load(path, mmap_mode="r")
+    if stored.shape != (topology.index_map(topology.dim).size_global, nodes.shape[1] * size):
+        raise ValueError(f"{path}: is of another mesh")
+    rows = stored[np.asarray(topology.original_cell_index)]
+    function.x.array.reshape(-1, size)[nodes.ravel()] = rows.reshape(-1, size)
 
 
 def _described(scene: BaseModel | Mapping[str, Any]) -> dict[str, Any]:

@@ -27,19 +27,17 @@ from signorini_fx.results.accuracy.next_accuracy import NAMES, CostOfAccuracy, n
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery
 from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.results.certificate.contact_nodes import ContactSide
-from signorini_fx.results.contact_boundaries import contact_figures
 from signorini_fx.results.contact_fields import BoundaryFields, boundary_fields
-from signorini_fx.results.friction_used import friction_used
-from signorini_fx.results.functionals import Functionals
+from signorini_fx.results.contact_figures import contact_figures, friction_used, section_forces
 from signorini_fx.results.mechanics import SolidBody, StepResult
-from signorini_fx.results.requested_law import requested_law
+from signorini_fx.results.requested_law import another_law
 from signorini_fx.results.resultants import Resultants
 from signorini_fx.results.stresses import RawStresses
 from signorini_fx.tuned import ZERO_IN_SOLUTION
 
 if TYPE_CHECKING:
     from signorini_fx.quantities.proved_statements import ErrorBound, Interval
-    from signorini_fx.quantities.summary import ContactFigures, RequestedLaw, SectionForce
+    from signorini_fx.quantities.summary import ContactFigures, SectionForce
     from signorini_fx.results.accuracy.convergence_table import Price
     from signorini_fx.results.accuracy.level_results import LevelResult
 
@@ -68,7 +66,6 @@ class Solution:
         model: what was solved, on its mesh.
         displacement: y, a finite element function.
         contact: nodal state of the contact boundary of this rank (``table`` has all ranks'), None without contact.
-        functionals: primal and dual functional, None where the friction bound follows the pressure or without contact.
         certificate: the check of the conditions of the problem after the solve.
         steps: one result per load step, up to the last one that was tried; the fields above but for model, status and
             algorithm are those of ``last_step``.
@@ -87,7 +84,6 @@ class Solution:
     model: SolidBody
     displacement: fem.Function
     contact: ContactState | None
-    functionals: Functionals | None
     certificate: Certificate
     steps: tuple[StepResult, ...]
     history: History
@@ -202,25 +198,17 @@ class Solution:
         used += [part for entry in statement.contact for part in (entry.friction, entry.foundation) if part is not None]
         return list(dict.fromkeys(type(entry).__name__ for entry in used if not is_of_package(type(entry))))
 
-    @property
-    def law(self) -> RequestedLaw | None:
-        """The contact law of the results beside the one that was asked for; None without contact or solution."""
-        return self._law[0]
-
-    @cached_property
-    def _law(self) -> tuple[RequestedLaw | None, tuple[Finding, ...]]:
-        if self.contact is None or self.last_step.status is not Status.CONVERGED:
-            return None, ()
-        certificates = {step.step: step.certificate for step in self.shown_steps}
-        error, raises_gamma = self.parameters.get("regularisation_error"), self.statement.accuracy is not None
-        return requested_law(self.statement.solver, certificates, error, raises_gamma=raises_gamma)
-
     @cached_property
     def findings(self) -> tuple[Finding, ...]:
         """Warnings and notes about the scene and the result, the first one if the law of the results is not the one
         that was asked for.
         """
-        return *self._law[1], *self.found()
+        law = None
+        if self.contact is not None and self.last_step.status is Status.CONVERGED:
+            certificates = {step.step: step.certificate for step in self.shown_steps}
+            error, raises_gamma = self.parameters.get("regularisation_error"), self.statement.accuracy is not None
+            law = another_law(self.statement.solver, certificates, error, raises_gamma=raises_gamma)
+        return *(() if law is None else (law,)), *self.found()
 
     @property
     def last_step(self) -> StepResult:
@@ -244,7 +232,6 @@ class Solution:
             contact=step.contact,
             certificate=step.certificate,
             steps=(*past, step),
-            functionals=None,
         )
 
     @property
@@ -313,8 +300,6 @@ class Solution:
     @cached_property
     def preloads(self) -> list[SectionForce]:
         """The forces through sections that are tightened; with load steps, in the last one; collective."""
-        from signorini_fx.results.section_forces import section_forces
-
         return section_forces(self.statement, self.model.tagged, self.displacement, self._position)
 
     @cached_property

@@ -22,7 +22,7 @@ from signorini_fx.mechanics.assembly.mesh_entities import node_positions
 from signorini_fx.mechanics.elasticity.elastic_law import ElementStress
 from signorini_fx.mechanics.elasticity.moduli import of_materials
 from signorini_fx.mechanics.model import Model
-from signorini_fx.results.accuracy.stress_recovery import StressRecovery, element_stress
+from signorini_fx.results.accuracy.stress_recovery import StressRecovery
 from signorini_fx.results.interpolation import interpolated
 from signorini_fx.results.singularities import why_no_limit
 
@@ -276,8 +276,19 @@ class RawStresses(StressFields):
         }
 
     def utilisation(self) -> dict[str, Any] | None:
-        """The largest share of the yield stress, JSON-safe; None: no yield stress is known; collective."""
-        return None
+        """The largest share of the yield stress, of raw and recovered stress the one that uses more, and where,
+        JSON-safe; None: no yield stress is known, and of nonlinear materials; collective.
+        """
+        model = self.model
+        if model is None or not self.recovers or all(math.isinf(one.yields_at) for one in model.statement.material):
+            return None
+        if parallel.any_rank(self.comm, not np.isfinite(self.stress.displacement.x.array).all()):
+            return {"value": math.nan, "place": []}
+        (limits,) = of_materials(model.statement, model.tagged, lambda material: (material.yields_at,))
+        limit = fem.Function(fem.functionspace(model.tagged.mesh, ("DG", 0)))
+        limit.x.array[:] = limits.value if isinstance(limits, fem.Constant) else limits.x.array
+        largest = max((fields.utilised(limit) for fields in (self, self.recovered)), key=lambda entry: entry.value)
+        return {"value": largest.value, "place": [*largest.place], **self._remarks([largest], finite=True)[largest]}
 
     def _remarks(self, extremes: Sequence[Extreme], *, finite: bool) -> dict[Extreme, dict[str, Any]]:
         """What is said of each extreme: the part of the body, if there are several, and of a linear one why there is no
@@ -301,53 +312,6 @@ class RawStresses(StressFields):
 def not_recovered(*_: Any) -> NoReturn:
     """In the place of what recovers the stress of a nonlinear body."""
     raise RuntimeError("a nonlinear body has no recovered stress")
-
-
-@dataclass(frozen=True, repr=False)
-class Stresses(RawStresses):
-    """The stress of a scene as its stiffness sees it, see ``elastic_law.ElementStress``."""
-
-    @classmethod
-    def of(
-        cls,
-        model: Model,
-        displacement: fem.Function,
-        step: float,
-        shared: dict[str, StressRecovery],
-        energy: Callable[[], float],
-    ) -> Stresses:
-        """Those of a displacement; ``shared``: where what projects is kept for other load steps; for ``energy`` see
-        ``RawStresses``.
-        """
-
-        def recovery() -> StressRecovery:
-            if "recovery" not in shared:
-                shared["recovery"] = StressRecovery.of(model)
-            return shared["recovery"]
-
-        return cls(element_stress(model, displacement, step), recovery, energy, step, model=model)
-
-    def utilisation(self) -> dict[str, Any] | None:
-        """See ``RawStresses``: of raw and recovered stress the one that uses more, and where."""
-        model = self.model
-        assert model is not None
-        if all(math.isinf(material.yields_at) for material in model.statement.material):
-            return None
-        (limits,) = of_materials(model.statement, model.tagged, lambda material: (material.yields_at,))
-        if isinstance(limits, fem.Constant):
-            limit = fem.Function(fem.functionspace(model.tagged.mesh, ("DG", 0)))
-            limit.x.array[:] = limits.value
-        else:
-            limit = limits
-        finite = not parallel.any_rank(self.comm, not np.isfinite(self.stress.displacement.x.array).all())
-        if not finite:
-            return {"value": math.nan, "place": []}
-        largest = max((fields.utilised(limit) for fields in (self, self.recovered)), key=lambda entry: entry.value)
-        return {
-            "value": largest.value,
-            "place": list(largest.place),
-            **self._remarks([largest], finite=finite)[largest],
-        }
 
 
 def von_mises_of(sigma: Nodal) -> Nodal:

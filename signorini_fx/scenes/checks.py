@@ -88,7 +88,7 @@ def check_scene(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD, *, uniqueness: bo
 
 
 def _nonlinear(scene: Scene, comm: MPI.Comm) -> Check:
-    """See ``check_scene``: of a scene with nonlinear materials, whose modules are imported for it alone."""
+    """Of a scene with nonlinear materials, whose modules are imported for it alone."""
     from signorini_fx.mechanics.body.nonlinear_law import volume_degree
     from signorini_fx.scenes.nonlinear import ProblemOfScene, linear_body
 

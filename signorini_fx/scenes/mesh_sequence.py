@@ -54,7 +54,7 @@ def solve_scenes(
 def solve_scene_to_accuracy(
     scene: Scene, goal: Accuracy, comm: MPI.Comm, history: History, on_level: Callable[[Solution], object]
 ) -> Solution:
-    """See ``solving.to_accuracy.solve_to_accuracy``."""
+    """A scene on finer and finer meshes until it has the requested accuracy; collective."""
     budget = Budget.begins(goal, comm, history)
     return solve_to_accuracy(meshes_of(scene, goal, comm, history), budget, history, on_level)
 

@@ -293,7 +293,7 @@ class StatedOrigin(Origin):
     states: StatesOnPath
 
     def too_large(self) -> str:
-        """See ``Origin``: where all strains are small ones, so must the deformation be."""
+        """Where all strains are small ones, so must the deformation be."""
         linear, limit = self.problem.linear, self.problem.statement.solver.largest_deformation
         if (
             self.problem.statement.finite_strains

@@ -236,7 +236,7 @@ class Scene(Table):
 
     @classmethod
     def described(cls) -> type[BaseModel]:
-        """See ``Table``: this imports the files of all effects."""
+        """With the files of all effects, which this imports."""
         return described(cls)
 
     @cached_property

@@ -30,7 +30,6 @@ from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.records import Finding, History, Status, Timings
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery
 from signorini_fx.results.certificate.law_of_method import PreviousStep
-from signorini_fx.results.functionals import functionals
 from signorini_fx.results.mechanics import SolidBody, StatedBody, StepResult
 from signorini_fx.results.solution import Solution
 from signorini_fx.results.step_frames import StepEnd, from_rest, turned
@@ -119,18 +118,14 @@ def contact_solution(
     """What load steps have come to; ``ended``: how the last one with a solution ended, or the first one, and its data;
     collective.
     """
-    (outcome, data), shown, values = ended, _shown(steps), None
+    (outcome, data), shown = ended, _shown(steps)
     parameters = {} if shown.contact is None else used_parameters(outcome, data, shown.strain_energy)
-    known = shown.strain_energy is not None and not task.has_coulomb and data.share is None
-    if shown.contact is not None and known:
-        values = functionals(shown.certificate.potential_energy, shown.contact, replace(data, gap=shown.contact.gap))
     return Solution(
         status=steps[-1].status,
         algorithm=algorithm_name(model.statement, outcome),
         model=model,
         displacement=shown.displacement,
         contact=shown.contact,
-        functionals=values,
         certificate=shown.certificate,
         steps=tuple(steps),
         history=task.history,

@@ -95,7 +95,7 @@ def certified_result(
     begun: tuple[Task, Start, PreviousStep | None],
     outcome: Outcome,
 ) -> StepResult:
-    """See ``BegunStep.certified``; ``begun``: its task, start and last step; collective."""
+    """The result of a step; ``begun``: its task, start and last step; collective."""
     (task, start, last), unknowns = begun, outcome.displacement()
     displacement = model.from_rest(task.rest, unknowns)
     contact = None if model.boundary is None else model.state(task, outcome, start)
@@ -109,17 +109,12 @@ def certified_result(
         rigid=rigid,
     )
     deformation = deformation_of(model, displacement, model.tagged.size)
-    status, reason = judged(outcome.status, certificate, deformation, model.settings), None
-    if contact is None and status is Status.NOT_CERTIFIED:
-        from signorini_fx.results.last_digits import status_by_digits
-
-        status, reason = status_by_digits(model, displacement, certificate.worst, start.place)
     return StepResult(
         step=start.step + 1,
         place=start.place,
         time=path.time_at(start.place),
         name=path.name_at(start.place),
-        status=status,
+        status=judged(outcome.status, certificate, deformation, model.settings),
         displacement=displacement,
         contact=contact,
         certificate=certificate,
@@ -127,7 +122,6 @@ def certified_result(
         strain_energy=certificate.strain_energy,
         linear_solves=0,
         tools=rigid,
-        reason=reason,
     )
 
 

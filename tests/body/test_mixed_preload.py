@@ -6,7 +6,7 @@ from bolts import PULL, TIGHT, clamped, figures
 from mpi4py import MPI
 from test_mixed import uneven
 
-from signorini_fx.results.section_forces import section_forces
+from signorini_fx.results.contact_figures import section_forces
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve
 

@@ -10,7 +10,7 @@ from signorini_fx.addons.decks.draft import draft
 from signorini_fx.errors import MeshError
 from signorini_fx.mechanics.mesh.files.cells import CELLS
 from signorini_fx.mechanics.mesh.files.formats import read_file
-from signorini_fx.results.section_forces import section_forces
+from signorini_fx.results.contact_figures import section_forces
 from signorini_fx.scenes import cli
 from signorini_fx.scenes.reading import read_scene
 from signorini_fx.scenes.solver import solve

@@ -136,11 +136,3 @@ def test_keys_that_are_taken(register, key):
     with pytest.raises(InstallationError, match="is no signorini_fx") as error:
         own_quantities()
     assert "FEniCSx" not in str(error.value)
-
-
-@pytest.mark.parametrize("name", ["kind", "terminal", "functional"])
-def test_what_quantities_had_once(register, name):
-    """It would be ignored: one clear error instead."""
-    register(type("Old", (Fails,), {"key": "old", name: "number"}))
-    with pytest.raises(InstallationError, match=rf"'old': {name} was removed: leave it out: a quantity has key, title"):
-        own_quantities()

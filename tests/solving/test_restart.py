@@ -308,14 +308,14 @@ def broken(folder, what):
     step = folder / CHECKPOINT / "0-00002"
     file = step / "figures.json"
     if what == "removed":
-        file = step / "displacement.bin"
+        file = step / "displacement.npy"
         file.unlink()
     elif what == "figures":
         file.write_text('{"place": {')
     elif what == "scene":
         (folder / CHECKPOINT / "scene.json").write_text("{")
     else:
-        file = step / "nodes.npz" if what == "nodes" else step / "displacement.bin"
+        file = step / "nodes.npz" if what == "nodes" else step / "displacement.npy"
         file.write_bytes(file.read_bytes()[:-100])
 
 
@@ -337,7 +337,7 @@ def test_the_certificate_judges(tmp_path):
     interrupted(given, MPI.COMM_SELF, tmp_path, 4)
     step = tmp_path / CHECKPOINT / "0-00002"
     other = tmp_path / CHECKPOINT / "0-00001"
-    (step / "displacement.bin").write_bytes((other / "displacement.bin").read_bytes())
+    (step / "displacement.npy").write_bytes((other / "displacement.npy").read_bytes())
     with np.load(step / "nodes.npz") as ours, np.load(other / "nodes.npz") as theirs:
         np.savez(step / "nodes.npz", **{**ours, "y": theirs["y"]})
     solution = solve(given, MPI.COMM_SELF, checkpoint=tmp_path, restart=True)

@@ -5,7 +5,7 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
 from signorini_fx.mechanics.mesh.tagged import tag_boundaries
-from signorini_fx.results.section_forces import section_forces
+from signorini_fx.results.contact_figures import section_forces
 from signorini_fx.scenes.reading import parse_scene
 
 COMM = MPI.COMM_WORLD

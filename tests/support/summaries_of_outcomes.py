@@ -29,7 +29,6 @@ BASE: dict[str, Any] = {
     "incomplete": [],
     "findings": [],
     "certificate": _CERTIFICATE,
-    "held_by_supports": False,
     "contact_force": [0.0, 20.0],
     "friction_force": [-3.0, 0.0],
     "contact_nodes": 121,
@@ -100,7 +99,6 @@ STRENGTHS: dict[str, dict[str, Any]] = {
 }
 STATICS: dict[str, dict[str, Any]] = {
     "friction used": {},
-    "supports": {"friction_used": None, "held_by_supports": True},
     "nothing": {"friction_used": None},
 }
 ERRORS: dict[str, dict[str, Any]] = {
@@ -112,7 +110,6 @@ ERRORS: dict[str, dict[str, Any]] = {
 LAWS: dict[str, dict[str, Any]] = {
     "as asked": {},
     "another one": {
-        "law": {"differs": _DIFFERS},
         "findings": [{"level": "warning", "path": "solver.algorithm", "message": _DIFFERS}],
         "certificate": {"holds": True, "law": _LAW},
     },

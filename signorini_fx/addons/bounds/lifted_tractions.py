@@ -189,7 +189,7 @@ def rounded(corners: Array, moduli: Moduli) -> Array:
 
 
 def _forms(facet: DividedFacet, corners: Array, moduli: Moduli) -> Array:
-    """See ``Liftings.forms``: of some cells, shape (n, d^2 p, d^2 p)."""
+    """``Liftings.forms`` of some cells, shape (n, d^2 p, d^2 p)."""
     n, d, vertices, cells = len(corners), corners.shape[2], len(facet.x), len(facet.corners)
     m, q, k = facet.times, d * d, d * d * (d + 1)
     x = facet.x @ corners

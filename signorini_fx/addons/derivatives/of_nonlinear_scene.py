@@ -124,9 +124,7 @@ class LinearisedStep:
     def explicit(
         self, data: ChangedStep, quantities: Sequence[Functional], earlier_values: Callable[[float], Array]
     ) -> Explicit:
-        """See ``explicit``; ``earlier_values``: the prescribed displacements of a load step at the owned dofs by its
-        place.
-        """
+        """``earlier_values``: the prescribed displacements of a load step at the owned dofs by its place."""
         if self.preceding is None or self.earlier is None:
             return explicit(self.solved, data, quantities)
         boundary, values = self.earlier.state.boundary, earlier_values(self.preceding.path_step)

@@ -91,7 +91,7 @@ class DrawnBody:
     # fields at the points of each cell or facet, shape (m, p): those of two materials may have different values at the
     # points that they share
     values: Mapping[str, Floats]
-    recovered: bool  # whether the stress is the recovered one; else it has one value per cell
+    recovered: bool  # whether the stress is the recovered one; else it is that of each cell
     outline: Rows | None = None  # in 2D pairs of points along the boundary of the body, shape (e, 2)
     parted: float = 0.0  # the largest gap that has closed between two bodies, length, see ``factor``
 

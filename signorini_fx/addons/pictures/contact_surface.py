@@ -35,7 +35,7 @@ from signorini_fx.addons.pictures.style import (
     readable,
     unit_of,
 )
-from signorini_fx.addons.pictures.tones import spaced, upper_tone
+from signorini_fx.addons.pictures.tones import spaced, usual_range
 from signorini_fx.machine.result_files import Table
 from signorini_fx.mechanics.statement.units import bracketed, unit
 from signorini_fx.tuned import CLOSED_IN_PICTURE, LONGEST_ARROW, SURFACE_MARGIN
@@ -217,7 +217,7 @@ def _pressure_panel(figure: Figure, axes: Axes, side: VisibleSide, low: Floats, 
     pressure, nodes, closed = np.nan_to_num(side.floats("pressure"), posinf=0.0, neginf=0.0), side.nodes, side.touching
     power = decimal_power(largest_of(pressure))
     inside = side.shown & closed
-    top = upper_tone(pressure[inside], side.floats("weight")[inside])
+    _, top = usual_range(pressure[inside], side.floats("weight")[inside])
     bottom = min(0.0, float(pressure[inside].min(initial=0.0)))  # in bilateral contact the pressure may be negative
     flat: dict[str, Any] = {"linewidths": 0.4, "zorder": 1, "rasterized": True}
     ground = PolyCollection(list(nodes[side.polygons]), facecolors=_UNTOUCHED, edgecolors=_UNTOUCHED, **flat)

@@ -19,7 +19,7 @@ from signorini_fx.addons.pictures.body import DrawnBody
 from signorini_fx.addons.pictures.fields import FIELDS
 from signorini_fx.addons.pictures.marks import Largest, mark_largest
 from signorini_fx.addons.pictures.style import INK, MUTED, SCREEN, STYLE, VALUES, Floats, finish, math_number
-from signorini_fx.addons.pictures.tones import Tones, upper_tone
+from signorini_fx.addons.pictures.tones import Tones, usual_range
 from signorini_fx.mechanics.statement.units import bracketed
 from signorini_fx.tuned import BENT_FOUNDATION, SMALL_PART, SMALL_ZONE, VISIBLE_CELL
 
@@ -126,17 +126,16 @@ def deformed_mesh(
     seen = _window(body, factor, _foundations(body, pieces, shapes, factor))
     panels, remark = [(factor, seen)], _remark(pieces, factor)
     zone, moved = _small_zone(pieces, body.size), body.moved(factor)
-    top = None
+    field, ends = FIELDS[name].labelled(recovered=body.recovered), None
     if zone is not None:  # the scale is that of what is enlarged
         panels.append((1.0, zone))
         remark = f"left: {remark}; right: the contact zone as it is"
         places = body.moved(1.0)[body.within]
         inside = np.all((places >= zone[0]) & (places <= zone[1]), axis=2)
         areas = np.broadcast_to(_areas(body.moved(1.0)[body.perimeters])[:, None], inside.shape)
-        top = upper_tone(body.values[name][inside], areas[inside])
+        ends = usual_range(body.values[name][inside], areas[inside], signed=field.signed)
     share = _areas(moved[body.triangles]).repeat(3) / 3
-    field = FIELDS[name].labelled(recovered=body.recovered)
-    tones = Tones(field, body.at_corners(name).ravel(), share, top)
+    tones = Tones(field, body.at_corners(name).ravel(), share, ends)
     aspects = [float((high[1] - low[1]) / (high[0] - low[0])) for _, (low, high) in panels]
     widest = _WIDEST[len(panels)]
     widths = [min(widest, widest / aspect) for aspect in aspects]

@@ -22,7 +22,7 @@ class Field:
 
     def labelled(self, *, recovered: bool) -> Field:
         """With a label that says which stress is seen."""
-        kind = ", recovered" if recovered else ", one value per cell"
+        kind = ", recovered" if recovered else ", raw"
         return replace(self, label=self.label + kind * self.of_stress)
 
 

@@ -11,7 +11,6 @@ import basix
 import mpi4py.MPI  # noqa: F401  # first, see signorini_fx.mechanics.body
 import numpy as np
 import numpy.typing as npt
-import ufl
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 
@@ -19,7 +18,6 @@ from signorini_fx.addons.pictures.body import DrawnBody, tiling
 from signorini_fx.addons.pictures.fields import FIELDS
 from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.assembly.mesh_entities import facet_entities
-from signorini_fx.results.interpolation import interpolated
 from signorini_fx.results.solution import Solution
 from signorini_fx.tuned import ROOT_OF_EPS
 
@@ -32,6 +30,8 @@ _PERIMETER = {3: [0, 1, 2], 4: [0, 1, 3, 2]}
 # Straight pieces that stand for a side that may be curved; and of a whole picture, to the square.
 _PIECES = 4
 _MOST_POINTS = 100_000
+# Name of a field of the stress -> the function of ``StressFields`` that it follows from.
+_OF_STRESS = {"von_mises": "von_mises", "density": "shear_energy_density", "pressure": "tensor"}
 
 
 def outer_facets(solution: Solution) -> int:
@@ -162,39 +162,16 @@ def _basis(element: Any, points: Floats) -> Floats:
 def _fields(solution: Solution, fields: Sequence[str]) -> tuple[dict[str, Values], bool]:
     """Fields by name, and whether stresses are the recovered ones, which jump between materials alone; collective.
 
-    Others have one value per cell: of nonlinear materials, and of a solution that is not finite.
+    Those of nonlinear materials, and of a solution that is not finite, are raw.
     """
     known = solution.known_stress
     finite = not parallel.any_rank(solution.comm, not np.isfinite(solution.displacement.x.array).all())
     recovered = known is not None and known.recovers and finite
     functions = {name: solution.displacement for name in fields if not FIELDS[name].of_stress}
-    for name in fields if known is not None else ():
-        if FIELDS[name].of_stress:
-            functions[name] = _recovered(solution, name) if recovered else _raw(solution, name)
+    if known is not None:
+        stress = known.recovered if recovered else known
+        functions |= {name: getattr(stress, _OF_STRESS[name]) for name in fields if FIELDS[name].of_stress}
     return {name: partial(_field_at, name, function) for name, function in functions.items()}, recovered
-
-
-def _recovered(solution: Solution, name: str) -> fem.Function:
-    recovered = solution.stress.recovered
-    functions: dict[str, Callable[[], fem.Function]] = {
-        "von_mises": lambda: recovered.von_mises,
-        "density": lambda: recovered.shear_energy_density,
-        "pressure": lambda: recovered.tensor,
-    }
-    return functions[name]()
-
-
-def _raw(solution: Solution, name: str) -> fem.Function:
-    """One value per cell."""
-    assert solution.known_stress is not None
-    stress = solution.known_stress.stress
-    deviator = ufl.dev(stress.in_space)
-    square = ufl.inner(deviator, deviator)
-    if name == "pressure":
-        expression = -ufl.tr(stress.in_space) / 3
-    else:
-        expression = square / (4 * stress.shear_modulus) if name == "density" else ufl.sqrt(1.5 * square)
-    return interpolated(expression, fem.functionspace(solution.model.tagged.mesh, ("DG", 0)))
 
 
 def _field_at(name: str, function: fem.Function, points: Floats, cells: Cells) -> Floats:
@@ -202,6 +179,6 @@ def _field_at(name: str, function: fem.Function, points: Floats, cells: Cells) -
     values = _values_at(function, points, cells)
     if name == "displacement":
         return np.asarray(np.linalg.norm(values, axis=2))
-    if name == "pressure" and values.shape[2] == 9:  # of the tensor
+    if name == "pressure":
         return np.asarray(-values[..., [0, 4, 8]].sum(axis=2) / 3)
     return values[..., 2 if name == "around" else 0]

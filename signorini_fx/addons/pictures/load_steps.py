@@ -146,7 +146,7 @@ def _draw(axes: Axes, over: str, kind: str, curves: Sequence[_Curve]) -> None:
 
 # Columns of convergence_table.csv: label, colour, marker, line.
 _ERRORS = {
-    "energy": ("displacement (energy)", INK, "o", "-"),
+    "energy": ("stress (energy)", INK, "o", "-"),
     "pressure": ("contact pressure", BLUE, "s", "--"),
     "peak": ("largest pressure", ORANGE, "^", "-."),
     "zone": ("contact zone", MUTED, "D", ":"),

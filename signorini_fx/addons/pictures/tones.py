@@ -16,30 +16,20 @@ from signorini_fx.addons.pictures.style import VALUES, Floats, decimal_power, un
 from signorini_fx.tuned import USUAL_COLOURS
 
 
-def upper_tone(values: Floats, area: Floats) -> float:
-    """The value drawn in the last colour: the largest or, if that is far above, what 99 % of the area stay below."""
+def usual_range(values: Floats, area: Floats, *, signed: bool = False) -> tuple[float, float]:
+    """Lowest and highest value of a scale that contains zero; where these are far off, what is beyond 99 % of the area
+    at either end has the last colour; ``signed``: whether the scale may begin below zero.
+    """
     finite = np.isfinite(values)
     values, area = values[finite], area[finite]
-    largest = float(values.max(initial=0.0))
-    if not largest > 0:
-        return 1.0
-    order = np.argsort(values)
-    share = np.cumsum(area[order])
-    usual = float(values[order][np.searchsorted(share, USUAL_COLOURS * share[-1])])
-    return usual if 0 < 1.5 * usual < largest else largest
-
-
-def _both_tones(values: Floats, area: Floats) -> tuple[float, float]:
-    """Lowest and highest value of a scale that contains zero; if they are far off, those of 98 % of the area."""
-    finite = np.isfinite(values)
-    values, area = values[finite], area[finite]
-    low, high = float(values.min(initial=0.0)), float(values.max(initial=0.0))
+    low, high = float(values.min(initial=0.0)) if signed else 0.0, float(values.max(initial=0.0))
     if low == high:
         return 0.0, 1.0
     order = np.argsort(values)
-    share = np.cumsum(area[order]) / area.sum()
-    first, last = (float(values[order][np.searchsorted(share, part)]) for part in (1 - USUAL_COLOURS, USUAL_COLOURS))
-    first, last = min(first, 0.0), max(last, 0.0)
+    share = np.cumsum(area[order])
+    ends = np.array([1 - USUAL_COLOURS, USUAL_COLOURS]) * share[-1]
+    first, last = map(float, values[order][np.searchsorted(share, ends)])
+    first, last = min(first, 0.0) if signed else 0.0, max(last, 0.0)
     return (first, last) if 0 < 1.5 * (last - first) < high - low else (low, high)
 
 
@@ -50,8 +40,7 @@ class Tones:
         field: what it is.
         values: one per cell or point, shape (m,).
         area: of each cell, or that belongs to each point, shape (m,).
-        top: the upper end of the scale of a field without sign; None: the largest value or, if that is far above the
-            others, what 99 % of the area stay below.
+        ends: lowest and highest value of the scale; None: see ``usual_range``.
 
     Attributes:
         field: what it is.
@@ -59,13 +48,10 @@ class Tones:
         low, high: ends of the scale, before that.
     """
 
-    def __init__(self, field: Field, values: Floats, area: Floats, top: float | None = None) -> None:
+    def __init__(self, field: Field, values: Floats, area: Floats, ends: tuple[float, float] | None = None) -> None:
         self.field = field
         self._values = values[np.isfinite(values)]
-        if field.signed:
-            self.low, self.high = _both_tones(values, area)
-        else:
-            self.low, self.high = 0.0, upper_tone(values, area) if top is None else top
+        self.low, self.high = usual_range(values, area, signed=field.signed) if ends is None else ends
         self.power = decimal_power(max(-self.low, self.high))
 
     @property

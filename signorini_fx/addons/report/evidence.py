@@ -42,12 +42,6 @@ def certificate(summary: dict[str, Any]) -> Markup:
     full_table = table(["figure", "value", "", "limit"], rows, classes)
     parts = [part("paragraph", in_text(verdict)), part("note", in_text(note))]
     parts.append(full_table if missed else folded("Every figure of the certificate", full_table))
-    if "functionals" in summary:
-        gap = summary["functionals"]["relative_duality_gap"]
-        difference = f"{gap:.1e}" if gap else "zero"
-        parts.append(
-            part("paragraph", in_text(f"The relative difference of primal and dual functional is {difference}."))
-        )
     error = summary.get("error_bound") or {}
     bound = "Guaranteed error" if error.get("guaranteed") else "Bound of the error"
     if error:

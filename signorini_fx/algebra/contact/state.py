@@ -56,7 +56,7 @@ class PointState:
 
     @property
     def held_inside(self) -> Nodal:
-        """See ``ContactPoints.held_inside``."""
+        """Overlap of immovable points, never negative; zero at all others, length, shape (n,)."""
         return self.points.held_inside(self.u_n - self.gap, self.bilateral)
 
     @cached_property

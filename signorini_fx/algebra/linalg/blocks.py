@@ -177,7 +177,7 @@ class BlockStiffness(_Context):
         return rounded
 
     def apart(self, matrix: PETSc.Mat, pattern: PETSc.Mat) -> tuple[PETSc.Mat, PETSc.Mat]:
-        """See ``apart``."""
+        """A matrix without the entries that a pattern has, and these, sparse; collective."""
         starts, columns, _ = pattern.getValuesCSR()
         counts = np.diff(starts)
         unknowns = np.flatnonzero(counts)

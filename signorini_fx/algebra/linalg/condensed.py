@@ -32,7 +32,7 @@ from signorini_fx.machine import parallel
 
 @dataclass
 class CondensedSystem(ElasticSystem):
-    """See ``ElasticSystem``: x holds the unknowns that B touches."""
+    """x holds the unknowns that B touches."""
 
     elasticity: Elasticity
     cases: list[_CondensedCase]

@@ -17,7 +17,7 @@ from signorini_fx.algebra.linalg.factorisation import FACTOR_DEFAULTS, use_facto
 
 @dataclass
 class AssembledSystem(ElasticSystem):
-    """See ``ElasticSystem``: x holds the unknowns of the stiffness themselves, on any number of ranks."""
+    """x holds the unknowns of the stiffness themselves, on any number of ranks."""
 
     elasticity: Elasticity
     cases: list[LoadCase]
@@ -55,7 +55,7 @@ class AssembledSystem(ElasticSystem):
 
 @dataclass
 class FullSystem(AssembledSystem):
-    """See ``ElasticSystem``: factorised by a package, on any number of ranks."""
+    """Factorised by a package, on any number of ranks."""
 
     def configure(self, ksp: PETSc.KSP, *, symmetric: bool) -> None:
         """A direct factorisation, Cholesky if the matrix is symmetric."""

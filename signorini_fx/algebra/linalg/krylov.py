@@ -36,7 +36,7 @@ from signorini_fx.tuned import ATTAINABLE_SHARE, INEXACT_TOLERANCE, KRYLOV_STEPS
 
 @dataclass
 class KrylovSystem(AssembledSystem):
-    """See ``ElasticSystem``: solved by CG or FGMRES with multigrid."""
+    """Solved by CG or FGMRES with multigrid."""
 
     _forces: float = 0.0
     _first_residual: float = (

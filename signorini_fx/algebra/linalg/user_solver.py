@@ -74,7 +74,7 @@ def _judge(ksp: PETSc.KSP, b: PETSc.Vec, x: PETSc.Vec) -> None:
 
 @dataclass
 class UserSystem(AssembledSystem):
-    """See ``ElasticSystem``: all unknowns, and a linear solver of another package.
+    """All unknowns, and a linear solver of another package.
 
     Attributes:
         solver: makes one.

@@ -638,8 +638,7 @@ class LinearisedProblem(FormSolver):
         return self.elastic, self.task, outcome, self.begun, state, self._at, self.law_now(), turning
 
     def data_now(self, solved: FormSolver | None = None, begun: Array | None = None) -> tuple[Any, ...]:
-        """See ``FormSolver``; without drives of rigid bodies, and with the motion of shapes at contact points in the
-        step.
+        """Without drives of rigid bodies, and with the motion of shapes at contact points in the step.
 
         Contact points are at the displacement of now with what supports prescribe. ``begun``: values of the
         displacement at the end of the last step; None: those of the last step here.

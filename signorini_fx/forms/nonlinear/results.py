@@ -240,7 +240,7 @@ class _Stress:
     parts: Sequence[npt.NDArray[np.int32]]
 
     def squared(self, difference: Any, times: Any, dx: Any) -> Any:
-        """See ``ElementStress``: without a compliance."""
+        """Without a compliance."""
         return times * ufl.inner(difference, difference) * dx
 
     def square(self) -> float:

@@ -127,7 +127,7 @@ class Stability:
         return f"it begins at ({', '.join(f'{x:.4g}' for x in farthest[1:])})"
 
     def _negative(self, tangent: fem.Form) -> tuple[int, Array]:
-        """See ``negative_directions``: of the symmetric part of a tangent where points stay in contact; collective.
+        """``negative_directions`` of the symmetric part of a tangent where points stay in contact; collective.
 
         Points in contact keep their distance, and those that stick their place, by springs.  The verdict does not
         depend on units: all entries that are no stiffness of the body are shares of its largest one.

@@ -30,7 +30,7 @@ class JointStiffness:
     matrix: sp.csr_array
 
     def times(self, displacement: fem.Function) -> Array:
-        """See ``NodalStiffness``; collective."""
+        """Its forces at the owned nodes, shape (owned nodes * d,); collective."""
         space = displacement.function_space
         index_map, dim = space.dofmap.index_map, space.dofmap.index_map_bs
         owned = displacement.x.array.reshape(-1, dim)[: index_map.size_local]
@@ -41,7 +41,7 @@ class JointStiffness:
         return at_owned.ravel()
 
     def add_to(self, matrix: PETSc.Mat, dim: int, fixed: npt.NDArray[np.bool_] | None) -> None:
-        """See ``NodalStiffness``; entries for which the matrix has no room are made; collective."""
+        """To the unknowns that are not fixed; entries for which the matrix has no room are made; collective."""
         free = np.ones(self.nodes.size * dim)
         if fixed is not None:
             free = from_owners((~fixed).reshape(-1, dim).astype(np.float64), self.nodes, matrix.comm.tompi4py()).ravel()

@@ -118,7 +118,7 @@ def find_pieces(mesh: dmesh.Mesh) -> BodyPieces:
 
 
 def _pieces_of(mesh: dmesh.Mesh) -> BodyPieces:
-    """See ``find_pieces``.
+    """Those of a whole mesh; collective.
 
     Each rank labels the components of its own cells.  The labels of the sides between two ranks then determine which
     of these components are one piece, so that no rank ever holds the whole mesh.

@@ -108,7 +108,7 @@ class ContactBoundary:
     pushing: Nodal | None = None
 
     def check_friction_axes(self, path: str) -> None:
-        """See ``FrictionAxes.check``; collective."""
+        """Whether they determine directions of slip at all points that can move; collective."""
         assert self.friction_axes is not None
         self.friction_axes.check(self.normal, lambda: self.points.movable, path, self.comm)
 

@@ -57,7 +57,7 @@ class MixedDisplacement(fem.Function):
 
     @property
     def further(self) -> tuple[fem.Function]:
-        """See ``elasticity.elastic_law.fields_of``."""
+        """The pressure that belongs to the displacement."""
         return (self.hydrostatic,)
 
 
@@ -171,7 +171,6 @@ class MixedLaw(SceneLaw):
         return tuple(map(compile_form, terms))
 
     def compiled(self, space: fem.FunctionSpace) -> tuple[fem.Form, ...]:
-        """See ``ElasticLaw``: A."""
         return self.forms[:1]
 
     def _terms(self, y: Any, z: Any, p: Any) -> tuple[Any, ...]:
@@ -192,7 +191,7 @@ class MixedLaw(SceneLaw):
         return tuple(self._integral(density, self.degree) for density in densities)
 
     def strain_terms(self, z: Any, strain: Any, degree: int) -> tuple[Any, ...]:
-        """See ``ElasticLaw``: the work of e I in the constraint, ((3 + 2 mu / lambda) e, q).
+        """The work of e I in the constraint, ((3 + 2 mu / lambda) e, q).
 
         With the pressure p = 2 mu e - lambda (tr(epsilon) - 3 e) the stress is 2 mu epsilon - p I, as without the
         strain, which enters the constraint alone: div y + p / lambda = (3 + 2 mu / lambda) e, where the factor is
@@ -202,11 +201,11 @@ class MixedLaw(SceneLaw):
         return (self._integral(self._swelling * strain * q, degree),)
 
     def jump_terms(self, jump: fem.Function, z: Any) -> tuple[Any, ...]:
-        """See ``ElasticLaw``: the second one is of the change of volume."""
+        """The second one is of the change of volume."""
         return self._terms(jump, z, fem.Function(self.own))[:2]
 
     def work(self, forms: Sequence[fem.Form], owned: int) -> tuple[_Floats, _Floats | None]:
-        """See ``ElasticLaw``: of a strain on the pressure alone, of a jump on both."""
+        """Of a strain on the pressure alone, of a jump on both."""
         *of_displacement, of_pressure = forms
         if not of_displacement:
             return np.zeros(owned), assemble(of_pressure)
@@ -218,7 +217,7 @@ class MixedLaw(SceneLaw):
         return (self._integral(stress - hydrostatic_of(y) * ufl.tr(tested), self.degree),)
 
     def initial_terms(self, z: Any, jump: Any, strain: Any, degree: int) -> list[Any]:
-        """See ``SceneLaw``: of jumps alone."""
+        """Of jumps alone."""
         return [] if jump is None else [-self.jump_terms(jump, z)[0]]
 
     def prevented_terms(self, y: fem.Function, jump: Any, strain: Any, degree: int) -> list[Any]:
@@ -231,7 +230,7 @@ class MixedLaw(SceneLaw):
         return terms
 
     def dilation_terms(self, y: fem.Function, jump: Any, strain: Any, degree: int) -> list[Any]:
-        """See ``SceneLaw``: the weak form of tr(epsilon) + p / lambda = 0, with initial strains."""
+        """The weak form of tr(epsilon) + p / lambda = 0, with initial strains."""
         q = self._pressure(ufl.TestFunction(self.own))
         dilation = ufl.tr(self.kinematics.strain(y if jump is None else y + jump))
         terms = [self._integral((dilation + self.moduli[1] * hydrostatic_of(y)) * q, self.degree)]
@@ -285,7 +284,7 @@ class MixedLaw(SceneLaw):
     def joined(
         self, stiffness: PETSc.Mat, rotation: PETSc.Mat | None, turning: PETSc.Mat | None, fixed: npt.NDArray[np.bool_]
     ) -> tuple[PETSc.Mat, PETSc.Mat | None, PETSc.Mat | None]:
-        """See ``ElasticLaw``: K.
+        """K.
 
         Raises:
             InstallationError: PETSc has no MUMPS.
@@ -315,7 +314,7 @@ class MixedLaw(SceneLaw):
         return PETSc.Mat().createAIJ((rows, joined.getSizes()[1]), csr=csr, comm=stiffness.comm)
 
     def lifted(self, prescribed: fem.Function, pressure_load: _Floats | None = None) -> _Floats:
-        """See ``ElasticLaw``: -B y_D, with the ``pressure_load`` of a load, see ``AppliedLoad``."""
+        """-B y_D, with the ``pressure_load`` of an ``AppliedLoad``."""
         displacement, divergences = self.divergence.createVecs()
         displacement.getArray()[:] = prescribed.x.array[: displacement.getLocalSize()]
         self.divergence.mult(displacement, divergences)
@@ -340,7 +339,7 @@ class MixedLaw(SceneLaw):
         return np.asarray(values / self.unit)
 
     def energy(self, displacement: fem.Function) -> float:
-        """See ``ElasticLaw``: (p, p) / lambda, that of the change of volume."""
+        """(p, p) / lambda, that of the change of volume."""
         pressure, product = self.compressibility.createVecs()
         pressure.getArray()[:] = self.unknowns(displacement)
         self.compressibility.mult(pressure, product)
@@ -358,7 +357,7 @@ class MixedLaw(SceneLaw):
         return forces
 
     def encloses(self, vector: Callable[[_Floats], PETSc.Vec], held: npt.NDArray[np.bool_]) -> bool:
-        """See ``ElasticLaw``: whether pressures that are constant in incompressible parts do no work."""
+        """Whether pressures that are constant in incompressible parts do no work."""
         if not self.constant:
             return False
         forces = [np.array(vector(force).getArray(readonly=True)) for force in self.constant]

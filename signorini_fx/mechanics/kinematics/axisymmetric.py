@@ -41,7 +41,7 @@ class BodyOfRevolution(Kinematics):
         return math.pi * size
 
     def strain(self, y: Any, *, on_axis: bool = False) -> Any:
-        """See ``Kinematics``; on the axis its limit along the circumference is the radial strain."""
+        """On the axis its limit along the circumference is the radial strain."""
         import ufl
 
         in_section, radius = ufl.sym(ufl.grad(y)), position(y)[0]
@@ -54,7 +54,7 @@ class BodyOfRevolution(Kinematics):
         return ufl.as_tensor(rows)
 
     def gradient(self, y: Any) -> Any:
-        """See ``Kinematics``: with the stretch of the circumference."""
+        """With the stretch of the circumference."""
         import ufl
 
         slope, stretch = ufl.grad(y), y[0] / position(y)[0]
@@ -96,9 +96,7 @@ class TwistedBody(BodyOfRevolution):
     """
 
     def strain(self, y: Any, *, on_axis: bool = False) -> Any:
-        """See ``Kinematics``; to that without torsion it adds the shears gamma_02 = r d(y_2 / r)/dr and gamma_12 =
-        dy_2/dx_1; on the axis there is no shear.
-        """
+        """Adds the shears gamma_02 = r d(y_2 / r)/dr and gamma_12 = dy_2/dx_1 of torsion, which vanish on the axis."""
         import ufl
 
         radius, around = position(y)[0], [-y[2], 0, y[0]]

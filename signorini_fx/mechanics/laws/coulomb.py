@@ -91,7 +91,6 @@ class Coulomb(DirectedLaw):
     along: VectorField | None = None
 
     def limit(self, pressure: Array) -> Array:
-        """See ``FrictionLaw``; in a sum of floats zero is exact."""
         bound = (0.0 if self.cohesion is None else self.cohesion) + self.coefficient * pressure
         bound = bound if self.cap is None else np.minimum(bound, self.cap)
         return np.asarray(bound if self.cohesion is None else np.where(pressure == 0, 0.0, bound))
@@ -111,7 +110,7 @@ class Coulomb(DirectedLaw):
 
     @property
     def has_derivative(self) -> bool:
-        """See ``FrictionLaw``: where it opens with cohesion it has a jump, and a cap is left to the fixed point."""
+        """Where it opens with cohesion it has a jump, and a cap is left to the fixed point."""
         return self.cap is None and self.cohesion is None
 
     @property

@@ -126,7 +126,6 @@ class FrictionLaw(Table):
 
     @classmethod
     def refusal(cls, problems: list[tuple[str, str]]) -> SceneError:
-        """See ``Table``: a law belongs to a scene or to a form."""
         return FormError(problems, cls.__name__)
 
     @property
@@ -153,7 +152,7 @@ class FrictionLaw(Table):
         return any(getattr(value, "timed", False) for value in self.parameters.values())
 
     def at_time(self, time: float) -> Self:
-        """See ``Effect``."""
+        """With the values of its parameters at a time."""
         return self.with_values(lambda _, value: value.at(time) if getattr(value, "timed", False) else value)
 
     @property

@@ -85,7 +85,7 @@ class MooneyRivlin(Hyperelastic):
         return 2 * (self.c10 + self.c01), self.bulk
 
     def shape_energy_by_change(self, change: Any) -> Any:
-        """See ``Hyperelastic``: C has the invariants 3 + 2 tr E and 3 + 4 tr E + 4 II(E)."""
+        """C has the invariants 3 + 2 tr E and 3 + 4 tr E + 4 II(E)."""
         import ufl
 
         strain, grown, beyond = green_strain(change), growth(change), strain_beyond_growth(change)
@@ -144,7 +144,7 @@ class Ogden(Hyperelastic):
             yield ("law",), "'ogden' is not possible in 3D yet: take 'mooney-rivlin'"
 
     def shape_energy_by_change(self, change: Any) -> Any:
-        """See ``Hyperelastic``; F has no shear across the mesh.  C has the mean 1 + m in the section."""
+        """F has no shear across the mesh.  C has the mean 1 + m in the section."""
         strain, grown, beyond = green_strain(change), growth(change), strain_beyond_growth(change)
         mean, across = strain[0, 0] + strain[1, 1], 2 * strain[2, 2]
         apart = (strain[0, 0] - strain[1, 1]) ** 2 + 4 * strain[0, 1] ** 2

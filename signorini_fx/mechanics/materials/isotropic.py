@@ -78,7 +78,7 @@ class LinearElastic(Material):
 
     @property
     def locks(self) -> bool:
-        """See ``Material``; of nonlinear materials the ratio follows from moduli, with round-off."""
+        """Of nonlinear materials the ratio follows from moduli, with round-off."""
         return self.poisson >= LOCKING_POISSON * (1 - SAME_NUMBER) and self.hypothesis != "plane stress"
 
     def contradictions(self, statement: Any, number: int) -> Contradictions:

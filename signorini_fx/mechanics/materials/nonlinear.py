@@ -118,12 +118,10 @@ class NonlinearMaterial(Material):
     # --- what linear materials say ---
 
     def stress(self, strain: Any) -> Any:
-        """See ``Material``: at small strains."""
         return self.at_rest.stress(strain)
 
     @property
     def natural_modulus(self) -> float:
-        """See ``Material``: at small strains."""
         return self.at_rest.natural_modulus
 
     @property

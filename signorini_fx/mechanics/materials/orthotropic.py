@@ -52,7 +52,7 @@ class Axes(Table):
             yield ("second",), "the mesh is plane: direction determines the axes, leave it out"
 
     def axes(self, x: Array) -> Array:
-        """See ``Material``; they are not finite where the vectors of the scene are not, are zero, or are parallel."""
+        """They are not finite where the vectors of the scene are not, are zero, or are parallel."""
         first, second = _vectors(self.direction, 0, x), _vectors(self.second, 1, x)
         if self.direction is not None and len(self.direction) == 2:
             second = np.column_stack((-first[:, 1], first[:, 0], first[:, 2]))
@@ -124,7 +124,7 @@ class Orthotropic(Axes):
 
     @property
     def compliance(self) -> Array:
-        """See ``Material``."""
+        """In the order 11, 22, 33 and the shears, 1 / stress, shape (6, 6)."""
         matrix = np.diag([*(1 / modulus for modulus in self.young), *(1 / modulus for modulus in self.shear)])
         for (i, j), ratio in zip(_SHEARS, self.poisson, strict=True):
             matrix[i, j] = matrix[j, i] = -ratio / self.young[i]

@@ -70,7 +70,7 @@ class J2(PathDependent):
         return np.append(np.diff(stresses) / np.diff(strains), last_slope)
 
     def respond(self, strain: Array, state: Array) -> tuple[Array, Array, Array]:
-        """See ``PathDependent``: the segment of the curve in which the return ends has a solution in closed form."""
+        """The segment of the curve in which the return ends has a solution in closed form."""
         shear = self.constants_at_rest[0]
         plastic, accumulated = state[:, :9].reshape(-1, 3, 3), state[:, 9]
         trial = 2 * shear * (deviator(strain) - plastic)
@@ -97,7 +97,7 @@ class J2(PathDependent):
         return share[:, None, None] * trial, tangent, new
 
     def plastic_strain(self, state: Array) -> Array:
-        """See ``PathDependent``: the integral of sqrt(2/3) |d epsilon_p|."""
+        """The integral of sqrt(2/3) |d epsilon_p|."""
         return state[:, 9]
 
 
@@ -133,7 +133,7 @@ class Maxwell(PathDependent):
 
     @property
     def constants_at_rest(self) -> tuple[float, float]:
-        """See ``NonlinearMaterial``: at first, with all branches."""
+        """At first, with all branches."""
         spring, bulk = super().constants_at_rest
         return spring + sum(shear for shear, _ in self.branches), bulk
 

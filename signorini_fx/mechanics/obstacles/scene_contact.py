@@ -62,13 +62,13 @@ class _ShapeOfSection:
     shape: Any
 
     def distance(self, x: npt.NDArray[np.float64]) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-        """See ``statement.rigid_shape.Shape``."""
+        """Signed distance and unit normal; the normal has no component out of the section."""
         away, normal = self.shape.distance(np.ascontiguousarray(x[:, :2]))
         return away, np.pad(normal, ((0, 0), (0, 1)))
 
     @property
     def inradius(self) -> float:
-        """See ``statement.rigid_shape.Shape``; infinite where the shape does not say it."""
+        """Infinite where the shape does not say it."""
         return float(getattr(self.shape, "inradius", np.inf))
 
 

@@ -222,7 +222,7 @@ class _OnWay:
         return _inradius(self.shape)
 
     def distance(self, x: Array) -> tuple[Array, Array]:
-        """See ``Shape``."""
+        """Signed distance and unit normal after that share of the way."""
         signed, normal = self.shape.distance(x + (1.0 - self.share) * self.shape.moved_from(self.earlier, x))
         return signed, normal
 

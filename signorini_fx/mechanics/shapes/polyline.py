@@ -55,7 +55,7 @@ class LineShape(Shape):
 
     @property
     def inradius(self) -> float:
-        """See ``Shape``: of a closed line its area over its perimeter, which no inradius is below."""
+        """Of a closed line its area over its perimeter, which no inradius is below."""
         if self.hollow or not self.closed:
             return np.inf
         return self._area / float(np.linalg.norm(np.diff(np.array(self.points), axis=0), axis=1).sum())
@@ -275,7 +275,7 @@ class Spline(LineShape):
         return curve, np.interp(np.arange(_BETWEEN * (at.size - 1) + 1) / _BETWEEN, np.arange(at.size), at)
 
     def initial(self, x: Array) -> tuple[Array, Array]:
-        """See ``Shape``: Newton's method for the closest point, from that of a line of many pieces."""
+        """Newton's method for the closest point, from that of a line of many pieces."""
         curve, fine = self._curve_through(self.walked)
         corners = curve(fine)
         chords = np.diff(corners, axis=0)

@@ -123,7 +123,7 @@ class Cone(Shape):
     radius: Annotated[Finite, Field(ge=0)] = 0.0
 
     def initial(self, x: Array) -> tuple[Array, Array]:
-        """See ``Shape``: a rounded tip is at the distance of its radius around a sharp one inside."""
+        """A rounded tip is at the distance of its radius around a sharp one inside."""
         axis, sine, cosine = unit(self.axis), math.sin(math.radians(self.angle)), math.cos(math.radians(self.angle))
         away = x - np.array(self.tip) - self.radius / sine * axis
         height = away @ axis
@@ -160,7 +160,7 @@ class Edge(Shape):
         return self
 
     def initial(self, x: Array) -> tuple[Array, Array]:
-        """See ``Shape``: a rounded corner is at the distance of its radius around a sharp one inside."""
+        """A rounded corner is at the distance of its radius around a sharp one inside."""
         normals = np.stack([unit(normal) for normal in self.normals])
         cosine = float(normals[0] @ normals[1])
         above = (x - np.array(self.point)) @ normals.T + self.radius

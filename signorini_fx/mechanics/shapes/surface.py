@@ -32,7 +32,6 @@ class ClosedSurface(Shape):
     scale: Positive = 1.0
 
     def contradictions(self, dimension: int) -> Iterator[tuple[str, str]]:
-        """See ``Shape``; the file is read."""
         yield from super().contradictions(dimension)
         try:
             file_dimension = self._surface.dimension

@@ -73,7 +73,7 @@ class ContactSide:
         return np.asarray(vectors * self.averages.any_of(reached > 0))
 
     def forces(self, traction: Nodal, body: BodyNodes) -> tuple[npt.NDArray[Any], Nodal, Nodal]:
-        """See ``ContactNodes.forces``."""
+        """Global nodes, their nodal forces and areas, of tractions at the points; collective."""
         if self.pair is not None:
             return self.pair.forces(traction, body.owned)
         force = self.weight[:, None] * traction

@@ -200,7 +200,7 @@ class FrozenPoints(PairPoints):
         return np.asarray(self.operator @ reached_values).reshape(self.normal.shape)
 
     def error(self) -> float:
-        """See ``PairPoints``; both sides consist of the facets that the problem names, no fewer and no others."""
+        """Both sides consist of the facets that the problem names, no fewer and no others."""
         dim, coupling = self.normal.shape[1], self.pair.coupling
         x = np.array(node_positions(self.space)[: self.space.dofmap.index_map.size_local, :dim], dtype=np.float64)
         used, left = from_owners(x, self.reached, self.comm), None
@@ -261,7 +261,7 @@ class SlidingPoints(PairPoints):
         return np.zeros(self.points.size)
 
     def relative(self, owned: Array) -> Array:
-        """See ``PairPoints``: along the normal the distance, negative, and across it the slip since the step began."""
+        """Along the normal the distance, negative, and across it the slip since the step began."""
         values, (settled, before) = self.sides.gathered(owned), self.ends[1]
         known = next((coupling for at, coupling in self.ends if np.array_equal(at, values)), None)
         coupling = self.sides.at(values) if known is None else known
@@ -273,7 +273,7 @@ class SlidingPoints(PairPoints):
         return np.where(partnered[:, None], slip, 0.0) - gap[:, None] * self.normal
 
     def error(self) -> float:
-        """See ``PairPoints``; a plane of symmetry that holds the direction of rays takes a moment, too."""
+        """A plane of symmetry that holds the direction of rays takes a moment, too."""
         coupling, in_plane = self.ends[0][1], np.zeros(len(self.reached))
         if not coupling.frames.partnered.any():
             return 0.0
@@ -283,7 +283,7 @@ class SlidingPoints(PairPoints):
         return parallel.global_max(self.comm, float(max(self._identities(x, covered, None, ~held))))
 
     def forces(self, traction: Array, owned: int) -> tuple[npt.NDArray[np.int64], Array, Array]:
-        """See ``PairPoints``; what turns directions acts on the neighbours of points on the slave, too."""
+        """What turns directions acts on the neighbours of points on the slave, too."""
         nodes, forces, area = super().forces(traction, owned)
         of_nodes = np.zeros((len(self.reached), 1))
         of_nodes[: len(self.sides.slave.nodes), 0] = 0.5 * self.sides.slave.surface.area

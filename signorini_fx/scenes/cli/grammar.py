@@ -142,9 +142,8 @@ def _add_options_of_solve(solve: argparse.ArgumentParser) -> None:
         help="relative error to reach by refining, such as 0.05 or 5%% (overrides accuracy.target)",
     )
     quantities = ("energy", "pressure", "force", "zone", "peak")
-    solve.add_argument(
-        "--of", choices=quantities, help="quantity that must be accurate (overrides accuracy.of; default: energy)"
-    )
+    of = "quantity that must be accurate (overrides accuracy.of; default: energy, that of the stress)"
+    solve.add_argument("--of", choices=quantities, help=of)
     solve.add_argument(
         "--restart", action="store_true", help="continue a killed run after its last complete load step or mesh"
     )

@@ -14,7 +14,7 @@ from signorini_fx.machine import parallel
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.rigid.motion_names import names_of
 from signorini_fx.records import Finding, Status
-from signorini_fx.results.friction_used import load_on
+from signorini_fx.results.contact_figures import load_on
 
 _Rows = npt.NDArray[np.float64]
 

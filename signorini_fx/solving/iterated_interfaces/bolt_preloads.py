@@ -28,8 +28,8 @@ from signorini_fx.mechanics.effects.preload import Preload
 from signorini_fx.mechanics.loads.initial_strains import Jump
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.records import Finding, Status
+from signorini_fx.results.contact_figures import section_forces
 from signorini_fx.results.mechanics import SolidBody
-from signorini_fx.results.section_forces import section_forces
 from signorini_fx.solving.iterated_interfaces.protocol import Interface, LoadStepEnd, LoadStepStart
 from signorini_fx.tuned import (
     CERTIFICATE_TOLERANCE,
@@ -50,7 +50,7 @@ class BoltPreloads(Interface):
     """Those of a scene, see ``Interface``."""
 
     def jumps(self, tagged: TaggedMesh, space: fem.FunctionSpace) -> list[Jump]:
-        """See ``Interface``; raises a ``SceneError`` where there is no such section, or it does not cut the body."""
+        """Raises a ``SceneError`` where there is no such section, or it does not cut the body."""
         return [_jump(path, entry, self.statement, tagged, space) for path, entry in self.entries.items()]
 
     def solve(self, step: LoadStepStart) -> LoadStepEnd:
@@ -104,7 +104,7 @@ class BoltPreloads(Interface):
         return LoadStepEnd(model, start, replace(outcome, status=Status.OUTER_MAX_ITERATIONS))
 
     def stored(self, model: SolidBody, step: float) -> dict[str, Any]:
-        """See ``Interface``: the shortenings that forces have led to."""
+        """The shortenings that forces have led to."""
         return {"shortenings": _shortenings(model, step)}
 
     def recalled(self, model: SolidBody, step: float, figures: Mapping[str, Any]) -> SolidBody:

@@ -1,4 +1,4 @@
-"""Each contact boundary in figures: area, pressure and friction.
+"""Figures of contact boundaries, the friction that loads use, and the forces through tightened sections.
 
 Where a boundary closes around a body, such as the seat of a hub on its shaft, its pressures balance each other, and its
 shears may turn the body without pushing it: the resultants are round-off then, while the moment of friction about the
@@ -9,13 +9,20 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
+from dolfinx import fem
 from mpi4py import MPI
 
+from signorini_fx.algebra.contact.friction import as_given
+from signorini_fx.algebra.contact.motions import total_work
+from signorini_fx.algebra.contact.nodal_vectors import Nodal
+from signorini_fx.algebra.contact.reactions import largest_multiple, reactions
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.kinematics import CARTESIAN
+from signorini_fx.mechanics.mesh.tagged import TaggedMesh
+from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.statement import Statement
-from signorini_fx.quantities.summary import ContactFigures
+from signorini_fx.quantities.summary import ContactFigures, SectionForce
 from signorini_fx.tuned import CLOSED_BOUNDARY, ZERO_IN_SOLUTION
 
 Array = npt.NDArray[np.float64]
@@ -65,7 +72,7 @@ def contact_figures(statement: Statement, contact: ContactState) -> list[Contact
 
 
 def _moment_about_middle(contact: ContactState, part: int) -> tuple[float | list[float | None] | None, float | None]:
-    """See ``ContactFigures``; None and None: the boundary is not closed; collective."""
+    """``moment`` and ``moment_limit`` of a part; None and None: the boundary is not closed; collective."""
     boundary, comm = contact.boundary, contact.boundary.comm
     on_part = boundary.part == part
     weight, x, normal = boundary.weight[on_part], boundary.centre[on_part], boundary.normal[on_part]
@@ -99,3 +106,55 @@ def _largest_along(tangents: Array, bound: Array, resultant: Array, comm: MPI.Co
         along = np.linalg.norm(np.einsum("nij,i->nj", tangents, way) / lengths**2, axis=1)
         largest = np.divide(1.0, along, out=np.zeros_like(along), where=along > 0)
     return float(parallel.global_sum(comm, bound @ largest))
+
+
+def friction_used(model: Model, contact: ContactState, step: float) -> float | None:
+    """The share of its friction that the loads of a solution use: with friction bounds as they are, the nodes in
+    contact balance the loads up to 1 / share of their size; of several bodies the largest; collective.
+
+    It sets no limit, because pressures and friction bounds change with the loads.
+
+    Returns:
+        None without friction, or if supports hold the body.
+    """
+    if not model.motions.free.shape[1] or not model.applied or not contact.has_friction:
+        return None
+    load = load_on(model, step)
+    motions, touching = model.motions.at(contact.boundary), contact.bilateral | contact.in_contact
+    present = reactions(motions, as_given(contact.bound), contact.bilateral, touching)
+    shares = []
+    for number, columns in motions.assemblies:
+        if load[columns].any():
+            multiple = largest_multiple(present.of(number, columns), load[columns])
+            if multiple > 0:
+                shares.append(1 / multiple)
+    return max(shares, default=None)
+
+
+def load_on(model: Model, step: float) -> Nodal:
+    """The work of the loads of a load step on the free motions, shape (k,); collective."""
+    motions = model.motions
+    loads = [
+        (factor, motions.load_of(load.pushing, model.comm, None if load.driven is None else load.driven.forces))
+        for factor, load in model.applied_at(step)
+    ]
+    return total_work(loads, motions.free.shape[1])
+
+
+def section_forces(
+    statement: Statement, tagged: TaggedMesh, displacement: fem.Function, step: float
+) -> list[SectionForce]:
+    """The force through each section that a scene shortens; collective.
+
+    With the jump J of a shortening of one, which is that of the cells beyond the section alone, it is the work of the
+    stress there on J without that of the loads in these cells, a tension.  Loads on their surface do not count.
+    """
+    from signorini_fx.results.certificate.nodal_forces import NodalForces
+
+    if not statement.interfaces:
+        return []
+    nodal = NodalForces(statement, tagged, displacement.function_space)
+    return [
+        SectionForce(name=jump.entry.name, force=nodal.through(jump, displacement, step), shortening=jump.amount(step))
+        for jump in nodal.jumps()
+    ]
