@@ -247,21 +247,11 @@ class OuterRecord:
 
 @dataclass
 class Timings:
-    """Wall seconds by phase, on this rank; ``parallel.largest_timings`` reduces them.
-
-    Attributes:
-        seconds: of this run.
-        earlier: of the run that this one goes on from.
+    """Wall seconds by phase, on this rank, with those of the run that this one goes on from;
+    ``parallel.largest_timings`` reduces them.
     """
 
     seconds: dict[str, float] = field(default_factory=dict)
-    earlier: dict[str, float] = field(default_factory=dict)
-
-    @property
-    def total(self) -> dict[str, float]:
-        """Those of both runs."""
-        phases = dict.fromkeys((*self.seconds, *self.earlier))
-        return {phase: self.seconds.get(phase, 0.0) + self.earlier.get(phase, 0.0) for phase in phases}
 
     @contextmanager
     def phase(self, name: str) -> Iterator[None]:

@@ -20,8 +20,8 @@ AUTOMATIC_GAMMA = 1e5
 # gamma above this times E / size loses the last digits that double precision has for contact pressures.
 # Source: docs/evidence/stability.csv, first group: from 1e10 on the error grows.  Tuned on Example 1, 60 x 20 cells.
 LARGEST_GAMMA = 1e9
-# Path-following begins at this times E / size, where the penetration is about a hundredth of the displacements; check
-# warns of a smaller gamma in a scene.  Choice.
+# Path-following begins at this times E / size, where the penetration is about a hundredth of the displacements.
+# Choice.
 START_GAMMA = 100.0
 # Continuation begins at this share of the last gamma, and the augmented Lagrangian method as a fall-back, whose limit
 # is the same for every gamma.  Source: Table 4 of the paper (1e4 before 1e8), and the cube of

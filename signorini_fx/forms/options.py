@@ -8,8 +8,7 @@ from typing import Any
 
 from petsc4py import PETSc
 
-from signorini_fx.algebra.linalg.petsc_options import PREFIX
-from signorini_fx.solving.check.petsc_options import refuse_exchanged, refused
+from signorini_fx.algebra.linalg.petsc_options import PREFIX, refuse_exchanged, refused
 
 
 @contextmanager

@@ -185,11 +185,7 @@ def gather_rows(comm: MPI.Comm, rows: npt.NDArray[Any]) -> npt.NDArray[Any]:
     """Rows of all ranks stacked in rank order, on every rank: for what is of the size of the contact boundary at most;
     ``rows``: shape (n, ...), alike but for n, numbers or truth values.
     """
-    if comm.size == 1:
-        return np.array(rows, order="C")
-    sent, stacked, counts = _to_be_stacked(comm, rows)
-    comm.Allgatherv(sent, [stacked, counts])
-    return stacked
+    return np.concatenate(comm.allgather(rows)) if comm.size > 1 else np.array(rows, order="C")
 
 
 def rows_on_root(comm: MPI.Comm, rows: npt.NDArray[Any]) -> npt.NDArray[Any]:
@@ -201,21 +197,8 @@ def rows_on_root(comm: MPI.Comm, rows: npt.NDArray[Any]) -> npt.NDArray[Any]:
     """
     if comm.size == 1:
         return np.array(rows, order="C")
-    sent, stacked, counts = _to_be_stacked(comm, rows, root_only=True)
-    comm.Gatherv(sent, [stacked, counts])
-    return stacked
-
-
-def _to_be_stacked(
-    comm: MPI.Comm, rows: npt.NDArray[Any], *, root_only: bool = False
-) -> tuple[npt.NDArray[Any], npt.NDArray[Any], list[int]]:
-    """The rows of this rank in the common type, room for those of all ranks, and how many numbers each rank sends."""
-    kinds = comm.allgather((rows.shape[0], rows.dtype))
-    dtype = np.result_type(*(kind for _, kind in kinds))  # a rank without rows may have made them of another type
-    row = rows.shape[1:]
-    count = 0 if root_only and not is_root(comm) else sum(number for number, _ in kinds)
-    numbers = [number * math.prod(row) for number, _ in kinds]
-    return np.ascontiguousarray(rows, dtype=dtype), np.empty((count, *row), dtype=dtype), numbers
+    gathered = comm.gather(rows)
+    return rows[:0] if gathered is None else np.concatenate(gathered)
 
 
 def rows_before(comm: MPI.Comm, count: int) -> int:

@@ -339,7 +339,7 @@ class Solution:
                 return "there is no stress, or no error of it"
         if error < ZERO_IN_SOLUTION:
             return "the error that this mesh leaves is round-off"
-        seconds = parallel.largest_timings(self.comm, self.timings.total)
+        seconds = parallel.largest_timings(self.comm, self.timings.seconds)
         starting = seconds.get("compile", 0.0) + seconds.get("mesh", 0.0)
         solved = [(price.dofs, price.seconds) for price in prices] or [(self.model.dofs, sum(seconds.values()))]
         return next_cost(self.statement, self.model.tagged, asked, error, solved, starting, able=able)

@@ -65,7 +65,7 @@ def summary_of(solution: Solution) -> dict[str, Any]:
             _step_summary(solution.at(result), summary["findings"], figures=result in shown)
             for result in solution.steps
         ]
-    summary["timings"] = parallel.largest_timings(solution.comm, solution.timings.total)
+    summary["timings"] = parallel.largest_timings(solution.comm, solution.timings.seconds)
     summary["versions"] = versions()
     return summary
 

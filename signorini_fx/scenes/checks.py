@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
+from signorini_fx.algebra.linalg import petsc_options
 from signorini_fx.machine import parallel
 from signorini_fx.machine.display import storage
 from signorini_fx.machine.terminal import COLUMNS, clauses
@@ -28,7 +29,6 @@ from signorini_fx.scenes.plan import planned
 from signorini_fx.scenes.scene import Scene
 from signorini_fx.solving.check.cost import Cost, estimated_cost, memory_finding
 from signorini_fx.solving.check.findings import nonlinear_findings, refuse_beforehand, scene_findings
-from signorini_fx.solving.check.petsc_options import refuse_mistyped
 from signorini_fx.solving.check.uniqueness import uniqueness_findings
 from signorini_fx.tuned import NEWTON_SOLVES, NO_FORCE
 
@@ -73,7 +73,7 @@ def check_scene(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD, *, uniqueness: bo
         MeshError: the mesh cannot be read or generated.
         OptionsError: PETSc does not accept an option that the user has set.
     """
-    refuse_mistyped(comm)
+    petsc_options.refuse_beforehand(comm)
     if scene.statement.nonlinear:
         return _nonlinear(scene, comm)
     coarser = coarser_scenes(scene, scene.solver.levels)

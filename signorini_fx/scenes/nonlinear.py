@@ -181,7 +181,6 @@ class ProblemOfScene(NonlinearContactProblem):
         except FormError as error:
             raise _of_scene(error, self.statement) from None
         timings.seconds.update(self._solver.timings.seconds)
-        timings.earlier.update(self._solver.timings.earlier)
         solution = self.titled(self.statement.title)
         model = replace(solution.model, statement=self.statement, tagged=self.model.tagged)
         known = nonlinear_findings(self.statement, self.model)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from mpi4py import MPI
 
+from signorini_fx.algebra.linalg import petsc_options
 from signorini_fx.errors import SceneError
 from signorini_fx.machine import signals
 from signorini_fx.mechanics.statement.values import kind_of
@@ -18,7 +19,6 @@ from signorini_fx.results.solution import ConvergenceError, Solution
 from signorini_fx.scenes.mesh import coarser_scenes, load_mesh
 from signorini_fx.scenes.reading import as_scene
 from signorini_fx.scenes.scene import Scene
-from signorini_fx.solving.check.petsc_options import refuse_mistyped
 from signorini_fx.solving.solve_on_mesh import solve_mesh
 
 if TYPE_CHECKING:
@@ -67,7 +67,7 @@ def solve(
     """
     scene = as_scene(scene)
     refuse_other_than_comm(comm)
-    refuse_mistyped(comm)
+    petsc_options.refuse_beforehand(comm)
     own_quantities()  # those of others are refused before hours of work
     if callable(observers) or not all(map(callable, observers)):
         raise TypeError("observers: a list of functions is expected, such as [print_progress]")

@@ -15,6 +15,7 @@ import numpy as np
 from mpi4py import MPI
 
 from signorini_fx.algebra.algorithms.task import Task
+from signorini_fx.algebra.linalg import petsc_options
 from signorini_fx.machine import signals
 from signorini_fx.mechanics.body.discretisation import with_gap_and_friction
 from signorini_fx.mechanics.statement.changes import changed
@@ -25,7 +26,6 @@ from signorini_fx.scenes.reading import as_scene, parse_scene
 from signorini_fx.scenes.scene import Scene
 from signorini_fx.scenes.solver import refuse_other_than_comm, solve
 from signorini_fx.solving.check.findings import refuse_beforehand
-from signorini_fx.solving.check.petsc_options import refuse_mistyped
 from signorini_fx.solving.solve_on_mesh import contact_task, solve_contact, solve_mesh
 from signorini_fx.solving.stepped_body import first_start
 from signorini_fx.tuned import ZERO_IN_SOLUTION
@@ -62,7 +62,7 @@ def sweep(
     """
     scene = as_scene(scene)
     refuse_other_than_comm(comm)
-    refuse_mistyped(comm)
+    petsc_options.refuse_beforehand(comm)
     return _solutions([parse_scene(changed(scene, {path: value})) for value in values], comm)
 
 

@@ -59,8 +59,7 @@ class MeshCheckpoint:
         history.iterations += [IterationRecord(**row) for row in figures["iterations"]]
         history.outer += [OuterRecord(**row) for row in figures["outer"]]
         history.events += figures["events"]
-        # The seconds of the earlier run are counted once, with the last step that was recalled from it.
-        timings.earlier.update(figures["seconds"])
+        timings.seconds.update(figures["seconds"])
 
     def store(
         self,
@@ -102,7 +101,7 @@ class MeshCheckpoint:
             "iterations": as_rows(history.iterations[solves:]),
             "outer": as_rows(history.outer[problems:]),
             "events": history.events[events:],
-            "seconds": parallel.largest_timings(body.comm, timings.total),
+            "seconds": parallel.largest_timings(body.comm, timings.seconds),
             **more,
         }
         if boundary.moving is not None:

@@ -156,7 +156,7 @@ class MeshedProblem(Generic[P]):
             errors,
             solution.table,
             own=history.iterations[solves_before:],
-            cost=(sum(solution.timings.total.values()), parallel.peak_memory(comm)),
+            cost=(sum(solution.timings.seconds.values()), parallel.peak_memory(comm)),
             # Of the load steps that all meshes have in common.
             contacts=[step.contact for step in solution.steps if step.contact and step.place.is_integer()],
         )

@@ -9,10 +9,11 @@ import resource
 import subprocess
 import sys
 import time
+import tomllib
 
 import numpy as np
 import pytest
-from hypothesis import assume, example, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -20,11 +21,11 @@ from petsc4py import PETSc
 from signorini_fx.algebra.linalg import petsc_options
 from signorini_fx.errors import MachineError, MeshError, OptionsError, SceneError
 from signorini_fx.forms.options import applied
-from signorini_fx.machine import compilation, petsc_start, requirements
+from signorini_fx.machine import compilation, requirements
 from signorini_fx.mechanics.mesh.files.formats import read_file
 from signorini_fx.results.folder import ResultFolder
 from signorini_fx.scenes import cli
-from signorini_fx.solving.check.petsc_options import refuse_mistyped
+from signorini_fx.scenes.solver import solve
 
 COMM = MPI.COMM_WORLD
 SCENE = """
@@ -120,23 +121,6 @@ def test_scene(solve_text, text, arguments, message):
 
 # --- PETSc options ---------------------------------------------------------------------------------------------------
 
-TYPES = ("ksp_type", "pc_type", "snes_type", "snes_linesearch_type", "pc_factor_mat_solver_type", "ksp_norm_type")
-WHOLE = ("snes_max_it", "ksp_max_it", "snes_lag_jacobian", "mat_mumps_icntl_14")
-REAL = ("snes_rtol", "snes_atol", "snes_stol", "ksp_rtol", "ksp_atol", "ksp_divtol")
-LOGICAL = ("ksp_initial_guess_nonzero", "ksp_error_if_not_converged", "ksp_diagonal_scale")
-WATCHING = ("snes_monitor", "ksp_monitor", "ksp_view", "snes_converged_reason")
-WORDS = st.text("abcdefghijklmnopqrstuvwxyz", min_size=3, max_size=8).map(lambda word: f"q{word}")
-MISTYPED = st.tuples(st.sampled_from(TYPES + WHOLE + REAL + LOGICAL + WATCHING), WORDS) | st.tuples(
-    st.sampled_from(WHOLE), st.floats(0.1, 0.9).map(str)
-)
-RIGHT = {
-    "ksp_type": "cg",
-    "snes_max_it": "20",
-    "ksp_rtol": "1e-9",
-    "pc_type": "jacobi",
-    "snes_linesearch_type": "basic",
-}
-
 
 @pytest.fixture
 def petsc():
@@ -149,27 +133,31 @@ def petsc():
 
 
 @pytest.mark.mpi
-@settings(max_examples=60)
-@given(MISTYPED, st.sets(st.sampled_from(sorted(RIGHT))))
-@example(("ksp_type", "nonsense"), set())
-@example(("snes_rtol", "5"), set())
-@example(("snes_max_it", "abc"), {"ksp_type"})
-@example(("ksp_view", ":/nowhere/at/all"), {"ksp_type"})
-def test_mistyped_option(mistake, others):
-    """Among right ones the wrong one is named, on all ranks; nothing is computed before."""
-    found = PETSc.Options()
-    name, value = mistake
-    assume(not ("mat_" in name and "pc_type" in others))  # no factorisation reads it then
-    given_options = {key: RIGHT[key] for key in sorted(others)} | {name: value}
-    for key, said in given_options.items():
-        found[petsc_options.PREFIX + key] = said
-    try:
-        with pytest.raises(OptionsError, match=f"^PETSc option -sfx_{name} {value}: ."):
-            refuse_mistyped(COMM)
-        assert {key: found.getString(petsc_options.PREFIX + key) for key in given_options} == given_options
-    finally:
-        for key in given_options:
-            found.delValue(petsc_options.PREFIX + key)
+@pytest.mark.parametrize("said", ["ksp_type nonsense", "snes_rtol 5", "snes_max_it abc", "pc_type nonsense"])
+def test_mistyped_option(petsc, said):
+    """It is named on all ranks."""
+    name, _, value = said.partition(" ")
+    petsc[petsc_options.PREFIX + name] = value
+    with pytest.raises(OptionsError, match=f"^PETSc fails with the options -sfx_{said}: ."):
+        solve(tomllib.loads(SCENE))
+
+
+@pytest.mark.mpi
+def test_file_of_a_monitor(petsc):
+    """PETSc would stop on the first rank only."""
+    petsc[petsc_options.PREFIX + "ksp_view"] = ":/nowhere/at/all"
+    with pytest.raises(
+        OptionsError, match=r"^PETSc option -sfx_ksp_view :/nowhere/at/all: '/nowhere/at/all' cannot be"
+    ):
+        petsc_options.refuse_beforehand(COMM)
+
+
+def test_mistyped_option_of_a_matrix(petsc):
+    """PETSc reads it when it factorises."""
+    petsc[petsc_options.PREFIX + "pc_factor_mat_solver_type"] = "mumps"
+    petsc[petsc_options.PREFIX + "mat_mumps_icntl_14"] = "abc"
+    with pytest.raises(OptionsError, match=r"^PETSc fails with the options .*-sfx_mat_mumps_icntl_14 abc.*: ."):
+        solve(tomllib.loads(SCENE))
 
 
 @pytest.mark.mpi
@@ -187,7 +175,7 @@ def test_options_that_exchange_the_method(petsc, said):
     message = f"^PETSc option -sfx_{said}: it would take the place of the semi-smooth Newton method"
     petsc[petsc_options.PREFIX + name] = value or None
     with pytest.raises(OptionsError, match=message):
-        refuse_mistyped(COMM)
+        petsc_options.refuse_beforehand(COMM)
     with pytest.raises(OptionsError, match=message), applied("other_", {}):
         pass
     petsc.delValue(petsc_options.PREFIX + name)
@@ -195,30 +183,19 @@ def test_options_that_exchange_the_method(petsc, said):
         pass
     for other, kept in (("snes_type", "newtonls"), ("snes_lag_jacobian", "1"), ("snes_mf", "false")):
         petsc[petsc_options.PREFIX + other] = kept
-    refuse_mistyped(COMM)
+    petsc_options.refuse_beforehand(COMM)
 
 
-@pytest.mark.mpi
-@pytest.mark.parametrize(
-    ("content", "message"),
-    [
-        (None, "there is no such file"),
-        ("[mesh]\nfile = 3\n", r"line 1 is no option, '\[mesh\]'"),
-        ("# fine\n-sfx_ksp_type cg\nksp_type cg\n", "line 3 is no option, 'ksp_type'"),
-    ],
-)
 @pytest.mark.parametrize("place", ["command line", "environment"])
-def test_file_of_options(tmp_path_factory, monkeypatch, content, message, place):
-    """PETSc would stop on the first rank only."""
-    folder = COMM.bcast(tmp_path_factory.mktemp("options") if COMM.rank == 0 else None)
-    if content is not None and COMM.rank == 0:
-        (folder / "petscrc").write_text(content)
-    given_options = ["-options_file", str(folder / "petscrc")]
+def test_file_of_options(solve_text, monkeypatch, place):
+    """They are not read."""
+    arguments = ["-options_file", "petscrc"]
     if place == "environment":
-        monkeypatch.setenv("PETSC_OPTIONS", " ".join(given_options))
-        given_options = []
-    with pytest.raises(OptionsError, match=f"^PETSc option -options_file .*petscrc: {message}"):
-        petsc_start.start_petsc(COMM, given_options)
+        monkeypatch.setenv("PETSC_OPTIONS", " ".join(arguments))
+        arguments = []
+    code, errors = solve_text(SCENE, "--", *arguments)
+    assert code == 2
+    assert "PETSc option -options_file: files of options are not read" in errors
 
 
 # --- mesh files ------------------------------------------------------------------------------------------------------

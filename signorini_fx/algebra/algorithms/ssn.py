@@ -122,8 +122,11 @@ class SemismoothNewton:
         self.problem.system.configure(snes.getKSP(), symmetric=symmetric)
         if self.history.watchers:
             snes.getKSP().setMonitor(weakly(self._show))
-        with petsc_options.defaults({"snes_linesearch_type": "basic"}):  # petsc4py 3.22 has no setter for it
-            snes.setFromOptions()
+        try:
+            with petsc_options.defaults({"snes_linesearch_type": "basic"}):  # petsc4py 3.22 has no setter for it
+                snes.setFromOptions()
+        except PETSc.Error as error:
+            raise petsc_options.refused(error) or error from None
         self.max_iterations = snes.getTolerances()[3]
         return snes
 
@@ -227,11 +230,16 @@ class SemismoothNewton:
 
         Raises:
             Exception: the error, on several ranks: not all of them may have it.
+            OptionsError: options of the user may have caused it.
         """
         if self.problem.points.comm.size > 1:
             raise error
         unlock(self.x)
-        return Status.NO_MEMORY if memory_ended(error) else Status.SINGULAR
+        if memory_ended(error):
+            return Status.NO_MEMORY
+        if isinstance(error, PETSc.Error) and petsc_options.user_sets("mat_"):  # PETSc reads them when it factorises
+            raise petsc_options.refused(error) or error
+        return Status.SINGULAR
 
     def _run(self, data: RegularisedData, limit: int) -> Status:
         """Let SNES iterate; again from other sets if they change too slowly, with exact linear solves if loose

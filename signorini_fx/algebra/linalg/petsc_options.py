@@ -2,12 +2,29 @@
 
 from __future__ import annotations
 
+import os
+import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from pathlib import Path
 
+from mpi4py import MPI
 from petsc4py import PETSc
 
+from signorini_fx.errors import OptionsError
+from signorini_fx.machine import parallel
+
 PREFIX = "sfx_"
+# Options that put another method in the place of ours, or another matrix or test into it, and the values that do not.
+_OFF = ("false", "no", "off", "0")
+_EXCHANGING = {
+    "snes_type": ("newtonls",),
+    "snes_lag_jacobian": ("1",),
+    "snes_convergence_test": (),
+    "snes_grid_sequence": ("0",),
+    **dict.fromkeys(("snes_mf", "snes_mf_operator", "snes_fd", "snes_fd_color"), _OFF),
+}
+_INNER_SOLVER = "npc_"
 # These only show something.
 _WATCHING = ("monitor", "view", "converged_reason")
 
@@ -40,3 +57,59 @@ def defaults(values: Mapping[str, str]) -> Iterator[None]:
     finally:
         for name in ours:
             options.delValue(name)
+
+
+def refuse_beforehand(comm: MPI.Comm) -> None:
+    """Refuse options of the user that PETSc itself would not refuse on all ranks; collective.
+
+    Raises:
+        OptionsError: one of them replaces the method, or names a file that cannot be written.
+    """
+    values = PETSc.Options().getAll()
+    parallel.on_root(comm, lambda: _check_files({name: value or "" for name, value in values.items() if watches(name)}))
+    refuse_exchanged({name: value or "" for name, value in PETSc.Options(PREFIX).getAll().items()})
+
+
+def refuse_exchanged(user_options: Mapping[str, str]) -> None:
+    """Refuse options with which PETSc would not run the Newton method of this package; names are without the prefix.
+
+    Raises:
+        OptionsError: one of them does so; the message names it.
+    """
+    for name, value in user_options.items():
+        harmless = _EXCHANGING.get(name, () if name.startswith(_INNER_SOLVER) else None)
+        if harmless is not None and value.lower() not in harmless:
+            raise OptionsError(
+                f"PETSc option {_spelt({PREFIX + name: value})}: it would take the place of the semi-smooth Newton "
+                "method, of its matrix or of its test: leave it out, and choose by solver.algorithm"
+            )
+
+
+def refused(error: PETSc.Error) -> OptionsError | None:
+    """The message for an error of PETSc that options of the user may have caused; None if there are none."""
+    user_options = {name: value or "" for name, value in PETSc.Options().getAll().items() if name.startswith(PREFIX)}
+    if not user_options:
+        return None
+    reason = re.sub(r"^\[\d+\] *", "", str(error).splitlines()[-1])  # without the number of the rank
+    return OptionsError(f"PETSc fails with the options {_spelt(user_options)}: {reason}")
+
+
+def _spelt(options: Mapping[str, str]) -> str:
+    return " ".join(f"-{name} {value}".strip() for name, value in options.items())
+
+
+def _check_files(watching: Mapping[str, str]) -> None:
+    """Refuse files that cannot be written: PETSc writes on the first rank, whose error the others would not notice;
+    ``watching``: options of the form ``TYPE:FILE:FORMAT:MODE``, all but the type perhaps absent.
+    """
+    for name, value in watching.items():
+        file = value.split(":")[1] if ":" in value else ""
+        if not file:
+            continue
+        folder = Path(file).parent
+        try:
+            fits = folder.is_dir() and os.access(Path(file) if Path(file).exists() else folder, os.W_OK)
+        except (OSError, ValueError):
+            fits = False
+        if not fits or Path(file).is_dir():
+            raise OptionsError(f"PETSc option -{name} {value}: {file!r} cannot be written")

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from signorini_fx.errors import OutputError, SceneError, SignoriniError, cannot_be_written
+from signorini_fx.errors import OptionsError, OutputError, SceneError, SignoriniError, cannot_be_written
 from signorini_fx.extensions import add_on
 from signorini_fx.machine import terminal
 from signorini_fx.scenes.cli.exit_codes import EXIT_INCOMPLETE, EXIT_NO_SOLUTION, EXIT_OK, of_solve
@@ -21,6 +22,23 @@ if TYPE_CHECKING:
     from signorini_fx.scenes.scene import Scene
 
 
+def _start_petsc(options: Sequence[str]) -> None:
+    """Start PETSc, once; ``options``: as on a command line, without the name of the program.
+
+    Raises:
+        OptionsError: there is a file of options, or PETSc does not start with the options.
+    """
+    words = [*os.environ.get("PETSC_OPTIONS", "").split(), *options]
+    if any(word.startswith("-options_file") for word in words):
+        raise OptionsError("PETSc option -options_file: files of options are not read: give the options after --")
+    import petsc4py
+
+    try:
+        petsc4py.init(["signorini-fx", "-no_signal_handler", "-skip_petscrc", *options])
+    except Exception as error:  # petsc4py.PETSc.Error; the module cannot be imported before it has started
+        raise OptionsError(f"PETSc does not start with the options {' '.join(options)!r}: {error}") from None
+
+
 def _read_scene(options: argparse.Namespace, leave_out: str = "") -> Scene:
     """The scene on every rank, with what the command line changes but one entry; PETSc is started with the options of
     the user.
@@ -28,13 +46,12 @@ def _read_scene(options: argparse.Namespace, leave_out: str = "") -> Scene:
     from mpi4py import MPI
 
     from signorini_fx.machine import parallel
-    from signorini_fx.machine.petsc_start import start_petsc
     from signorini_fx.scenes.reading import parse_scene_text, read_scene_text
 
     text = parallel.on_root(MPI.COMM_WORLD, lambda: read_scene_text(options.scene))
     entries = {path: value for path, value in changes(options).items() if path != leave_out}
     scene = parse_scene_text(text, options.scene, entries)
-    start_petsc(MPI.COMM_WORLD, options.petsc_options)
+    _start_petsc(options.petsc_options)
     return scene
 
 
@@ -247,10 +264,9 @@ def judge(options: argparse.Namespace) -> int:
     from mpi4py import MPI
 
     from signorini_fx.machine import parallel
-    from signorini_fx.machine.petsc_start import start_petsc
 
     comm = MPI.COMM_WORLD
-    start_petsc(comm, options.petsc_options)
+    _start_petsc(options.petsc_options)
     # It reads and solves on one rank alone; the others wait for its verdict.
     judgement = parallel.on_root(comm, lambda: add_on("judge")(options.problem, options.result))
     text = json.dumps(judgement.as_dict(), indent=2) if options.json else str(judgement)

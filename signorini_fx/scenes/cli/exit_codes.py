@@ -131,6 +131,6 @@ def _refused_by_petsc(error: Exception) -> SignoriniError | None:
         return None
     from petsc4py import PETSc
 
-    from signorini_fx.solving.check.petsc_options import refused
+    from signorini_fx.algebra.linalg.petsc_options import refused
 
     return refused(error) if isinstance(error, PETSc.Error) else None

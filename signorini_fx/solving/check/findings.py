@@ -25,10 +25,8 @@ from signorini_fx.records import Finding
 from signorini_fx.solving.check.balanced_loads import equilibrium
 from signorini_fx.tuned import (
     FAR_GAP,
-    LARGEST_GAMMA,
     NO_FORCE,
     ROOT_OF_EPS,
-    START_GAMMA,
 )
 
 
@@ -48,7 +46,6 @@ def scene_findings(body: Model) -> list[Finding]:
         findings += [
             *_gaps(body, data, FAR_GAP * prescribed + (body.tagged.size if force > 0 else 0.0)),
             *_inwards(body),
-            *_regularisation(statement, data, body.scales.gamma),
         ]
     return findings
 
@@ -65,8 +62,6 @@ def nonlinear_findings(statement: Statement, body: Model) -> list[Finding]:
             text = "gap and direction are those of the undeformed boundary: a foundation is met anywhere"
             findings.append(Finding("note", f"contact[{number}]", text))
     findings += _locking(body, reduced=volume_degree(statement, body.tagged) is not None)
-    if body.data is not None:
-        findings += _regularisation(body.statement, body.data, body.scales.gamma)
     return [*findings, *_idle(body)]
 
 
@@ -229,34 +224,6 @@ def _largest_loads(body: Model) -> tuple[float, float]:
         sizes = np.linalg.norm(np.reshape(forces, (-1, body.space.dofmap.bs)), axis=1)
         force = max(force, float(parallel.global_sum(body.comm, sizes.sum())))
     return prescribed, force
-
-
-def _regularisation(statement: Statement, data: RegularisedData, natural: float) -> list[Finding]:
-    """Gamma compared with E over the size of the body."""
-    settings, findings = statement.solver, []
-    # The pressures of the softest body are the smallest, and the round-off of gamma is as large at each.
-    softest = min(material.natural_modulus for material in statement.material) / statement.young
-    gammas = {"gamma_n": data.gamma_n, "gamma_t": data.gamma_t}
-    if not statement.has_friction:
-        del gammas["gamma_t"]
-    # Path-following determines gamma itself.
-    for name, gamma in gammas.items() if settings.algorithm != "path-following" else ():
-        most = LARGEST_GAMMA * natural * (1.0 if getattr(settings, name) == "auto" else softest)
-        if gamma > most:
-            message = (
-                f"{gamma:g} is above {most:.1g}, {LARGEST_GAMMA:g} times the smallest E over the size of the body: "
-                "round-off spoils the digits of the pressures; set 'auto', or algorithm = 'alm'"
-            )
-            findings.append(Finding("warning", f"solver.{name}", message))
-        if gamma < START_GAMMA * natural and settings.algorithm != "alm":
-            error = "a penetration" if name == "gamma_n" else "an elastic slip"
-            message = (
-                f"{gamma:g} is below {START_GAMMA * natural:.1g}, {START_GAMMA:g} times E over the size of the body: "
-                f"{error} of about {min(1.0, natural / gamma):.0%} of the displacements is to be expected; set "
-                "'auto', or algorithm = 'alm'"
-            )
-            findings.append(Finding("warning", f"solver.{name}", message))
-    return findings
 
 
 # --- refusals --------------------------------------------------------------------------------------------------------
