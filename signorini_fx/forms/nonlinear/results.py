@@ -28,7 +28,7 @@ from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.forms.given_forms import GivenForms, named_parts
 from signorini_fx.forms.nonlinear.displaced_certificate import ResidualBody, ResidualMechanics
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
-from signorini_fx.forms.nonlinear.moving_pairs import facet_size, sheared_across_gaps, slid_past_partners
+from signorini_fx.forms.nonlinear.moving_pairs import facet_size, slid_past_partners
 from signorini_fx.machine import parallel
 from signorini_fx.machine.compilation import compiling
 from signorini_fx.mechanics.assembly.mesh_entities import assemble
@@ -189,7 +189,7 @@ def findings_of(linear: LinearisedProblem, steps: Sequence[StepResult]) -> tuple
     loose = loose_at_rest(linear.elastic, steps, "contact", linear.bodies)
     inside = pushed_nodes([linear.state], linear.scales.size)
     inside += shapes_in_results(linear.foundations.placed_shapes, linear.u)
-    return (*inside, *sheared_across_gaps(linear.pairs, linear.state), *past, *loose)
+    return (*inside, *past, *loose)
 
 
 def stress_error(
