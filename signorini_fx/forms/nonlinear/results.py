@@ -32,7 +32,7 @@ from signorini_fx.forms.nonlinear.moving_pairs import facet_size, slid_past_part
 from signorini_fx.machine import parallel
 from signorini_fx.machine.compilation import compiling
 from signorini_fx.mechanics.assembly.mesh_entities import assemble
-from signorini_fx.mechanics.body.deformation import added_stiffness, deformation_of
+from signorini_fx.mechanics.body.deformation import deformation_of
 from signorini_fx.mechanics.body.elastic_body import ElasticBody
 from signorini_fx.mechanics.interfaces import Pair
 from signorini_fx.mechanics.statement.load_path import LoadPath, counted_path
@@ -44,7 +44,7 @@ from signorini_fx.results.solution import Solution
 from signorini_fx.solving.check.result_findings import pushed_nodes, shapes_in_results
 from signorini_fx.solving.loose_bodies import loose_at_rest
 from signorini_fx.solving.solve_on_mesh import contact_solution
-from signorini_fx.tuned import CERTIFICATE_TOLERANCE, NOTABLE
+from signorini_fx.tuned import CERTIFICATE_TOLERANCE
 
 
 @dataclass(frozen=True)
@@ -158,21 +158,6 @@ def lost_digits(certificates: Sequence[Certificate], residual: str) -> list[Find
         )
         findings.append(Finding("warning", "contact", message))
     return findings
-
-
-def too_stiff(step: StepResult, farthest: float) -> list[Finding]:
-    """Whether cells of degree 1 make the body too stiff; one that has come back to rest has no strain; collective."""
-    if step.status is not Status.CONVERGED or step.certificate.displacement <= CERTIFICATE_TOLERANCE * farthest:
-        return []
-    added = added_stiffness(step.displacement)
-    if added <= NOTABLE:
-        return []
-    share = f"by about {100 * added:.0f} % (an estimate)" if added < np.inf else "by far"
-    message = (
-        "strains change too much from cell to cell for cells of degree 1, as where a body bends: it is too stiff "
-        f"{share}: take degree 2, or smaller cells"
-    )
-    return [Finding("warning", "mesh", message)]
 
 
 def findings_of(linear: LinearisedProblem, steps: Sequence[StepResult]) -> tuple[Finding, ...]:
