@@ -263,7 +263,7 @@ LEFT_BY_SOLVES = 1e-11
 # A share that three digits do not show.  Choice.
 NEGLIGIBLE = 1e-3
 # A share that is notable in a result: strains, rotations and displacements that linear elasticity neglects, facets off
-# a curve, cells that are too stiff, forces beyond the end of a side.  Choice.
+# a curve, forces beyond the end of a side.  Choice.
 NOTABLE = 0.1
 
 # Components of a unit vector and entries of a projection below this are round-off, without a sum.  Choice: 45 units.

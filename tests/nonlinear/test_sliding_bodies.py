@@ -411,26 +411,6 @@ def test_nothing_acts_where_there_is_no_other_side(friction, algorithm):
     assert shears[0] == shears[-1] == 0.0
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize(
-    ("law", "across"), [(Tresca(BOUND), True), (Coulomb(0.0, cohesion=BOUND), False)], ids=["tresca", "cohesion"]
-)
-def test_friction_across_gaps_is_told(law, across):
-    """A finding says how far friction without pressure reaches, and what to take instead; of that nothing is said."""
-    scene = roller(ratio=10.0, friction=law, algorithm="alm")
-    for way in ((0.0, -0.1), (0.1, -0.1)):
-        scene.move(*way)
-    state, found = scene.problem.state, [finding for finding in scene.problem.findings if "gaps" in finding.message]
-    open_points = ~state.in_contact & (state.shear[:, 0] != 0.0)
-    assert open_points.any() == bool(found) == across
-    if across:
-        gap = (state.gap - state.u_n)[open_points].max()
-        (finding,) = found
-        assert (finding.level, finding.path) == ("warning", "contact[0].friction")
-        assert f"up to {gap:.3g}, at {np.count_nonzero(open_points)} points" in finding.message
-        assert "Coulomb(0.0, cohesion=...)" in finding.message
-
-
 @pytest.mark.parametrize(("degree", "finer"), [(1, 2), (2, 1)])
 def test_a_body_inside_another_one(degree, finer):
     """It is seen by the outlines of cells, with nodes between their vertices or without, and named."""

@@ -137,28 +137,6 @@ def _normals_of(tangents: Array) -> Array:
     return np.asarray(np.cross(tangents[:, :, 0], tangents[:, :, 1]))
 
 
-def sheared_across_gaps(pairs: Mapping[int, MovingPair], state: ContactState) -> list[Finding]:
-    """Friction that acts at points that are not in contact, as a bound without pressure lets it, for each pair;
-    collective.
-    """
-    findings, comm = list[Finding](), state.boundary.comm
-    magnitude = state.boundary.weight * np.linalg.norm(state.shear, axis=1)
-    for number in pairs:
-        of_pair = state.boundary.part == number
-        open_points = of_pair & ~state.in_contact & (magnitude > 0.0)
-        sums = np.array([np.count_nonzero(open_points), magnitude[open_points].sum(), magnitude[of_pair].sum()])
-        count, across, total = parallel.global_sum(comm, sums)
-        gap = parallel.largest(comm, (state.gap - state.u_n)[open_points], 0.0)
-        if count:
-            message = (
-                f"friction without pressure acts across gaps of up to {gap:.3g}, at {count:.0f} points that are not in "
-                f"contact, which have {across / total:.0%} of it: for friction that ends where contact opens take "
-                "Coulomb(0.0, cohesion=...)"
-            )
-            findings.append(Finding("warning", f"contact[{number}].friction", message))
-    return findings
-
-
 def turned_forces(
     state: ContactState, number: int, paired: PairedSides, space: fem.FunctionSpace, displacement: Array
 ) -> JointStiffness:

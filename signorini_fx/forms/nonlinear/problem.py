@@ -23,7 +23,7 @@ from signorini_fx.forms.nonlinear.load_continuation import Continuation
 from signorini_fx.forms.nonlinear.moving_shapes import place
 from signorini_fx.forms.nonlinear.newton import EquilibriumSolver, NoEquilibrium
 from signorini_fx.forms.nonlinear.residual import Residual
-from signorini_fx.forms.nonlinear.results import findings_of, lost_digits, stress_error, too_stiff
+from signorini_fx.forms.nonlinear.results import findings_of, lost_digits, stress_error
 from signorini_fx.forms.nonlinear.step_sizes import RampStep, way_to_load
 from signorini_fx.forms.nonlinear.tangent import Tangents, refuse_miscompiled
 from signorini_fx.forms.problem_of_forms import ProblemOfForms
@@ -213,8 +213,7 @@ class NonlinearContactProblem(ProblemOfForms):
         # Where nothing presses on a body its forces are round-off.
         pressed = [step.certificate for step in ends if not loose_in(self.linear.elastic, step)]
         digits = lost_digits(pressed, self._solver.origin.residual)
-        stiff = [] if solved is None else too_stiff(solved.step, self._solver.farthest)
-        return (*findings_of(self.linear, steps), *digits, *stiff)
+        return (*findings_of(self.linear, steps), *digits)
 
     @property
     def tools(self) -> tuple[RigidBodyMotion, ...]:

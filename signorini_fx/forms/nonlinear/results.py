@@ -28,11 +28,11 @@ from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.forms.given_forms import GivenForms, named_parts
 from signorini_fx.forms.nonlinear.displaced_certificate import ResidualBody, ResidualMechanics
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
-from signorini_fx.forms.nonlinear.moving_pairs import facet_size, sheared_across_gaps, slid_past_partners
+from signorini_fx.forms.nonlinear.moving_pairs import facet_size, slid_past_partners
 from signorini_fx.machine import parallel
 from signorini_fx.machine.compilation import compiling
 from signorini_fx.mechanics.assembly.mesh_entities import assemble
-from signorini_fx.mechanics.body.deformation import added_stiffness, deformation_of
+from signorini_fx.mechanics.body.deformation import deformation_of
 from signorini_fx.mechanics.body.elastic_body import ElasticBody
 from signorini_fx.mechanics.interfaces import Pair
 from signorini_fx.mechanics.statement.load_path import LoadPath, counted_path
@@ -44,7 +44,7 @@ from signorini_fx.results.solution import Solution
 from signorini_fx.solving.check.result_findings import pushed_nodes, shapes_in_results
 from signorini_fx.solving.loose_bodies import loose_at_rest
 from signorini_fx.solving.solve_on_mesh import contact_solution
-from signorini_fx.tuned import CERTIFICATE_TOLERANCE, NOTABLE
+from signorini_fx.tuned import CERTIFICATE_TOLERANCE
 
 
 @dataclass(frozen=True)
@@ -160,21 +160,6 @@ def lost_digits(certificates: Sequence[Certificate], residual: str) -> list[Find
     return findings
 
 
-def too_stiff(step: StepResult, farthest: float) -> list[Finding]:
-    """Whether cells of degree 1 make the body too stiff; one that has come back to rest has no strain; collective."""
-    if step.status is not Status.CONVERGED or step.certificate.displacement <= CERTIFICATE_TOLERANCE * farthest:
-        return []
-    added = added_stiffness(step.displacement)
-    if added <= NOTABLE:
-        return []
-    share = f"by about {100 * added:.0f} % (an estimate)" if added < np.inf else "by far"
-    message = (
-        "strains change too much from cell to cell for cells of degree 1, as where a body bends: it is too stiff "
-        f"{share}: take degree 2, or smaller cells"
-    )
-    return [Finding("warning", "mesh", message)]
-
-
 def findings_of(linear: LinearisedProblem, steps: Sequence[StepResult]) -> tuple[Finding, ...]:
     """What is to be known about a last solution, see ``NonlinearContactProblem.findings``; collective."""
     if not linear.has_state:
@@ -189,7 +174,7 @@ def findings_of(linear: LinearisedProblem, steps: Sequence[StepResult]) -> tuple
     loose = loose_at_rest(linear.elastic, steps, "contact", linear.bodies)
     inside = pushed_nodes([linear.state], linear.scales.size)
     inside += shapes_in_results(linear.foundations.placed_shapes, linear.u)
-    return (*inside, *sheared_across_gaps(linear.pairs, linear.state), *past, *loose)
+    return (*inside, *past, *loose)
 
 
 def stress_error(

@@ -12,15 +12,11 @@ from dataclasses import dataclass
 
 import basix
 import numpy as np
-import ufl
 from dolfinx import fem
 
 from signorini_fx.machine import parallel
-from signorini_fx.machine.compilation import compiling
 from signorini_fx.mechanics.assembly.cell_gradients import gradients
-from signorini_fx.mechanics.assembly.mesh_entities import assemble
 from signorini_fx.mechanics.body.elastic_body import ElasticBody
-from signorini_fx.tuned import LOST_UNITS
 
 
 @dataclass(frozen=True)
@@ -60,36 +56,3 @@ def deformation_of(body: ElasticBody, displacement: fem.Function, size: float) -
         furthest = parallel.largest(body.comm, moved[assembly == number])
         share = max(share, furthest / extent)
     return Deformation(gradient, share)
-
-
-def added_stiffness(displacement: fem.Function) -> float:
-    """By which share cells of degree 1 make a body stiffer than it is, an estimate; 0: of another degree; collective.
-
-    Green's strain is averaged at the vertices (O. C. Zienkiewicz, J. Z. Zhu, Int. J. Numer. Meth. Engng. 24 (1987)
-    337-357).  With the share s of its square by which it differs from the interpolated averages this is s / (1 - s).
-    In a plank that bends s is .03 to .55, and forces are too large by 6 to 150 %; the estimate is 7 to 150 %.
-    """
-    mesh, dim = displacement.function_space.mesh, displacement.function_space.mesh.geometry.dim
-    if displacement.function_space.element.basix_element.degree != 1:
-        return 0.0
-    averages = fem.Function(fem.functionspace(mesh, ("Lagrange", 1, (dim, dim))))
-    slopes, z = ufl.grad(displacement), ufl.TestFunction(averages.function_space)
-    strain, ones = ufl.sym(slopes) + slopes.T * slopes / 2, ufl.as_matrix(np.ones((dim, dim)).tolist())
-    at_vertices = ufl.dx(metadata={"quadrature_rule": "vertex", "quadrature_degree": 1})
-    exactly = ufl.dx(domain=mesh, metadata={"quadrature_degree": 3})
-    away = ufl.inner(averages - strain, averages - strain)
-    with compiling():
-        sums = [fem.form(ufl.inner(values, z) * at_vertices) for values in (strain, ones)]
-        numbers = [fem.form(density * exactly) for density in (away, ufl.inner(strain, strain), 1)]
-    total, weight = map(assemble, sums)
-    averages.x.array[: total.size] = total / weight
-    averages.x.scatter_forward()
-    local = np.array([float(fem.assemble_scalar(number)) for number in numbers])
-    missed, whole, volume = parallel.global_sum(mesh.comm, local)
-    owned = np.arange(mesh.topology.index_map(dim).size_local, dtype=np.int32)
-    smallest = -parallel.largest(mesh.comm, -mesh.h(dim, owned) if owned.size else np.zeros(0), -np.inf)
-    moved = parallel.largest(mesh.comm, np.abs(displacement.x.array), 0.0)
-    round_off = LOST_UNITS * float(np.finfo(float).eps) * moved / smallest
-    if whole <= round_off**2 * volume:
-        return 0.0
-    return float(missed / (whole - missed)) if missed < whole else np.inf
