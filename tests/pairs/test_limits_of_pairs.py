@@ -70,12 +70,12 @@ def third_of_four(kind, degree=1):
 
 @pytest.mark.parametrize(("kind", "degree"), [("quadrilateral", 1), ("triangle", 1), ("hexahedron", 1)])
 def test_facets_of_which_another_contact_owns_all_nodes(kind, degree):
-    """Nobody carries what is between both bodies there: an error that names both contacts and the place."""
+    """Nobody carries what is between both bodies there: an error that names the contact and the place."""
     scene = third_of_four(kind, degree)
     count = 2 if kind == "hexahedron" else 1
     with pytest.raises(FormError) as raised:
         as_linear_bodies(scene)
-    message = f"contact[1]: contact[0] owns all nodes of {count} of its facets"
+    message = f"contact[1]: other contacts own all nodes of {count} of its facets"
     assert message in str(raised.value)
     assert "such as that at (0.375, " in str(raised.value)
 

@@ -9,7 +9,7 @@ Where the nodes have no such rule the contact points are the vertices, at which 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise, permutations
 from typing import TYPE_CHECKING, Any
@@ -84,8 +84,6 @@ class ContactBoundary:
         moving: foundations whose motion is an unknown; None: there are none.
         friction_axes: of friction that depends on the direction; None: none does.
         kinematics: of displacements with these components on these cells, whatever the scene is.
-        without_area: part and global number of nodes of pairs whose functions have no area, as on an axis of
-            revolution, shape (m, 2).
         pushing: the force of a unit pressure on the body of its node, per area and negative, shape (n, d), where that
             acts along derivatives of the gap; None: ``normal``.
     """
@@ -104,7 +102,6 @@ class ContactBoundary:
     moving: MovingFoundation | None = None
     friction_axes: FrictionAxes | None = None
     kinematics: Kinematics = SPACE
-    without_area: npt.NDArray[np.int64] = field(default_factory=lambda: np.zeros((0, 2), dtype=np.int64))
     pushing: Nodal | None = None
 
     def check_friction_axes(self, path: str) -> None:
@@ -257,7 +254,7 @@ def join(parts: list[ContactBoundary]) -> ContactBoundary:
     """Several contact boundaries as one list of nodes."""
     fields: dict[str, Any] = {
         name: np.concatenate([getattr(part, name) for part in parts])
-        for name in ("nodes", "x", "weight", "normal", "part", "free", "segments", "global_nodes", "without_area")
+        for name in ("nodes", "x", "weight", "normal", "part", "free", "segments", "global_nodes")
     }
     averages = [part.averages for part in parts]
     if any(averages):  # the others take the displacement of their nodes

@@ -147,9 +147,7 @@ def contact_table(
     x = rows[:, len(scalars) : len(scalars) + dim]
     segments = parallel.gather_rows(boundary.comm, boundary.segments)
     if dim == 2:
-        least = 2 if boundary.averages is None else None  # a node on an axis of revolution has no weight
-        carrying = np.concatenate((numbers, parallel.gather_rows(boundary.comm, boundary.without_area)))
-        pieces, order, closed = chains(numbers, with_points(carrying, segments, least), x)
+        pieces, order, closed = chains(numbers, _with_points(numbers, segments), x)
         facets = None
     else:
         pieces, order, closed = [], _by_position(numbers[:, 0], x), []
@@ -180,19 +178,11 @@ def contact_table(
     return ContactTable(columns, pieces, numbers[order], facets)
 
 
-def with_points(
-    numbers: npt.NDArray[np.int64], segments: npt.NDArray[np.int64], least: int | None = None
-) -> npt.NDArray[np.int64]:
-    """The facets of which every node carries a point: between two bodies not all do.
-
-    Args:
-        numbers: part and global node of each point, shape (n, 2).
-        segments: see ``ContactBoundary.segments``.
-        least: how many nodes carry points at least; None: all of them.
-    """
+def _with_points(numbers: npt.NDArray[np.int64], segments: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+    """The facets with two nodes that carry points: between two bodies, and on an axis of revolution, not all do."""
     base = int(max(segments[:, 1:].max(initial=0), numbers[:, 1].max(initial=0))) + 1
     carrying = np.isin(segments[:, :1] * base + segments[:, 1:], numbers[:, 0] * base + numbers[:, 1])
-    return segments[carrying.sum(axis=1) >= (carrying.shape[1] if least is None else least)]
+    return segments[carrying.sum(axis=1) >= 2]
 
 
 def _rows_of(numbers: npt.NDArray[np.int64], segments: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:

@@ -332,13 +332,6 @@ class Foundations:
         part.check_friction_axes(f"contact[{number}].friction")
         return part
 
-    def _taken(self, number: int) -> dict[int, npt.NDArray[np.int32]]:
-        """The facets at which a pair has no points, by the numbers of their contacts: of a node that two contacts share
-        an earlier pair, or a foundation, has the point.
-        """
-        first = [k for k, contact in enumerate(self._contact) if k < number or contact.against is None]
-        return {k: self.facets[k] for k in first if k != number}
-
     def at_rest(self, fixed: npt.NDArray[np.bool_], values: Array) -> npt.NDArray[np.bool_]:
         """Which dofs are prescribed to be zero, if pairs are there, which alone take notice of it."""
         return np.asarray(fixed & (values == 0) & bool(self._masters))
@@ -356,7 +349,7 @@ class Foundations:
 
         pair, facing = self._contact[number], self.facing(number, factor, fixed, turned, at_rest)
         assert isinstance(pair, Pair)
-        paired = PairedSides.of(self._space, pair, facing, f"contact[{number}]", self._taken(number))
+        paired = PairedSides.of(self._space, pair, facing, f"contact[{number}]")
         self._pairs[number] = paired
         return paired.boundary(self._space, self.facets[number], number)
 
@@ -377,8 +370,10 @@ class Foundations:
 
         sides, flags = (self.facets[number], self._masters[number]), fixed.reshape(-1, self._dimension)
         rests = None if at_rest is None else at_rest.reshape(-1, self._dimension)[: len(flags)]
-        name, taken = f"contact[{number}]", self._taken(number)
-        return FacingSides.of(self._space, sides, name, flags, taken, turned, rests, factor)
+        # Of a node that two contacts share an earlier pair, or a foundation, has the point.
+        first = (k for k, contact in enumerate(self._contact) if k < number or contact.against is None)
+        taken = [self.facets[k] for k in first if k != number]
+        return FacingSides.of(self._space, sides, f"contact[{number}]", flags, taken, turned, rests, factor)
 
     def _gap_of(self, number: int) -> tuple[Array, Array | None]:
         """The gap of one contact at all nodes of this rank, and what of it is no geometry of a pair; collective.

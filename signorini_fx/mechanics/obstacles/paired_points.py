@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -15,20 +15,14 @@ from dolfinx import fem
 from signorini_fx.errors import FormError
 from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.assembly.averages import Averages, from_owners
-from signorini_fx.mechanics.assembly.mesh_entities import adjugates, facet_entities, facet_nodes, node_positions
+from signorini_fx.mechanics.assembly.mesh_entities import adjugates, facet_entities, node_positions
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary, segments_of
 from signorini_fx.mechanics.contact_points.turned_supports import TurnedNodes
 from signorini_fx.mechanics.interfaces import Pair
 from signorini_fx.mechanics.obstacles.mirrored_points import mirrored
 from signorini_fx.mechanics.pairs.dual_functions import HeldSides
 from signorini_fx.mechanics.pairs.mean_rotation import of_blocks, turned_normals
-from signorini_fx.mechanics.pairs.mortar_coupling import (
-    Coupling,
-    NobodyCarriesError,
-    PairingError,
-    couple,
-    normals_of_points,
-)
+from signorini_fx.mechanics.pairs.mortar_coupling import Coupling, PairingError, couple, normals_of_points
 from signorini_fx.mechanics.pairs.pair_side import Lagrange, PairSurface
 from signorini_fx.mechanics.pairs.sliding import along_vectors
 from signorini_fx.mechanics.pairs.sparse_scaling import beside, of_components
@@ -141,7 +135,7 @@ class FacingSides:
         facets: tuple[Indices, Indices],
         name: str,
         fixed: npt.NDArray[np.bool_],
-        taken: Mapping[int, Indices],
+        taken: Sequence[Indices],
         turned: TurnedNodes | None = None,
         at_rest: npt.NDArray[np.bool_] | None = None,
         factor: Array | None = None,
@@ -153,7 +147,7 @@ class FacingSides:
             facets: of the slave and of the master, owned, local numbers.
             name: of the pair, for errors.
             fixed: which displacement components are prescribed at the owned nodes, shape (owned nodes, d).
-            taken: facets of other contacts by their numbers, whose nodes carry no points of this one.
+            taken: facets of other contacts, whose nodes carry no points of this one.
             turned: nodes for which ``fixed`` is told in their own frames; None: there are none.
             at_rest: which of the components ``fixed`` are zero at all times, shape (owned nodes, d); None: none.
             factor: of the measure, at all nodes of this rank, shape (nodes,); None: 1.
@@ -166,7 +160,7 @@ class FacingSides:
         comm, dim, owned = space.mesh.comm, space.mesh.topology.dim, len(fixed)
         slave, master = (PairedSide.of(space, entries) for entries in facets)
         taken_nodes = np.zeros(owned, dtype=bool)
-        for taken_facets in (*taken.values(), facets[1]):
+        for taken_facets in (*taken, facets[1]):
             reached = fem.locate_dofs_topological(space, dim - 1, taken_facets)
             taken_nodes[reached[reached < owned]] = True
         at_rest = np.zeros_like(fixed) if at_rest is None else at_rest
@@ -230,9 +224,7 @@ class PairedSides:
     followed: bool = False
 
     @classmethod
-    def of(
-        cls, space: fem.FunctionSpace, pair: Pair, facing: FacingSides, name: str, taken: Mapping[int, Indices]
-    ) -> PairedSides:
+    def of(cls, space: fem.FunctionSpace, pair: Pair, facing: FacingSides, name: str) -> PairedSides:
         """Pair two parts of the boundary, for the arguments see ``FacingSides.of``; collective.
 
         Raises:
@@ -253,13 +245,6 @@ class PairedSides:
                 comm=comm,
                 mine=mine,
             )
-        except NobodyCarriesError as error:
-            bare, owners = slave.nodes[error.nodes], list[str]()
-            for number, facets_of_owner in taken.items():
-                names = space.dofmap.index_map.local_to_global(np.unique(facet_nodes(space, facets_of_owner)))
-                if np.isin(bare, parallel.gather_rows(comm, names)).any():
-                    owners.append(f"contact[{number}]")
-            raise FormError([(name, f"{' or '.join(owners)} {error}")]) from None
         except PairingError as error:
             raise FormError([(name, str(error))]) from None
         turns = facing.frames[0][coupling.nodes] if facing.turned else None
@@ -349,7 +334,7 @@ class PairedSides:
             index: of the pair among the contacts.
         """
         coupling, dim = self.coupling, space.mesh.geometry.dim
-        nodes, bare = self.slave.nodes[coupling.nodes], self.slave.nodes[self.slave.surface.without_area]
+        nodes = self.slave.nodes[coupling.nodes]
         local = (nodes - space.dofmap.index_map.local_range[0]).astype(np.int32)
         lift, relative = coupling.lift(self.slave.surface).tocoo(), self.relative
         reached = np.unique(np.concatenate((relative.indices // dim, lift.row)))
@@ -379,7 +364,6 @@ class PairedSides:
             global_nodes=nodes,
             averages=averages,
             axes=self.axes,
-            without_area=np.column_stack((np.full(bare.size, index, dtype=np.int64), bare)),
         )
 
     @property

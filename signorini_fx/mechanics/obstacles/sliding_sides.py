@@ -150,7 +150,6 @@ class SlidingSides:
         counted = partnered | ~partnered.any()
         free = averages.any_of(~self.fixed) & counted[mine, None]
         free &= np.einsum("nii->ni", across) < 0.5
-        names, bare = self.slave.nodes[self.points[mine]], self.slave.nodes[self.slave.surface.without_area]
         translation = np.tile(np.eye(dim), (len(self.slave.nodes), 1))  # of the slave alone
         pushing = np.asarray(normal_rows[:, : len(translation)] @ translation)
         return ContactBoundary(
@@ -162,9 +161,8 @@ class SlidingSides:
             part=np.full(count, self.index, dtype=np.int32),
             free=free,
             segments=self._segments,
-            global_nodes=names,
+            global_nodes=self.slave.nodes[self.points[mine]],
             averages=averages,
-            without_area=np.column_stack((np.full(bare.size, self.index, dtype=np.int64), bare)),
             pushing=pushing,
         )
 

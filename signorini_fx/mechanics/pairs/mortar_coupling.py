@@ -50,18 +50,6 @@ class PairingError(ValueError):
     """Two sides do not fit together; the message says why and where."""
 
 
-class NobodyCarriesError(PairingError):
-    """Other contacts own all nodes of facets that see the other side, and no point is beside them.
-
-    Attributes:
-        nodes: of these facets, numbers of the slave.
-    """
-
-    def __init__(self, nodes: Indices, message: str) -> None:
-        super().__init__(message)
-        self.nodes = nodes
-
-
 @dataclass(frozen=True)
 class Coupling:
     """The contact points of a pair on this rank, n of them.
@@ -228,8 +216,8 @@ def couple(
         mine: nodes of the slave whose points this rank takes; None: all.
 
     Raises:
-        PairingError: no facet finds a partner, one finds two sheets of them, or the bodies lie inside each other.
-        NobodyCarriesError: no point takes over the functions of some facets.
+        PairingError: no facet finds a partner, one finds two sheets of them, the bodies lie inside each other, or no
+            point takes over the functions of some facets.
     """
     used = [side.x[np.unique(side.nodes)] for side in (slave, master)]
     if reach is None:
@@ -311,12 +299,11 @@ def _refuse_bare(slave: PairSurface, tested: Tested, shares: sp.csr_array) -> No
         return
     size, middle = float(np.abs(slave.x).max()), slave.corners[area.argmax()].mean(axis=0)
     place = ", ".join(f"{component:.4g}" for component in size * np.round(middle / size, 9) + 0.0)
-    message = (
-        f"owns all nodes of {bare.size} of its facets that see the other side, such as that at ({place}), and no point "
-        "beside them carries what is between both bodies there: give these facets to that contact, or leave out its "
-        "facets around them"
+    raise PairingError(
+        f"other contacts own all nodes of {bare.size} of its facets that see the other side, such as that at "
+        f"({place}), and no point beside them carries what is between both bodies there: give these facets to another "
+        "contact, or leave out its facets around them"
     )
-    raise NobodyCarriesError(np.unique(slave.points[bare]), message)
 
 
 def projected(
