@@ -48,9 +48,10 @@ def test_matrices_or_a_scene(law, kind, algorithm, tmp_path):
 
 def test_nothing_else_holds_the_body():
     """A load that no pressure balances: the core says so without a linear solve."""
+    from from_scipy import from_scipy
+
     from signorini_fx.algebra.algorithms.strategy import solve_task
     from signorini_fx.algebra.algorithms.task import Task
-    from signorini_fx.algebra.linalg.from_scipy import from_scipy
     from signorini_fx.algebra.linalg.full import FullSystem
     from signorini_fx.records import Status
 
@@ -66,10 +67,11 @@ def test_another_load_on_the_same_factor(kind):
     """A load case that is replaced has the solution of a body that is set up with it."""
     from dataclasses import replace
 
+    from from_scipy import from_scipy
+
     from signorini_fx.algebra.algorithms.strategy import solve_task
     from signorini_fx.algebra.algorithms.task import Task
     from signorini_fx.algebra.linalg.condensed import CondensedSystem
-    from signorini_fx.algebra.linalg.from_scipy import from_scipy
     from signorini_fx.algebra.linalg.full import FullSystem
     from signorini_fx.algebra.method import Settings
 

@@ -4,6 +4,7 @@ import h5py
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from from_scipy import from_scipy
 from scenes import alone
 from spaces import box
 
@@ -11,7 +12,6 @@ from signorini_fx.algebra.algorithms.strategy import solve_task
 from signorini_fx.algebra.algorithms.task import Task
 from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.algebra.linalg.condensed import CondensedSystem
-from signorini_fx.algebra.linalg.from_scipy import from_scipy
 from signorini_fx.algebra.linalg.full import FullSystem
 from signorini_fx.algebra.method import Settings
 from signorini_fx.records import Status

@@ -55,11 +55,12 @@ def matrices():
 
 def main(kind, algorithm, law, value, out):
     """Solve it, and store the state of the contact points from left to right."""
+    from from_scipy import from_scipy
+
     from signorini_fx.algebra.algorithms.strategy import solve_task
     from signorini_fx.algebra.algorithms.task import Task
     from signorini_fx.algebra.contact.friction import PointFriction
     from signorini_fx.algebra.linalg.condensed import CondensedSystem
-    from signorini_fx.algebra.linalg.from_scipy import from_scipy
     from signorini_fx.algebra.linalg.full import FullSystem
     from signorini_fx.algebra.linalg.krylov import KrylovSystem
     from signorini_fx.algebra.method import Settings

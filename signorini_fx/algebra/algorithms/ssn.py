@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cached_property, lru_cache
 
 import numpy as np
 import numpy.typing as npt
 from petsc4py import PETSc
 
+from signorini_fx.algebra.attempts import CONVEX
 from signorini_fx.algebra.contact.active_sets import ActiveSets, next_sets, slip_multiplier, transmitting
 from signorini_fx.algebra.contact.complementarity import RegularisedData, onto_disc, project, slip_of
 from signorini_fx.algebra.contact.nodal_vectors import Nodal, length, unit
@@ -36,10 +38,6 @@ _RENEW, _KEEP = -2, -1
 # While the sets repeat and directions of slip change, the residual of the law must be halved in this many steps.
 _TURNS = 6
 _SNES = PETSc.SNES.ConvergedReason
-# (newton, data, how it failed, measure) -> how it ended then.
-FallBack = Callable[["SemismoothNewton", RegularisedData, Status, Callable[[], float | None]], Status]
-# (newton, data) -> sets for the next full step; None if a linear solve fails.
-ProposedSets = Callable[["SemismoothNewton", RegularisedData], ActiveSets | None]
 # (x, sets, data) of an iterate; None before the first problem.
 Checkpoint = tuple[PETSc.Vec, ActiveSets, RegularisedData | None]
 
@@ -67,15 +65,15 @@ class SemismoothNewton:
         max_iterations: linear solves allowed for one problem.
         history: where the records go.
         symmetric: whether the Jacobian is; it is not if the friction bound depends on the pressure.
-        fall_back: called if this iteration does not solve a problem, see ``task.FallBack``; None: nothing.
-        propose_sets: called, once in a problem with a given friction bound, if full steps change few sets at a time;
-            None: nothing.
+        fallbacks: whether the interior-point method is tried if full steps do not solve a problem.
         limited: whether the user has set the limit on linear solves, so that reaching it is not a failure.
 
     Attributes:
         max_iterations: linear solves allowed for one problem.
         start_time: when it was set up, on this rank.
         linear: whether there is no contact point on any rank, so that one linear solve is all there is to do.
+        lost: whether the interior-point method has failed for one of the problems of the load step, which most likely
+            has no solution, such as one of a fixed-point iteration beyond a limit load: it is not tried for the others.
     """
 
     def __init__(
@@ -86,8 +84,7 @@ class SemismoothNewton:
         history: History,
         *,
         symmetric: bool = True,
-        fall_back: FallBack | None = None,
-        propose_sets: ProposedSets | None = None,
+        fallbacks: bool = False,
         limited: bool = False,
     ) -> None:
         self.problem = problem
@@ -96,8 +93,8 @@ class SemismoothNewton:
         self._residual = x.duplicate()
         self.start_time = time.perf_counter()
         self.max_iterations = max_iterations
-        self._fall_back = fall_back
-        self._propose_sets = propose_sets
+        self._fallbacks = fallbacks
+        self.lost = False
         self._limited = limited
         self._symmetric = symmetric
         self._factor: PETSc.KSP | None = None
@@ -175,9 +172,22 @@ class SemismoothNewton:
         # With a friction bound that depends on the pressure there is no energy, and no convex programme; a limit that
         # the user has set is no failure.
         ran_on = status is Status.CYCLING or not self._limited
-        if self._fall_back is not None and data.follows is None and ran_on:
-            status = self._fall_back(self, data, status, measure)
-        return status
+        beyond_help = self.lost or self.history.exhausted
+        if not self._fallbacks or data.follows is not None or not ran_on or beyond_help:
+            return status
+        return self._inside_the_bounds(data, status, measure)
+
+    def _inside_the_bounds(self, data: RegularisedData, failed: Status, measure: Callable[[], float | None]) -> Status:
+        """How the interior-point method ends, or the status of what has failed, with the iterate that it left."""
+        from signorini_fx.algebra.algorithms.interior_point import interior_point
+
+        start = self.checkpoint()
+        self.history.add(f"{failed.value}: {CONVEX}")
+        if interior_point(self, replace(data, sigma=np.inf), measure) is Status.CONVERGED:
+            return Status.CONVERGED
+        self.lost = True
+        self.restore(start)
+        return failed
 
     def close(
         self,
@@ -216,7 +226,7 @@ class SemismoothNewton:
         self.snes.setTolerances(max_it=limit)
         self._may_keep, self._loosened, self._assembled = True, False, False
         given = data.follows is None and np.isinf(data.sigma)
-        self._may_propose = given and self._symmetric and max_iterations is None and self._propose_sets is not None
+        self._may_propose = given and self._symmetric and max_iterations is None
         self._slow = False
         try:
             with petsc_options.defaults(self.problem.system.solver_defaults), unprinted():
@@ -293,12 +303,13 @@ class SemismoothNewton:
 
     def _propose(self) -> None:
         """Make proposed sets those of the next full step, or the next ones if there are none; collective."""
-        assert self._propose_sets is not None
+        from signorini_fx.algebra.algorithms.interior_point import proposed_sets
+
         self._slow, problem = False, self.problem
         following, solves = problem.next.sets, self.history.linear_solves
-        proposed = self._propose_sets(self, problem.data)
+        proposed = proposed_sets(self, problem.data)
         if proposed is None and self._factorise():
-            proposed = self._propose_sets(self, problem.data)
+            proposed = proposed_sets(self, problem.data)
         problem.sets = following if proposed is None else proposed
         asked = self.history.linear_solves - solves
         self.history.add(f"sets: few change with each full step, {asked} solves inside the bounds propose others")

@@ -12,7 +12,6 @@ import numpy.typing as npt
 from petsc4py import PETSc
 
 from signorini_fx.algebra.algorithms.ssn import SemismoothNewton
-from signorini_fx.algebra.attempts import CONVEX
 from signorini_fx.algebra.contact.active_sets import ActiveSets, slip_multiplier
 from signorini_fx.algebra.contact.complementarity import RegularisedData, slip_of
 from signorini_fx.algebra.contact.friction import PointFriction
@@ -234,36 +233,9 @@ class Task:
         return status in (Status.CYCLING, Status.SLIDES_AT_PRESSURES)
 
 
-class FallBack:
-    """The fall-back for the problems of a load step; ``exhausted``: whether it has failed for one of its problems,
-    which most likely has no solution, such as one of a fixed-point iteration beyond a limit load, then it is not tried
-    for the others.
-    """
-
-    def __init__(self) -> None:
-        self.exhausted = False
-
-    def __call__(
-        self, newton: SemismoothNewton, data: RegularisedData, failed: Status, measure: Callable[[], float | None]
-    ) -> Status:
-        """How it ends, or else the original status, with the iterate that it left."""
-        from signorini_fx.algebra.algorithms.interior_point import interior_point
-
-        if self.exhausted or newton.history.exhausted:
-            return failed
-        start = newton.checkpoint()
-        newton.history.add(f"{failed.value}: {CONVEX}")
-        if interior_point(newton, replace(data, sigma=np.inf), measure) is Status.CONVERGED:
-            return Status.CONVERGED
-        self.exhausted = True
-        newton.restore(start)
-        return failed
-
-
 class Iterate:
     """The iterates of a contact problem and the inner methods on them, each set up when it is first needed; ``x``: that
-    of the regularised problem; ``fall_back``: what is tried if a problem with a given friction bound is not solved by
-    full steps.
+    of the regularised problem.
     """
 
     def __init__(
@@ -277,7 +249,6 @@ class Iterate:
         self._settings, self._history = settings, history
         self._system, self._motions = system, motions
         self.x: PETSc.Vec = system.start.copy()
-        self.fall_back = FallBack()
 
     def _newton(self, problem: RegularisedProblem, x: PETSc.Vec, *, symmetric: bool = True) -> SemismoothNewton:
         settings = self._settings
@@ -287,8 +258,7 @@ class Iterate:
             settings.max_iterations,
             self._history,
             symmetric=symmetric,
-            fall_back=self.fall_back if settings.fallbacks else None,
-            propose_sets=_proposed_sets,
+            fallbacks=settings.fallbacks,
             limited=settings.limited("max_iterations"),
         )
 
@@ -304,14 +274,8 @@ class Iterate:
 
     def begin_step(self, start: Start) -> None:
         """Apply the loads and prescribed displacements of a load step to the current iterate."""
-        self.fall_back.exhausted = False
+        self.newton.lost = False
         if start.factors is not None:
             self._system.set_load(start.factors)
         fixed = self._system.contact.fixed
         self.x.getArray()[fixed] = self._system.start.getArray(readonly=True)[fixed]
-
-
-def _proposed_sets(newton: SemismoothNewton, data: RegularisedData) -> ActiveSets | None:
-    from signorini_fx.algebra.algorithms.interior_point import proposed_sets
-
-    return proposed_sets(newton, data)

@@ -9,8 +9,6 @@ Sources: George, SIAM J. Numer. Anal. 10 (1973) 345-363; Heath & Raghavan, SIAM 
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import numpy.typing as npt
 import scipy.sparse as sp
@@ -23,30 +21,13 @@ Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.intp]
 _LEAF = 32  # nodes that are not divided
 _DEEPEST = 40  # halvings
-# Copies of what the last order was found for, and the order: the tangents of a nonlinear body have one pattern in all
-# iterations, but for what joins the sides of bodies that slide, which stay.
-_last: dict[str, tuple[tuple[npt.NDArray[Any], ...], Numbers]] = {}
 
 
 def dissected(rows: sp.csr_array, inner: Numbers, positions: Array) -> Numbers:
     """The inner unknowns, ascending in ``inner``, in the order of nested dissection, those of a node one after another,
-    shape (m,), read-only: of the same pattern of the rows of inner unknowns it is found once. ``rows``: of the n
-    unknowns of this rank, whose columns come first; ``positions``: of the first of them, the others are eliminated at
-    the end.
+    shape (m,). ``rows``: of the n unknowns of this rank, whose columns come first; ``positions``: of the first of them,
+    the others are eliminated at the end.
     """
-    counts, stays = np.diff(rows.indptr), np.ones(rows.shape[0], dtype=bool)
-    stays[inner] = False
-    basis = counts[inner], rows.indices[np.repeat(~stays, counts)], inner, positions
-    last = _last.get("order")
-    if last is not None and all(map(np.array_equal, basis, last[0])):
-        return last[1]
-    order = _dissected(rows, inner, positions)
-    order.setflags(write=False)
-    _last["order"] = tuple(values.copy() for values in basis), order
-    return order
-
-
-def _dissected(rows: sp.csr_array, inner: Numbers, positions: Array) -> Numbers:
     behind, inner = inner[inner >= len(positions)], inner[inner < len(positions)]
     if not inner.size:
         return behind
