@@ -28,12 +28,12 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from petsc4py import PETSc
 
-from signorini_fx.algebra.algorithms.ssn import SemismoothNewton
 from signorini_fx.algebra.contact.active_sets import ActiveSets, natural_sets
 from signorini_fx.algebra.contact.complementarity import (
     RegularisedData,
@@ -62,8 +62,10 @@ from signorini_fx.tuned import (
     UNDECIDED_POINTS,
 )
 
+Newton = Any  # ``ssn.SemismoothNewton``, which asks for this module
 
-def interior_point(newton: SemismoothNewton, data: RegularisedData, measure: Callable[[], float | None]) -> Status:
+
+def interior_point(newton: Newton, data: RegularisedData, measure: Callable[[], float | None]) -> Status:
     """Solve one problem with a given friction bound, whatever iterate ``newton`` holds, whose tangent is symmetric;
     collective.
     """
@@ -83,7 +85,7 @@ def interior_point(newton: SemismoothNewton, data: RegularisedData, measure: Cal
     return status
 
 
-def proposed_sets(newton: SemismoothNewton, data: RegularisedData) -> ActiveSets | None:
+def proposed_sets(newton: Newton, data: RegularisedData) -> ActiveSets | None:
     """The sets that a few steps from a soft foundation find after a full step of a problem with a given friction bound,
     which hold the body; None if a linear solve fails; the iterate of ``newton`` stays; collective. Where the last full
     step has lifted the body far, the foundation is softer: it yields under the mean pressure by that much.
@@ -133,7 +135,7 @@ class _InnerStep:
 class _Programme:
     """The interior-point method for one problem; the iterate is that of ``newton``."""
 
-    def __init__(self, newton: SemismoothNewton, data: RegularisedData) -> None:
+    def __init__(self, newton: Newton, data: RegularisedData) -> None:
         self._newton, self._data, self._problem = newton, data, newton.problem
         self._points, self._comm = newton.problem.points, newton.problem.points.comm
         # Where supports alone decide about the distance, no pressure acts that could be bounded.
