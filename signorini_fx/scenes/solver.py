@@ -11,7 +11,6 @@ from mpi4py import MPI
 
 from signorini_fx.algebra.linalg import petsc_options
 from signorini_fx.errors import SceneError
-from signorini_fx.machine import signals
 from signorini_fx.mechanics.statement.values import kind_of
 from signorini_fx.quantities.quantity import own_quantities
 from signorini_fx.records import History, Progress
@@ -71,10 +70,8 @@ def solve(
     own_quantities()  # those of others are refused before hours of work
     if callable(observers) or not all(map(callable, observers)):
         raise TypeError("observers: a list of functions is expected, such as [print_progress]")
-    with signals.together(comm):
-        history = History(observers=list(observers), watchers=[] if on_progress is None else [on_progress])
-        solution = _solved(scene, comm, history, on_level, checkpoint, restart=restart)
-        signals.agree(comm)
+    history = History(observers=list(observers), watchers=[] if on_progress is None else [on_progress])
+    solution = _solved(scene, comm, history, on_level, checkpoint, restart=restart)
     if check and not solution.converged:
         raise ConvergenceError(solution)
     return solution

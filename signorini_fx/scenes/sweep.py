@@ -16,7 +16,6 @@ from mpi4py import MPI
 
 from signorini_fx.algebra.algorithms.task import Task
 from signorini_fx.algebra.linalg import petsc_options
-from signorini_fx.machine import signals
 from signorini_fx.mechanics.body.discretisation import with_gap_and_friction
 from signorini_fx.mechanics.statement.changes import changed
 from signorini_fx.records import History, Status, Timings
@@ -72,9 +71,7 @@ def _solutions(scenes: Sequence[Scene], comm: MPI.Comm) -> Iterator[Solution]:
         if not _on_one_mesh(scene):
             yield solve(scene, comm, check=False)
             continue
-        with signals.together(comm):
-            solution, task = _solved(scene, comm, last)
-            signals.agree(comm)
+        solution, task = _solved(scene, comm, last)
         last = (scene, solution, task) if solution.status is Status.CONVERGED else None
         yield solution
 

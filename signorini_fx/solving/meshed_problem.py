@@ -13,7 +13,7 @@ from mpi4py import MPI
 from signorini_fx.algebra.algorithms.task import Outcome, Task
 from signorini_fx.algebra.linalg.failures import memory_ended
 from signorini_fx.errors import MeshError, SceneError
-from signorini_fx.machine import parallel, signals
+from signorini_fx.machine import parallel
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.rigid.mesh_levels import MeshLevel
@@ -135,7 +135,6 @@ class MeshedProblem(Generic[P]):
     def solved(self, number: int, state: ContactState | None, coarser: MeshLevel | None) -> SolvedMesh:
         """Solve it from the contact state of a coarser mesh, with its errors and its cost; collective."""
         history, comm = self.history, self.comm
-        signals.agree(comm)
         history.add(f"level {number}")
         solves_before = history.linear_solves
         step_errors: list[Errors] = []

@@ -20,7 +20,7 @@ from signorini_fx.algebra.linalg.callbacks import called_back, weakly
 from signorini_fx.algebra.linalg.failures import factor_lacks_memory, memory_ended, unlock, unprinted
 from signorini_fx.algebra.linalg.petsc_c import call
 from signorini_fx.algebra.problem.regularised import RegularisedProblem
-from signorini_fx.machine import parallel, signals
+from signorini_fx.machine import parallel
 from signorini_fx.records import History, IterationRecord, OuterRecord, Status
 from signorini_fx.tuned import (
     DECIDED,
@@ -496,18 +496,13 @@ class SemismoothNewton:
 
     def _counts(self, bound: Nodal, next_bound: Nodal) -> list[int]:
         """Nodes of the current sets in contact and slipping either way, nodes that change, and a fingerprint of the
-        next sets: a sum of random numbers, one for each node and state, equal for equal sets on any number of ranks.
-
-        Signals that wait are served on all ranks; collective.
+        next sets: a sum of random numbers, one for each node and state, equal for equal sets on any number of ranks;
+        collective.
         """
         sets, following = transmitting(self.problem.sets, bound), transmitting(self.problem.next.sets, next_bound)
         side, changed = sets.side, sets.changed(following)
         state = 3 * following.contact.astype(np.int64) + following.side + 1
         fingerprint = self._keys[state, np.arange(state.size)].sum(dtype=np.uint64)
         numbers = [np.count_nonzero(mask) for mask in (sets.contact, side > 0, side < 0, changed)]
-        comm = self.problem.points.comm
-        sums = parallel.global_sum(comm, np.array([*numbers, fingerprint, signals.waiting()], dtype=np.uint64))
-        *counts, waiting = [int(number) for number in sums]
-        if waiting:
-            signals.agree(comm, waiting)
-        return counts
+        sums = parallel.global_sum(self.problem.points.comm, np.array([*numbers, fingerprint], dtype=np.uint64))
+        return [int(number) for number in sums]
