@@ -10,7 +10,7 @@ from __future__ import annotations
 import contextlib
 import os
 import shutil
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from pathlib import Path
 
 MANIFEST, PART = ".signorini_fx", ".signorini_fx.part"
@@ -43,11 +43,6 @@ def begin_part(folder: Path) -> None:
 def remove_part(folder: Path) -> None:
     """Remove the hidden folder of what is not complete."""
     shutil.rmtree(folder / PART, ignore_errors=True)
-
-
-def files_of_part(folder: Path) -> list[str]:
-    """All files in the hidden folder, as paths in it."""
-    return files(folder / PART)
 
 
 def begin_inner(folder: Path, name: str) -> None:
@@ -111,8 +106,13 @@ def remove(folder: Path) -> None:
 
 
 def files(folder: Path) -> list[str]:
-    """All files in a folder, as paths in it."""
-    return sorted(str(path.relative_to(folder)) for path in _files(folder))
+    """All files in a folder but those that are not complete, as paths in it; a link is a file."""
+    found = []
+    for root, folders, names in os.walk(folder):
+        folders[:] = [name for name in folders if name != PART]
+        links = [name for name in folders if Path(root, name).is_symlink()]
+        found += [str(Path(root, name).relative_to(folder)) for name in (*names, *links)]
+    return sorted(found)
 
 
 def _lines(folder: Path) -> list[str]:
@@ -131,14 +131,6 @@ def _within(folder: Path, name: str) -> bool:
         return False
     way = [folder.joinpath(*parts[: k + 1]) for k in range(len(parts) - 1)]
     return not any(path.is_symlink() or os.path.lexists(path / MANIFEST) for path in way)
-
-
-def _files(folder: Path) -> Iterator[Path]:
-    """All files below a folder but those that are not complete; a link is a file."""
-    for root, folders, names in os.walk(folder):
-        folders[:] = [name for name in folders if name != PART]
-        yield from (Path(root, name) for name in names)
-        yield from (Path(root, name) for name in folders if Path(root, name).is_symlink())
 
 
 def _remove_empty(inner: Path, folder: Path) -> None:

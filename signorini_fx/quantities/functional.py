@@ -41,10 +41,8 @@ class Gradient:
         value: the result.
         derivatives: by each Constant, shape (n,).
         between: contact points that stand between two sets: there the derivatives are those of one side.
-        solves: linear solves that the adjoint problem took.
     """
 
     value: float
     derivatives: Array
     between: int
-    solves: int

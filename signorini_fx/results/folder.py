@@ -101,7 +101,7 @@ class ResultFolder:
 
     def _move(self, begin: Callable[[list[str]], None]) -> None:
         try:
-            new = manifest.files_of_part(self.path)
+            new = manifest.files(self.part)
             self._refuse(manifest.foreign(self.path, new))
             begin(new)
             for name in sorted(new, key=lambda name: name == SUMMARY):

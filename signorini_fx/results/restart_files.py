@@ -145,7 +145,7 @@ class Checkpoint:
                 (part / _FIGURES).write_text(json.dumps(figures), encoding="utf-8")
                 target = self._folder(level, step)
                 shutil.rmtree(target, ignore_errors=True)
-                manifest.add(self.path, [f"{target.name}/{name}" for name in manifest.files_of_part(self.path)])
+                manifest.add(self.path, [f"{target.name}/{name}" for name in manifest.files(part)])
                 part.rename(target)
             except OSError as reason:
                 raise cannot_be_written(self.path, reason) from None

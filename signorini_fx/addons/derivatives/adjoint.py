@@ -68,7 +68,6 @@ class Adjoint:
         tied: minus what a displacement of the tied components, and the turning of shear, contribute, shape (n, d).
         law: the linearised law.
         weight: w, shape (n,).
-        solves: linear solves that it took.
     """
 
     psi: PETSc.Vec
@@ -76,7 +75,6 @@ class Adjoint:
     tied: Nodal
     law: LinearisedLaw
     weight: Nodal
-    solves: int
 
     def derivative(self, by: Explicit, direct: float) -> float:
         """dJ/dp from what depends on p explicitly, and J_p; collective."""
@@ -169,7 +167,7 @@ class TransposedTangent:
             )
         turned = np.einsum("nji,nj->ni", law.turning, untied)
         tied = law.by_slips(chi) + turned
-        return Adjoint(right.displacement(psi), untied, tied, law, contact.points.weight, solves)
+        return Adjoint(right.displacement(psi), untied, tied, law, contact.points.weight)
 
 
 def _symmetric(system: ElasticSystem, law: LinearisedLaw) -> bool:

@@ -204,13 +204,11 @@ class Columns:
     Attributes:
         slopes: the derivatives, shape (quantities, data).
         values: of the quantities, shape (quantities,).
-        solves: linear solves that each took, shape (quantities,).
         between: contact points of each load step that stand between two sets.
     """
 
     slopes: Array
     values: Array
-    solves: npt.NDArray[np.int64]
     between: list[int]
 
 
@@ -226,12 +224,7 @@ def columns(
         quantities: each with the number of its load step.
         data: by which they are derivatives.
     """
-    totals = Columns(
-        np.zeros((len(quantities), len(data))),
-        np.zeros(len(quantities)),
-        np.zeros(len(quantities), dtype=np.int64),
-        [0] * count,
-    )
+    totals = Columns(np.zeros((len(quantities), len(data))), np.zeros(len(quantities)), [0] * count)
     owed: list[tuple[PETSc.Vec, Nodal] | None] = [None] * len(quantities)
     for number in range(count - 1, -1, -1):
         asked = [(k, of) for k, (at, of) in enumerate(quantities) if at == number]
@@ -254,7 +247,6 @@ def columns(
                 if adjoint is not None:
                     totals.slopes[k, column] += adjoint.derivative(change, direct.get(k, 0.0))
         owed = [solved.handed_back(adjoint, step.earlier) for adjoint in adjoints]
-        totals.solves += [0 if adjoint is None else adjoint.solves for adjoint in adjoints]
     return totals
 
 

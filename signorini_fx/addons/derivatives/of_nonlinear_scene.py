@@ -8,7 +8,6 @@ changes of the residual is a difference of the residual that the certificate eva
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -20,7 +19,6 @@ from signorini_fx.addons.derivatives.adjoint import Explicit
 from signorini_fx.addons.derivatives.entries import varied
 from signorini_fx.addons.derivatives.gradient import By, ChangedStep, SolvedStep, difference, explicit
 from signorini_fx.forms.nonlinear.moving_shapes import spin_at
-from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.discretisation import held_at, prepare
 from signorini_fx.mechanics.body.nonlinear_law import at_rest
 from signorini_fx.mechanics.model import Model
@@ -46,19 +44,17 @@ class NonlinearSteps:
     problem: ProblemOfScene
     reached: list[ReachedStep]
     solution: Solution
-    seconds: float
 
     @classmethod
     def solved(cls, statement: Statement, problem_of: Callable[[Timings], ProblemOfScene]) -> NonlinearSteps:
         """Solve a scene; collective."""
         refuse(statement, REFUSES)
-        begin, timings, reached = time.perf_counter(), Timings(), list[ReachedStep]()
+        timings, reached = Timings(), list[ReachedStep]()
         problem = problem_of(timings)
         solution = problem.solved(timings, on_step=lambda step: reached.append(problem.reached()))
         if not solution.converged:
             raise ConvergenceError(solution)
-        seconds = parallel.global_max(problem.model.comm, time.perf_counter() - begin)
-        return cls(problem, reached, solution, seconds)
+        return cls(problem, reached, solution)
 
     def by(self, path: str, change: float) -> By:
         """The derivatives by the number at a path, from its change for a difference; collective."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property, partial
@@ -69,10 +68,7 @@ class Sensitivity:
         data: their values; 1 for a load as a whole, nan for an expression, which gets another term.
         derivatives: of the result by each of them.
         between: contact points that stand between two sets: there the derivatives are those of one side.
-        solves: linear solves that the adjoint problem took.
-        seconds: wall seconds of the adjoint problem, and of the derivatives from it.
         solution: whose derivatives they are.
-        solution_seconds: wall seconds of its solve.
     """
 
     of: str
@@ -81,10 +77,7 @@ class Sensitivity:
     data: tuple[float, ...]
     derivatives: tuple[float, ...]
     between: int
-    solves: int
-    seconds: float
     solution: Solution
-    solution_seconds: float
 
     def __repr__(self) -> str:
         return f"<Sensitivity of {self.of}: {dict(zip(self.by, self.derivatives, strict=True))}>"
@@ -168,7 +161,6 @@ class _Steps:
     steps: list[_Step]
     statement: Statement
     solution: Solution
-    seconds: float
 
     @classmethod
     def solved(cls, scene: Scene, comm: MPI.Comm) -> _Steps:
@@ -186,12 +178,10 @@ class _Steps:
             earlier = solved[-1].solved if solved else None
             solved.append(_Step(model, step.result.place, SolvedStep.of(*of), len(solved), earlier))
 
-        begin = time.perf_counter()
         solution, *_ = solve_mesh(scene.statement, partial(load_mesh, scene, comm), History(), None, keep)
-        seconds = parallel.global_max(comm, time.perf_counter() - begin)
         if not solution.converged:
             raise ConvergenceError(solution)
-        return cls(solved, scene.statement.changed(contact=solution.statement.contact), solution, seconds)
+        return cls(solved, scene.statement.changed(contact=solution.statement.contact), solution)
 
     @property
     def models(self) -> list[Model]:
@@ -234,11 +224,9 @@ def _sensitivities(steps: _Steps | NonlinearSteps, of: list[str], by: Sequence[s
     statement, model = steps.statement, steps.models[-1]
     paths = tuple(default_entries(statement) if by is None else by)
     entries = [entry_of(statement, path, model.tagged.size, model.dimension) for path in paths]
-    begin = time.perf_counter()
     quantities = [_at_step(steps.models, text) for text in of]
     data = [steps.by(path, change) for path, (_, change) in zip(paths, entries, strict=True)]
     totals = columns(len(steps.models), steps.at, quantities, data)
-    seconds = parallel.global_max(model.comm, time.perf_counter() - begin)
     return [
         Sensitivity(
             text,
@@ -247,10 +235,7 @@ def _sensitivities(steps: _Steps | NonlinearSteps, of: list[str], by: Sequence[s
             tuple(value for value, _ in entries),
             tuple(totals.slopes[k].tolist()),
             sum(totals.between[: at + 1]),
-            int(totals.solves[k]),
-            seconds,
             steps.solution,
-            steps.seconds,
         )
         for k, (text, (at, _)) in enumerate(zip(of, quantities, strict=True))
     ]
