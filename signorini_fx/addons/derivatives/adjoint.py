@@ -37,10 +37,6 @@ from signorini_fx.machine import parallel
 from signorini_fx.tuned import CERTIFICATE_TOLERANCE, LEFT_BY_SOLVES, MANY_STEPS, SAME_NUMBER
 
 
-class AdjointError(SignoriniError):
-    """The adjoint problem has no solution: the tangent is singular, as it is where the solution is not unique."""
-
-
 @dataclass(frozen=True)
 class Explicit:
     """What of a load step depends on a datum explicitly, for fixed displacement and tractions, or its derivatives.
@@ -119,7 +115,7 @@ class TransposedTangent:
         with petsc_options.defaults(self.system.solver_defaults), unprinted():
             callbacks.solve(self.ksp.solveTranspose if self._as_it_is else self.ksp.solve, right, x)
         if self.ksp.getConvergedReason() < 0:
-            raise AdjointError("the linear solver has failed for the tangent at the solution: there is no derivative")
+            raise SignoriniError("the linear solver has failed for the tangent at the solution: there is no derivative")
 
     def adjoint(self, by_displacement: PETSc.Vec, by_traction: Nodal) -> Adjoint:
         """The adjoint state of a quantity; collective.
@@ -129,7 +125,7 @@ class TransposedTangent:
             by_traction: kappa, J_t over the weight, shape (n, d).
 
         Raises:
-            AdjointError: the tangent is singular, or the iteration for chi is too slow.
+            SignoriniError: the tangent is singular, or the iteration for chi is too slow.
         """
         law, right = self._law, self.system.with_load(by_displacement)
         contact, load = right.contact, right.load
@@ -152,7 +148,7 @@ class TransposedTangent:
             terms = law.gamma * (np.abs(moved) + np.abs(by_traction))
             round_off = np.finfo(float).eps * parallel.largest(right.comm, terms)
             if not np.isfinite(change):
-                raise AdjointError("the tangent at the solution is singular: there is no derivative")
+                raise SignoriniError("the tangent at the solution is singular: there is no derivative")
             stalls = change > 0.5 * last and change <= CERTIFICATE_TOLERANCE * size
             settled = change <= max(LEFT_BY_SOLVES * size, round_off)
             if not law.exact or settled or stalls or solves >= MANY_STEPS:
@@ -161,7 +157,7 @@ class TransposedTangent:
             residual.set(0.0)
             _add(contact, -step, residual)  # the smaller it is the less a Krylov method has to do
         if law.exact and change > max(CERTIFICATE_TOLERANCE * size, round_off):
-            raise AdjointError(
+            raise SignoriniError(
                 f"the tractions of the adjoint problem still change by {change / size:.0e} of their size "
                 f"after {solves} solves: there is no derivative; larger gamma_n and gamma_t need fewer"
             )

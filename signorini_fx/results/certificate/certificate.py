@@ -1,20 +1,8 @@
 """The certificate: whether a displacement and the contact tractions are a solution of the scene.
 
-It takes the scene, the mesh, the displacement that the user gets, and the contact tractions (pressure and shear at the
-contact nodes); in a later load step also those of the previous step, from which friction acts.  It uses nothing else
-that the solver keeps: internal and external forces are assembled anew by ``nodal_forces``, and prescribed
-displacements, weights and normals, gap, friction bound and slip evaluated again.  So faults of the solver show up as
-follows:
-
-- a displacement that is not the one that the iteration has found (a rotation or a reference motion that is left out, an
-  interior that is not recovered): ``equilibrium``, ``supports``, or at the contact nodes ``entered`` and the slip;
-- a wrong row of the stiffness matrix, a wrong load, a load factor: ``equilibrium``;
-- weights or normals changed after set-up: ``equilibrium``, since they turn tractions into forces;
-- a wrong gap or friction bound: ``entered``, ``pressure_at_distance``, ``friction_cone``, ``slip_below_bound``;
-- an iteration that stops too early: the conditions that are not satisfied yet.
-
-It does not detect faults in what both sides share: the mesh and its names, basix, the forms (those of contact, too),
-materials, loads and supports.
+It takes the scene, the mesh, the displacement that the user gets, and the contact tractions; in a later load step also
+those of the previous step, from which friction acts.  It uses nothing else that the solver keeps.  It does not detect
+faults in what both sides share: the mesh and its names, basix, the forms, materials, loads and supports.
 """
 
 from __future__ import annotations
