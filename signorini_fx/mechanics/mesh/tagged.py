@@ -140,7 +140,7 @@ def check_fits(statement: Statement, tagged: TaggedMesh) -> None:
     Raises:
         SceneError: keys of another dimension than that of the mesh; linear elements on curved cells; a negative radius.
     """
-    from signorini_fx.mechanics.statement.dimension import dimension_problems
+    from signorini_fx.mechanics.statement.features import dimension_problems
 
     problems = dimension_problems(statement, tagged.dimension)
     least_x = -parallel.largest(tagged.mesh.comm, -tagged.mesh.geometry.x[:, 0])
