@@ -28,18 +28,7 @@ LINEAR_SOLVERS = "signorini_fx.linear_solvers"
 MATERIALS = "signorini_fx.materials"
 QUANTITIES = "signorini_fx.quantities"
 SHAPES = "signorini_fx.shapes"
-GROUPS = (
-    ADD_ONS,
-    EFFECTS,
-    GENERATORS,
-    INTERFACES,
-    KINEMATICS,
-    LAWS,
-    LINEAR_SOLVERS,
-    MATERIALS,
-    QUANTITIES,
-    SHAPES,
-)
+GROUPS = (ADD_ONS, EFFECTS, GENERATORS, INTERFACES, KINEMATICS, LAWS, LINEAR_SOLVERS, MATERIALS, QUANTITIES, SHAPES)
 _CHECKOUT = Path(__file__).parents[1] / "pyproject.toml"
 _registered: dict[str, dict[str, Any]] = {}
 # What has to know of each name that a program registers in a group.

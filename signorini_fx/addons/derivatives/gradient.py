@@ -95,10 +95,8 @@ class SolvedStep:
             if parallel.any_rank(body.comm, exact and bool(alone.any())):
                 reason = "derivatives are not possible yet where it holds points without pressure while a shape turns"
                 raise FormError([("contact.friction", reason)])
-            boundary, turns = (
-                state.boundary,
-                (turning[0] != 0.0).any() or (np.abs(turning[1]) > ROOT_OF_EPS).any(),
-            )
+            boundary = state.boundary
+            turns = (turning[0] != 0.0).any() or (np.abs(turning[1]) > ROOT_OF_EPS).any()
             if parallel.any_rank(body.comm, bool(turns) and not np.array_equal(boundary.tangents, boundary.cotangents)):
                 reason = (
                     "derivatives are not possible yet where it depends on the direction of slip and a shape turns it"

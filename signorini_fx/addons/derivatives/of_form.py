@@ -110,11 +110,7 @@ def extrapolated(slope: Callable[[float], float], unit: float) -> float:
 
 
 def gradient(
-    of: Any,
-    by: Sequence[Any],
-    body: Callable[[], Model],
-    step: tuple[Any, ...],
-    data: Callable[[], tuple[Any, ...]],
+    of: Any, by: Sequence[Any], body: Callable[[], Model], step: tuple[Any, ...], data: Callable[[], tuple[Any, ...]]
 ) -> Gradient:
     """The derivatives of one result; collective.
 

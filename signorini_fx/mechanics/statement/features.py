@@ -49,11 +49,7 @@ def features(statement: Any) -> Iterator[tuple[str, Keys]]:
         ("accuracy of the zone or the peak", ("accuracy", "of"), of in ("zone", "peak")),
         ("accuracy of contact on cells that lock", ("accuracy", "of"), locking),
         ("local refinement", ("accuracy", "refinement"), _divides_cells(statement)),
-        (
-            "local refinement for contact",
-            ("accuracy", "refinement"),
-            _divides_cells(statement) and of != "energy",
-        ),
+        ("local refinement for contact", ("accuracy", "refinement"), _divides_cells(statement) and of != "energy"),
         ("statement of an error bound", ("solver", "error_bound"), solver.error_bound),
         ("statement of an error bound", ("accuracy", "certified"), accuracy is not None and accuracy.certified),
         ("several bodies", ("body",), bool(statement.bodies)),

@@ -84,11 +84,7 @@ def expected_rates(degree: int) -> dict[str, float]:
 
 
 def convergence_table(
-    levels: list[LevelResult],
-    base_memory: float,
-    *,
-    rates: Mapping[str, float] = EXPECTED_RATES,
-    uniform: bool = True,
+    levels: list[LevelResult], base_memory: float, *, rates: Mapping[str, float] = EXPECTED_RATES, uniform: bool = True
 ) -> list[Price]:
     """The rows for the meshes that were solved, coarsest first, and one for the next.
 

@@ -19,12 +19,7 @@ from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.effect import Force
 from signorini_fx.results.accuracy.contact_surface import ContactSurface
 from signorini_fx.results.accuracy.peak_error import corner_rows
-from signorini_fx.results.accuracy.pressure_error import (
-    beside,
-    interval_squares,
-    on_facets,
-    pressure_square,
-)
+from signorini_fx.results.accuracy.pressure_error import beside, interval_squares, on_facets, pressure_square
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery
 from signorini_fx.tuned import POLLUTION
 
@@ -76,11 +71,7 @@ def estimate_errors(
 
 
 def combined(
-    model: Model,
-    table: ContactTable,
-    recovery: Floats,
-    energy: float,
-    missed: Floats | float = 0.0,
+    model: Model, table: ContactTable, recovery: Floats, energy: float, missed: Floats | float = 0.0
 ) -> Errors:
     """All error estimates from those in the body; collective.
 

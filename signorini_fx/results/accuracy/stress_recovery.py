@@ -42,10 +42,7 @@ class StressRecovery:
     """
 
     def __init__(
-        self,
-        stress: Any,
-        residual: Callable[[Any], tuple[Callable[[float], None], Any]],
-        degree: int | None = None,
+        self, stress: Any, residual: Callable[[Any], tuple[Callable[[float], None], Any]], degree: int | None = None
     ) -> None:
         """Compile; collective.
 

@@ -20,13 +20,7 @@ from signorini_fx.mechanics.rigid.rigid_bodies import Drive, RigidBodyMotion
 from signorini_fx.mechanics.scales import Scales
 from signorini_fx.records import JUDGED, REPORTED
 from signorini_fx.results.certificate.contact_nodes import ContactNodes, ContactSide
-from signorini_fx.results.certificate.equilibrium import (
-    Balance,
-    PieceScales,
-    change_of_volume,
-    equilibrium,
-    share,
-)
+from signorini_fx.results.certificate.equilibrium import Balance, PieceScales, change_of_volume, equilibrium, share
 from signorini_fx.results.certificate.law_of_method import UNREGULARISED, Law, PreviousStep, Tractions
 from signorini_fx.results.certificate.supports import PrescribedNodes
 from signorini_fx.tuned import ABOVE_THE_MEAN, CERTIFICATE_TOLERANCE, LOST_UNITS, NEGLIGIBLE, NO_FORCE

@@ -137,12 +137,7 @@ class ForcesLeft(NamedTuple):
 
 
 def equilibrium(
-    balance: Balance,
-    pieces: RigidPart,
-    y: Nodal,
-    nodes: ContactNodes | None,
-    units: PieceScales,
-    reach: float,
+    balance: Balance, pieces: RigidPart, y: Nodal, nodes: ContactNodes | None, units: PieceScales, reach: float
 ) -> ForcesLeft:
     """The residual of (3.3a) in the free unknowns, of each piece and of the worst contact node as a stress; collective.
 

@@ -23,11 +23,7 @@ from signorini_fx.mechanics.statement.expressions import Expression, sample
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.records import Finding
 from signorini_fx.solving.check.balanced_loads import equilibrium
-from signorini_fx.tuned import (
-    FAR_GAP,
-    NO_FORCE,
-    ROOT_OF_EPS,
-)
+from signorini_fx.tuned import FAR_GAP, NO_FORCE, ROOT_OF_EPS
 
 
 def scene_findings(body: Model) -> list[Finding]:
