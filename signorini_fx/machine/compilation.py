@@ -51,10 +51,7 @@ def compiling() -> Iterator[None]:
 
 @contextmanager
 def _locks() -> Iterator[None]:
-    """Let FFCx ask for a lock before it looks for a compiled form; locks are held to the end of the ``with`` block.
-
-    dolfinx does this on the rank that compiles; the other ranks look for the form when it is there.
-    """
+    """Let FFCx ask for a lock before it looks for a compiled form; locks are held to the end of the ``with`` block."""
     from ffcx.codegeneration import jit
 
     look: Callable[..., Any] = jit.get_cached_module

@@ -142,10 +142,7 @@ def started_as_root() -> bool:
 
 
 def _gives_pseudo_terminals() -> bool:
-    """Whether the standard output of a rank is a pseudo-terminal wherever the output of the launcher itself goes.
-
-    Open MPI's mpirun does so, even if its output is a file; MPICH's, Intel's and Slurm's launchers pass pipes on.
-    """
+    """Whether ranks write to pseudo-terminals wherever their launcher writes, as those of Open MPI do."""
     return "OMPI_COMM_WORLD_SIZE" in os.environ
 
 

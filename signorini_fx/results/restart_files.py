@@ -270,9 +270,7 @@ def _digest(path: Path) -> str:
 
 
 def _add_contents(scene_part: Any, description: Any) -> None:
-    """Add to every table of a scene as JSON that names a file, of a mesh, a shape or a temperature, what tells its
-    content.
-    """
+    """Add to every table of a scene as JSON that names a file what tells the content of the file."""
     if isinstance(description, list):
         for inner_part, entry in zip(scene_part, description, strict=True):
             _add_contents(inner_part, entry)

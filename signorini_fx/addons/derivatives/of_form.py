@@ -55,9 +55,7 @@ class OfForm(Functional):
 
 
 def _quantity_of(wanted: Any, u: fem.Function, body: Callable[[], Model]) -> Functional:
-    """A result as ``ContactProblem.gradient`` takes it, a form, or words with a contact by its name or number;
-    collective.
-    """
+    """A result, see ``ContactProblem.gradient``: a form, or words with a contact by its name or number; collective."""
     if isinstance(wanted, ufl.Form):
         if wanted.arguments():
             raise FormError([("of", "has arguments: a number is expected, a form of u alone")])

@@ -253,10 +253,8 @@ def _at_step(models: Sequence[Model], text: str) -> tuple[int, Functional]:
 
 
 def _by_modulus(model: Model, statements: Sequence[Statement], change: float) -> By:
-    """The derivatives by a modulus, from both statements of its difference: the forms of the body are linear in the
-    Lame parameters, and have the derivatives of these in their place.  Differences of forces would be wrong by 1e-4
-    where a body is slender.
-    """
+    """The derivatives by a modulus: differences of forces would be wrong by 1e-4 where a body is slender."""
+    # The forms are linear in the Lame parameters, and have the derivatives of these in their place.
     forms = model.forms[: len(model.forms) - len(model.resists or ())]
     high, low = (lame_coefficients(statement, model.tagged) for statement in statements)
     slopes = [(_values(upper) - _values(lower)) / (2 * change) for upper, lower in zip(high, low, strict=True)]

@@ -73,9 +73,7 @@ def _with(entry: Any, way: list[str | int], value: Any, at: str) -> Any:
 
 
 def _opened(entry: Any) -> Any:
-    """A validated table as plain data, with the keys that it has been given and those that say which table it is, and a
-    tuple of tables as a list.
-    """
+    """A validated table as plain data, with the keys that it has been given, and a tuple of tables as a list."""
     if isinstance(entry, BaseModel):
         fields, given = type(entry).model_fields, entry.model_fields_set
         kept = [key for key, field in fields.items() if key in given or get_origin(field.annotation) is Literal]

@@ -84,11 +84,7 @@ def _rows(file: Path, column: str) -> tuple[Array, Array]:
 
 
 def _distinct(file: Path, points: Array, values: Array) -> tuple[Array, Array]:
-    """The points without those at the place of another one, which must have its value.
-
-    Raises:
-        SceneError: they have several values, as where two bodies touch.
-    """
+    """The points without those at the place of another one, which must have its value."""
     places = same_places(points)
     first = np.unique(places, return_index=True)[1]
     at_place = values[first][places]

@@ -276,11 +276,7 @@ class Statement:
 
 
 def _interface_class(kind: str) -> Any:
-    """The class of a kind of interfaces, whose file is imported.
-
-    Raises:
-        InstallationError: that of another package cannot be used.
-    """
+    """The class of a kind of interfaces, whose file is imported."""
     if kind in modules_of(_INTERFACES):
         return import_module(f"{_INTERFACES}.{kind}").Kind
     return load_class(INTERFACES, kind, import_module(f"{_INTERFACES}.protocol").Interface)

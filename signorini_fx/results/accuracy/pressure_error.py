@@ -73,9 +73,7 @@ def _jumps(s: Floats, pressure: Floats) -> Floats:
 
 
 def _corners(table: ContactTable, rows: Ints, s: Floats) -> list[tuple[int, int]]:
-    """Nodes in contact at a corner of the body or at the ends of these rows, each with an interval beside it at whose
-    other node the pressure is convex.
-    """
+    """Nodes in contact at corners and ends, each with an interval beside it towards which the pressure is convex."""
     pressure, last = np.abs(table.columns["pressure"][rows]), len(rows) - 1
     pairs = [(0, 0), (last, last - 1)]
     if "x" in table.columns:

@@ -91,11 +91,7 @@ class StressRecovery:
         self._weight.x.array[self._weight.function_space.dofmap.list[cells, 0]] = 1.0
 
     def _projection(self) -> PETSc.KSP:
-        """The solver of the projection on the chosen cells; collective.
-
-        It is made anew each time: quadrature of its result copies all values of each cell, and the peak of memory would
-        be where both are alive.
-        """
+        """The solver of the projection on the chosen cells, made anew to save memory; collective."""
         mass = fem_petsc.assemble_matrix(self._mass)
         mass.assemble()
         diagonal = mass.getDiagonal()

@@ -154,9 +154,7 @@ class NonlinearForces(NodalForces):
         return PointStress(points, weights, x, stress + np.einsum("pq,cqij->cpij", between, mean))
 
     def _evaluated(self, expressions: Sequence[Any], points: Array, shape: tuple[int, ...]) -> Array:
-        """Expressions of the materials, UFL, None: zero, at points of the cells that this rank owns, shape (c, q,
-        *shape).
-        """
+        """UFL expressions of the materials, None: zero, at points of the owned cells, shape (c, q, *shape)."""
         mesh, values = self.space.mesh, np.zeros((self._owned_cells, len(points), *shape))
         for material, expression in zip(self.materials, expressions, strict=True):
             if expression is None:

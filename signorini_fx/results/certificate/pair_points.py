@@ -139,9 +139,7 @@ class PairPoints:
         return np.asarray(met & self.facing[:, None])
 
     def _areas(self) -> Array:
-        """The share of each of the m nodes in the areas of the points of this rank, shape (m,): a node that moves a
-        point by the turning of facets alone has a small one.
-        """
+        """Areas of the m nodes, shape (m,); a node that moves a point by turning facets alone has a small one."""
         dim, entries = self.normal.shape[1], self.operator.tocoo()
         places = entries.row // dim, entries.col // dim
         moving = sp.csr_array(sp.coo_array((entries.data != 0, places), shape=self.own.shape))

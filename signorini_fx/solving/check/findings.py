@@ -115,9 +115,7 @@ def _pieces(body: Model) -> list[Finding]:
 
 
 def _gaps(body: Model, data: RegularisedData, reach: float) -> list[Finding]:
-    """Gaps that are negative, or wider than contact can close; ``reach``: how far prescribed displacements and loads
-    may move it, length.
-    """
+    """Gaps that are negative, or wider than ``reach``, by which displacements and loads may move the body, length."""
     boundary = body.boundary
     assert boundary is not None
     comm, size = boundary.comm, body.tagged.size
