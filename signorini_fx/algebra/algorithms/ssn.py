@@ -11,7 +11,6 @@ import numpy as np
 import numpy.typing as npt
 from petsc4py import PETSc
 
-from signorini_fx.algebra.attempts import CONVEX
 from signorini_fx.algebra.contact.active_sets import ActiveSets, next_sets, slip_multiplier, transmitting
 from signorini_fx.algebra.contact.complementarity import RegularisedData, onto_disc, project, slip_of
 from signorini_fx.algebra.contact.nodal_vectors import Nodal, length, unit
@@ -19,6 +18,7 @@ from signorini_fx.algebra.linalg import callbacks, finite, petsc_options
 from signorini_fx.algebra.linalg.callbacks import called_back, weakly
 from signorini_fx.algebra.linalg.failures import factor_lacks_memory, memory_ended, unlock, unprinted
 from signorini_fx.algebra.linalg.petsc_c import call
+from signorini_fx.algebra.method import INTERIOR_POINT
 from signorini_fx.algebra.problem.regularised import RegularisedProblem
 from signorini_fx.machine import parallel, signals
 from signorini_fx.records import History, IterationRecord, OuterRecord, Status
@@ -179,7 +179,7 @@ class SemismoothNewton:
         from signorini_fx.algebra.algorithms.interior_point import interior_point
 
         start = self.checkpoint()
-        self.history.add(f"{failed.value}: {CONVEX}")
+        self.history.add(f"{failed.value}: {INTERIOR_POINT}")
         if interior_point(self, replace(data, sigma=np.inf), measure) is Status.CONVERGED:
             return Status.CONVERGED
         self.lost = True
