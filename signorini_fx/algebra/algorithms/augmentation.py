@@ -22,7 +22,7 @@ from signorini_fx.algebra.contact.complementarity import RegularisedData, slip_o
 from signorini_fx.algebra.contact.nodal_vectors import Nodal, inner, unit
 from signorini_fx.algebra.contact.nodal_vectors import length as length_of
 from signorini_fx.algebra.contact.points import shares
-from signorini_fx.tuned import GAMMA_GROWTH, NEGLIGIBLE, SLOW_SHARE
+from signorini_fx.tuned import GAMMA_GROWTH, NEGLIGIBLE
 
 T = TypeVar("T")
 
@@ -112,7 +112,8 @@ class Augmentation:
             remaining = shares(ahead, size, ahead)
             missed = np.asarray(groups.largest(movement) / gamma, dtype=np.float64)
             violation = np.maximum(floor, shares(missed, length, missed))
-            slow.append(bool(np.any((share > SLOW_SHARE) & (np.maximum(remaining, violation) > self.tolerance))))
+            far = np.maximum(remaining, violation) > self.tolerance
+            slow.append(bool(np.any((share > 1 / GAMMA_GROWTH) & far)))
             lefts.append(remaining)
             violations.append(violation)
         self.changes, self.slow = changes, (slow[0], slow[1])
