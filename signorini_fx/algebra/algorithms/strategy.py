@@ -188,11 +188,12 @@ def _given_friction(task: Task, start: Start, data: RegularisedData) -> Outcome:
     error = start.regularisation_error
     match s.algorithm:
         case "continuation":
-            from signorini_fx.algebra.algorithms.continuation import continuation
-
+            # Section 7.1, Table 4: regularised problems in turn, each started from the previous one.
             share = CONTINUATION_SHARE if s.gamma_first == "auto" else s.gamma_first / data.gamma_n
-            gammas = [(data.gamma_n * factor, data.gamma_t * factor) for factor in (share, 1.0)]
-            status = continuation(newton, data, start.sets, gammas, first_iteration=start.iteration)
+            softer = replace(data, gamma_n=data.gamma_n * share, gamma_t=data.gamma_t * share)
+            status = newton.solve(softer, start.sets, first_iteration=start.iteration)
+            if status is Status.CONVERGED:
+                status = newton.solve(data, newton.continued_sets(data))
         case "path-following":
             from signorini_fx.algebra.algorithms.path_following import path_following
 

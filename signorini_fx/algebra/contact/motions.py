@@ -13,9 +13,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 from mpi4py import MPI
-from petsc4py import PETSc
 
-from signorini_fx.algebra.contact.contact_map import ContactMap
 from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.algebra.contact.points import ContactPoints, PointGroups
 from signorini_fx.machine import parallel
@@ -31,12 +29,6 @@ class RigidLoad:
     work: Nodal
     size: Nodal
     assembly: npt.NDArray[np.int64]
-
-    @classmethod
-    def of(cls, forces: PETSc.Vec, modes: Sequence[PETSc.Vec]) -> RigidLoad:
-        """That of forces on the rigid motions of one body, which has no other assembly; collective."""
-        size, assembly = np.full(len(modes), forces.norm(PETSc.NormType.NORM_1)), np.zeros(len(modes), dtype=np.int64)
-        return cls(np.array([mode.dot(forces) for mode in modes], dtype=np.float64), size, assembly)
 
 
 def total_work(loads: Sequence[tuple[float, RigidLoad]], count: int) -> Nodal:
@@ -78,16 +70,6 @@ class FreeMotions:
         points = ContactPoints.none(comm, dimension)
         nothing, groups = np.zeros(0, dtype=np.int64), PointGroups.of(points, points.everywhere[:, None])
         return cls(points, np.empty((0, dimension, assembly.size)), assembly, nothing, groups)
-
-    @classmethod
-    def of(cls, contact: ContactMap, modes: Sequence[PETSc.Vec]) -> FreeMotions:
-        """B times the free rigid motions of one body, which has no other assembly; collective."""
-        relative = np.zeros((*contact.points.movable.shape[:2], len(modes)))
-        for number, mode in enumerate(modes):
-            relative[:, 0, number], relative[:, 1:, number] = contact.traces(mode)
-        assembly, points = np.zeros(len(modes), dtype=np.int64), contact.points
-        groups = PointGroups.of(points, points.everywhere[:, None])
-        return cls(points, relative, assembly, np.zeros(points.size, dtype=np.int64), groups)
 
     @cached_property
     def count(self) -> int:
