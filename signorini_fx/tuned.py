@@ -285,7 +285,8 @@ NO_FORCE = 1e-8
 # directions parallel within this share of their size or this angle in radians.  Choice: single precision.
 DIGITS_OF_FILES = 1e-6
 # Numbers of a scene are between these, in any units, or energies and forces overflow.  Choice.
-LARGEST_NUMBER, SMALLEST_NUMBER = 1e60, 1e-60
+LARGEST_NUMBER = 1e60
+SMALLEST_NUMBER = 1 / LARGEST_NUMBER
 # A row of a table of yield stresses that rises more steeply, in Young's moduli per plastic strain, is a mistake in
 # writing: beyond it the plastic strain of a step is lost in round-off.  Choice.
 STEEPEST_HARDENING = 1e6

@@ -102,15 +102,10 @@ class FreeMotions:
         if not self.count:
             return unresisted
         across = None if directions is None or directions.shape[1] == 1 else self._across(directions)
-        if self.count == 1 and across is None:
-            gram: npt.NDArray[np.float64] = np.reshape(self._squares[0] @ normal + self._squares[1] @ stick, (1, 1))
-        else:
-            rows = np.concatenate([self.normal[normal], *self.tangential[stick].swapaxes(0, 1), *(across or ())])
-            gram = np.asarray(rows.T @ rows)
-        gram = parallel.global_sum(self.points.comm, np.concatenate((gram, self._moved)))
+        rows = np.concatenate([self.normal[normal], *self.tangential[stick].swapaxes(0, 1), *(across or ())])
+        gram = parallel.global_sum(self.points.comm, np.concatenate((rows.T @ rows, self._moved)))
         for number, columns in self.assemblies:
-            among = gram[:-1] if columns.all() else gram[:-1][np.ix_(columns, columns)]
-            values = among[0] if among.size == 1 else np.linalg.eigvalsh(among)
+            values = np.linalg.eigvalsh(gram[:-1][np.ix_(columns, columns)])
             # The resistance relative to the motion of the points: below this it is the round-off of their positions.
             real = values[-1] > NOTHING_LEFT**2 * gram[-1][columns].max()
             unresisted[number] = not (real and values[0] > ROOT_OF_EPS * values[-1] > 0)
@@ -125,12 +120,6 @@ class FreeMotions:
     def _moved(self) -> Nodal:
         """How much each motion moves the points of this rank, squared, shape (1, k)."""
         return np.asarray(np.square(self.relative).sum(axis=(0, 1))[None])
-
-    @cached_property
-    def _squares(self) -> tuple[Nodal, Nodal]:
-        """Of the only motion, along the normals and along the tangents, shape (n,)."""
-        squares = np.square(self.relative[:, :, 0])
-        return squares[:, 0].copy(), squares[:, 1:].sum(axis=1)
 
     def _across(self, directions: Nodal) -> list[Nodal]:
         """The motions perpendicular to the directions of the points that slip, each of shape (slipping points, k)."""
