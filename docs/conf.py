@@ -26,7 +26,6 @@ sys.path[:0] = [str(_ROOT), str(_ROOT / "docs")]
 from percent import as_markdown  # noqa: E402  # in this folder
 
 import signorini_fx  # noqa: E402
-from signorini_fx.algebra.attempts import PLAN  # noqa: E402
 from signorini_fx.extensions import ADD_ONS  # noqa: E402
 from signorini_fx.quantities.quantity import markdown  # noqa: E402
 
@@ -101,7 +100,7 @@ def _escape(_app: Any, _what: str, _name: str, _object: Any, _options: Any, line
 
 
 def _parameters(_app: Any, _page: str, text: list[str]) -> None:
-    """What comments of a page ask for: docstrings of mesh generators, tables of quantities and of attempts."""
+    """What comments of a page ask for: docstrings of mesh generators, and the table of quantities."""
     names = sorted(path.stem for path in (_ROOT / "meshes").glob("[a-z]*.py"))
     shown = "".join(f".. automodule:: signorini_fx.meshes.{name}\n   :members: generate\n" for name in names)
     comment = "<!-- the parameters of all generators -->"
@@ -109,9 +108,6 @@ def _parameters(_app: Any, _page: str, text: list[str]) -> None:
         links = re.sub(r"\[(\w+)\]\(\.\./meshes/\w+\.py\)", r"{py:mod}`\1 <signorini_fx.meshes.\1>`", text[0])
         text[0] = links.replace(comment, f"```{{eval-rst}}\n{shown}```")
     text[0] = text[0].replace("<!-- the table of all quantities -->", markdown())
-    plan = "".join(f"| {what} | {one} | {one.what} |\n" for what, attempts in PLAN.items() for one in attempts)
-    plan = f"| for | attempt | what it does |\n|---|---|---|\n{plan}"
-    text[0] = text[0].replace("<!-- the plan of attempts -->", plan)
 
 
 _API = re.compile(r"```\{api\}\n(.*?)```", re.DOTALL)

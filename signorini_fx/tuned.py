@@ -45,13 +45,11 @@ FAILED_STEP, FAILED_RAMP = 3, 4
 
 # --- augmented Lagrangian method -------------------------------------------------------------------------------------
 
-# A multiplier is slow if an update leaves more than this share of its last change; then its gamma is increased.
-# No record of this and the next one; test_augmentation.py checks that the limit is reached with gamma_n and gamma_t
-# from 1e-3 to 1e5 times the natural gamma.
-SLOW_SHARE = 0.1
 # Factor by which gamma is increased from one problem to the next: the sets of one are a start for those of the next.
 # By the same factor both gammas may differ on a path; gamma is at most so many times the stiffness at the contact
-# nodes, where an update leaves a tenth of the error, and the natural one, where round-off of the multipliers begins.
+# nodes, where an update leaves its inverse as a share of the error, and the natural one, where round-off of the
+# multipliers begins.  A multiplier is slow if an update leaves more than this share of its last change.  No record;
+# test_augmentation.py checks that the limit is reached with gamma_n and gamma_t from 1e-3 to 1e5 times the natural one.
 GAMMA_GROWTH = 10.0
 
 # --- linear algebra --------------------------------------------------------------------------------------------------
@@ -84,18 +82,12 @@ LARGEST_MULTIGRID_POISSON = 0.49
 INEXACT_TOLERANCE = 0.03
 # Steps of a Krylov method at most.  Choice: ten times as many as it was seen to take.
 KRYLOV_STEPS = 1000
-# Share of the right-hand side that FGMRES may leave where it breaks down; exact solves leave 1e-12 to 1e-9.
-BROKEN_DOWN = 1e-7
 # A mesh is a level of multigrid for another one whose cells are between these many times smaller: more levels of
 # nearly the same size cost more than they help, and smoothing cannot bridge more.  Choice.
 FINER_LEVELS = (1.5, 3.0)
 # On several ranks each rank has the whole factor of so few unknowns of contact.  Measured: with 3,900 of them a factor
 # takes as long on two ranks as on one, and each solve twice as long.
 MOST_REPLICATED_UNKNOWNS = 10_000
-# A direction in which contact adds more than this share of a node's own stiffness is held on coarse levels too.
-HELD_STIFFNESS = 0.5
-# Chebyshev's smoother damps this part of the spectrum, in shares of the estimated largest eigenvalue.  Source: PETSc's.
-SMOOTHED_SPECTRUM = (0.1, 1.1)
 
 # --- nested iteration ------------------------------------------------------------------------------------------------
 
@@ -293,7 +285,8 @@ NO_FORCE = 1e-8
 # directions parallel within this share of their size or this angle in radians.  Choice: single precision.
 DIGITS_OF_FILES = 1e-6
 # Numbers of a scene are between these, in any units, or energies and forces overflow.  Choice.
-LARGEST_NUMBER, SMALLEST_NUMBER = 1e60, 1e-60
+LARGEST_NUMBER = 1e60
+SMALLEST_NUMBER = 1 / LARGEST_NUMBER
 # A row of a table of yield stresses that rises more steeply, in Young's moduli per plastic strain, is a mistake in
 # writing: beyond it the plastic strain of a step is lost in round-off.  Choice.
 STEEPEST_HARDENING = 1e6
@@ -304,14 +297,10 @@ MANY_STEPS = 50
 
 # --- algorithms ------------------------------------------------------------------------------------------------------
 
-# Interior points: each step goes at most this share of the way to the nearest bound.  Source: usual value.
-SHARE_OF_WAY = 0.99
-# Stiffness of the foundation with which they begin, in units of the natural stiffness, and the least share of this if
-# the body is lifted far.  Beams, blisters, plates and weightless strips take the fewest solves between 1e-4 and 1e-3,
-# and three times as many on a foundation of stiffness gamma.
+# Interior points: stiffness of the foundation with which they begin, in units of the natural stiffness, and the least
+# share of this if the body is lifted far.  Beams, blisters, plates and weightless strips take the fewest solves between
+# 1e-4 and 1e-3, and three times as many on a foundation of stiffness gamma.
 SOFT_FOUNDATION, SOFTEST_FOUNDATION = 3e-4, 1e-6
-# Shears begin below this share of their bound.  Choice: inside.
-FIRST_SHEAR = 0.5
 # They are asked for sets after the first number of full steps, if in the last three the contact set has changed its
 # size, the points that have changed are at least the second number, and ``DECIDED`` of those of the three before,
 # unless full steps would be through with all points in fewer steps than the third number; and whatever has changed

@@ -1,9 +1,23 @@
-"""How a contact problem is to be solved: what the strategy of algorithms reads."""
+"""How a contact problem is to be solved: what the strategy of algorithms reads, and the names of what is tried.
+
+Attempts nest: those at a load step consist of problems with friction, and these of problems with a given friction
+bound.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
 from typing import Literal
+
+from signorini_fx.tuned import PROBLEMS_PER_STEP
+
+INTERIOR_POINT, FIXED_POINT, MONOLITHIC = "interior point", "fixed point", "monolithic Newton"
+AUGMENTED, HALF = "augmented Lagrangian", "half the increment"
+
+
+def step_limit(max_iterations: int) -> int:
+    """Linear solves that all attempts at a load step together may take; ``max_iterations``: those for one problem."""
+    return PROBLEMS_PER_STEP * max_iterations
 
 
 @dataclass(frozen=True)

@@ -13,8 +13,8 @@ from math import floor
 from typing import TYPE_CHECKING, Generic, TypeVar
 
 from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
-from signorini_fx.algebra.attempts import HALF, step_limit
 from signorini_fx.algebra.contact.complementarity import RegularisedData
+from signorini_fx.algebra.method import HALF, step_limit
 from signorini_fx.mechanics.statement.load_path import LoadPath, next_place
 from signorini_fx.mechanics.statement.settings import SolverSettings
 from signorini_fx.records import History, Status, StepRecord, Timings

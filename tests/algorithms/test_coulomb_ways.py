@@ -8,7 +8,7 @@ import pytest
 from mpi4py import MPI
 from scenes import alone, example1
 
-from signorini_fx.algebra import attempts
+from signorini_fx.algebra import method
 from signorini_fx.algebra.algorithms import coulomb as coulomb_module
 from signorini_fx.algebra.algorithms import strategy
 from signorini_fx.mechanics.body.discretisation import discretise
@@ -193,7 +193,7 @@ def test_friction_without_pressure():
 
 def test_the_limit_is_an_end(monkeypatch):
     """A method that would go on for ever is stopped, with the outcome of the first way and a word in the history."""
-    monkeypatch.setattr(attempts, "PROBLEMS_PER_STEP", 1)
+    monkeypatch.setattr(method, "PROBLEMS_PER_STEP", 1)
     begin = time.process_time()
     solution = alone(square(coulomb="fp"), check=False)
     assert not solution.converged

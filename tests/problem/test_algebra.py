@@ -48,16 +48,15 @@ def test_matrices_or_a_scene(law, kind, algorithm, tmp_path):
 
 def test_nothing_else_holds_the_body():
     """A load that no pressure balances: the core says so without a linear solve."""
-    from from_scipy import from_scipy
+    from from_scipy import from_scipy, task_of
 
     from signorini_fx.algebra.algorithms.strategy import solve_task
-    from signorini_fx.algebra.algorithms.task import Task
     from signorini_fx.algebra.linalg.full import FullSystem
     from signorini_fx.records import Status
 
     stiffness, load, operator, weight, gap, prescribed, modes = algebra_alone.matrices()
     elasticity, motions = from_scipy(stiffness, -load, operator, weight, prescribed=prescribed, modes=modes)
-    task = Task.of(FullSystem.of(elasticity), motions, gap)
+    task = task_of(FullSystem.of(elasticity), motions, gap)
     assert solve_task(task, task.start).status is Status.OPEN
     assert task.history.linear_solves == 0
 
@@ -67,10 +66,9 @@ def test_another_load_on_the_same_factor(kind):
     """A load case that is replaced has the solution of a body that is set up with it."""
     from dataclasses import replace
 
-    from from_scipy import from_scipy
+    from from_scipy import from_scipy, task_of
 
     from signorini_fx.algebra.algorithms.strategy import solve_task
-    from signorini_fx.algebra.algorithms.task import Task
     from signorini_fx.algebra.linalg.condensed import CondensedSystem
     from signorini_fx.algebra.linalg.full import FullSystem
     from signorini_fx.algebra.method import Settings
@@ -83,7 +81,7 @@ def test_another_load_on_the_same_factor(kind):
     system.set_case(0, bodies[1][0].cases[0])
     system.set_load(np.ones(1))
     settings = Settings(gamma_n=algebra_alone.GAMMA, gamma_t=algebra_alone.GAMMA)
-    tasks = [Task.of(one, motions, gap, settings=settings) for one in (system, other)]
+    tasks = [task_of(one, motions, gap, settings=settings) for one in (system, other)]
     outcomes = [solve_task(task, replace(task.start, factors=np.ones(1))) for task in tasks]
     ours, theirs = (outcome.displacement().getArray(readonly=True) for outcome in outcomes)
     assert np.abs(theirs).max() > 0

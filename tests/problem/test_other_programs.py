@@ -4,12 +4,11 @@ import h5py
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from from_scipy import from_scipy
+from from_scipy import from_scipy, task_of
 from scenes import alone
 from spaces import box
 
 from signorini_fx.algebra.algorithms.strategy import solve_task
-from signorini_fx.algebra.algorithms.task import Task
 from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.algebra.linalg.condensed import CondensedSystem
 from signorini_fx.algebra.linalg.full import FullSystem
@@ -45,7 +44,7 @@ def solved(kind, stiffness, load, operator, weight, gaps, coefficient, **given):
     settings = given.pop("settings")
     elasticity, motions = from_scipy(stiffness, load, operator, weight, **given)
     law = PointFriction(np.zeros(weight.size), coefficient)
-    task = Task.of(SYSTEMS[kind].of(elasticity), motions, gaps, law, settings=settings)
+    task = task_of(SYSTEMS[kind].of(elasticity), motions, gaps, law, settings=settings)
     outcome = solve_task(task, task.start)
     assert outcome.status is Status.CONVERGED
     return outcome.displacement().getArray(readonly=True), task.contact(outcome, task.start)

@@ -55,10 +55,9 @@ def matrices():
 
 def main(kind, algorithm, law, value, out):
     """Solve it, and store the state of the contact points from left to right."""
-    from from_scipy import from_scipy
+    from from_scipy import from_scipy, task_of
 
     from signorini_fx.algebra.algorithms.strategy import solve_task
-    from signorini_fx.algebra.algorithms.task import Task
     from signorini_fx.algebra.contact.friction import PointFriction
     from signorini_fx.algebra.linalg.condensed import CondensedSystem
     from signorini_fx.algebra.linalg.full import FullSystem
@@ -71,7 +70,7 @@ def main(kind, algorithm, law, value, out):
     none = np.zeros(weight.size)
     friction = PointFriction(**({"given": none, "coefficient": none} | {law: none + float(value)}))
     settings = Settings(algorithm=algorithm, tolerance=1e-11, gamma_n=GAMMA, gamma_t=GAMMA)
-    task = Task.of(system, motions, gap, friction, settings=settings)
+    task = task_of(system, motions, gap, friction, settings=settings)
     outcome = solve_task(task, task.start)
     state = task.contact(outcome, task.start)
     y = outcome.displacement().getArray(readonly=True) + modes @ task.rest.motion

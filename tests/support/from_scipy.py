@@ -10,10 +10,13 @@ import scipy.sparse as sp
 from mpi4py import MPI
 from petsc4py import PETSc
 
+from signorini_fx.algebra.algorithms.task import Task
 from signorini_fx.algebra.contact.contact_map import ContactMap
 from signorini_fx.algebra.contact.motions import FreeMotions, RigidLoad
-from signorini_fx.algebra.contact.points import ContactPoints
+from signorini_fx.algebra.contact.points import ContactPoints, PointGroups
 from signorini_fx.algebra.linalg.elasticity import Elasticity, LoadCase
+from signorini_fx.algebra.method import Settings
+from signorini_fx.records import History
 from signorini_fx.tuned import SAME_NUMBER
 
 _Floats = npt.NDArray[np.float64]
@@ -55,11 +58,26 @@ def from_scipy(
     at = ContactPoints(MPI.COMM_SELF, weight, movable, np.arange(points)[:, None].astype(np.float64))
     contact = ContactMap(_matrix(rows), at, fixed)
     motions = [_vector(mode) for mode in (np.zeros((0, count)) if modes is None else modes.T)]
-    resultant = RigidLoad.of(_vector(np.where(fixed, 0.0, load)), motions)
+    forces, assembly = _vector(np.where(fixed, 0.0, load)), np.zeros(len(motions), dtype=np.int64)
+    size = np.full(len(motions), forces.norm(PETSc.NormType.NORM_1))
+    resultant = RigidLoad(np.array([mode.dot(forces) for mode in motions]), size, assembly)
     petsc = _matrix(supported)
     petsc.setOption(PETSc.Mat.Option.SPD, True)
     case = LoadCase(_vector(lifted), _vector(start), resultant)
-    return Elasticity(petsc, [case], contact, len(motions)), FreeMotions.of(contact, motions)
+    relative = np.zeros((points, d, len(motions)))
+    for number, mode in enumerate(motions):
+        relative[:, 0, number], relative[:, 1:, number] = contact.traces(mode)
+    groups = PointGroups.of(at, at.everywhere[:, None])
+    free_motions = FreeMotions(at, relative, assembly, np.zeros(points, dtype=np.int64), groups)
+    return Elasticity(petsc, [case], contact, len(motions)), free_motions
+
+
+def task_of(system, motions, gap, law=None, settings=None):
+    """The contact problem with the natural unit of gamma that its stiffness shows."""
+    natural = system.contact.natural_stiffness(system.matrix.getDiagonal())
+    coulomb = law is not None and law.follows_pressure
+    common = {"has_coulomb": coulomb, "history": History()}
+    return Task.of(system, motions, gap, law, settings=settings or Settings(), natural_gamma=natural, **common)
 
 
 def _matrix(matrix: Any) -> PETSc.Mat:

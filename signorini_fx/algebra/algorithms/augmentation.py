@@ -11,9 +11,7 @@ increased, up to ten times k.  A given gamma so large that its round-off would h
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import TypeVar
 
 import numpy as np
 
@@ -21,10 +19,8 @@ from signorini_fx.algebra.algorithms.ssn import SemismoothNewton
 from signorini_fx.algebra.contact.complementarity import RegularisedData, slip_of
 from signorini_fx.algebra.contact.nodal_vectors import Nodal, inner, unit
 from signorini_fx.algebra.contact.nodal_vectors import length as length_of
-from signorini_fx.algebra.contact.points import shares
-from signorini_fx.tuned import GAMMA_GROWTH, NEGLIGIBLE, SLOW_SHARE
-
-T = TypeVar("T")
+from signorini_fx.algebra.contact.points import ContactPoints, shares
+from signorini_fx.tuned import GAMMA_GROWTH, NEGLIGIBLE
 
 
 def with_enough_digits(data: RegularisedData, natural: float) -> RegularisedData:
@@ -78,13 +74,8 @@ class Augmentation:
         newton, old_shifts = self.newton, (data.lambda_hat, data.mu_hat)
         points, groups = newton.problem.points, newton.problem.groups
         new_shifts = newton.shifts(data)
-        felt, felt_before = (
-            _of_pressure_and_shear(points.felt, *new_shifts),
-            _of_pressure_and_shear(points.felt, *old_shifts),
-        )
-        moved = _of_pressure_and_shear(
-            points.felt, *(new - old for new, old in zip(new_shifts, old_shifts, strict=True))
-        )
+        differences = new_shifts[0] - old_shifts[0], new_shifts[1] - old_shifts[1]
+        felt, felt_before, moved = (_felt(points, *tractions) for tractions in (new_shifts, old_shifts, differences))
         now, last_size = (groups.norms(movement) + groups.norms(floor) for movement, floor in (felt, felt_before))
         changes = groups.norms(moved[0]), groups.norms(moved[1])
         round_off = newton.problem.round_off(newton.x) if newton.problem.bonds_alone else np.zeros(len(moved[0]))
@@ -98,7 +89,7 @@ class Augmentation:
         lengths, stresses = (np.where(movement > 0, movement, 1.0)[groups.number] for movement in (length, stress))
         # At its bound, that of the problem just solved, the shear gives no information about slip.
         sticks = length_of(new_shifts[1]) < data.friction_bound(newton.multipliers()[0])
-        open_at = (np.abs(new_shifts[0] - old_shifts[0]), length_of(new_shifts[1] - old_shifts[1]) * sticks)
+        open_at = np.abs(differences[0]), length_of(differences[1]) * sticks
         slip = slip_of(u_t, data)
         with np.errstate(over="ignore"):  # all but nothing presses: the smaller one decides
             wrong = np.minimum(length_of(slip) / lengths, length_of(_astray(new_shifts[1], slip)) / stresses)
@@ -112,7 +103,8 @@ class Augmentation:
             remaining = shares(ahead, size, ahead)
             missed = np.asarray(groups.largest(movement) / gamma, dtype=np.float64)
             violation = np.maximum(floor, shares(missed, length, missed))
-            slow.append(bool(np.any((share > SLOW_SHARE) & (np.maximum(remaining, violation) > self.tolerance))))
+            far = np.maximum(remaining, violation) > self.tolerance
+            slow.append(bool(np.any((share > 1 / GAMMA_GROWTH) & far)))
             lefts.append(remaining)
             violations.append(violation)
         self.changes, self.slow = changes, (slow[0], slow[1])
@@ -144,6 +136,6 @@ def _astray(shear: Nodal, slip: Nodal) -> Nodal:
     return shear - np.maximum(inner(shear, way), 0.0)[:, None] * way
 
 
-def _of_pressure_and_shear(measure: Callable[[Nodal, Nodal], T], pressure: Nodal, shear: Nodal) -> tuple[T, T]:
+def _felt(points: ContactPoints, pressure: Nodal, shear: Nodal) -> tuple[Nodal, Nodal]:
     """What the body feels of a pressure and of a shear, each beside the other."""
-    return measure(pressure, shear), measure(shear, pressure)
+    return points.felt(pressure, shear), points.felt(shear, pressure)

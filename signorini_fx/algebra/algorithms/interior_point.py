@@ -50,12 +50,10 @@ from signorini_fx.records import IterationRecord, Status
 from signorini_fx.tuned import (
     DECIDED,
     DECIDING_PRODUCT,
-    FIRST_SHEAR,
     NO_FORCE,
     NOTHING_LEFT,
     SAME_NUMBER,
     SETTLED_POINTS,
-    SHARE_OF_WAY,
     SLOWEST_STEPS,
     SOFT_FOUNDATION,
     SOFTEST_FOUNDATION,
@@ -232,7 +230,7 @@ class _Programme:
         stress = float(parallel.global_sum(self._comm, np.abs(pressure).sum())) / self._number(self._points.everywhere)
         product, apart = stress**2 / soft.stiffness, np.sqrt(pressure**2 + 4 * stress**2)
         opening = np.asarray((apart - pressure) / (2 * soft.stiffness), dtype=np.float64)
-        shear = np.where(self._rubs[:, None], onto_disc(shear, FIRST_SHEAR * self._bound), shear)
+        shear = np.where(self._rubs[:, None], onto_disc(shear, self._bound / 2), shear)
         return _Inside(
             np.where(self._one_sided, (apart + pressure) / 2, pressure),
             opening,
@@ -269,7 +267,7 @@ class _Programme:
         step = self._direction(at, normal, disc, blocks, exact=exact)
         if step is None:
             return None
-        share = min(1.0, SHARE_OF_WAY * self._way(at, step))
+        share = min(1.0, 0.99 * self._way(at, step))  # of Mehrotra: nearly all of the way to the nearest bound
         x.axpy(share - 1.0, self._change)
         return _InnerStep(at, at.moved(step, share), share)
 

@@ -11,7 +11,6 @@ import numpy as np
 import numpy.typing as npt
 from petsc4py import PETSc
 
-from signorini_fx.algebra.attempts import CONVEX
 from signorini_fx.algebra.contact.active_sets import ActiveSets, next_sets, slip_multiplier, transmitting
 from signorini_fx.algebra.contact.complementarity import RegularisedData, onto_disc, project, slip_of
 from signorini_fx.algebra.contact.nodal_vectors import Nodal, length, unit
@@ -19,6 +18,7 @@ from signorini_fx.algebra.linalg import callbacks, finite, petsc_options
 from signorini_fx.algebra.linalg.callbacks import called_back, weakly
 from signorini_fx.algebra.linalg.failures import factor_lacks_memory, memory_ended, unlock, unprinted
 from signorini_fx.algebra.linalg.petsc_c import call
+from signorini_fx.algebra.method import INTERIOR_POINT
 from signorini_fx.algebra.problem.regularised import RegularisedProblem
 from signorini_fx.machine import parallel
 from signorini_fx.records import History, IterationRecord, OuterRecord, Status
@@ -182,7 +182,7 @@ class SemismoothNewton:
         from signorini_fx.algebra.algorithms.interior_point import interior_point
 
         start = self.checkpoint()
-        self.history.add(f"{failed.value}: {CONVEX}")
+        self.history.add(f"{failed.value}: {INTERIOR_POINT}")
         if interior_point(self, replace(data, sigma=np.inf), measure) is Status.CONVERGED:
             return Status.CONVERGED
         self.lost = True
@@ -360,20 +360,18 @@ class SemismoothNewton:
     def shifts(self, data: RegularisedData) -> tuple[Nodal, Nodal]:
         """(lambda, mu) made feasible, as the next lambda_hat and mu_hat.
 
-        Where a point slips but cannot move in some tangential direction, because of supports or of another
-        contact of its node, the shear along that would reach its limit, that of the direction of slip, the more slowly
-        the smaller the slip, so it is set to it; likewise where supports prescribe a slip and the shear is below its
-        bound.
+        Where a point slips but supports let it not move in some tangential direction, the shear along that would reach
+        its limit, that of the direction of slip, the more slowly the smaller the slip, so it is set to it; likewise
+        where supports prescribe a slip and the shear is below its bound.
         """
         problem, points = self.problem, self.problem.points
         pressure, shear = project(*self.multipliers(), data)
         u_n, u_t = problem.system.contact.traces(self.x)
-        still, entered = points.closed(problem.sets.contact, u_n - data.gap)
-        bound, slip = data.friction_bound(pressure), slip_of(u_t - entered, data)
+        bound, slip = data.friction_bound(pressure), slip_of(u_t, data)
         slips = problem.sets.slip | (problem.sets.contact & points.dragged(slip, np.column_stack((u_n, u_t))))
         slips &= np.isfinite(bound) & (length(slip) > 0)
         limit = np.where(slips, bound, 0.0)[:, None] * unit(slip)
-        missing = np.einsum("nij,nj->ni", still, np.where(slips[:, None], limit - shear, 0.0))
+        missing = np.einsum("nij,nj->ni", points.still, np.where(slips[:, None], limit - shear, 0.0))
         shear = onto_disc(shear + missing, bound)
         return pressure, shear
 

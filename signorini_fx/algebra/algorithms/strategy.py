@@ -28,19 +28,12 @@ from signorini_fx.algebra.algorithms.fp import fixed_point
 from signorini_fx.algebra.algorithms.loose import UNEXPLAINED, idle, near_the_last_place
 from signorini_fx.algebra.algorithms.ssn import Checkpoint
 from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
-from signorini_fx.algebra.attempts import (
-    AUGMENTED,
-    FIXED_POINT,
-    MONOLITHIC,
-    Attempt,
-    for_coulomb,
-    step_limit,
-)
 from signorini_fx.algebra.contact.active_sets import ActiveSets
 from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.algebra.contact.nodal_vectors import length
 from signorini_fx.algebra.contact.statics import no_balance
+from signorini_fx.algebra.method import AUGMENTED, FIXED_POINT, MONOLITHIC, step_limit
 from signorini_fx.machine import parallel
 from signorini_fx.records import OuterRecord, Status
 from signorini_fx.tuned import CONTINUATION_SHARE, GAMMA_GROWTH, LARGEST_GAMMA, NO_FORCE, START_GAMMA
@@ -195,11 +188,12 @@ def _given_friction(task: Task, start: Start, data: RegularisedData) -> Outcome:
     error = start.regularisation_error
     match s.algorithm:
         case "continuation":
-            from signorini_fx.algebra.algorithms.continuation import continuation
-
+            # Section 7.1, Table 4: regularised problems in turn, each started from the previous one.
             share = CONTINUATION_SHARE if s.gamma_first == "auto" else s.gamma_first / data.gamma_n
-            gammas = [(data.gamma_n * factor, data.gamma_t * factor) for factor in (share, 1.0)]
-            status = continuation(newton, data, start.sets, gammas, first_iteration=start.iteration)
+            softer = replace(data, gamma_n=data.gamma_n * share, gamma_t=data.gamma_t * share)
+            status = newton.solve(softer, start.sets, first_iteration=start.iteration)
+            if status is Status.CONVERGED:
+                status = newton.solve(data, newton.continued_sets(data))
         case "path-following":
             from signorini_fx.algebra.algorithms.path_following import path_following
 
@@ -296,17 +290,17 @@ def _either_way(
     s, newton = task.settings, begun.newton
     checkpoint = newton.checkpoint()
 
-    ways: dict[Attempt, Callable[[], Status]] = {FIXED_POINT: fixed, MONOLITHIC: monolithic}
-    names = for_coulomb(
-        monolithic=law.has_derivative,
-        first=monolithic_first,
-        fallbacks=s.fallbacks,
-        # Not of soft contact, which it would make hard.
-        augmented=start.data.share is None,
-    )
+    ways = {FIXED_POINT: fixed, MONOLITHIC: monolithic}
+    names = [MONOLITHIC, FIXED_POINT] if monolithic_first else [FIXED_POINT, MONOLITHIC]
+    if not law.has_derivative:
+        names = [FIXED_POINT]
+    elif not s.fallbacks:
+        names = names if monolithic_first else names[:1]  # the fixed point is the documented fall-back of the other
+    elif start.data.share is None:  # augmentation would make soft contact hard
+        names.append(AUGMENTED)
     slid = False  # whether the last fixed point did, with its last pressures
 
-    def ended(name: Attempt) -> Outcome:
+    def ended(name: str) -> Outcome:
         if name is AUGMENTED:
             return by_augmentation(task, start, law, begun)
         nonlocal slid
@@ -318,7 +312,7 @@ def _either_way(
         return _released(task, outcome, law, checkpoint[0].norm(PETSc.NormType.NORM_INFINITY)) or outcome
 
     def settled(outcome: Outcome) -> bool:
-        if outcome.monolithic and monolithic_first:  # the fixed point is its documented fall-back
+        if outcome.monolithic and monolithic_first:
             return outcome.status in (Status.CONVERGED, Status.SINGULAR, Status.NOT_FINITE)
         return not task.gave_up(outcome.status)
 

@@ -22,7 +22,6 @@ from signorini_fx.algebra.contact.state import PointState
 from signorini_fx.algebra.linalg import ElasticSystem
 from signorini_fx.algebra.method import Settings
 from signorini_fx.algebra.problem.regularised import RegularisedProblem
-from signorini_fx.machine import parallel
 from signorini_fx.records import History, Status
 
 
@@ -146,10 +145,9 @@ class Task:
         gap: Nodal,
         law: PointFriction | None = None,
         *,
+        settings: Settings,
+        natural_gamma: float,
         bilateral: npt.NDArray[np.bool_] | None = None,
-        settings: Settings | None = None,
-        natural_gamma: float | None = None,
-        has_coulomb: bool | None = None,
         **options: Any,
     ) -> Task:
         """A problem that starts with contact and stick everywhere, from its reference motion; collective.
@@ -159,18 +157,12 @@ class Task:
             motions: the free rigid motions at its contact points.
             gap: d, length, shape (n,).
             law: of friction; None: there is none.
+            settings: algorithms, their parameters and limits.
+            natural_gamma: the natural unit of gamma, stress per length.
             bilateral: points whose contact cannot open, shape (n,); None: there are none.
-            settings: algorithms, their parameters and limits; None: the defaults.
-            natural_gamma: the natural unit of gamma, stress per length; None: ``ContactMap.natural_stiffness``.
-            has_coulomb: see ``Task``; None: where a coefficient is not zero.
-            options: history, linear_algebra and goal, see ``Task``.
+            options: the others, see ``Task``.
         """
-        points, comm, settings = motions.points, motions.points.comm, settings or Settings()
-        if natural_gamma is None:
-            natural_gamma = system.contact.natural_stiffness(system.matrix.getDiagonal())
-        if has_coulomb is None:
-            follows = law is not None and law.follows_pressure
-            has_coulomb = parallel.any_rank(comm, follows)
+        points = motions.points
         sides = np.zeros(gap.size, dtype=bool) if bilateral is None else bilateral
         data = RegularisedData.unshifted(
             gap, points.dimension - 1, settings, natural_gamma, law, sides, points.immovable
@@ -178,8 +170,7 @@ class Task:
         resting = reference_motion(gap, sides, motions, system.resultant)
         sets = ActiveSets.all_in_contact(*data.mu_hat.shape)
         start = Start(data if resting is None else resting.data_from(data), law, 0.0 * data.mu_hat, sets, iteration=0)
-        history = options.pop("history", None) or History()
-        return cls(settings, system, motions, start, has_coulomb, natural_gamma, history, rest=resting, **options)
+        return cls(settings, system, motions, start, natural_gamma=natural_gamma, rest=resting, **options)
 
     @cached_property
     def iterate(self) -> Iterate:

@@ -112,11 +112,6 @@ def slope_of_bound(sets: ActiveSets, data: RegularisedData) -> Nodal | None:
     return data.follows.line(np.zeros(sets.slip.size), data.bilateral)[1] if sets.line is None else sets.line[1]
 
 
-def keep_closed(contact: npt.NDArray[np.bool_], data: RegularisedData) -> npt.NDArray[np.bool_]:
-    """The contact set with the bilateral points, which always belong to it."""
-    return contact | data.bilateral
-
-
 def multipliers(sets: ActiveSets, u_n: Nodal, u_t: Nodal, data: RegularisedData) -> tuple[Nodal, Nodal]:
     """(lambda, mu) of step 4, affine in (tau_N y, tau_T y) for fixed sets.
 
@@ -156,7 +151,7 @@ def next_sets(u_n: Nodal, u_t: Nodal, xi: Nodal, mu: Nodal, data: RegularisedDat
 
 def _following(trial: Nodal, bound: Nodal, u_t: Nodal, xi: Nodal, mu: Nodal, data: RegularisedData) -> ActiveSets:
     """``next_sets`` from the trial pressure and the friction bound there."""
-    contact = keep_closed(trial > 0, data)
+    contact = (trial > 0) | data.bilateral
     if data.bound is None:
         return ActiveSets.of(contact, np.zeros_like(u_t))
     slip = slips(xi, mu, bound, data)
@@ -236,7 +231,7 @@ def tangent(sets: ActiveSets, data: RegularisedData) -> Nodal:
 
 def natural_sets(u_n: Nodal, u_t: Nodal, data: RegularisedData) -> ActiveSets:
     """The sets of the derivative of (3.3b) and (3.4) at an iterate itself: the primal form, for a given bound only."""
-    contact = keep_closed(trial_pressure(u_n, data) > 0, data)
+    contact = (trial_pressure(u_n, data) > 0) | data.bilateral
     if data.bound is None:
         return ActiveSets.of(contact, np.zeros_like(u_t))
     trial = trial_shear(u_t, data)

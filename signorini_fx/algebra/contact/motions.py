@@ -13,9 +13,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 from mpi4py import MPI
-from petsc4py import PETSc
 
-from signorini_fx.algebra.contact.contact_map import ContactMap
 from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.algebra.contact.points import ContactPoints, PointGroups
 from signorini_fx.machine import parallel
@@ -31,12 +29,6 @@ class RigidLoad:
     work: Nodal
     size: Nodal
     assembly: npt.NDArray[np.int64]
-
-    @classmethod
-    def of(cls, forces: PETSc.Vec, modes: Sequence[PETSc.Vec]) -> RigidLoad:
-        """That of forces on the rigid motions of one body, which has no other assembly; collective."""
-        size, assembly = np.full(len(modes), forces.norm(PETSc.NormType.NORM_1)), np.zeros(len(modes), dtype=np.int64)
-        return cls(np.array([mode.dot(forces) for mode in modes], dtype=np.float64), size, assembly)
 
 
 def total_work(loads: Sequence[tuple[float, RigidLoad]], count: int) -> Nodal:
@@ -79,16 +71,6 @@ class FreeMotions:
         nothing, groups = np.zeros(0, dtype=np.int64), PointGroups.of(points, points.everywhere[:, None])
         return cls(points, np.empty((0, dimension, assembly.size)), assembly, nothing, groups)
 
-    @classmethod
-    def of(cls, contact: ContactMap, modes: Sequence[PETSc.Vec]) -> FreeMotions:
-        """B times the free rigid motions of one body, which has no other assembly; collective."""
-        relative = np.zeros((*contact.points.movable.shape[:2], len(modes)))
-        for number, mode in enumerate(modes):
-            relative[:, 0, number], relative[:, 1:, number] = contact.traces(mode)
-        assembly, points = np.zeros(len(modes), dtype=np.int64), contact.points
-        groups = PointGroups.of(points, points.everywhere[:, None])
-        return cls(points, relative, assembly, np.zeros(points.size, dtype=np.int64), groups)
-
     @cached_property
     def count(self) -> int:
         """Number of motions, k."""
@@ -120,15 +102,10 @@ class FreeMotions:
         if not self.count:
             return unresisted
         across = None if directions is None or directions.shape[1] == 1 else self._across(directions)
-        if self.count == 1 and across is None:
-            gram: npt.NDArray[np.float64] = np.reshape(self._squares[0] @ normal + self._squares[1] @ stick, (1, 1))
-        else:
-            rows = np.concatenate([self.normal[normal], *self.tangential[stick].swapaxes(0, 1), *(across or ())])
-            gram = np.asarray(rows.T @ rows)
-        gram = parallel.global_sum(self.points.comm, np.concatenate((gram, self._moved)))
+        rows = np.concatenate([self.normal[normal], *self.tangential[stick].swapaxes(0, 1), *(across or ())])
+        gram = parallel.global_sum(self.points.comm, np.concatenate((rows.T @ rows, self._moved)))
         for number, columns in self.assemblies:
-            among = gram[:-1] if columns.all() else gram[:-1][np.ix_(columns, columns)]
-            values = among[0] if among.size == 1 else np.linalg.eigvalsh(among)
+            values = np.linalg.eigvalsh(gram[:-1][np.ix_(columns, columns)])
             # The resistance relative to the motion of the points: below this it is the round-off of their positions.
             real = values[-1] > NOTHING_LEFT**2 * gram[-1][columns].max()
             unresisted[number] = not (real and values[0] > ROOT_OF_EPS * values[-1] > 0)
@@ -143,12 +120,6 @@ class FreeMotions:
     def _moved(self) -> Nodal:
         """How much each motion moves the points of this rank, squared, shape (1, k)."""
         return np.asarray(np.square(self.relative).sum(axis=(0, 1))[None])
-
-    @cached_property
-    def _squares(self) -> tuple[Nodal, Nodal]:
-        """Of the only motion, along the normals and along the tangents, shape (n,)."""
-        squares = np.square(self.relative[:, :, 0])
-        return squares[:, 0].copy(), squares[:, 1:].sum(axis=1)
 
     def _across(self, directions: Nodal) -> list[Nodal]:
         """The motions perpendicular to the directions of the points that slip, each of shape (slipping points, k)."""

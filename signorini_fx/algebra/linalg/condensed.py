@@ -15,14 +15,13 @@ it owns, as contact points are where their unknowns are; what is dense is so sma
 from __future__ import annotations
 
 from copy import copy
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from signorini_fx.algebra.contact.motions import RigidLoad
 from signorini_fx.algebra.linalg import ElasticSystem
 from signorini_fx.algebra.linalg.elasticity import Elasticity, LoadCase
 from signorini_fx.algebra.linalg.factorisation import factor_type
@@ -109,7 +108,7 @@ class CondensedSystem(ElasticSystem):
 
     def with_load(self, load: PETSc.Vec) -> CondensedSystem:
         """The same with this load alone, condensed: one back substitution."""
-        system, case = copy(self), LoadCase(load, load.duplicate(), RigidLoad.of(load, []))
+        system, case = copy(self), replace(self.cases[0].case, load=load, start=load.duplicate())
         system.cases = [self._condensed(case, *self.schur.condense(load))]
         system.factors, system.load, system.recovered = np.ones(1), self.load.duplicate(), None
         system.load.getArray()[:] = system.cases[0].load

@@ -35,7 +35,7 @@ from signorini_fx.algebra.linalg.petsc_c import call
 from signorini_fx.algebra.linalg.rigid_unknowns import relative_to_rigid_bodies, with_rigid_bodies
 from signorini_fx.algebra.linalg.truncation import TruncatedLevels
 from signorini_fx.machine import parallel
-from signorini_fx.tuned import FEWEST_BLOCK_UNKNOWNS, NEGLIGIBLE, NOTABLE, NOTHING_LEFT, SMOOTHED_SPECTRUM
+from signorini_fx.tuned import FEWEST_BLOCK_UNKNOWNS, NEGLIGIBLE, NOTABLE, NOTHING_LEFT
 
 Array = npt.NDArray[np.float64]
 _ESTIMATING_STEPS = 10
@@ -311,7 +311,7 @@ class ContactPreconditioner:
         finest.setOptionsPrefix(f"{petsc_options.PREFIX}mg_finest_")
         finest.setType(PETSc.KSP.Type.CHEBYSHEV)
         finest.getPC().setType(PETSc.PC.Type.MAT)
-        low, high = (share * levels.largest for share in SMOOTHED_SPECTRUM)
+        low, high = 0.1 * levels.largest, 1.1 * levels.largest  # the part of the spectrum that PETSc damps
         call("KSPChebyshevSetEigenvalues", finest, ctypes.c_double(high), ctypes.c_double(low))
         self._finest, self._cycle = finest, cycle
 

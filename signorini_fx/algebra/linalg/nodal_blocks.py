@@ -7,7 +7,6 @@ import numpy.typing as npt
 from petsc4py import PETSc
 
 from signorini_fx.algebra.contact.contact_map import ContactMap
-from signorini_fx.tuned import HELD_STIFFNESS
 
 Array = npt.NDArray[np.float64]
 
@@ -18,7 +17,7 @@ def stiff_and_soft(added: Array, scale: Array) -> tuple[Array, Array]:
     """
     # The blocks of the monolithic method are not symmetric: what they hold is what they do not map to nearly zero.
     _, stiffness, directions = np.linalg.svd(added)
-    stiff = directions * (stiffness > HELD_STIFFNESS)[:, :, None]
+    stiff = directions * (stiffness >= 1.0)[:, :, None]
     held = stiff.transpose(0, 2, 1) @ stiff
     free = np.eye(held.shape[1]) - held
     soft = free @ (added + added.transpose(0, 2, 1)) @ free * (scale / 2)[:, None, None]

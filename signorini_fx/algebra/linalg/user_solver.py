@@ -22,7 +22,7 @@ from signorini_fx.algebra.linalg.elasticity import Elasticity
 from signorini_fx.algebra.linalg.full import AssembledSystem
 from signorini_fx.errors import InstallationError
 from signorini_fx.extensions import LINEAR_SOLVERS, load
-from signorini_fx.tuned import BROKEN_DOWN, KRYLOV_STEPS, LEFT_BY_SOLVES
+from signorini_fx.tuned import KRYLOV_STEPS, LEFT_BY_SOLVES, NO_FORCE
 
 
 class LinearSolver(Protocol):
@@ -67,7 +67,7 @@ class _Preconditioner:
 @called_back
 def _judge(ksp: PETSc.KSP, b: PETSc.Vec, x: PETSc.Vec) -> None:
     """Where a solver returns nothing new FGMRES breaks down, and believes its own estimate of the residual."""
-    allowed = BROKEN_DOWN * b.norm() + 10 * ksp.getTolerances()[1]
+    allowed = NO_FORCE * b.norm() + 10 * ksp.getTolerances()[1]
     if ksp.getConvergedReason() > 0 and not (b - ksp.getOperators()[0] * x).norm() <= allowed:
         ksp.setConvergedReason(PETSc.KSP.ConvergedReason.DIVERGED_BREAKDOWN)
 
