@@ -175,11 +175,11 @@ class FrozenPoints(PairPoints):
         """
         pair = replace(pair, coupling=replace(pair.coupling, normal=pair.undeformed_normals))
         if moved is not None:
-            pair = pair.deformed(space, moved)
+            pair = pair.deformed(moved)
         coupling = pair.coupling
         return cls(
             space=space,
-            points=pair.slave.nodes[coupling.nodes] - space.dofmap.index_map.local_range[0],
+            points=pair.local(coupling.nodes).astype(np.int64),
             weight=coupling.weight,
             normal=coupling.normal,
             facing=np.ones(coupling.nodes.size, dtype=bool),
