@@ -35,9 +35,8 @@ from signorini_fx.machine import parallel
 from signorini_fx.mechanics.pairs.dual_functions import HeldSides, carried, dual_coefficients, extended
 from signorini_fx.mechanics.pairs.mean_rotation import turning_of, without_round_off
 from signorini_fx.mechanics.pairs.overlap_plane import facing_facets, plane_overlap, turned_in_plane
-from signorini_fx.mechanics.pairs.overlap_quadrature import Overlap, over_ranks
 from signorini_fx.mechanics.pairs.overlap_space import space_overlap, turned_in_space
-from signorini_fx.mechanics.pairs.pair_side import PairSurface
+from signorini_fx.mechanics.pairs.pair_side import Overlap, PairSurface
 from signorini_fx.mechanics.pairs.search import default_reach
 from signorini_fx.mechanics.pairs.sparse_scaling import beside
 from signorini_fx.tuned import CERTIFICATE_TOLERANCE, DEEPEST_OVERLAP, DIGITS_OF_FILES, NEGLIGIBLE, SAME_NUMBER
@@ -227,7 +226,7 @@ def couple(
     weight = tested.areas(slave, comm)
     distance = tested.moments(slave, tested.overlap.distance(slave, master), comm)
     sums, arms = (
-        [over_ranks(comm, matrix) for matrix in matrices]
+        [_over_ranks(comm, matrix) for matrix in matrices]
         for matrices in (tested.products(slave, master), tested.arms(slave, master))
     )
 
@@ -271,6 +270,15 @@ def couple(
             "facets, and that the bodies do not lie inside each other"
         )
     return coupling
+
+
+def _over_ranks(comm: MPI.Comm, matrix: sp.csr_array) -> sp.csr_array:
+    """The sum of the matrices of all ranks, on every rank."""
+    if comm.size == 1:
+        return matrix
+    part = matrix.tocoo()
+    at = parallel.gather_rows(comm, np.column_stack((part.row, part.col)))
+    return sp.csr_array((parallel.gather_rows(comm, part.data), tuple(at.T)), shape=matrix.shape)
 
 
 def normals_of_points(

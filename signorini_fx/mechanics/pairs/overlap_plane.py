@@ -9,8 +9,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from signorini_fx.mechanics.pairs.overlap_quadrature import Overlap
-from signorini_fx.mechanics.pairs.pair_side import PairSurface
+from signorini_fx.mechanics.pairs.pair_side import Overlap, PairSurface
 from signorini_fx.mechanics.pairs.search import Patches, candidates
 from signorini_fx.tuned import NOTHING_LEFT, POINTS_OF_PIECES, TURNED_DIRECTION
 

@@ -1,4 +1,5 @@
-"""One side of a pair: facets with Lagrange functions, their positions, directions and nodal integrals.
+"""One side of a pair: facets with Lagrange functions, their positions, directions and nodal integrals; and the overlap
+of both: triples of a slave point, the master point over it, and an area.
 
 A facet has k nodes at reference places in [0, 1] (d = 2), in the triangle with the vertices (0, 0), (1, 0), (0, 1), or
 in [0, 1]^2, in any order: what the functions are follows from the places.
@@ -13,7 +14,7 @@ import basix
 import numpy as np
 import numpy.typing as npt
 
-from signorini_fx.tuned import SAME_NUMBER
+from signorini_fx.tuned import SAME_LENGTH, SAME_NUMBER
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
@@ -273,3 +274,41 @@ class PairSurface:
         facets = np.arange(len(self.nodes))
         at = np.broadcast_to(points, (len(facets), *points.shape))
         return np.asarray(self.measured(facets, at, self.sizes(facets, at)) @ weights)
+
+
+@dataclass(frozen=True)
+class Overlap:
+    """Pieces of the overlap, p of them, each on one facet of either side, with q points each.
+
+    Attributes:
+        slave, master: numbers of the facets, shape (p,).
+        at: the points in the reference facet of the slave, shape (p, q, d - 1).
+        over: those in the reference facet of the master, shape (p, q, d - 1).
+        weight: area (in 2D: length) of the slave side that a point stands for, times its measure, shape (p, q).
+    """
+
+    slave: Indices
+    master: Indices
+    at: Array
+    over: Array
+    weight: Array
+
+    def distance(self, slave: PairSurface, master: PairSurface) -> Array:
+        """From each slave point to the master point over it, length, shape (p, q, d)."""
+        return master.positions(self.master, self.over) - slave.positions(self.slave, self.at)
+
+    def measured(self, slave: PairSurface) -> Overlap:
+        """With areas times the measure of the slave."""
+        return replace(self, weight=slave.measured(self.slave, self.at, self.weight))
+
+    def within(self, reach: float, slave: PairSurface, master: PairSurface) -> Overlap:
+        """The pieces of the pairs of facets whose mean distance, of all pieces, is at most ``reach``, length."""
+        _, pair = np.unique(self.slave * len(master.nodes) + self.master, return_inverse=True)
+        moment = np.einsum("pq,pqd->pd", self.weight, self.distance(slave, master))
+        mean = np.stack([np.bincount(pair, column) for column in moment.T], axis=1)
+        near = np.linalg.norm(mean, axis=1) <= (1.0 + SAME_LENGTH) * reach * np.bincount(pair, self.weight.sum(axis=1))
+        return self.chosen(near[pair])
+
+    def chosen(self, pieces: npt.NDArray[np.bool_]) -> Overlap:
+        """Some of the pieces, shape (p,)."""
+        return Overlap(self.slave[pieces], self.master[pieces], self.at[pieces], self.over[pieces], self.weight[pieces])
