@@ -288,25 +288,18 @@ class PairedSides(FacingSides):
         return replace(self, coupling=replace(self.coupling, normal=normal), followed=True)
 
     def turning(self, displacement: Array) -> sp.csr_array:
-        """How further displacements of the nodes of the master turn the normals of ``deformed``, sparse, shape (n d, d
-        M); collective.
+        """How further displacements of the nodes of the master turn the normals of ``deformed``, as if these were
+        opposite to its own, sparse, shape (n d, d M); collective.
 
         Between the vertices of quadratic triangles normals are means, whose turning is left out.
         """
-        coupling, start = self.coupling, self.master.surface
-        master = start.displaced(from_owners(displacement, self.master.nodes, self.space.mesh.comm))
-        initial, present = (self._at_partners(side) for side in (start, master))
-        initial = initial / np.linalg.norm(initial, axis=1, keepdims=True)
-        size = np.linalg.norm(present, axis=1)[:, None, None]
-        present, normal = present / size[:, 0], coupling.normal
-        bisector, share = initial + present, 1.0 + np.sum(initial * present, axis=1)[:, None, None]
-        along, initial_part = (np.sum(vectors * normal, axis=1)[:, None, None] for vectors in (bisector, initial))
-        identity = np.eye(normal.shape[1])
-        turned = (2.0 * initial_part - along / share) * identity
-        turned = turned - bisector[:, :, None] * normal[:, None] / share
-        turned = turned + along / share**2 * bisector[:, :, None] * initial[:, None]
-        turned = turned @ (identity - present[:, :, None] * present[:, None]) @ (identity - self.across) / size
-        nodal = of_components(coupling.master, normal.shape[1]) @ turned_normals(master)
+        coupling = self.coupling
+        master = self.master.surface.displaced(from_owners(displacement, self.master.nodes, self.space.mesh.comm))
+        sums, identity = self._at_partners(master), np.eye(coupling.normal.shape[1])
+        size = np.linalg.norm(sums, axis=1)[:, None, None]
+        present = sums / size[:, 0]
+        turned = (present[:, :, None] * present[:, None] - identity) @ (identity - self.across) / size
+        nodal = of_components(coupling.master, len(identity)) @ turned_normals(master)
         return sp.csr_array(along_vectors(turned.transpose(0, 2, 1)) @ nodal)
 
     def _at_partners(self, master: PairSurface) -> Array:

@@ -34,7 +34,7 @@ from scipy.spatial import cKDTree
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.pairs.dual_functions import HeldSides, carried, dual_coefficients, extended
 from signorini_fx.mechanics.pairs.mean_rotation import turning_of, without_round_off
-from signorini_fx.mechanics.pairs.overlap_plane import facing_facets, plane_overlap, turned_in_plane
+from signorini_fx.mechanics.pairs.overlap_plane import facing_facets, patches, plane_overlap, turned_in_plane
 from signorini_fx.mechanics.pairs.overlap_space import space_overlap, turned_in_space
 from signorini_fx.mechanics.pairs.pair_side import Overlap, PairSurface
 from signorini_fx.mechanics.pairs.search import default_reach
@@ -398,17 +398,12 @@ def _check(slave: PairSurface, master: PairSurface, covered: Array, reach: float
 
 def _nearest(slave: PairSurface, master: PairSurface) -> str:
     """Where both sides are nearest to each other, how far apart, and which way they face there, in words."""
-    middles = [side.corners.mean(axis=1) for side in (slave, master)]
-    away, partners = cKDTree(middles[1]).query(middles[0])
+    first, second = (patches(side, np.arange(len(side.nodes))) for side in (slave, master))
+    away, partners = cKDTree(second.centre).query(first.centre)
     nearest = int(away.argmin())
-    center = np.full((1, 1, slave.dimension - 1), 1.0 / 3.0)
-    normals = [
-        side.normals(np.array([facet]), center)[0, 0]
-        for side, facet in ((slave, nearest), (master, int(partners[nearest])))
-    ]
-    cosine = normals[0] @ normals[1] / np.prod([np.linalg.norm(normal) for normal in normals])
-    size = float(np.abs(middles[0]).max())
-    point = ", ".join(f"{c:.4g}" for c in size * np.round(middles[0][nearest] / size, 9))
+    cosine = first.normal[nearest] @ second.normal[partners[nearest]]
+    size = float(np.abs(first.centre).max())
+    point = ", ".join(f"{c:.4g}" for c in size * np.round(first.centre[nearest] / size, 9))
     angle = float(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))))
     return (
         f"both are nearest at ({point}), {away[nearest]:.3g} apart, where their normals enclose {angle:.0f} degrees, "

@@ -73,8 +73,9 @@ def turned_in_plane(slave: PairSurface, directions: Array) -> float:
 
 
 def patches(side: PairSurface, facets: Indices) -> Patches:
-    """Facets of a side as straight patches."""
-    middle = side.normals(facets, np.full((len(facets), 1, 1), 0.5))[:, 0]
+    """Facets of a side as flat patches."""
+    at = np.broadcast_to(side.functions.places.mean(axis=0), (len(facets), 1, side.dimension - 1))
+    middle = side.normals(facets, at)[:, 0]
     return Patches(side.corners[facets], middle / np.linalg.norm(middle, axis=1, keepdims=True))
 
 
