@@ -37,12 +37,6 @@ def of_components(matrix: Any, count: int) -> sp.csr_array:
     return sp.csr_array(sp.kron(matrix, sp.eye_array(count), format="csr"))
 
 
-def of_vectors(components: list[sp.csr_array]) -> sp.csr_array:
-    """The matrix of vectors from those of each of their d components, shape (n, m): shape (n d, m)."""
-    rows = np.arange(len(components) * components[0].shape[0]).reshape(len(components), -1)
-    return sp.csr_array(sp.csr_array(sp.vstack(components))[rows.T.ravel()])
-
-
 def beside(left: Any, right: Any) -> sp.csr_array:
     """Two matrices with as many rows beside each other."""
     return sp.csr_array(sp.hstack((left, right), format="csr"))
