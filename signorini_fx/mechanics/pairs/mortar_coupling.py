@@ -32,7 +32,7 @@ from mpi4py import MPI
 from scipy.spatial import cKDTree
 
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.pairs.dual_functions import HeldSides, carried, dual_coefficients, extended
+from signorini_fx.mechanics.pairs.dual_functions import HeldSides, carried, constrained, dual_coefficients, extended
 from signorini_fx.mechanics.pairs.mean_rotation import turning_of, without_round_off
 from signorini_fx.mechanics.pairs.overlap_plane import facing_facets, patches, plane_overlap, turned_in_plane
 from signorini_fx.mechanics.pairs.overlap_space import space_overlap, turned_in_space
@@ -230,13 +230,13 @@ def couple(
         for matrices in (tested.products(slave, master), tested.arms(slave, master))
     )
 
-    constrained = held.constrained_slaves(sums[1])
-    nodes, shares = carried(slave, tested.covered, weight, unable | constrained)
+    fixed = constrained(held.movable(sums[1]))
+    nodes, shares = carried(slave, tested.covered, weight, unable | fixed)
     if not nodes.size:
         raise PairingError("supports of both sides, or other contacts, own all nodes of its covered part")
     # Facets apart from all points, of which all nodes are constrained: nobody takes over their functions.
     carried_nodes = np.asarray(shares.sum(axis=0)).ravel() > 0.0
-    tested = tested.without(np.asarray((constrained & ~carried_nodes)[slave.points].all(axis=1)))
+    tested = tested.without(np.asarray((fixed & ~carried_nodes)[slave.points].all(axis=1)))
     _refuse_bare(slave, tested, shares)
     if mine is not None:
         nodes, shares = nodes[mine[nodes]], sp.csr_array(shares[mine[nodes]])

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
+from itertools import product
 
 import basix
 import numpy as np
@@ -41,11 +42,8 @@ class Lagrange:
 
     @cached_property
     def _exponents(self) -> npt.NDArray[np.int64]:
-        steps = range(self.degree + 1)
-        if self.places.shape[1] == 1:
-            return np.array([[i] for i in steps])
-        powers = [[i, j] for j in steps for i in steps]
-        return np.array([pair for pair in powers if not self.simplex or sum(pair) <= self.degree])
+        powers = [power[::-1] for power in product(range(self.degree + 1), repeat=self.places.shape[1])]
+        return np.array([power for power in powers if not self.simplex or sum(power) <= self.degree])
 
     @cached_property
     def _coefficients(self) -> Array:
@@ -53,32 +51,20 @@ class Lagrange:
 
     def _monomials(self, at: Array, along: int | None = None) -> Array:
         """The monomials at points of shape (..., d - 1), or their derivatives along one direction, shape (..., k)."""
-        if self.places.shape[1] == 1:
-            powers = (at**0, at, at * at) if along is None else (0.0 * at, at**0, 2.0 * at)
-            return np.concatenate(powers[: self.degree + 1], axis=-1)
-        product: Array = np.ones(1)
+        monomials: Array = np.ones(1)
         for axis, power in enumerate(self._exponents.T):
             s = at[..., axis, None]
             ones = np.ones_like(s)
             powers = (0.0 * s, ones, 2.0 * s) if axis == along else (ones, s, s * s)
-            product = product * np.concatenate(powers, axis=-1)[..., power]
-        return np.asarray(product)
-
-    @cached_property
-    def _is_straight(self) -> bool:
-        """Whether they are linear in an interval, in which sides of two bodies ask for them most often."""
-        return self.places.shape[1] == 1 and self.degree == 1
+            monomials = monomials * np.concatenate(powers, axis=-1)[..., power]
+        return np.asarray(monomials)
 
     def values(self, at: Array) -> Array:
         """At points of shape (..., d - 1), shape (..., k)."""
-        if self._is_straight:
-            return np.asarray(self._coefficients[0] + at * self._coefficients[1])
         return np.asarray(self._monomials(at) @ self._coefficients)
 
     def slopes(self, at: Array) -> Array:
         """Their derivatives along the d - 1 directions, shape (d - 1, ..., k)."""
-        if self._is_straight:
-            return np.tile(self._coefficients[1], (1, *at.shape[:-1], 1))
         return np.array([self._monomials(at, axis) @ self._coefficients for axis in range(self.places.shape[1])])
 
     def polynomials(self, values: Array) -> Array:
