@@ -328,8 +328,9 @@ class Foundations:
         """The points of a contact with the axes of its friction."""
         if shape.axes is None:
             return part
-        part = replace(part, friction_axes=shape.axes.at(part.nodes))
-        part.check_friction_axes(f"contact[{number}].friction")
+        axes = shape.axes.at(part.nodes)
+        part = replace(part, friction_axes=axes)
+        axes.check(part.normal, lambda: part.points.movable, f"contact[{number}].friction", part.comm)
         return part
 
     def at_rest(self, fixed: npt.NDArray[np.bool_], values: Array) -> npt.NDArray[np.bool_]:

@@ -62,13 +62,13 @@ class _ShapeOfSection:
     shape: Any
 
     def distance(self, x: npt.NDArray[np.float64]) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-        """See ``statement.rigid_shape.Shape``."""
+        """The signed distance and its gradient at points of shape (n, 3), shapes (n,) and (n, 3)."""
         away, normal = self.shape.distance(np.ascontiguousarray(x[:, :2]))
         return away, np.pad(normal, ((0, 0), (0, 1)))
 
     @property
     def inradius(self) -> float:
-        """See ``statement.rigid_shape.Shape``; infinite where the shape does not say it."""
+        """Radius of the largest ball in the shape, length; infinite where the shape does not say it."""
         return float(getattr(self.shape, "inradius", np.inf))
 
 

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from signorini_fx.mechanics.pairs.pair_side import Overlap, PairSurface
 from signorini_fx.mechanics.pairs.search import Patches, candidates
-from signorini_fx.tuned import NOTHING_LEFT, POINTS_OF_PIECES, TURNED_DIRECTION
+from signorini_fx.tuned import NOTHING_LEFT, POINTS_OF_PIECES, TURNED_DIRECTION, ZERO_COMPONENT
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
@@ -152,6 +152,6 @@ def _over(side: PairSurface, corners: Array, x: Array, normal: Array) -> Array:
         miss, slope = _powers(factors, at), _powers(rates, at)
         step = np.divide(miss, slope, out=np.zeros_like(miss), where=slope != 0)
         at = np.clip(at - step, 0.0, 1.0)
-        if np.abs(step).max(initial=0.0) < 1e-15:
+        if np.abs(step).max(initial=0.0) < ZERO_COMPONENT:
             break
     return at

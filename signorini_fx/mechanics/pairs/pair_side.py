@@ -102,7 +102,7 @@ class Lagrange:
 
 @cache
 def _quadrature(kind: basix.CellType, degree: int) -> tuple[Array, Array]:
-    """See ``Lagrange.rule``; read-only."""
+    """The rule of ``Lagrange``, read-only."""
     points, weights = (np.asarray(values) for values in basix.make_quadrature(kind, degree))
     points.flags.writeable = weights.flags.writeable = False
     return points, weights
