@@ -22,11 +22,10 @@ from signorini_fx.mechanics.contact_points.turned_supports import TurnedNodes
 from signorini_fx.mechanics.interfaces import Pair
 from signorini_fx.mechanics.obstacles.mirrored_points import mirrored
 from signorini_fx.mechanics.pairs.dual_functions import HeldSides
-from signorini_fx.mechanics.pairs.mean_rotation import of_blocks, turned_normals
 from signorini_fx.mechanics.pairs.mortar_coupling import Coupling, PairingError, couple, normals_of_points
 from signorini_fx.mechanics.pairs.pair_side import Lagrange, PairSurface
 from signorini_fx.mechanics.pairs.sliding import along_vectors
-from signorini_fx.mechanics.pairs.sparse_scaling import beside, of_components
+from signorini_fx.mechanics.pairs.sparse_maps import beside, of_blocks, of_components, turned_normals
 from signorini_fx.tuned import ROOT_OF_EPS, SAME_NUMBER
 
 Array = npt.NDArray[np.float64]

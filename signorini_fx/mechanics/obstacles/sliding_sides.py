@@ -15,7 +15,7 @@ from signorini_fx.mechanics.contact_points.contact_boundary import ContactBounda
 from signorini_fx.mechanics.obstacles.paired_points import FacingSides
 from signorini_fx.mechanics.pairs.search import default_reach
 from signorini_fx.mechanics.pairs.sliding import SlidingCoupling, along_vectors, slide
-from signorini_fx.mechanics.pairs.sparse_scaling import beside
+from signorini_fx.mechanics.pairs.sparse_maps import beside
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int32]

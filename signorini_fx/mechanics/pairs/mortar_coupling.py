@@ -33,12 +33,11 @@ from scipy.spatial import cKDTree
 
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.pairs.dual_functions import HeldSides, carried, constrained, dual_coefficients, extended
-from signorini_fx.mechanics.pairs.mean_rotation import turning_of, without_round_off
 from signorini_fx.mechanics.pairs.overlap_plane import facing_facets, patches, plane_overlap, turned_in_plane
 from signorini_fx.mechanics.pairs.overlap_space import space_overlap, turned_in_space
 from signorini_fx.mechanics.pairs.pair_side import Overlap, PairSurface
 from signorini_fx.mechanics.pairs.search import default_reach
-from signorini_fx.mechanics.pairs.sparse_scaling import beside
+from signorini_fx.mechanics.pairs.sparse_maps import beside, turning_of, without_round_off
 from signorini_fx.tuned import CERTIFICATE_TOLERANCE, DEEPEST_OVERLAP, DIGITS_OF_FILES, NEGLIGIBLE, SAME_NUMBER
 
 Array = npt.NDArray[np.float64]

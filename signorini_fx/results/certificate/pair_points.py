@@ -27,7 +27,7 @@ from signorini_fx.mechanics.obstacles.paired_points import PairedSides
 from signorini_fx.mechanics.obstacles.sliding_sides import SlidingSides
 from signorini_fx.mechanics.pairs.mortar_coupling import closed_within
 from signorini_fx.mechanics.pairs.sliding import SlidingCoupling
-from signorini_fx.mechanics.pairs.sparse_scaling import beside
+from signorini_fx.mechanics.pairs.sparse_maps import beside
 from signorini_fx.mechanics.rigid.rigid_motions import rigid_modes
 from signorini_fx.tuned import NEGLIGIBLE
 
