@@ -331,8 +331,6 @@ OUTSIDE_COARSER_MESH = 0.25
 # Largest component across a plane of symmetry of a normal that is the mean over the facets of one half of a smooth
 # surface: half of the angle between facets.  Surfaces that are more askew to the plane have an edge there.  Choice.
 ASKEW_NORMAL = 0.2
-# A rotation about a point that is so many lengths of the piece away moves it like a translation.  Choice.
-FAR_AXIS = 30.0
 # Above this Poisson's ratio fully integrated elements lock visibly, and check says so.  Choice.
 LOCKING_POISSON = 0.45
 
@@ -574,10 +572,10 @@ UNITS_OF_NO_LOAD = 4.0
 # The strain, in units of round-off, over which a residual is taken to be linear, so that what its second difference
 # shows is round-off.  Choice: many such units, and a strain whose square is far below the unit.
 UNITS_OF_DIFFERENCE = 500.0
-# Shares of the radius of a cell, and of that of the largest ball in a rigid shape, beyond which the shape lies inside
-# the body; of the latter by which it is moved at a time to see its way.  Choice: a chord between two nodes cuts a
-# circle whose radius is six tenths of its length to less than the first.
-SHAPE_INSIDE, SHAPE_STEP = 0.5, 0.25
+# Share of the radius of a cell, and of that of the largest ball in a rigid shape, beyond which the shape lies inside
+# the body; it is moved by half of it at a time to see its way.  Choice: a chord between two nodes cuts a circle whose
+# radius is six tenths of its length to less than that.
+SHAPE_INSIDE = 0.5
 # Places on its way at most.  Choice: a search of all cells for each of them.
 MOST_PLACES = 400
 # Points along each axis of the grid on which the middle of the largest ball in a surface of a file is sought.  Choice:

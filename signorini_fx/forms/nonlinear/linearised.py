@@ -132,7 +132,7 @@ class MovingFoundations(Foundations):
     def sides_of(self, number: int, fixed: npt.NDArray[np.bool_], at_rest: npt.NDArray[np.bool_]) -> SlidingSides:
         """Both sides of a pair, where supports hold and leave unknowns as in ``boundary``; collective."""
         facing = self.facing(number, self.factor_of(number), fixed, None, at_rest)
-        return SlidingSides.of(self._space, self._contact[number].reach, facing, number)
+        return SlidingSides.from_facing(facing, self._contact[number].reach)
 
     def _paired(
         self,
@@ -155,9 +155,9 @@ class MovingFoundations(Foundations):
         assert last is not None
         paired, owned = last[1], fixed.size // self._dimension
         if not self._contact[number].bonded:
-            paired = paired.deformed(self._space, self.at.x.array.reshape(-1, self._dimension)[:owned])
+            paired = paired.deformed(self.at.x.array.reshape(-1, self._dimension)[:owned])
         self._pairs[number] = paired
-        return paired.boundary(self._space, self.facets[number], number)
+        return paired.boundary()
 
     def law(
         self, boundary: ContactBoundary, modulus: float, friction: Sequence[FrictionLaw | None] | None = None
@@ -352,7 +352,7 @@ class LinearisedProblem(FormSolver):
         places = self.places[: self.space.dofmap.index_map.size_local]
         for number, paired in self.foundations.kept_pairs.items():
             if not self.contact[number].bonded:
-                joint = *joint, turned_forces(state, number, paired, self.space, places)
+                joint = *joint, turned_forces(state, paired, places)
         self.curvature = NodalStiffness.summed(state.boundary.nodes, nodal, joint)
 
     # --- what a FormSolver asks for ---

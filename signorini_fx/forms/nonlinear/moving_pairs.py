@@ -137,22 +137,20 @@ def _normals_of(tangents: Array) -> Array:
     return np.asarray(np.cross(tangents[:, :, 0], tangents[:, :, 1]))
 
 
-def turned_forces(
-    state: ContactState, number: int, paired: PairedSides, space: fem.FunctionSpace, displacement: Array
-) -> JointStiffness:
+def turned_forces(state: ContactState, paired: PairedSides, displacement: Array) -> JointStiffness:
     """What displacements of the owned nodes change of the contact forces of a pair as normals turn, which is not
     symmetric, and its transpose; ``paired``: both sides where they are undeformed; collective.
     """
     boundary, averages, dim = state.boundary, state.boundary.averages, displacement.shape[1]
     assert averages is not None
-    points = np.flatnonzero(boundary.part == number)
+    points = np.flatnonzero(boundary.part == paired.index)
     normal, weight = boundary.normal[points], boundary.weight[points, None, None]
     shear = np.einsum("nik,nk->ni", boundary.tangents[points], state.shear[points])
     # Tangents turn against normals.
     tractions = state.pressure[points, None, None] * np.eye(dim) - normal[:, :, None] * shear[:, None]
     components = np.arange(dim)
     operator = sp.csr_array(averages.operator)[(dim * points[:, None] + components).ravel()]
-    forces = along_vectors((weight * tractions).swapaxes(1, 2)) @ paired.turning(space, displacement)
+    forces = along_vectors((weight * tractions).swapaxes(1, 2)) @ paired.turning(displacement)
     entries = sp.coo_array(operator.T @ forces)
     rows, columns = ((dim * nodes[:, None] + components).ravel() for nodes in (averages.nodes, paired.master.nodes))
     of_rank = rows[entries.row], columns[entries.col], entries.data

@@ -96,7 +96,7 @@ class Averages:
         """From displacements of nodes to those at the points, in the axes of space, scipy sparse, shape (n d, m d)."""
         if self.between is not None:
             return self.between
-        from signorini_fx.mechanics.pairs.sparse_scaling import of_components
+        from signorini_fx.mechanics.pairs.sparse_maps import of_components
 
         return of_components(self.shares, self.x.shape[1])
 

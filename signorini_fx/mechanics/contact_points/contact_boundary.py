@@ -104,11 +104,6 @@ class ContactBoundary:
     kinematics: Kinematics = SPACE
     pushing: Nodal | None = None
 
-    def check_friction_axes(self, path: str) -> None:
-        """Whether they determine directions of slip at all points that can move; collective."""
-        assert self.friction_axes is not None
-        self.friction_axes.check(self.normal, lambda: self.points.movable, path, self.comm)
-
     @property
     def size(self) -> int:
         """Number of contact nodes on this rank."""
@@ -243,17 +238,16 @@ def join(parts: list[ContactBoundary]) -> ContactBoundary:
         name: np.concatenate([getattr(part, name) for part in parts])
         for name in ("nodes", "x", "weight", "normal", "part", "free", "segments", "global_nodes")
     }
-    averages = [part.averages for part in parts]
-    if any(averages):  # the others take the displacement of their nodes
-        averages = [part.selection if part.averages is None else part.averages for part in parts]
+    averages, pushing = None, None
+    if any(part.averages for part in parts):  # the others take the displacement of their nodes
+        averages = Averages.joined([part.averages or part.selection for part in parts])
     axes = [part.axes for part in parts if part.axes is not None]
-    pushing = None
     if any(part.pushing is not None for part in parts):
         pushing = np.concatenate([part.normal if part.pushing is None else part.pushing for part in parts])
     return ContactBoundary(
         parts[0].comm,
         **fields,
-        averages=Averages.joined([average for average in averages if average is not None]) if any(averages) else None,
+        averages=averages,
         axes=np.concatenate(axes) if axes else None,
         friction_axes=FrictionAxes.joined([part.friction_axes for part in parts], [part.size for part in parts]),
         kinematics=parts[0].kinematics,

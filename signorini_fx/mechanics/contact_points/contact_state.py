@@ -32,10 +32,8 @@ class ContactState(PointState):
     @cached_property
     def forces(self) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
         """Resultants that the foundation exerts on the body: contact force, friction force, shape (d,); collective."""
-        contact = -self.boundary.nodal_forces(self.pressure, np.zeros_like(self.shear)).sum(axis=0)
-        friction = -self.boundary.nodal_forces(np.zeros_like(self.pressure), self.shear).sum(axis=0)
-        comm = self.boundary.comm
-        return parallel.global_sum(comm, contact), parallel.global_sum(comm, friction)
+        contact, friction = self.forces_of_each.sum(axis=0)
+        return contact, friction
 
     @cached_property
     def forces_of_each(self) -> npt.NDArray[np.float64]:

@@ -12,6 +12,7 @@ from signorini_fx.mechanics.contact_points.contact_boundary import ContactBounda
 from signorini_fx.mechanics.statement.expressions import in_space, sample
 from signorini_fx.mechanics.statement.settings import Box
 from signorini_fx.mechanics.statement.statement import Statement
+from signorini_fx.tuned import SAME_LENGTH
 
 
 def first_sets(statement: Statement, boundary: ContactBoundary) -> tuple[ActiveSets, int]:
@@ -21,7 +22,7 @@ def first_sets(statement: Statement, boundary: ContactBoundary) -> tuple[ActiveS
     if isinstance(region, str):
         return full_contact, 0
     if isinstance(region, Box):
-        near = 1e-9 * np.ptp(parallel.gather_rows(boundary.comm, boundary.x), axis=0).max()
+        near = SAME_LENGTH * np.ptp(parallel.gather_rows(boundary.comm, boundary.x), axis=0).max()
         inside: npt.NDArray[np.bool_] = np.ones(boundary.size, dtype=bool)
         for axis, (low, high) in enumerate((region.x, region.y, region.z)[: boundary.x.shape[1]]):
             inside &= (boundary.x[:, axis] >= low - near) & (boundary.x[:, axis] <= high + near)

@@ -32,26 +32,18 @@ class SideFigures:
     """What the choice depends on, of all ranks.
 
     Attributes:
-        name: of the boundary.
         stiffness: the mean shear modulus behind its facets, stress.
         size: the mean extent of its facets, length.
         vertices: of its facets, shape (n, 3), length.
     """
 
-    name: str
     stiffness: float
     size: float
     vertices: npt.NDArray[np.float64]
 
     @classmethod
     def of(cls, name: str, tagged: TaggedMesh, shear_modulus: Any) -> SideFigures:
-        """Those of a boundary; collective.
-
-        Args:
-            name: of the boundary.
-            tagged: the mesh.
-            shear_modulus: a constant or a cell-wise function, stress.
-        """
+        """Those of a boundary; ``shear_modulus``: a constant or a cell-wise function, stress; collective."""
         mesh, facets = tagged.mesh, tagged.facets(name)
         cells = facet_entities(mesh, facets)[:, 0]
         if isinstance(shear_modulus, fem.Function):
@@ -62,18 +54,16 @@ class SideFigures:
         extent = np.linalg.norm(np.ptp(corners, axis=1), axis=1)
         sums = parallel.global_sum(mesh.comm, np.array([len(facets), stiffness.sum(), extent.sum()]))
         vertices = parallel.gather_rows(mesh.comm, corners.reshape(-1, corners.shape[2]))
-        return cls(name, float(sums[1] / sums[0]), float(sums[2] / sums[0]), vertices)
+        return cls(float(sums[1] / sums[0]), float(sums[2] / sums[0]), vertices)
 
-    def better(self, opposite: SideFigures) -> str | None:
-        """Why this side should rather carry the points; None: it should not."""
-        softer, finer = opposite.stiffness / self.stiffness, opposite.size / self.size
-        if softer > STIFFER_BODY:
-            return f"{softer:.2g} times softer"
-        if softer < 1 / STIFFER_BODY:
-            return None
+    def is_better(self, opposite: SideFigures) -> bool:
+        """Whether this side should rather carry the points."""
+        softer = opposite.stiffness / self.stiffness
+        if not 1 / STIFFER_BODY <= softer <= STIFFER_BODY:
+            return softer > 1
         if (within := self._lies_on(opposite)) != opposite._lies_on(self):
-            return "smaller" if within else None
-        return f"{finer:.2g} times finer" if finer > COARSER_FACETS else None
+            return within
+        return opposite.size / self.size > COARSER_FACETS
 
     def _lies_on(self, opposite: SideFigures) -> bool:
         """Whether all of this side is within a facet of the other one."""
@@ -104,7 +94,8 @@ def with_chosen_sides(statement: Statement, tagged: TaggedMesh, facets: Facets, 
             continue
         if effect.points == "auto":
             ours, theirs = (SideFigures.of(name, tagged, shear_modulus) for name in (effect.boundary, effect.against))
-            if theirs.better(ours) is None or not _plain(effect):
+            values = (effect.gap, *effect.friction.parameters.values())
+            if not theirs.is_better(ours) or not all(isinstance(value, int | float) for value in values):
                 continue
         taken = [
             name for k, contact in enumerate(contacts) if k != number for name in (contact.boundary, contact.against)
@@ -128,11 +119,6 @@ def with_chosen_sides(statement: Statement, tagged: TaggedMesh, facets: Facets, 
     if all(contact is existing for contact, existing in zip(contacts, statement.contact, strict=True)):
         return statement
     return statement.changed(contact=tuple(contacts))
-
-
-def _plain(effect: Any) -> bool:
-    """Whether gap and friction are numbers."""
-    return all(isinstance(value, int | float) for value in (effect.gap, *effect.friction.parameters.values()))
 
 
 def _sharing(name: str, boundaries: list[str | None], tagged: TaggedMesh, facets: Facets) -> str | None:

@@ -328,8 +328,9 @@ class Foundations:
         """The points of a contact with the axes of its friction."""
         if shape.axes is None:
             return part
-        part = replace(part, friction_axes=shape.axes.at(part.nodes))
-        part.check_friction_axes(f"contact[{number}].friction")
+        axes = shape.axes.at(part.nodes)
+        part = replace(part, friction_axes=axes)
+        axes.check(part.normal, lambda: part.points.movable, f"contact[{number}].friction", part.comm)
         return part
 
     def at_rest(self, fixed: npt.NDArray[np.bool_], values: Array) -> npt.NDArray[np.bool_]:
@@ -349,9 +350,8 @@ class Foundations:
 
         pair, facing = self._contact[number], self.facing(number, factor, fixed, turned, at_rest)
         assert isinstance(pair, Pair)
-        paired = PairedSides.of(self._space, pair, facing, f"contact[{number}]")
-        self._pairs[number] = paired
-        return paired.boundary(self._space, self.facets[number], number)
+        self._pairs[number] = PairedSides.from_facing(facing, pair)
+        return self._pairs[number].boundary()
 
     def facing(
         self,
@@ -373,7 +373,7 @@ class Foundations:
         # Of a node that two contacts share an earlier pair, or a foundation, has the point.
         first = (k for k, contact in enumerate(self._contact) if k < number or contact.against is None)
         taken = [self.facets[k] for k in first if k != number]
-        return FacingSides.of(self._space, sides, f"contact[{number}]", flags, taken, turned, rests, factor)
+        return FacingSides.of(self._space, sides, number, flags, taken, turned, rests, factor)
 
     def _gap_of(self, number: int) -> tuple[Array, Array | None]:
         """The gap of one contact at all nodes of this rank, and what of it is no geometry of a pair; collective.
@@ -389,9 +389,8 @@ class Foundations:
             return given, None
         from signorini_fx.mechanics.pairs.mortar_coupling import closed_within
 
-        adjusted_gap, first = given.copy(), self._space.dofmap.index_map.local_range[0]
-        points = pair.slave.nodes[pair.coupling.nodes] - first
-        adjusted_gap[points] += closed_within(pair.coupling.gap, contact.adjust)
+        adjusted_gap = given.copy()
+        adjusted_gap[pair.local(pair.coupling.nodes)] += closed_within(pair.coupling.gap, contact.adjust)
         return adjusted_gap, given
 
     @cached_property

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
+from typing import Any
 
 import basix
 import numpy as np
@@ -21,11 +22,10 @@ from signorini_fx.mechanics.contact_points.turned_supports import TurnedNodes
 from signorini_fx.mechanics.interfaces import Pair
 from signorini_fx.mechanics.obstacles.mirrored_points import mirrored
 from signorini_fx.mechanics.pairs.dual_functions import HeldSides
-from signorini_fx.mechanics.pairs.mean_rotation import of_blocks, turned_normals
 from signorini_fx.mechanics.pairs.mortar_coupling import Coupling, PairingError, couple, normals_of_points
 from signorini_fx.mechanics.pairs.pair_side import Lagrange, PairSurface
 from signorini_fx.mechanics.pairs.sliding import along_vectors
-from signorini_fx.mechanics.pairs.sparse_scaling import beside, of_components
+from signorini_fx.mechanics.pairs.sparse_maps import beside, of_blocks, of_components, turned_normals
 from signorini_fx.tuned import ROOT_OF_EPS, SAME_NUMBER
 
 Array = npt.NDArray[np.float64]
@@ -99,41 +99,35 @@ def held_along(normal: Array, frames: Array, fixed: npt.NDArray[np.bool_]) -> np
 
 @dataclass(frozen=True)
 class FacingSides:
-    """Both sides of a pair before they are paired, and what supports prescribe there.
+    """Both sides of a pair, undeformed and the same on every rank, and what supports prescribe there.
 
     Attributes:
+        space: the displacements.
+        index: of the pair among the contacts.
         slave: the side with the contact points.
         master: the other one.
-        frames: in which supports are told of at the nodes of both, shape (N, d, d).
-        entries: at the nodes of both, which components are prescribed, which to zero at all times, and whether another
-            contact or the other side owns the node, shape (N, 2 d + 1).
+        unable: nodes of the slave that cannot carry a point, as another contact or the other side owns them, shape
+            (N,).
+        fixed: which components are prescribed at the nodes of both sides, those of the slave first, shape (m, d).
         held: nodes that are held along their normals.
-        turned: whether some frames are not the axes of space.
+        axes: the frames of the nodes of the slave that supports hold them in, shape (N, d, d); None: the axes of space.
     """
 
+    space: fem.FunctionSpace
+    index: int
     slave: PairedSide
     master: PairedSide
-    frames: tuple[Array, Array]
-    entries: tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_]]
+    unable: npt.NDArray[np.bool_]
+    fixed: npt.NDArray[np.bool_]
     held: HeldSides
-    turned: bool
-
-    @property
-    def unable(self) -> npt.NDArray[np.bool_]:
-        """Nodes of the slave that cannot carry a point, as another contact owns them, shape (N,)."""
-        return np.asarray(self.entries[0][:, -1])
-
-    @property
-    def fixed(self) -> npt.NDArray[np.bool_]:
-        """Which components are prescribed at the nodes of both sides, those of the slave first, shape (m, d)."""
-        return np.concatenate([entries[:, : self.slave.surface.dimension] for entries in self.entries])
+    axes: Array | None
 
     @classmethod
     def of(
         cls,
         space: fem.FunctionSpace,
         facets: tuple[Indices, Indices],
-        name: str,
+        index: int,
         fixed: npt.NDArray[np.bool_],
         taken: Sequence[Indices],
         turned: TurnedNodes | None = None,
@@ -145,7 +139,7 @@ class FacingSides:
         Args:
             space: the displacements.
             facets: of the slave and of the master, owned, local numbers.
-            name: of the pair, for errors.
+            index: of the pair among the contacts.
             fixed: which displacement components are prescribed at the owned nodes, shape (owned nodes, d).
             taken: facets of other contacts, whose nodes carry no points of this one.
             turned: nodes for which ``fixed`` is told in their own frames; None: there are none.
@@ -156,7 +150,7 @@ class FacingSides:
             FormError: the sides are curved and the displacement is linear.
         """
         if compat.geometry_degree(space.mesh) > space.element.basix_element.degree:
-            raise FormError([(name, "two bodies with curved cells need a space of degree 2")])
+            raise FormError([(f"contact[{index}]", "two bodies with curved cells need a space of degree 2")])
         comm, dim, owned = space.mesh.comm, space.mesh.topology.dim, len(fixed)
         slave, master = (PairedSide.of(space, entries) for entries in facets)
         taken_nodes = np.zeros(owned, dtype=bool)
@@ -193,45 +187,68 @@ class FacingSides:
         normals = slave.surface.directions
         supported = held_along(normals, frames, entries[:, :dim]) & normals.any(axis=1)
         held = HeldSides(supported, held_along(master.surface.directions, axes, reached[:, :dim]))
-        return cls(slave, master, (frames, axes), (entries, reached), held, turned is not None)
+        unable, fixed = entries[:, -1], np.concatenate((entries[:, :dim], reached[:, :dim]))
+        return cls(space, index, slave, master, unable, fixed, held, None if turned is None else frames)
+
+    @property
+    def of_facing(self) -> dict[str, Any]:
+        """What is known before both sides are paired, by name."""
+        return {field.name: getattr(self, field.name) for field in fields(FacingSides)}
+
+    @cached_property
+    def nodes(self) -> npt.NDArray[np.int64]:
+        """Global numbers of the nodes of both sides, those of the slave first, shape (m,)."""
+        return np.concatenate((self.slave.nodes, self.master.nodes))
+
+    def local(self, nodes: npt.NDArray[np.int64]) -> Indices:
+        """Local numbers of nodes of the slave that this rank owns."""
+        return np.asarray(self.slave.nodes[nodes] - self.space.dofmap.index_map.local_range[0], dtype=np.int32)
+
+    @cached_property
+    def _segments(self) -> npt.NDArray[np.int64]:
+        functions, tests = self.slave.surface.functions, self.slave.surface.tests
+        vertices = len(tests.places) < len(functions.places)
+        return segments_of(self.space, self.slave.facets, self.index, vertices=vertices)
+
+    def points_at(self, nodes: npt.NDArray[np.int64], **of_points: Any) -> ContactBoundary:
+        """The contact points at nodes of the slave that this rank owns; ``of_points``: what else is known of them."""
+        return ContactBoundary(
+            comm=self.space.mesh.comm,
+            nodes=self.local(nodes),
+            x=self.slave.surface.x[nodes],
+            part=np.full(nodes.size, self.index, dtype=np.int32),
+            segments=self._segments,
+            global_nodes=self.slave.nodes[nodes],
+            **of_points,
+        )
 
 
 @dataclass(frozen=True)
-class PairedSides:
+class PairedSides(FacingSides):
     """Both sides of a pair, and what joins them.
 
     Attributes:
-        slave: the side with the contact points.
-        master: the other one.
         coupling: of both.
         by_geometry: whether the gap is the distance of both sides.
-        unable: nodes of the slave that cannot carry a point, as another contact owns them, shape (N,).
-        fixed: which components are prescribed at the nodes of both sides, shape (m, d).
-        axes: the frame of each point that supports hold it in, shape (n, d, d); None: the axes of space.
         adjust: up to which distance the sides count as closed, length; None: nowhere.
         followed: whether the normals are those of the deformed sides, with which distances turn; else it is the
             coupling that tells how distances turn.
     """
 
-    slave: PairedSide
-    master: PairedSide
     coupling: Coupling
     by_geometry: bool
-    unable: npt.NDArray[np.bool_]
-    fixed: npt.NDArray[np.bool_]
-    axes: Array | None = None
     adjust: float | None = None
     followed: bool = False
 
     @classmethod
-    def of(cls, space: fem.FunctionSpace, pair: Pair, facing: FacingSides, name: str) -> PairedSides:
-        """Pair two parts of the boundary, for the arguments see ``FacingSides.of``; collective.
+    def from_facing(cls, facing: FacingSides, pair: Pair) -> PairedSides:
+        """Pair two sides; collective.
 
         Raises:
             FormError: the sides do not fit together.
         """
-        slave, master, comm = facing.slave, facing.master, space.mesh.comm
-        first, last = space.dofmap.index_map.local_range
+        slave, master, comm = facing.slave, facing.master, facing.space.mesh.comm
+        first, last = facing.space.dofmap.index_map.local_range
         mine = (slave.nodes >= first) & (slave.nodes < last)
         try:
             coupling = couple(
@@ -246,9 +263,8 @@ class PairedSides:
                 mine=mine,
             )
         except PairingError as error:
-            raise FormError([(name, str(error))]) from None
-        turns = facing.frames[0][coupling.nodes] if facing.turned else None
-        return cls(slave, master, coupling, pair.by_geometry, facing.unable, facing.fixed, turns, pair.adjust)
+            raise FormError([(f"contact[{facing.index}]", str(error))]) from None
+        return cls(**facing.of_facing, coupling=coupling, by_geometry=pair.by_geometry, adjust=pair.adjust)
 
     @property
     def undeformed_normals(self) -> Array:
@@ -257,15 +273,12 @@ class PairedSides:
         shares = coupling.slave, coupling.master
         return normals_of_points(surfaces, coupling.nodes, shares, nominal=not self.by_geometry)
 
-    def deformed(self, space: fem.FunctionSpace, displacement: Array) -> PairedSides:
+    def deformed(self, displacement: Array) -> PairedSides:
         """The same points and partners, with normals that turn as those of the master do at the partners; collective.
-
-        Args:
-            space: the displacements.
-            displacement: of the owned nodes, length, shape (owned nodes, d).
+        ``displacement``: of the owned nodes, length, shape (owned nodes, d).
         """
         normal, start = self.undeformed_normals, self.master.surface
-        master = start.displaced(from_owners(displacement, self.master.nodes, space.mesh.comm))
+        master = start.displaced(from_owners(displacement, self.master.nodes, self.space.mesh.comm))
         initial, present = (self._at_partners(side) for side in (start, master))
         initial, present = (vectors / np.linalg.norm(vectors, axis=1, keepdims=True) for vectors in (initial, present))
         bisector, share = initial + present, 1.0 + np.sum(initial * present, axis=1, keepdims=True)
@@ -273,26 +286,19 @@ class PairedSides:
         normal = normal - along / share * bisector + 2.0 * initial_part * present
         return replace(self, coupling=replace(self.coupling, normal=normal), followed=True)
 
-    def turning(self, space: fem.FunctionSpace, displacement: Array) -> sp.csr_array:
-        """How further displacements of the nodes of the master turn the normals of ``deformed``, sparse, shape (n d, d
-        M); collective.  For the arguments see there.
+    def turning(self, displacement: Array) -> sp.csr_array:
+        """How further displacements of the nodes of the master turn the normals of ``deformed``, as if these were
+        opposite to its own, sparse, shape (n d, d M); collective.
 
         Between the vertices of quadratic triangles normals are means, whose turning is left out.
         """
-        coupling, start = self.coupling, self.master.surface
-        master = start.displaced(from_owners(displacement, self.master.nodes, space.mesh.comm))
-        initial, present = (self._at_partners(side) for side in (start, master))
-        initial = initial / np.linalg.norm(initial, axis=1, keepdims=True)
-        size = np.linalg.norm(present, axis=1)[:, None, None]
-        present, normal = present / size[:, 0], coupling.normal
-        bisector, share = initial + present, 1.0 + np.sum(initial * present, axis=1)[:, None, None]
-        along, initial_part = (np.sum(vectors * normal, axis=1)[:, None, None] for vectors in (bisector, initial))
-        identity = np.eye(normal.shape[1])
-        turned = (2.0 * initial_part - along / share) * identity
-        turned = turned - bisector[:, :, None] * normal[:, None] / share
-        turned = turned + along / share**2 * bisector[:, :, None] * initial[:, None]
-        turned = turned @ (identity - present[:, :, None] * present[:, None]) @ (identity - self.across) / size
-        nodal = of_components(coupling.master, normal.shape[1]) @ turned_normals(master)
+        coupling = self.coupling
+        master = self.master.surface.displaced(from_owners(displacement, self.master.nodes, self.space.mesh.comm))
+        sums, identity = self._at_partners(master), np.eye(coupling.normal.shape[1])
+        size = np.linalg.norm(sums, axis=1)[:, None, None]
+        present = sums / size[:, 0]
+        turned = (present[:, :, None] * present[:, None] - identity) @ (identity - self.across) / size
+        nodal = of_components(coupling.master, len(identity)) @ turned_normals(master)
         return sp.csr_array(along_vectors(turned.transpose(0, 2, 1)) @ nodal)
 
     def _at_partners(self, master: PairSurface) -> Array:
@@ -308,11 +314,6 @@ class PairedSides:
         return np.asarray(self.slave.surface.across[self.coupling.nodes])
 
     @cached_property
-    def nodes(self) -> npt.NDArray[np.int64]:
-        """Global numbers of the nodes of both sides, those of the slave first, shape (m,)."""
-        return np.concatenate((self.slave.nodes, self.master.nodes))
-
-    @cached_property
     def relative(self) -> sp.csr_array:
         """The relative displacement from that of the nodes of both sides, shape (n d, m d), without what ``mirrored``
         leaves out.
@@ -325,21 +326,13 @@ class PairedSides:
             relative = relative - of_blocks(self.across) @ relative
         return sp.csr_array(relative)
 
-    def boundary(self, space: fem.FunctionSpace, facets: Indices, index: int) -> ContactBoundary:
-        """The contact points of this rank; collective.
-
-        Args:
-            space: the displacements.
-            facets: of the slave, local numbers.
-            index: of the pair among the contacts.
-        """
-        coupling, dim = self.coupling, space.mesh.geometry.dim
-        nodes = self.slave.nodes[coupling.nodes]
-        local = (nodes - space.dofmap.index_map.local_range[0]).astype(np.int32)
+    def boundary(self) -> ContactBoundary:
+        """The contact points of this rank; collective."""
+        coupling, dim, count = self.coupling, self.slave.surface.dimension, self.coupling.nodes.size
         lift, relative = coupling.lift(self.slave.surface).tocoo(), self.relative
         reached = np.unique(np.concatenate((relative.indices // dim, lift.row)))
         components = (dim * reached[:, None] + np.arange(dim)).ravel()
-        lifting = sp.csr_array((lift.data, (lift.row, lift.col)), shape=(self.nodes.size, nodes.size))
+        lifting = sp.csr_array((lift.data, (lift.row, lift.col)), shape=(self.nodes.size, count))
         averages = Averages(
             beside(coupling.slave, -coupling.master)[:, reached],
             self.nodes[reached],
@@ -350,22 +343,13 @@ class PairedSides:
             relative[:, components],
         )
         free = averages.any_of(~averages.fixed) if self.axes is None else np.ones(coupling.centre.shape, dtype=bool)
-        axes = np.tile(np.eye(dim), (nodes.size, 1, 1)) if self.axes is None else self.axes
+        axes = np.tile(np.eye(dim), (count, 1, 1)) if self.axes is None else self.axes[coupling.nodes]
         free &= np.einsum("nji,njk,nki->ni", axes, self.across, axes) < 0.5
-        return ContactBoundary(
-            comm=space.mesh.comm,
-            nodes=local,
-            x=self.slave.surface.x[coupling.nodes],
+        return self.points_at(
+            coupling.nodes,
             weight=coupling.weight,
             normal=coupling.normal,
-            part=np.full(nodes.size, index, dtype=np.int32),
             free=free,
-            segments=segments_of(space, facets, index, vertices=len(self.slave.surface.tests.places) < self._width),
-            global_nodes=nodes,
             averages=averages,
-            axes=self.axes,
+            axes=None if self.axes is None else axes,
         )
-
-    @property
-    def _width(self) -> int:
-        return len(self.slave.surface.functions.places)

@@ -33,7 +33,7 @@ from mpi4py import MPI
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import node_positions
 from signorini_fx.mechanics.statement.rigid_shape import Shape
-from signorini_fx.tuned import MANY_STEPS, MOST_PLACES, SAME_LENGTH, SHAPE_INSIDE, SHAPE_MIDDLE, SHAPE_STEP, WRONG_SLOPE
+from signorini_fx.tuned import MANY_STEPS, MOST_PLACES, SAME_LENGTH, SHAPE_INSIDE, SHAPE_MIDDLE, WRONG_SLOPE
 
 Array = npt.NDArray[np.float64]
 
@@ -151,7 +151,7 @@ class BodyCells:
             size, of_cell = float(lengths / cells), 1.0
         if far <= SHAPE_INSIDE * size:
             return None
-        steps = math.ceil(min(far / (SHAPE_STEP * size), MOST_PLACES))
+        steps = math.ceil(min(2.0 * far / (SHAPE_INSIDE * size), MOST_PLACES))
         for share in np.arange(1, steps) / steps:
             places = (1.0 - share) * begun + share * ended
             between = _on_way(shape, earlier, float(share), places.shape[1])

@@ -8,65 +8,39 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 import scipy.sparse as sp
-from dolfinx import fem
-from mpi4py import MPI
 
 from signorini_fx.errors import FormError
 from signorini_fx.mechanics.assembly.averages import Averages, from_owners
-from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary, segments_of
-from signorini_fx.mechanics.obstacles.paired_points import FacingSides, PairedSide
-from signorini_fx.mechanics.pairs.dual_functions import HeldSides
-from signorini_fx.mechanics.pairs.pair_side import PairSurface
+from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
+from signorini_fx.mechanics.obstacles.paired_points import FacingSides
 from signorini_fx.mechanics.pairs.search import default_reach
 from signorini_fx.mechanics.pairs.sliding import SlidingCoupling, along_vectors, slide
-from signorini_fx.mechanics.pairs.sparse_scaling import beside
+from signorini_fx.mechanics.pairs.sparse_maps import beside
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int32]
 
 
 @dataclass(frozen=True)
-class SlidingSides:
-    """Both sides of a pair, undeformed, the same on every rank.
+class SlidingSides(FacingSides):
+    """Both sides of a pair that slide on each other, undeformed.
 
     Attributes:
-        space: of the displacement.
-        slave: the side with the points.
-        master: the other one.
-        points: its nodes that have a point, numbers of the side, shape (n,).
-        unable: its nodes that cannot carry one, as another contact owns them, shape (N,).
-        held: nodes that supports hold along the undeformed normals.
+        points: nodes of the slave that have a point, shape (n,).
         reach: distance beyond which facets are no partners, length.
-        fixed: which components are prescribed at the nodes of both sides, shape (m, d).
-        facets: of the slave, owned, local numbers.
-        index: of the pair among the contacts.
     """
 
-    space: fem.FunctionSpace
-    slave: PairedSide
-    master: PairedSide
     points: npt.NDArray[np.int64]
-    unable: npt.NDArray[np.bool_]
-    held: HeldSides
     reach: float
-    fixed: npt.NDArray[np.bool_]
-    facets: Indices
-    index: int
 
     @classmethod
-    def of(cls, space: fem.FunctionSpace, reach: float | None, facing: FacingSides, index: int) -> SlidingSides:
-        """Two parts of the boundary; collective.
-
-        Args:
-            space: of the displacement.
-            reach: distance beyond which facets are no partners, length; None: a default.
-            facing: both sides.
-            index: of the pair among the contacts.
+    def from_facing(cls, facing: FacingSides, reach: float | None) -> SlidingSides:
+        """Two sides; ``reach``: distance beyond which facets are no partners, length; None: a default.
 
         Raises:
             FormError: the sides share nodes, or no node can carry a point.
         """
-        name = f"contact[{index}]"
+        name = f"contact[{facing.index}]"
         slave, master = facing.slave, facing.master
         if np.intersect1d(slave.nodes, master.nodes).size:
             raise FormError([(name, "its sides share nodes, and slide on each other: give parts that do not meet")])
@@ -75,18 +49,7 @@ class SlidingSides:
             raise FormError([(name, "other contacts own all nodes of its side: exchange facets and against")])
         if reach is None:
             reach = default_reach(slave.surface.x, master.surface.x)
-        return cls(space, slave, master, points, facing.unable, facing.held, reach, facing.fixed, slave.facets, index)
-
-    @cached_property
-    def nodes(self) -> npt.NDArray[np.int64]:
-        """Global numbers of the nodes of both sides, those of the slave first, shape (m,)."""
-        return np.concatenate((self.slave.nodes, self.master.nodes))
-
-    @property
-    def comm(self) -> MPI.Comm:
-        """The ranks that share the body."""
-        comm: MPI.Comm = self.space.mesh.comm
-        return comm
+        return cls(**facing.of_facing, points=points, reach=reach)
 
     @cached_property
     def mine(self) -> npt.NDArray[np.int64]:
@@ -97,7 +60,7 @@ class SlidingSides:
 
     def gathered(self, owned: Array) -> Array:
         """Rows of the owned nodes at the nodes of both sides, shape (m, k); collective."""
-        return from_owners(owned, self.nodes, self.comm)
+        return from_owners(owned, self.nodes, self.space.mesh.comm)
 
     def at(self, displacement: Array) -> SlidingCoupling:
         """The map at a displacement of the nodes of both sides, shape (m, d).
@@ -105,21 +68,13 @@ class SlidingSides:
         Raises:
             PairingError: a facet sees two sheets of the other side.
         """
-        return slide(*self._displaced(displacement), self.points, self.unable, self.reach, self.held)
+        on_slave, on_master = np.split(displacement, [self.slave.nodes.size])
+        slave, master = self.slave.surface.displaced(on_slave), self.master.surface.displaced(on_master)
+        return slide(slave, master, self.points, self.unable, self.reach, self.held)
 
-    def _displaced(self, displacement: Array) -> tuple[PairSurface, PairSurface]:
-        """Both sides at a displacement."""
-        count = self.slave.nodes.size
-        return self.slave.surface.displaced(displacement[:count]), self.master.surface.displaced(displacement[count:])
-
-    def local_points(self) -> npt.NDArray[np.int32]:
+    def local_points(self) -> Indices:
         """Local numbers of the nodes of the points of this rank."""
-        names = self.slave.nodes[self.points[self.mine]]
-        return (names - self.space.dofmap.index_map.local_range[0]).astype(np.int32)
-
-    @cached_property
-    def _segments(self) -> npt.NDArray[np.int64]:
-        return segments_of(self.space, self.facets, self.index, vertices=False)
+        return self.local(self.points[self.mine])
 
     @cached_property
     def across(self) -> Array:
@@ -152,16 +107,11 @@ class SlidingSides:
         free &= np.einsum("nii->ni", across) < 0.5
         translation = np.tile(np.eye(dim), (len(self.slave.nodes), 1))  # of the slave alone
         pushing = np.asarray(normal_rows[:, : len(translation)] @ translation)
-        return ContactBoundary(
-            comm=self.comm,
-            nodes=self.local_points(),
-            x=self.slave.surface.x[self.points[mine]],
+        return self.points_at(
+            self.points[mine],
             weight=coupling.weight[mine],
             normal=normal,
-            part=np.full(count, self.index, dtype=np.int32),
             free=free,
-            segments=self._segments,
-            global_nodes=self.slave.nodes[self.points[mine]],
             averages=averages,
             pushing=pushing,
         )
@@ -177,7 +127,7 @@ class SlidingSides:
         columns = values.reshape(len(values), int(np.prod(values.shape[1:])))
         owned = np.zeros((self.space.dofmap.index_map.size_local, columns.shape[1]))
         owned[self.local_points()] = columns
-        gathered = from_owners(owned, self.slave.nodes[self.points], self.comm)
+        gathered = from_owners(owned, self.slave.nodes[self.points], self.space.mesh.comm)
         return gathered.reshape(len(gathered), *values.shape[1:])
 
     def at_owned_nodes(self, values: Array) -> Array:

@@ -17,9 +17,8 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import splu
 
-from signorini_fx.mechanics.pairs.overlap_quadrature import Overlap
-from signorini_fx.mechanics.pairs.pair_side import PairSurface
-from signorini_fx.mechanics.pairs.sparse_scaling import scaled_columns, scaled_rows
+from signorini_fx.mechanics.pairs.pair_side import Overlap, PairSurface
+from signorini_fx.mechanics.pairs.sparse_maps import scaled_columns, scaled_rows
 from signorini_fx.tuned import KEPT_WEIGHT, MOSTLY_HELD, NEGLIGIBLE, NOTHING_LEFT, SAME_NUMBER, WHOLE_WEIGHT
 
 Array = npt.NDArray[np.float64]
@@ -52,26 +51,22 @@ class HeldSides:
         """
         return np.asarray(self.slave[slave].all(axis=1) & self.master[master].all(axis=1))
 
-    def _seen(self, met: Any) -> Array:
-        """The share of held nodes in what each node of the slave sees of the master, shape (N,)."""
-        of_held, weight = (np.asarray(met @ flags).ravel() for flags in (self.master * 1.0, np.ones(self.master.size)))
-        # On a part of a facet a quadratic function may have a negative weight, which says nothing.
-        return np.divide(of_held, weight, out=np.zeros_like(weight), where=weight > 0.0)
-
-    def constrained_slaves(self, met: Any) -> Flags:
-        """Nodes of the slave that are held over what is held of the master, by more than half, shape (N,).
+    def movable(self, met: Any) -> Array:
+        """By which share nodes of the slave are what can move, or see that, shape (N,).
 
         Args:
             met: integrals of the functions of the nodes of the slave times those of the master, sparse or dense, shape
                 (N, M).
         """
-        return np.asarray(self.slave & (self._seen(met) > MOSTLY_HELD + SAME_NUMBER))
+        of_held, weight = (np.asarray(met @ flags).ravel() for flags in (self.master * 1.0, np.ones(self.master.size)))
+        # On a part of a facet a quadratic function may have a negative weight, which says nothing.
+        seen = np.divide(of_held, weight, out=np.zeros_like(weight), where=weight > 0.0)
+        return np.where(self.slave, 1.0 - np.clip(seen, 0.0, 1.0), 1.0)
 
-    def movable(self, met: Any) -> Array:
-        """By which share nodes of the slave are what can move, or see that, shape (N,); ``met``: see
-        ``constrained_slaves``.
-        """
-        return np.where(self.slave, 1.0 - np.clip(self._seen(met), 0.0, 1.0), 1.0)
+
+def constrained(movable: Array) -> Flags:
+    """Nodes that are held over what is held of the master, by more than half; see ``HeldSides.movable``."""
+    return np.asarray(movable < 1.0 - MOSTLY_HELD - SAME_NUMBER)
 
 
 def dual_coefficients(side: PairSurface, overlap: Overlap) -> Array:
@@ -83,24 +78,9 @@ def dual_coefficients(side: PairSurface, overlap: Overlap) -> Array:
     covered = np.zeros(len(mass), dtype=bool)
     covered[overlap.slave] = True
     coefficients = np.zeros_like(mass)
-    coefficients[covered] = mass[covered].sum(axis=2)[:, :, None] * _inverse(mass[covered])
+    inverse = np.linalg.pinv(mass[covered], rcond=NOTHING_LEFT, hermitian=True)
+    coefficients[covered] = mass[covered].sum(axis=2)[:, :, None] * inverse
     return coefficients
-
-
-def _inverse(matrices: Array) -> Array:
-    """Inverse matrices, pseudo-inverse where they are singular; symmetric and not negative, shape (f, t, t)."""
-    singular = np.ones(len(matrices), dtype=bool)
-    inverse = np.zeros_like(matrices)
-    if matrices.shape[1] == 2:  # in a fraction of the time of a decomposition
-        first, second, across = matrices[:, 0, 0], matrices[:, 1, 1], matrices[:, 0, 1]
-        largest = (first + second) / 2 + np.hypot((first - second) / 2, across)
-        determinant = first * second - across**2
-        singular = ~(determinant > 2 * NOTHING_LEFT * largest**2)
-        adjoint = np.stack((np.stack((second, -across), axis=1), np.stack((-across, first), axis=1)), axis=1)
-        inverse[~singular] = adjoint[~singular] / determinant[~singular, None, None]
-    if singular.any():
-        inverse[singular] = np.linalg.pinv(matrices[singular], rcond=NOTHING_LEFT, hermitian=True)
-    return inverse
 
 
 def carried(
@@ -159,7 +139,7 @@ def carried_evenly(
         if not weak.any():
             return nodes, mixed
         portion[nodes[weak]] = 0.0
-    return carried(side, covered, weight, unable | (movable < 1.0 - MOSTLY_HELD - SAME_NUMBER))
+    return carried(side, covered, weight, unable | constrained(movable))
 
 
 def _absorbed(beside: _Beside, tested_nodes: Flags, portion: Array, nodes: Indices) -> sp.csr_array:

@@ -32,14 +32,12 @@ from mpi4py import MPI
 from scipy.spatial import cKDTree
 
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.pairs.dual_functions import HeldSides, carried, dual_coefficients, extended
-from signorini_fx.mechanics.pairs.mean_rotation import turning_of, without_round_off
-from signorini_fx.mechanics.pairs.overlap_plane import facing_facets, plane_overlap, turned_in_plane
-from signorini_fx.mechanics.pairs.overlap_quadrature import Overlap, over_ranks
+from signorini_fx.mechanics.pairs.dual_functions import HeldSides, carried, constrained, dual_coefficients, extended
+from signorini_fx.mechanics.pairs.overlap_plane import facing_facets, patches, plane_overlap, turned_in_plane
 from signorini_fx.mechanics.pairs.overlap_space import space_overlap, turned_in_space
-from signorini_fx.mechanics.pairs.pair_side import PairSurface
+from signorini_fx.mechanics.pairs.pair_side import Overlap, PairSurface
 from signorini_fx.mechanics.pairs.search import default_reach
-from signorini_fx.mechanics.pairs.sparse_scaling import beside
+from signorini_fx.mechanics.pairs.sparse_maps import beside, turning_of, without_round_off
 from signorini_fx.tuned import CERTIFICATE_TOLERANCE, DEEPEST_OVERLAP, DIGITS_OF_FILES, NEGLIGIBLE, SAME_NUMBER
 
 Array = npt.NDArray[np.float64]
@@ -227,17 +225,17 @@ def couple(
     weight = tested.areas(slave, comm)
     distance = tested.moments(slave, tested.overlap.distance(slave, master), comm)
     sums, arms = (
-        [over_ranks(comm, matrix) for matrix in matrices]
+        [_over_ranks(comm, matrix) for matrix in matrices]
         for matrices in (tested.products(slave, master), tested.arms(slave, master))
     )
 
-    constrained = held.constrained_slaves(sums[1])
-    nodes, shares = carried(slave, tested.covered, weight, unable | constrained)
+    fixed = constrained(held.movable(sums[1]))
+    nodes, shares = carried(slave, tested.covered, weight, unable | fixed)
     if not nodes.size:
         raise PairingError("supports of both sides, or other contacts, own all nodes of its covered part")
     # Facets apart from all points, of which all nodes are constrained: nobody takes over their functions.
     carried_nodes = np.asarray(shares.sum(axis=0)).ravel() > 0.0
-    tested = tested.without(np.asarray((constrained & ~carried_nodes)[slave.points].all(axis=1)))
+    tested = tested.without(np.asarray((fixed & ~carried_nodes)[slave.points].all(axis=1)))
     _refuse_bare(slave, tested, shares)
     if mine is not None:
         nodes, shares = nodes[mine[nodes]], sp.csr_array(shares[mine[nodes]])
@@ -271,6 +269,15 @@ def couple(
             "facets, and that the bodies do not lie inside each other"
         )
     return coupling
+
+
+def _over_ranks(comm: MPI.Comm, matrix: sp.csr_array) -> sp.csr_array:
+    """The sum of the matrices of all ranks, on every rank."""
+    if comm.size == 1:
+        return matrix
+    part = matrix.tocoo()
+    at = parallel.gather_rows(comm, np.column_stack((part.row, part.col)))
+    return sp.csr_array((parallel.gather_rows(comm, part.data), tuple(at.T)), shape=matrix.shape)
 
 
 def normals_of_points(
@@ -390,17 +397,12 @@ def _check(slave: PairSurface, master: PairSurface, covered: Array, reach: float
 
 def _nearest(slave: PairSurface, master: PairSurface) -> str:
     """Where both sides are nearest to each other, how far apart, and which way they face there, in words."""
-    middles = [side.corners.mean(axis=1) for side in (slave, master)]
-    away, partners = cKDTree(middles[1]).query(middles[0])
+    first, second = (patches(side, np.arange(len(side.nodes))) for side in (slave, master))
+    away, partners = cKDTree(second.centre).query(first.centre)
     nearest = int(away.argmin())
-    center = np.full((1, 1, slave.dimension - 1), 1.0 / 3.0)
-    normals = [
-        side.normals(np.array([facet]), center)[0, 0]
-        for side, facet in ((slave, nearest), (master, int(partners[nearest])))
-    ]
-    cosine = normals[0] @ normals[1] / np.prod([np.linalg.norm(normal) for normal in normals])
-    size = float(np.abs(middles[0]).max())
-    point = ", ".join(f"{c:.4g}" for c in size * np.round(middles[0][nearest] / size, 9))
+    cosine = first.normal[nearest] @ second.normal[partners[nearest]]
+    size = float(np.abs(first.centre).max())
+    point = ", ".join(f"{c:.4g}" for c in size * np.round(first.centre[nearest] / size, 9))
     angle = float(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))))
     return (
         f"both are nearest at ({point}), {away[nearest]:.3g} apart, where their normals enclose {angle:.0f} degrees, "

@@ -9,10 +9,9 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from signorini_fx.mechanics.pairs.overlap_quadrature import Overlap
-from signorini_fx.mechanics.pairs.pair_side import PairSurface
+from signorini_fx.mechanics.pairs.pair_side import Overlap, PairSurface
 from signorini_fx.mechanics.pairs.search import Patches, candidates
-from signorini_fx.tuned import NOTHING_LEFT, POINTS_OF_PIECES, TURNED_DIRECTION
+from signorini_fx.tuned import NOTHING_LEFT, POINTS_OF_PIECES, TURNED_DIRECTION, ZERO_COMPONENT
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
@@ -74,8 +73,9 @@ def turned_in_plane(slave: PairSurface, directions: Array) -> float:
 
 
 def patches(side: PairSurface, facets: Indices) -> Patches:
-    """Facets of a side as straight patches."""
-    middle = side.normals(facets, np.full((len(facets), 1, 1), 0.5))[:, 0]
+    """Facets of a side as flat patches."""
+    at = np.broadcast_to(side.functions.places.mean(axis=0), (len(facets), 1, side.dimension - 1))
+    middle = side.normals(facets, at)[:, 0]
     return Patches(side.corners[facets], middle / np.linalg.norm(middle, axis=1, keepdims=True))
 
 
@@ -152,6 +152,6 @@ def _over(side: PairSurface, corners: Array, x: Array, normal: Array) -> Array:
         miss, slope = _powers(factors, at), _powers(rates, at)
         step = np.divide(miss, slope, out=np.zeros_like(miss), where=slope != 0)
         at = np.clip(at - step, 0.0, 1.0)
-        if np.abs(step).max(initial=0.0) < 1e-15:
+        if np.abs(step).max(initial=0.0) < ZERO_COMPONENT:
             break
     return at

@@ -13,8 +13,7 @@ import basix
 import numpy as np
 import numpy.typing as npt
 
-from signorini_fx.mechanics.pairs.overlap_quadrature import Overlap
-from signorini_fx.mechanics.pairs.pair_side import Lagrange, PairSurface
+from signorini_fx.mechanics.pairs.pair_side import Lagrange, Overlap, PairSurface
 from signorini_fx.mechanics.pairs.search import Patches, candidates
 from signorini_fx.tuned import NOTHING_LEFT, SAME_LENGTH, ZERO_COMPONENT
 

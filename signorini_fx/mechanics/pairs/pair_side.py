@@ -1,4 +1,5 @@
-"""One side of a pair: facets with Lagrange functions, their positions, directions and nodal integrals.
+"""One side of a pair: facets with Lagrange functions, their positions, directions and nodal integrals; and the overlap
+of both: triples of a slave point, the master point over it, and an area.
 
 A facet has k nodes at reference places in [0, 1] (d = 2), in the triangle with the vertices (0, 0), (1, 0), (0, 1), or
 in [0, 1]^2, in any order: what the functions are follows from the places.
@@ -8,12 +9,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
+from itertools import product
 
 import basix
 import numpy as np
 import numpy.typing as npt
 
-from signorini_fx.tuned import SAME_NUMBER
+from signorini_fx.tuned import SAME_LENGTH, SAME_NUMBER
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
@@ -40,11 +42,8 @@ class Lagrange:
 
     @cached_property
     def _exponents(self) -> npt.NDArray[np.int64]:
-        steps = range(self.degree + 1)
-        if self.places.shape[1] == 1:
-            return np.array([[i] for i in steps])
-        powers = [[i, j] for j in steps for i in steps]
-        return np.array([pair for pair in powers if not self.simplex or sum(pair) <= self.degree])
+        powers = [power[::-1] for power in product(range(self.degree + 1), repeat=self.places.shape[1])]
+        return np.array([power for power in powers if not self.simplex or sum(power) <= self.degree])
 
     @cached_property
     def _coefficients(self) -> Array:
@@ -52,32 +51,20 @@ class Lagrange:
 
     def _monomials(self, at: Array, along: int | None = None) -> Array:
         """The monomials at points of shape (..., d - 1), or their derivatives along one direction, shape (..., k)."""
-        if self.places.shape[1] == 1:
-            powers = (at**0, at, at * at) if along is None else (0.0 * at, at**0, 2.0 * at)
-            return np.concatenate(powers[: self.degree + 1], axis=-1)
-        product: Array = np.ones(1)
+        monomials: Array = np.ones(1)
         for axis, power in enumerate(self._exponents.T):
             s = at[..., axis, None]
             ones = np.ones_like(s)
             powers = (0.0 * s, ones, 2.0 * s) if axis == along else (ones, s, s * s)
-            product = product * np.concatenate(powers, axis=-1)[..., power]
-        return np.asarray(product)
-
-    @cached_property
-    def _is_straight(self) -> bool:
-        """Whether they are linear in an interval, in which sides of two bodies ask for them most often."""
-        return self.places.shape[1] == 1 and self.degree == 1
+            monomials = monomials * np.concatenate(powers, axis=-1)[..., power]
+        return np.asarray(monomials)
 
     def values(self, at: Array) -> Array:
         """At points of shape (..., d - 1), shape (..., k)."""
-        if self._is_straight:
-            return np.asarray(self._coefficients[0] + at * self._coefficients[1])
         return np.asarray(self._monomials(at) @ self._coefficients)
 
     def slopes(self, at: Array) -> Array:
         """Their derivatives along the d - 1 directions, shape (d - 1, ..., k)."""
-        if self._is_straight:
-            return np.tile(self._coefficients[1], (1, *at.shape[:-1], 1))
         return np.array([self._monomials(at, axis) @ self._coefficients for axis in range(self.places.shape[1])])
 
     def polynomials(self, values: Array) -> Array:
@@ -273,3 +260,41 @@ class PairSurface:
         facets = np.arange(len(self.nodes))
         at = np.broadcast_to(points, (len(facets), *points.shape))
         return np.asarray(self.measured(facets, at, self.sizes(facets, at)) @ weights)
+
+
+@dataclass(frozen=True)
+class Overlap:
+    """Pieces of the overlap, p of them, each on one facet of either side, with q points each.
+
+    Attributes:
+        slave, master: numbers of the facets, shape (p,).
+        at: the points in the reference facet of the slave, shape (p, q, d - 1).
+        over: those in the reference facet of the master, shape (p, q, d - 1).
+        weight: area (in 2D: length) of the slave side that a point stands for, times its measure, shape (p, q).
+    """
+
+    slave: Indices
+    master: Indices
+    at: Array
+    over: Array
+    weight: Array
+
+    def distance(self, slave: PairSurface, master: PairSurface) -> Array:
+        """From each slave point to the master point over it, length, shape (p, q, d)."""
+        return master.positions(self.master, self.over) - slave.positions(self.slave, self.at)
+
+    def measured(self, slave: PairSurface) -> Overlap:
+        """With areas times the measure of the slave."""
+        return replace(self, weight=slave.measured(self.slave, self.at, self.weight))
+
+    def within(self, reach: float, slave: PairSurface, master: PairSurface) -> Overlap:
+        """The pieces of the pairs of facets whose mean distance, of all pieces, is at most ``reach``, length."""
+        _, pair = np.unique(self.slave * len(master.nodes) + self.master, return_inverse=True)
+        moment = np.einsum("pq,pqd->pd", self.weight, self.distance(slave, master))
+        mean = np.stack([np.bincount(pair, column) for column in moment.T], axis=1)
+        near = np.linalg.norm(mean, axis=1) <= (1.0 + SAME_LENGTH) * reach * np.bincount(pair, self.weight.sum(axis=1))
+        return self.chosen(near[pair])
+
+    def chosen(self, pieces: npt.NDArray[np.bool_]) -> Overlap:
+        """Some of the pieces, shape (p,)."""
+        return Overlap(self.slave[pieces], self.master[pieces], self.at[pieces], self.over[pieces], self.weight[pieces])

@@ -34,13 +34,19 @@ import scipy.sparse as sp
 from mpi4py import MPI
 
 from signorini_fx.mechanics.pairs.dual_functions import HeldSides, carried_evenly
-from signorini_fx.mechanics.pairs.mean_rotation import of_blocks, turned_normals, turning_of
 from signorini_fx.mechanics.pairs.mortar_coupling import normals_of_points, projected
-from signorini_fx.mechanics.pairs.overlap_quadrature import Overlap
-from signorini_fx.mechanics.pairs.pair_side import PairSurface
+from signorini_fx.mechanics.pairs.pair_side import Overlap, PairSurface
 from signorini_fx.mechanics.pairs.sliding_pieces import SlidingPieces
 from signorini_fx.mechanics.pairs.sliding_places import rotations_at_nodes
-from signorini_fx.mechanics.pairs.sparse_scaling import beside, of_components, placed_rows, scaled_rows
+from signorini_fx.mechanics.pairs.sparse_maps import (
+    beside,
+    of_blocks,
+    of_components,
+    placed_rows,
+    scaled_rows,
+    turned_normals,
+    turning_of,
+)
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]

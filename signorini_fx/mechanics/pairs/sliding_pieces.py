@@ -32,7 +32,6 @@ from signorini_fx.mechanics.pairs.sliding_places import (
     ways_in_plane,
     ways_in_space,
 )
-from signorini_fx.mechanics.pairs.sparse_scaling import of_vectors
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
@@ -110,19 +109,9 @@ class SlidingPieces:
         curvatures = master.functions.curvatures if dim == 2 else np.zeros(corners.shape[1])
         curved = np.einsum("pqd,k,pkd->pq", facing, curvatures, corners, optimize=True)
         kinks = (seen_vertices if dim == 2 else seen_edges)(slave, master, tested, directions)
-        geometry = (
-            share,
-            projection.turns,
-            slope,
-            facing,
-            facing - way,
-            dual,
-            distance,
-            curved,
-            master.directions[over],
-            kinks,
-        )
-        return cls(mean, slave.points[overlap.slave], tested.weighted, blocks, spread, *geometry)
+        functions = slave.points[overlap.slave], tested.weighted
+        geometry = facing, facing - way, dual, distance, curved, master.directions[over], kinks
+        return cls(mean, *functions, blocks, spread, share, projection.turns, slope, *geometry)
 
     @property
     def gap(self) -> Array:
@@ -147,7 +136,8 @@ class SlidingPieces:
                 rows = self._rows(self.share, self.dual[k], self.dual[k])
                 total -= np.matmul((self.weighted * bend).swapaxes(1, 2), rows)
             components.append(self._at_points(total))
-        return of_vectors(components)
+        rows = np.arange(len(components) * components[0].shape[0]).reshape(len(components), -1)
+        return sp.csr_array(sp.csr_array(sp.vstack(components))[rows.T.ravel()])
 
     def stiffness(self, pressing: Array) -> sp.csr_array:
         """Minus the second derivative of the gaps with forces at the points, shape (n,), sparse, shape (d m, d m)."""

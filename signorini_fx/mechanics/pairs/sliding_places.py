@@ -16,12 +16,11 @@ import numpy as np
 import numpy.typing as npt
 import scipy.sparse as sp
 
-from signorini_fx.mechanics.pairs.mean_rotation import of_blocks, turned_normals, turning_of
 from signorini_fx.mechanics.pairs.mortar_coupling import Tested
 from signorini_fx.mechanics.pairs.overlap_plane import PLACES_OF_RULE
-from signorini_fx.mechanics.pairs.overlap_quadrature import Overlap
 from signorini_fx.mechanics.pairs.overlap_space import axes_across, projected_places
-from signorini_fx.mechanics.pairs.pair_side import PairSurface
+from signorini_fx.mechanics.pairs.pair_side import Overlap, PairSurface
+from signorini_fx.mechanics.pairs.sparse_maps import of_blocks, turned_normals, turning_of
 from signorini_fx.tuned import NOTHING_LEFT
 
 Array = npt.NDArray[np.float64]

@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from signorini_fx.mechanics.rigid.rigid_motions import RigidMotions
-from signorini_fx.tuned import CERTIFICATE_TOLERANCE, FAR_AXIS
+from signorini_fx.tuned import CERTIFICATE_TOLERANCE
 
 _Rows = npt.NDArray[np.float64]
 # Number of pieces that a message lists.
@@ -52,12 +52,8 @@ def names_of_piece(motions: _Rows, centre: _Rows, length: float, *, one_way: boo
     """
     dim = centre.size
     _, values, rows = np.linalg.svd(motions[dim:], full_matrices=True)
-    turning = int(np.count_nonzero(values > 1e-6))
+    turning = int(np.count_nonzero(values > CERTIFICATE_TOLERANCE))
     shifts = (motions @ (rows[turning:].T if turning else np.eye(motions.shape[1])))[:dim]
-    if turning and motions.shape[1] == 1 and np.linalg.norm(motions[:dim]) > FAR_AXIS * np.linalg.norm(motions[dim:]):
-        along = motions[:dim, 0] / np.linalg.norm(motions[:dim])
-        along = along if one_way else _upwards(along)
-        return f"the translation along ({_point(along)}) with a slight rotation"
     names = []
     if shifts.shape[1] == dim:
         names.append("translations")

@@ -191,14 +191,12 @@ class RigidBodyMotion:
             shapes: where the rigid body is given, for the places of its contacts, each with a method ``distance`` as
                 ``Shape`` has it.
         """
-        boundary, turn = contact.boundary, np.eye(self.reference.size)
-        if self.rotation.size == 1:
-            cosine, sine = np.cos(self.rotation[0]), np.sin(self.rotation[0])
-            turn = np.array([[cosine, -sine], [sine, cosine]])
-        elif self.rotation.any():
-            turn = np.asarray(Rotation.from_rotvec(self.rotation).as_matrix())
         if not np.isfinite(self.translation).all():
             return np.nan
+        boundary, dim = contact.boundary, self.reference.size
+        about = np.zeros(3)
+        about[-self.rotation.size :] = self.rotation  # in 2D about the last axis
+        turn = np.asarray(Rotation.from_rotvec(about).as_matrix())[:dim, :dim]
         off = [np.zeros(0)]
         for part, shape in shapes.items():
             x = boundary.centre[(boundary.part == part) & (contact.pressure > 0)]

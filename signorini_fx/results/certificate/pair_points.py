@@ -27,7 +27,7 @@ from signorini_fx.mechanics.obstacles.paired_points import PairedSides
 from signorini_fx.mechanics.obstacles.sliding_sides import SlidingSides
 from signorini_fx.mechanics.pairs.mortar_coupling import closed_within
 from signorini_fx.mechanics.pairs.sliding import SlidingCoupling
-from signorini_fx.mechanics.pairs.sparse_scaling import beside
+from signorini_fx.mechanics.pairs.sparse_maps import beside
 from signorini_fx.mechanics.rigid.rigid_motions import rigid_modes
 from signorini_fx.tuned import NEGLIGIBLE
 
@@ -173,11 +173,11 @@ class FrozenPoints(PairPoints):
         """
         pair = replace(pair, coupling=replace(pair.coupling, normal=pair.undeformed_normals))
         if moved is not None:
-            pair = pair.deformed(space, moved)
+            pair = pair.deformed(moved)
         coupling = pair.coupling
         return cls(
             space=space,
-            points=pair.slave.nodes[coupling.nodes] - space.dofmap.index_map.local_range[0],
+            points=pair.local(coupling.nodes).astype(np.int64),
             weight=coupling.weight,
             normal=coupling.normal,
             facing=np.ones(coupling.nodes.size, dtype=bool),
