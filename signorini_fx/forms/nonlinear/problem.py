@@ -24,7 +24,7 @@ from signorini_fx.forms.nonlinear.moving_shapes import place
 from signorini_fx.forms.nonlinear.newton import EquilibriumSolver, NoEquilibrium
 from signorini_fx.forms.nonlinear.residual import Residual
 from signorini_fx.forms.nonlinear.results import findings_of, lost_digits, stress_error
-from signorini_fx.forms.nonlinear.step_sizes import RampStep, way_to_load
+from signorini_fx.forms.nonlinear.step_sizes import RampStep, Way, way_to_load
 from signorini_fx.forms.nonlinear.tangent import Tangents, refuse_miscompiled
 from signorini_fx.forms.problem_of_forms import ProblemOfForms
 from signorini_fx.forms.steps import begun_path
@@ -319,14 +319,14 @@ class NonlinearContactProblem(ProblemOfForms):
             FormError: an argument is wrong, or the smallest step ends with one, such as one of ``update``.
         """
         steps = list[RampStep]()
+        way = way_to_load(to, first, largest, smallest, apply)
 
-        def named(load: float, step: StepResult) -> StepResult:
-            steps.append(RampStep(load, self.iterations, step.linear_solves))
-            return replace(step, place=float(step.step - 1), time=abs(load))
+        def ended(step: StepResult) -> None:
+            steps.append(RampStep(way.sign * step.time, self.iterations, step.linear_solves))
+            on_step(steps[-1])
 
-        way = way_to_load(to, first, largest, smallest, apply, named)
         with self._as_convergence_error():
-            self._continuation.follow(way, lambda step: on_step(steps[-1]))
+            self._continuation.follow(way, ended)
         return steps
 
     def run(
@@ -357,7 +357,8 @@ class NonlinearContactProblem(ProblemOfForms):
         """
         path, clock, stored = begun_path(self.linear, path, at, folder, restart=restart)
         with self._as_convergence_error():
-            self._continuation.along(path, lambda step: clock.turn(path.time_at(step)), on_step, stored)
+            way = Way.along(path, lambda place: clock.turn(path.time_at(place)))
+            self._continuation.follow(way, on_step, stored)
         return self.solution
 
 
