@@ -221,7 +221,7 @@ class ProblemOfScene(NonlinearContactProblem):
         for number, shape in _drives_at(self.statement, self.model.tagged.dimension, path_step).items():
             moving = self.shapes[number]
             carried = {"shift": moving.shape.shift, "rotation": moving.shape.rotation}
-            moving.put(shape.model_copy(update=carried))
+            moving.shape = shape.model_copy(update=carried)
 
     def reached(self) -> ReachedStep:
         """The load step that has just ended."""
@@ -272,7 +272,7 @@ class ProblemOfScene(NonlinearContactProblem):
         placed = {number: moving for number, moving in self.shapes.items() if not moving.driven}
         for number, moving in placed.items():
             if (entry := statement.contact[number]) is not self.statement.contact[number]:
-                moving.put(fitting(number, entry.foundation, dimension))
+                moving.shape = fitting(number, entry.foundation, dimension)
 
 
 @dataclass(frozen=True)

@@ -54,9 +54,10 @@ class NonlinearContactProblem(ProblemOfForms):
         problem = NonlinearContactProblem(F, u, bcs=[fixed], contact=Foundation(facets, shape=circle))
         problem.ramp(lambda t: problem.place(0, shift=(0.0, -0.3 * t)))
 
-    A foundation with a ``shape`` is met at the displaced points, however far they slide on it, and its friction is
-    relative to it; gaps and directions without a shape are those of the undeformed boundary.  Pressures, shears and
-    bounds of friction are per area of the undeformed boundary.  Friction depends on the path: ``advance`` ends a step.
+    A foundation with a ``shape``, a ``Shape`` or a table of one, is met at the displaced points, however far they slide
+    on it, and its friction is relative to it; gaps and directions without a shape are those of the undeformed boundary.
+    Pressures, shears and bounds of friction are per area of the undeformed boundary.  Friction depends on the path:
+    ``advance`` ends a step.
 
     The sides of a ``Pair`` slide on each other, in 3D with degree 1: its points see the other side at displaced
     places, half-way between the normals of both, and slip along it over any number of facets.  Areas, and so bounds of
@@ -243,9 +244,6 @@ class NonlinearContactProblem(ProblemOfForms):
 
     def place(self, number: int, **placement: Any) -> None:
         """Turn and move a foundation that has a shape, or change what drives it, for the next solve and those after it.
-
-        A shape of a user's own needs ``placed(**placement)``, which returns another object, and ``moved_from(earlier,
-        x)``, how far its points closest to x have moved since it was placed like ``earlier``, length, shape (n, d).
 
         Args:
             number: of the foundation in ``contact``.
