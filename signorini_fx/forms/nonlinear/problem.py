@@ -79,10 +79,9 @@ class NonlinearContactProblem(ProblemOfForms):
         petsc_options: see ``ContactProblem``.
         form_compiler_options: see ``dolfinx.fem.form``.
         jit_options: see ``dolfinx.fem.form``.
-        stability: whether the inertia of the tangent is looked at after each solve, by a factorisation of its own
-            unless the last tangent is positive definite without contact; then *converged* means that the equilibrium is
-            stable.  The verdict is that of the derivative of ``F``: a ``J`` that differs from it, tried by a
-            difference, only leads Newton's method.
+        stability: whether the inertia of the tangent is looked at after each solve, by a factorisation of its own; then
+            *converged* means that the equilibrium is stable.  The verdict is that of the derivative of ``F``: a ``J``
+            that differs from it, tried by a difference, only leads Newton's method.
         max_newton: iterations of Newton's method.
         boundaries: see ``ContactProblem``.
         settings: algorithm, coulomb, ..., see ``SolverSettings``.
