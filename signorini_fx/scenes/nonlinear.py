@@ -24,6 +24,7 @@ from signorini_fx.forms.nonlinear.moving_shapes import fitting, not_driven
 from signorini_fx.forms.nonlinear.newton import Origin
 from signorini_fx.forms.nonlinear.outcomes import State
 from signorini_fx.forms.nonlinear.problem import NonlinearContactProblem, linearised_at
+from signorini_fx.forms.nonlinear.step_sizes import Way
 from signorini_fx.forms.solver import StepBeginning
 from signorini_fx.machine import compat, parallel
 from signorini_fx.machine.compilation import compiling
@@ -173,7 +174,7 @@ class ProblemOfScene(NonlinearContactProblem):
         failures = list[Finding]()
         try:
             with self._as_convergence_error():
-                self._continuation.along(self.statement.path, self.go_to, on_step, stored)
+                self._continuation.follow(Way.along(self.statement.path, self.go_to), on_step, stored)
         except ConvergenceError as error:
             if self._solver.solved is None:  # not even the body before the first one can be shown
                 raise
@@ -219,7 +220,7 @@ class ProblemOfScene(NonlinearContactProblem):
         for number, shape in _drives_at(self.statement, self.model.tagged.dimension, path_step).items():
             moving = self.shapes[number]
             carried = {"shift": moving.shape.shift, "rotation": moving.shape.rotation}
-            moving.put(shape.model_copy(update=carried))
+            moving.shape = shape.model_copy(update=carried)
 
     def reached(self) -> ReachedStep:
         """The load step that has just ended."""
@@ -270,7 +271,7 @@ class ProblemOfScene(NonlinearContactProblem):
         placed = {number: moving for number, moving in self.shapes.items() if not moving.driven}
         for number, moving in placed.items():
             if (entry := statement.contact[number]) is not self.statement.contact[number]:
-                moving.put(fitting(number, entry.foundation, dimension))
+                moving.shape = fitting(number, entry.foundation, dimension)
 
 
 @dataclass(frozen=True)

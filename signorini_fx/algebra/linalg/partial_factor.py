@@ -31,7 +31,6 @@ _FACTOR_LU, _FACTOR_CHOLESKY = 1, 2  # MAT_FACTOR_LU and MAT_FACTOR_CHOLESKY of 
 _LU_SYMBOLIC = 25  # MATOP_LUFACTOR_SYMBOLIC
 ERROR_IN_LIBRARY = 76  # PETSC_ERR_LIB
 _ORDER_OF_USER = 1  # INFOG(7)
-_NEGATIVE_PIVOTS = 12  # the number of INFOG that counts them in a symmetric matrix
 _SOLVE_INTERIOR_ONLY = 0  # ICNTL(26): the Schur variables are not touched
 _MEMORY = ((14, 30), (14, 300))  # ICNTL(14), per cent more than estimated, one after another until it is enough
 _SMALL = 20  # powers of two by which the entries of a load are smaller than those of the matrix
@@ -116,14 +115,6 @@ class PartialFactor:
         _symmetrise(values)
         call("MatMumpsSetIcntl", handle, 26, _SOLVE_INTERIOR_ONLY)
         return values[:count, :count], (self._sizes / self._unit)[:, None] * values[count:, :count]
-
-    @property
-    def negative(self) -> int:
-        """How many eigenvalues of A_ii are negative, once it is factorised."""
-        count = ctypes.c_int()
-        if self.inner.size:
-            call("MatMumpsGetInfog", self._factor, _NEGATIVE_PIVOTS, ctypes.byref(count))
-        return count.value
 
     def solve(self, right: Array) -> Array:
         """A_ii^-1 times a right-hand side, shape (m,); no back substitution where it is zero."""

@@ -101,11 +101,6 @@ class SchurComplement:
         self.between = np.reshape([between for _, between in condensed_loads], (len(loads), self._cut))
         self._condensed = (loads[-1][self._factor.inner], condensed[-1]) if len(loads) else None
 
-    @property
-    def positive_inside(self) -> bool:
-        """Whether A_ii is positive definite, whatever it was taken for; on several ranks what each eliminates alone."""
-        return not parallel.any_rank(self._comm, self._factor.negative > 0)
-
     def condense(self, load: PETSc.Vec) -> tuple[Array, Array]:
         """Another load as one of ``loads``, and as one of ``between``: one back substitution, or none where the last
         load was the same but for unknowns that stay.

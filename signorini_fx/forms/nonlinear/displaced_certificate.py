@@ -178,7 +178,7 @@ def certified(
     if before is not None:
         points, begun = before.tractions, before.displacement.x.array.reshape(places.shape)
         x = node_positions(space)[points.nodes, : places.shape[1]].astype(np.float64)
-        moved = motion_at(points, x, shapes, (begun, places))
+        moved = motion_at(points, x, shapes, begun)
         tools = [(motion, -1.0) for motion, _ in rigid] + [(motion, 1.0) for motion in before.rigid]
         if moved is not None:
             for tool, sign in tools:  # beyond what they tell of the undeformed points

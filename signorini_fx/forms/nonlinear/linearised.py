@@ -42,8 +42,8 @@ from signorini_fx.forms.nonlinear.moving_shapes import (
     hessians_at,
     left_by_turning,
     motion_at,
-    slips_by_displacements,
     spin_at,
+    turned_slips,
 )
 from signorini_fx.forms.nonlinear.moving_tools import DisplacedRigidBodies, MovingTools
 from signorini_fx.forms.nonlinear.outcomes import State
@@ -468,7 +468,7 @@ class LinearisedProblem(FormSolver):
         return self._diameter
 
     def _moved(self, boundary: ContactBoundary) -> Array | None:
-        return motion_at(boundary, boundary.x, self.shapes, (self._begun_places, self.places))
+        return motion_at(boundary, boundary.x, self.shapes, self._begun_places)
 
     @property
     def _begun_places(self) -> Array:
@@ -632,8 +632,9 @@ class LinearisedProblem(FormSolver):
         if parallel.any_rank(self.space.mesh.comm, sheared):
             self.curvature, symmetric = NodalStiffness.summed(solved.boundary.nodes, curvature, ()), False
         self.begin_at_tangent(definite=self.definite, symmetric=symmetric)
-        state, at = replace(solved, boundary=self.boundary), (self._hessians, self._way(), self.places, self.extent)
-        slips = slips_by_displacements(self.boundary, self.shapes, *at)
+        state = replace(solved, boundary=self.boundary)
+        # Of displacements along the normal there are none.
+        slips = np.pad(turned_slips(self.boundary, self._hessians, self._way()), ((0, 0), (0, 0), (1, 0)))
         turning = curvature, slips, self._spin(self.boundary)
         return self.elastic, self.task, outcome, self.begun, state, self._at, self.law_now(), turning
 
@@ -649,7 +650,7 @@ class LinearisedProblem(FormSolver):
         try:
             *data, boundary, gap, law = super().data_now(solved)
             begins = self._begun_places if begun is None else begun.reshape(self.places.shape)
-            motion = motion_at(boundary, boundary.x, self.shapes, (begins, self.places))
+            motion = motion_at(boundary, boundary.x, self.shapes, begins)
             return (*data, boundary, gap, law, None, motion)
         finally:
             at[:] = kept

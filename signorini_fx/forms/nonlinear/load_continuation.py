@@ -15,9 +15,8 @@ from signorini_fx.forms.nonlinear import outcomes
 from signorini_fx.forms.nonlinear.displaced_certificate import ResidualMechanics
 from signorini_fx.forms.nonlinear.newton import EquilibriumSolver, NoEquilibrium
 from signorini_fx.forms.nonlinear.outcomes import State
-from signorini_fx.forms.nonlinear.step_sizes import Way, way_on_path
+from signorini_fx.forms.nonlinear.step_sizes import Way
 from signorini_fx.mechanics.pairs.mortar_coupling import PairingError
-from signorini_fx.mechanics.statement.load_path import LoadPath
 from signorini_fx.records import Status, StepRecord, Timings
 from signorini_fx.results.mechanics import StepResult
 from signorini_fx.results.restart_files import Figures
@@ -54,20 +53,15 @@ class Continuation:
             solver.solved = None
 
     def follow(
-        self,
-        way: Way,
-        on_step: Callable[[StepResult], object],
-        checkpoint: MeshCheckpoint | None = None,
-        *,
-        several: bool = True,
+        self, way: Way, on_step: Callable[[StepResult], object], checkpoint: MeshCheckpoint | None = None
     ) -> None:
-        """Solve the steps of a way, see ``Stepping``, and for ``several`` ``Start``; collective.
+        """Solve the steps of a way, see ``Stepping``; collective.
 
         Raises NoEquilibrium or FormError: one has no solution, and no smaller one is to be tried.
         """
         self.forget()
         solver = self.solver
-        solver.linear.several = several
+        solver.linear.several = way.path.several
         stepping = Stepping[StepResult](
             solver.linear.history,
             solver.timings,
@@ -78,34 +72,14 @@ class Continuation:
         )
         stepping.all(on_step, checkpoint)
 
-    def along(
-        self,
-        path: LoadPath,
-        apply: Callable[[float], object],
-        on_step: Callable[[StepResult], object],
-        checkpoint: MeshCheckpoint | None = None,
-    ) -> None:
-        """Solve the steps of a path by places instead of times; collective."""
-        history = self.solver.linear.history
-
-        def named(end: float, step: StepResult) -> StepResult:
-            return replace(step, place=end, time=path.time_at(end), name=path.name_at(end))
-
-        def announce(end: float) -> None:
-            number = len(self.steps) + 1
-            history.move(step=number, steps=len(path.times))
-            if path.several:
-                history.add(StepRecord(number, path.name_at(end), path.time_at(end)))
-
-        way = way_on_path(path, apply, named, announce)
-        self.follow(way, on_step, checkpoint, several=path.several)
-
     def _next_step(self, way: Way) -> StepResult | None:
         """Solve the next step of a way; None: it has no solution and will be another one; collective."""
-        begun = self.solver.snapshot()
-        end = way.next
+        begun, history = self.solver.snapshot(), self.solver.linear.history
+        end, number = way.next, len(self.steps) + 1
+        history.move(step=number, steps=len(way.path.times))
+        if way.path.several:
+            history.add(StepRecord(number, way.path.name_at(end), way.path.time_at(end)))
         try:
-            way.announce(end)
             way.apply(end)
             self.solver.attempt(final=not way.may_halve)
             self.solver.take()
@@ -129,19 +103,15 @@ class Continuation:
             solver.take_before(status, len(history.iterations) - self._solves_before)
             if (before := solver.solved) is not None:
                 solver.solved = replace(before, step=way.named(way.next, before.step))
-        solver.begin_again(begun, way.back)
-        kind = "time" if way.to is None else "load"
-        end, reached = f"{kind} {way.shown(way.next):g}", way.shown(way.reached)
-        history.add(f"{end} is given up, back at {reached:g}: {error}")
+        solver.begin_again(begun, lambda: way.apply(way.reached))
+        end, reached = way.shown(way.next), way.shown(way.reached)
+        history.add(f"{end} is given up, back at {reached}: {error}")
         if not isinstance(error, NoEquilibrium | FormError):
             raise error
         if not final:
             way.halve()
         else:
-            last = "there is no solution before it"
-            if self.steps:
-                of = "" if way.to is None else f" of {way.to:g}"
-                last = f"there is a solution at {'' if of else 'time '}{reached:g}{of}"
+            last = f"there is a solution at {reached}" if self.steps else "there is no solution before it"
             if isinstance(error, FormError):
                 reasons = [(key, f"{reason} (at {end}; {last})") for key, reason in error.problems]
                 raise FormError(reasons, error.source) from error.__cause__
@@ -209,7 +179,7 @@ class Continuation:
                 return self.end_step(way, end)
             history.add(f"restart: load step {number + 1}: {status.value}: it is solved again")
             checkpoint.forget(number)
-        solver.begin_again(begun, way.back)
+        solver.begin_again(begun, lambda: way.apply(way.reached))
         return None
 
     def _fits(self, checkpoint: MeshCheckpoint, figures: Figures) -> bool:

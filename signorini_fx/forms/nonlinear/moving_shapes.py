@@ -17,12 +17,9 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from mpi4py import MPI
 from scipy.spatial.transform import Rotation
 
 from signorini_fx.errors import FormError, SceneError
-from signorini_fx.extensions import is_of_package
-from signorini_fx.machine import parallel
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.statement.rigid_motion import COMPONENTS, RigidMotion
@@ -37,7 +34,7 @@ class MovingShape:
     """The shape of one foundation, and where it was at the end of the last step.
 
     Attributes:
-        shape: any object with ``distance``, see ``statement.rigid_shape.Shape``, where it is now.
+        shape: where it is now.
         settled: the same where it was.
         added: what is added to its distance at the nodes, length, shape (n,).
         nodes: of the foundation, local numbers, ghosts included, shape (n,).
@@ -48,8 +45,8 @@ class MovingShape:
         pivot: where the pivot of its rigid body is given, length, shape (d,).
     """
 
-    shape: Any
-    settled: Any
+    shape: Shape
+    settled: Shape
     added: Array
     nodes: npt.NDArray[np.int64]
     x: Array
@@ -57,20 +54,19 @@ class MovingShape:
     translation: Array = field(init=False)
     turn: Array = field(init=False)
     pivot: Array = field(init=False)
-    _given: Array = field(init=False)  # the distances of a shape of a user's own when it was placed
-    _home: Any = field(init=False)  # where it is without what forces have moved it by
+    _home: Shape = field(init=False)  # where it is without what forces have moved it by
 
     def __post_init__(self) -> None:
-        self._given, self._home, dim = self._distances(), self.shape, self.x.shape[1]
+        self._home, dim = self.shape, self.x.shape[1]
         self.translation, self.pivot, self.turn = np.zeros(dim), np.zeros(dim), np.zeros(3 if dim == 3 else 1)
 
     @property
     def driven(self) -> bool:
         """Whether its motion is an unknown."""
-        return bool(getattr(self.shape, "driven", False))
+        return self.shape.driven
 
     @property
-    def as_given(self) -> Any:
+    def as_given(self) -> Shape:
         """The shape without what forces have moved it by."""
         home = {"shift": self._home.shift, "rotation": self._home.rotation} if self.driven else {}
         return self.shape.model_copy(update=home) if self.driven else self.shape
@@ -98,23 +94,6 @@ class MovingShape:
         """
         return self.translation + across_arms(self.turn, places - self.pivot - self.translation)
 
-    def put(self, shape: Any) -> None:
-        """Take the same shape elsewhere."""
-        self.shape = shape
-        self._given = self._distances()
-
-    def check(self, number: int, comm: MPI.Comm) -> None:
-        """Refuse a shape that is no longer as it was placed: its way is not known; collective."""
-        if parallel.any_rank(comm, not np.array_equal(self._distances(), self._given)):
-            cure = "give its class placed(shift=...) and moved_from(earlier, x), and move it by place()"
-            reason = f"{type(self.shape).__name__} has changed by itself, so that its way is not known: {cure}"
-            raise FormError([(f"contact[{number}].shape", reason)])
-
-    def _distances(self) -> Array:
-        """Of a shape of a user's own at the undeformed nodes, length, shape (n,); of those of the package none."""
-        by_user = not is_of_package(type(self.shape)) and len(self.x)
-        return np.array(self.shape.distance(self.x)[0] if by_user else [], dtype=np.float64)
-
     def projected_onto(self, u: Array, *, linear: bool = True) -> tuple[Array, Array]:
         """The linearised gap, length, shape (n,), and the direction to the shape, unit vectors, shape (n, d), at nodes
         displaced by u, shape (n, d); of a shape that forces move the turn is taken to be a small one, if ``linear``.
@@ -136,25 +115,19 @@ class MovingShape:
 
     @property
     def rotation(self) -> Array:
-        """By which it has turned since the last step, shape (d, d); one of another kind has not."""
+        """By which it has turned since the last step, shape (d, d)."""
+        dimension = self.x.shape[1]
         stays = self.shape == self.settled
-        if stays or not isinstance(self.shape, Shape) or not isinstance(self.settled, Shape):
-            return np.eye(self.x.shape[1])
-        return self.shape.turned_from(self.settled, self.x.shape[1])
+        return np.eye(dimension) if stays else self.shape.turned_from(self.settled, dimension)
 
-    def moved(self, begun: Array, places: Array) -> Array:
-        """How far it has moved with points on it since the last step, length, shape (n, d).
+    def moved(self, begun: Array) -> Array:
+        """How far it has moved with points on it since the last step, length, shape (n, d); ``begun``: places of nodes
+        at its end, where the points were.
 
-        They are those where the nodes were: the way of a node relative to it turns with it then.  Not the closest ones:
-        a node may be inside by the penalty, or away by a gap that is added, and would slip as both turn.  Objects of
-        other kinds know the way of the points that are closest now alone.  ``begun`` and ``places``: of nodes at the
-        end of the last step, and now, shape (n, d).
+        The way of a node relative to it turns with it then.  They are not the closest points: a node may be inside by
+        the penalty, or away by a gap that is added, and would slip as both turn.
         """
-        if self.shape == self.settled:
-            return np.zeros_like(places)
-        if isinstance(self.shape, Shape) and isinstance(self.settled, Shape):
-            return self.shape.carried_from(self.settled, begun)
-        return np.asarray(self.shape.moved_from(self.settled, places))
+        return np.zeros_like(begun) if self.shape == self.settled else self.shape.carried_from(self.settled, begun)
 
 
 def hessians_at(boundary: ContactBoundary, shapes: Mapping[int, MovingShape], places: Array, size: float) -> Array:
@@ -218,33 +191,6 @@ def turned_slips(boundary: ContactBoundary, hessians: Array, way: Array) -> Arra
     return np.asarray((bends + bends.transpose(0, 2, 1)) / 2)
 
 
-def slips_by_displacements(
-    boundary: ContactBoundary,
-    shapes: Mapping[int, MovingShape],
-    hessians: Array,
-    way: Array,
-    places: Array,
-    size: float,
-) -> Array:
-    """How slips of this step change with displacements d of their points, less d along the contact, without unit, shape
-    (n, d - 1, d): see ``turned_slips``, and a shape of a user's own that turns within the step has moved farther
-    elsewhere.
-    """
-    slopes = np.zeros((boundary.size, boundary.x.shape[1] - 1, boundary.x.shape[1]))
-    slopes[:, :, 1:] = turned_slips(boundary, hessians, way)
-    for number, moving in shapes.items():
-        points = np.flatnonzero(boundary.part == number)
-        if moving.shape == moving.settled or isinstance(moving.shape, Shape) or not points.size:
-            continue
-        at, step = boundary.x[points] + places[boundary.nodes[points]], NORMAL_DIFFERENCE * size
-        ways = [moving.moved(at, at + sign * step * axis) for axis in np.eye(at.shape[1]) for sign in (1, -1)]
-        carried = np.stack(
-            [(ahead - back) / (2 * step) for ahead, back in zip(ways[::2], ways[1::2], strict=True)], axis=2
-        )
-        slopes[points] -= np.einsum("nki,nkl,nlj->nij", boundary.tangents[points], carried, boundary.frames[points])
-    return slopes
-
-
 def left_by_turning(boundary: ContactBoundary, hessians: Array, way: Array, slip: Array) -> Array:
     """What part of a slip s turning tangent planes undo, or take on top of it: s - M^-1 s, length, shape (n, d - 1).
 
@@ -256,19 +202,18 @@ def left_by_turning(boundary: ContactBoundary, hessians: Array, way: Array, slip
     return np.asarray(np.einsum("nij,nj,nkj,nk->ni", axes, sizes / (1 + sizes), axes, slip))
 
 
-def motion_at(points: Any, x: Array, shapes: Mapping[int, MovingShape], ends: tuple[Array, Array]) -> Array | None:
+def motion_at(points: Any, x: Array, shapes: Mapping[int, MovingShape], begun: Array) -> Array | None:
     """How far shapes have moved at contact points since the last step, length, shape (n, d); None: none has.
 
-    ``points``: with the ``part`` and the node of each, whose undeformed places are ``x``; ``ends``: displacements of
-    the nodes at the end of the last step and now, shape (nodes, d).
+    ``points``: with the ``part`` and the node of each, whose undeformed places are ``x``; ``begun``: displacements of
+    the nodes at the end of the last step, shape (nodes, d).
     """
     if all(moving.shape == moving.settled for moving in shapes.values()):
         return None
     motion = np.zeros_like(x)
     for number, moving in shapes.items():
         on_part = np.flatnonzero(points.part == number)
-        begun, now = (x[on_part] + displaced[points.nodes[on_part]] for displaced in ends)
-        motion[on_part] = moving.moved(begun, now)
+        motion[on_part] = moving.moved(x[on_part] + begun[points.nodes[on_part]])
     return motion
 
 
@@ -284,7 +229,7 @@ def spin_at(boundary: ContactBoundary, moving: Mapping[int, Any]) -> Array | Non
     return rotation
 
 
-def fitting(number: int, shape: Any, dimension: int, *, turns: bool = True) -> Any:
+def fitting(number: int, shape: Any, dimension: int, *, turns: bool = True) -> Shape:
     """The shape of a foundation as a user gives it, if it fits a mesh of this dimension; ``turns``: whether forces may
     turn it: not where the contact has a measure, or points that average.
 
@@ -292,21 +237,22 @@ def fitting(number: int, shape: Any, dimension: int, *, turns: bool = True) -> A
         FormError: it does not.
     """
     try:
-        distance = distance_from(shape, dimension, turns=turns).shape
-        if getattr(distance, "driven", False) and (wrong := not_driven(distance, dimension, turns=turns)):
+        placed = distance_from(shape, dimension, turns=turns).shape
+        if isinstance(placed, Shape) and (wrong := not_driven(placed, dimension, turns=turns)):
             raise SceneError([wrong])
-        return distance
     except SceneError as error:
         raise FormError([(f"contact[{number}].shape.{key}", reason) for key, reason in error.problems]) from None
+    if not isinstance(placed, Shape):
+        cure = "derive its class from Shape of signorini_fx.mechanics.statement.rigid_shape"
+        raise FormError([(f"contact[{number}].shape", f"{type(placed).__name__} meets a nonlinear body: {cure}")])
+    return placed
 
 
-def not_driven(shape: Any, dimension: int, *, turns: bool = True) -> tuple[str, str] | None:
+def not_driven(shape: Shape, dimension: int, *, turns: bool = True) -> tuple[str, str] | None:
     """What of a shape that forces move is not possible, and why; None: nothing.
 
     In 3D components of rotation vectors add up about one axis alone.
     """
-    if not isinstance(shape, Shape):
-        return "force", "cannot move an object of this kind: derive it from Shape"
     rotations = COMPONENTS[dimension][dimension:]
     values = {key: getattr(shape.prescribed, key, None) for key in rotations}
     cure = ", ".join(f"{key} = 0" for key in rotations)
@@ -329,7 +275,7 @@ def place(moving: MovingShape | None, number: int, placement: Mapping[str, Any])
         FormError: it cannot be placed, or the placement is wrong.
     """
     path = f"contact[{number}].shape"
-    if moving is None or not hasattr(moving.shape, "placed"):
+    if moving is None:
         raise FormError([(path, "this foundation has no shape that can be placed")])
     if moving.driven and (wrong := [key for key in placement if key not in RigidMotion.model_fields]):
         raise FormError([(f"{path}.{key}", "stays: this foundation is moved by what drives it") for key in wrong])
@@ -337,27 +283,9 @@ def place(moving: MovingShape | None, number: int, placement: Mapping[str, Any])
         moved = moving.shape.placed(**placement)
     except SceneError as error:
         raise FormError([(f"{path}.{key}", reason) for key, reason in error.problems]) from None
-    except (TypeError, ValueError) as error:
-        raise FormError([(path, str(error))]) from None
-    if moved is moving.shape:
-        raise FormError([(path, f"placed of {type(moved).__name__} changes the shape itself: return another object")])
-    if not hasattr(moved, "moved_from"):
-        reason = (
-            "needs moved_from(earlier, x), how far its points closest to x have moved: its way and friction need it"
-        )
-        raise FormError([(path, f"{type(moved).__name__} {reason}")])
-    if isinstance(moved, Shape) and moved.driven is not moving.driven:
+    if moved.driven is not moving.driven:
         raise FormError([(path, "forces move it, or they do not: that cannot change")])
-    wrong = [key for key in placement if not _finite(getattr(moved, key, None))]
-    if wrong:
-        raise FormError([(f"{path}.{key}", "must be finite numbers") for key in wrong])
-    moving.put(fitting(number, moved, moving.x.shape[1], turns=moving.turns))
-
-
-def _finite(value: Any) -> bool:
-    """Whether a part of a placement has no number that is not finite."""
-    parts = value if isinstance(value, tuple) else (value,)
-    return all(np.isfinite(part) for part in parts if isinstance(part, int | float))
+    moving.shape = fitting(number, moved, moving.x.shape[1], turns=moving.turns)
 
 
 def rigid_motion(x: Array, translation: Array, turn: Array, pivot: Array) -> Array:

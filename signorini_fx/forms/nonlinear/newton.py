@@ -156,8 +156,6 @@ class EquilibriumSolver:
         Raises NoEquilibrium: ``status`` says why, and all else is as the last solution was; FormError: see
         ``NonlinearContactProblem.solve``.
         """
-        for number, moving in self.linear.shapes.items():
-            moving.check(number, self.linear.space.mesh.comm)
         last = self.last = self.last or self.snapshot()
         self.certificate, self.status, self.without, self._detail = None, None, "", ""
         self._tried = None
@@ -235,7 +233,7 @@ class EquilibriumSolver:
         """Go back to where a step has begun, with its load and its shapes; collective."""
         load()
         for number, shape in begun.shapes.items():
-            self.linear.shapes[number].put(shape)
+            self.linear.shapes[number].shape = shape
         self.go_back(begun)
 
     # --- Newton's method ----------------------------------------------------------------------------------------------

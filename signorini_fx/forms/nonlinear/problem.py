@@ -24,7 +24,7 @@ from signorini_fx.forms.nonlinear.moving_shapes import place
 from signorini_fx.forms.nonlinear.newton import EquilibriumSolver, NoEquilibrium
 from signorini_fx.forms.nonlinear.residual import Residual
 from signorini_fx.forms.nonlinear.results import findings_of, lost_digits, stress_error
-from signorini_fx.forms.nonlinear.step_sizes import RampStep, way_to_load
+from signorini_fx.forms.nonlinear.step_sizes import RampStep, Way, way_to_load
 from signorini_fx.forms.nonlinear.tangent import Tangents, refuse_miscompiled
 from signorini_fx.forms.problem_of_forms import ProblemOfForms
 from signorini_fx.forms.steps import begun_path
@@ -54,9 +54,10 @@ class NonlinearContactProblem(ProblemOfForms):
         problem = NonlinearContactProblem(F, u, bcs=[fixed], contact=Foundation(facets, shape=circle))
         problem.ramp(lambda t: problem.place(0, shift=(0.0, -0.3 * t)))
 
-    A foundation with a ``shape`` is met at the displaced points, however far they slide on it, and its friction is
-    relative to it; gaps and directions without a shape are those of the undeformed boundary.  Pressures, shears and
-    bounds of friction are per area of the undeformed boundary.  Friction depends on the path: ``advance`` ends a step.
+    A foundation with a ``shape``, a ``Shape`` or a table of one, is met at the displaced points, however far they slide
+    on it, and its friction is relative to it; gaps and directions without a shape are those of the undeformed boundary.
+    Pressures, shears and bounds of friction are per area of the undeformed boundary.  Friction depends on the path:
+    ``advance`` ends a step.
 
     The sides of a ``Pair`` slide on each other, in 3D with degree 1: its points see the other side at displaced
     places, half-way between the normals of both, and slip along it over any number of facets.  Areas, and so bounds of
@@ -78,10 +79,9 @@ class NonlinearContactProblem(ProblemOfForms):
         petsc_options: see ``ContactProblem``.
         form_compiler_options: see ``dolfinx.fem.form``.
         jit_options: see ``dolfinx.fem.form``.
-        stability: whether the inertia of the tangent is looked at after each solve, by a factorisation of its own
-            unless the last tangent is positive definite without contact; then *converged* means that the equilibrium is
-            stable.  The verdict is that of the derivative of ``F``: a ``J`` that differs from it, tried by a
-            difference, only leads Newton's method.
+        stability: whether the inertia of the tangent is looked at after each solve, by a factorisation of its own; then
+            *converged* means that the equilibrium is stable.  The verdict is that of the derivative of ``F``: a ``J``
+            that differs from it, tried by a difference, only leads Newton's method.
         max_newton: iterations of Newton's method.
         boundaries: see ``ContactProblem``.
         settings: algorithm, coulomb, ..., see ``SolverSettings``.
@@ -244,9 +244,6 @@ class NonlinearContactProblem(ProblemOfForms):
     def place(self, number: int, **placement: Any) -> None:
         """Turn and move a foundation that has a shape, or change what drives it, for the next solve and those after it.
 
-        A shape of a user's own needs ``placed(**placement)``, which returns another object, and ``moved_from(earlier,
-        x)``, how far its points closest to x have moved since it was placed like ``earlier``, length, shape (n, d).
-
         Args:
             number: of the foundation in ``contact``.
             placement: its shift, rotation and pivot, see ``statement.rigid_shape.Shape``; of one that forces move
@@ -319,14 +316,14 @@ class NonlinearContactProblem(ProblemOfForms):
             FormError: an argument is wrong, or the smallest step ends with one, such as one of ``update``.
         """
         steps = list[RampStep]()
+        way = way_to_load(to, first, largest, smallest, apply)
 
-        def named(load: float, step: StepResult) -> StepResult:
-            steps.append(RampStep(load, self.iterations, step.linear_solves))
-            return replace(step, place=float(step.step - 1), time=abs(load))
+        def ended(step: StepResult) -> None:
+            steps.append(RampStep(way.sign * step.time, self.iterations, step.linear_solves))
+            on_step(steps[-1])
 
-        way = way_to_load(to, first, largest, smallest, apply, named)
         with self._as_convergence_error():
-            self._continuation.follow(way, lambda step: on_step(steps[-1]))
+            self._continuation.follow(way, ended)
         return steps
 
     def run(
@@ -357,7 +354,8 @@ class NonlinearContactProblem(ProblemOfForms):
         """
         path, clock, stored = begun_path(self.linear, path, at, folder, restart=restart)
         with self._as_convergence_error():
-            self._continuation.along(path, lambda step: clock.turn(path.time_at(step)), on_step, stored)
+            way = Way.along(path, lambda place: clock.turn(path.time_at(place)))
+            self._continuation.follow(way, on_step, stored)
         return self.solution
 
 

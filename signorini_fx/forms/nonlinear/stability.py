@@ -10,7 +10,6 @@ import numpy.typing as npt
 from dolfinx import fem
 from petsc4py import PETSc
 
-from signorini_fx.algebra.linalg.condensed import CondensedSystem
 from signorini_fx.errors import FormError
 from signorini_fx.forms.elasticity import elastic_body
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
@@ -49,8 +48,6 @@ class Stability:
         """Whether an equilibrium is stable, by the derivative of F; collective."""
         if not self.linear.factor_fits or (tangent := self._derivative()) is None:
             return Status.STABILITY_UNKNOWN
-        if tangent is self.tangents.leading and self._is_definite:
-            return Status.CONVERGED
         self.linear.bend()
         negative, direction = self._negative(tangent)
         if not negative:
@@ -58,23 +55,6 @@ class Stability:
         self.where = self._most_moved(direction)
         # Without an energy a symmetric part that is not definite proves nothing.
         return Status.UNSTABLE if self.linear.symmetric else Status.STABILITY_UNKNOWN
-
-    @property
-    def _is_definite(self) -> bool:
-        """Whether the last tangent is known to be positive definite without contact, and so it is with it.
-
-        A matrix has as many negative eigenvalues as what is eliminated and what is left together (E. V. Haynsworth,
-        Linear Algebra and its Applications 1 (1968) 73-81).
-        """
-        linear, system = self.linear, self.linear.task.system
-        plain = linear.can_keep_stiffness and self.u.function_space.mesh.comm.size == 1
-        if not plain or not isinstance(system, CondensedSystem) or not system.schur.positive_inside:
-            return False
-        try:
-            np.linalg.cholesky(system.schur.dense)
-        except np.linalg.LinAlgError:
-            return False
-        return True
 
     def reason_for_none(self, before: Array, tried: Array | None = None) -> str:
         """Why there may be no solution, at an iterate; empty: nothing says so; ``before``: values of ``u`` of the last

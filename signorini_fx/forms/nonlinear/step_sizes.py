@@ -1,10 +1,10 @@
-"""The load steps of a ramp and of a path: how large they are, and what their arguments may be."""
+"""The load steps of a ramp and of a path: how large they are, and what the arguments of a ramp may be."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from numbers import Real
 from typing import Any
 
@@ -32,61 +32,62 @@ class RampStep:
 
 @dataclass
 class Way:
-    """A way through load steps: one without a solution is halved, and after an easy one the next is larger.
+    """A way along a path: a step without a solution is halved, and after an easy one the next is larger.
+
+    The first step begins at time 0 if it is halved.
 
     Attributes:
+        path: with whose places steps end.
         apply: changes a problem to what it is at a place.
-        named: gives the result of a step that ends there its place and time.
-        reached: where the last step has ended, or the way begins.
         step: the size of the next step.
         largest: that any step may have.
         smallest: below which no step is halved.
-        last: where the way ends.
-        beyond: where a step of a size ends that begins at a place.
-        shown: the load or time where a step ends, for messages.
-        to: the load that is to be reached; None: ends are places on a path.
-        announce: called before a step is solved with where it ends.
+        kind: what times are called.
+        sign: times it they are shown.
+        reached: where the last step has ended, or the way begins.
     """
 
+    path: LoadPath
     apply: Callable[[float], object]
-    named: Callable[[float, StepResult], StepResult]
-    reached: float
     step: float
     largest: float
     smallest: float
-    last: float
-    beyond: Callable[[float, float], float]
-    shown: Callable[[float], float] = lambda end: end
-    to: float | None = None
-    announce: Callable[[float], object] = lambda end: None
+    kind: str = "time"
+    sign: float = 1.0
+    reached: float = -1.0
 
-    def back(self) -> None:
-        """Change the problem to what it is where the last step has ended."""
-        self.apply(self.reached)
+    @classmethod
+    def along(cls, path: LoadPath, apply: Callable[[float], object]) -> Way:
+        """One step for each time of a path, or as many as its ramp has."""
+        whole = 1.0 / (path.steps or 1)
+        return cls(path, apply, whole if path.from_nothing else 1.0, whole, SMALLEST_STEP * whole)
+
+    def named(self, end: float, step: StepResult) -> StepResult:
+        """The result of a step that ends at a place."""
+        return replace(step, place=end, time=self.path.time_at(end), name=self.path.name_at(end))
+
+    def shown(self, place: float) -> str:
+        """The time of a place, in words."""
+        return f"{self.kind} {self.sign * self.path.time_at(place):g}"
 
     @property
     def ended(self) -> bool:
         """Whether the way has ended."""
-        return self.reached == self.last
+        return self.reached == len(self.path.times) - 1.0
 
     @property
     def next(self) -> float:
         """Where the next step ends."""
-        return self.beyond(self.reached, self.step)
-
-    @property
-    def size(self) -> float:
-        """That of the next step, which may have another sign."""
-        return abs(self.next - self.reached)
+        return next_place(self.reached, self.step)
 
     @property
     def may_halve(self) -> bool:
         """Whether a smaller step than the next one may be tried."""
-        return self.size / 2 >= self.smallest
+        return (self.next - self.reached) / 2 >= self.smallest
 
     def halve(self) -> None:
         """The next step has no solution."""
-        self.step = self.size / 2
+        self.step = (self.next - self.reached) / 2
 
     def accept(self, iterations: int) -> None:
         """The next step has a solution, after so many iterations."""
@@ -96,30 +97,10 @@ class Way:
         self.step = min(max(self.step, self.smallest), self.largest)
 
 
-def way_on_path(
-    path: LoadPath,
-    apply: Callable[[float], object],
-    named: Callable[[float, StepResult], StepResult],
-    announce: Callable[[float], object],
-) -> Way:
-    """One step for each time of a path, or as many as its ramp has; ``reached`` is -1 before the first one, which
-    begins at time 0 if it is halved.
-    """
-    whole = 1.0 / (path.steps or 1)
-    first, last = whole if path.from_nothing else 1.0, len(path.times) - 1.0
-    sizes = -1.0, first, whole, SMALLEST_STEP * whole, last
-    return Way(apply, named, *sizes, next_place, path.time_at, announce=announce)
-
-
 def way_to_load(
-    to: float,
-    first: float | None,
-    largest: float | None,
-    smallest: float,
-    apply: Callable[[float], object],
-    named: Callable[[float, StepResult], StepResult],
+    to: float, first: float | None, largest: float | None, smallest: float, apply: Callable[[float], object]
 ) -> Way:
-    """The steps from 0 to a load, see ``NonlinearContactProblem.ramp``.
+    """The steps from 0 to a load, see ``NonlinearContactProblem.ramp``; ``apply`` takes loads.
 
     Raises FormError: an argument is wrong.
     """
@@ -136,20 +117,17 @@ def way_to_load(
             problems.append((name, f"must be {wanted[name]}, not {value}"))
     if not problems and not SAME_NUMBER <= smallest <= 1:
         problems.append(("smallest", f"must be {share}, not {smallest}"))
-    if not problems:
-        load = float(to)
-        whole = abs(load)
-        least = smallest * whole
-        sizes = {name: whole if (value := given[name]) is None else float(value) for name in ("first", "largest")}
-        problems += [
-            (name, f"is below the smallest step, {least:g}") for name in sizes if given[name] and sizes[name] < least
-        ]
     if problems:
         raise FormError(problems, "ramp")
-
-    def beyond(reached: float, step: float) -> float:
-        is_last = whole - abs(reached) - step <= SAME_NUMBER * whole
-        return load if is_last else reached + math.copysign(step, load)
-
-    first_step = min(sizes["first"], sizes["largest"])
-    return Way(apply, named, 0.0, first_step, sizes["largest"], least, load, beyond, to=load)
+    whole, sign = abs(float(to)), math.copysign(1.0, to)
+    begin, most = (1.0 if value is None else float(value) / whole for value in (first, largest))
+    problems += [
+        (name, f"is below the smallest step, {smallest * whole:g}")
+        for name, part in (("first", begin), ("largest", most))
+        if part < smallest
+    ]
+    if problems:
+        raise FormError(problems, "ramp")
+    path = LoadPath((whole,), steps=1, from_nothing=True)
+    sizes = min(begin, most), most, float(smallest)
+    return Way(path, lambda place: apply(sign * path.time_at(place)), *sizes, "load", sign)

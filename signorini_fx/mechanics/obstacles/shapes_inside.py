@@ -32,7 +32,6 @@ from mpi4py import MPI
 
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import node_positions
-from signorini_fx.mechanics.statement.rigid_shape import Shape
 from signorini_fx.tuned import MANY_STEPS, MOST_PLACES, SAME_LENGTH, SHAPE_INSIDE, SHAPE_MIDDLE, WRONG_SLOPE
 
 Array = npt.NDArray[np.float64]
@@ -154,7 +153,7 @@ class BodyCells:
         steps = math.ceil(min(2.0 * far / (SHAPE_INSIDE * size), MOST_PLACES))
         for share in np.arange(1, steps) / steps:
             places = (1.0 - share) * begun + share * ended
-            between = _on_way(shape, earlier, float(share), places.shape[1])
+            between = shape.on_way_from(earlier, float(share), places.shape[1])
             deep = self._too_deep(places, between, added, SHAPE_INSIDE, of_cell, yielding)
             if deep is not None:
                 return deep
@@ -207,28 +206,3 @@ def _inradius(shape: Any) -> float:
 def _reach(corners: Array) -> Array:
     """From the middles of cells to their vertices at most, shape (c,); ``corners``: shape (c, v, d)."""
     return np.asarray(np.linalg.norm(corners - corners.mean(axis=1, keepdims=True), axis=2).max(axis=1))
-
-
-@dataclass(frozen=True)
-class _OnWay:
-    """A shape of a user's own after a share of the straight way of its points from where it was."""
-
-    shape: Any
-    earlier: Any
-    share: float
-
-    @property
-    def inradius(self) -> float:
-        return _inradius(self.shape)
-
-    def distance(self, x: Array) -> tuple[Array, Array]:
-        """Signed distance and unit normal after that share of the way."""
-        signed, normal = self.shape.distance(x + (1.0 - self.share) * self.shape.moved_from(self.earlier, x))
-        return signed, normal
-
-
-def _on_way(shape: Any, earlier: Any, share: float, dimension: int) -> Any:
-    """A shape after a share of the way from where ``earlier`` is."""
-    if isinstance(shape, Shape):
-        return shape.on_way_from(earlier, share, dimension)
-    return _OnWay(shape, earlier, share)
