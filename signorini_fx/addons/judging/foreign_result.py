@@ -185,7 +185,7 @@ def _are_together(x: Floats, near: float) -> bool:
 
 
 def _in_cells(x: Floats, tables: Sequence[Ints]) -> tuple[Ints, Floats]:
-    """The number of each point of each cell, shape (n,), and its position with the middle of the cell, shape (n, 2 d)."""
+    """Of each point of each cell its number, shape (n,), and its place with the cell's middle, shape (n, 2 d)."""
     middles = [np.broadcast_to(x[cells].mean(axis=1)[:, None], x[cells].shape) for cells in tables]
     numbers = np.concatenate([cells.ravel() for cells in tables])
     return numbers, np.hstack((x[numbers], np.concatenate([middle.reshape(-1, x.shape[1]) for middle in middles])))

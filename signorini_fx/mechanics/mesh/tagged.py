@@ -427,10 +427,14 @@ def _generator(name: str, parameters: Mapping[str, Any]) -> Callable[..., Any]:
     """The generator of this name, which takes these parameters."""
     from signorini_fx.mechanics.statement.generators import known_generators
     from signorini_fx.mechanics.statement.validation import plain_message
+    from signorini_fx.removed import removal
 
     generators = known_generators(name)
     if name not in generators:
-        raise SceneError([("mesh.generator", f"no generator {name!r}; there are: {', '.join(generators) or 'none'}")])
+        message = f"no generator {name!r}; there are: {', '.join(generators) or 'none'}"
+        if advice := removal(f"mesh.generator = {name}"):
+            message = f"{name!r} {advice}"
+        raise SceneError([("mesh.generator", message)])
     try:
         generate: Callable[..., Any] = generators[name]()
         _types(generate)
