@@ -25,8 +25,8 @@ INSTEAD: dict[str, str] = {
     "periodic_sides": "model several periods, of which the one in the middle counts",
     "point_force.file": "write one [[point_force]] with 'at' for each node",
     **dict.fromkeys(
-        ("mesh.generator = block_on_cylinder", "mesh.generator = wedge_block"),
-        "draw the body in a .geo, such as demos/scenes/dovetail.geo, and give it as mesh.file",
+        [f"mesh.generator = {name}" for name in ("block_on_cylinder", "dovetail", "wedge_block")],
+        "draw the body in a .geo, such as demos/blade_foot.geo, and give it as mesh.file",
     ),
     "contact.overclosure.law = exponential": "use the stiffness at the pressure that is expected: { stiffness = ... }",
     "contact.overclosure.law = tabular": "use the stiffness at the pressure that is expected: { stiffness = ... }",
