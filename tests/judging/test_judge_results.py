@@ -177,15 +177,13 @@ def test_formats(tmp_path):
         assert judgement.figures["distance"]["value"] < 1e-6
 
 
-def test_values_between_all_nodes_are_told(tmp_path):
-    """Elements of degree 2 judged by a scene of degree 1: they agree at its nodes, and the cure is said."""
+def test_values_between_all_nodes(tmp_path):
+    """Elements of degree 2 judged by a scene of degree 1: they agree at its nodes."""
     x, v = solved(shelf(2))
     rows = np.hstack((x, v)).tolist()
     (tmp_path / "xy.csv").write_text("x,y,ux,uy\n" + "\n".join(",".join(map(repr, row)) for row in rows))
     judgement = judge(shelf(), tmp_path / "xy.csv")
     assert judgement.agrees, str(judgement)
-    between = len(x) - 13 * 5
-    assert f"{between} values are between the nodes of the problem, as elements of degree 2 have" in str(judgement)
     assert judge(shelf(2), tmp_path / "xy.csv").figures["distance"]["value"] < 1e-8
 
 

@@ -35,7 +35,6 @@ class ForeignResult:
         half_units: half a unit of the last digit of each component, length, shape (n, d).
         time: of the increment; None: not known.
         digits: with which it was printed; None: with all.
-        further: how many values it has at points that are no nodes of the problem.
     """
 
     name: str
@@ -44,7 +43,6 @@ class ForeignResult:
     half_units: Floats
     time: float | None = None
     digits: int | None = None
-    further: int = 0
 
 
 def read_result(result: object, problem: JudgedProblem) -> ForeignResult:
@@ -84,11 +82,8 @@ def _read(file: Path, problem: JudgedProblem) -> ForeignResult:
     displacement, half = np.full(problem.points.shape, np.nan), np.zeros(problem.points.shape)
     displacement[held] = _finite(printed.displacement[rows[held], : problem.arrays.dim])
     half[held] = printed.half_units[rows[held], : problem.arrays.dim]
-    # Programs print nodes of their own, too; a table has those that are asked for.
-    own = printed.program or printed.cells
-    further = 0 if own else len(printed.displacement) - len(np.unique(rows[held]))
     digits = _significant_digits(np.nan_to_num(displacement), half)
-    return ForeignResult(file.name, printed.program, displacement, half, printed.time, digits, further)
+    return ForeignResult(file.name, printed.program, displacement, half, printed.time, digits)
 
 
 def _finite(values: Floats) -> Floats:
