@@ -5,7 +5,6 @@ The order is that of meshio and VTK: corners, then the nodes in the middle of ed
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -164,21 +163,12 @@ def completed(kind: str) -> tuple[Cell, npt.NDArray[np.float64]] | None:
     if kind not in _COMPLETE:
         return None
     full_cell = CELLS[_COMPLETE[kind]]
-    x = 2 * np.array([np.mean([full_cell.corners[c] for c in corners], axis=0) for corners in full_cell.nodes]) - 1
-    corner = 2.0 * np.array(full_cell.corners) - 1
-    at_corners = [(1 + x * c).prod(axis=1) * ((x * c).sum(axis=1) - full_cell.dim + 1) / len(corner) for c in corner]
-    edges = [corners for corners in full_cell.nodes if len(corners) == 2]
-    at_edges = [_serendipity(x, np.mean(corner[list(corners)], axis=0)) for corners in edges]
-    return full_cell, np.stack([*at_corners, *at_edges], axis=1)
-
-
-def _serendipity(x: npt.NDArray[np.float64], edge: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """Shape function of the node in the middle of an edge, on [-1, 1]^d."""
-    factors: list[Callable[[npt.NDArray[np.float64]], npt.NDArray[np.float64]]] = [
-        (lambda v: 1 - v * v) if c == 0 else (lambda v, c=c: 1 + v * c)  # type: ignore[misc]
-        for c in edge
-    ]
-    return np.prod([f(x[:, k]) for k, f in enumerate(factors)], axis=0) / 2 ** (x.shape[1] - 1)
+    existing = [set(corners) for corners in full_cell.nodes if len(corners) <= 2]
+    weights = np.eye(len(full_cell.nodes), len(existing))
+    for node, corners in enumerate(full_cell.nodes[len(existing) :], start=len(existing)):
+        around = {1: -1 / 4, 2: 2 / len(corners)}  # a corner; the middle of an edge, of a face or of the cell
+        weights[node] = [around[len(ends)] if ends <= set(corners) else 0.0 for ends in existing]
+    return full_cell, weights
 
 
 def dimension(kind: str) -> int:
