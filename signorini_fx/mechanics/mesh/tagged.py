@@ -513,7 +513,7 @@ def gmsh_mesh(comm: MPI.Comm, draw: Callable[[Any], None], name: str, unit: floa
         MeshError: the model has no cells, no physical group for the body, or no named boundary.
         InstallationError: gmsh is not installed, or cannot be loaded.
     """
-    from signorini_fx.mechanics.mesh.files.gmsh_session import gmsh_session
+    from signorini_fx.mechanics.mesh.files.gmsh_reader import gmsh_session
 
     wanted = _LOCAL_SIZES.get()
     if wanted is not None:
