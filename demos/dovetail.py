@@ -26,7 +26,7 @@ from mpi4py import MPI
 from signorini_fx import (
     Coulomb,
     LinearElastic,
-    MeshGenerator,
+    MeshFile,
     PrescribedDisplacement,
     Scene,
     SurfaceTraction,
@@ -56,7 +56,7 @@ speed = np.concatenate((np.linspace(0.2, 1.0, 5), np.linspace(0.8, 0.2, 4)))  # 
 pull = 150.0  # MPa in the stem, at full speed
 scene = Scene(
     title="Dovetail foot of a blade",
-    mesh=MeshGenerator(generator="dovetail", parameters={"contact_size": FLANK / CELLS, "size": 4 * FLANK / CELLS}),
+    mesh=MeshFile(file=Path(__file__).parent / "blade_foot.geo", contact_size=FLANK / CELLS),
     material=LinearElastic(young=114000.0, poisson=0.33),
     displacement=PrescribedDisplacement(boundary="top", x=0.0),
     traction=SurfaceTraction(boundary="top", pressure=-pull, factors=tuple(speed)),

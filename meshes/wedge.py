@@ -57,28 +57,20 @@ def generate(
     unit = height / 2.0  # the gmsh model has the size of the default body
 
     def draw(gmsh: Any) -> None:
-        body, sides = draw_section(Drawing(gmsh, unit), tip, height, angle, (nx, ny))
+        drawing, geo = Drawing(gmsh, unit), gmsh.model.geo
+        low, high = tip / 2, tip / 2 + height * math.tan(math.radians(angle))
+        corners = [drawing.point(x, y) for x, y in ((-low, 0), (low, 0), (high, height), (-high, height))]
+        sides = [geo.addLine(a, b) for a, b in zip(corners, corners[1:] + corners[:1], strict=True)]
+        body = geo.addPlaneSurface([geo.addCurveLoop(sides)])
+        for side, count in zip(sides, (nx, ny, nx, ny), strict=True):
+            geo.mesh.setTransfiniteCurve(side, count + 1)
+        geo.mesh.setTransfiniteSurface(body)
         if cell == "quadrilateral":
-            gmsh.model.geo.mesh.setRecombine(2, body)
-        gmsh.model.geo.synchronize()
+            geo.mesh.setRecombine(2, body)
+        geo.synchronize()
         gmsh.model.addPhysicalGroup(2, [body], name="body")
-        for name, curves in sides.items():
-            gmsh.model.addPhysicalGroup(1, curves, name=name)
+        for name, side in zip(("tip", "right", "top", "left"), sides, strict=True):
+            gmsh.model.addPhysicalGroup(1, [side], name=name)
         gmsh.model.mesh.generate(2)
 
     return gmsh_mesh(comm, draw, name="wedge", unit=unit)
-
-
-def draw_section(
-    drawing: Drawing, tip: float, height: float, angle: float, counts: tuple[int, int]
-) -> tuple[int, dict[str, list[int]]]:
-    """The trapezium with so many facets along the tip and along the flanks, and its curves by name."""
-    geo = drawing.gmsh.model.geo
-    low, high = tip / 2, tip / 2 + height * math.tan(math.radians(angle))
-    corners = [drawing.point(x, y) for x, y in ((-low, 0), (low, 0), (high, height), (-high, height))]
-    sides = [geo.addLine(a, b) for a, b in zip(corners, corners[1:] + corners[:1], strict=True)]
-    section = geo.addPlaneSurface([geo.addCurveLoop(sides)])
-    for side, count in zip(sides, 2 * counts, strict=True):
-        geo.mesh.setTransfiniteCurve(side, count + 1)
-    geo.mesh.setTransfiniteSurface(section)
-    return section, {name: [side] for name, side in zip(("tip", "right", "top", "left"), sides, strict=True)}

@@ -24,6 +24,10 @@ INSTEAD: dict[str, str] = {
     "Links": "tie bodies by BondedContact",
     "periodic_sides": "model several periods, of which the one in the middle counts",
     "point_force.file": "write one [[point_force]] with 'at' for each node",
+    **dict.fromkeys(
+        [f"mesh.generator = {name}" for name in ("block_on_cylinder", "dovetail", "wedge_block")],
+        "draw the body in a .geo, such as demos/blade_foot.geo, and give it as mesh.file",
+    ),
     "contact.overclosure.law = exponential": "use the stiffness at the pressure that is expected: { stiffness = ... }",
     "contact.overclosure.law = tabular": "use the stiffness at the pressure that is expected: { stiffness = ... }",
     "signorini-fx compare": "compare the numbers of the two summary.json and contact.csv",

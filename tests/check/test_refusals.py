@@ -155,7 +155,7 @@ REFUSED = {
     | {"material": {"orthotropic": ORTHOTROPIC | {"direction": ["x[0] - x[0]", "0"]}}},
     "reduced triangles": mesh_of(TRIANGLES, element={"volumetric": "reduced"}),
     "linear elements on arcs": of_disk(mesh={"generator": "half_disk", "parameters": {"size": 0.5, "order": 2}}),
-    "radius below zero": {**mesh_of({"generator": "block_on_cylinder", "parameters": {}}), **AXISYMMETRIC},
+    "radius below zero": {**mesh_of({"generator": "punch", "parameters": {}}), **AXISYMMETRIC},
     # Preloads.
     "section beside the body": bodies(preload=[{"point": [0.5, 7.0], "axis": [0.0, 1.0], "force": 1.0}]),
     "section of no facets": bodies(preload=[{"section": "nowhere", "force": 1.0}]),

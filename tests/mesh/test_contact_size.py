@@ -11,7 +11,7 @@ from mpi4py import MPI
 from signorini_fx import MeshError, SceneError, TaggedMesh
 from signorini_fx.machine import compat
 from signorini_fx.mechanics.mesh.files import formats
-from signorini_fx.mechanics.mesh.files.gmsh_session import gmsh_session
+from signorini_fx.mechanics.mesh.files.gmsh_reader import gmsh_session
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import parse_scene
 

@@ -1,6 +1,6 @@
 """Mesh files as gmsh writes them."""
 
-from signorini_fx.mechanics.mesh.files.gmsh_session import gmsh_session
+from signorini_fx.mechanics.mesh.files.gmsh_reader import gmsh_session
 
 
 def write_msh(source, file, degree=None):

@@ -338,7 +338,7 @@ def _inside(points: Array, cells: Ints, rim: Ints) -> Mesh | None:
 def _generated(dice: Dice) -> tuple[dict[str, Any], None, int, dict[str, str]]:
     """A mesh of a generator of the package, with the names that its sides go by."""
     order = dice.one_of(1, 2)
-    kind = dice.one_of("rectangle", "wedge", "ring_segment", "half_disk", "block", "punch", "block_on_cylinder")
+    kind = dice.one_of("rectangle", "wedge", "ring_segment", "half_disk", "block", "punch")
     cell = dice.one_of("triangle", "quadrilateral")
     parameters: dict[str, Any] = {"cell": cell}
     names = {side: side for side in SIDES}
@@ -362,12 +362,9 @@ def _generated(dice: Dice) -> tuple[dict[str, Any], None, int, dict[str, str]]:
         elif kind == "half_disk":
             parameters |= {"radius": 1.0}
             names = {"bottom": "arc", "top": "top", "left": "top", "right": "top"}
-        elif kind == "punch":
+        else:
             parameters |= {"width": 2.0, "height": 1.0, "rounding": 0.25}
             names |= {"bottom": "foot"}
-        else:
-            parameters |= {"length": 2.5, "height": 1.2, "radius": 1.0, "angle": 50.0}
-            names |= {"bottom": "seat"}
         parameters["order"] = order
     degree = 2 if order == 2 else dice.one_of(1, 2)
     return {"generator": kind, "parameters": parameters}, None, degree, names

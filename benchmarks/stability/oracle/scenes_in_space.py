@@ -190,25 +190,12 @@ def _sound(mesh: Mesh) -> bool:
 
 def _generated(dice: Dice) -> tuple[dict[str, Any], None, int, dict[str, str], bool]:
     """A mesh of a generator of the package, with the names that its sides go by."""
-    kind, cell = dice.one_of("box", "cylinder", "ring", "wedge_block"), dice.one_of("tetrahedron", "hexahedron")
+    kind, cell = dice.one_of("box", "cylinder", "ring"), dice.one_of("tetrahedron", "hexahedron")
     degree = dice.one_of(1, 2)
     parameters: dict[str, Any] = {"cell": cell}
     names = {side: side for side in SIDES}
     if kind == "box":
         parameters |= {"length": 1.5, "width": 1.0, "height": 1.0, "nx": 3, "ny": 2, "nz": 2}
-    elif kind == "wedge_block":
-        parameters |= {
-            "tip": 0.5,
-            "length": 1.0,
-            "height": 1.0,
-            "angle": dice.between(5, 30),
-            "nx": 2,
-            "ny": 2,
-            "nz": 2,
-        }
-        names["bottom"] = dice.one_of("tip", "left")
-        if names["bottom"] == "left":
-            names["left"] = "right"
     else:
         counts = {"nr": 1, "nt": 2} if kind == "cylinder" else {"nr": 1, "nt": 3}
         parameters |= {"radius": 1.0, "height": 0.7, "nz": dice.one_of(1, 2), **counts}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -211,37 +211,37 @@ class Deck:
 
     # --- names --------------------------------------------------------------------------------------------------------
 
+    @cached_property
+    def _labels(self) -> dict[str, dict[str, str]]:
+        """The names of the file by kind and by capitals, which the programs do not distinguish."""
+        kinds: dict[str, Iterable[str]] = {
+            "boundary": [label for label, facets in self.mesh.boundaries.items() if facets.size],
+            "surface": [label for label, faces in self.model.surfaces.items() if faces],
+            "region": self.mesh.regions,
+            "nodes": self.model.raw.node_sets,
+        }
+        return {kind: {label.upper(): label for label in reversed(list(names))} for kind, names in kinds.items()}
+
+    def _label(self, kind: str, name: str) -> str | None:
+        """A name of the file, whatever its case and its instance."""
+        labels = self._labels[kind]
+        return labels.get(name.upper(), labels.get(plain_name(name)))
+
     def boundary(self, name: str) -> str | None:
-        """The boundary of the mesh that a set or surface of the file is, whatever its case and its instance."""
-        return _defined_name(name, self._boundaries)
+        """The boundary of the mesh that a set or surface of the file is."""
+        return self._label("boundary", name)
 
     def surface(self, name: str) -> str | None:
         """The surface of faces of the file with a name, also one inside the body."""
-        return _defined_name(name, self._surfaces)
+        return self._label("surface", name)
 
     def region(self, name: str) -> str | None:
         """The same for a part of the body."""
-        return _defined_name(name, self._regions)
-
-    @cached_property
-    def _boundaries(self) -> dict[str, str]:
-        return _by_capitals(label for label, facets in self.mesh.boundaries.items() if facets.size)
-
-    @cached_property
-    def _surfaces(self) -> dict[str, str]:
-        return _by_capitals(label for label, faces in self.model.surfaces.items() if faces)
-
-    @cached_property
-    def _regions(self) -> dict[str, str]:
-        return _by_capitals(self.mesh.regions)
-
-    @cached_property
-    def _node_sets(self) -> dict[str, str]:
-        return _by_capitals(self.model.raw.node_sets)
+        return self._label("region", name)
 
     def has_nodes(self, name: str) -> bool:
         """Whether the file defines a set of nodes with a name."""
-        return _defined_name(name, self._node_sets) is not None
+        return self._label("nodes", name) is not None
 
     def check_nodes(self, name: str) -> None:
         """Check that a name is a number, or that of a set of nodes or faces, which the body may not have; CalculiX
@@ -316,7 +316,7 @@ class Deck:
 
     def nodes(self, name: str) -> Ints:
         """Rows of the file of the nodes of a set that the body has."""
-        label = _defined_name(name, self._node_sets)
+        label = self._label("nodes", name)
         return np.empty(0, np.int64) if label is None else np.intersect1d(self.model.raw.node_sets[label], self.numbers)
 
     def held(self, boundary: str) -> Ints:
@@ -328,7 +328,7 @@ class Deck:
         """The number of a node, or of the only one of a set, also if the body has it not; None: it is none."""
         if (number := number_of(name)) is not None:
             return number
-        label = _defined_name(name, self._node_sets)
+        label = self._label("nodes", name)
         rows = np.empty(0, np.int64) if label is None else self.model.raw.node_sets[label]
         return int(self.model.places.numbers[rows[0]]) if len(rows) == 1 else None
 
@@ -349,15 +349,6 @@ class Deck:
                     if seen.setdefault((component, node), nodes) != nodes:
                         single_components.add(component)
         return single_components
-
-
-def _by_capitals(names: Iterable[str]) -> dict[str, str]:
-    """Names by their capitals, which the programs do not distinguish; the first of several."""
-    return {label.upper(): label for label in reversed(list(names))}
-
-
-def _defined_name(name: str, by_capitals: Mapping[str, str]) -> str | None:
-    return by_capitals.get(name.upper(), by_capitals.get(plain_name(name)))
 
 
 def plain_name(name: str) -> str:

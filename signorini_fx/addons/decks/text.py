@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import codecs
+import io
 import itertools
 import json
 import math
@@ -92,27 +93,20 @@ class DeckBlock:
         """
         if "rows" in self.__dict__:  # they have been changed
             return None
-        lines = re.sub(r",[ \t]*\n", "\n", "\n".join(self.texts).rstrip()).rstrip(", \t")
-        words = lines.encode().translate(None, b" \t")
-        joined = words.replace(b"\n", b",")
-        if not words or joined.startswith(b",") or b",," in joined:
-            return None
+        text = re.sub(r",[, \t]*\n", "\n", "\n".join(self.texts).rstrip(", \t\n"))
+        lengths = [line.count(",") + 1 for line in text.split("\n")]
+        alike = len(set(lengths)) == 1
+        table = io.StringIO(text if alike else text.replace(",", "\n"))
         with warnings.catch_warnings():
-            warnings.simplefilter("error", DeprecationWarning)  # numpy warns of a word that is no number
+            warnings.simplefilter("error")  # numpy warns of an integer with a point, and of no numbers
             try:
-                values: Any = np.fromstring(lines.replace("\n", ","), dtype=kind, sep=" ,")
-            except (DeprecationWarning, ValueError):
+                values: Any = np.loadtxt(table, dtype=kind, delimiter=",", comments=None, ndmin=2).ravel()
+            except (ValueError, Warning):
                 return None
-        if (
-            len(values) != joined.count(b",") + 1
-            or not (np.abs(values) < (_LARGEST if kind is np.int64 else math.inf)).all()
-        ):
+        largest = _LARGEST if kind is np.int64 else math.inf
+        if len(values) != sum(lengths) or not (np.abs(values) < largest).all():  # an empty word is no number
             return None
-        characters = np.frombuffer(words, dtype=np.uint8)
-        line_ends = characters[(characters == ord(",")) | (characters == ord("\n"))] == ord("\n")
-        columns = int(np.argmax(line_ends)) + 1 if line_ends.any() else len(values)
-        alike = line_ends[columns - 1 :: columns].all() and np.count_nonzero(line_ends) == len(values) // columns - 1
-        return values, columns if alike and len(values) % columns == 0 else 0
+        return values, lengths[0] if alike else 0
 
 
 class DeckError(ValueError):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -23,14 +24,14 @@ class Alternative:
     """A number of the problem that may be another one.
 
     Attributes:
-        text: what to say of a value.
+        text: what to say of a value and its inverse.
         start: its value in the problem.
         trial: another value, from which its effect is seen.
         entries: the entries of the scene with a value.
         least: the smallest value.
     """
 
-    text: Callable[[float], str]
+    text: Callable[[float, float], str]
     start: float
     trial: float
     entries: Callable[[float], dict[str, Any]]
@@ -65,7 +66,7 @@ def _nearest_value(
         off: Floats = np.asarray(v - u)
         distance = on_mesh.norm(off)
         if nearest is None or distance < nearest[1]:
-            nearest = alternative.text(value), distance
+            nearest = alternative.text(value, 1 / value if value else np.inf), distance
         slope: Floats = np.asarray((u - u_before) / (value - before))
         square = on_mesh.product(slope, slope)
         if distance <= enough or not square > 0:
@@ -92,49 +93,23 @@ def _alternatives(scene: Scene, size: float) -> Iterator[Alternative]:
         for number, entry in enumerate(entries)
         if isinstance(entry, Load) and key != "displacement"
     ]
-    factor, trial = 1.0, 1.0 + NOTABLE
+    trial = 1.0 + NOTABLE
+    text: Callable[..., str] = "its loads are {:.4g} times the problem's, or its moduli {:.4g} times".format
     if loads:
-        yield Alternative(
-            lambda value: f"its loads are {value:.4g} times the problem's, or its moduli {1 / value:.4g} times",
-            factor,
-            trial,
-            lambda value: _loaded(scene, loads, value),
-        )
+        yield Alternative(text, 1.0, trial, partial(_loaded, scene, loads))
     for load in loads if len(loads) > 1 else ():
-        where = _named(*load, scene)
-        yield Alternative(
-            lambda value, where=where: f"its {where} is {value:.4g} times the problem's",  # type: ignore[misc]
-            factor,
-            trial,
-            lambda value, load=load: _loaded(scene, [load], value),  # type: ignore[misc]
-        )
-    materials = scene.material
-    for number, material in enumerate(materials if len(materials) > 1 else ()):
+        text = partial("its {where} is {:.4g} times the problem's".format, where=_named(*load, scene))
+        yield Alternative(text, 1.0, trial, partial(_loaded, scene, [load]))
+    for number, material in enumerate(scene.material if len(scene.material) > 1 else ()):
         if getattr(material, "young", None) is not None:
-            # Of the compliance the displacement is nearly linear.
-            yield Alternative(
-                lambda value, material=material: (  # type: ignore[misc]
-                    f"its modulus of {material.region} is {1 / value:.4g} times the problem's"
-                ),
-                factor,
-                trial,
-                lambda value, number=number: _changed(  # type: ignore[misc]
-                    scene, "material", number, young=materials[number].young / value
-                ),
-                NOTABLE,
-            )
+            text = partial("its modulus of {region} is {1:.4g} times the problem's".format, region=material.region)
+            yield Alternative(text, 1.0, trial, partial(_softer, scene, number), NOTABLE)
     for number, contact in enumerate(scene.contact):
         if contact.bonded:
             continue
         yield from _of_friction(scene, number, contact)
-        yield Alternative(
-            lambda value, contact=contact: f"its gap of {contact.boundary} is larger by {value:.4g}",  # type: ignore[misc]
-            0.0,
-            NOTABLE * size,
-            lambda value, number=number, contact=contact: _changed(  # type: ignore[misc]
-                scene, "contact", number, gap=_shifted(contact.gap, value)
-            ),
-        )
+        text = partial("its gap of {where} is larger by {:.4g}".format, where=contact.boundary)
+        yield Alternative(text, 0.0, NOTABLE * size, partial(_opened, scene, number))
 
 
 def _of_friction(scene: Scene, number: int, contact: Any) -> Iterator[Alternative]:
@@ -151,9 +126,8 @@ def _of_friction(scene: Scene, number: int, contact: Any) -> Iterator[Alternativ
     def entries(value: float) -> dict[str, Any]:
         return _changed(scene, "contact", number, friction={**law, key: value} if value > 0 else NoFriction())
 
-    def text(value: float) -> str:
-        return f"its {key} of friction on {contact.boundary} is {value:.4g}, not {start:.4g}"
-
+    said = "its {key} of friction on {where} is {:.4g}, not {start:.4g}"
+    text = partial(said.format, key=key, where=contact.boundary, start=start)
     yield Alternative(text, start, start / 2 if start > 0 else NOTABLE, entries, 0.0)
 
 
@@ -181,7 +155,16 @@ def _changed(scene: Scene, key: str, number: int, **values: Any) -> dict[str, An
     return {key: entries}
 
 
-def _shifted(gap: Any, by: float) -> Any:
+def _softer(scene: Scene, number: int, compliance: float) -> dict[str, Any]:
+    """With a compliance, of which the displacement is nearly linear, that is so many times as large."""
+    material: Any = scene.material[number]
+    return _changed(scene, "material", number, young=material.young / compliance)
+
+
+def _opened(scene: Scene, number: int, by: float) -> dict[str, Any]:
+    gap: Any = scene.contact[number].gap
     if isinstance(gap, float):
-        return gap + by
-    return Expression(f"({gap}) + {by!r}", allows_time=True) if isinstance(gap, Expression) else gap
+        gap += by
+    elif isinstance(gap, Expression):
+        gap = Expression(f"({gap}) + {by!r}", allows_time=True)
+    return _changed(scene, "contact", number, gap=gap)

@@ -298,9 +298,6 @@ class _Judging:
         when = "" if theirs.time is None else f"time {theirs.time:g}"
         digits = "" if theirs.digits is None else f"{theirs.digits} digits, {_percent(printed / size)} in energy"
         self.lines["theirs"] = ", ".join(filter(None, [theirs.program, when, digits])) or "all digits"
-        if theirs.further:
-            degree = "as elements of degree 2 have" if self.problem.scene.element.degree == 1 else "which are left out"
-            self.lines["theirs"] += f"; {theirs.further} values are between the nodes of the problem, {degree}"
         mesh = "on the next mesh" if self.finer is not None else "by its stresses"
         self.lines["distance"] = f"{_percent(distance / size)} of the energy norm from ours"
         self.lines["our error"] = f"{_percent(error / size)} of the energy norm on this mesh, estimated {mesh}"

@@ -45,7 +45,9 @@ def from_root(
         points = arrays.points
         nodes = {dim: arrays.cells[:, order_of_nodes(kind)], dim - 1: arrays.facets[:, order_of_nodes(facet)]}
         tags = {dim: of_cell, dim - 1: of_side}
-    even = basix.ufl.element("Lagrange", _word(kind), kind.degree, basix.LagrangeVariant.equispaced, shape=(dim,))
+    even = basix.ufl.element(
+        "Lagrange", kind.basix_type.name, kind.degree, basix.LagrangeVariant.equispaced, shape=(dim,)
+    )
     mesh = dmesh.create_mesh(comm, cells=nodes[dim], x=points, e=ufl.Mesh(even))
     mesh_tags = {}
     for entity_dim, values in tags.items():
@@ -60,19 +62,13 @@ def from_root(
     return mesh, mesh_tags[dim - 1], mesh_tags[dim]
 
 
-def _word(kind: Cell) -> str:
-    """The word of dolfinx for a shape."""
-    four = "quadrilateral" if kind.dim == 2 else "tetrahedron"
-    return {2: "interval", 3: "triangle", 4: four, 8: "hexahedron"}[len(kind.corners)]
-
-
 def kind_of_mesh(mesh: dmesh.Mesh) -> Cell | None:
     """The kind of the cells of a mesh of dolfinx; None for a geometry of a degree above 2."""
     word, degree = mesh.topology.cell_name(), compat.geometry_degree(mesh)
-    return next((cell for cell in CELLS.values() if (_word(cell), cell.degree) == (word, degree)), None)
+    return next((cell for cell in CELLS.values() if (cell.basix_type.name, cell.degree) == (word, degree)), None)
 
 
 def order_of_nodes(kind: Cell) -> npt.NDArray[np.int64]:
     """Node k of dolfinx is the node with this number here."""
     of_gmsh = np.asarray(kind.gmsh_order)
-    return of_gmsh[cell_perm_gmsh(dmesh.to_type(_word(kind)), len(kind.nodes))]
+    return of_gmsh[cell_perm_gmsh(dmesh.to_type(kind.basix_type.name), len(kind.nodes))]

@@ -49,12 +49,10 @@ class Drawing:
     Attributes:
         gmsh: the initialised module.
         unit: length of the model's unit.
-        upright: points are drawn in the plane of x[0] and x[2], as for the section of a body in 3D.
     """
 
     gmsh: Any
     unit: float
-    upright: bool = False
 
     def length(self, length: float) -> float:
         """A length in the model's unit, the same number in all units of the scene: a mesh depends on every last bit."""
@@ -62,9 +60,7 @@ class Drawing:
 
     def point(self, x: float, y: float) -> int:
         """A point at a position in units of the scene."""
-        across, up = x / self.unit, y / self.unit
-        position = (across, 0.0, up) if self.upright else (across, up, 0.0)
-        tag: int = self.gmsh.model.geo.addPoint(*position)
+        tag: int = self.gmsh.model.geo.addPoint(x / self.unit, y / self.unit, 0.0)
         return tag
 
 

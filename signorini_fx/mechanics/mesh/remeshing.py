@@ -16,20 +16,12 @@ import numpy.typing as npt
 from mpi4py import MPI
 
 from signorini_fx.machine import compat, parallel
-from signorini_fx.mechanics.mesh.files.cells import CELLS
+from signorini_fx.mechanics.mesh.distribution import kind_of_mesh, order_of_nodes
 from signorini_fx.mechanics.mesh.files.size_field import SizeField, edges_of
-from signorini_fx.mechanics.mesh.tagged import TaggedMesh
+from signorini_fx.mechanics.mesh.tagged import TaggedMesh, arrays_of
 from signorini_fx.tuned import SHORTEST_CHILD, SIZE_GROWTH
 
 Floats = npt.NDArray[np.float64]
-
-# By dolfinx's word for a cell that of a file, and the order of its corners there.
-_CORNERS = {
-    "triangle": ("triangle", (0, 1, 2)),
-    "quadrilateral": ("quad", (0, 1, 3, 2)),
-    "tetrahedron": ("tetra", (0, 1, 2, 3)),
-    "hexahedron": ("hexahedron", (0, 1, 3, 2, 4, 5, 7, 6)),
-}
 
 
 def shorter_lengths(
@@ -72,9 +64,11 @@ def shorter_lengths(
 
 def lengths_of_cells(tagged: TaggedMesh) -> Floats:
     """The mean length of the edges of each owned cell, shape (cells,)."""
-    x = tagged.mesh.geometry.x[_corners(tagged)]
-    edges = edges_of(CELLS[_CORNERS[tagged.mesh.topology.cell_name()][0]])
-    return np.asarray(np.mean([np.linalg.norm(x[:, a] - x[:, b], axis=1) for a, b in edges], axis=0))
+    kind, x = kind_of_mesh(tagged.mesh), tagged.mesh.geometry.x
+    assert kind is not None
+    owned = tagged.mesh.topology.index_map(tagged.dimension).size_local
+    x = x[compat.geometry_cells(tagged.mesh)[:owned][:, np.argsort(order_of_nodes(kind))]]
+    return np.asarray(np.mean([np.linalg.norm(x[:, a] - x[:, b], axis=1) for a, b in edges_of(kind)], axis=0))
 
 
 def size_fields(
@@ -93,17 +87,15 @@ def size_fields(
     Returns:
         A field on each part, on the first rank; without cells on the others.
     """
-    comm, nodes, dim = tagged.mesh.comm, tagged.mesh.geometry.index_map(), tagged.dimension
-    numbers = nodes.local_to_global(np.arange(nodes.size_local + nodes.num_ghosts, dtype=np.int32))
-    cells, of_part = _corners(tagged), np.full(len(lengths), -1)
+    comm, dim, of_part = tagged.mesh.comm, tagged.dimension, np.full(len(lengths), -1)
     for number, members in enumerate(parts):
         of_part[members[members < len(of_part)]] = number
-    x = parallel.rows_on_root(comm, tagged.mesh.geometry.x[: nodes.size_local, :dim].astype(np.float64))
-    rows = parallel.rows_on_root(comm, np.column_stack((numbers[cells], of_part)))
+    arrays = arrays_of(tagged)
+    of_row = parallel.rows_on_root(comm, of_part)
     of_cell = parallel.rows_on_root(comm, np.column_stack((lengths_of_cells(tagged), lengths)))
+    x, corners = arrays.points, arrays.corners
     if not parallel.is_root(comm):
-        return [SizeField(np.empty((0, dim)), np.empty((0, cells.shape[1]), np.int64), np.empty(0)) for _ in parts]
-    corners, of_row = rows[:, :-1], rows[:, -1]
+        return [SizeField(x, corners, np.empty(0)) for _ in parts]
     longest: Floats = np.zeros(len(x))
     around: Floats = np.zeros(len(x))
     np.add.at(longest, corners, of_cell[:, :1])
@@ -116,13 +108,6 @@ def size_fields(
     sizes[used] = _graded(x[used], longest[used] * share[used])
     sizes = _affordable(sizes, longest, corners, of_cell[:, 0], dim, finer)
     return [_restricted(x, corners[of_row == number], sizes) for number in range(len(parts))]
-
-
-def _corners(tagged: TaggedMesh) -> npt.NDArray[np.int32]:
-    """The corners of each owned cell, in gmsh's order, by the local numbers of their nodes."""
-    owned = tagged.mesh.topology.index_map(tagged.dimension).size_local
-    order = list(_CORNERS[tagged.mesh.topology.cell_name()][1])
-    return np.asarray(compat.geometry_cells(tagged.mesh)[:owned][:, order])
 
 
 def _restricted(x: Floats, corners: npt.NDArray[np.int64], sizes: Floats) -> SizeField:

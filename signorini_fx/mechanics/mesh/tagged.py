@@ -17,10 +17,11 @@ import numpy.typing as npt
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from pydantic import TypeAdapter, ValidationError
+from scipy.spatial import ConvexHull, QhullError
+from scipy.spatial.distance import cdist
 
 from signorini_fx.errors import MeshError, SceneError, SignoriniError
 from signorini_fx.machine import compat, parallel
-from signorini_fx.mechanics.mesh.extent import diameter, extremes
 from signorini_fx.mechanics.mesh.section import is_section
 from signorini_fx.mechanics.statement.expressions import Expression
 from signorini_fx.mechanics.statement.mesh_sources import MeshFile, TaggedMeshBase
@@ -116,16 +117,29 @@ class TaggedMesh(TaggedMeshBase):
 
 
 def diameter_of(mesh: dmesh.Mesh) -> float:
-    """The largest distance of two points of a mesh, a length; the same on all ranks; collective."""
+    """The largest distance of two points of a mesh, a length; the same on all ranks; collective.
+
+    Raises:
+        MeshError: all points lie in a plane, in two dimensions on a line.
+    """
     dim = mesh.topology.dim
     mesh.topology.create_connectivity(dim - 1, dim)
     mesh.topology.create_connectivity(dim, dim - 1)
     facets = dmesh.exterior_facet_indices(mesh.topology)
     # dolfinx divides by the number of facets, and a rank may have none.
     nodes = np.unique(dmesh.entities_to_geometry(mesh, dim - 1, facets)) if facets.size else facets
-    corners = extremes(mesh.geometry.x[nodes, :dim].astype(np.float64))
-    x = parallel.rows_on_root(mesh.comm, corners)
-    return parallel.on_root(mesh.comm, lambda: diameter(x))
+    x = parallel.rows_on_root(mesh.comm, mesh.geometry.x[nodes, :dim].astype(np.float64))
+
+    def of_hull() -> float:
+        low, high = x.min(axis=0), x.max(axis=0)
+        try:
+            corners = x[ConvexHull((x - low) / (high - low).max()).vertices]
+        except QhullError:
+            extents = " by ".join(f"{extent:g}" for extent in high - low)
+            raise MeshError(f"the body is too thin to be meshed: it measures {extents}") from None
+        return max(float(cdist(chunk, corners).max()) for chunk in np.array_split(corners, 1 + len(corners) // 1000))
+
+    return parallel.on_root(mesh.comm, of_hull)
 
 
 def _tagged(tags: dmesh.MeshTags, values: int | tuple[int, ...]) -> npt.NDArray[np.int32]:
@@ -388,8 +402,7 @@ def arrays_of(tagged: TaggedMesh) -> MeshArrays:
     if kind is None:
         raise MeshError("the geometry of its cells has a degree above 2: give it one of 1 or 2")
     corners, count = len(CELLS[kind.facet].corners), mesh.topology.index_map(dim).size_local
-    cells = np.empty((count, len(kind.nodes)), dtype=np.int64)
-    cells[:, order_of_nodes(kind)] = _global_nodes(mesh, compat.geometry_cells(mesh)[:count])
+    cells = _global_nodes(mesh, compat.geometry_cells(mesh)[:count])[:, np.argsort(order_of_nodes(kind))]
     parts: Ints = np.empty((0, 2), dtype=np.int64)
     if tagged.cell_tags is not None:
         here = tagged.cell_tags.indices < count
@@ -427,10 +440,14 @@ def _generator(name: str, parameters: Mapping[str, Any]) -> Callable[..., Any]:
     """The generator of this name, which takes these parameters."""
     from signorini_fx.mechanics.statement.generators import known_generators
     from signorini_fx.mechanics.statement.validation import plain_message
+    from signorini_fx.removed import removal
 
     generators = known_generators(name)
     if name not in generators:
-        raise SceneError([("mesh.generator", f"no generator {name!r}; there are: {', '.join(generators) or 'none'}")])
+        message = f"no generator {name!r}; there are: {', '.join(generators) or 'none'}"
+        if advice := removal(f"mesh.generator = {name}"):
+            message = f"{name!r} {advice}"
+        raise SceneError([("mesh.generator", message)])
     try:
         generate: Callable[..., Any] = generators[name]()
         _types(generate)
@@ -496,7 +513,7 @@ def gmsh_mesh(comm: MPI.Comm, draw: Callable[[Any], None], name: str, unit: floa
         MeshError: the model has no cells, no physical group for the body, or no named boundary.
         InstallationError: gmsh is not installed, or cannot be loaded.
     """
-    from signorini_fx.mechanics.mesh.files.gmsh_session import gmsh_session
+    from signorini_fx.mechanics.mesh.files.gmsh_reader import gmsh_session
 
     wanted = _LOCAL_SIZES.get()
     if wanted is not None:

@@ -18,7 +18,7 @@ from signorini_fx.mechanics.statement.values import Finite, Positive, Selection,
 # Files that gmsh meshes: its scripts, and CAD drawings.
 DRAWN = (".geo", ".step", ".stp", ".brep")
 # The generators of bodies without arcs.
-WITHOUT_ARCS = ("rectangle", "block", "box", "notched_sides", "wedge", "wedge_block")
+WITHOUT_ARCS = ("rectangle", "block", "box", "notched_sides", "wedge")
 
 
 class MeshFile(Table):

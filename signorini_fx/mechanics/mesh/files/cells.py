@@ -5,14 +5,16 @@ The order is that of meshio and VTK: corners, then the nodes in the middle of ed
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
+import basix
 import numpy as np
 import numpy.typing as npt
 
 Corners = tuple[int, ...]
+_DIGITS = np.finfo(float).precision
 
 
 @dataclass(frozen=True)
@@ -63,33 +65,34 @@ class Cell:
             tuple(node_of[frozenset(facet[c] for c in corners)] for corners in pattern) for facet in self.facets
         )
 
+    @property
+    def basix_type(self) -> basix.CellType:
+        """The shape in basix's words."""
+        four = "quadrilateral" if self.dim == 2 else "tetrahedron"
+        return basix.CellType[{2: "interval", 3: "triangle", 4: four, 8: "hexahedron"}[len(self.corners)]]
+
+    @cached_property
+    def _element(self) -> tuple[Any, npt.NDArray[np.int64]]:
+        """The element of basix, and which of its nodes each node is."""
+        even = basix.LagrangeVariant.equispaced
+        element = basix.create_element(basix.ElementFamily.P, self.basix_type, self.degree, even)
+        places = np.array([np.mean([self.corners[c] for c in corners], axis=0) for corners in self.nodes])
+        return element, np.abs(element.points - places[:, None]).sum(axis=2).argmin(axis=1)
+
     def shape(self, x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
         """Shape functions at places of the reference cell, shape (places, dim) -> (places, nodes)."""
-        linear = self._linear(x)
-        if self.degree == 1:
-            return linear
-        if self.simplex:  # corners: v (2 v - 1), edges: 4 v w
-            columns = [
-                linear[:, corners[0]] * (2 * linear[:, corners[0]] - 1)
-                if len(corners) == 1
-                else 4 * linear[:, list(corners)].prod(1)
-                for corners in self.nodes
-            ]
-            return np.stack(columns, axis=1)
-        along = np.stack(((2 * x - 1) * (x - 1), 4 * x * (1 - x), x * (2 * x - 1)))  # at 0, 1/2 and 1
-        twice = [2 * np.mean([self.corners[c] for c in corners], axis=0).astype(np.float64) for corners in self.nodes]
-        return np.stack(
-            [np.prod([along[int(at), :, k] for k, at in enumerate(position)], axis=0) for position in twice], axis=1
-        )
+        element, order = self._element
+        # At nodes they are 0 and 1 but for round-off, with which a node would leave an axis of symmetry.
+        return np.asarray(element.tabulate(0, x)[0, :, order, 0].T.round(_DIGITS))
+
+    def gradient(self, x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        """Their derivatives, shape (places, dim) -> (dim, places, nodes)."""
+        element, order = self._element
+        return np.asarray(element.tabulate(1, x)[1:, :, order, 0])
 
     def weights(self, x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
         """Shape functions of the corners alone, shape (places, corners): they distinguish the places of a cell."""
-        return self._linear(x)
-
-    def _linear(self, x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-        if self.simplex:
-            return np.column_stack((1 - x.sum(axis=1), x))
-        return np.stack([np.where(corner, x, 1 - x).prod(axis=1) for corner in self.corners], axis=1)
+        return straight(self).shape(x)
 
 
 _SQUARE = ((0, 0), (1, 0), (1, 1), (0, 1))
@@ -160,21 +163,12 @@ def completed(kind: str) -> tuple[Cell, npt.NDArray[np.float64]] | None:
     if kind not in _COMPLETE:
         return None
     full_cell = CELLS[_COMPLETE[kind]]
-    x = 2 * np.array([np.mean([full_cell.corners[c] for c in corners], axis=0) for corners in full_cell.nodes]) - 1
-    corner = 2.0 * np.array(full_cell.corners) - 1
-    at_corners = [(1 + x * c).prod(axis=1) * ((x * c).sum(axis=1) - full_cell.dim + 1) / len(corner) for c in corner]
-    edges = [corners for corners in full_cell.nodes if len(corners) == 2]
-    at_edges = [_serendipity(x, np.mean(corner[list(corners)], axis=0)) for corners in edges]
-    return full_cell, np.stack([*at_corners, *at_edges], axis=1)
-
-
-def _serendipity(x: npt.NDArray[np.float64], edge: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """Shape function of the node in the middle of an edge, on [-1, 1]^d."""
-    factors: list[Callable[[npt.NDArray[np.float64]], npt.NDArray[np.float64]]] = [
-        (lambda v: 1 - v * v) if c == 0 else (lambda v, c=c: 1 + v * c)  # type: ignore[misc]
-        for c in edge
-    ]
-    return np.prod([f(x[:, k]) for k, f in enumerate(factors)], axis=0) / 2 ** (x.shape[1] - 1)
+    existing = [set(corners) for corners in full_cell.nodes if len(corners) <= 2]
+    weights = np.eye(len(full_cell.nodes), len(existing))
+    for node, corners in enumerate(full_cell.nodes[len(existing) :], start=len(existing)):
+        around = {1: -1 / 4, 2: 2 / len(corners)}  # a corner; the middle of an edge, of a face or of the cell
+        weights[node] = [around[len(ends)] if ends <= set(corners) else 0.0 for ends in existing]
+    return full_cell, weights
 
 
 def dimension(kind: str) -> int:

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import re
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from signorini_fx.errors import MeshError, SignoriniError
+from signorini_fx.errors import InstallationError, MeshError, SignoriniError
 from signorini_fx.mechanics.mesh.files.arrays import MeshArrays
 from signorini_fx.mechanics.mesh.files.cells import CELLS, completed
-from signorini_fx.mechanics.mesh.files.gmsh_session import gmsh_session
 from signorini_fx.mechanics.mesh.files.raw import RawMesh
 from signorini_fx.mechanics.mesh.files.shape import Ints
 from signorini_fx.mechanics.mesh.files.size_field import Sizes, with_sizes
@@ -46,6 +46,37 @@ _FORBIDDEN = re.compile(
 _READS = re.compile(r"\b(?:Include|Merge|MergeFile|Open|ListFromFile|ShapeFromFile|FileName)\b")
 _NAMED = re.compile(r"\s*[\[(=]?\s*[\"']([^\"'\n]*)[\"']")
 _NO_SCRIPTS = (b"$MeshFormat", b"$Comments", b"ISO-10303-21", b"DBRep_DrawableShape", b"\nCASCADE Topology")
+
+
+@contextlib.contextmanager
+def gmsh_session() -> Iterator[Any]:
+    """The module gmsh with an empty model and the same options for everybody: silent, and no file of options is read.
+
+    Raises:
+        InstallationError: it is not installed, or its wheel lacks a library of the system.
+        MeshError: the caller has gmsh open, whose options would change the mesh.
+    """
+    try:
+        import gmsh
+    except ImportError:
+        raise InstallationError(
+            "this mesh is made by gmsh, which is not installed: pip install gmsh, or apt install python3-gmsh"
+        ) from None
+    except OSError as error:
+        raise InstallationError(
+            f"this mesh is made by gmsh, which cannot be loaded: {error}; its wheel needs libraries of the system, on "
+            "Debian and Ubuntu: apt install libgl1 libglu1-mesa libxcursor1 libxft2 libxinerama1"
+        ) from None
+    if gmsh.isInitialized():
+        raise MeshError("gmsh is open in this process: call gmsh.finalize() before a mesh is made or read by it here")
+    gmsh.initialize(readConfigFiles=False, interruptible=False)
+    try:
+        gmsh.option.setNumber("General.Terminal", 0)
+        gmsh.option.setNumber("Mesh.RandomSeed", 1)
+        yield gmsh
+    finally:
+        if gmsh.isInitialized():  # what is drawn is written by others
+            gmsh.finalize()
 
 
 def read_gmsh(

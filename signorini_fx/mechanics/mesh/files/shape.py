@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+import basix
 import numpy as np
 import numpy.typing as npt
 
@@ -15,8 +16,8 @@ Ints = npt.NDArray[np.int64]
 Floats = npt.NDArray[np.float64]
 _Truths = npt.NDArray[np.bool_]
 
-# Gauss points on [0, 1], exact for degree 5: volumes of curved cells are integrated exactly.
-_GAUSS = np.polynomial.legendre.leggauss(3)
+# Volumes of curved cells are integrated exactly.
+_DEGREE = 5
 # Number of cells that are processed at once.
 _CHUNK = 20_000
 
@@ -41,7 +42,7 @@ def nodal_measures(points: Floats, nodes: Ints, cell: Cell) -> Floats:
 
 def _sizes(points: Floats, nodes: Ints, cell: Cell) -> Iterator[tuple[Floats, Floats, Floats]]:
     """Of some elements after others the measure at each place of a quadrature, with its weights and places."""
-    x, weights = _quadrature(cell)
+    x, weights = basix.make_quadrature(cell.basix_type, _DEGREE)
     for start in range(0, len(nodes), _CHUNK):
         jacobian = _jacobian(points, nodes[start : start + _CHUNK], cell, x)
         if cell.dim == points.shape[1]:
@@ -52,25 +53,9 @@ def _sizes(points: Floats, nodes: Ints, cell: Cell) -> Iterator[tuple[Floats, Fl
         yield size, weights, x
 
 
-def _quadrature(cell: Cell) -> tuple[Floats, Floats]:
-    """Points and weights on the reference cell; on a simplex those of the cube, collapsed."""
-    at, weight = (_GAUSS[0] + 1) / 2, _GAUSS[1] / 2
-    x = np.stack(np.meshgrid(*[at] * cell.dim, indexing="ij"), axis=-1).reshape(-1, cell.dim)
-    weights = np.stack(np.meshgrid(*[weight] * cell.dim, indexing="ij"), axis=-1).reshape(-1, cell.dim).prod(axis=1)
-    if cell.simplex:
-        remaining = np.ones(len(x))
-        for k in range(cell.dim):
-            coordinate = x[:, k].copy()
-            weights, x[:, k], remaining = weights * remaining, coordinate * remaining, remaining * (1 - coordinate)
-    return x, weights
-
-
 def _jacobian(points: Floats, nodes: Ints, cell: Cell, x: Floats) -> Floats:
     """Derivatives of the position at places of the reference cell, shape (m, places, d, dim)."""
-    # Shape functions are quadratic along each axis at most: the central difference is the derivative.
-    steps = np.eye(cell.dim) / 2
-    gradient = np.stack([cell.shape(x + step) - cell.shape(x - step) for step in steps], axis=2)
-    return np.einsum("qkj,mkd->mqdj", gradient, points[nodes], optimize=True)
+    return np.asarray(np.einsum("jqk,mkd->mqdj", cell.gradient(x), points[nodes], optimize=True))
 
 
 def _determinants(matrices: Floats) -> Floats:
