@@ -38,7 +38,7 @@ from signorini_fx.addons.pictures.style import (
 from signorini_fx.addons.pictures.tones import spaced, usual_range
 from signorini_fx.machine.result_files import Table
 from signorini_fx.mechanics.statement.units import bracketed, unit
-from signorini_fx.tuned import CLOSED_IN_PICTURE, LONGEST_ARROW, SURFACE_MARGIN
+from signorini_fx.tuned import CLOSED_IN_PICTURE, LONGEST_ARROW, MOST_ARROWS, SURFACE_MARGIN
 
 Rows = npt.NDArray[np.int64]
 
@@ -50,7 +50,6 @@ _POLYGONS = {
 }
 _UNTOUCHED = "#f0f0f0"
 _WIDTH = 5.4  # inches
-_ARROWS = 28  # number of arrows side by side along the longer side
 _LONG_NAME = 40  # letters of the name of a boundary behind which its title goes on in another line
 
 
@@ -312,7 +311,7 @@ def _arrows(
         return 0.0
     # The longest one first, so that it is never left out.
     order = np.lexsort((*np.round(side.nodes[rows] / size, 9).T[::-1], lengths < longest))
-    rows = spaced(side.nodes, rows[order], size / _ARROWS)
+    rows = spaced(side.nodes, rows[order], size / MOST_ARROWS)
     scaled = vectors[rows] * (LONGEST_ARROW * size / longest if factor is None else factor)
     length: dict[str, Any] = {"angles": "xy", "scale_units": "xy", "scale": 1.0, "units": "inches", "width": 0.018}
     head = {"headwidth": 3.2, "headlength": 4.2, "headaxislength": 3.8, "minlength": 0.4}

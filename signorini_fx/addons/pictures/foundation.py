@@ -11,7 +11,7 @@ from signorini_fx.addons.pictures import view
 from signorini_fx.addons.pictures.deformed_body import keeps_shape
 from signorini_fx.addons.pictures.style import Floats
 from signorini_fx.addons.pictures.view import normals_of
-from signorini_fx.tuned import PLANE_MARGIN
+from signorini_fx.tuned import SURFACE_MARGIN
 
 Rows = npt.NDArray[np.int64]
 
@@ -82,7 +82,7 @@ def plane_of(points: Floats) -> Floats | None:
         seen = view.View(axes[0], axes[1], axes[2])
     flat = seen.flat(points)
     low, high = flat.min(axis=0), flat.max(axis=0)
-    margin = PLANE_MARGIN * float(max(high - low))
+    margin = SURFACE_MARGIN * float(max(high - low))
     (left_edge, bottom), (right_edge, top) = low - margin, high + margin
     height = float(middle @ seen.toward)
     corners = [(left_edge, bottom), (right_edge, bottom), (right_edge, top), (left_edge, top)]
