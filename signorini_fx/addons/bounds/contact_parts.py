@@ -84,15 +84,7 @@ class ContactParts:
 
     @classmethod
     def _matching(cls, t: Simplices, slave: Ints, master: Ints, places: Array, tiny: float) -> ContactParts:
-        """Facets whose vertices are at the same places.
-
-        Args:
-            t: the cells.
-            slave: facets of one side.
-            master: of the other one.
-            places: of all vertices, length, shape (v, d).
-            tiny: by how much they may differ, length.
-        """
+        """Facets whose vertices are at the same places, shape (v, d), but for a tiny length."""
         d, vertices = t.dimension, np.unique(t.facets[master])
         away, nearest = cKDTree(places[vertices]).query(places)
         over = np.where(away <= tiny, vertices[nearest], -1)[t.facets[slave]]
