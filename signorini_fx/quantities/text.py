@@ -170,12 +170,7 @@ def has_friction(summary: dict[str, Any]) -> bool:
 
 
 def named_components(kinematics: Kinematics, count: int) -> dict[int, str]:
-    """The components of a force on a body by their names; over a revolution radial ones cancel each other.
-
-    Args:
-        kinematics: of the body.
-        count: of components.
-    """
+    """The components of a force on a body by their names; over a revolution radial ones cancel each other."""
     if kinematics.uniform:
         return dict(enumerate("xyz"[:count]))
     return {1: "along the axis"}

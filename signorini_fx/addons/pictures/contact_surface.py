@@ -84,10 +84,6 @@ def sides_of(table: Table, facets: Rows) -> list[VisibleSide]:
     A boundary that is so curved that parts of it face the other way, such as the wall of a hole, is seen from a second
     side as well, if anything is in contact there.
 
-    Args:
-        table: columns of ``contact.csv``.
-        facets: its rows at each facet in the order of VTK, see ``results.fields.facets_of``.
-
     Raises:
         ValueError: a facet of a shape that no contact surface has.
     """
@@ -131,14 +127,8 @@ def contact_surface(
     contact area.  Below: the state of each node in the area halfway to its neighbours, and the slip as arrows,
     magnified as stated in the panel.
     If there are many arrows, some are left out.  If little of the boundary is in contact, the picture shows that part,
-    and says so.  Without friction: only pressure.
-
-    Args:
-        path_stem: where to write, without suffix.
-        table: columns of ``contact.csv`` of a scene in 3D, each of shape (n,).
-        facets: its rows at each facet in the order of VTK, shape (m, 3), (m, 4) or (m, 9).
-        title: title of the picture.
-        suffixes: of the files to write.
+    and says so.  Without friction: only pressure.  ``table``: columns of ``contact.csv``; ``facets``: its rows at each
+    facet in the order of VTK, shape (m, 3), (m, 4) or (m, 9).
 
     Raises:
         ValueError: the table has no rows.

@@ -58,12 +58,7 @@ class FoundationSurface:
         return np.where(outwards[:, None], self.facets[:, ::-1], self.facets)
 
     def looks_like_itself(self, factor: float, size: float) -> bool:
-        """Whether it keeps its shape where its gap is magnified.
-
-        Args:
-            factor: of the gap.
-            size: of the body, length.
-        """
+        """Whether it keeps its shape where its gap is times a factor; ``size``: of the body, length."""
         real, drawn = (normals_of(self.drawn(scale), self.facets) for scale in (1.0, factor))
         return keeps_shape((factor - 1) * float(np.abs(self.gap).max(initial=0.0)), size, real, drawn)
 

@@ -96,10 +96,6 @@ class Setup:
         Each boundary has a colour, and the legend says what acts on it.  Arrows are loads by their size, and prescribed
         displacements that are not nought, pale on hidden sides.  Squares and circles are supports.
 
-        Args:
-            path_stem: where to write, without suffix.
-            suffixes: of the files to write.
-
         Raises:
             PictureError: in 3D, PyVista is missing.
         """

@@ -72,16 +72,6 @@ def deformed_solid(
 ) -> None:
     """Write the picture that ``solid_figure`` draws.
 
-    Args:
-        path_stem: where to write, without suffix.
-        body: what is drawn.
-        name: of the field, in ``FIELDS``.
-        seen: the view.
-        foundations: of each contact boundary.
-        largest: what a circle marks; None: no circle.
-        title: title of the picture.
-        suffixes: of the files to write.
-
     Raises:
         PictureError: PyVista is missing.
     """
