@@ -9,8 +9,7 @@ from scipy.spatial import cKDTree
 
 from signorini_fx.addons.bounds.balanced_tractions import onto_disc
 from signorini_fx.addons.bounds.bounded_scene import refused
-from signorini_fx.addons.bounds.contact_parts import MASTER, SLAVE, ContactParts
-from signorini_fx.addons.bounds.facets import coefficients
+from signorini_fx.addons.bounds.contact_parts import MASTER, SLAVE, ContactParts, coefficients
 from signorini_fx.addons.bounds.scene_arrays import Rows
 from signorini_fx.addons.bounds.simplices import (
     EDGES,

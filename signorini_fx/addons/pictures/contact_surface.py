@@ -20,6 +20,7 @@ from matplotlib.tri import Triangulation
 
 from signorini_fx.addons.pictures import view
 from signorini_fx.addons.pictures.boundary_profiles import STATES, ContactColumns, state_patches
+from signorini_fx.addons.pictures.marks import spaced, usual_range
 from signorini_fx.addons.pictures.style import (
     INK,
     MUTED,
@@ -35,7 +36,6 @@ from signorini_fx.addons.pictures.style import (
     readable,
     unit_of,
 )
-from signorini_fx.addons.pictures.tones import spaced, usual_range
 from signorini_fx.machine.result_files import Table
 from signorini_fx.mechanics.statement.units import bracketed, unit
 from signorini_fx.tuned import CLOSED_IN_PICTURE, LONGEST_ARROW, MOST_ARROWS, SURFACE_MARGIN

@@ -17,9 +17,8 @@ from matplotlib.tri import Triangulation
 
 from signorini_fx.addons.pictures.body import DrawnBody
 from signorini_fx.addons.pictures.fields import FIELDS
-from signorini_fx.addons.pictures.marks import Largest, mark_largest
+from signorini_fx.addons.pictures.marks import Largest, Tones, mark_largest, usual_range
 from signorini_fx.addons.pictures.style import INK, MUTED, SCREEN, STYLE, VALUES, Floats, finish, math_number
-from signorini_fx.addons.pictures.tones import Tones, usual_range
 from signorini_fx.mechanics.statement.units import bracketed
 from signorini_fx.tuned import BENT_FOUNDATION, SMALL_PART, SMALL_ZONE, VISIBLE_CELL
 

@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from signorini_fx.addons.pictures import view
-from signorini_fx.addons.pictures.marks import draw_lengths
+from signorini_fx.addons.pictures.marks import draw_lengths, spaced
 from signorini_fx.addons.pictures.style import (
     BLUE,
     INK,
@@ -29,7 +29,6 @@ from signorini_fx.addons.pictures.style import (
     math_number,
     plain,
 )
-from signorini_fx.addons.pictures.tones import spaced
 from signorini_fx.mechanics.statement.units import bracketed, labelled, unit
 from signorini_fx.tuned import (
     BODY_INCHES,

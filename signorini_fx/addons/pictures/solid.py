@@ -22,9 +22,8 @@ from signorini_fx.addons.pictures import view
 from signorini_fx.addons.pictures.body import DrawnBody
 from signorini_fx.addons.pictures.fields import FIELDS
 from signorini_fx.addons.pictures.foundation import FoundationSurface
-from signorini_fx.addons.pictures.marks import Largest, draw_lengths, mark_largest
+from signorini_fx.addons.pictures.marks import Largest, Tones, draw_lengths, mark_largest
 from signorini_fx.addons.pictures.style import INK, MUTED, SCREEN, STYLE, VALUES, Floats, finish, math_number
-from signorini_fx.addons.pictures.tones import Tones
 from signorini_fx.addons.pictures.view import Camera, View, normals_of
 from signorini_fx.errors import PYVISTA, PictureError
 from signorini_fx.tuned import (
