@@ -181,11 +181,6 @@ def point_in_words(point: Sequence[float]) -> str:
     return "(" + ", ".join(f"{round(x, 9) + 0.0:.6g}" for x in point) + ")"
 
 
-def boundaries_touched_by(counts: range, summary: dict[str, Any]) -> list[str]:
-    """The contact boundaries of which so many nodes are in contact, by name."""
-    return [row["boundary"] for row in summary.get("contact_boundaries") or () if row.get("touching_nodes") in counts]
-
-
 def friction_in_words(row: dict[str, Any]) -> str:
     """The friction of a row of ``contact_boundaries``: the force, or the moment where it is that which is transmitted,
     and the largest possible value.
