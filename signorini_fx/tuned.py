@@ -469,8 +469,6 @@ UNITS_OF_PLACES = 10.0
 CLOSED_BOUNDARY = 0.01
 # A place so many facets away from a vertex is beside it.  Choice.
 BESIDE_VERTEX = 1.01
-# Angles within a body that differ by less than these degrees are equal.  Choice.
-SAME_ANGLE = 1.0
 
 # --- uniqueness ------------------------------------------------------------------------------------------------------
 
@@ -482,15 +480,14 @@ PROVED_SHARE = 1 - 1e-6
 # Choices by eye, on the pictures of demos/scenes.
 # Width over height from which on a picture of a report is not made smaller than it can be read.
 BROAD_PICTURE = 1.6
-# Width and height at most, inches: of a set-up, of a body in 3D; and the narrowest picture, for its lettering.  Pixels
-# per inch of what is drawn in 3D.
-SETUP_INCHES, SOLID_INCHES, NARROWEST = 6.0, 4.8, 3.4
+# Width and height of a body at most, and of the narrowest picture, for its lettering, inches.  Pixels per inch in 3D.
+BODY_INCHES, NARROWEST = 4.8, 3.4
 PIXELS_PER_INCH = 240.0
 # How far a foundation is drawn beside the body, over its longest side, and on a grid of how many lines along that, in
 # the plane and in 3D; a round one whose diameter is at most about this share of that side is drawn whole.
 FOUNDATION_BESIDE, FOUNDATION_GRID, FOUNDATION_GRID_IN_SPACE, WHOLE_FOUNDATION = 0.25, 300, 40, 0.7
-# Margins over the longer side: of a plane around the contact boundary, and around a boundary, where arrows need room.
-PLANE_MARGIN, SURFACE_MARGIN = 0.12, 0.08
+# Margin around a contact boundary, over its longer side: a plane ends there, and arrows need room.
+SURFACE_MARGIN = 0.08
 # If the surroundings of the contact are less than this share of a boundary, only they are drawn; contact on less than
 # this share of the diagonal of the body is enlarged; a gap that is magnified to more than the first one of it leaves
 # the picture.
@@ -510,18 +507,16 @@ ARROWS_AROUND = 0.05
 MOST_ARROWS, MOST_STROKES = 22.0, 50.0
 # Colours are so far in front of the body, over its size.
 COLOURS_ABOVE = 5e-4
-# Share of the light that comes from everywhere.  Directions to the lamps, right, up and towards the viewer, and how
-# bright they are: all see the same white.
+# Share of the light that comes from everywhere; the rest comes from the viewer.
 AMBIENT_LIGHT = 0.5
-LAMPS = (((-0.3, 1.0, 0.8), 0.55), ((0.4, 0.1, 1.0), 0.6))
 # Facets that turn by more than these degrees meet in an edge.
 SHARP_EDGE = 40.0
 # How much more of the field another view must show to be preferred to the usual one.
 PREFERRED_GAIN = 1.15
 # Share of the area that has colours of its own: the extremes are those of the rest.
 USUAL_COLOURS = 0.99
-# Above the first cosine a direction is taken for that of the nearest coordinate axis, above the second it is upright.
-ALONG_AXIS, UPRIGHT = 0.99, 0.9
+# Above this cosine a direction is taken for that of the nearest coordinate axis.
+ALONG_AXIS = 0.99
 
 # --- nonlinear bodies -------------------------------------------------------------------------------------------------
 

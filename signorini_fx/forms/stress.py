@@ -20,7 +20,6 @@ from signorini_fx.mechanics.assembly.mesh_entities import facet_nodes
 from signorini_fx.mechanics.elasticity.elastic_law import ElementStress, cellwise_stress
 from signorini_fx.mechanics.kinematics import CARTESIAN
 from signorini_fx.mechanics.mesh.section import is_section
-from signorini_fx.results.interpolation import interpolated
 from signorini_fx.tuned import NOTHING_LEFT
 
 if TYPE_CHECKING:
@@ -105,6 +104,8 @@ def cellwise_moduli(law: Law, space: fem.FunctionSpace) -> npt.NDArray[np.float6
 
     They are those at the middle of each cell, from stresses of fields with one strain each.
     """
+    from signorini_fx.results.stresses import interpolated
+
     mesh, kinematics = space.mesh, CARTESIAN[space.mesh.geometry.dim]
     dim, pairs, x = kinematics.dimension, kinematics.pairs, ufl.SpatialCoordinate(mesh)
     axes = [ufl.unit_vector(k, dim) for k in range(dim)]

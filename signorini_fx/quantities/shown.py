@@ -19,7 +19,6 @@ from signorini_fx.quantities.text import (
     MOST_ROWS,
     Validity,
     between,
-    boundaries_touched_by,
     cost_in_words,
     digits,
     error_in_words,
@@ -124,7 +123,8 @@ def _contact(summary: Summary) -> list[str | TerminalLine]:
     touching = summary["touching_nodes"]
     peak = with_unit(figure_or_error(summary["max_pressure"], error_of(summary, "max_pressure")), "stress")
     pressed = f", largest pressure {peak}" if touching else ""
-    coarse = boundaries_touched_by(range(1, FEW_NODES), summary)
+    boundaries = summary.get("contact_boundaries") or ()
+    coarse = [row["boundary"] for row in boundaries if row.get("touching_nodes") in range(1, FEW_NODES)]
     few = f"; too few on {', '.join(coarse)} for the ends of the zone or the largest pressure, refine there"
     return [f"at {touching} of {summary['contact_nodes']} nodes{pressed}{few if coarse else ''}"]
 

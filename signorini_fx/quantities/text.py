@@ -170,12 +170,7 @@ def has_friction(summary: dict[str, Any]) -> bool:
 
 
 def named_components(kinematics: Kinematics, count: int) -> dict[int, str]:
-    """The components of a force on a body by their names; over a revolution radial ones cancel each other.
-
-    Args:
-        kinematics: of the body.
-        count: of components.
-    """
+    """The components of a force on a body by their names; over a revolution radial ones cancel each other."""
     if kinematics.uniform:
         return dict(enumerate("xyz"[:count]))
     return {1: "along the axis"}
@@ -184,11 +179,6 @@ def named_components(kinematics: Kinematics, count: int) -> dict[int, str]:
 def point_in_words(point: Sequence[float]) -> str:
     """The coordinates of a point, without round-off."""
     return "(" + ", ".join(f"{round(x, 9) + 0.0:.6g}" for x in point) + ")"
-
-
-def boundaries_touched_by(counts: range, summary: dict[str, Any]) -> list[str]:
-    """The contact boundaries of which so many nodes are in contact, by name."""
-    return [row["boundary"] for row in summary.get("contact_boundaries") or () if row.get("touching_nodes") in counts]
 
 
 def friction_in_words(row: dict[str, Any]) -> str:

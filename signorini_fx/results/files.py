@@ -122,10 +122,7 @@ def title_of_result(folder: Path) -> str | None:
 
 
 def _gatherer(pictures: bool | Sequence[str]) -> tuple[Callable[..., Any] | None, str]:
-    """What gathers the data of pictures, and the package that is missing for that.
-
-    Returns:
-        None and "": none are drawn, as nobody asked for one, or the add-on is not there.
+    """What gathers the data of pictures, and the package that is missing for that; None: none are drawn.
 
     Raises:
         InstallationError: pictures of certain fields are asked for, and the add-on is missing.

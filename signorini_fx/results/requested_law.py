@@ -22,13 +22,9 @@ def another_law(
     *,
     raises_gamma: bool = False,
 ) -> Finding | None:
-    """A warning where the law of the load steps is not the one that settings ask for.
-
-    Args:
-        settings: of the solver.
-        certificates: of the load steps, by their numbers.
-        left: the regularisation error of the last one relative to its energy norm, where a path in gamma has found it.
-        raises_gamma: whether an accuracy is asked for, which raises gamma as it needs to.
+    """A warning where the law of the load steps, by their numbers, is not the one that settings ask for; ``left``: the
+    regularisation error of the last one relative to its energy norm, where a path in gamma has found it;
+    ``raises_gamma``: whether an accuracy is asked for, which raises gamma as it needs to.
     """
     laws = {step: certificate.law for step, certificate in certificates.items()}
     if settings.algorithm == "alm":

@@ -21,16 +21,14 @@ from typing import Any
 import basix
 import numpy as np
 import numpy.typing as npt
-from dolfinx import fem
 from dolfinx import mesh as dmesh
 
 from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.assembly.mesh_entities import facet_entities
-from signorini_fx.mechanics.elasticity.moduli import of_materials
 from signorini_fx.mechanics.loads.supports import on_axis
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.effect import Force, InitialStrain
-from signorini_fx.tuned import BESIDE_VERTEX, CORNER_ANGLE, ROOT_OF_EPS, SAME_ANGLE
+from signorini_fx.tuned import BESIDE_VERTEX, CORNER_ANGLE, ROOT_OF_EPS
 
 Array = npt.NDArray[np.float64]
 
@@ -38,7 +36,7 @@ Array = npt.NDArray[np.float64]
 @dataclass(frozen=True)
 class BoundaryFacet:
     """An exterior facet; ``kind``: what is prescribed there, ``names``: by which boundaries; ``paired``: how it may
-    touch another body, "contact", "bonded" or ""; ``material``: number of the kind behind it.
+    touch another body, "contact", "bonded" or ""; ``material``: what counts of it.
     """
 
     vertices: Array
@@ -47,7 +45,7 @@ class BoundaryFacet:
     names: tuple[str, ...]
     paired: str
     piece: int
-    material: int
+    material: tuple[Any, ...]
 
     @property
     def size(self) -> float:
@@ -102,7 +100,7 @@ def _reason(facet_a: BoundaryFacet, facet_b: BoundaryFacet) -> str | None:
     if facet_a.paired or facet_b.paired:
         filled = facet_a.paired == facet_b.paired == "bonded"
         return None if filled or angle <= 180 + _CURVED else "it is at a reentrant corner of the body"
-    if (alike and turn <= _CURVED) or angle <= _BOUNDED[kinds] + (_CURVED if alike else SAME_ANGLE):
+    if (alike and turn <= _CURVED) or angle <= _BOUNDED[kinds] + _CURVED:
         return None
     if alike and facet_a.kind != "guided":
         return "it is at a reentrant corner of the body"
@@ -146,28 +144,22 @@ def facets_near(body: Model, point: Array) -> list[BoundaryFacet]:
     vertices = x[np.take_along_axis(nodes, corners[entities[:, 1]], axis=1)]
     size = np.linalg.norm(np.ptp(vertices, axis=1), axis=1)
     close = np.linalg.norm(vertices - point, axis=2).min(axis=1, initial=np.inf) <= BESIDE_VERTEX * size
-    kinds, facets = _kinds_of_materials(body), []
+    facets = []
     for k in np.flatnonzero(close):
         middle = x[nodes[k][: len(basix.geometry(cell_type))]].mean(axis=0)
         normal = _normal(vertices[k], middle)
         condition = _condition(body, int(numbers[k]), normal, vertices[k])
         piece = int(body.pieces.of_cell[entities[k, 0]])
-        facets.append(BoundaryFacet(vertices[k], normal, *condition, piece, int(kinds[entities[k, 0]])))
+        facets.append(BoundaryFacet(vertices[k], normal, *condition, piece, _material(body, int(entities[k, 0]))))
     return facets
 
 
-def _kinds_of_materials(body: Model) -> Array:
-    """The number of the kind of material of each cell of this rank, shape (cells,)."""
-    strained = bool(body.statement.of(InitialStrain))
-
-    def kind_of(material: Any) -> tuple[Any, ...]:
-        return *material.kind, strained and material.expansion
-
-    kinds = [kind_of(material) for material in body.statement.material]
-    (number,) = of_materials(body.statement, body.tagged, lambda entry: (float(kinds.index(kind_of(entry))),))
-    if isinstance(number, fem.Constant):
-        return np.zeros(len(compat.geometry_cells(body.tagged.mesh)))
-    return np.asarray(number.x.array[number.function_space.dofmap.list[:, 0]])
+def _material(body: Model, cell: int) -> tuple[Any, ...]:
+    """What counts of the material of a cell: its kind, and its expansion where something expands."""
+    strained, materials = bool(body.statement.of(InitialStrain)), body.statement.material
+    inside = (one for one in reversed(materials) if one.region is None or cell in body.tagged.cells(one.region))
+    material = next(inside, materials[0])
+    return *material.kind, strained and material.expansion
 
 
 def _normal(vertices: Array, inside: Array) -> Array:

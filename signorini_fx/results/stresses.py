@@ -14,16 +14,16 @@ from typing import Any, NoReturn
 
 import numpy as np
 import numpy.typing as npt
-from dolfinx import fem
+from dolfinx import default_scalar_type, fem
 from mpi4py import MPI
 
-from signorini_fx.machine import parallel
+from signorini_fx.machine import compat, parallel
+from signorini_fx.machine.compilation import compiling
 from signorini_fx.mechanics.assembly.mesh_entities import node_positions
 from signorini_fx.mechanics.elasticity.elastic_law import ElementStress
 from signorini_fx.mechanics.elasticity.moduli import of_materials
 from signorini_fx.mechanics.model import Model
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery
-from signorini_fx.results.interpolation import interpolated
 from signorini_fx.results.singularities import why_no_limit
 
 Nodal = npt.NDArray[np.float64]
@@ -394,3 +394,12 @@ class RecoveredStresses(StressFields):
                 sigma[..., 2, 2] = components[..., -1]
             values[function.function_space.dofmap.list[cells]] = sigma
         return function
+
+
+def interpolated(expression: Any, space: fem.FunctionSpace, name: str = "f") -> fem.Function:
+    """A UFL expression of the shape of the space, interpolated into it; collective."""
+    function = fem.Function(space, name=name)
+    with compiling():
+        compiled = fem.Expression(expression, compat.interpolation_points(space.element), dtype=default_scalar_type)
+    function.interpolate(compiled)
+    return function

@@ -5,8 +5,7 @@ import numpy as np
 import pytest
 
 from signorini_fx.addons.bounds.johnson_mercier import constant_forces
-from signorini_fx.addons.bounds.lifted_forces import lifted_forces
-from signorini_fx.addons.bounds.lifted_tractions import Liftings, divided_facet, finest
+from signorini_fx.addons.bounds.liftings import Liftings, divided_facet, finest, lifted_forces
 from signorini_fx.addons.bounds.simplices import COLUMNS, CORNERS_OF_PARTS, ROWS, TWICE, Moduli, Simplices
 
 # Cells without any symmetry, in units of their own, the facet first; and regular ones.

@@ -56,7 +56,7 @@ def said_of(lines, label):
     return [line[14:].strip() for line in lines[first:following]]
 
 
-def test_terminal_and_exit_code(drawn):
+def test_terminal(drawn):
     """What to do is there unless it is a solution, and how much of the yield stress is used."""
     for status, step, (strength, _, _, law, complete), summary in drawn:
         lines = list(map(str, short_answer(summary, Path("results/scene"))))
@@ -73,8 +73,6 @@ def test_terminal_and_exit_code(drawn):
             if figures and strength.startswith(name):
                 assert f"{how}{' of' * ('%' in how)} yield" in " ".join(said_of(lines, "stress"))
         assert ("'alm' was not reached" in " ".join(said_of(lines, "warning"))) == (law == "another one"), lines
-        assert (page.code(summary) == 0) == (good and complete == "whole")
-        assert (page.code(summary) == 1) == (not good)
         assert ("incomplete" in lines[0]) == (complete == "incomplete")
 
 

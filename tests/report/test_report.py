@@ -20,7 +20,7 @@ from mpi4py import MPI
 from PIL import Image
 from scenes import alone, example1, on_mesh, rectangle
 
-from signorini_fx.addons.report import evidence, markup, sections
+from signorini_fx.addons.report import markup, sections
 from signorini_fx.addons.report import page as report
 from signorini_fx.addons.report.markup import part
 from signorini_fx.errors import ResultError
@@ -266,7 +266,7 @@ def test_verdict(folders):
     files = folders["steps"]
     failed = summary | {"status": "active sets cycle", "converged": False, "certificate": refused}
     assert "does NOT hold. All figures are of the last iterate: do not use them." in sections.outcome(failed, files)
-    assert ">violated<" in evidence.certificate(failed)
+    assert ">violated<" in sections.certificate(failed)
     place = {"value": 2.0, "place": [1.0, 0.0]}
     known = {"stress": {"von_mises": place, "recovered": {"von_mises": place}}}
     assert "; circle: the largest one" in sections.outcome(summary | known, files)

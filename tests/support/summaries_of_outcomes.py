@@ -8,7 +8,6 @@ from typing import Any
 
 from signorini_fx.records import SHORT_OF_ACCURACY, Status
 from signorini_fx.results.accuracy.next_accuracy import CostOfAccuracy
-from signorini_fx.scenes.cli.exit_codes import of_solve
 
 _LAW = "the regularised law, gamma_n = 3.16e+04, gamma_t = 3.16e+04"
 _DIFFERS = (
@@ -129,8 +128,3 @@ def all_products() -> Iterator[tuple[Status, bool, tuple[str, ...], dict[str, An
                 both = isinstance(entry, dict) and isinstance(before, dict)
                 changes[key] = None if lost else {**before, **entry} if both else entry
         yield status, step, tuple(names), known(**changes)
-
-
-def code(summary: dict[str, Any]) -> int:
-    """The exit code of the command."""
-    return of_solve(converged=summary["converged"], incomplete=bool(summary["incomplete"]))

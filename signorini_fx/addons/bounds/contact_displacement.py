@@ -97,15 +97,8 @@ def _step(surface: FacetsInContact, side: int, share: float) -> float:
 
 
 def _moved(places: Ints, depth: Array, normal: Array, free: Array) -> Array:
-    """Displacements of vertices or edges that are along the normals of the parts around at least as large as depths.
-
-    Those of negative depths are no larger than that.
-
-    Args:
-        places: numbers of them, shape (m, k).
-        depth: length, shape (m, k).
-        normal: of the parts, shape (m, d).
-        free: projectors onto the directions in which they may move, shape (n, d, d).
+    """Displacements of vertices or edges that are along the normals of the m parts around at least as large as depths,
+    shape (m, k); those of negative depths are no larger than that.
     """
     sums, deepest = np.zeros(free.shape[:2]), np.full(len(free), -np.inf)
     for column, depths in zip(places.T, depth.T, strict=True):

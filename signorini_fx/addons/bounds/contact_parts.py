@@ -3,7 +3,7 @@
 Facets of both sides that match are parts as they are.  Of two flat parallel sides the parts are what a facet of each
 shares, divided into segments or triangles: the displacement of either side is a polynomial there.  They serve
 integration alone, so that thin ones do no harm: no cell is divided.  The stress has the closest linear traction on each
-facet; what is left of a traction is orthogonal to linear functions there, see ``lifted_tractions``.
+facet; what is left of a traction is orthogonal to linear functions there, see ``liftings``.
 """
 
 from __future__ import annotations
@@ -14,7 +14,6 @@ from math import factorial
 import numpy as np
 from scipy.spatial import cKDTree
 
-from signorini_fx.addons.bounds.facets import bernstein, coefficients
 from signorini_fx.addons.bounds.simplices import EDGES_OF_FACET, Array, Ints, Simplices, closest_linear
 from signorini_fx.tuned import NOTHING_LEFT, ROOT_OF_EPS, SAME_LENGTH
 
@@ -84,15 +83,7 @@ class ContactParts:
 
     @classmethod
     def _matching(cls, t: Simplices, slave: Ints, master: Ints, places: Array, tiny: float) -> ContactParts:
-        """Facets whose vertices are at the same places.
-
-        Args:
-            t: the cells.
-            slave: facets of one side.
-            master: of the other one.
-            places: of all vertices, length, shape (v, d).
-            tiny: by how much they may differ, length.
-        """
+        """Facets whose vertices are at the same places, shape (v, d), but for a tiny length."""
         d, vertices = t.dimension, np.unique(t.facets[master])
         away, nearest = cKDTree(places[vertices]).query(places)
         over = np.where(away <= tiny, vertices[nearest], -1)[t.facets[slave]]
@@ -277,3 +268,33 @@ def _near(first: Array, second: Array) -> Ints:
         for function in (np.min, np.max)
     )
     return pairs[(lowest.max(axis=0) < highest.min(axis=0)).all(axis=1)]
+
+
+# Points of Gauss' rule along an edge: integrands have kinks where slip turns.
+_POINTS = np.polynomial.legendre.leggauss(8)
+
+
+def _collapsed() -> tuple[Array, Array]:
+    """Barycentric points and weights of Gauss' rule on a triangle, collapsed, shapes (q, 3) and (q,)."""
+    s, w = (_POINTS[0] + 1) / 2, _POINTS[1] / 2
+    a, b = (grid.ravel() for grid in np.meshgrid(s, s, indexing="ij"))
+    products = np.outer(2 * w * (1 - s), w).ravel()
+    return np.column_stack((1 - a - b * (1 - a), a, b * (1 - a))), np.asarray(products, dtype=np.float64)
+
+
+# By dimension: barycentric points of quadrature on a facet, and their weights.
+POINTS: dict[int, Array] = {2: np.column_stack((1 - _POINTS[0], 1 + _POINTS[0])) / 2, 3: _collapsed()[0]}
+WEIGHTS: dict[int, Array] = {2: _POINTS[1] / 2, 3: _collapsed()[1]}
+
+
+def bernstein(local: Array) -> Array:
+    """Values of the polynomials at barycentric points, shape (q, d) to (q, 3) or (q, 6)."""
+    a, b = EDGES_OF_FACET[local.shape[1]].T
+    return np.column_stack((local**2, 2 * local[:, a] * local[:, b]))
+
+
+def coefficients(nodal: Array) -> Array:
+    """Of these polynomials, from values at vertices and at the middles of edges, shape (m, 3 or 6, ...)."""
+    d = 2 if nodal.shape[1] == 3 else 3
+    ends = nodal[:, :d]
+    return np.concatenate((ends, 2 * nodal[:, d:] - ends[:, EDGES_OF_FACET[d]].mean(axis=2)), axis=1)

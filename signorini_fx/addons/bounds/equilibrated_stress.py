@@ -59,15 +59,8 @@ def equilibrated(t: Simplices, held: Array, body: Array, traction: Array, prescr
 
 
 def _moments(t: Simplices, local: LocalStress, held: Array, alone: Array, loads: Array, prescribed: Array) -> Array:
-    """Moments of each cell, out of it, which are equal and opposite but for loads, force, shape (n, d + 1, d, d).
-
-    Args:
-        t: the cells.
-        local: their matrices.
-        held: see ``equilibrated``.
-        alone: see ``LocalStress.alone``.
-        loads: moments of the tractions on each facet, force, shape (f, d, d).
-        prescribed: see ``equilibrated``.
+    """Moments of each cell, out of it, which are equal and opposite but for loads, force, shape (n, d + 1, d, d);
+    ``loads``: moments of the tractions on each facet, force, shape (f, d, d).
     """
     d, size = t.dimension, t.facets.size * t.dimension
     compliance = np.tile(local.compliance, (t.parts, 1, 1))
@@ -86,11 +79,8 @@ def _moments(t: Simplices, local: LocalStress, held: Array, alone: Array, loads:
 
 
 def _tied(matrix: sp.csr_matrix, modes: Array) -> sp.csr_matrix:
-    """The upper half with as many tied unknowns as there are free motions; loads in balance cause no force there.
-
-    Args:
-        matrix: of free unknowns.
-        modes: free motions, shape (unknowns, k).
+    """The upper half with as many tied unknowns as there are free motions, shape (unknowns, k); loads in balance cause
+    no force there.
     """
     diagonal, pins = matrix.diagonal(), np.zeros(matrix.shape[0])
     for _ in range(modes.shape[1]):
@@ -127,13 +117,8 @@ def _round_off(
 
 def _carried(centre: Array, sides: Ints, held: Ints, missed: Array) -> tuple[Array, Array]:
     """Bounds of the force that each cell passes on of what cells miss by round-off, carried from cell to cell to the
-    supports, and of its couple about the centre of the cell, shapes (n,).
-
-    Args:
-        centre: of the cells, length, shape (n, d).
-        sides: the cells at both sides of each facet, -1 for none, shape (f, 2).
-        held: cells with a facet that is held; in a piece without one a cell of it takes the rest.
-        missed: bounds of the force that each cell misses, shape (n,).
+    supports, and of its couple about the centre of the cell, shapes (n,); ``held``: cells with a facet that is held; in
+    a piece without one a cell of it takes the rest.
     """
     count, piece = len(centre), pieces_of_cells(sides, len(centre))
     loose = np.setdiff1d(np.arange(piece.max(initial=-1) + 1), piece[held])

@@ -31,12 +31,10 @@ from scipy.sparse.csgraph import connected_components
 from signorini_fx.addons.bounds.balanced_tractions import AdmissibleTractions, balanced
 from signorini_fx.addons.bounds.bounded_scene import refuse_unknown
 from signorini_fx.addons.bounds.contact_displacement import admissible
-from signorini_fx.addons.bounds.contact_parts import MASTER, SLAVE
+from signorini_fx.addons.bounds.contact_parts import MASTER, POINTS, SLAVE, WEIGHTS, bernstein
 from signorini_fx.addons.bounds.equilibrated_stress import EquilibratedStress, equilibrated
-from signorini_fx.addons.bounds.facets import POINTS, WEIGHTS, bernstein
 from signorini_fx.addons.bounds.johnson_mercier import energy, from_strain, square
-from signorini_fx.addons.bounds.lifted_forces import lifted_forces
-from signorini_fx.addons.bounds.lifted_tractions import Liftings, finest
+from signorini_fx.addons.bounds.liftings import Liftings, finest, lifted_forces
 from signorini_fx.addons.bounds.linear_displacement import free_motions, of_each_piece
 from signorini_fx.addons.bounds.plain_problem import FacetsInContact, PlainProblem
 from signorini_fx.addons.bounds.scene_arrays import Rows, of_rank, on_first_rank

@@ -90,11 +90,8 @@ class LocalStress:
         return np.asarray(root @ self._turn[chunk])
 
     def _weighted(self, root: Array, stress: Array) -> Array:
-        """Vectors whose squares are the energy of stresses that are linear on the parts, shape (n, rows, k).
-
-        Args:
-            root: of ``_root_of_energy``.
-            stress: of the reference cells at the corners of the parts, shape (n, (d + 1)^2, 3 or 6, k).
+        """Vectors whose squares are the energy of stresses that are linear on the parts, shape (n, rows, k), from those
+        of the reference cells at the corners of the parts, shape (n, (d + 1)^2, 3 or 6, k).
         """
         count, (n, _, _, k) = self._t.dimension + 1, stress.shape
         at = (root[:, None] @ stress).reshape(n, count, count, -1, k)
@@ -140,11 +137,7 @@ class LocalStress:
 
 
 def turn_of(f: Array) -> Array:
-    """From the components of symmetric tensors s to those of F s F^T, shape (n, 3, 3) or (n, 6, 6).
-
-    Args:
-        f: F, shape (n, d, d).
-    """
+    """From the components of symmetric tensors s to those of F s F^T, shape (n, 3, 3) or (n, 6, 6)."""
     rows, columns = ROWS[f.shape[1]], COLUMNS[f.shape[1]]
     once = f[:, rows][:, :, rows] * f[:, columns][:, :, columns]
     twice = f[:, rows][:, :, columns] * f[:, columns][:, :, rows]

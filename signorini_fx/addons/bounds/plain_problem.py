@@ -9,8 +9,7 @@ from scipy.spatial import cKDTree
 
 from signorini_fx.addons.bounds.balanced_tractions import onto_disc
 from signorini_fx.addons.bounds.bounded_scene import refused
-from signorini_fx.addons.bounds.contact_parts import MASTER, SLAVE, ContactParts
-from signorini_fx.addons.bounds.facets import coefficients
+from signorini_fx.addons.bounds.contact_parts import MASTER, SLAVE, ContactParts, coefficients
 from signorini_fx.addons.bounds.scene_arrays import Rows
 from signorini_fx.addons.bounds.simplices import (
     EDGES,
@@ -64,10 +63,8 @@ class FacetsInContact:
         return np.asarray(-pressure[:, :, None] * self.parts.normal[:, None] - shear)
 
     def excess(self, displacement: Array) -> Array:
-        """Coefficients of Bernstein of what a displacement is beyond the foundation or the other body, length, (m, c).
-
-        Args:
-            displacement: its coefficients, see ``ContactParts.displacement``.
+        """Coefficients of Bernstein of what a displacement is beyond the foundation or the other body, from its own,
+        length, shape (m, c).
         """
         return np.einsum("fcd,fd->fc", displacement, self.parts.normal) - self.gap
 
@@ -144,11 +141,7 @@ class PlainProblem:
         return _moments(self.t, self.body)
 
     def work(self, y: Array) -> float:
-        """Of the loads on a displacement that is linear on the cells, an energy.
-
-        Args:
-            y: at the vertices, length, shape (v, d).
-        """
+        """Of the loads on a displacement that is linear on the cells, at the vertices, shape (v, d), an energy."""
         t = self.t
         on_facets = np.einsum("fad,fad->", moments_of(t, self.traction), y[t.facets])
         return float(on_facets + np.einsum("ncd,ncd->", self.body_moments, y[t.corners]))
@@ -264,13 +257,7 @@ class PlainProblem:
         return np.einsum("fad,fd->fa", x[MASTER] - x[SLAVE], parts.normal)
 
     def _refuse_pair(self, number: int, parts: ContactParts, *, acts: bool) -> None:
-        """Refuse sides that the proof does not know.
-
-        Args:
-            number: of the contact.
-            parts: of both sides.
-            acts: whether it has friction.
-        """
+        """Refuse sides that the proof does not know; ``acts``: whether the contact has friction."""
         covered = float(self._rows[f"covered {number}"].sum())
         if abs(float(parts.area.sum()) - covered) > SAME_LENGTH * covered or not covered > 0:
             raise refused("sides of two bodies that neither match nor are flat and parallel")
@@ -284,13 +271,7 @@ class _OnFacets:
     """
 
     def __init__(self, problem: PlainProblem, undivided: Ints, points: Array) -> None:
-        """Look for the points among the vertices.
-
-        Args:
-            problem: the cells.
-            undivided: facets of the contact before cells are divided, shape (f,).
-            points: length, shape (p, d).
-        """
+        """``undivided``: facets of the contact before cells are divided, shape (f,); ``points``: length, (p, d)."""
         t = problem.t
         self._t, self._facets = t, problem._halves[undivided]
         # Of this side alone: vertices of the other body may be at the same places.
@@ -298,12 +279,7 @@ class _OnFacets:
         self._near = vertices[cKDTree(t.x[vertices]).query(points)[1]]
 
     def __call__(self, values: Array, *, positive: bool = False) -> Array:
-        """At the vertices of the facets, shape (m, d, ...).
-
-        Args:
-            values: of the points, shape (p, ...).
-            positive: see above.
-        """
+        """At the vertices of the facets, shape (m, d, ...), from values of the points, shape (p, ...)."""
         nodal = np.zeros((len(self._t.x), *values.shape[1:]))
         nodal[self._near] = values
         tractions = nodal[self._t.facets[self._facets]]  # (f, halves, d, ...)

@@ -211,14 +211,8 @@ class _SceneRows:
         return {"body": body, "loaded": np.concatenate(vertices), "traction": np.concatenate(tractions)}
 
     def _density(self, load: Force, x: Array, normal: Array, mass: Array, area: float) -> Array:
-        """Of a load at the vertices of cells or facets, seen from their inside, shape (m, k, d).
-
-        Args:
-            load: at its time.
-            x: the vertices, shape (m, k, d).
-            normal: outward, shape (m, d).
-            mass: of the material, mass per volume, shape (m,).
-            area: of the boundary that the load acts on.
+        """Of a load at the vertices x of m cells or facets, seen from their inside, shape (m, k, d); ``mass``: of the
+        material per volume; ``area``: of the boundary that the load acts on.
         """
         for value in chain.from_iterable(factors_of(load, self._d) or ()):
             _refuse_jumps(value, x, load.label)

@@ -102,19 +102,11 @@ class Simplices:
         return int(self.x.shape[1])
 
     def keys(self, vertices: Ints) -> Ints:
-        """A number for each edge or facet, by which they are in ascending order.
-
-        Args:
-            vertices: of these, ascending, shape (..., k).
-        """
+        """A number for each edge or facet, by which they are in ascending order, from its vertices, ascending."""
         return vertices @ len(self.x) ** np.arange(vertices.shape[-1])[::-1]
 
     def _numbered(self, parts: Ints) -> tuple[Ints, Ints]:
-        """Vertices of facets or edges, ascending, and their numbers in each cell.
-
-        Args:
-            parts: their corners.
-        """
+        """Vertices of facets or edges, ascending, and their numbers in each cell, from their corners."""
         vertices = np.sort(self.corners[:, parts], axis=2)
         _, first, inverse = np.unique(self.keys(vertices), return_index=True, return_inverse=True)
         return vertices.reshape(-1, parts.shape[1])[first], inverse.reshape(-1, len(parts))
@@ -169,8 +161,10 @@ class Simplices:
 
     @cached_property
     def piece_of_vertex(self) -> Ints:
-        """The piece that each vertex is in, shape (v,)."""
-        return pieces_of_vertices(self.corners, self.piece, len(self.x))
+        """The piece that each vertex is in, shape (v,); no vertex is in two of them."""
+        piece = np.zeros(len(self.x), dtype=np.int64)
+        piece[self.corners] = self.piece[:, None]
+        return piece
 
     @cached_property
     def sign(self) -> Array:
@@ -247,28 +241,10 @@ class Simplices:
 
 
 def pieces_of_cells(sides: Ints, count: int) -> Ints:
-    """The piece that each cell is in, from 0, shape (count,).
-
-    Args:
-        sides: the cells at both sides of each facet, -1 for none, shape (f, 2).
-        count: of the cells.
-    """
+    """The piece that each of some cells is in, from 0; ``sides``: the cells at each facet, -1 for none, (f, 2)."""
     inner = sides[(sides >= 0).all(axis=1)]
     graph = sp.csr_matrix((np.ones(len(inner)), tuple(inner.T)), shape=(count, count))
     return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
-
-
-def pieces_of_vertices(corners: Ints, piece: Ints, count: int) -> Ints:
-    """The piece that each vertex is in, shape (count,); no vertex is in two of them.
-
-    Args:
-        corners: of each cell, shape (n, d + 1).
-        piece: that each cell is in, shape (n,).
-        count: of the vertices.
-    """
-    piece_of_vertex = np.zeros(count, dtype=np.int64)
-    piece_of_vertex[corners] = piece[:, None]
-    return piece_of_vertex
 
 
 def _times(matrix: Array, components: Array) -> Array:

@@ -179,12 +179,8 @@ class Panel:
 
 
 def panels_of(boundary: PlaneBoundary, side: str) -> list[Panel]:
-    """What is drawn of a boundary: its stresses, and its lengths.
-
-    Args:
-        boundary: the boundary.
-        side: ``contact``: pressure, normal displacement and gap; ``friction``: shear, its bounds, tangential
-            displacement.
+    """The stresses and lengths that are drawn of a boundary; ``side``: ``contact``, pressure, normal displacement and
+    gap; ``friction``, shear, its bounds, tangential displacement.
     """
     moves = "relative " if boundary.against else ""
     if side == "contact":
@@ -224,14 +220,8 @@ def boundary_profiles(
     tangential displacement; where there is one also around the axis.  Stresses and lengths have axes of their own.
     Foundation and bounds are cut off where they lie far beyond the other curves.  The strip shows the state of the
     contact.  Without friction there is only the left column.  If little of a boundary is in contact, only the
-    surroundings of that part are drawn, and the coordinate says so.
-
-    Args:
-        path_stem: where to write, without suffix.
-        table: columns of ``contact.csv``, each of shape (n,), nodes in order along each boundary: s, x, y, gap, u_n,
-            u_t, pressure, shear, bound as floats, state, friction, boundary as strings.
-        title: title of the picture.
-        suffixes: of the files to write.
+    surroundings of that part are drawn, and the coordinate says so.  ``table``: columns of ``contact.csv``, nodes in
+    order along each boundary.
 
     Raises:
         ValueError: the table has no rows.

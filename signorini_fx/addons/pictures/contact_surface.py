@@ -20,6 +20,7 @@ from matplotlib.tri import Triangulation
 
 from signorini_fx.addons.pictures import view
 from signorini_fx.addons.pictures.boundary_profiles import STATES, ContactColumns, state_patches
+from signorini_fx.addons.pictures.marks import spaced, usual_range
 from signorini_fx.addons.pictures.style import (
     INK,
     MUTED,
@@ -35,10 +36,9 @@ from signorini_fx.addons.pictures.style import (
     readable,
     unit_of,
 )
-from signorini_fx.addons.pictures.tones import spaced, usual_range
 from signorini_fx.machine.result_files import Table
 from signorini_fx.mechanics.statement.units import bracketed, unit
-from signorini_fx.tuned import CLOSED_IN_PICTURE, LONGEST_ARROW, SURFACE_MARGIN
+from signorini_fx.tuned import CLOSED_IN_PICTURE, LONGEST_ARROW, MOST_ARROWS, SURFACE_MARGIN
 
 Rows = npt.NDArray[np.int64]
 
@@ -50,7 +50,6 @@ _POLYGONS = {
 }
 _UNTOUCHED = "#f0f0f0"
 _WIDTH = 5.4  # inches
-_ARROWS = 28  # number of arrows side by side along the longer side
 _LONG_NAME = 40  # letters of the name of a boundary behind which its title goes on in another line
 
 
@@ -84,10 +83,6 @@ def sides_of(table: Table, facets: Rows) -> list[VisibleSide]:
 
     A boundary that is so curved that parts of it face the other way, such as the wall of a hole, is seen from a second
     side as well, if anything is in contact there.
-
-    Args:
-        table: columns of ``contact.csv``.
-        facets: its rows at each facet in the order of VTK, see ``results.fields.facets_of``.
 
     Raises:
         ValueError: a facet of a shape that no contact surface has.
@@ -132,14 +127,8 @@ def contact_surface(
     contact area.  Below: the state of each node in the area halfway to its neighbours, and the slip as arrows,
     magnified as stated in the panel.
     If there are many arrows, some are left out.  If little of the boundary is in contact, the picture shows that part,
-    and says so.  Without friction: only pressure.
-
-    Args:
-        path_stem: where to write, without suffix.
-        table: columns of ``contact.csv`` of a scene in 3D, each of shape (n,).
-        facets: its rows at each facet in the order of VTK, shape (m, 3), (m, 4) or (m, 9).
-        title: title of the picture.
-        suffixes: of the files to write.
+    and says so.  Without friction: only pressure.  ``table``: columns of ``contact.csv``; ``facets``: its rows at each
+    facet in the order of VTK, shape (m, 3), (m, 4) or (m, 9).
 
     Raises:
         ValueError: the table has no rows.
@@ -312,7 +301,7 @@ def _arrows(
         return 0.0
     # The longest one first, so that it is never left out.
     order = np.lexsort((*np.round(side.nodes[rows] / size, 9).T[::-1], lengths < longest))
-    rows = spaced(side.nodes, rows[order], size / _ARROWS)
+    rows = spaced(side.nodes, rows[order], size / MOST_ARROWS)
     scaled = vectors[rows] * (LONGEST_ARROW * size / longest if factor is None else factor)
     length: dict[str, Any] = {"angles": "xy", "scale_units": "xy", "scale": 1.0, "units": "inches", "width": 0.018}
     head = {"headwidth": 3.2, "headlength": 4.2, "headaxislength": 3.8, "minlength": 0.4}

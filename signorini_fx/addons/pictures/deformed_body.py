@@ -17,9 +17,8 @@ from matplotlib.tri import Triangulation
 
 from signorini_fx.addons.pictures.body import DrawnBody
 from signorini_fx.addons.pictures.fields import FIELDS
-from signorini_fx.addons.pictures.marks import Largest, mark_largest
+from signorini_fx.addons.pictures.marks import Largest, Tones, mark_largest, usual_range
 from signorini_fx.addons.pictures.style import INK, MUTED, SCREEN, STYLE, VALUES, Floats, finish, math_number
-from signorini_fx.addons.pictures.tones import Tones, usual_range
 from signorini_fx.mechanics.statement.units import bracketed
 from signorini_fx.tuned import BENT_FOUNDATION, SMALL_PART, SMALL_ZONE, VISIBLE_CELL
 
@@ -31,13 +30,8 @@ Window = tuple[Floats, Floats]
 
 
 def keeps_shape(added: float, size: float, real: Floats, drawn: Floats) -> bool:
-    """Whether a foundation keeps its shape where its gap is magnified.
-
-    Args:
-        added: how much farther away it is drawn, length.
-        size: of the body, length.
-        real: directions of its pieces, along or perpendicular to them, shape (m, d).
-        drawn: those of the pieces that are drawn, shape (m, d).
+    """Whether a foundation keeps its shape where its gap is magnified: it is drawn so much farther away, and its pieces
+    have directions, along or perpendicular to them, shape (m, d).
     """
     lengths = np.linalg.norm(real, axis=1) * np.linalg.norm(drawn, axis=1)
     return added <= SMALL_PART * size and bool((np.einsum("ij,ij->i", real, drawn) >= _BENT * lengths).all())
@@ -102,16 +96,7 @@ def deformed_mesh(
     the mesh is coarse enough to see them; the body's outline always is.  Where a singular corner would leave the rest
     of the body without colour, the scale ends at the value that 99 % of the area stays below; an arrow at the colour
     bar says that there is more.  A circle marks the largest value, and a gray line is the outline of the undeformed
-    body, whose coordinates stand at the axes.
-
-    Args:
-        path_stem: where to write, without suffix.
-        body: what is drawn.
-        name: of the field, in ``FIELDS``.
-        foundation: None: none is drawn.
-        largest: what the circle marks; None: no circle.
-        title: what to say above the picture.
-        suffixes: of the files to write.
+    body, whose coordinates stand at the axes.  ``name``: of the field, in ``FIELDS``.
 
     Raises:
         ValueError: there are no cells.

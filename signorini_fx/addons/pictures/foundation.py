@@ -11,7 +11,7 @@ from signorini_fx.addons.pictures import view
 from signorini_fx.addons.pictures.deformed_body import keeps_shape
 from signorini_fx.addons.pictures.style import Floats
 from signorini_fx.addons.pictures.view import normals_of
-from signorini_fx.tuned import PLANE_MARGIN
+from signorini_fx.tuned import SURFACE_MARGIN
 
 Rows = npt.NDArray[np.int64]
 
@@ -58,12 +58,7 @@ class FoundationSurface:
         return np.where(outwards[:, None], self.facets[:, ::-1], self.facets)
 
     def looks_like_itself(self, factor: float, size: float) -> bool:
-        """Whether it keeps its shape where its gap is magnified.
-
-        Args:
-            factor: of the gap.
-            size: of the body, length.
-        """
+        """Whether it keeps its shape where its gap is times a factor; ``size``: of the body, length."""
         real, drawn = (normals_of(self.drawn(scale), self.facets) for scale in (1.0, factor))
         return keeps_shape((factor - 1) * float(np.abs(self.gap).max(initial=0.0)), size, real, drawn)
 
@@ -82,7 +77,7 @@ def plane_of(points: Floats) -> Floats | None:
         seen = view.View(axes[0], axes[1], axes[2])
     flat = seen.flat(points)
     low, high = flat.min(axis=0), flat.max(axis=0)
-    margin = PLANE_MARGIN * float(max(high - low))
+    margin = SURFACE_MARGIN * float(max(high - low))
     (left_edge, bottom), (right_edge, top) = low - margin, high + margin
     height = float(middle @ seen.toward)
     corners = [(left_edge, bottom), (right_edge, bottom), (right_edge, top), (left_edge, top)]

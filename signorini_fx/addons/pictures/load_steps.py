@@ -53,12 +53,8 @@ def load_steps(path_stem: str | Path, steps: Table, *, around: bool = False, suf
     """Draw the forces of the foundation on the body step by step, and below the largest component of the friction force
     against the motion, or the torque of friction; of several boundaries the largest components of each.  On a boundary
     that closes around a body forces balance each other: there the integral of the pressure and the moment of friction.
-
-    Args:
-        path_stem: where to write, without suffix.
-        steps: columns of ``steps.csv`` of a scene with contact, each of shape (n,).
-        around: whether the body is one of revolution: radial components cancel each other, and are no forces.
-        suffixes: of the files to write.
+    ``steps``: columns of ``steps.csv``; ``around``: whether the body is one of revolution, where radial forces
+    cancel each other.
     """
     solved = np.asarray(steps["status"]) == Status.CONVERGED.value
     if solved.any():  # the figures of a step without a solution mean nothing
@@ -158,13 +154,8 @@ def errors_and_costs(
 ) -> None:
     """Estimated errors against the unknowns, and against the time: one point per mesh, open the next one, predicted.
 
-    The time is that of all meshes up to this one, as a nested iteration needs them all.
-
-    Args:
-        path_stem: the files without their ending.
-        rows: the rows of convergence_table.csv, coarsest mesh first, the predicted one last.
-        title: title of the scene.
-        suffixes: of the files to write.
+    The time is that of all meshes up to this one, as a nested iteration needs them all.  ``rows``: of
+    convergence_table.csv, coarsest mesh first, the predicted one last.
     """
     seconds = list(itertools.accumulate(row["seconds"] for row in rows))
     costs = {"unknowns": [row["dofs"] for row in rows], "seconds, all meshes so far": seconds}

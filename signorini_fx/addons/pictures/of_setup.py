@@ -31,13 +31,7 @@ Floats = npt.NDArray[np.float64]
 
 
 def gather_setup(tagged: TaggedMesh, statement: Statement | None = None, title: str = "") -> Setup:
-    """A body with all that acts on its boundaries, on the first rank; on the others without facets; collective.
-
-    Args:
-        tagged: its mesh.
-        statement: what acts; None: nothing.
-        title: of the picture.
-    """
+    """A body with all that acts on its boundaries, on the first rank; on the others without facets; collective."""
     mesh, dim, comm = tagged.mesh, tagged.dimension, tagged.mesh.comm
     mesh.topology.create_connectivity(dim - 1, dim)
     if dim == 2:

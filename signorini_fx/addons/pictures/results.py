@@ -120,14 +120,8 @@ class ResultPictures:
         steps: Table | None = None,
         largest: tuple[Sequence[float], str] | None = None,
     ) -> None:
-        """All of them.
-
-        Args:
-            folder: where to write.
-            contact: the columns of contact.csv; None: without contact.
-            facets: of a body in 3D, its rows at each facet of the contact surface, see ``results.fields.facets_of``.
-            steps: the columns of steps.csv if there are several.
-            largest: where the von Mises stress is largest, and its value; None: there is none that may be used.
+        """All of them.  ``contact``: columns of contact.csv; ``facets``: its rows at each facet of a surface in 3D;
+        ``steps``: columns of steps.csv; ``largest``: where the von Mises stress is largest, and its value.
 
         Raises:
             PictureError: a body in 3D cannot be drawn; all other pictures are there.

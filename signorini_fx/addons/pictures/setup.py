@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from signorini_fx.addons.pictures import view
-from signorini_fx.addons.pictures.marks import draw_lengths
+from signorini_fx.addons.pictures.marks import draw_lengths, spaced
 from signorini_fx.addons.pictures.style import (
     BLUE,
     INK,
@@ -29,14 +29,13 @@ from signorini_fx.addons.pictures.style import (
     math_number,
     plain,
 )
-from signorini_fx.addons.pictures.tones import spaced
 from signorini_fx.mechanics.statement.units import bracketed, labelled, unit
 from signorini_fx.tuned import (
+    BODY_INCHES,
     COLOURS_ABOVE,
     LONGEST_ARROW_OF_SETUP,
     MOST_ARROWS,
     MOST_STROKES,
-    SETUP_INCHES,
     SMALLEST_ARROW,
 )
 
@@ -96,10 +95,6 @@ class Setup:
         Each boundary has a colour, and the legend says what acts on it.  Arrows are loads by their size, and prescribed
         displacements that are not nought, pale on hidden sides.  Squares and circles are supports.
 
-        Args:
-            path_stem: where to write, without suffix.
-            suffixes: of the files to write.
-
         Raises:
             PictureError: in 3D, PyVista is missing.
         """
@@ -132,7 +127,7 @@ class Setup:
         points = self.polygons.reshape(-1, 2)
         aside = (0.17 if any(boundary.kinds for boundary in self.boundaries) else 0.05) * self._size
         low, high = points.min(axis=0) - aside, points.max(axis=0) + aside
-        width, height = (high - low) * SETUP_INCHES / float((high - low).max())
+        width, height = (high - low) * BODY_INCHES / float((high - low).max())
         figure = Figure(figsize=(max(width, 3.4), height + 0.6), layout="constrained")
         axes = figure.subplots()
         edges: dict[str, Any] = (
@@ -182,7 +177,7 @@ class Setup:
         )
         seen, steps = view.oblique(), 0.1 * self._size * np.concatenate((np.eye(3), -np.eye(3)))
         camera = view.Camera.on(seen, np.concatenate([body.points + step for step in steps]))
-        figure, axes = figure_of(body, camera, SETUP_INCHES / (2 * float(camera.half.max())))
+        figure, axes = figure_of(body, camera, BODY_INCHES / (2 * float(camera.half.max())))
         draw_lengths(axes, self.polygons.reshape(-1, 3), camera)
         return figure, camera.flat, seen.toward
 

@@ -22,20 +22,18 @@ from signorini_fx.addons.pictures import view
 from signorini_fx.addons.pictures.body import DrawnBody
 from signorini_fx.addons.pictures.fields import FIELDS
 from signorini_fx.addons.pictures.foundation import FoundationSurface
-from signorini_fx.addons.pictures.marks import Largest, draw_lengths, mark_largest
+from signorini_fx.addons.pictures.marks import Largest, Tones, draw_lengths, mark_largest
 from signorini_fx.addons.pictures.style import INK, MUTED, SCREEN, STYLE, VALUES, Floats, finish, math_number
-from signorini_fx.addons.pictures.tones import Tones
 from signorini_fx.addons.pictures.view import Camera, View, normals_of
 from signorini_fx.errors import PYVISTA, PictureError
 from signorini_fx.tuned import (
     AMBIENT_LIGHT,
-    LAMPS,
+    BODY_INCHES,
     NARROWEST,
     PIXELS_PER_INCH,
     PREFERRED_GAIN,
     SAME_LENGTH,
     SHARP_EDGE,
-    SOLID_INCHES,
     VISIBLE_FACET,
 )
 
@@ -72,16 +70,6 @@ def deformed_solid(
     suffixes: Sequence[str] = SCREEN,
 ) -> None:
     """Write the picture that ``solid_figure`` draws.
-
-    Args:
-        path_stem: where to write, without suffix.
-        body: what is drawn.
-        name: of the field, in ``FIELDS``.
-        seen: the view.
-        foundations: of each contact boundary.
-        largest: what a circle marks; None: no circle.
-        title: title of the picture.
-        suffixes: of the files to write.
 
     Raises:
         PictureError: PyVista is missing.
@@ -125,7 +113,7 @@ def solid_figure(
     solid = Solid(moved, body.triangles, corners, (tones.low, tones.high), grounds=grounds)
     ends = [entry.surface[0] for entry in foundations if entry.surface is not None and not entry.is_plane]
     camera = Camera.on(seen, _extent(solid, body.points, ends if factor == 1 else []))
-    inch = SOLID_INCHES / (2 * float(camera.half.max()))
+    inch = BODY_INCHES / (2 * float(camera.half.max()))
     facets = np.linalg.norm(normals_of(moved, body.perimeters), axis=1)
     visible = math.sqrt(float(np.median(facets))) * 72 * inch >= VISIBLE_FACET
     at_rest = None if factor == 1 else body.points
@@ -199,14 +187,12 @@ def image(solid: Solid, camera: Camera, width: int) -> npt.NDArray[np.uint8]:
 
     vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_OFF)  # of the displays that it tries
     size = (width, round(width * float(camera.half[1] / camera.half[0])))
-    plotter = pyvista.Plotter(off_screen=True, window_size=size)
+    plotter = pyvista.Plotter(off_screen=True, window_size=size, lighting="none")
     try:
         plotter.set_background("white")
         plotter.enable_anti_aliasing("ssaa")
         _draw(plotter, solid)
-        plotter.remove_all_lights()
-        for position, bright in LAMPS:
-            plotter.add_light(pyvista.Light(position=position, intensity=bright, light_type="camera light"))
+        plotter.add_light(pyvista.Light(light_type="headlight"))
         plotter.camera.position = camera.centre + 4 * float(np.linalg.norm(camera.half)) * camera.view.toward
         plotter.camera.focal_point = camera.centre
         plotter.camera.up = camera.view.up

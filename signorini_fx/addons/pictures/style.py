@@ -127,7 +127,9 @@ def _entitle(figure: Figure, title: str) -> None:
 
 
 def finish(figure: Figure, path_stem: str | Path, title: str, suffixes: Sequence[str] = SCREEN) -> None:
-    """Title the figure and write it; without dates, so that the same data give the same files."""
+    """Title the figure and write it; without dates, so that the same data give the same files.  ``path_stem``: where to
+    write, without suffix; ``suffixes``: of the files to write.
+    """
     stem = Path(path_stem)
     stem.parent.mkdir(parents=True, exist_ok=True)
     dateless = {".pdf": {"CreationDate": None}, ".svg": {"Date": None}}

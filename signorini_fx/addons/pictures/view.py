@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from signorini_fx.addons.pictures.style import Floats
-from signorini_fx.tuned import ALONG_AXIS, UPRIGHT
+from signorini_fx.tuned import ALONG_AXIS
 
 _MARGIN = 0.06  # around what is seen, of the longer side of the window
 
@@ -68,7 +68,7 @@ def along(direction: Floats) -> View:
     axis = int(np.argmax(np.abs(sight)))
     if abs(sight[axis]) > ALONG_AXIS:
         sight = np.sign(sight[axis]) * np.eye(3)[axis]
-    return View.against(sight, np.eye(3)[1 if abs(sight[2]) > UPRIGHT else 2])
+    return View.against(sight, np.eye(3)[1 if abs(sight[2]) > ALONG_AXIS else 2])
 
 
 def oblique(azimuth: float = -58.0, elevation: float = 24.0) -> View:

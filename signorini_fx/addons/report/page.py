@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from signorini_fx import __version__
-from signorini_fx.addons.report import evidence, sections
+from signorini_fx.addons.report import sections
 from signorini_fx.addons.report.markup import Markup, joined, part, rendered
 from signorini_fx.errors import OutputError, ResultError, cannot_be_written
 from signorini_fx.machine import manifest
@@ -67,15 +67,15 @@ def _page(summary: dict[str, Any], folder: Path) -> str:
             raise ValueError(f"steps.csv has {len(table['step'])} rows, {len(summary['steps'])} are expected")
         chapters["Load steps"] = sections.steps(table, summary, folder)
     if "convergence_table" in summary:
-        chapters["Convergence table"] = evidence.convergence_table(summary["convergence_table"])
-    chapters["Certificate"] = evidence.certificate(summary) if solved else Markup("")
-    chapters["Scene and effects"] = evidence.scene(summary)
+        chapters["Convergence table"] = sections.convergence_table(summary["convergence_table"])
+    chapters["Certificate"] = sections.certificate(summary) if solved else Markup("")
+    chapters["Scene and effects"] = sections.scene(summary)
     if solved and contact:
-        chapters["Iteration"] = evidence.history(summary)
+        chapters["Iteration"] = sections.history(summary)
     for heading in _OF_FIGURES:
         if no_result and chapters.get(heading):
             chapters[heading] = joined([part("note", no_result), chapters[heading]])
-    chapters["Made with"] = evidence.made_with(summary)
+    chapters["Made with"] = sections.made_with(summary)
     block = summary["scene"].get("title_block", {})
     style = resources.files("signorini_fx.addons.report").joinpath("report.css")
     text = rendered(

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from signorini_fx.errors import OptionsError, OutputError, SceneError, SignoriniError, cannot_be_written
 from signorini_fx.extensions import add_on
 from signorini_fx.machine import terminal
-from signorini_fx.scenes.cli.exit_codes import EXIT_INCOMPLETE, EXIT_NO_SOLUTION, EXIT_OK, of_solve
+from signorini_fx.scenes.cli.exit_codes import EXIT_INCOMPLETE, EXIT_NO_SOLUTION, EXIT_OK
 from signorini_fx.scenes.cli.grammar import changes, several_values
 
 if TYPE_CHECKING:
@@ -122,13 +122,12 @@ def solve(options: argparse.Namespace) -> int:
         # The summary above has said what to do.
         ended = terminal.TerminalLine("signorini-fx: ", outcome(solution, advice=options.quiet), "error")
         parallel.log_on_root(comm, [ended], error=True)
-    lacking = len(solution.statement.incomplete)
-    code = of_solve(converged=solution.converged, incomplete=lacking > 0)
-    if code == EXIT_INCOMPLETE:
+        return EXIT_NO_SOLUTION
+    if lacking := len(solution.statement.incomplete):
         why = f"the scene lacks {lacking} of what was meant, see incomplete"
         told = terminal.TerminalLine("signorini-fx: ", f"these are results of another problem: {why}", "error")
         parallel.log_on_root(comm, [told], error=True)
-    return code
+    return EXIT_INCOMPLETE if lacking else EXIT_OK
 
 
 class _SolveProgress:

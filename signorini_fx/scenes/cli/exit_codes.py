@@ -18,18 +18,6 @@ EXIT_OK, EXIT_NO_SOLUTION, EXIT_BAD_INPUT, EXIT_CRASH, EXIT_INCOMPLETE, EXIT_INT
 _OUT_OF_MEMORY = "memory ran out: signorini-fx check says how much a scene needs; ulimit -a shows the limits"
 
 
-def of_solve(*, converged: bool, incomplete: bool) -> int:
-    """With which a solve ends that has an outcome.
-
-    Args:
-        converged: whether it is a solution, as accurate as required.
-        incomplete: whether the scene lacks something of what was meant.
-    """
-    if not converged:
-        return EXIT_NO_SOLUTION
-    return EXIT_INCOMPLETE if incomplete else EXIT_OK
-
-
 def _complain(text: object) -> int:
     first, *remainder = str(text).split("\n", 1)
     begin = terminal.TerminalLine("signorini-fx: error: ", first, "error")
