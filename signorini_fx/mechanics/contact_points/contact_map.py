@@ -128,8 +128,8 @@ def _lift(boundary: ContactBoundary, operator: PETSc.Mat) -> PETSc.Mat | None:
     averages = boundary.averages
     if averages is None or not averages.paired or averages.lift is None:
         return None
-    shared = boundary.points.shared
-    if parallel.any_rank(boundary.comm, shared is not None and shared.here.size > 0):
+    alone = boundary.nodes[np.diff(averages.shares.indptr) == 1]
+    if parallel.any_rank(boundary.comm, np.unique(alone).size < alone.size):
         return None
     dim = boundary.x.shape[1]
     blocks, size = (boundary.coframes, np.arange(boundary.size), np.arange(boundary.size + 1)), dim * boundary.size
