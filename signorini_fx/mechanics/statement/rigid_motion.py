@@ -12,7 +12,7 @@ from typing import Annotated, Any
 
 import numpy as np
 import numpy.typing as npt
-from pydantic import AfterValidator, Field
+from pydantic import AfterValidator
 
 from signorini_fx.mechanics.statement.base import Table
 from signorini_fx.mechanics.statement.expressions import Expression
@@ -30,11 +30,23 @@ def _of_time(entry: Any) -> Any:
     return entry
 
 
+def _two_or_three(numbers: tuple[Any, ...]) -> tuple[Any, ...]:
+    if len(numbers) not in (2, 3):
+        raise ValueError("two numbers are expected, in 3D three")
+    return numbers
+
+
+def _three(numbers: tuple[Any, ...]) -> tuple[Any, ...]:
+    if len(numbers) != 3:
+        raise ValueError("a number is expected, in 3D three")
+    return numbers
+
+
 # A number, or an expression of the time t.
 Timed = Annotated[TimedSampledValue, AfterValidator(_of_time)]
-TimedVector = Annotated[tuple[Timed, ...], Field(min_length=2, max_length=3)]
+TimedVector = Annotated[tuple[Timed, ...], AfterValidator(_two_or_three)]
 # A number in 2D, three in 3D.
-TimedAngle = Annotated[tuple[Timed, ...], Field(min_length=3, max_length=3)] | Timed
+TimedAngle = Annotated[tuple[Timed, ...], AfterValidator(_three)] | Timed
 
 
 class Prescribed(Table):
