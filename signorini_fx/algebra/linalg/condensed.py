@@ -19,7 +19,6 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
-from mpi4py import MPI
 from petsc4py import PETSc
 
 from signorini_fx.algebra.linalg import ElasticSystem
@@ -59,7 +58,11 @@ class CondensedSystem(ElasticSystem):
         else:
             condensed = [schur.condense(case.load) for case in e.cases]
         contact = reaching.among(retained, reaching.fixed[retained])
-        matrix = dense_matrix(e.comm, schur.dense, retained.size)
+        before = parallel.rows_before(e.comm, retained.size)
+        columns = np.ascontiguousarray(schur.dense[:, before : before + retained.size])
+        sizes = (retained.size, None)
+        matrix = PETSc.Mat().createDense((sizes, sizes), array=columns.T, comm=e.comm)
+        matrix.assemble()
         load, start = matrix.createVecRight(), matrix.createVecRight()
         resultant = np.zeros(e.free)
         system = cls(matrix, load, start, resultant, contact, e, [], schur)
@@ -142,12 +145,3 @@ class _CondensedCase:
     load: npt.NDArray[np.float64]
     start: npt.NDArray[np.float64]
     between: npt.NDArray[np.float64]
-
-
-def dense_matrix(comm: MPI.Comm, entries: npt.NDArray[np.float64], owned: int) -> PETSc.Mat:
-    """A symmetric dense matrix that every rank has, distributed with so many rows on this rank; collective."""
-    first = parallel.rows_before(comm, owned)
-    columns = np.ascontiguousarray(entries[:, first : first + owned])
-    matrix = PETSc.Mat().createDense(((owned, None), (owned, None)), array=columns.T, comm=comm)
-    matrix.assemble()
-    return matrix

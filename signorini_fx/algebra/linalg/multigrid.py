@@ -35,7 +35,7 @@ from signorini_fx.algebra.linalg.petsc_c import call
 from signorini_fx.algebra.linalg.rigid_unknowns import relative_to_rigid_bodies, with_rigid_bodies
 from signorini_fx.algebra.linalg.truncation import TruncatedLevels
 from signorini_fx.machine import parallel
-from signorini_fx.tuned import FEWEST_BLOCK_UNKNOWNS, NEGLIGIBLE, NOTABLE, NOTHING_LEFT
+from signorini_fx.tuned import FEWEST_BLOCK_UNKNOWNS, NEGLIGIBLE, NOTABLE, NOTHING_LEFT, SAME_NUMBER
 
 Array = npt.NDArray[np.float64]
 _ESTIMATING_STEPS = 10
@@ -170,7 +170,7 @@ def _largest_eigenvalue(matrix: PETSc.Mat) -> float:
     ksp.setOperators(matrix)
     ksp.setType(PETSc.KSP.Type.CG)
     ksp.getPC().setType(PETSc.PC.Type.JACOBI)
-    ksp.setTolerances(rtol=1e-12, max_it=_ESTIMATING_STEPS)
+    ksp.setTolerances(rtol=SAME_NUMBER, max_it=_ESTIMATING_STEPS)
     ksp.setComputeEigenvalues(True)
     x, b = matrix.createVecs()
     ksp.solve(_irregular(b), x)

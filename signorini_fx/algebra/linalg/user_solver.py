@@ -22,7 +22,7 @@ from signorini_fx.algebra.linalg.elasticity import Elasticity
 from signorini_fx.algebra.linalg.full import AssembledSystem
 from signorini_fx.errors import InstallationError
 from signorini_fx.extensions import LINEAR_SOLVERS, load
-from signorini_fx.tuned import KRYLOV_STEPS, LEFT_BY_SOLVES, NO_FORCE
+from signorini_fx.tuned import KRYLOV_STEPS, LEFT_BY_SOLVES, NO_FORCE, ZERO_COMPONENT
 
 
 class LinearSolver(Protocol):
@@ -122,5 +122,5 @@ class UserSystem(AssembledSystem):
     def keep_factor(self, ksp: PETSc.KSP, unchanged: bool, forces: float, *, exact: bool = False) -> bool:
         """For the same matrix; the residual is measured against the forces."""
         if not petsc_options.user_sets("ksp_"):
-            ksp.setTolerances(rtol=1e-15, atol=LEFT_BY_SOLVES * forces)
+            ksp.setTolerances(rtol=ZERO_COMPONENT, atol=LEFT_BY_SOLVES * forces)
         return unchanged

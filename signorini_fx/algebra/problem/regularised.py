@@ -140,10 +140,6 @@ class RegularisedProblem:
         pressure, _ = multipliers(self.sets, u_n, u_t, data)
         return data.friction_bound(pressure), data.friction_bound(trial_pressure(u_n, data))
 
-    def away(self, x: PETSc.Vec) -> Nodal:
-        """Distance of mu from the projection (3.4) at each contact point, stress, shape (n,)."""
-        return law_residual(self.sets, *self.system.contact.traces(x), self.data)
-
     @called_back
     def residual(self, snes: PETSc.SNES | None, x: PETSc.Vec, f: PETSc.Vec) -> None:
         """The residual with the sets that follow from x."""
@@ -195,7 +191,8 @@ class RegularisedProblem:
         # What follows the pressure of nodes that supports press into the foundation is no scale for others, nor is
         # what a pressure and a shear undo in each other.
         felt = np.maximum(felt_ratio * self.points.felt(np.where(np.isfinite(bound), bound, 0.0)), felt)
-        away, size = map(self.groups.largest, (self.away(x), felt))
+        distance = law_residual(self.sets, *self.system.contact.traces(x), self.data)
+        away, size = map(self.groups.largest, (distance, felt))
         size = self.scales(size, x)
         if self.system.contact.paired:
             size = np.maximum(size, self._least_traction(x))
@@ -306,16 +303,11 @@ class RegularisedProblem:
 
     def _acting(self, forces: PETSc.Vec) -> float:
         """Size of forces without those beside a prescribed row, and in it; collective."""
-        free = self._scratch
-        forces.copy(free)
+        free = forces.copy()
         if self._lifted is not None:
             free.axpy(-1.0, self._lifted)
         free.getArray()[self.system.contact.fixed] = 0.0
         return float(free.norm())
-
-    @cached_property
-    def _scratch(self) -> PETSc.Vec:
-        return self.system.load.duplicate()
 
     def _least_traction(self, x: PETSc.Vec) -> float:
         """What the penalty makes of ``ATTAINABLE_SHARE`` times the largest displacements of two bodies, stress; in
