@@ -346,14 +346,14 @@ def read_csv(file: Path) -> Printed:
 
     values, half = columns("ux", "uy", "uz")
     points = columns("x", "y", "z")[0] if at.keys() & {"x", "y", "z"} else None
-    numbers = None
+    numbers: Ints | None = None
     if "node" in at:
-        numbers = columns("node")[0][:, 0]
-        wrong = ~(np.abs(numbers) < _LARGEST) | (numbers != np.rint(numbers))
+        given = columns("node")[0][:, 0]
+        wrong = ~(np.abs(given) < _LARGEST) | (given != np.rint(given))
         if wrong.any():
             row = int(np.argmax(wrong))
-            raise MeshError(f"{file}: line {lines[1 + row][0]}: {numbers[row]:g} is not the number of a node")
-        numbers = numbers.astype(np.int64)
+            raise MeshError(f"{file}: line {lines[1 + row][0]}: {given[row]:g} is not the number of a node")
+        numbers = given.astype(np.int64)
     return Printed(values, half, numbers, points)
 
 
