@@ -129,11 +129,6 @@ class MovingFoundations(Foundations):
         """Along the axis of a body of revolution alone, as forces around it cancel."""
         return bool(getattr(shape.prescribed, "x", None) == 0.0)
 
-    def sides_of(self, number: int, fixed: npt.NDArray[np.bool_], at_rest: npt.NDArray[np.bool_]) -> SlidingSides:
-        """Both sides of a pair, where supports hold and leave unknowns as in ``boundary``; collective."""
-        facing = self.facing(number, self.factor_of(number), fixed, None, at_rest)
-        return SlidingSides.from_facing(facing, self._contact[number].reach)
-
     def _paired(
         self,
         number: int,
@@ -325,10 +320,12 @@ class LinearisedProblem(FormSolver):
         """Renew the maps of pairs at the displacement of now; collective."""
         numbers = [k for k, entry in enumerate(self.contact) if slides(entry)]
         if numbers and not self.pairs:
-            fixed, values = prescribed(self.space, conditions_of(self.bcs, self.space))
-            at_rest, owned = self.foundations.at_rest(fixed, values), self.space.dofmap.index_map.size_local
-            owned *= self.space.dofmap.index_map_bs
-            sides = {k: self.foundations.sides_of(k, fixed[:owned], at_rest[:owned]) for k in numbers}
+            foundations, space = self.foundations, self.space
+            fixed, values = prescribed(space, conditions_of(self.bcs, space))
+            owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
+            at_rest, fixed = foundations.at_rest(fixed, values)[:owned], fixed[:owned]
+            facing = {k: foundations.facing(k, foundations.factor_of(k), fixed, None, at_rest) for k in numbers}
+            sides = {k: SlidingSides.from_facing(both, self.contact[k].reach) for k, both in facing.items()}
             pairs = {k: MovingPair(both) for k, both in sides.items()}
             reason = "no point of its side sees the other one within the reach: nothing would hold both together"
             unseen = [k for k, pair in pairs.items() if not pair.coupling.frames.partnered.any()]
@@ -366,37 +363,29 @@ class LinearisedProblem(FormSolver):
             rows = boundary.part == number
             origin = origin.copy()
             origin[rows] = np.einsum("nij,ni->nj", boundary.tangents[rows], pair.slip_origin)
-        begun = replace(begun, data=replace(begun.data, slip_origin=origin))
         if self.task.motions.count:
             begun = replace(begun, several=self.several)
             if self._last is None:
                 self.task.iterate.newton.begin_at(self.task.system.start)
             else:
                 self._last.taken_up(self.task, self.elastic, self.rigid)
-        places = self.places[boundary.nodes] - tools.at_points(boundary)
-        way = self._way()
+        places, way = self.places[boundary.nodes] - tools.at_points(boundary), self._way()
         if tools.there:  # their slips are counted from where a step has begun by their finite motion
             begins = np.einsum("nij,ni->nj", boundary.tangents, places - way)
             origin = np.where((tools.touching(boundary) >= 0)[:, None], begins, origin)
-            begun = replace(begun, data=replace(begun.data, slip_origin=origin))
-        if state is None or not len(self._hessians) == boundary.size == state.boundary.size:
-            return begun
-        slip = np.einsum("nij,ni->nj", boundary.tangents, places) - origin
-        slip -= np.einsum("nij,nik,nk->nj", boundary.tangents, state.boundary.cotangents, state.slip_length)
-        turned = left_by_turning(boundary, self._hessians, way, slip)
-        origin = origin + np.where(self._sticks[:, None], turned, 0.0)
+        if state is not None and len(self._hessians) == boundary.size == state.boundary.size:
+            slip = np.einsum("nij,ni->nj", boundary.tangents, places) - origin
+            slip -= np.einsum("nij,nik,nk->nj", boundary.tangents, state.boundary.cotangents, state.slip_length)
+            turned = left_by_turning(boundary, self._hessians, way, slip)
+            origin = origin + np.where(self._sticks[:, None], turned, 0.0)
         return replace(begun, data=replace(begun.data, slip_origin=origin))
 
     def _way(self) -> Array:
         """Of contact points relative to shapes since the step has begun, length, shape (n, d), without what forces
         move.
         """
-        boundary, previous = self.boundary, self.previous_step
-        dim, nodes = boundary.x.shape[1], boundary.nodes
-        if previous is None:
-            return self.places[nodes]
-        earlier = previous.displacement.x.array.reshape(-1, dim)[nodes]
-        return np.asarray(self.places[nodes] - earlier - (0.0 if previous.moved is None else previous.moved))
+        previous, way = self.previous_step, (self.places - self._begun_places)[self.boundary.nodes]
+        return way if previous is None or previous.moved is None else np.asarray(way - previous.moved)
 
     def _body(self, fixed: npt.NDArray[np.bool_], boundary: ContactBoundary) -> ElasticBody:
         """A tangent that is not definite is factorised whole. Its contact problem may have no solution: then a smaller
