@@ -47,9 +47,8 @@ from signorini_fx.forms.nonlinear.moving_shapes import (
 )
 from signorini_fx.forms.nonlinear.moving_tools import DisplacedRigidBodies, MovingTools
 from signorini_fx.forms.nonlinear.outcomes import State
-from signorini_fx.forms.nonlinear.residual import Residual
+from signorini_fx.forms.nonlinear.residual import Residual, Tangents, round_off
 from signorini_fx.forms.nonlinear.retained_points import RetainedPoints
-from signorini_fx.forms.nonlinear.tangent import Tangents, round_off
 from signorini_fx.forms.solver import FormSolver, StepBeginning
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.averages import averaging

@@ -27,10 +27,9 @@ from signorini_fx.forms.nonlinear.line_search import length_of_increment
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
 from signorini_fx.forms.nonlinear.outcomes import State
 from signorini_fx.forms.nonlinear.penetration import overlap, overlap_of_bodies
-from signorini_fx.forms.nonlinear.residual import Residual
+from signorini_fx.forms.nonlinear.residual import Residual, Tangents, round_off
 from signorini_fx.forms.nonlinear.results import SolvedBody
 from signorini_fx.forms.nonlinear.stability import Stability
-from signorini_fx.forms.nonlinear.tangent import Tangents, round_off
 from signorini_fx.forms.solver import StepBeginning
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.obstacles.shapes_inside import BodyCells

@@ -19,13 +19,11 @@ from signorini_fx.extensions import add_on
 from signorini_fx.forms.arguments import foundations_of
 from signorini_fx.forms.nonlinear.arguments import checked
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
-from signorini_fx.forms.nonlinear.load_continuation import Continuation
+from signorini_fx.forms.nonlinear.load_continuation import Continuation, RampStep, Way, way_to_load
 from signorini_fx.forms.nonlinear.moving_shapes import place
 from signorini_fx.forms.nonlinear.newton import EquilibriumSolver, NoEquilibrium
-from signorini_fx.forms.nonlinear.residual import Residual
+from signorini_fx.forms.nonlinear.residual import Residual, Tangents, refuse_miscompiled
 from signorini_fx.forms.nonlinear.results import findings_of, lost_digits, stress_error
-from signorini_fx.forms.nonlinear.step_sizes import RampStep, Way, way_to_load
-from signorini_fx.forms.nonlinear.tangent import Tangents, refuse_miscompiled
 from signorini_fx.forms.problem_of_forms import ProblemOfForms
 from signorini_fx.forms.steps import begun_path
 from signorini_fx.machine.compilation import compiling

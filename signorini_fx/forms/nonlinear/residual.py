@@ -1,19 +1,27 @@
-"""The residual F at values of the displacement, with the material's state there."""
+"""The residual F with the material's state, and its derivative: made with the quadrature of F, tried by differences."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
 
 import basix
 import numpy as np
 import numpy.typing as npt
+import ufl
 from dolfinx import fem
+from ufl.algorithms import compute_form_data
+from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering
+from ufl.algorithms.apply_derivatives import apply_derivatives
 
 from signorini_fx.errors import FormError
 from signorini_fx.machine import parallel
+from signorini_fx.machine.compilation import compiling
 from signorini_fx.mechanics.assembly.cell_gradients import CellSlopes
-from signorini_fx.mechanics.assembly.mesh_entities import assemble, determinants
+from signorini_fx.mechanics.assembly.mesh_entities import action, assemble, determinants
+from signorini_fx.tuned import DIFFERENCE_STRAINS, NEGLIGIBLE, NOTHING_LEFT, SAME_TANGENT, UNITS_OF_DIFFERENCE
 
 Array = npt.NDArray[np.float64]
 
@@ -88,3 +96,178 @@ class Residual:
             parallel.raise_together(self.u.function_space.mesh.comm, named)
         except FormError as failed:
             raise failed from error
+
+
+class Tangents:
+    """The user's tangent and the derivative of F, each compiled when it is first needed.
+
+    Args:
+        F: a UFL form with one argument.
+        J: the user's, UFL or compiled; None: there is none.
+        u: the Function that F is differentiated by.
+        options: of the form compiler, as ``dolfinx.fem.form`` takes them.
+
+    Attributes:
+        given: whether there is one of the user's.
+        trusted: whether that is known to be the derivative, and is not tried: near a yield stress no difference tells.
+    """
+
+    trusted = False
+
+    def __init__(self, F: Any, J: Any, u: fem.Function, options: dict[str, Any]) -> None:
+        self.given = J is not None
+        self._F, self._J, self._u, self._options = F, J, u, options
+
+    @property
+    def leading(self) -> fem.Form:
+        """The one that leads Newton's method; collective."""
+        return self._leading if self.given else self.derivative
+
+    @cached_property
+    def _leading(self) -> fem.Form:
+        return self._compiled(self._J)
+
+    @property
+    def affine(self) -> bool:
+        """Whether the tangent of Newton's method is the derivative of F, and the same at all displacements."""
+        return self.bilinear is not None
+
+    @cached_property
+    def bilinear(self) -> Any:
+        """F' in UFL where it is the same at all displacements; else, and where there is one of the user's, None."""
+        if self.given:
+            return None
+        form = ufl.derivative(self._F, self._u, ufl.TrialFunction(self._u.function_space))
+        lowered = apply_derivatives(apply_algebra_lowering(form))
+        return None if self._u in lowered.coefficients() else lowered
+
+    @cached_property
+    def derivative(self) -> fem.Form:
+        """That of F; collective."""
+        return self._compiled(derivative(self._F, self._u, ufl.TrialFunction(self._u.function_space)))
+
+    def _compiled(self, form: Any) -> fem.Form:
+        with compiling():
+            return form if isinstance(form, fem.Form) else fem.form(form, **self._options)
+
+
+def derivative(F: Any, u: fem.Function, trial: Any) -> Any:
+    """F'(u) along ``trial``, integrated where F is, as UFL by default estimates a higher degree for it."""
+    lowered = compute_form_data(
+        F,
+        do_apply_function_pullbacks=True,
+        do_apply_integral_scaling=True,
+        do_apply_geometry_lowering=True,
+        preserve_geometry_types=(ufl.classes.Jacobian,),
+        do_apply_restrictions=True,
+        do_append_everywhere_integrals=False,
+    )
+    estimated = dict[tuple[str, Any], int]()
+    for data in lowered.integral_data:
+        for integral in data.integrals:
+            if "quadrature_degree" in integral.metadata():
+                continue
+            for number in data.subdomain_id:
+                key = (data.integral_type, number)
+                degree = int(np.max(integral.metadata()["estimated_polynomial_degree"]))
+                estimated[key] = max(estimated.get(key, 0), degree)
+
+    def as_assembled(integral: Any) -> Any:
+        numbers = integral.subdomain_id()
+        numbers = numbers if isinstance(numbers, tuple) else ("otherwise" if numbers == "everywhere" else numbers,)
+        degrees = [estimated[key] for number in numbers if (key := (integral.integral_type(), number)) in estimated]
+        if "quadrature_degree" in integral.metadata() or not degrees:
+            return integral
+        return integral.reconstruct(metadata={**integral.metadata(), "quadrature_degree": max(degrees)})
+
+    return ufl.derivative(ufl.Form([as_assembled(integral) for integral in F.integrals()]), u, trial)
+
+
+def is_derivative(form: fem.Form, residual: Residual, values: Array, free: npt.NDArray[np.bool_]) -> bool:
+    """Whether the product of a bilinear form with random displacements is what F changes by at values of ``u``, at the
+    owned unknowns that are not prescribed; collective.
+
+    Where a change leads across a yield surface, forces change otherwise ahead than behind: either is a derivative.
+    """
+    u, comm = residual.u, residual.u.function_space.mesh.comm
+
+    def agrees(strain: float) -> bool:
+        """Over a change of strain of this size."""
+        now, direction = residual.at(values), random_direction(u, strain)
+        direction.x.array[: free.size][~free] = 0.0
+        direction.x.scatter_forward()
+        nodes = direction.x.array.size // u.function_space.dofmap.index_map_bs
+        predicted = action((form,), direction, np.arange(nodes, dtype=np.int32))
+        ahead, behind = (residual.at(values + sign * direction.x.array) for sign in (1.0, -1.0))
+        if now is None or ahead is None or behind is None:
+            return False
+        apart = np.abs(predicted - (ahead - behind) / 2) - np.abs(ahead - 2 * now + behind) / 2
+        error = np.where(free, np.maximum(apart, 0.0), 0.0)
+        squares = parallel.global_sum(comm, np.array([error @ error, (predicted * free) @ predicted]))
+        return bool(squares[0] <= SAME_TANGENT**2 * squares[1])
+
+    fits = any(map(agrees, DIFFERENCE_STRAINS))
+    residual.go_to(values)
+    return fits
+
+
+def random_direction(u: fem.Function, strain: float) -> fem.Function:
+    """A displacement that strains each cell by about this much, the same on any number of ranks only in size."""
+    space, direction = u.function_space, fem.Function(u.function_space)
+    mesh, tdim, dim = space.mesh, space.mesh.topology.dim, space.dofmap.index_map_bs
+    cells = mesh.topology.index_map(tdim)
+    count = cells.size_local + cells.num_ghosts
+    smallest = np.full(direction.x.array.size // dim, np.inf)  # cell around each node
+    np.minimum.at(smallest, space.dofmap.list[:count], mesh.h(tdim, np.arange(count, dtype=np.int32))[:, None])
+    signs = np.random.default_rng(mesh.comm.rank).choice([-1.0, 1.0], direction.x.array.size)
+    direction.x.array[:] = strain * np.repeat(smallest, dim) * signs
+    direction.x.scatter_forward()
+    return direction
+
+
+def round_off(residual: Residual, forces: Array) -> Array:
+    """What round-off changes of F, shape (owned dofs,), which is ``forces`` at ``u``; collective.
+
+    It is measured: over a change that is large beside round-off, and small beside anything else, F is linear, so that
+    its second difference is round-off of three evaluations. A residual that computes I + grad u has that of the unit,
+    however small u is; one that computes strains from grad u alone that of the strains. At some unknowns it is nothing
+    by chance: they have the mean of all, quadratic.
+    """
+    u, unit = residual.u, UNITS_OF_DIFFERENCE * float(np.finfo(float).eps)
+    values = u.x.array.copy()
+    change = random_direction(u, unit).x.array
+    last_digits = unit * np.abs(values) * np.sign(change)
+    change = np.where(np.abs(last_digits) > np.abs(change), last_digits, change)
+    ahead, behind = (residual.at(values + sign * change) for sign in (1.0, -1.0))
+    residual.go_to(values)
+    if ahead is None or behind is None:
+        return np.zeros_like(forces)
+    # The variances of three evaluations add up: 1 + 4 + 1.
+    comm, lost = u.function_space.mesh.comm, np.abs(ahead - 2 * forces + behind) / np.sqrt(6)
+    squares, count = parallel.global_sum(comm, np.array([lost @ lost, lost.size]))
+    return np.asarray(np.maximum(lost, np.sqrt(squares / count)))
+
+
+def refuse_miscompiled(F: Any, residual: fem.Form, u: fem.Function, options: dict[str, Any]) -> None:
+    """Compare a compiled residual with the sum of its integrals by each quadrature rule, where F has several;
+    collective.
+
+    Raises FormError: they differ.
+    """
+    rules: dict[Any, list[Any]] = {}
+    for integral in F.integrals():
+        rules.setdefault(integral.metadata().get("quadrature_degree"), []).append(integral)
+    if len(rules) < 2:
+        return
+    with compiling():
+        parts = [fem.form(ufl.Form(integrals), **options) for integrals in rules.values()]
+    values = u.x.array.copy()
+    u.x.array[:] += random_direction(u, NEGLIGIBLE).x.array
+    whole, summed = assemble(residual), np.sum([assemble(part) for part in parts], axis=0)
+    u.x.array[:] = values
+    comm = u.function_space.mesh.comm
+    wrong, size = (parallel.largest(comm, np.abs(forces), 0.0) for forces in (whole - summed, summed))
+    if np.isfinite(size) and not wrong <= NOTHING_LEFT * size:
+        why = "is compiled wrongly: FFCx takes a quadrature rule of one point beside another one for something else, "
+        cure = f"{wrong / size:.1e} from the sum over its rules; take no quadrature_degree below 2"
+        raise FormError([("F", why + cure)])

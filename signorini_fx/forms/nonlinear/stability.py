@@ -14,8 +14,7 @@ from signorini_fx.errors import FormError
 from signorini_fx.forms.elasticity import elastic_body
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
 from signorini_fx.forms.nonlinear.moving_shapes import turning_of
-from signorini_fx.forms.nonlinear.residual import Residual
-from signorini_fx.forms.nonlinear.tangent import Tangents, is_derivative
+from signorini_fx.forms.nonlinear.residual import Residual, Tangents, is_derivative
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import node_positions
 from signorini_fx.mechanics.contact_points.contact_map import block_diagonal
