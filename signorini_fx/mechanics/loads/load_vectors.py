@@ -135,13 +135,13 @@ class FormCoefficients:
     @cached_property
     def density(self) -> Any:
         """Mass per volume: a constant, or a function that is constant in each cell."""
-        (density,) = of_materials(self.statement, self.tagged, lambda material: (material.density or 0.0,))
+        (density,) = of_materials(self.statement, self.tagged, lambda material, _: (material.density or 0.0,))
         return density
 
     @cached_property
     def expansion(self) -> Any:
         """Coefficient of thermal expansion: a constant, or a function that is constant in each cell."""
-        (expansion,) = of_materials(self.statement, self.tagged, lambda material: (material.expansion or 0.0,))
+        (expansion,) = of_materials(self.statement, self.tagged, lambda material, _: (material.expansion or 0.0,))
         return expansion
 
     @cached_property

@@ -349,11 +349,9 @@ _SHAPES = {
     "circle": ("simple", "Circle"),
     "cone": ("simple", "Cone"),
     "cylinder": ("simple", "Cylinder"),
-    "edge": ("simple", "Edge"),
     "plane": ("simple", "Plane"),
     "polyline": ("polyline", "Polyline"),
     "sphere": ("simple", "Sphere"),
-    "spline": ("polyline", "Spline"),
     "surface": ("surface", "ClosedSurface"),
 }
 
@@ -388,6 +386,10 @@ def read_shape(entry: Any) -> Any:
         raise ValueError(f'a table is expected, such as {{ shape = "plane", point = [...] }}, not {kind_of(entry)}')
     name = entry.get("shape")
     if name not in [*_SHAPES] and name not in names():
+        from signorini_fx.removed import removal
+
+        if advice := removal(f"shape = {name}"):
+            raise ValueError(f"shape {shown(name)} {advice}")
         raise ValueError(f"shape must be one of {', '.join(names())}, got {shown(name)}")
     return TypeAdapter(shape_class(name)).validate_python(entry)
 
