@@ -71,12 +71,6 @@ class Kinematics:
         """In how many directions a uniform strain meets a stiffness; in plane stress it is free out of the plane."""
         return sum(i == j for i, j in self.stressed)
 
-    def components(self, tensor: Any) -> Any:
-        """The components ``pairs`` of a symmetric tensor as a UFL vector."""
-        import ufl
-
-        return ufl.as_vector([tensor[i, j] for i, j in self.pairs])
-
     def tensors(self, components: _Floats) -> _Floats:
         """Symmetric tensors, shape (..., 3, 3), from their components, with zeros out of the plane."""
         tensors = np.zeros((*components.shape[:-1], 3, 3))

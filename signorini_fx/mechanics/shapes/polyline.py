@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from itertools import chain
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Literal, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -11,10 +10,9 @@ from pydantic import Field, model_validator
 
 from signorini_fx.mechanics.statement.rigid_shape import Array, Shape
 from signorini_fx.mechanics.statement.values import Finite
-from signorini_fx.tuned import SAME_LENGTH
 
-# Products of points and pieces that are compared at a time, and pieces that are so few that all are.
-_AT_A_TIME, _FEW = 1_000_000, 256
+# Numbers that are compared at a time.
+_AT_A_TIME = 1_000_000
 
 Rows = npt.NDArray[np.int64]
 
@@ -83,15 +81,6 @@ class Polyline(Shape):
         return StraightPieces(walked, pieces)(x)
 
 
-def _parts_of(begin: Array, way: Array) -> tuple[Rows, Array, float]:
-    """The owners and middles of equal parts of pieces, none of which is longer than the mean piece, and its length."""
-    length = np.linalg.norm(way, axis=1)
-    parts = np.maximum(np.ceil(length / (longest := float(length.mean()))), 1).astype(np.int64)
-    owner = np.repeat(np.arange(len(way)), parts)
-    number = np.arange(parts.sum()) - np.repeat(np.cumsum(parts) - parts, parts)
-    return owner, begin[owner] + ((number + 0.5) / parts[owner])[:, None] * way[owner], longest
-
-
 class StraightPieces:
     """Signed distances from straight pieces, positive on their left, and the normals at the closest points.
 
@@ -101,25 +90,16 @@ class StraightPieces:
     """
 
     def __init__(self, corners: Array, pieces: Rows) -> None:
-        from scipy.spatial import cKDTree
-
         self._pieces, self._begin = pieces, corners[pieces[:, 0]]
-        way = corners[pieces[:, 1]] - self._begin
-        length = np.linalg.norm(way, axis=1)
-        self._along = way / length[:, None]
+        along = corners[pieces[:, 1]] - self._begin
+        length = np.linalg.norm(along, axis=1)
+        self._along = along / length[:, None]
         self._normals = np.column_stack((-self._along[:, 1], self._along[:, 0]))
         self._at_corner = np.zeros_like(corners)
         for column in (0, 1):
             np.add.at(self._at_corner, pieces[:, column], self._normals)
         self._first = np.where(np.isin(pieces[:, 0], pieces[:, 1]), 0.0, -np.inf)
         self._last = np.where(np.isin(pieces[:, 1], pieces[:, 0]), length, np.inf)
-        # All are compared where they are few, and always those that have no end.
-        ends = np.isfinite(self._last - self._first) & (len(pieces) > _FEW)
-        self._compared, searched = np.flatnonzero(~ends), np.flatnonzero(ends)
-        self._tree: Any = None
-        if searched.size:
-            owner, middle, self._part = _parts_of(self._begin[searched], way[searched])
-            self._owner, self._tree = searched[owner], cKDTree(middle)
 
     def __call__(self, x: Array) -> tuple[Array, Array]:
         """Shapes (n,) and (n, 2), for points of shape (n, 2)."""
@@ -141,32 +121,14 @@ class StraightPieces:
         """The closest piece of each point, the first one of several, and the place of the closest point on it, both of
         shape (n,), for points of shape (n, 2).
         """
-        chosen = np.zeros(len(x), dtype=np.int64)
-        counts, within = np.full(len(x), self._compared.size), np.zeros(len(x))
-        if self._tree is not None:
-            # The closest point is in a part, half of whose length is the most that it is away from its middle.
-            within = (self._tree.query(x)[0] + self._part / 2) * (1 + SAME_LENGTH)
-            counts += self._tree.query_ball_point(x, within, return_length=True)
-        for batch in np.split(np.arange(len(x)), np.flatnonzero(np.diff(np.cumsum(counts) // _AT_A_TIME)) + 1):
-            rows, pieces = np.repeat(batch, self._compared.size), np.tile(self._compared, batch.size)
-            if self._tree is not None:
-                near = self._tree.query_ball_point(x[batch], within[batch])
-                rows = np.concatenate((rows, np.repeat(batch, [len(neighbours) for neighbours in near])))
-                parts = np.fromiter(chain.from_iterable(near), np.int64)
-                pieces = np.concatenate((pieces, self._owner[parts]))
-                order = np.argsort(rows, kind="stable")
-                rows, pieces = rows[order], pieces[order]
-            at = self._share_of_closest(x[rows], pieces)[:, None]
-            distance = np.linalg.norm(x[rows] - self._begin[pieces] - at * self._along[pieces], axis=1)
-            starts = np.flatnonzero(np.diff(rows, prepend=-1))
-            least = np.repeat(np.minimum.reduceat(distance, starts), np.diff(starts, append=len(rows)))
-            chosen[batch] = np.minimum.reduceat(np.where(distance == least, pieces, len(self._begin)), starts)
-        return chosen, self._share_of_closest(x, chosen)
-
-    def _share_of_closest(self, x: Array, pieces: Rows) -> Array:
-        """The place of the closest point on the piece of each point, shape (n,)."""
-        foot = np.einsum("nd,nd->n", x - self._begin[pieces], self._along[pieces])
-        return np.clip(foot, self._first[pieces], self._last[pieces])
+        chosen, place = np.zeros(len(x), dtype=np.int64), np.zeros(len(x))
+        for batch in np.array_split(np.arange(len(x)), 1 + x.size * len(self._begin) // _AT_A_TIME):
+            away = x[batch, None] - self._begin
+            places = np.clip(np.einsum("nmd,md->nm", away, self._along), self._first, self._last)
+            distance = np.linalg.norm(away - places[:, :, None] * self._along, axis=2)
+            chosen[batch] = distance.argmin(axis=1)
+            place[batch] = places[np.arange(batch.size), chosen[batch]]
+        return chosen, place
 
 
 def crossing_pieces(points: Array) -> tuple[int, int] | None:
@@ -177,7 +139,12 @@ def crossing_pieces(points: Array) -> tuple[int, int] | None:
     from scipy.spatial import cKDTree
 
     # Two pieces that cross have parts that do, no longer than the mean piece, whose middles are no farther apart.
-    owner, middle, longest = _parts_of(points[:-1], np.diff(points, axis=0))
+    way = np.diff(points, axis=0)
+    length = np.linalg.norm(way, axis=1)
+    parts = np.maximum(np.ceil(length / (longest := float(length.mean()))), 1).astype(np.int64)
+    owner = np.repeat(np.arange(len(way)), parts)
+    number = np.arange(parts.sum()) - np.repeat(np.cumsum(parts) - parts, parts)
+    middle = points[owner] + ((number + 0.5) / parts[owner])[:, None] * way[owner]
     tree = cKDTree(middle)
     counts = tree.query_ball_point(middle, longest, return_length=True)
     crossings = list[tuple[int, int]]()
