@@ -377,7 +377,7 @@ def test_a_scene():
             {"shape": "polyline", "points": ((9, 0), (6, 0), (4, -2), (6, -2), (4, 0), (-9, 0))},
             "points: of its pieces that between points 2 and 3 crosses that between points 4 and 5",
         ),
-        ({"shape": "spline", "points": ((9, 0), (6, 0))}, "shape 'spline' was removed: use a 'polyline'"),
+        ({"shape": "spline", "points": ((9, 0), (6, 0))}, "foundation.shape: 'spline' was removed: use a 'polyline'"),
         ({"shape": "cone", "tip": (0, 0), "axis": (0, 1), "angle": 90}, "foundation.angle: must be less than 90"),
         ({"shape": "surface", "file": "no.stl"}, "foundation.file: no.stl: no such file"),
     ],

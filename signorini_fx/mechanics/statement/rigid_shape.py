@@ -27,6 +27,7 @@ from pydantic import BeforeValidator, TypeAdapter, ValidationError, WithJsonSche
 
 from signorini_fx.errors import SceneError
 from signorini_fx.extensions import SHAPES, is_of_package, load_class, names_of
+from signorini_fx.mechanics.statement.base import refused
 from signorini_fx.mechanics.statement.expressions import Expression, sample
 from signorini_fx.mechanics.statement.rigid_motion import COMPONENTS, RigidMotion, TimedAngle, TimedVector
 from signorini_fx.mechanics.statement.validation import problems_of
@@ -389,7 +390,7 @@ def read_shape(entry: Any) -> Any:
         from signorini_fx.removed import removal
 
         if advice := removal(f"shape = {name}"):
-            raise ValueError(f"shape {shown(name)} {advice}")
+            raise refused("Shape", [(("shape",), f"{shown(name)} {advice}")])
         raise ValueError(f"shape must be one of {', '.join(names())}, got {shown(name)}")
     return TypeAdapter(shape_class(name)).validate_python(entry)
 
