@@ -12,8 +12,8 @@ from dolfinx import fem
 
 from signorini_fx.errors import FormError
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.assembly.cell_gradients import CellSlopes
 from signorini_fx.mechanics.assembly.mesh_entities import assemble, determinants
+from signorini_fx.mechanics.body.deformation import CellSlopes
 
 Array = npt.NDArray[np.float64]
 

@@ -24,7 +24,7 @@ from signorini_fx.mechanics.elasticity.choice_of_law import elastic_law
 from signorini_fx.mechanics.elasticity.elastic_law import SceneLaw
 from signorini_fx.mechanics.elasticity.moduli import of_materials
 from signorini_fx.mechanics.kinematics.protocol import Kinematics
-from signorini_fx.mechanics.loads.nodal_effects import forces_at_nodes
+from signorini_fx.mechanics.loads.supports import forces_at_nodes
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.rigid.rigid_bodies import Driven, RigidBodies
 from signorini_fx.mechanics.scales import Scales

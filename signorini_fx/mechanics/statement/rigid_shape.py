@@ -351,7 +351,7 @@ _SHAPES = {
     "cone": ("simple", "Cone"),
     "cylinder": ("simple", "Cylinder"),
     "plane": ("simple", "Plane"),
-    "polyline": ("polyline", "Polyline"),
+    "polyline": ("simple", "Polyline"),
     "sphere": ("simple", "Sphere"),
     "surface": ("surface", "ClosedSurface"),
 }
