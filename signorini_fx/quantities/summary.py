@@ -68,7 +68,6 @@ class PieceOfBody(Row):
     body: str | None = described("The body of a scene with several that it is of.")
     cells: Count
     bounds: Annotated[list[Point], Field(min_length=2, max_length=2)]
-    joined_to: list[Count] = described("Pieces that a hinge joins it to.")
 
 
 class FindingRow(Row):

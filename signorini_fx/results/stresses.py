@@ -284,7 +284,7 @@ class RawStresses(StressFields):
             return None
         if parallel.any_rank(self.comm, not np.isfinite(self.stress.displacement.x.array).all()):
             return {"value": math.nan, "place": []}
-        (limits,) = of_materials(model.statement, model.tagged, lambda material: (material.yields_at,))
+        (limits,) = of_materials(model.statement, model.tagged, lambda material, _: (material.yields_at,))
         limit = fem.Function(fem.functionspace(model.tagged.mesh, ("DG", 0)))
         limit.x.array[:] = limits.value if isinstance(limits, fem.Constant) else limits.x.array
         largest = max((fields.utilised(limit) for fields in (self, self.recovered)), key=lambda entry: entry.value)

@@ -10,6 +10,7 @@ from boxes import Box, boxes_mesh
 from mpi4py import MPI
 from scenes import table_of
 
+from signorini_fx import MeshError
 from signorini_fx.mechanics.assembly.pieces import find_pieces
 from signorini_fx.mechanics.body.discretisation import discretise
 from signorini_fx.records import Status, Timings
@@ -35,16 +36,21 @@ def scene_on(mesh, **effects):
 @pytest.mark.mpi
 @pytest.mark.parametrize("quadrilaterals", [True, False])
 def test_pieces_are_the_same_on_every_rank(quadrilaterals):
-    """Pieces apart, one joined at a corner: numbers of cells, places, pins, whatever the number of ranks."""
-    mesh = boxes_mesh(WORLD, [BESIDE, LOWER, UPPER], joined={(2.0, 2.0)}, quadrilaterals=quadrilaterals)
+    """Pieces apart: numbers of cells and places, whatever the number of ranks."""
+    mesh = boxes_mesh(WORLD, [BESIDE, LOWER, UPPER], quadrilaterals=quadrilaterals)
     pieces = find_pieces(mesh.mesh)
     cells = [18, 16, 16] if quadrilaterals else [36, 32, 32]
     assert pieces.cells.tolist() == cells
     assert pieces.bounds.tolist() == [[[0, 1], [2, 2]], [[0.5, 0], [1.5, 1]], [[2, 2], [3, 3.5]]]
-    assert {tuple(sorted(pair)) for pair in pieces.pins.tolist()} == {(0, 2)}
-    assert np.unique(pieces.pin_points, axis=0).tolist() == [[2.0, 2.0]]
-    assert pieces.assembly[0] == pieces.assembly[2] != pieces.assembly[1]
-    assert [row["joined_to"] for row in pieces.as_rows()] == [[3], [], [1]]
+    assert pieces.assembly.tolist() == [0, 1, 2]
+
+
+@pytest.mark.mpi
+def test_a_hinge_is_refused():
+    """By the place of the node that two pieces share, on all ranks alike."""
+    mesh = boxes_mesh(WORLD, [BESIDE, LOWER, UPPER], joined={(2.0, 2.0)})
+    with pytest.raises(MeshError, match=r"share the node at \(2, 2\)"):
+        find_pieces(mesh.mesh)
 
 
 @pytest.mark.mpi
@@ -81,20 +87,18 @@ def test_fewer_cells_than_ranks(floor, slope):
 
 
 def random_bodies(rng):
-    """Boxes in a staircase, neighbours apart or joined at a corner, some sides of them prescribed."""
-    boxes, joined, supports = [], set(), []
+    """Boxes in a staircase, some sides of them prescribed."""
+    boxes, supports = [], []
     x = y = 0.0
     for k in range(int(rng.integers(1, 6))):
         width, height = rng.uniform(0.5, 2.0, 2)
         boxes.append(Box(f"b{k}", x, y, width, height, *map(int, rng.integers(1, 4, 2))))
         x, y = boxes[-1].corners[2]
-        if rng.random() < 0.6:
-            joined.add((x, y))
         for side in ("left", "bottom"):
             components = {key: 0.0 for key in ("x", "y") if rng.random() < 0.25}
             if components:
                 supports.append({"boundary": f"{side} b{k}", **components})
-    return boxes, joined, supports
+    return boxes, supports
 
 
 # --- each piece is solved right --------------------------------------------------------------------------------------
@@ -189,48 +193,7 @@ def test_pieces_together_are_as_each_alone(seed):
             np.testing.assert_allclose(found[name], wanted, rtol=0, atol=1e-7 * scale)
 
 
-# --- pieces joined at corners ----------------------------------------------------------------------------------------
-
-
-@pytest.mark.mpi
-@pytest.mark.parametrize("linear_algebra", LINEAR_ALGEBRA)
-def test_a_hinge_that_a_support_holds(linear_algebra):
-    """Statics: the block hangs on its hinge and a sliding support, whose force follows from the moments."""
-    mesh = boxes_mesh(WORLD, [UPPER, BESIDE], joined={(2.0, 2.0)})
-    scene = scene_on(
-        mesh,
-        displacement=[{"boundary": "left upper", "x": 0.0}, {"boundary": "right beside", "x": 0.0}],
-        contact=[{"boundary": "bottom upper", "gap": 0.01}],
-        traction=[{"boundary": "top upper", "y": -5.0}, {"boundary": "top beside", "y": -1.0}],
-        solver={"linear_algebra": linear_algebra},
-    )
-    solution = solve(scene, WORLD, check=False)
-    assert solution.status is Status.CONVERGED
-    contact_force, _ = solution.contact.forces
-    np.testing.assert_allclose(contact_force, [0.0, 11.0], atol=1e-9)
-
-
-@pytest.mark.parametrize("seed", range(8))
-def test_a_chain_on_a_foundation(seed):
-    """Boxes joined at corners, pressed onto contact with friction at both ends: equilibrium holds the loads' sum."""
-    rng = np.random.default_rng(seed)
-    press = rng.uniform(1.0, 5.0, 2)
-    left, right = Box("left", 0.0, 0.0, 1.0, 1.0), Box("right", 1.0, 1.0, 1.5, 1.0)
-    mesh = boxes_mesh(MPI.COMM_SELF, [left, right], joined={(1.0, 1.0)})
-    friction = {"law": "coulomb", "coefficient": 0.5}
-    scene = scene_on(
-        mesh,
-        contact=[
-            {"boundary": "bottom left", "friction": friction, "gap": 0.001},
-            {"boundary": "bottom right", "gap": 0.002 * float(rng.random())},
-        ],
-        traction=[{"boundary": "top left", "y": -press[0]}, {"boundary": "top right", "y": -press[1]}],
-    )
-    solution = solve(scene, MPI.COMM_SELF, check=False)
-    assert solution.status is Status.CONVERGED
-    assert solution.certificate.holds
-    contact_force, friction_force = solution.contact.forces
-    np.testing.assert_allclose(contact_force + friction_force, [0.0, press[0] + 1.5 * press[1]], atol=1e-8)
+# --- held or not ------------------------------------------------------------------------------------------------------
 
 
 def dense_of(d, law):
@@ -246,10 +209,10 @@ def dense_of(d, law):
     return matrix, traces
 
 
-def random_chain(seed):
-    """Boxes apart and joined, supports and contact at random: their mesh on some ranks, and the effects."""
+def random_row(seed):
+    """Boxes, supports and contact at random: their mesh on some ranks, and the effects."""
     rng = np.random.default_rng(1000 + seed)
-    boxes, joined, supports = random_bodies(rng)
+    boxes, supports = random_bodies(rng)
     friction = {"friction": {"law": "tresca", "bound": 5.0}} if seed % 2 else {}
     chosen = [box.name for box in boxes if rng.random() < 0.8] or [boxes[0].name]
     effects = {
@@ -257,7 +220,7 @@ def random_chain(seed):
         "contact": [{"boundary": f"bottom {name}", **friction} for name in chosen],
         "traction": [{"boundary": f"top {box.name}", "y": -float(rng.uniform(0.5, 2.0))} for box in boxes],
     }
-    return lambda comm: scene_on(boxes_mesh(comm, boxes, joined=joined), **effects)
+    return lambda comm: scene_on(boxes_mesh(comm, boxes), **effects)
 
 
 def regular(scene):
@@ -271,9 +234,9 @@ def regular(scene):
 @pytest.mark.one_quick
 @pytest.mark.mpi
 @pytest.mark.parametrize("seed", range(24))
-def test_random_chains_are_held_or_not(seed):
+def test_random_boxes_are_held_or_not(seed):
     """Held is what no singular matrix denies; where a solution is found, it is in equilibrium."""
-    scene_of = random_chain(seed)
+    scene_of = random_row(seed)
     held = regular(scene_of(MPI.COMM_SELF))
     solution = solve(scene_of(WORLD), WORLD, check=False)
     assert (solution.status is not Status.NOT_HELD) == held

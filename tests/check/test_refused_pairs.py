@@ -59,7 +59,6 @@ WITH = {
     "contact that cannot open": {"contact": {"kind": "bilateral"}},
     "anisotropic material": {"material": {"orthotropic": ORTHOTROPIC, "young": None, "poisson": None}},
     "graded material": {"material": {"grading": "1 - 0.1*x[1]"}},
-    "graded Poisson's ratio": {"material": {"poisson_grading": "1 - 0.1*x[1]"}},
     "initial strain": {"material": {"expansion": 1e-5}, "temperature": {"change": 1.0}},
     "shortening by force": {"preload": [SECTION | {"force": 1e-3}]},
     "preload": {"preload": [SECTION | {"shortening": 1e-4}]},
@@ -169,8 +168,7 @@ ONE_OF_BOTH = {
     ("local refinement", "mesh that no generator makes"),
     ("driven foundation", "moving foundation"),
     ("axisymmetric, torsion", "prescribed rotation"),
-    ("anisotropic material", "graded Poisson's ratio"),
-    *((kind, "nonlinear material") for kind in ("anisotropic material", "graded material", "graded Poisson's ratio")),
+    *((kind, "nonlinear material") for kind in ("anisotropic material", "graded material")),
 }
 PAIRS = [pair for pair in combinations(WITH, 2) if compatible(*pair) and pair not in ONE_OF_BOTH]
 

@@ -3,10 +3,8 @@
 import numpy as np
 import pytest
 from mpi4py import MPI
-from scenes import alone, rectangle
 from steel_blocks import PLANE, body
 
-from signorini_fx import SceneError
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve
 
@@ -50,36 +48,3 @@ def test_bar_between_walls(cells, linear_algebra):
     expected = np.diag([-PRESSURE, -lateral, -lateral])
     np.testing.assert_allclose(tensor, np.broadcast_to(expected, tensor.shape), atol=1e-8)
     assert solution.certificate.strain_energy == pytest.approx(PRESSURE * shortened / 2, rel=1e-9)
-
-
-def test_refused():
-    """A Poisson's ratio of zero somewhere: its pressure is not one of the unknowns."""
-    given = {
-        "mesh": rectangle(MPI.COMM_SELF, length=2.0, height=1.0, nx=2, ny=2),
-        "element": MIXED,
-        "material": {"young": 1.0, "poisson": 0.4, "poisson_grading": "where(x[0] < 1, 0, 1)"},
-        "displacement": {"boundary": "top", "x": 0.0, "y": 0.0},
-    }
-    with pytest.raises(SceneError, match=r"poisson_grading.*must be above 0 and at most 1"):
-        alone(parse_scene(given))
-
-
-@pytest.mark.mpi
-def test_enclosed():
-    """A body that is held all around is refused where nu = 1/2 in all of its cells, and solved where in some."""
-
-    def held(grading):
-        tagged = rectangle(COMM, length=2.0, height=1.0, nx=4, ny=2)
-        return parse_scene(
-            {
-                "mesh": tagged,
-                "element": MIXED,
-                "material": {"young": 10.0, "poisson": 0.5, "poisson_grading": grading},
-                "displacement": [{"boundary": side, "x": 0.0, "y": 0.0} for side in ("left", "right", "bottom", "top")],
-                "body_force": {"x": 1.0},
-            }
-        )
-
-    with pytest.raises(SceneError, match="nothing determines the pressure"):
-        solve(held("1 + 0*x[0]"), COMM)
-    assert solve(held("where(x[0] < 1, 1, 0.8)"), COMM).certificate.worst < 1e-9

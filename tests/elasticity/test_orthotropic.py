@@ -294,15 +294,6 @@ def test_wrong_constants(change, place, message):
         ({"element": {"volumetric": "reduced"}}, "element.volumetric: must be 'full' with an anisotropic"),
         ({"temperature": {"change": 1.0}}, "material: has no expansion"),
         ({"material": {**wood(), "young": 1.0}}, "material.young: unknown key"),
-        (
-            {
-                "material": [
-                    {**wood(), "region": "a"},
-                    {"young": 1.0, "poisson": 0.3, "poisson_grading": 0.5, "region": "b"},
-                ]
-            },
-            "is not possible yet where another material is anisotropic",
-        ),
         ({"material": {"poisson": 0.3}}, "material.young: is missing"),
     ],
 )

@@ -54,9 +54,7 @@ POST = {"corner": (0.5, 2.0), "cells": (3, 10), "sides": ((0, 0.0), (0, 0.5), (1
     [
         {"shape": "circle", "centre": (-2.0, 1.5), "radius": 0.3},
         {"shape": "cone", "tip": (-2.0, 1.03), "axis": (0.0, 1.0), "angle": 20.0},
-        {"shape": "edge", "point": (-2.0, 1.03), "normals": ((-1.0, -0.3), (1.0, -0.3))},
         {"shape": "polyline", "points": ((-1.0, 4.0), (-2.0, 1.03), (-3.0, 4.0))},
-        {"shape": "spline", "points": ((-1.0, 4.0), (-1.7, 2.0), (-2.0, 1.03), (-2.3, 2.0), (-3.0, 4.0))},
     ],
     ids=lambda shape: shape["shape"],
 )

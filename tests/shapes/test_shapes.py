@@ -23,20 +23,15 @@ PLANE = [
     {"shape": "plane", "point": (0.1, -0.3), "normal": (0.2, 3.0), "rotation": 20.0},
     {"shape": "circle", "centre": (0.1, -0.3), "radius": 0.7, "shift": (0.2, 0.1)},
     {"shape": "circle", "centre": (0.1, -0.3), "radius": 0.7, "hollow": True},
-    {"shape": "edge", "point": (0.0, 0.1), "normals": ((0.0, 1.0), (1.0, -0.5))},
-    {"shape": "edge", "point": (0.0, 0.1), "normals": ((0.0, 1.0), (1.0, 0.5)), "radius": 0.3, "rotation": -40.0},
     {"shape": "cone", "tip": (0.0, 0.1), "axis": (0.3, -1.0), "angle": 50.0, "radius": 0.2},
     {"shape": "polyline", "points": HILL},
     {"shape": "polyline", "points": LOOP, "rotation": 30.0, "pivot": (0.5, 0.5)},
-    {"shape": "spline", "points": HILL},
-    {"shape": "spline", "points": LOOP, "hollow": True},
 ]
 TURN = {"rotation": (10.0, -20.0, 30.0), "pivot": (0.1, 0.2, 0.3), "shift": (0.05, 0.0, -0.1)}
 SPACE = [
     {"shape": "plane", "point": (0.1, -0.3, 0.0), "normal": (0.2, 3.0, 1.0), **TURN},
     {"shape": "sphere", "centre": (0.1, -0.3, 0.0), "radius": 0.7, **TURN},
     {"shape": "cylinder", "centre": (0.1, -0.3, 0.0), "axis": (1.0, 2.0, 0.0), "radius": 0.7, "hollow": True},
-    {"shape": "edge", "point": (0.0, 0.1, 0.0), "normals": ((0.0, 1.0, 0.0), (1.0, 0.5, 1.0)), "radius": 0.2, **TURN},
     {"shape": "cone", "tip": (0.0, 0.1, 0.0), "axis": (0.3, -1.0, 0.2), "angle": 50.0, **TURN},
     {"shape": "cone", "tip": (0.0, 0.1, 0.0), "axis": (0.3, -1.0, 0.2), "angle": 70.0, "radius": 0.3},
 ]
@@ -108,7 +103,7 @@ def on_the_surface(shape, dim, count=5_000):
 
 @pytest.mark.parametrize(
     "table",
-    [pytest.param(t, marks=pytest.mark.slow if t["shape"] == "spline" else ()) for t in [*PLANE, *SPACE]],
+    [*PLANE, *SPACE],
     ids=lambda table: table["shape"],
 )
 def test_distance_and_normal(table):
@@ -254,12 +249,6 @@ SAME = {
     ),
     "plane": (3, {"shape": "plane", "point": (0, 0, -0.03), "normal": (0.02, 0, 2.0)}, of_a_slope((0.01, 0, 1), 0.03)),
     "polyline": (2, {"shape": "polyline", "points": ((0.0, -0.03), (1.0, -0.02))}, of_a_slope((-0.01, 1), 0.03)),
-    "spline": (2, {"shape": "spline", "points": ((0.0, -0.03), (1.0, -0.02))}, of_a_slope((-0.01, 1), 0.03)),
-    "edge": (
-        2,
-        {"shape": "edge", "point": (5.0, 0.02), "normals": ((-0.01, 1.0), (1.0, 0.0)), "radius": 0.5},
-        of_a_slope((-0.01, 1), 0.03),
-    ),
     "cone": (3, {"shape": "cone", "tip": (0.9, 0.5, -0.51), "axis": (0, 0, -1), "angle": 5.0, "radius": 0.5}, None),
     "surface": (3, None, of_a_slope((0.0, 0, 1), 0.02)),
 }
@@ -388,11 +377,7 @@ def test_a_scene():
             {"shape": "polyline", "points": ((9, 0), (6, 0), (4, -2), (6, -2), (4, 0), (-9, 0))},
             "points: of its pieces that between points 2 and 3 crosses that between points 4 and 5",
         ),
-        (
-            {"shape": "spline", "points": ((9, 0), (6, 0), (3, -3), (5, -6), (7, -3), (4, 0), (-9, 0))},
-            "points: between points 2 and 3 it crosses what is between points 5 and 6",
-        ),
-        ({"shape": "edge", "point": (0, 0), "normals": ((0, 1), (0, 2))}, "normals: they are parallel"),
+        ({"shape": "spline", "points": ((9, 0), (6, 0))}, "foundation.shape: 'spline' was removed: use a 'polyline'"),
         ({"shape": "cone", "tip": (0, 0), "axis": (0, 1), "angle": 90}, "foundation.angle: must be less than 90"),
         ({"shape": "surface", "file": "no.stl"}, "foundation.file: no.stl: no such file"),
     ],

@@ -71,8 +71,6 @@ def _unbounded(model: Model) -> Iterator[str]:
         yield "curved cells"
     if model.elastic.pressed:
         yield "the mixed element"
-    if model.pieces.pins.size > 0:
-        yield "parts that share a point"
     for material in statement.material:
         if material.varies:
             yield "moduli or axes that vary"

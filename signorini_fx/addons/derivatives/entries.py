@@ -62,8 +62,7 @@ def entry_of(statement: Statement, path: str, extent: float, dimension: int) -> 
     if any(part in path for part in (".friction.ratio", ".friction.along", ".foundation.spring")):
         raise SceneError([(path, "is none that a derivative can be taken by")])
     if path.endswith("grading"):
-        number = "poisson" if path.endswith("poisson_grading") else "young"
-        raise SceneError([(path, f"is none that a derivative can be taken by: take {number}, which it multiplies")])
+        raise SceneError([(path, "is none that a derivative can be taken by: take young, which it multiplies")])
     value, parent = _entry_and_table(statement, path, dimension)
     if isinstance(value, Load):
         return 1.0, 1e-3

@@ -1,8 +1,7 @@
-"""The connected pieces of a body: cells that are connected by their sides, and the points at which pieces are pinned.
+"""The connected pieces of a body: cells that are connected by their sides.
 
 Cells transmit forces to each other through the sides that they share.  A body whose mesh consists of several pieces is
-therefore several bodies; if two pieces share a single vertex only, they are joined by a hinge.  In 3D the sides are
-faces, and vertices that two pieces share act like ball joints.
+therefore several bodies.  Pieces that share a vertex and no side would be joined by a hinge: they are refused.
 """
 
 from __future__ import annotations
@@ -39,18 +38,13 @@ class BodyPieces:
         of_cell: number of the piece that each cell of this rank is in, ghosts included, shape (cells,).
         cells: number of cells of each piece, shape (pieces,).
         bounds: smallest and largest coordinates of each piece, lengths, shape (pieces, 2, d).
-        pins: the pairs of pieces that share a vertex but are not connected by sides, shape (pins, 2); a pin may be
-            listed more than once.
-        pin_points: where they are, shape (pins, d).
-        assembly: which pieces are joined by pins: number of the assembly that each piece is in, shape (pieces,).
+        assembly: number of the assembly of bodies that may touch each other that each piece is in, shape (pieces,).
         bodies: name of the body that each piece is of, in a scene with several; empty where bodies have no names.
     """
 
     of_cell: _Labels
     cells: npt.NDArray[np.int64]
     bounds: npt.NDArray[np.float64]
-    pins: _Labels
-    pin_points: npt.NDArray[np.float64]
     assembly: _Labels
     bodies: tuple[str, ...] = ()
 
@@ -84,20 +78,16 @@ class BodyPieces:
         return replace(self, bodies=tuple(np.array(list(cells), dtype=object)[majority]))
 
     def as_rows(self) -> list[dict[str, Any]]:
-        """One row per piece, ready for JSON; ``joined_to`` lists the pieces (from 1) that it is pinned to."""
-        rows = []
-        for piece in range(self.count):
-            pins = self.pins[(self.pins == piece).any(axis=1)]
-            rows.append(
-                {
-                    "piece": piece + 1,
-                    "body": self.bodies[piece] if self.bodies else None,
-                    "cells": int(self.cells[piece]),
-                    "bounds": self.bounds[piece].tolist(),
-                    "joined_to": [int(neighbour) + 1 for neighbour in np.unique(pins[pins != piece])],
-                }
-            )
-        return rows
+        """One row per piece, ready for JSON."""
+        return [
+            {
+                "piece": piece + 1,
+                "body": self.bodies[piece] if self.bodies else None,
+                "cells": int(self.cells[piece]),
+                "bounds": self.bounds[piece].tolist(),
+            }
+            for piece in range(self.count)
+        ]
 
 
 def extent(bounds: npt.ArrayLike) -> str:
@@ -110,7 +100,7 @@ def find_pieces(mesh: dmesh.Mesh) -> BodyPieces:
     collective.
 
     Raises:
-        MeshError: there are more than ``MOST_PIECES``.
+        MeshError: there are more than ``MOST_PIECES``, or two share a vertex.
     """
     if mesh not in _known:
         _known[mesh] = _pieces_of(mesh)
@@ -136,13 +126,14 @@ def _pieces_of(mesh: dmesh.Mesh) -> BodyPieces:
     of_side = _labels_of(sides.array, local, topology.index_map(dim - 1))
     shared = _disagreements(of_side, topology.index_map(dim - 1))
     links = np.unique(parallel.gather_rows(comm, np.unique(shared[:, 1:], axis=0)), axis=0)
-    count, names = _components(total, links)
+    graph = coo_array((np.ones(len(links), dtype=np.int8), (links[:, 0], links[:, 1])), shape=(total, total))
+    count, names = connected_components(graph, directed=False)
     if count > MOST_PIECES:
         raise MeshError(
             f"the mesh falls into {count} pieces that share no side (more than {MOST_PIECES}): its cells do not share "
             "their nodes; merge coincident points (signorini-fx mesh-info counts them)"
         )
-    of_cell = names[local]
+    of_cell = names[local].astype(np.int64)
     dim = mesh.geometry.dim
     x, corners = mesh.geometry.x[:, :dim].astype(np.float64), compat.geometry_cells(mesh)
     numbers = np.empty(count, dtype=np.int64)
@@ -151,18 +142,13 @@ def _pieces_of(mesh: dmesh.Mesh) -> BodyPieces:
         in_piece = of_cell == piece
         bounds[piece] = parallel.global_bounds(comm, x if count == 1 else x.take(corners[in_piece].ravel(), axis=0))
         numbers[piece] = parallel.global_sum(comm, np.array(np.count_nonzero(in_piece[:owned])))
-    if count == 1:
-        no_points = np.empty((0, dim))
-        return BodyPieces(
-            of_cell, numbers, bounds, no_points[:, :2].astype(np.int64), no_points, np.zeros(1, dtype=np.int64)
-        )
+    if count > 1:
+        _refuse_hinges(mesh, of_cell)
     # Rounded, because otherwise round-off would order pieces that are meant to begin at the same place.
     size = float(np.ptp(bounds.reshape(-1, dim), axis=0).max())
     order = np.lexsort(np.round(bounds.reshape(count, 2 * dim) / size, 9).T[::-1])
     position = np.argsort(order)
-    pins, points = _pins(mesh, position[of_cell])
-    _, assembly = _components(count, pins)
-    return BodyPieces(position[of_cell], numbers[order], bounds[order], pins, points, assembly)
+    return BodyPieces(position[of_cell], numbers[order], bounds[order], np.arange(count))
 
 
 def _local_components(topology: Any) -> tuple[Any, _Labels]:
@@ -176,13 +162,6 @@ def _local_components(topology: Any) -> tuple[Any, _Labels]:
     )
     _, labels = connected_components(graph, directed=True, connection="weak")
     return sides, labels[:cells].astype(np.int64)  # every side has a cell, so every label has one
-
-
-def _components(count: int, links: _Labels) -> tuple[int, _Labels]:
-    """Number of connected components of a graph with this number of nodes, and the component of each."""
-    graph = coo_array((np.ones(len(links), dtype=np.int8), (links[:, 0], links[:, 1])), shape=(count, count))
-    component_count, names = connected_components(graph, directed=False)
-    return int(component_count), names.astype(np.int64)
 
 
 def _labels_of(entities: npt.NDArray[np.int32], labels: _Labels, index_map: Any) -> _Labels:
@@ -201,22 +180,26 @@ def _disagreements(labels: _Labels, index_map: Any) -> _Labels:
     return np.column_stack((different, labels[different], vector.array[different])).astype(np.int64)
 
 
-def _pins(mesh: dmesh.Mesh, of_cell: _Labels) -> tuple[_Labels, npt.NDArray[np.float64]]:
-    """The pairs of pieces that share a vertex, and where; collective."""
-    topology = mesh.topology
-    vertices = topology.connectivity(topology.dim, 0)
-    index_map = topology.index_map(0)
-    of_vertex = _labels_of(vertices.array, of_cell, index_map)
-    of_corner = np.repeat(of_cell, vertices.array.size // max(of_cell.size, 1))
-    inside = np.flatnonzero(of_vertex[vertices.array] != of_corner)
-    entity = vertices.array[inside]
-    local_rows = np.column_stack((entity, of_corner[inside], of_vertex[entity])).astype(np.int64)
-    between = _disagreements(of_vertex, index_map)
-    rows = np.unique(np.concatenate((local_rows, between)), axis=0)
+def _refuse_hinges(mesh: dmesh.Mesh, of_cell: _Labels) -> None:
+    """Refuse pieces that share a vertex; collective.
+
+    Raises:
+        MeshError: there are some.
+    """
+    topology, dim = mesh.topology, mesh.geometry.dim
+    vertices = topology.connectivity(topology.dim, 0).array
+    of_vertex = _labels_of(vertices, of_cell, topology.index_map(0))
+    of_corner = np.repeat(of_cell, vertices.size // max(of_cell.size, 1))
+    between = _disagreements(of_vertex, topology.index_map(0))[:, 0]
+    shared = np.concatenate((vertices[of_vertex[vertices] != of_corner], between)).astype(np.int32)
     nodes: npt.NDArray[np.int32] = np.empty(0, dtype=np.int32)
-    if rows.size:  # dolfinx divides by their number
+    if shared.size:  # dolfinx divides by their number
         topology.create_connectivity(0, topology.dim)
-        nodes = dmesh.entities_to_geometry(mesh, 0, rows[:, 0].astype(np.int32))
-    x = mesh.geometry.x[nodes.ravel(), : mesh.geometry.dim].astype(np.float64)
-    table = parallel.gather_rows(mesh.comm, np.column_stack((rows[:, 1:], x)))
-    return table[:, :2].astype(np.int64), table[:, 2:]
+        nodes = dmesh.entities_to_geometry(mesh, 0, shared).ravel()
+    places = parallel.gather_rows(mesh.comm, mesh.geometry.x[nodes, :dim].astype(np.float64))
+    if len(places):
+        place = ", ".join(f"{x:g}" for x in min(places.tolist()))
+        raise MeshError(
+            f"parts of the mesh that share no side share the node at ({place}), as a hinge: let them share a side, or "
+            "give each of them a node of its own there"
+        )

@@ -63,8 +63,7 @@ def _problems(path: str, value: Any, entry: Any, tagged: TaggedMesh) -> list[tup
 def _values(entry: Any) -> Iterator[tuple[str, Any]]:
     """What an entry gives as values of the position, by keys."""
     yield from getattr(entry, "given", {}).items()
-    for key in ("grading", "poisson_grading"):
-        yield key, getattr(entry, key, None)
+    yield "grading", getattr(entry, "grading", None)
     for key in ("direction", "second"):  # axes of a material
         axis = getattr(entry, key, None)
         for component in axis if isinstance(axis, tuple) else ():

@@ -92,7 +92,7 @@ def cellwise_stiffness(statement: Statement, tagged: TaggedMesh) -> CellwiseStif
         energy.x.array[energy.function_space.dofmap.list[cells, 0]] = np.sum(free_stress * components, axis=1) / 2
     if problems:
         raise SceneError(problems)
-    share = graded(statement, tagged, "grading")
+    share = graded(statement, tagged)
     if share is not None:
         at_cells *= share.x.array[:, None, None]
         free_at_cells *= share.x.array[:, None]

@@ -35,7 +35,7 @@ from signorini_fx.machine.requirements import needs_fenicsx
 from signorini_fx.mechanics.assembly.mesh_entities import assemble, compile_form
 from signorini_fx.mechanics.assembly.pieces import find_pieces
 from signorini_fx.mechanics.elasticity.elastic_law import ElementStress, SceneLaw, compliance, within
-from signorini_fx.mechanics.elasticity.moduli import isotropic
+from signorini_fx.mechanics.elasticity.moduli import graded, of_materials
 from signorini_fx.mechanics.scales import Scales
 from signorini_fx.tuned import NOTHING_LEFT
 
@@ -129,30 +129,28 @@ class MixedLaw(SceneLaw):
     @cached_property
     def moduli(self) -> tuple[Any, Any]:
         """Mu and 1 / lambda as coefficients."""
-        mu, yields = isotropic(
-            self.statement,
-            self.tagged,
-            lambda young, nu: (young / (2 * (1 + nu)), (1 + nu) * (1 - 2 * nu) / (young * nu)),
-        )
+        mu, yields = self._constants(lambda young, nu: (young / (2 * (1 + nu)), (1 + nu) * (1 - 2 * nu) / (young * nu)))
         return mu, yields
+
+    def _constants(self, numbers: Callable[[Any, float], tuple[Any, ...]]) -> tuple[Any, ...]:
+        """Numbers from Young's modulus, a float or an array, and Poisson's ratio, as coefficients."""
+
+        def of_material(material: Any, share: Any) -> tuple[Any, ...]:
+            return numbers(material.young * share, material.poisson)
+
+        return of_materials(self.statement, self.tagged, of_material, graded(self.statement, self.tagged))
 
     @cached_property
     def incompressible(self) -> npt.NDArray[np.bool_]:
         """The parts of the body with nu = 1/2, of one material and joined: which cells of this rank, ghosts included,
         are in each of them, shape (parts, cells).
         """
-        yields, part, pieces = self.moduli[1], self._part, find_pieces(self.space.mesh)
+        part, pieces = self._part, find_pieces(self.space.mesh)
         soft = [number for number, material in enumerate(self.statement.material) if material.poisson == 0.5]
         joined, last = pieces.assembly[pieces.of_cell], int(pieces.assembly.max()) + 1
         part_cells = [(part == number) & (joined == assembly) for number in soft for assembly in range(last)]
         parts = np.array(part_cells, dtype=bool).reshape(len(part_cells), joined.size)
-        cell_yields = (
-            yields.x.array[yields.function_space.dofmap.list[:, 0]] if isinstance(yields, fem.Function) else 0.0
-        )
-        sums = parallel.global_sum(
-            self.space.mesh.comm, np.array([parts.sum(axis=1), (parts * (cell_yields > 0)).sum(axis=1)])
-        )
-        return np.asarray(parts[(sums[0] > 0) & (sums[1] == 0)])  # and nu = 1/2 in all of its cells
+        return np.asarray(parts[parallel.global_sum(self.space.mesh.comm, parts.sum(axis=1)) > 0])
 
     @cached_property
     def unit(self) -> float:
@@ -241,12 +239,12 @@ class MixedLaw(SceneLaw):
     @cached_property
     def _swelling(self) -> Any:
         """By how much an initial strain of one changes the volume in the constraint, (1 + nu) / nu."""
-        (swelling,) = isotropic(self.statement, self.tagged, lambda _, poisson: ((1 + poisson) / poisson,))
+        (swelling,) = self._constants(lambda _, poisson: ((1 + poisson) / poisson,))
         return swelling
 
     def stress(self, y: fem.Function, moved: Any, initial: Any) -> ElementStress:
         (_, mu), kinematics, pressure = self.lame, self.kinematics, hydrostatic_of(y)
-        poisson, modulus = isotropic(self.statement, self.tagged, lambda young, nu: (nu, young / (1 - nu**2)))
+        poisson, modulus = self._constants(lambda young, nu: (nu, young / (1 - nu**2)))
         elastic = kinematics.strain(moved, on_axis=True)
         sigma = 2 * mu * elastic - pressure * ufl.Identity(elastic.ufl_shape[0])
         outward = sigma[2, 2] if elastic.ufl_shape[0] > self.tagged.dimension else None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any
 
 import basix
@@ -17,11 +17,6 @@ from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.statement.expressions import sample
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.tuned import SAME_NUMBER
-
-_BOUNDS = {
-    "grading": "must be above 0 and at most 1 in the middle of each cell: young is the largest Young's modulus",
-    "poisson_grading": "must be from 0 to 1 in the middle of each cell: poisson is the largest Poisson's ratio",
-}
 
 
 def check_covers(statement: Statement, tagged: TaggedMesh) -> None:
@@ -48,18 +43,17 @@ def check_covers(statement: Statement, tagged: TaggedMesh) -> None:
 
 
 def of_materials(
-    statement: Statement, tagged: TaggedMesh, numbers: Callable[..., tuple[Any, ...]], gradings: Sequence[str] = ()
+    statement: Statement,
+    tagged: TaggedMesh,
+    numbers: Callable[[Any, Any], tuple[Any, ...]],
+    share: fem.Function | None = None,
 ) -> tuple[Any, ...]:
     """Numbers of the materials: constants of one material, cell-wise functions of several and of graded ones;
-    ``numbers`` gives them from a material and the values of ``gradings`` in its cells, 1 if not given; collective.
-
-    Raises:
-        SceneError: a grading is not between 0 and 1.
+    ``numbers`` gives them from a material and the values of ``share`` in its cells, 1 without one.
     """
     mesh, (first, *others) = tagged.mesh, statement.material
-    shares = [graded(statement, tagged, key) for key in gradings]
-    of_first = numbers(first, *(1.0 for _ in shares))
-    if not others and all(share is None for share in shares):
+    of_first = numbers(first, 1.0)
+    if not others and share is None:
         return tuple(fem.Constant(mesh, default_scalar_type(number)) for number in of_first)
     space = fem.functionspace(mesh, ("DG", 0))
     functions = tuple(fem.Function(space) for _ in of_first)
@@ -67,7 +61,7 @@ def of_materials(
         if material.region is not None and material.region not in tagged.regions:
             continue  # which is reported elsewhere
         dofs = space.dofmap.list[tagged.cells(material.region), 0]
-        values = numbers(material, *(1.0 if share is None else share.x.array[dofs] for share in shares))
+        values = numbers(material, 1.0 if share is None else share.x.array[dofs])
         for function, value in zip(functions, values, strict=True):
             function.x.array[dofs] = value
     for function in functions:
@@ -76,28 +70,18 @@ def of_materials(
 
 
 def lame_coefficients(statement: Statement, tagged: TaggedMesh) -> tuple[Any, Any]:
-    """Lame parameters, see ``of_materials``; collective."""
+    """Lame parameters, see ``of_materials``; collective.
 
-    def lame(material: Any, share: Any, of_poisson: Any) -> tuple[Any, Any]:
-        if isinstance(of_poisson, float):
-            first, second = material.lame
-            return share * first, share * second
-        with np.errstate(divide="ignore"):  # lambda is infinite for nu = 1/2, which a pressure does not use
-            return material.lame_of(material.young * share, material.poisson * of_poisson)
+    Raises:
+        SceneError: a grading is not between 0 and 1.
+    """
 
-    first, second = of_materials(statement, tagged, lame, tuple(_BOUNDS))
+    def lame(material: Any, share: Any) -> tuple[Any, Any]:
+        first, second = material.lame
+        return share * first, share * second
+
+    first, second = of_materials(statement, tagged, lame, graded(statement, tagged))
     return first, second
-
-
-def isotropic(
-    statement: Statement, tagged: TaggedMesh, numbers: Callable[[Any, Any], tuple[Any, ...]]
-) -> tuple[Any, ...]:
-    """Numbers from Young's modulus and Poisson's ratio, floats or arrays, see ``of_materials``; collective."""
-
-    def of_both(material: Any, share: Any, of_poisson: Any) -> tuple[Any, ...]:
-        return numbers(material.young * share, material.poisson * of_poisson)
-
-    return of_materials(statement, tagged, of_both, tuple(_BOUNDS))
 
 
 def middles(tagged: TaggedMesh, cells: npt.NDArray[np.int32]) -> npt.NDArray[np.float64]:
@@ -108,24 +92,26 @@ def middles(tagged: TaggedMesh, cells: npt.NDArray[np.int32]) -> npt.NDArray[np.
     return np.asarray(middle.T, dtype=np.float64)
 
 
-def graded(statement: Statement, tagged: TaggedMesh, key: str) -> fem.Function | None:
-    """By what a modulus is multiplied in each cell; None: by nothing."""
+def graded(statement: Statement, tagged: TaggedMesh) -> fem.Function | None:
+    """By what moduli are multiplied in each cell; None: by nothing; collective.
+
+    Raises:
+        SceneError: it is not between 0 and 1.
+    """
     problems, mesh = [], tagged.mesh
-    if all(getattr(material, key, None) is None for material in statement.material):
+    if all(material.grading is None for material in statement.material):
         return None
     grading = fem.Function(fem.functionspace(mesh, ("DG", 0)))
     grading.x.array[:] = 1.0
     for index, material in enumerate(statement.material):
-        value = getattr(material, key, None)
+        value = material.grading
         if value is None or (material.region is not None and material.region not in tagged.regions):
             continue  # the latter is reported elsewhere
         cells = tagged.cells(material.region)
         values = sample(value, middles(tagged, cells))
-        pressed = statement.element.pressed
-        least = values > 0 if key == "grading" or pressed else values >= 0
-        if parallel.any_rank(mesh.comm, not (least & (values <= 1 + SAME_NUMBER)).all()):
-            bounds = _BOUNDS[key].replace("from 0 to 1", "above 0 and at most 1") if pressed else _BOUNDS[key]
-            problems.append((f"material[{index}].{key}", bounds))
+        if parallel.any_rank(mesh.comm, not ((values > 0) & (values <= 1 + SAME_NUMBER)).all()):
+            bounds = "must be above 0 and at most 1 in the middle of each cell: young is the largest Young's modulus"
+            problems.append((f"material[{index}].grading", bounds))
         grading.x.array[grading.function_space.dofmap.list[cells, 0]] = values
     if problems:
         raise SceneError(problems)

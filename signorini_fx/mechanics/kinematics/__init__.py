@@ -17,8 +17,14 @@ from typing import Any
 
 from signorini_fx.errors import InstallationError
 from signorini_fx.extensions import KINEMATICS, load, names_of
-from signorini_fx.mechanics.kinematics.axisymmetric import AXISYMMETRIC, TORSION
-from signorini_fx.mechanics.kinematics.protocol import PLANE_STRAIN, PLANE_STRESS, SPACE, Kinematics
+from signorini_fx.mechanics.kinematics.protocol import (
+    AXISYMMETRIC,
+    PLANE_STRAIN,
+    PLANE_STRESS,
+    SPACE,
+    TORSION,
+    Kinematics,
+)
 
 KINDS = (PLANE_STRAIN, PLANE_STRESS, AXISYMMETRIC, TORSION, SPACE)
 CARTESIAN = {2: PLANE_STRAIN, 3: SPACE}

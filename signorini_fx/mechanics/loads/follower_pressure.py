@@ -18,8 +18,7 @@ import ufl
 from dolfinx import fem
 
 from signorini_fx.mechanics.kinematics import CARTESIAN
-from signorini_fx.mechanics.kinematics.axisymmetric import AXISYMMETRIC
-from signorini_fx.mechanics.kinematics.protocol import Kinematics, position
+from signorini_fx.mechanics.kinematics.protocol import AXISYMMETRIC, Kinematics, position
 from signorini_fx.mechanics.loads.load_vectors import FormCoefficients
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.statement.effect import Force

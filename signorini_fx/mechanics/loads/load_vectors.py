@@ -24,7 +24,7 @@ from signorini_fx.mechanics.elasticity.choice_of_law import elastic_law
 from signorini_fx.mechanics.elasticity.elastic_law import SceneLaw
 from signorini_fx.mechanics.elasticity.moduli import of_materials
 from signorini_fx.mechanics.kinematics.protocol import Kinematics
-from signorini_fx.mechanics.loads.nodal_effects import forces_at_nodes
+from signorini_fx.mechanics.loads.supports import forces_at_nodes
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.rigid.rigid_bodies import Driven, RigidBodies
 from signorini_fx.mechanics.scales import Scales
@@ -135,13 +135,13 @@ class FormCoefficients:
     @cached_property
     def density(self) -> Any:
         """Mass per volume: a constant, or a function that is constant in each cell."""
-        (density,) = of_materials(self.statement, self.tagged, lambda material: (material.density or 0.0,))
+        (density,) = of_materials(self.statement, self.tagged, lambda material, _: (material.density or 0.0,))
         return density
 
     @cached_property
     def expansion(self) -> Any:
         """Coefficient of thermal expansion: a constant, or a function that is constant in each cell."""
-        (expansion,) = of_materials(self.statement, self.tagged, lambda material: (material.expansion or 0.0,))
+        (expansion,) = of_materials(self.statement, self.tagged, lambda material, _: (material.expansion or 0.0,))
         return expansion
 
     @cached_property

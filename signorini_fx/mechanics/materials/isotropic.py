@@ -8,8 +8,8 @@ from typing import Annotated, Any, ClassVar
 from pydantic import Field
 
 from signorini_fx.mechanics.materials.protocol import Material
-from signorini_fx.mechanics.statement.effect import Contradictions, Features
-from signorini_fx.mechanics.statement.values import Positive, SampledValue
+from signorini_fx.mechanics.statement.effect import Contradictions
+from signorini_fx.mechanics.statement.values import Positive
 from signorini_fx.tuned import LOCKING_POISSON, SAME_NUMBER
 
 
@@ -19,7 +19,6 @@ class LinearElastic(Material):
     Attributes:
         young: Young's modulus E > 0, stress, which ``grading`` multiplies.
         poisson: Poisson's ratio nu in (-1, 0.5); 0.5 too in plane stress, and with a pressure as an unknown.
-        poisson_grading: from 0 to 1, by which ``poisson``, the largest, is multiplied, likewise.
         yield_stress: by von Mises, a stress, which gives ``utilisation`` and changes nothing else; None: not known.
         hypothesis, torsion, grading, density, expansion, region: see ``Material``.
     """
@@ -28,27 +27,18 @@ class LinearElastic(Material):
 
     young: Positive
     poisson: Annotated[float, Field(gt=-1, le=0.5, allow_inf_nan=False, strict=True)]
-    poisson_grading: SampledValue | None = None
     yield_stress: Positive | None = None
 
     def stress(self, strain: Any) -> Any:
         import ufl
 
-        lame, mu = self.lame_of(self.young, self.poisson, prevented=True)
+        mu = self.young / (2 * (1 + self.poisson))
+        lame = self.young * self.poisson / ((1 + self.poisson) * (1 - 2 * self.poisson))
         return 2 * mu * strain + lame * ufl.tr(strain) * ufl.Identity(3)
-
-    @property
-    def features(self) -> Features:
-        graded = self.poisson_grading is not None
-        return (*super().features, *((("graded Poisson's ratio", ("poisson_grading",)),) if graded else ()))
 
     @property
     def yields_at(self) -> float:
         return math.inf if self.yield_stress is None else self.yield_stress
-
-    @property
-    def varies(self) -> bool:
-        return self.grading is not None or self.poisson_grading is not None
 
     @property
     def natural_modulus(self) -> float:
@@ -61,16 +51,11 @@ class LinearElastic(Material):
 
         Plane strain has those of three dimensions.
         """
-        if self.poisson == 0.5 and self.hypothesis != "plane stress":
-            return math.inf, self.young / (2 * (1 + self.poisson))
-        return self.lame_of(self.young, self.poisson)
-
-    def lame_of(self, young: Any, poisson: Any, *, prevented: bool = False) -> tuple[Any, Any]:
-        """The same for other numbers, or arrays of them; ``prevented``: those of three dimensions anyway."""
+        young, poisson = self.young, self.poisson
         mu = young / (2 * (1 + poisson))
-        if self.hypothesis == "plane stress" and not prevented:
+        if self.hypothesis == "plane stress":
             return young * poisson / (1 - poisson**2), mu
-        return young * poisson / ((1 + poisson) * (1 - 2 * poisson)), mu
+        return math.inf if poisson == 0.5 else young * poisson / ((1 + poisson) * (1 - 2 * poisson)), mu
 
     def stiffest(self, *, pressed: bool) -> float:
         first, second = self.lame
@@ -84,9 +69,6 @@ class LinearElastic(Material):
     def contradictions(self, statement: Any, number: int) -> Contradictions:
         yield from super().contradictions(statement, number)
         apart = not all(material.isotropic for material in statement.material)
-        if apart and self.poisson_grading is not None:
-            reason = "is not possible yet where another material is anisotropic"
-            yield ("material", number, "poisson_grading"), reason
         if statement.element.pressed:
             setting = repr(statement.element.volumetric)
             if not self.poisson > 0:

@@ -1,8 +1,7 @@
 """Motions of the body without strain that the supports leave free.
 
 A body of one piece has m of them: in 2D two translations and a rotation, in 3D three translations and three
-rotations.  A body of several pieces has as many for each of them, less those that the pins between pieces exclude,
-where both must move together.
+rotations.  A body of several pieces has as many for each of them.
 """
 
 from __future__ import annotations
@@ -43,7 +42,7 @@ class RigidMotions:
     Attributes:
         pieces: the connected pieces of the body, p of them.
         x: positions of the nodes of this rank, ghosts included, shape (nodes, d).
-        piece: number of the piece that each of these nodes is in, shape (nodes,); at pins any of them.
+        piece: number of the piece that each of these nodes is in, shape (nodes,).
         owned: how many of these nodes this rank owns.
         centre: the point of each piece about which its rotations are taken, shape (p, d).
         length: size of each piece, which makes its rotations comparable with translations, shape (p,).
@@ -326,8 +325,6 @@ def nearest_motion(
 ) -> _Floats:
     """The motion without strain that is nearest to prescribed displacements, shape (owned nodes, d); collective.
 
-    Pieces that pins join to others stay where they are.
-
     Args:
         motions: of the body.
         fixed: which displacement components are prescribed at the owned nodes, shape (owned nodes, d).
@@ -341,12 +338,10 @@ def nearest_motion(
 
 def _nearest(motions: RigidMotions, supported: _Floats, moved: _Floats) -> _Floats:
     """The motions of the pieces that are nearest to a displacement, from the products of ``_at_supports``, shape
-    (m p,); pieces that pins join to others stay where they are.
+    (m p,).
     """
-    # Not by the assemblies: bodies in contact are one, and move on their own all the same.
-    alone = ~np.isin(np.arange(motions.pieces.count), motions.pieces.pins)
     inverse = np.asarray(np.linalg.pinv(supported, rcond=ROOT_OF_EPS, hermitian=True), dtype=np.float64)
-    return np.where(alone[:, None], np.einsum("pij,pj->pi", inverse, moved), 0.0).ravel()
+    return np.asarray(np.einsum("pij,pj->pi", inverse, moved).ravel())
 
 
 def _at_supports(
@@ -373,31 +368,15 @@ def _at_supports(
 
 
 def _null_space(supported: _Floats, motions: RigidMotions) -> tuple[_Floats, npt.NDArray[np.int64]]:
-    """Combinations of the motions of the pieces that the supports and the pins allow, and their assemblies."""
-    pieces, m = motions.pieces, motions.each
+    """The motions of each piece that the supports allow, and the number of their piece."""
+    each = motions.each
     columns: list[_Floats] = []
     numbers: list[int] = []
-    for number in range(int(pieces.assembly.max()) + 1):
-        members = np.flatnonzero(pieces.assembly == number)
-        position = {int(piece): k for k, piece in enumerate(members)}
-        gram = np.zeros((m * members.size, m * members.size))
-        for piece, k in position.items():
-            block = slice(m * k, m * k + m)
-            # All prescribed nodes of a piece together have the weight of one pin.
-            gram[block, block] = supported[piece] / max(float(np.linalg.eigvalsh(supported[piece])[-1]), 1e-300)
-        for pin in range(len(pieces.pins)):
-            first, second = int(pieces.pins[pin, 0]), int(pieces.pins[pin, 1])
-            if first in position:
-                apart = np.zeros((motions.x.shape[1], members.size, m))
-                for piece, sign in ((first, 1.0), (second, -1.0)):
-                    mode = rigid_modes(pieces.pin_points[pin : pin + 1], motions.centre[piece], motions.length[piece])
-                    apart[:, position[piece]] = sign * mode[0]
-                rows = apart.reshape(len(apart), -1)
-                gram += rows.T @ rows
-        values, vectors = np.linalg.eigh(gram)
+    for piece, products in enumerate(supported):
+        values, vectors = np.linalg.eigh(products / max(float(np.linalg.eigvalsh(products)[-1]), 1e-300))
         null_vectors = vectors[:, values <= ROOT_OF_EPS * max(values[-1], 1e-300)]
-        modes = np.zeros((m * pieces.count, null_vectors.shape[1]))
-        modes[(m * members[:, None] + np.arange(m)).ravel()] = null_vectors
+        modes = np.zeros((each * motions.pieces.count, null_vectors.shape[1]))
+        modes[each * piece : each * (piece + 1)] = null_vectors
         columns.append(modes)
-        numbers += [number] * null_vectors.shape[1]
+        numbers += [piece] * null_vectors.shape[1]
     return np.concatenate(columns, axis=1), np.array(numbers, dtype=np.int64)

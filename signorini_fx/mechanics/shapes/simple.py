@@ -1,4 +1,4 @@
-"""Shapes with a formula: plane, circle, sphere, cylinder, cone and edge."""
+"""Shapes with a formula: plane, circle, sphere, cylinder and cone; lines of straight pieces through points in 2D."""
 
 from __future__ import annotations
 
@@ -6,11 +6,18 @@ import math
 from typing import Annotated, Literal, Self
 
 import numpy as np
+import numpy.typing as npt
 from pydantic import Field, model_validator
 
 from signorini_fx.mechanics.statement.rigid_shape import Array, Shape, across, normalised, unit
 from signorini_fx.mechanics.statement.values import Direction, Finite, Positive, Vector
-from signorini_fx.tuned import DIGITS_OF_FILES
+
+# Numbers that are compared at a time.
+_AT_A_TIME = 1_000_000
+
+Rows = npt.NDArray[np.int64]
+
+Points = Annotated[tuple[tuple[Finite, Finite], ...], Field(min_length=2, max_length=100_000)]
 
 
 class Plane(Shape):
@@ -136,45 +143,160 @@ class Cone(Shape):
         return signed - self.radius, normal
 
 
-class Edge(Shape):
-    """All that is behind two planes: a corner, sharp or rounded; in 3D a straight edge, or a groove where it is hollow.
+class Polyline(Shape):
+    """A line of straight pieces: the body is on its left, or outside where the last point is the first one.
 
     Attributes:
-        point: where both faces meet, before they are rounded, length.
-        normals: the outward normals of both faces, of any length.
-        radius: of the rounding, length; zero: sharp.
+        points: in order, lengths; beyond the first and the last one the line goes straight on.
     """
 
-    shape: Literal["edge"] = "edge"
-    point: Vector
-    normals: tuple[Direction, Direction]
-    radius: Annotated[Finite, Field(ge=0)] = 0.0
+    exists_in = (2,)
+
+    shape: Literal["polyline"] = "polyline"
+    points: Points
 
     @model_validator(mode="after")
-    def _two_faces(self) -> Self:
-        first, second = self.normals
-        if len(first) != len(self.point) or len(second) != len(self.point):
-            raise ValueError(f"normals: point has {len(self.point)} numbers, and each normal needs as many")
-        if abs(float(unit(first) @ unit(second))) > 1 - DIGITS_OF_FILES**2 / 2:
-            raise ValueError("normals: they are parallel: two faces that meet are expected")
+    def _goes_on(self) -> Self:
+        x = np.array(self.points)
+        still = np.flatnonzero((np.diff(x, axis=0) == 0).all(axis=1))
+        if still.size:
+            raise ValueError(f"points: numbers {still[0] + 1} and {still[0] + 2} are the same")
+        if self.closed and len(x) < 4:
+            raise ValueError("points: a closed line needs three, and the first one again")
+        if self.closed and self._area == 0:
+            raise ValueError("points: a closed line must enclose an area")
+        if (crossed := crossing_pieces(x)) is not None:
+            first, second = (f"points {number + 1} and {number + 2}" for number in crossed)
+            reason = f"that between {first} crosses that between {second}: the body has no side of such a line"
+            raise ValueError(f"points: of its pieces {reason}; leave the loop out")
         return self
 
+    @property
+    def closed(self) -> bool:
+        """Whether it ends where it begins."""
+        return self.points[0] == self.points[-1]
+
+    @property
+    def inradius(self) -> float:
+        """Of a closed line its area over its perimeter, which no inradius is below."""
+        if self.hollow or not self.closed:
+            return np.inf
+        return self._area / float(np.linalg.norm(np.diff(np.array(self.points), axis=0), axis=1).sum())
+
+    @property
+    def _area(self) -> float:
+        """Inside a closed line, length squared."""
+        x = np.array(self.points) - self.points[0]
+        return abs(float(x[:-1, 0] @ x[1:, 1] - x[1:, 0] @ x[:-1, 1])) / 2
+
+    @property
+    def walked(self) -> Array:
+        """Its points in the order in which the body is on the left, shape (m, 2)."""
+        x = np.array(self.points)
+        turning = float(x[:-1, 0] @ x[1:, 1] - x[1:, 0] @ x[:-1, 1])
+        return x[::-1] if self.closed and turning > 0 else x
+
     def initial(self, x: Array) -> tuple[Array, Array]:
-        """A rounded corner is at the distance of its radius around a sharp one inside."""
-        normals = np.stack([unit(normal) for normal in self.normals])
-        cosine = float(normals[0] @ normals[1])
-        above = (x - np.array(self.point)) @ normals.T + self.radius
-        # On which face the closest point is: that whose foot is behind the other one.
-        foot = above[:, ::-1] - above * cosine
-        behind = (above <= 0).all(axis=1)
-        face = np.where(behind, above.argmax(axis=1), np.where((foot[:, 0] <= 0) & (above[:, 0] > 0), 0, 1))
-        rows = np.arange(len(x))
-        signed, normal = above[rows, face], normals[face]
-        corner = ~behind & ~((foot <= 0) & (above > 0)).any(axis=1)
-        # From the corner: a combination of both normals, whose products with them are known.
-        shares = np.linalg.solve(np.array([[1.0, cosine], [cosine, 1.0]]), above[corner].T).T
-        away = shares @ normals
-        size = np.linalg.norm(away, axis=1)
-        signed[corner] = size
-        normal[corner] = away / size[:, None]
-        return signed - self.radius, normal
+        walked = self.walked
+        count = len(walked) - 1
+        pieces = np.column_stack((np.arange(count), np.arange(1, count + 1)))
+        if self.closed:
+            pieces[-1, 1] = 0
+        return StraightPieces(walked, pieces)(x)
+
+
+class StraightPieces:
+    """Signed distances from straight pieces, positive on their left, and the normals at the closest points.
+
+    Args:
+        corners: ends of the pieces, shape (c, 2).
+        pieces: the corner at which each begins, and that at which it ends, shape (m, 2); one at a free end goes on.
+    """
+
+    def __init__(self, corners: Array, pieces: Rows) -> None:
+        self._pieces, self._begin = pieces, corners[pieces[:, 0]]
+        along = corners[pieces[:, 1]] - self._begin
+        length = np.linalg.norm(along, axis=1)
+        self._along = along / length[:, None]
+        self._normals = np.column_stack((-self._along[:, 1], self._along[:, 0]))
+        self._at_corner = np.zeros_like(corners)
+        for column in (0, 1):
+            np.add.at(self._at_corner, pieces[:, column], self._normals)
+        self._first = np.where(np.isin(pieces[:, 0], pieces[:, 1]), 0.0, -np.inf)
+        self._last = np.where(np.isin(pieces[:, 1], pieces[:, 0]), length, np.inf)
+
+    def __call__(self, x: Array) -> tuple[Array, Array]:
+        """Shapes (n,) and (n, 2), for points of shape (n, 2)."""
+        chosen, parameter = self._nearest(x)
+        away = x - self._begin[chosen] - parameter[:, None] * self._along[chosen]
+        normal = self._normals[chosen].copy()
+        signed = np.einsum("nd,nd->n", away, normal)
+        # At a corner the sign is that of the mean of both normals (Baerentzen and Aanaes, IEEE Trans. Vis. Comput.
+        # Graph. 11 (2005) 243-253), and the normal that of the distance.
+        for end, column in ((self._first[chosen], 0), (self._last[chosen], 1)):
+            size = np.linalg.norm(away, axis=1)
+            at_end = (parameter == end) & (size > 0)
+            mean = self._at_corner[self._pieces[chosen[at_end], column]]
+            size = size[at_end] * np.where(np.einsum("nd,nd->n", away[at_end], mean) < 0, -1.0, 1.0)
+            signed[at_end], normal[at_end] = size, away[at_end] / size[:, None]
+        return signed, normal
+
+    def _nearest(self, x: Array) -> tuple[Rows, Array]:
+        """The closest piece of each point, the first one of several, and the place of the closest point on it, both of
+        shape (n,), for points of shape (n, 2).
+        """
+        chosen, place = np.zeros(len(x), dtype=np.int64), np.zeros(len(x))
+        for batch in np.array_split(np.arange(len(x)), 1 + x.size * len(self._begin) // _AT_A_TIME):
+            away = x[batch, None] - self._begin
+            places = np.clip(np.einsum("nmd,md->nm", away, self._along), self._first, self._last)
+            distance = np.linalg.norm(away - places[:, :, None] * self._along, axis=2)
+            chosen[batch] = distance.argmin(axis=1)
+            place[batch] = places[np.arange(batch.size), chosen[batch]]
+        return chosen, place
+
+
+def crossing_pieces(points: Array) -> tuple[int, int] | None:
+    """The first two pieces that cross, by their numbers from 0, the lower first; None: there are none.
+
+    Pieces that touch without going over to the other side do not cross; nor do those that have an end in common.
+    """
+    from scipy.spatial import cKDTree
+
+    # Two pieces that cross have parts that do, no longer than the mean piece, whose middles are no farther apart.
+    way = np.diff(points, axis=0)
+    length = np.linalg.norm(way, axis=1)
+    parts = np.maximum(np.ceil(length / (longest := float(length.mean()))), 1).astype(np.int64)
+    owner = np.repeat(np.arange(len(way)), parts)
+    number = np.arange(parts.sum()) - np.repeat(np.cumsum(parts) - parts, parts)
+    middle = points[owner] + ((number + 0.5) / parts[owner])[:, None] * way[owner]
+    tree = cKDTree(middle)
+    counts = tree.query_ball_point(middle, longest, return_length=True)
+    crossings = list[tuple[int, int]]()
+    for batch in np.split(np.arange(len(middle)), np.flatnonzero(np.diff(np.cumsum(counts) // _AT_A_TIME)) + 1):
+        near = tree.query_ball_point(middle[batch], longest)
+        first = np.repeat(owner[batch], [len(neighbours) for neighbours in near])
+        second = owner[np.concatenate(near).astype(np.int64)]
+        pairs = np.unique(np.column_stack((first, second))[first < second - 1], axis=0)
+        crossings += map(tuple, pairs[_cross(points, pairs)].tolist())
+    return min(crossings) if crossings else None
+
+
+def _cross(points: Array, pairs: Rows) -> npt.NDArray[np.bool_]:
+    """Which pairs of pieces cross, shape (p,)."""
+    count, closed = len(points) - 1, bool((points[0] == points[-1]).all())
+    # A corner that lies on the other piece counts as the one that comes after it.
+    sides = [_sides(points, piece, second, count, closed=closed) for piece, second in (pairs.T, pairs.T[::-1])]
+    return np.all([ahead * beyond < 0 for ahead, beyond in sides], axis=0)
+
+
+def _sides(points: Array, piece: Rows, second: Rows, count: int, *, closed: bool) -> tuple[Array, Array]:
+    """On which side of pieces both ends of others are, 1, -1 or 0, shapes (p,)."""
+    begin, along = points[piece], points[piece + 1] - points[piece]
+
+    def side(of: Array) -> Array:
+        away = of - begin
+        return np.asarray(np.sign(along[:, 0] * away[:, 1] - along[:, 1] * away[:, 0]))
+
+    first, last = side(points[second]), side(points[second + 1])
+    beyond = np.where(closed, (second + 1) % count + 1, np.minimum(second + 2, count))
+    return first, np.where(last == 0, side(points[beyond]), last)

@@ -94,7 +94,7 @@ class Effect(Table):
 
     # Whether it changes the strain that the stress follows from.
     strains: ClassVar[bool] = False
-    # Whether it acts at single nodes, without any form, see ``loads.nodal_effects``.
+    # Whether it acts at single nodes, without any form, see ``loads.supports``.
     nodal: ClassVar[bool] = False
     # The keys of points and directions, which have as many numbers as the mesh has dimensions.
     vectors: ClassVar[tuple[str, ...]] = ()

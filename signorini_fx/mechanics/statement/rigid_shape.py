@@ -27,6 +27,7 @@ from pydantic import BeforeValidator, TypeAdapter, ValidationError, WithJsonSche
 
 from signorini_fx.errors import SceneError
 from signorini_fx.extensions import SHAPES, is_of_package, load_class, names_of
+from signorini_fx.mechanics.statement.base import refused
 from signorini_fx.mechanics.statement.expressions import Expression, sample
 from signorini_fx.mechanics.statement.rigid_motion import COMPONENTS, RigidMotion, TimedAngle, TimedVector
 from signorini_fx.mechanics.statement.validation import problems_of
@@ -349,11 +350,9 @@ _SHAPES = {
     "circle": ("simple", "Circle"),
     "cone": ("simple", "Cone"),
     "cylinder": ("simple", "Cylinder"),
-    "edge": ("simple", "Edge"),
     "plane": ("simple", "Plane"),
-    "polyline": ("polyline", "Polyline"),
+    "polyline": ("simple", "Polyline"),
     "sphere": ("simple", "Sphere"),
-    "spline": ("polyline", "Spline"),
     "surface": ("surface", "ClosedSurface"),
 }
 
@@ -388,6 +387,10 @@ def read_shape(entry: Any) -> Any:
         raise ValueError(f'a table is expected, such as {{ shape = "plane", point = [...] }}, not {kind_of(entry)}')
     name = entry.get("shape")
     if name not in [*_SHAPES] and name not in names():
+        from signorini_fx.removed import removal
+
+        if advice := removal(f"shape = {name}"):
+            raise refused("Shape", [(("shape",), f"{shown(name)} {advice}")])
         raise ValueError(f"shape must be one of {', '.join(names())}, got {shown(name)}")
     return TypeAdapter(shape_class(name)).validate_python(entry)
 

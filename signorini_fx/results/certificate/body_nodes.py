@@ -37,7 +37,7 @@ class RigidPart:
         pieces, self._comm, dim = find_pieces(space.mesh), space.mesh.comm, x.shape[1]
         self.count, self.of_cell, nodes = pieces.count, pieces.of_cell, space.dofmap.index_map
         of_node = np.zeros(nodes.size_local + nodes.num_ghosts, dtype=np.int64)
-        of_node[space.dofmap.list] = pieces.of_cell[:, None]  # at a hinge either of both, which move there alike
+        of_node[space.dofmap.list] = pieces.of_cell[:, None]
         self.piece = of_node[: len(x)]
         self.size = np.linalg.norm(np.ptp(pieces.bounds, axis=1), axis=1)
         arm = self._without_mean(x)

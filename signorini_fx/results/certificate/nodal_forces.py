@@ -24,7 +24,7 @@ from signorini_fx.mechanics.assembly.nodal_values import NodalValues
 from signorini_fx.mechanics.elasticity.elastic_law import fields_of
 from signorini_fx.mechanics.loads.initial_strains import Jump, initial_strain, jumps_in, total_jump
 from signorini_fx.mechanics.loads.load_vectors import FormCoefficients, compile_loads, compile_resistance, group_of
-from signorini_fx.mechanics.loads.nodal_effects import forces_at_nodes
+from signorini_fx.mechanics.loads.supports import forces_at_nodes
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.obstacles.foundations_on_points import unit_form

@@ -62,9 +62,7 @@ def _equilibrium_of(
     members = np.flatnonzero(motions.pieces.assembly == number)
     subject = "the body"
     if several:
-        subject = "pieces joined by hinges" if np.isin(motions.pieces.pins, members).any() else "bodies that may touch"
-        if members.size == 1:
-            subject = motions.pieces.called(int(members[0]))
+        subject = motions.pieces.called(int(members[0])) if members.size == 1 else "bodies that may touch"
     tangential = np.zeros((0, free.shape[1])) if contact is None else contact.tangential[contact.friction]
     normal = np.zeros((0, free.shape[1])) if contact is None else contact.normal
     loose = null_space(np.concatenate((normal, tangential.reshape(-1, free.shape[1]))))

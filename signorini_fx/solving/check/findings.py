@@ -97,16 +97,11 @@ def _pieces(body: Model) -> list[Finding]:
         return []
     listed = "; ".join(pieces.describe(piece) for piece in range(min(pieces.count, MOST_LISTED)))
     suffix = f"; and {pieces.count - MOST_LISTED} more" if pieces.count > MOST_LISTED else ""
-    pairs = [
-        f"{first + 1} and {second + 1}"
-        for first, second in zip(*np.unique(np.sort(pieces.pins), axis=0).T, strict=True)
-    ]
-    hinges = f"; hinges, where they share a single vertex, join {', '.join(pairs[:MOST_LISTED])}" if pairs else ""
     if any(effect.against is not None for effect in body.statement.contact):
-        return [Finding("note", "mesh", f"there are {pieces.count} bodies: {listed}{suffix}{hinges}")]
+        return [Finding("note", "mesh", f"there are {pieces.count} bodies: {listed}{suffix}")]
     message = (
         f"the mesh of the body is in {pieces.count} pieces that share no side, so that each piece must be held: "
-        f"{listed}{suffix}{hinges}; if one body is meant, let the cells share their nodes (in gmsh: fragment)"
+        f"{listed}{suffix}; if one body is meant, let the cells share their nodes (in gmsh: fragment)"
     )
     return [Finding("note", "mesh", message)]
 
