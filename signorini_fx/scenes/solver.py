@@ -98,11 +98,17 @@ def _solved(
     if scene.accuracy is None and not (coarse := coarser_scenes(scene, scene.solver.levels)):
         load, kept = partial(load_mesh, scene, comm), _of_first_mesh(stored)
         return solve_mesh(scene.statement, load, history, None, kept=kept)[0]
-    from signorini_fx.scenes.mesh_sequence import solve_scene_to_accuracy, solve_scenes
+    from signorini_fx.scenes.mesh_sequence import MeshedScene, meshes_of
 
     if scene.accuracy is not None:
-        return solve_scene_to_accuracy(scene, scene.accuracy, comm, history, on_level)
-    return solve_scenes([*coarse, scene], comm, history, on_level, stored)
+        from signorini_fx.solving.to_accuracy import Budget, solve_to_accuracy
+
+        budget = Budget.begins(scene.accuracy, comm, history)
+        return solve_to_accuracy(meshes_of(scene, scene.accuracy, comm, history), budget, history, on_level)
+    from signorini_fx.solving.nested import solve_nested
+
+    meshes = [MeshedScene(comm=comm, history=history, scene=each) for each in (*coarse, scene)]
+    return solve_nested(meshes, len(meshes), comm, history, on_level, stored)
 
 
 def _of_first_mesh(stored: Checkpoint | None) -> MeshCheckpoint | None:

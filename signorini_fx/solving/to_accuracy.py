@@ -63,8 +63,6 @@ def solve_to_accuracy(
     the linear solve in which the time ends.  If it ends on the first mesh there is no solution.
     """
     goal, comm, notify = budget.goal, budget.comm, history.add
-    degree = meshes.problem.degree
-    rates = expected_rates(degree if meshes.adaptive else 1)
     levels: list[LevelResult] = []
     state: ContactState | None = None
     last: Solution | None = None
@@ -91,6 +89,8 @@ def solve_to_accuracy(
             return replace(solution, levels=tuple(levels))
         if not levels:
             meshes.keep(solved)
+        degree = solution.statement.element.degree
+        rates = expected_rates(degree if meshes.adaptive else 1)
         polygon = meshes.problem.polygon_error(solved, polygon)
         state = solved.state
         started -= meshes.seconds
@@ -104,7 +104,7 @@ def solve_to_accuracy(
         solution = last = replace(solution, levels=tuple(levels), convergence_table=tuple(rows))
         regularisation = level.pressure_regularisation if goal.of == "pressure" else level.regularisation
         estimate = getattr(rows[-2], goal.of) if rows else _estimate_on_one(levels[0], goal)
-        margin = MARGIN.get((goal.of, meshes.problem.degree), MARGIN_OF_OTHERS)
+        margin = MARGIN.get((goal.of, degree), MARGIN_OF_OTHERS)
         error = inf if estimate is None else estimate * margin
         enough = len(levels) >= (2 if goal.of in ("energy", "pressure") else 3)
         certified = goal.certified and (len(levels) == 1 or error + regularisation <= goal.target)
@@ -164,7 +164,7 @@ def _smaller_mesh(
     """Make the next mesh coarser, until the budget allows it; what it exceeds where none that is finer enough than the
     last one does, else None.
     """
-    while (beyond := exceeded(meshes.finer)) is not None and meshes.remade:
+    while (beyond := exceeded(meshes.finer)) is not None and meshes.problem.remakes:
         jump = float(np.sqrt(jump))
         if jump < SMALLEST_REMADE_JUMP:
             break
