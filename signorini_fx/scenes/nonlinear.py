@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, ClassVar
 
-import basix
 import mpi4py.MPI
 import numpy as np
 import numpy.typing as npt
@@ -26,12 +25,9 @@ from signorini_fx.forms.nonlinear.outcomes import State
 from signorini_fx.forms.nonlinear.problem import NonlinearContactProblem, linearised_at
 from signorini_fx.forms.solver import StepBeginning
 from signorini_fx.machine import compat, parallel
-from signorini_fx.machine.compilation import compiling
-from signorini_fx.mechanics.assembly.quadrature import strain_degree
 from signorini_fx.mechanics.body.deformation import deformation_of
 from signorini_fx.mechanics.body.discretisation import boundary_facets, held_at, prepare
 from signorini_fx.mechanics.body.nonlinear_law import BodyResidual, at_rest, body_residual
-from signorini_fx.mechanics.loads.initial_strains import initial_strain
 from signorini_fx.mechanics.loads.supports import prescribed
 from signorini_fx.mechanics.materials.trial import check_materials
 from signorini_fx.mechanics.mesh.tagged import check_fits
@@ -92,8 +88,6 @@ def linear_body(scene: Scene, comm: mpi4py.MPI.Comm, timings: Timings) -> Model:
     check_fits(scene.statement, tagged)
     model = prepare(at_rest(scene.statement), tagged, timings, path_step=-1)
     refuse_beforehand(model, linear=False)
-    if scene.statement.finite_strains:
-        _refuse_shrunk(model)
     if model.turned is not None:
         number = next(k for k, support in enumerate(scene.statement.displacement) if support.normal is not None)
         reason = "along no axis is not possible yet with a nonlinear material: turn the mesh, or take bilateral contact"
@@ -344,24 +338,6 @@ def _with_sides_of(statement: Statement, body: Statement) -> Statement:
 def _at_its_time(friction: Any) -> Any:
     """A friction law at a time, with functions of the place alone in place of expressions of the time."""
     return friction.with_values(lambda _, value: partial(sample, value) if getattr(value, "timed", False) else value)
-
-
-def _refuse_shrunk(model: Model) -> None:
-    """Refuse temperatures by which lengths of a body would shrink to nothing; collective."""
-    strain, move_to = initial_strain(model.statement, model.tagged, model.space, 0)
-    if strain is None:
-        return
-    mesh = model.tagged.mesh
-    kind, degree = getattr(basix.CellType, mesh.topology.cell_name()), strain_degree(model.space, model.kinematics)
-    with compiling():
-        expression = fem.Expression(strain, basix.make_quadrature(kind, max(1, degree))[0])
-    cells = np.arange(mesh.topology.index_map(mesh.topology.dim).size_local, dtype=np.int32)
-    for step in range(model.statement.steps):
-        move_to(step)
-        shrunk = bool((np.asarray(expression.eval(mesh, cells)) <= -1).any())
-        if parallel.any_rank(model.comm, shrunk):
-            reason = "must be less: it would shrink the body to nothing or less, by change times expansion <= -1"
-            raise SceneError([("temperature", reason)])
 
 
 def _refuse_turning(statement: Statement, dimension: int) -> None:
