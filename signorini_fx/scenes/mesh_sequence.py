@@ -161,7 +161,8 @@ def meshes_of(scene: Scene, goal: Accuracy, comm: MPI.Comm, history: History) ->
         remakes=plan.remade,
         in_parts=bool(plan.scene.body),
     ).divided(1)
-    if plan.replaced:
+    cells_differ = isinstance(plan.scene.mesh, MeshGenerator) and plan.scene.mesh != scene.mesh
+    if cells_differ or (plan.scene.element, plan.scene.body) != (scene.element, scene.body):
         how = "triangles divided where the error is" if plan.adaptive else "all cells smaller"
         kept = "accuracy.refinement = 'uniform' or 'adaptive' keeps those of the scene"
         history.add(f"elements: degree {plan.scene.element.degree}, {how}; {kept}")

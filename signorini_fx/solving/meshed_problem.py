@@ -162,7 +162,7 @@ class MeshedProblem(ABC):
 
 @dataclass(frozen=True)
 class Unsolved:
-    """Why a finer mesh has no solution, and the outcome of the coarser one that stands in its place."""
+    """Why a finer mesh has no solution, or is not made, and the outcome of the coarser one that stands in its place."""
 
     status: Status
     reason: str
@@ -195,6 +195,6 @@ class Unsolved:
         raise error
 
     def leaves(self, coarser: Solution, history: History) -> Solution:
-        """The certified solution on the coarser mesh, with this outcome."""
+        """The solution on the coarser mesh, with this outcome."""
         history.add(f"{ACCURACY}{self.reason}")
         return replace(coarser, status=self.status)
