@@ -143,10 +143,8 @@ def solve_nested(
     """
     if not isinstance(levels, int) or levels < 1:
         raise FormError([("levels", f"must be a whole number from 1, got {levels!r}")], "solve_nested")
-    if restart and folder is None:
-        raise FormError([("restart", "needs the folder of the checkpoint")], "solve_nested")
     first = _first(make, mesh, path, observers)
-    stored = None if folder is None else checkpoint_of(first.solver, folder, first.path, restart=restart)
+    stored = checkpoint_of(first.solver, folder, first.path, restart=restart)
 
     def problems() -> Any:
         problem = first

@@ -19,7 +19,6 @@ from signorini_fx.mechanics.statement.load_path import LoadPath
 from signorini_fx.mechanics.statement.values import kind_of
 from signorini_fx.records import Status, Timings
 from signorini_fx.results.mechanics import StepResult
-from signorini_fx.results.restart_files import Checkpoint
 from signorini_fx.results.solution import Solution
 from signorini_fx.results.step_frames import StepEnd
 from signorini_fx.solving.checkpointed_steps import MeshCheckpoint, open_checkpoint
@@ -130,21 +129,21 @@ def begun_path(
     *,
     restart: bool,
 ) -> tuple[LoadPath, Clock, MeshCheckpoint | None]:
-    """The load steps of a run, what goes through their times, and their checkpoint, if there is one, see
-    ``ContactProblem.run``; collective.
-    """
+    """The load steps of a run, what goes through their times, and their checkpoint, if there is one; collective."""
     clock, path = Clock(at), path if isinstance(path, LoadPath) else LoadPath(tuple(path))
+    return path, clock, checkpoint_of(solver, folder, path, restart=restart)
+
+
+def checkpoint_of(
+    solver: FormSolver, folder: str | Path | None, path: LoadPath, *, restart: bool
+) -> MeshCheckpoint | None:
+    """The checkpoint of a path in a folder; None: there is no folder; collective.  Values of Constants are not
+    compared: certificates judge what is taken from it.
+    """
     if folder is None:
         if restart:
             raise FormError([("restart", "needs the folder of the checkpoint")])
-        return path, clock, None
-    return path, clock, MeshCheckpoint(checkpoint_of(solver, folder, path, restart=restart), 0)
-
-
-def checkpoint_of(solver: FormSolver, folder: str | Path, path: LoadPath, *, restart: bool) -> Checkpoint:
-    """The checkpoint of a path in a folder; collective.  Values of Constants are not compared: certificates judge what
-    is taken from it.
-    """
+        return None
     if (at := Path(folder).resolve()) in solver.folders:
         reason = f"{folder} has the load steps of another run of this problem: give each run a folder of its own"
         raise FormError([("folder", reason)], "run")

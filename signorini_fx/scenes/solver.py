@@ -22,7 +22,6 @@ from signorini_fx.scenes.scene import Scene
 from signorini_fx.solving.solve_on_mesh import solve_mesh
 
 if TYPE_CHECKING:
-    from signorini_fx.results.restart_files import Checkpoint
     from signorini_fx.solving.checkpointed_steps import MeshCheckpoint
 
 
@@ -94,10 +93,9 @@ def _solved(
     if scene.statement.nonlinear and scene.accuracy is None and scene.solver.levels == 1:
         from signorini_fx.scenes.nonlinear import solve_nonlinear
 
-        return solve_nonlinear(scene, comm, history, _of_first_mesh(stored))
+        return solve_nonlinear(scene, comm, history, stored)
     if scene.accuracy is None and not (coarse := coarser_scenes(scene, scene.solver.levels)):
-        load, kept = partial(load_mesh, scene, comm), _of_first_mesh(stored)
-        return solve_mesh(scene.statement, load, history, None, kept=kept)[0]
+        return solve_mesh(scene.statement, partial(load_mesh, scene, comm), history, None, kept=stored)[0]
     from signorini_fx.scenes.mesh_sequence import MeshedScene, meshes_of
 
     if scene.accuracy is not None:
@@ -111,18 +109,9 @@ def _solved(
     return solve_nested(meshes, len(meshes), comm, history, on_level, stored)
 
 
-def _of_first_mesh(stored: Checkpoint | None) -> MeshCheckpoint | None:
-    """Its part for the load steps on one mesh; None if nothing is stored."""
-    if stored is None:
-        return None
-    from signorini_fx.solving.checkpointed_steps import MeshCheckpoint
-
-    return MeshCheckpoint(stored, 0)
-
-
 def _checkpoint(
     scene: Scene, comm: MPI.Comm, history: History, folder: str | Path | None, *, restart: bool
-) -> Checkpoint | None:
+) -> MeshCheckpoint | None:
     """The checkpoint of a run; None if there is nothing to store."""
     if folder is None and restart:
         raise SceneError([("restart", "needs the folder of the checkpoint")])

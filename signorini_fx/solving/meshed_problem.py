@@ -22,7 +22,6 @@ from signorini_fx.records import ACCURACY, History, Status
 from signorini_fx.results.accuracy.error_estimates import Errors, worst_of
 from signorini_fx.results.accuracy.level_results import LevelResult, level_result
 from signorini_fx.results.accuracy.pressure_error import polygon_error
-from signorini_fx.results.restart_files import Checkpoint
 from signorini_fx.results.solution import Solution
 from signorini_fx.solving.checkpointed_steps import MeshCheckpoint
 
@@ -129,15 +128,14 @@ class MeshedProblem(ABC):
         return polygon_error(solved.level.table, solved.solution.model.scales.modulus)
 
     def solved(
-        self, number: int, state: ContactState | None, coarser: MeshLevel | None, stored: Checkpoint | None = None
+        self, number: int, state: ContactState | None, coarser: MeshLevel | None, stored: MeshCheckpoint | None = None
     ) -> SolvedMesh:
         """Solve it as one of several meshes, with its errors and its cost; collective."""
         history, comm = self.history, self.comm
         signals.agree(comm)
         history.add(f"level {number}")
         solves_before = history.linear_solves
-        checkpoint = None if stored is None else MeshCheckpoint(stored, number)
-        solved, step_errors = self.solve(state, coarser, checkpoint)
+        solved, step_errors = self.solve(state, coarser, None if stored is None else stored.on(number))
         solution = solved.solution
         if not solution.converged:
             return replace(solved, outcome=None)

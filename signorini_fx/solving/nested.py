@@ -22,8 +22,8 @@ from signorini_fx.mechanics.rigid.mesh_levels import MeshLevel
 from signorini_fx.records import History
 from signorini_fx.results.accuracy.convergence_table import convergence_table, with_polygon
 from signorini_fx.results.accuracy.level_results import LevelResult
-from signorini_fx.results.restart_files import Checkpoint
 from signorini_fx.results.solution import Solution
+from signorini_fx.solving.checkpointed_steps import MeshCheckpoint
 from signorini_fx.solving.meshed_problem import MeshedProblem, Unsolved
 from signorini_fx.tuned import MIDDLE_RATIO
 
@@ -34,7 +34,7 @@ def solve_nested(
     comm: MPI.Comm,
     history: History,
     on_level: Callable[[Solution], object] = lambda solution: None,
-    stored: Checkpoint | None = None,
+    stored: MeshCheckpoint | None = None,
 ) -> Solution:
     """Solve on one mesh after the other, each starting from the contact state of the previous one; collective.
 
