@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from pathlib import Path
 from typing import Any, Self, TypeAlias
 
 from dolfinx import mesh as dmesh
@@ -13,7 +12,7 @@ from dolfinx import mesh as dmesh
 from signorini_fx.errors import FormError
 from signorini_fx.forms.contact_problem import ContactProblem
 from signorini_fx.forms.solver import FormSolver
-from signorini_fx.forms.steps import Clock, checkpoint_of, solution_of, solve_path
+from signorini_fx.forms.steps import Clock, solution_of, solve_path
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.mesh.refinement import check_divisible, refine
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, tag_boundaries
@@ -114,8 +113,6 @@ def solve_nested(
     path: LoadPath | Sequence[float] | None = None,
     observers: Sequence[Observer] = (),
     on_level: Callable[[Solution], object] = lambda solution: None,
-    folder: str | Path | None = None,
-    restart: bool = False,
 ) -> Solution:
     """Solve a problem on nested meshes, each starting from the solution on the one before; collective.
 
@@ -133,8 +130,6 @@ def solve_nested(
         path: the load steps on each mesh; None: a single one.
         observers: see ``solve``.
         on_level: called with the solution on each mesh but the last.
-        folder: see ``ContactProblem.run``.
-        restart: see ``ContactProblem.run``.
 
     Raises:
         ConvergenceError: there is no solution; its ``solution`` has the last iterate.
@@ -144,7 +139,6 @@ def solve_nested(
     if not isinstance(levels, int) or levels < 1:
         raise FormError([("levels", f"must be a whole number from 1, got {levels!r}")], "solve_nested")
     first = _first(make, mesh, path, observers)
-    stored = checkpoint_of(first.solver, folder, first.path, restart=restart)
 
     def problems() -> Any:
         problem = first
@@ -153,7 +147,7 @@ def solve_nested(
                 problem = problem.divided(2**number) if callable(mesh) else problem.on(refine(problem.tagged))
             yield problem
 
-    return _checked(nested.solve_nested(problems(), levels, first.comm, first.history, on_level, stored))
+    return _checked(nested.solve_nested(problems(), levels, first.comm, first.history, on_level))
 
 
 def solve_to_accuracy(

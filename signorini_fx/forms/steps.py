@@ -129,38 +129,31 @@ def begun_path(
     *,
     restart: bool,
 ) -> tuple[LoadPath, Clock, MeshCheckpoint | None]:
-    """The load steps of a run, what goes through their times, and their checkpoint, if there is one; collective."""
-    clock, path = Clock(at), path if isinstance(path, LoadPath) else LoadPath(tuple(path))
-    return path, clock, checkpoint_of(solver, folder, path, restart=restart)
+    """The load steps of a run, what goes through their times, and their checkpoint, if there is one; collective.
 
-
-def checkpoint_of(
-    solver: FormSolver, folder: str | Path | None, path: LoadPath, *, restart: bool
-) -> MeshCheckpoint | None:
-    """The checkpoint of a path in a folder; None: there is no folder; collective.  Values of Constants are not
-    compared: certificates judge what is taken from it.
+    Values of Constants are not compared with those of a checkpoint: certificates judge what is taken from it.
     """
+    clock, path = Clock(at), path if isinstance(path, LoadPath) else LoadPath(tuple(path))
     if folder is None:
         if restart:
             raise FormError([("restart", "needs the folder of the checkpoint")])
-        return None
-    if (at := Path(folder).resolve()) in solver.folders:
+        return path, clock, None
+    if (place := Path(folder).resolve()) in solver.folders:
         reason = f"{folder} has the load steps of another run of this problem: give each run a folder of its own"
         raise FormError([("folder", reason)], "run")
-    forms = solver.forms
-    mesh, dofmap = forms.mesh, forms.space.dofmap
+    forms, dofmap = solver.forms, solver.space.dofmap
+    topology = forms.mesh.topology
     described = {
         "path": asdict(path),
         "settings": solver.settings.model_dump(mode="json"),
         "contact": [type(contact).__name__ for contact in forms.contact],
-        "cells": mesh.topology.index_map(mesh.topology.dim).size_global,
+        "cells": topology.index_map(topology.dim).size_global,
         "unknowns": dofmap.index_map.size_global * dofmap.index_map_bs,
     }
+    comm, history = forms.mesh.comm, solver.history
     try:
-        stored = open_checkpoint(
-            mesh.comm, folder, described, solver.history, restart=restart, several_steps=path.several
-        )
+        stored = open_checkpoint(comm, folder, described, history, restart=restart, several_steps=path.several)
     except SceneError as error:
         raise FormError(error.problems, "run") from None
-    solver.folders.append(at)
-    return stored
+    solver.folders.append(place)
+    return path, clock, stored
