@@ -22,7 +22,7 @@ from signorini_fx.results.mechanics import StepResult
 from signorini_fx.results.solution import Solution
 from signorini_fx.results.step_frames import StepEnd
 from signorini_fx.solving.checkpointed_steps import MeshCheckpoint, open_checkpoint
-from signorini_fx.solving.load_steps import Increments, StepProgress, all_load_steps
+from signorini_fx.solving.load_steps import Increments, StepProgress
 from signorini_fx.solving.solve_on_mesh import contact_solution, findings_of_steps
 from signorini_fx.solving.stepped_body import BegunStep, SteppedBody
 
@@ -98,7 +98,8 @@ def solve_path(
         with solver.timings.phase("assemble"):
             solver.begun = start = solver.begin_step()
         body = FormSteps(solver.model(path), path, solver.timings, solver, clock, solver.beginning())
-        progress = all_load_steps(body, solver.task, start, increments, lambda step: on_step(step.result), stored)
+        progress = StepProgress(body, solver.task, start, increments)
+        progress.solve_all(lambda step: on_step(step.result), stored)
     return progress
 
 
