@@ -59,9 +59,9 @@ class MeshedScene(MeshedProblem):
     ) -> tuple[SolvedMesh, list[Errors]]:
         scene, step_errors = self.scene, list[Errors]()
         if scene.statement.nonlinear:
-            from signorini_fx.scenes.nonlinear import solve_nonlinear
+            from signorini_fx.scenes.nonlinear import problem_of
 
-            solution = solve_nonlinear(scene, self.comm, self.history, checkpoint)
+            solution = problem_of(scene, self.comm, self.history).solved(checkpoint)
             return SolvedMesh(solution, solution.model.tagged, None), _errors_of_nonlinear(solution)
 
         def estimate(step: LoadStep) -> None:

@@ -57,25 +57,18 @@ Array = npt.NDArray[np.float64]
 _LEFT_OUT = {"initial_contact": "auto", "error_bound": False}
 
 
-def solve_nonlinear(
-    scene: Scene, comm: mpi4py.MPI.Comm, history: History, stored: MeshCheckpoint | None = None
-) -> Solution:
-    """The solution, or the load steps up to one that has none; collective.
+def problem_of(scene: Scene, comm: mpi4py.MPI.Comm, history: History) -> ProblemOfScene:
+    """The problem of a scene on its mesh; collective.
 
     Raises:
         SceneError: the scene is wrong, or does not fit its mesh.
         MeshError: the mesh cannot be read or generated.
-        ConvergenceError: the first load step has no solution, and the body before it cannot be evaluated.
     """
     timings = Timings()
-    return problem_of(scene, comm, history, timings).solved(timings, stored)
-
-
-def problem_of(scene: Scene, comm: mpi4py.MPI.Comm, history: History, timings: Timings) -> ProblemOfScene:
-    """The problem of a scene on its mesh; for the arguments and errors see ``solve_nonlinear``; collective."""
     model = linear_body(scene, comm, timings)
     with timings.phase("compile"):
         problem = ProblemOfScene.of(scene.statement, model, history)
+    problem.timings = timings
     history.move(dofs=model.dofs)
     return problem
 
@@ -103,12 +96,14 @@ class ProblemOfScene(NonlinearContactProblem):
         model: the linear body that it is at small strains, with its loads and supports.
         body: its residual.
         path_step: the place in the lists of factors where it is.
+        timings: of what was done before it was solved.
     """
 
     statement: Statement
     model: Model
     body: BodyResidual
     path_step = -1.0
+    timings: Timings
     _held: list[tuple[fem.Function, npt.NDArray[np.int32]]]
 
     @classmethod
@@ -152,13 +147,10 @@ class ProblemOfScene(NonlinearContactProblem):
         return problem
 
     def solved(
-        self,
-        timings: Timings,
-        stored: MeshCheckpoint | None = None,
-        on_step: Callable[[StepResult], object] = lambda step: None,
+        self, stored: MeshCheckpoint | None = None, on_step: Callable[[StepResult], object] = lambda step: None
     ) -> Solution:
         """The solution of all load steps, or of those before one that has none: of the first one the body as it was
-        before; ``timings``: of what was done so far; collective.
+        before; collective.
 
         Raises:
             ConvergenceError: the first one has none, and its body cannot be evaluated.
@@ -174,7 +166,7 @@ class ProblemOfScene(NonlinearContactProblem):
             failures.append(Finding("warning", "load_steps", str(error)))
         except FormError as error:
             raise _of_scene(error, self.statement) from None
-        timings.seconds.update(self._solver.timings.seconds)
+        self.timings.seconds.update(self._solver.timings.seconds)
         solution = self.titled(self.statement.title)
         model = replace(solution.model, statement=self.statement, tagged=self.model.tagged)
         known = nonlinear_findings(self.statement, self.model)
@@ -182,7 +174,7 @@ class ProblemOfScene(NonlinearContactProblem):
         touching = parallel.any_rank(self.model.comm, bool(np.any(contacts))) if contacts and not failures else None
         findings = (*failures, *known, *self.findings, *untouched(touching=touching))
         named = tuple(map(self._named, solution.steps))
-        return replace(solution, model=model, steps=named, timings=timings, found=lambda: findings)
+        return replace(solution, model=model, steps=named, timings=self.timings, found=lambda: findings)
 
     @property
     def _parts(self) -> list[npt.NDArray[np.int32]]:

@@ -91,9 +91,9 @@ def _solved(
     """The solution, or the last iterate; arguments as for ``solve``."""
     stored = _checkpoint(scene, comm, history, checkpoint, restart=restart)
     if scene.statement.nonlinear and scene.accuracy is None and scene.solver.levels == 1:
-        from signorini_fx.scenes.nonlinear import solve_nonlinear
+        from signorini_fx.scenes.nonlinear import problem_of
 
-        return solve_nonlinear(scene, comm, history, stored)
+        return problem_of(scene, comm, history).solved(stored)
     if scene.accuracy is None and not (coarse := coarser_scenes(scene, scene.solver.levels)):
         return solve_mesh(scene.statement, partial(load_mesh, scene, comm), history, None, kept=stored)[0]
     from signorini_fx.scenes.mesh_sequence import MeshedScene, meshes_of

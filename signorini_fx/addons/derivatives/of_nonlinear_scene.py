@@ -49,12 +49,12 @@ class NonlinearSteps:
     seconds: float
 
     @classmethod
-    def solved(cls, statement: Statement, problem_of: Callable[[Timings], ProblemOfScene]) -> NonlinearSteps:
+    def solved(cls, statement: Statement, problem_of: Callable[[], ProblemOfScene]) -> NonlinearSteps:
         """Solve a scene; collective."""
         refuse(statement, REFUSES)
-        begin, timings, reached = time.perf_counter(), Timings(), list[ReachedStep]()
-        problem = problem_of(timings)
-        solution = problem.solved(timings, on_step=lambda step: reached.append(problem.reached()))
+        begin, reached = time.perf_counter(), list[ReachedStep]()
+        problem = problem_of()
+        solution = problem.solved(on_step=lambda step: reached.append(problem.reached()))
         if not solution.converged:
             raise ConvergenceError(solution)
         seconds = parallel.global_max(problem.model.comm, time.perf_counter() - begin)
