@@ -29,7 +29,7 @@ from signorini_fx.mechanics.statement.settings import Accuracy
 from signorini_fx.records import History
 from signorini_fx.results.accuracy.convergence_table import convergence_table
 from signorini_fx.scenes.mesh import scene_on
-from signorini_fx.scenes.mesh_sequence import meshed_scene, meshes_of
+from signorini_fx.scenes.mesh_sequence import MeshedScene, meshes_of
 from signorini_fx.scenes.reading import parse_scene, read_scene
 from signorini_fx.solving.meshed_problem import SolvedMesh
 from signorini_fx.solving.to_accuracy import Budget, solve_to_accuracy
@@ -80,7 +80,7 @@ def one_after_the_other(scenes) -> list[SolvedMesh]:
     """Nested iteration: each mesh from the contact state of the one before."""
     history, state, found = History(), None, []
     for number, scene in enumerate(scenes):
-        found.append(meshed_scene(scene, MPI.COMM_SELF, history).solved(number, state, None))
+        found.append(MeshedScene(comm=MPI.COMM_SELF, history=history, scene=scene).solved(number, state, None))
         state = found[-1].solution.contact
     return found
 

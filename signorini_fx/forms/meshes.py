@@ -5,21 +5,20 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any, Self, TypeAlias
 
 from dolfinx import mesh as dmesh
 
 from signorini_fx.errors import FormError
 from signorini_fx.forms.contact_problem import ContactProblem
 from signorini_fx.forms.solver import FormSolver
-from signorini_fx.forms.steps import Clock, checkpoint_of, solution_of, solve_path
+from signorini_fx.forms.steps import Clock, solution_of, solve_path
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.mesh.refinement import check_divisible, refine
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, tag_boundaries
 from signorini_fx.mechanics.rigid.mesh_levels import MeshLevel
 from signorini_fx.mechanics.statement.load_path import LoadPath
-from signorini_fx.mechanics.statement.settings import Accuracy
+from signorini_fx.mechanics.statement.settings import Accuracy, SolverSettings
 from signorini_fx.mechanics.statement.values import kind_of
 from signorini_fx.records import History, Observer
 from signorini_fx.results.accuracy.error_estimates import Errors
@@ -34,16 +33,18 @@ AnyMesh: TypeAlias = "dmesh.Mesh | TaggedMesh"
 Make = Callable[[Any], Any]
 
 
-@dataclass(frozen=True)
-class FormsOnMesh:
+@dataclass(frozen=True, kw_only=True)
+class MeshedForms(MeshedProblem):
     """What makes a ``ContactProblem`` on a mesh, of dolfinx where that is ``plain``; with load steps it makes what
-    changes the problem to what it is at a time, too.
+    changes the problem to what it is at a time, too.  ``family``: makes finer meshes anew; None: cells are divided.
     """
 
     make: Make
     tagged: TaggedMesh
     plain: bool
     path: LoadPath
+    family: Callable[[int], AnyMesh] | None
+    changed: SolverSettings | None = None
 
     @cached_property
     def made(self) -> tuple[ContactProblem, Clock]:
@@ -57,6 +58,9 @@ class FormsOnMesh:
         if (at is None) is self.path.several:
             wanted = "(problem, at), as run takes at" if self.path.several else "the problem alone without a path"
             raise FormError([("make", f"must return {wanted}")], "make")
+        if self.changed is not None:
+            problem.assembled.settings = self.changed
+        problem.assembled.history = self.history
         return problem, Clock((lambda time: None) if at is None else at)
 
     @property
@@ -64,36 +68,41 @@ class FormsOnMesh:
         """Of this problem; collective."""
         return self.made[0].assembled
 
-    def on(self, tagged: TaggedMesh) -> FormsOnMesh:
-        """The same on another mesh."""
+    @property
+    def estimable(self) -> bool:
+        """Whether errors can be estimated."""
+        return self.solver.forms.stress is not None and not self.solver.forms.weighted
+
+    @property
+    def augmentable(self) -> bool:
+        return all(contact.against is None for contact in self.solver.contact)
+
+    @property
+    def settings(self) -> SolverSettings:
+        return self.solver.settings
+
+    def with_settings(self, settings: SolverSettings) -> Self:
+        return replace(self, changed=settings)
+
+    def on(self, tagged: TaggedMesh) -> Self:
         return replace(self, tagged=tagged)
 
+    def divided(self, times: int) -> Self:
+        assert self.family is not None
+        return self.on(_tagged(self.family(times)))
 
-def _solved(
-    problem: MeshedProblem[FormsOnMesh],
-    state: ContactState | None,
-    coarser: MeshLevel | None,
-    checkpoint: MeshCheckpoint | None,
-    step_errors: list[Errors],
-) -> SolvedMesh:
-    forms = problem.source if problem.changed is None else replace(problem.source)  # which may have been solved
-    (made, clock), solver, path = forms.made, forms.solver, forms.path
-    solver.history = problem.history
-    if problem.changed is not None:
-        solver.settings = problem.changed
-    solver.coarser, solver.coarser_state = coarser, state
+    def solve(
+        self, state: ContactState | None, coarser: MeshLevel | None, checkpoint: MeshCheckpoint | None
+    ) -> tuple[SolvedMesh, list[Errors]]:
+        (made, clock), solver, step_errors = self.made, self.solver, list[Errors]()
+        solver.coarser, solver.coarser_state = coarser, state
 
-    def estimate(result: StepResult) -> None:
-        if _estimable(solver):
-            step_errors.append(made.errors)
+        def estimate(result: StepResult) -> None:
+            if self.estimable:
+                step_errors.append(made.errors)
 
-    solution = solution_of(solver, path, solve_path(solver, path, clock, estimate, checkpoint))
-    return SolvedMesh(solution, forms.tagged, solver.task, solver.outcome)
-
-
-def _estimable(solver: FormSolver) -> bool:
-    """Whether errors can be estimated."""
-    return solver.forms.stress is not None and not solver.forms.weighted
+        solution = solution_of(solver, self.path, solve_path(solver, self.path, clock, estimate, checkpoint))
+        return SolvedMesh(solution, self.tagged, solver.task, solver.outcome), step_errors
 
 
 def solve_nested(
@@ -104,8 +113,6 @@ def solve_nested(
     path: LoadPath | Sequence[float] | None = None,
     observers: Sequence[Observer] = (),
     on_level: Callable[[Solution], object] = lambda solution: None,
-    folder: str | Path | None = None,
-    restart: bool = False,
 ) -> Solution:
     """Solve a problem on nested meshes, each starting from the solution on the one before; collective.
 
@@ -123,8 +130,6 @@ def solve_nested(
         path: the load steps on each mesh; None: a single one.
         observers: see ``solve``.
         on_level: called with the solution on each mesh but the last.
-        folder: see ``ContactProblem.run``.
-        restart: see ``ContactProblem.run``.
 
     Raises:
         ConvergenceError: there is no solution; its ``solution`` has the last iterate.
@@ -133,17 +138,13 @@ def solve_nested(
     """
     if not isinstance(levels, int) or levels < 1:
         raise FormError([("levels", f"must be a whole number from 1, got {levels!r}")], "solve_nested")
-    if restart and folder is None:
-        raise FormError([("restart", "needs the folder of the checkpoint")], "solve_nested")
     first = _first(make, mesh, path, observers)
-    if folder is not None:
-        first = replace(first, stored=checkpoint_of(first.source.solver, folder, first.source.path, restart=restart))
 
     def problems() -> Any:
         problem = first
         for number in range(levels):
             if number > 0:
-                problem = problem.divided(2**number) if callable(mesh) else problem.on(refine(problem.source.tagged))
+                problem = problem.divided(2**number) if callable(mesh) else problem.on(refine(problem.tagged))
             yield problem
 
     return _checked(nested.solve_nested(problems(), levels, first.comm, first.history, on_level))
@@ -178,21 +179,21 @@ def solve_to_accuracy(
         MeshError: the cells cannot be divided.
     """
     first = _first(make, mesh, path, observers)
-    adaptive, made, comm = accuracy.refinement == "adaptive", callable(mesh), first.comm
+    adaptive, made = accuracy.refinement == "adaptive", callable(mesh)
     wrong = []
-    if not _estimable(first.source.solver):
+    if not first.estimable:
         wrong.append(("stress", "is needed for an accuracy: errors are estimated from stresses, without a measure"))
     if accuracy.certified:
         wrong.append(("accuracy.certified", "is for scenes: ask the result for error_bound"))
     if adaptive and made:
         wrong.append(("accuracy.refinement", "'adaptive' divides cells: give the coarsest mesh, not a function"))
-    if adaptive and first.paired and accuracy.of != "energy":
+    if adaptive and not first.augmentable and accuracy.of != "energy":
         message = "two bodies show the error of contact on one side only: use 'uniform', or of='energy'"
         wrong.append(("accuracy.refinement", message))
     if wrong:
         raise FormError(wrong, "solve_to_accuracy")
-    budget = to_accuracy.Budget.begins(accuracy, comm, first.history)
-    meshes = Meshes(first, accuracy, comm, adaptive=adaptive, made=made, any_jump=made)
+    budget = to_accuracy.Budget.begins(accuracy, first.comm, first.history)
+    meshes = Meshes(first, accuracy, adaptive=adaptive, made=made, any_jump=made)
     solution = to_accuracy.solve_to_accuracy(meshes, budget, first.history, on_level)
     asked = replace(solution.model, statement=replace(solution.statement, accuracy=accuracy))
     return _checked(replace(solution, model=asked))
@@ -203,26 +204,21 @@ def _first(
     mesh: AnyMesh | Callable[[int], AnyMesh],
     path: LoadPath | Sequence[float] | None,
     observers: Sequence[Observer],
-) -> MeshedProblem[FormsOnMesh]:
+) -> MeshedForms:
     """The problem on the coarsest mesh; collective."""
     coarsest = mesh(1) if callable(mesh) else mesh
     tagged = _tagged(coarsest)
     if not callable(mesh):
         check_divisible(tagged)
-    steps = LoadPath((0.0,)) if path is None else path if isinstance(path, LoadPath) else LoadPath(tuple(path))
-    forms, history = FormsOnMesh(make, tagged, not isinstance(coarsest, TaggedMesh), steps), History()
-    forms.solver.history, history.observers = history, list(observers)
-    return MeshedProblem(
-        source=forms,
+    return MeshedForms(
         comm=tagged.mesh.comm,
-        history=history,
-        degree=int(forms.solver.space.element.basix_element.degree),
-        paired=any(contact.against is not None for contact in forms.solver.contact),
-        stated=lambda source: source.solver.settings,
-        solve=_solved,
-        on_cells=FormsOnMesh.on,
-        divide=(lambda source, _, times: source.on(_tagged(mesh(times)))) if callable(mesh) else None,
+        history=History(observers=list(observers)),
         polygonal=not callable(mesh),
+        make=make,
+        tagged=tagged,
+        plain=not isinstance(coarsest, TaggedMesh),
+        path=LoadPath((0.0,)) if path is None else path if isinstance(path, LoadPath) else LoadPath(tuple(path)),
+        family=mesh if callable(mesh) else None,
     )
 
 

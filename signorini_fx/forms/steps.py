@@ -19,11 +19,10 @@ from signorini_fx.mechanics.statement.load_path import LoadPath
 from signorini_fx.mechanics.statement.values import kind_of
 from signorini_fx.records import Status, Timings
 from signorini_fx.results.mechanics import StepResult
-from signorini_fx.results.restart_files import Checkpoint
 from signorini_fx.results.solution import Solution
 from signorini_fx.results.step_frames import StepEnd
 from signorini_fx.solving.checkpointed_steps import MeshCheckpoint, open_checkpoint
-from signorini_fx.solving.load_steps import Increments, StepProgress, all_load_steps
+from signorini_fx.solving.load_steps import Increments, StepProgress
 from signorini_fx.solving.solve_on_mesh import contact_solution, findings_of_steps
 from signorini_fx.solving.stepped_body import BegunStep, SteppedBody
 
@@ -99,7 +98,8 @@ def solve_path(
         with solver.timings.phase("assemble"):
             solver.begun = start = solver.begin_step()
         body = FormSteps(solver.model(path), path, solver.timings, solver, clock, solver.beginning())
-        progress = all_load_steps(body, solver.task, start, increments, lambda step: on_step(step.result), stored)
+        progress = StepProgress(body, solver.task, start, increments)
+        progress.solve_all(lambda step: on_step(step.result), stored)
     return progress
 
 
@@ -130,38 +130,31 @@ def begun_path(
     *,
     restart: bool,
 ) -> tuple[LoadPath, Clock, MeshCheckpoint | None]:
-    """The load steps of a run, what goes through their times, and their checkpoint, if there is one, see
-    ``ContactProblem.run``; collective.
+    """The load steps of a run, what goes through their times, and their checkpoint, if there is one; collective.
+
+    Values of Constants are not compared with those of a checkpoint: certificates judge what is taken from it.
     """
     clock, path = Clock(at), path if isinstance(path, LoadPath) else LoadPath(tuple(path))
     if folder is None:
         if restart:
             raise FormError([("restart", "needs the folder of the checkpoint")])
         return path, clock, None
-    return path, clock, MeshCheckpoint(checkpoint_of(solver, folder, path, restart=restart), 0)
-
-
-def checkpoint_of(solver: FormSolver, folder: str | Path, path: LoadPath, *, restart: bool) -> Checkpoint:
-    """The checkpoint of a path in a folder; collective.  Values of Constants are not compared: certificates judge what
-    is taken from it.
-    """
-    if (at := Path(folder).resolve()) in solver.folders:
+    if (place := Path(folder).resolve()) in solver.folders:
         reason = f"{folder} has the load steps of another run of this problem: give each run a folder of its own"
         raise FormError([("folder", reason)], "run")
-    forms = solver.forms
-    mesh, dofmap = forms.mesh, forms.space.dofmap
+    forms, dofmap = solver.forms, solver.space.dofmap
+    topology = forms.mesh.topology
     described = {
         "path": asdict(path),
         "settings": solver.settings.model_dump(mode="json"),
         "contact": [type(contact).__name__ for contact in forms.contact],
-        "cells": mesh.topology.index_map(mesh.topology.dim).size_global,
+        "cells": topology.index_map(topology.dim).size_global,
         "unknowns": dofmap.index_map.size_global * dofmap.index_map_bs,
     }
+    comm, history = forms.mesh.comm, solver.history
     try:
-        stored = open_checkpoint(
-            mesh.comm, folder, described, solver.history, restart=restart, several_steps=path.several
-        )
+        stored = open_checkpoint(comm, folder, described, history, restart=restart, several_steps=path.several)
     except SceneError as error:
         raise FormError(error.problems, "run") from None
-    solver.folders.append(at)
-    return stored
+    solver.folders.append(place)
+    return path, clock, stored

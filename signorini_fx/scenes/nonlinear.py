@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, ClassVar
 
-import basix
 import mpi4py.MPI
 import numpy as np
 import numpy.typing as npt
@@ -27,12 +26,9 @@ from signorini_fx.forms.nonlinear.outcomes import State
 from signorini_fx.forms.nonlinear.problem import NonlinearContactProblem, linearised_at
 from signorini_fx.forms.solver import StepBeginning
 from signorini_fx.machine import compat, parallel
-from signorini_fx.machine.compilation import compiling
-from signorini_fx.mechanics.assembly.quadrature import strain_degree
 from signorini_fx.mechanics.body.deformation import deformation_of
 from signorini_fx.mechanics.body.discretisation import boundary_facets, held_at, prepare
 from signorini_fx.mechanics.body.nonlinear_law import BodyResidual, at_rest, body_residual
-from signorini_fx.mechanics.loads.initial_strains import initial_strain
 from signorini_fx.mechanics.loads.supports import prescribed
 from signorini_fx.mechanics.materials.trial import check_materials
 from signorini_fx.mechanics.mesh.tagged import check_fits
@@ -62,25 +58,18 @@ Array = npt.NDArray[np.float64]
 _LEFT_OUT = {"initial_contact": "auto", "error_bound": False}
 
 
-def solve_nonlinear(
-    scene: Scene, comm: mpi4py.MPI.Comm, history: History, stored: MeshCheckpoint | None = None
-) -> Solution:
-    """The solution, or the load steps up to one that has none; collective.
+def problem_of(scene: Scene, comm: mpi4py.MPI.Comm, history: History) -> ProblemOfScene:
+    """The problem of a scene on its mesh; collective.
 
     Raises:
         SceneError: the scene is wrong, or does not fit its mesh.
         MeshError: the mesh cannot be read or generated.
-        ConvergenceError: the first load step has no solution, and the body before it cannot be evaluated.
     """
     timings = Timings()
-    return problem_of(scene, comm, history, timings).solved(timings, stored)
-
-
-def problem_of(scene: Scene, comm: mpi4py.MPI.Comm, history: History, timings: Timings) -> ProblemOfScene:
-    """The problem of a scene on its mesh; for the arguments and errors see ``solve_nonlinear``; collective."""
     model = linear_body(scene, comm, timings)
     with timings.phase("compile"):
         problem = ProblemOfScene.of(scene.statement, model, history)
+    problem.timings = timings
     history.move(dofs=model.dofs)
     return problem
 
@@ -93,8 +82,6 @@ def linear_body(scene: Scene, comm: mpi4py.MPI.Comm, timings: Timings) -> Model:
     check_fits(scene.statement, tagged)
     model = prepare(at_rest(scene.statement), tagged, timings, path_step=-1)
     refuse_beforehand(model, linear=False)
-    if scene.statement.finite_strains:
-        _refuse_shrunk(model)
     if model.turned is not None:
         number = next(k for k, support in enumerate(scene.statement.displacement) if support.normal is not None)
         reason = "along no axis is not possible yet with a nonlinear material: turn the mesh, or take bilateral contact"
@@ -110,12 +97,14 @@ class ProblemOfScene(NonlinearContactProblem):
         model: the linear body that it is at small strains, with its loads and supports.
         body: its residual.
         path_step: the place in the lists of factors where it is.
+        timings: of what was done before it was solved.
     """
 
     statement: Statement
     model: Model
     body: BodyResidual
     path_step = -1.0
+    timings: Timings
     _held: list[tuple[fem.Function, npt.NDArray[np.int32]]]
 
     @classmethod
@@ -159,13 +148,10 @@ class ProblemOfScene(NonlinearContactProblem):
         return problem
 
     def solved(
-        self,
-        timings: Timings,
-        stored: MeshCheckpoint | None = None,
-        on_step: Callable[[StepResult], object] = lambda step: None,
+        self, stored: MeshCheckpoint | None = None, on_step: Callable[[StepResult], object] = lambda step: None
     ) -> Solution:
         """The solution of all load steps, or of those before one that has none: of the first one the body as it was
-        before; ``timings``: of what was done so far; collective.
+        before; collective.
 
         Raises:
             ConvergenceError: the first one has none, and its body cannot be evaluated.
@@ -181,7 +167,7 @@ class ProblemOfScene(NonlinearContactProblem):
             failures.append(Finding("warning", "load_steps", str(error)))
         except FormError as error:
             raise _of_scene(error, self.statement) from None
-        timings.seconds.update(self._solver.timings.seconds)
+        self.timings.seconds.update(self._solver.timings.seconds)
         solution = self.titled(self.statement.title)
         model = replace(solution.model, statement=self.statement, tagged=self.model.tagged)
         known = nonlinear_findings(self.statement, self.model)
@@ -189,7 +175,7 @@ class ProblemOfScene(NonlinearContactProblem):
         touching = parallel.any_rank(self.model.comm, bool(np.any(contacts))) if contacts and not failures else None
         findings = (*failures, *known, *self.findings, *untouched(touching=touching))
         named = tuple(map(self._named, solution.steps))
-        return replace(solution, model=model, steps=named, timings=timings, found=lambda: findings)
+        return replace(solution, model=model, steps=named, timings=self.timings, found=lambda: findings)
 
     @property
     def _parts(self) -> list[npt.NDArray[np.int32]]:
@@ -345,24 +331,6 @@ def _with_sides_of(statement: Statement, body: Statement) -> Statement:
 def _at_its_time(friction: Any) -> Any:
     """A friction law at a time, with functions of the place alone in place of expressions of the time."""
     return friction.with_values(lambda _, value: partial(sample, value) if getattr(value, "timed", False) else value)
-
-
-def _refuse_shrunk(model: Model) -> None:
-    """Refuse temperatures by which lengths of a body would shrink to nothing; collective."""
-    strain, move_to = initial_strain(model.statement, model.tagged, model.space, 0)
-    if strain is None:
-        return
-    mesh = model.tagged.mesh
-    kind, degree = getattr(basix.CellType, mesh.topology.cell_name()), strain_degree(model.space, model.kinematics)
-    with compiling():
-        expression = fem.Expression(strain, basix.make_quadrature(kind, max(1, degree))[0])
-    cells = np.arange(mesh.topology.index_map(mesh.topology.dim).size_local, dtype=np.int32)
-    for step in range(model.statement.steps):
-        move_to(step)
-        shrunk = bool((np.asarray(expression.eval(mesh, cells)) <= -1).any())
-        if parallel.any_rank(model.comm, shrunk):
-            reason = "must be less: it would shrink the body to nothing or less, by change times expansion <= -1"
-            raise SceneError([("temperature", reason)])
 
 
 def _refuse_turning(statement: Statement, dimension: int) -> None:

@@ -5,7 +5,7 @@ Cells and elements that were found to be cheaper may take the place of the scene
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 from mpi4py import MPI
@@ -39,7 +39,6 @@ class Plan:
     # divided, or consists of triangles or tetrahedra that are divided
     scene: Scene
     adaptive: bool  # whether cells become smaller where the error is large
-    replaced: bool  # whether elements or cells differ from those of the scene
     polygonal: bool = False  # whether straight facets stay although the shape may be curved
     geometry: int | None = None  # degree of the geometry of a file's mesh; None: as the file has it
     # whether gmsh makes the cells anew where the error is large; else triangles or tetrahedra are divided
@@ -65,7 +64,7 @@ def planned(scene: Scene, goal: Accuracy, comm: MPI.Comm) -> Plan:
         goal = goal.model_copy(update={"refinement": "uniform"})
     if scene.body:
         if goal.refinement == "auto" and goal.of == "energy" and (one := _as_one_mesh(scene, comm)) is not None:
-            return replace(planned(one, goal, comm), replaced=True)
+            return planned(one, goal, comm)
         return _planned_bodies(scene, requested, comm)
     if isinstance(scene.mesh, MeshGenerator):
         return _planned_generator(scene, goal)
@@ -76,7 +75,7 @@ def planned(scene: Scene, goal: Accuracy, comm: MPI.Comm) -> Plan:
     scene = scene.model_copy(update={"mesh": tagged})
     better = _of_degree_2(scene) if _takes_degree_2(goal, tagged.dimension) else scene
     local = _divides(goal, scene, tagged.mesh.topology.cell_name(), straight=True)
-    return Plan(better, local, better.element != scene.element, polygonal=True)
+    return Plan(better, local, polygonal=True)
 
 
 def _remade(scene: Scene, comm: MPI.Comm) -> Plan | None:
@@ -100,7 +99,7 @@ def _remade(scene: Scene, comm: MPI.Comm) -> Plan | None:
         tagged = load_mesh(scene.model_copy(update={"element": scene.element.model_copy(update={"degree": 2})}), comm)
         if not curvature(tagged) > SAME_LENGTH * tagged.size:
             return None
-    return Plan(scene, adaptive=True, replaced=False, geometry=scene.element.degree, remade=True)
+    return Plan(scene, adaptive=True, geometry=scene.element.degree, remade=True)
 
 
 def _as_one_mesh(scene: Scene, comm: MPI.Comm) -> Scene | None:
@@ -145,8 +144,7 @@ def _planned_bodies(scene: Scene, goal: Accuracy, comm: MPI.Comm) -> Plan:
         for body in scene.body
     )
     better = _with_curved_bodies(scene) if goal.refinement == "auto" and goal.of in LOCAL else scene
-    replaced = (better.element, better.body) != (scene.element, scene.body)
-    return Plan(better, adaptive=False, replaced=replaced, polygonal=polygonal)
+    return Plan(better, adaptive=False, polygonal=polygonal)
 
 
 def _with_curved_bodies(scene: Scene) -> Scene:
@@ -199,14 +197,14 @@ def _planned_generator(scene: Scene, goal: Accuracy) -> Plan:
     if cell in ("tetrahedron", "hexahedron"):
         local = _divides(goal, scene, cell, straight=triangles is not None)
         better = _of_degree_2(scene) if local and _takes_degree_2(goal, 3) else scene
-        return Plan(better, local, better.element != scene.element)
+        return Plan(better, local)
     # Arcs: cells of degree 2 on them, and all of them smaller.
     parameters = curved_parameters(name, original) if triangles is None else triangles
     if goal.refinement != "auto" or goal.of not in LOCAL or parameters is None:
-        return Plan(scene, goal.refinement == "adaptive", replaced=False)
+        return Plan(scene, goal.refinement == "adaptive")
     mesh = scene.mesh.model_copy(update={"parameters": parameters})
     better = _of_degree_2(scene).model_copy(update={"mesh": mesh})
-    return Plan(better, triangles is not None, replaced=(better.element, mesh) != (scene.element, scene.mesh))
+    return Plan(better, triangles is not None)
 
 
 def _planned_file(scene: Scene, file: MeshFile, goal: Accuracy, comm: MPI.Comm) -> Plan:
@@ -228,7 +226,7 @@ def _planned_file(scene: Scene, file: MeshFile, goal: Accuracy, comm: MPI.Comm) 
         check_divisible(straight)
         divided = _of_degree_2(scene) if _takes_degree_2(goal, tagged.dimension) else scene
         divided = divided.model_copy(update={"mesh": straight})
-        return Plan(divided, True, divided.element != scene.element, polygonal=not drawn and degree == 1)
+        return Plan(divided, adaptive=True, polygonal=not drawn and degree == 1)
     planned_scene = _of_degree_2(scene) if better else scene
     geometry = (2 if curved and planned_scene.element.degree == 2 else 1) if drawn or not curved else None
-    return Plan(planned_scene, False, planned_scene.element != scene.element, not drawn and degree == 1, geometry)
+    return Plan(planned_scene, adaptive=False, polygonal=not drawn and degree == 1, geometry=geometry)

@@ -21,7 +21,6 @@ from signorini_fx.scenes.scene import Scene
 from signorini_fx.solving.solve_on_mesh import solve_mesh
 
 if TYPE_CHECKING:
-    from signorini_fx.results.restart_files import Checkpoint
     from signorini_fx.solving.checkpointed_steps import MeshCheckpoint
 
 
@@ -89,31 +88,27 @@ def _solved(
     """The solution, or the last iterate; arguments as for ``solve``."""
     stored = _checkpoint(scene, comm, history, checkpoint, restart=restart)
     if scene.statement.nonlinear and scene.accuracy is None and scene.solver.levels == 1:
-        from signorini_fx.scenes.nonlinear import solve_nonlinear
+        from signorini_fx.scenes.nonlinear import problem_of
 
-        return solve_nonlinear(scene, comm, history, _of_first_mesh(stored))
+        return problem_of(scene, comm, history).solved(stored)
     if scene.accuracy is None and not (coarse := coarser_scenes(scene, scene.solver.levels)):
-        load, kept = partial(load_mesh, scene, comm), _of_first_mesh(stored)
-        return solve_mesh(scene.statement, load, history, None, kept=kept)[0]
-    from signorini_fx.scenes.mesh_sequence import solve_scene_to_accuracy, solve_scenes
+        return solve_mesh(scene.statement, partial(load_mesh, scene, comm), history, None, kept=stored)[0]
+    from signorini_fx.scenes.mesh_sequence import MeshedScene, meshes_of
 
     if scene.accuracy is not None:
-        return solve_scene_to_accuracy(scene, scene.accuracy, comm, history, on_level)
-    return solve_scenes([*coarse, scene], comm, history, on_level, stored)
+        from signorini_fx.solving.to_accuracy import Budget, solve_to_accuracy
 
+        budget = Budget.begins(scene.accuracy, comm, history)
+        return solve_to_accuracy(meshes_of(scene, scene.accuracy, comm, history), budget, history, on_level)
+    from signorini_fx.solving.nested import solve_nested
 
-def _of_first_mesh(stored: Checkpoint | None) -> MeshCheckpoint | None:
-    """Its part for the load steps on one mesh; None if nothing is stored."""
-    if stored is None:
-        return None
-    from signorini_fx.solving.checkpointed_steps import MeshCheckpoint
-
-    return MeshCheckpoint(stored, 0)
+    meshes = [MeshedScene(comm=comm, history=history, scene=each) for each in (*coarse, scene)]
+    return solve_nested(meshes, len(meshes), comm, history, on_level, stored)
 
 
 def _checkpoint(
     scene: Scene, comm: MPI.Comm, history: History, folder: str | Path | None, *, restart: bool
-) -> Checkpoint | None:
+) -> MeshCheckpoint | None:
     """The checkpoint of a run; None if there is nothing to store."""
     if folder is None and restart:
         raise SceneError([("restart", "needs the folder of the checkpoint")])

@@ -38,7 +38,11 @@ class MeshCheckpoint:
     """
 
     checkpoint: Checkpoint
-    level: int
+    level: int = 0
+
+    def on(self, level: int) -> MeshCheckpoint:
+        """The same on another mesh."""
+        return replace(self, level=level)
 
     def figures(self, step: int) -> Figures | None:
         """The plain data of a load step of an earlier run, numbered from 0; None: it is not there."""
@@ -165,9 +169,9 @@ def open_checkpoint(
     *,
     restart: bool,
     several_steps: bool,
-) -> Checkpoint:
-    """The checkpoint of a run, and in its history what there is to go on from; arguments as of ``Checkpoint``;
-    collective.
+) -> MeshCheckpoint:
+    """The checkpoint of a run on its first mesh, and in its history what there is to go on from; arguments as of
+    ``Checkpoint``; collective.
     """
     stored = Checkpoint(comm, folder, scene, restart=restart)
     if restart:
@@ -180,7 +184,7 @@ def open_checkpoint(
         )
     elif parallel.on_root(comm, stored.path.is_dir):
         history.add(f"restart: not asked for: {stored.path} of a run that has not ended is replaced")
-    return stored
+    return MeshCheckpoint(stored)
 
 
 def _in_space(vectors: Nodal, tangents: Nodal) -> Nodal:

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from math import ceil, inf
-from typing import Any
 
 import numpy as np
-from mpi4py import MPI
 
 from signorini_fx.algebra.algorithms.task import Outcome, Task
 from signorini_fx.errors import MeshError, SceneError
@@ -43,35 +40,31 @@ class Meshes:
         problem: on the mesh that is to be solved next.
         adaptive: whether triangles or tetrahedra are divided where the error is large.
         any_jump: whether the next mesh may be any number of times finer; otherwise all cells, or some, are halved.
-        remade: whether gmsh makes other cells anew, where the error is large.
         seconds: time of the last refinements; 0 where the mesh is made with the solve.
         finer: how many times finer, on average over the body, the last division of some cells has made the mesh.
     """
 
     def __init__(
         self,
-        problem: MeshedProblem[Any],
+        problem: MeshedProblem,
         goal: Accuracy,
-        comm: MPI.Comm,
         *,
         adaptive: bool,
         made: bool,
         any_jump: bool,
     ) -> None:
-        self._comm, self._made = comm, made
+        self._comm, self._made = problem.comm, made
         self._of: str = DIVIDED_FOR.get(goal.of, goal.of)  # the quantity for which cells are marked
         self.adaptive: bool = adaptive
         self.any_jump: bool = any_jump
-        self.remade: bool = problem.remake is not None
         settings = problem.settings
         automatic = (settings.algorithm, settings.gamma_n, settings.gamma_t) == ("auto", "auto", "auto")
         self._stated: SolverSettings | None = None  # where they are changed
-        if (goal.of == "pressure" or goal.certified) and automatic and not (problem.paired or problem.soft):
-            # The regularisation smears the pressure at a corner over a length that hardly depends on the mesh.  Two
-            # bodies keep it, as their estimates were tested with it.
+        if (goal.of == "pressure" or goal.certified) and automatic and problem.augmentable:
+            # The regularisation smears the pressure at a corner over a length that hardly depends on the mesh.
             self._stated = settings
-            problem = replace(problem, changed=settings.model_copy(update={"algorithm": "alm"}))
-        self.problem: MeshedProblem[Any] = problem
+            problem = problem.with_settings(settings.model_copy(update={"algorithm": "alm"}))
+        self.problem: MeshedProblem = problem
         self._divisions = 1
         self._coarser: MeshLevel | None = None
         self.seconds: float = 0.0
@@ -91,7 +84,7 @@ class Meshes:
             try:
                 solved = self.problem.solved(number, state, self._coarser)
                 self._coarser = solved.as_level(self._coarser)
-                retried = self.problem.paired or solved.task is None
+                retried = solved.solution.statement.sides[1] is not None or solved.task is None
                 apart = solved.level is None and retried and not _used_up(solved)
                 if number > 0 or not apart or not self.problem.coarsest > 1:
                     return solved
@@ -104,7 +97,7 @@ class Meshes:
         """Solve on the current mesh; with regularisation on all finer ones if augmentation fails on it."""
         solved = self._solved(state, number)
         if self._stated is not None and solved.outcome is not None and solved.outcome.regularised:
-            self._stated, self.problem = None, replace(self.problem, changed=self._stated)
+            self._stated, self.problem = None, self.problem.with_settings(self._stated)
         return solved
 
     def jump(self, excess: float, rate: float, *, compared: bool, dimension: int, touching: int) -> float:
@@ -112,7 +105,7 @@ class Meshes:
         because of the nodes ``touching``, so many times that they are enough.
         """
         if not self.any_jump:
-            return fineness_of(2.0, dimension) if self.adaptive and not self.remade else 2.0
+            return fineness_of(2.0, dimension) if self.adaptive and not self.problem.remakes else 2.0
         if excess == inf:
             resolving = (FEW_NODES / max(touching, 1)) ** (1 / (dimension - 1))
             return float(np.clip(resolving, 2.0, LARGEST_JUMP[dimension]))
@@ -130,14 +123,14 @@ class Meshes:
     def refine(self, solved: SolvedMesh, excess: float, jump: float) -> None:
         """Make the next mesh, of cells made anew at most ``jump`` times finer on average over the body."""
         begin = parallel.clock(self._comm)
-        if (remake := self.problem.remake) is not None:
+        if self.problem.remakes:
             assert solved.errors is not None
             last, dim = solved.tagged, solved.tagged.dimension
             squares, lengths = solved.errors.squares[self._of], lengths_of_cells(last)
             factor = float(np.clip(excess, *FALL_OF_ERROR))
-            lengths = shorter_lengths(self._comm, squares, lengths, factor, self.problem.degree, dim, jump)
-            source, count = remake(self.problem.source, last, lengths, jump)
-            self.problem = replace(self.problem, source=source)
+            degree = solved.solution.statement.element.degree
+            lengths = shorter_lengths(self._comm, squares, lengths, factor, degree, dim, jump)
+            self.problem, count = self.problem.remade(last, lengths, jump)
             self.finer = fineness_of(count / last.mesh.topology.index_map(dim).size_global, dim)
         elif self._made:
             # Whole multiples of the coarsest mesh keep its nodes, where loads may jump.
@@ -185,7 +178,7 @@ class Meshes:
             allowed = inf if settings.regularisation_error == "auto" else settings.regularisation_error
             # With Coulomb friction its own figure is that of the start: halving, at least, comes to an end.
             update = {"regularisation_error": min(allowed, regularisation_error) / max(factor, 2.0)}
-        self.problem = replace(self.problem, changed=settings.model_copy(update=update))
+        self.problem = self.problem.with_settings(settings.model_copy(update=update))
 
 
 def _used_up(solved: SolvedMesh) -> bool:

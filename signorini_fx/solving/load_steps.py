@@ -197,6 +197,7 @@ class StepProgress:
         body: at the end of the last one.
         task: its contact problem.
         first: where the first one starts; without contact the next one, with nothing of the last one.
+        path: where they are on their path.
         end: that of the last one; None: there is none, or no contact.
         results: of all of them.
         ended: how the last one with a solution ended, or the first one, and its data; None: there is none.
@@ -206,19 +207,33 @@ class StepProgress:
     body: SteppedBody
     task: Task
     first: Start
+    path: Increments
     end: StepEnd | None = None
     results: list[StepResult] = field(default_factory=list)
     ended: tuple[Outcome, RegularisedData] | None = None
     failed: bool = False
 
-    def take(self, step: LoadStep) -> None:
+    def solve_all(self, on_step: Callable[[LoadStep], object], checkpoint: MeshCheckpoint | None = None) -> None:
+        """Solve one load step after the other, until one has no solution; collective."""
+        stepping = Stepping[LoadStep](
+            self.task.history,
+            self.body.timings,
+            ended=lambda: self.path.ended or self.failed,
+            recalled=self._recalled,
+            solved=self._solved,
+            store=self._store,
+            go_on=self._go_on,
+        )
+        stepping.all(on_step, checkpoint)
+
+    def _take(self, step: LoadStep) -> None:
         """Add the result of a load step."""
         self.body, self.task, self.failed = step.body, step.task, step.result.status is not Status.CONVERGED
         self.results.append(step.result)
         if not self.failed or self.ended is None:
             self.ended = step.outcome, step.outcome.problem.data
 
-    def go_on(self, step: LoadStep) -> None:
+    def _go_on(self, step: LoadStep) -> None:
         """Begin the next load step where this one has ended."""
         result = step.result
         if result.contact is None:
@@ -228,125 +243,85 @@ class StepProgress:
         self.end = StepEnd.of(step.task, *solved, step.last, result.tools)
         self.body = self.body.ended(self.end)
 
-    @property
-    def number(self) -> int:
-        """How many load steps have a solution."""
-        return self.first.step if self.end is None else self.end.start.step
-
-    def begun(self, path_step: float) -> BegunStep:
-        """The load step that begins at a place."""
+    def _begun(self, path_step: float) -> BegunStep:
         return self.body.begun(path_step, self.task, self.first, self.end)
 
-
-def all_load_steps(
-    body: SteppedBody,
-    task: Task,
-    start: Start,
-    path: Increments,
-    on_step: Callable[[LoadStep], object],
-    level_checkpoint: MeshCheckpoint | None = None,
-) -> StepProgress:
-    """Solve one load step after the other, until one has no solution, from the body at the first one; collective."""
-    history, progress = task.history, StepProgress(body, task, start)
-
-    def solved() -> LoadStep | None:
-        newton = progress.task.iterate.newton
+    def _solved(self) -> LoadStep | None:
+        history, path, newton = self.task.history, self.path, self.task.iterate.newton
         beginning = newton.checkpoint()
-        step = _attempt(progress, path)
-        result = step.result
-        failed = result.status is not Status.CONVERGED
-        if failed and not history.exhausted and path.shorten(result.status):
+        step = self._attempt()
+        status = step.result.status
+        if status is not Status.CONVERGED and not history.exhausted and path.shorten(status):
             history.add(f"{step}: {HALF}")
             newton.restore(beginning)
             return None
-        progress.take(step)
-        if progress.failed:
-            if bracket := path.bracket(result.status):
+        self._take(step)
+        if self.failed:
+            if bracket := path.bracket(status):
                 history.add(f"the ramp ends: {bracket}")
             return None
-        path.advance(result.linear_solves)
+        path.advance(step.result.linear_solves)
         return step
 
-    def store(checkpoint: MeshCheckpoint, step: LoadStep, marks: Marks) -> None:
-        model, figures = step.body.model, {"path": path.stored()}
+    def _attempt(self) -> LoadStep:
+        """Solve the next load step, which may have no solution."""
+        from signorini_fx.solving.iterated_interfaces.protocol import LoadStepStart, solve_step
+
+        history, steps, place = self.task.history, self.body.path, self.path.next
+        solves_before = history.linear_solves
+        begun = self._begun(place)
+        factors = begun.body.load(begun.task.system, place)
+        start = replace(begun.start, place=place, factors=factors, several=steps.several)
+        if steps.several:
+            history.add(StepRecord(start.step + 1, steps.name_at(place), steps.time_at(place)))
+        history.move(step=start.step + 1, steps=len(steps.times))
+        with begun.body.timings.phase("iterate"):
+            end = solve_step(LoadStepStart(begun.body.model, begun.task, start, self.path.allowed))
+        begun = replace(begun, body=replace(begun.body, model=end.model), start=end.start)
+        outcome, reason = end.outcome, end.reason
+        if reason is None:
+            when = f"load step {start.step + 1}: " if steps.several else ""
+            reason = explained(begun.body.model, begun.task, outcome, when)
+        result = begun.certified(outcome)
+        solves = history.linear_solves - solves_before
+        return LoadStep.of(begun, outcome, replace(result, linear_solves=solves, reason=reason or result.reason))
+
+    def _store(self, checkpoint: MeshCheckpoint, step: LoadStep, marks: Marks) -> None:
+        model, figures = step.body.model, {"path": self.path.stored()}
         for interface in model.statement.interfaces:
             figures |= interface.stored(model, step.start.place)
         checkpoint.store(model, step.body.timings, step.task, step.start, step.outcome, step.result, marks, figures)
 
-    stepping = Stepping[LoadStep](
-        history,
-        body.timings,
-        ended=lambda: path.ended or progress.failed,
-        recalled=lambda checkpoint: _recalled_step(progress, checkpoint, path),
-        solved=solved,
-        store=store,
-        go_on=progress.go_on,
-    )
-    stepping.all(on_step, level_checkpoint)
-    return progress
+    def _recalled(self, checkpoint: MeshCheckpoint) -> LoadStep | None:
+        """The next load step as an earlier run has left it; None if it is not there, or is no solution."""
+        number = self.first.step if self.end is None else self.end.start.step
+        figures, history, newton = checkpoint.figures(number), self.task.history, self.task.iterate.newton
+        if figures is None:
+            return None
+        beginning, place = newton.checkpoint(), float(figures["place"])
+        with self.body.timings.phase("restart"):
+            begun = self._begun(place)
+            model = begun.body.model
+            for interface in model.statement.interfaces:
+                model = interface.recalled(model, place, figures)
+            body = replace(begun.body, model=model)
+            start = replace(begun.start, place=place, factors=body.load(begun.task.system, place))
+            begun = replace(begun, body=body, start=start)
+            outcome = checkpoint.recall(model, model.tagged.size, begun.task, start)
+        if outcome is None:
+            return None
+        result = begun.certified(outcome)
+        if result.status is not Status.CONVERGED:
+            history.add(f"restart: {result}: {result.status.value}: it is solved again")
+            checkpoint.forget(number)
+            newton.restore(beginning)
+            return None
+        checkpoint.recall_history(figures, history, self.body.timings)
+        self.path.resume(figures["path"])
+        step = LoadStep.of(begun, outcome, replace(result, linear_solves=self.path.last))
+        self._take(step)
+        return step
 
 
 def _marks(history: History) -> Marks:
     return history.linear_solves, len(history.outer), len(history.events)
-
-
-def _attempt(progress: StepProgress, path: Increments) -> LoadStep:
-    """Solve the next load step, which may have no solution."""
-    from signorini_fx.solving.iterated_interfaces.protocol import LoadStepStart, solve_step
-
-    history, steps = progress.task.history, progress.body.path
-    solves_before = history.linear_solves
-    path_step = path.next
-    begun = progress.begun(path_step)
-    start = replace(
-        begun.start,
-        place=path_step,
-        factors=begun.body.load(begun.task.system, path_step),
-        several=steps.several,
-    )
-    if steps.several:
-        history.add(StepRecord(start.step + 1, steps.name_at(path_step), steps.time_at(path_step)))
-    history.move(step=start.step + 1, steps=len(steps.times))
-    with begun.body.timings.phase("iterate"):
-        end = solve_step(LoadStepStart(begun.body.model, begun.task, start, path.allowed))
-    begun = replace(begun, body=replace(begun.body, model=end.model), start=end.start)
-    outcome, reason = end.outcome, end.reason
-    if reason is None:
-        when = f"load step {start.step + 1}: " if steps.several else ""
-        reason = explained(begun.body.model, begun.task, outcome, when)
-    result = begun.certified(outcome)
-    solves = history.linear_solves - solves_before
-    return LoadStep.of(begun, outcome, replace(result, linear_solves=solves, reason=reason or result.reason))
-
-
-def _recalled_step(progress: StepProgress, level_checkpoint: MeshCheckpoint, path: Increments) -> LoadStep | None:
-    """The next load step as an earlier run has left it; None if it is not there, or is no solution."""
-    number, history, timings = progress.number, progress.task.history, progress.body.timings
-    figures = level_checkpoint.figures(number)
-    if figures is None:
-        return None
-    newton = progress.task.iterate.newton
-    checkpoint = newton.checkpoint()
-    with timings.phase("restart"):
-        place = float(figures["place"])
-        begun = progress.begun(place)
-        model = begun.body.model
-        for interface in model.statement.interfaces:
-            model = interface.recalled(model, place, figures)
-        body = replace(begun.body, model=model)
-        start = replace(begun.start, place=place, factors=body.load(begun.task.system, place))
-        begun = replace(begun, body=body, start=start)
-        outcome = level_checkpoint.recall(model, model.tagged.size, begun.task, start)
-    if outcome is None:
-        return None
-    result = begun.certified(outcome)
-    if result.status is not Status.CONVERGED:
-        history.add(f"restart: {result}: {result.status.value}: it is solved again")
-        level_checkpoint.forget(number)
-        newton.restore(checkpoint)
-        return None
-    level_checkpoint.recall_history(figures, history, timings)
-    path.resume(figures["path"])
-    step = LoadStep.of(begun, outcome, replace(result, linear_solves=path.last))
-    progress.take(step)
-    return step

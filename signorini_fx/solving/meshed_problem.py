@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
-from typing import Generic, Self, TypeVar
+from typing import Self
 
 import numpy as np
 import numpy.typing as npt
@@ -22,11 +22,9 @@ from signorini_fx.records import ACCURACY, History, Status
 from signorini_fx.results.accuracy.error_estimates import Errors, worst_of
 from signorini_fx.results.accuracy.level_results import LevelResult, level_result
 from signorini_fx.results.accuracy.pressure_error import polygon_error
-from signorini_fx.results.restart_files import Checkpoint
 from signorini_fx.results.solution import Solution
 from signorini_fx.solving.checkpointed_steps import MeshCheckpoint
 
-P = TypeVar("P")
 # What the finer mesh says of the body, not of its solve: statics excludes a solution, or there is one that is too
 # large.  A coarser mesh does not refute this.
 OF_THE_BODY = (Status.NOT_HELD, Status.OPEN, Status.TIPS, Status.SLIDES, Status.TOO_LARGE)
@@ -55,75 +53,72 @@ class SolvedMesh:
         return self.solution.steps[0].contact
 
 
-@dataclass(frozen=True)
-class MeshedProblem(Generic[P]):
-    """A problem on one of several meshes; what is changed is another one.
-
-    Scenes and forms differ in how the model of a mesh is made, and how meshes are: functions of ``source`` do it.
+@dataclass(frozen=True, kw_only=True)
+class MeshedProblem(ABC):
+    """A problem on one of several meshes; what is changed is another one.  Scenes and forms differ in how the model of
+    a mesh is made, and how meshes are.
 
     Attributes:
-        source: what the model is made of: a scene with this mesh, or forms on it.
         comm: the ranks that share the work.
         history: of all meshes.
-        degree: of the displacement.
-        paired: whether two bodies are in contact somewhere.
-        soft: whether contact gives way by a law of its own, which augmentation would make hard.
-        stated: how a source says that it is solved.
-        solve: solves this from the contact state of a coarser mesh, with coarser meshes as levels of multigrid, and
-            with a checkpoint, each None where there is none; errors of each load step are appended; collective.
-        on_cells: the source on another mesh.
-        divide: on a mesh that is made anew, from the source, ``coarsest`` and the times by which cells are smaller than
-            those of the first one.
-        keep: the source with what was chosen on the first mesh.
-        remake: on cells that gmsh makes anew, and how many there are, see ``finer_meshes.Meshes``; None: it does not.
+        remakes: whether gmsh makes cells anew where the error is large.
         coarsest: how many times larger than those that were stated the cells of the first mesh are.
         polygonal: whether straight facets stay although the shape may be curved.
         in_parts: whether some of several bodies may be made anew on true arcs.
-        stored: the checkpoint; None: there is none.
-        changed: how it is solved in place of what the source says; None: as it says.
     """
 
-    source: P
     comm: MPI.Comm
     history: History
-    degree: int
-    paired: bool
-    stated: Callable[[P], SolverSettings]
-    solve: Callable[
-        [MeshedProblem[P], ContactState | None, MeshLevel | None, MeshCheckpoint | None, list[Errors]], SolvedMesh
-    ]
-    on_cells: Callable[[P, TaggedMesh], P]
-    divide: Callable[[P, float, int], P] | None = None
-    keep: Callable[[P, SolvedMesh], P] = lambda source, solved: source
-    remake: Callable[[P, TaggedMesh, npt.NDArray[np.float64], float], tuple[P, int]] | None = None
+    remakes: bool = False
     coarsest: float = 1.0
     polygonal: bool = False
     in_parts: bool = False
-    stored: Checkpoint | None = None
-    changed: SolverSettings | None = None
-    soft: bool = False
 
     @property
+    @abstractmethod
+    def augmentable(self) -> bool:
+        """Whether augmentation may be chosen: not between two bodies, with which its estimates were not tested, and not
+        where contact gives way by a law of its own, which it would make hard.
+        """
+
+    @property
+    @abstractmethod
     def settings(self) -> SolverSettings:
         """How it is solved."""
-        return self.stated(self.source) if self.changed is None else self.changed
+
+    @abstractmethod
+    def with_settings(self, settings: SolverSettings) -> Self:
+        """The same, solved in another way."""
+
+    @abstractmethod
+    def solve(
+        self, state: ContactState | None, coarser: MeshLevel | None, checkpoint: MeshCheckpoint | None
+    ) -> tuple[SolvedMesh, list[Errors]]:
+        """Solve it from the contact state of a coarser mesh, with coarser meshes as levels of multigrid, and with a
+        checkpoint, each None where there is none; with the errors of each load step; collective.
+        """
+
+    @abstractmethod
+    def on(self, tagged: TaggedMesh) -> Self:
+        """The same on a mesh whose cells are those of the last one, divided."""
+
+    @abstractmethod
+    def divided(self, times: int) -> Self:
+        """The same on a mesh that is made anew, with cells so many times as small as those of the first one."""
+
+    def remade(self, last: TaggedMesh, lengths: npt.NDArray[np.float64], finer: float) -> tuple[Self, int]:
+        """The same on cells of these lengths that gmsh makes anew, at most ``finer`` times finer than the last mesh,
+        and how many there are; collective.
+        """
+        raise NotImplementedError
+
+    def keeping(self, solved: SolvedMesh) -> Self:
+        """The same with what was chosen on the first mesh."""
+        return self
 
     def beginning_finer(self) -> Self:
         """The same with a first mesh whose cells are half as large; that one is coarser than the stated one."""
         return replace(self, coarsest=self.coarsest / 2).divided(1)
-
-    def keeping(self, solved: SolvedMesh) -> Self:
-        """The same with what was chosen on the first mesh."""
-        return replace(self, source=self.keep(self.source, solved))
-
-    def divided(self, times: int) -> Self:
-        """The same on a mesh that is made anew, with cells so many times as small as those of the first one."""
-        assert self.divide is not None
-        return replace(self, source=self.divide(self.source, self.coarsest, times))
-
-    def on(self, tagged: TaggedMesh) -> Self:
-        """The same on a mesh whose cells are those of the last one, divided."""
-        return replace(self, source=self.on_cells(self.source, tagged))
 
     def polygon_error(self, solved: SolvedMesh, last: float | None) -> float:
         """The effect of straight facets on a curved contact boundary, see ``pressure_error.polygon_error``."""
@@ -132,14 +127,14 @@ class MeshedProblem(Generic[P]):
         assert solved.level is not None
         return polygon_error(solved.level.table, solved.solution.model.scales.modulus)
 
-    def solved(self, number: int, state: ContactState | None, coarser: MeshLevel | None) -> SolvedMesh:
-        """Solve it from the contact state of a coarser mesh, with its errors and its cost; collective."""
+    def solved(
+        self, number: int, state: ContactState | None, coarser: MeshLevel | None, stored: MeshCheckpoint | None = None
+    ) -> SolvedMesh:
+        """Solve it as one of several meshes, with its errors and its cost; collective."""
         history, comm = self.history, self.comm
         history.add(f"level {number}")
         solves_before = history.linear_solves
-        step_errors: list[Errors] = []
-        checkpoint = None if self.stored is None else MeshCheckpoint(self.stored, number)
-        solved = self.solve(self, state, coarser, checkpoint, step_errors)
+        solved, step_errors = self.solve(state, coarser, None if stored is None else stored.on(number))
         solution = solved.solution
         if not solution.converged:
             return replace(solved, outcome=None)
@@ -164,7 +159,7 @@ class MeshedProblem(Generic[P]):
 
 @dataclass(frozen=True)
 class Unsolved:
-    """Why a finer mesh has no solution, and the outcome of the coarser one that stands in its place."""
+    """Why a finer mesh has no solution, or is not made, and the outcome of the coarser one that stands in its place."""
 
     status: Status
     reason: str
@@ -197,6 +192,6 @@ class Unsolved:
         raise error
 
     def leaves(self, coarser: Solution, history: History) -> Solution:
-        """The certified solution on the coarser mesh, with this outcome."""
+        """The solution on the coarser mesh, with this outcome."""
         history.add(f"{ACCURACY}{self.reason}")
         return replace(coarser, status=self.status)

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from mpi4py import MPI
@@ -24,16 +23,18 @@ from signorini_fx.records import History
 from signorini_fx.results.accuracy.convergence_table import convergence_table, with_polygon
 from signorini_fx.results.accuracy.level_results import LevelResult
 from signorini_fx.results.solution import Solution
+from signorini_fx.solving.checkpointed_steps import MeshCheckpoint
 from signorini_fx.solving.meshed_problem import MeshedProblem, Unsolved
 from signorini_fx.tuned import MIDDLE_RATIO
 
 
 def solve_nested(
-    problems: Iterable[MeshedProblem[Any]],
+    problems: Iterable[MeshedProblem],
     count: int,
     comm: MPI.Comm,
     history: History,
     on_level: Callable[[Solution], object] = lambda solution: None,
+    stored: MeshCheckpoint | None = None,
 ) -> Solution:
     """Solve on one mesh after the other, each starting from the contact state of the previous one; collective.
 
@@ -52,7 +53,7 @@ def solve_nested(
         name = f"mesh {number + 1} of {count}"
         try:
             problem = next(following)
-            solved = problem.solved(number, state, coarser)
+            solved = problem.solved(number, state, coarser, stored)
         except Exception as error:
             if certified is None:
                 raise

@@ -40,7 +40,7 @@ from signorini_fx.solving.check.result_findings import (
     result_findings,
     shapes_in_results,
 )
-from signorini_fx.solving.load_steps import Increments, all_load_steps
+from signorini_fx.solving.load_steps import Increments, StepProgress
 from signorini_fx.solving.loose_bodies import loose_at_rest
 from signorini_fx.solving.stepped_body import BegunStep, LoadStep, SteppedBody, first_start
 from signorini_fx.tuned import PATH_ERROR_SHARE
@@ -98,8 +98,8 @@ def solve_contact(
             return contact_task(model, history)
 
     body = StatedSteps(model, statement.path, timings, renew)
-    increments = Increments(statement.path, statement.solver)
-    progress = all_load_steps(body, task, start, increments, on_step, level_checkpoint)
+    progress = StepProgress(body, task, start, Increments(statement.path, statement.solver))
+    progress.solve_all(on_step, level_checkpoint)
     model, task = progress.body.model, progress.task
     assert progress.ended is not None
     found = _found(model, tuple(progress.results))

@@ -20,7 +20,7 @@ from signorini_fx.machine import parallel
 from signorini_fx.machine.display import duration
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.statement.settings import Accuracy
-from signorini_fx.records import History, Status
+from signorini_fx.records import ACCURACY, History, Status
 from signorini_fx.results.accuracy.convergence_table import (
     Price,
     convergence_table,
@@ -62,9 +62,7 @@ def solve_to_accuracy(
     A refinement that would exceed the budget is not begun, and one that takes longer than predicted is given up, after
     the linear solve in which the time ends.  If it ends on the first mesh there is no solution.
     """
-    goal, comm, notify = budget.goal, budget.comm, history.add
-    degree = meshes.problem.degree
-    rates = expected_rates(degree if meshes.adaptive else 1)
+    goal, comm = budget.goal, budget.comm
     levels: list[LevelResult] = []
     state: ContactState | None = None
     last: Solution | None = None
@@ -87,10 +85,12 @@ def solve_to_accuracy(
                 if unsolved is not None:
                     return unsolved.leaves(last, history)
             elif late:
-                notify(f"accuracy: {ended}")
+                history.add(f"{ACCURACY}{ended}")
             return replace(solution, levels=tuple(levels))
         if not levels:
             meshes.keep(solved)
+        degree = solution.statement.element.degree
+        rates = expected_rates(degree if meshes.adaptive else 1)
         polygon = meshes.problem.polygon_error(solved, polygon)
         state = solved.state
         started -= meshes.seconds
@@ -104,22 +104,21 @@ def solve_to_accuracy(
         solution = last = replace(solution, levels=tuple(levels), convergence_table=tuple(rows))
         regularisation = level.pressure_regularisation if goal.of == "pressure" else level.regularisation
         estimate = getattr(rows[-2], goal.of) if rows else _estimate_on_one(levels[0], goal)
-        margin = MARGIN.get((goal.of, meshes.problem.degree), MARGIN_OF_OTHERS)
+        margin = MARGIN.get((goal.of, degree), MARGIN_OF_OTHERS)
         error = inf if estimate is None else estimate * margin
         enough = len(levels) >= (2 if goal.of in ("energy", "pressure") else 3)
         certified = goal.certified and (len(levels) == 1 or error + regularisation <= goal.target)
         if certified:  # where not even the estimate meets the target the bound does not; the first mesh may be refused
             solved, certain, without = _certified(solved, first=len(levels) == 1)
             if without:
-                notify(f"accuracy: there is no guaranteed bound: {without}")
-                return replace(solution, status=Status.OUT_OF_REACH)
+                reason = f"there is no guaranteed bound: {without}"
+                return Unsolved(Status.OUT_OF_REACH, reason).leaves(solution, history)
             error, margin = max(certain - regularisation, 0.0), 1.0  # the bound includes the regularisation
         if (enough or certified) and error + regularisation <= goal.target:
             return solution
         hopeless = _out_of_reach(goal, levels, margin, solved.tagged.size)
         if hopeless:
-            notify(f"accuracy: {hopeless}")
-            return replace(solution, status=Status.OUT_OF_REACH)
+            return Unsolved(Status.OUT_OF_REACH, hopeless).leaves(solution, history)
         if late:
             return replace(solution, status=Status.BUDGET)
         if task is not None and outcome is not None:
@@ -132,8 +131,9 @@ def solve_to_accuracy(
             touching = level.table.touching if goal.of == "peak" else FEW_NODES
             jump = meshes.jump(excess, rate, compared=compared, dimension=level.dimension, touching=touching)
             if enough and len(levels) >= MANY_STEPS:
-                notify(f"accuracy: {MANY_STEPS} meshes have not reached it")
-                return replace(solution, status=Status.OUT_OF_REACH)
+                return Unsolved(Status.OUT_OF_REACH, f"{MANY_STEPS} meshes have not reached it").leaves(
+                    solution, history
+                )
             beyond = None
             if enough and not meshes.adaptive:
                 jump, beyond = budget.affordable(rows, jump, level, meshes)
@@ -150,21 +150,20 @@ def solve_to_accuracy(
                 except Exception as failure:
                     return Unsolved.by_error(failure, "to make the next mesh", comm).leaves(solution, history)
             if beyond is not None:
-                notify(f"accuracy: the next mesh would take {beyond.reason}")
-                return replace(solution, status=beyond.status)
+                return beyond.leaves(solution, history)
             on_level(solution)
         elif task is None or outcome is None or outcome.data.gamma_n >= LARGEST_GAMMA * task.natural_gamma:
-            notify("accuracy: the regularisation leaves more, and gamma is as large as double precision allows")
-            return replace(solution, status=Status.OUT_OF_REACH)
+            reason = "the regularisation leaves more, and gamma is as large as double precision allows"
+            return Unsolved(Status.OUT_OF_REACH, reason).leaves(solution, history)
 
 
 def _smaller_mesh(
-    meshes: Meshes, exceeded: Callable[[float], Exceeded | None], refine: Callable[[float], object], jump: float
-) -> Exceeded | None:
+    meshes: Meshes, exceeded: Callable[[float], Unsolved | None], refine: Callable[[float], object], jump: float
+) -> Unsolved | None:
     """Make the next mesh coarser, until the budget allows it; what it exceeds where none that is finer enough than the
     last one does, else None.
     """
-    while (beyond := exceeded(meshes.finer)) is not None and meshes.remade:
+    while (beyond := exceeded(meshes.finer)) is not None and meshes.problem.remakes:
         jump = float(np.sqrt(jump))
         if jump < SMALLEST_REMADE_JUMP:
             break
@@ -227,14 +226,6 @@ def _out_of_reach(goal: Accuracy, levels: list[LevelResult], margin: float, size
 
 
 @dataclass(frozen=True)
-class Exceeded:
-    """How a mesh exceeds a budget or the machine: the outcome, and why."""
-
-    status: Status
-    reason: str
-
-
-@dataclass(frozen=True)
 class Budget:
     """A requested accuracy, with the memory before it, MB, and the clock when it began, seconds."""
 
@@ -254,7 +245,7 @@ class Budget:
 
     def affordable(
         self, rows: list[Price], jump: float, last: LevelResult, meshes: Meshes
-    ) -> tuple[float, Exceeded | None]:
+    ) -> tuple[float, Unsolved | None]:
         """The jump, or if there may be any a smaller one that keeps to the budget; and how the next mesh would exceed
         it all the same, None if it would not.
         """
@@ -264,7 +255,7 @@ class Budget:
             beyond = self.exceeded(rows, meshes.whole(jump), last)
         return jump, beyond
 
-    def exceeded(self, rows: list[Price], finer: float, last: LevelResult) -> Exceeded | None:
+    def exceeded(self, rows: list[Price], finer: float, last: LevelResult) -> Unsolved | None:
         """How a mesh so many times finer than the last one exceeds the budget or the machine; None if it does not."""
         goal = self.goal
         following = predict(
@@ -273,15 +264,15 @@ class Budget:
         spent = parallel.clock(self.comm) - self.begin
         if goal.seconds is not None and spent + following.seconds > goal.seconds:
             reason = f"about {duration(following.seconds)}, and {duration(spent)} of {goal.seconds:g} s are spent"
-            return Exceeded(Status.BUDGET, reason)
+            return Unsolved(Status.BUDGET, f"the next mesh would take {reason}")
         # A process that takes more memory than there is would be killed, and its results with it.
         available = parallel.machine_memory(self.comm) / 1024**3
         allowed = MEMORY_SHARE * available if goal.memory is None else goal.memory
         if following.memory <= 1024 * allowed:
             return None
         reason = f"this machine has {available:.2g}" if goal.memory is None else f"{goal.memory:g} are allowed"
-        reason = f"about {following.memory / 1024:.2g} GB of memory, {reason}"
-        return Exceeded(Status.MEMORY if goal.memory is None else Status.BUDGET, reason)
+        reason = f"the next mesh would take about {following.memory / 1024:.2g} GB of memory, {reason}"
+        return Unsolved(Status.MEMORY if goal.memory is None else Status.BUDGET, reason)
 
 
 def _estimate_on_one(level: LevelResult, goal: Accuracy) -> float | None:

@@ -64,7 +64,7 @@ def test_nodes_where_loads_jump_are_kept():
     """The first mesh is part of the scene's own; one that cannot be halved is where it begins."""
     for (nx, ny), (coarse_nx, coarse_ny) in (((120, 40), (15, 5)), ((60, 20), (15, 5)), ((45, 15), (45, 15))):
         scene = example1(bound=1.5, nx=nx, ny=ny)
-        first = meshes_of(scene, Accuracy(target=0.1), MPI.COMM_SELF, History()).problem.source
+        first = meshes_of(scene, Accuracy(target=0.1), MPI.COMM_SELF, History()).problem.scene
         assert first.mesh.parameters["nx"] == coarse_nx
         assert first.mesh.parameters["ny"] == coarse_ny
 

@@ -214,7 +214,7 @@ def test_lengths_on_ranks():
 def test_a_smaller_try_that_is_hardly_finer_is_not_solved(made, allowed, solved):
     """Within the budget, but with fewer cells than the last mesh: the budget has ended before the accuracy."""
     sizes = iter(made)
-    meshes = SimpleNamespace(finer=next(sizes), remade=True)
+    meshes = SimpleNamespace(finer=next(sizes), problem=SimpleNamespace(remakes=True))
     tried = []
 
     def refine(jump):

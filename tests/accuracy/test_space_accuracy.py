@@ -16,7 +16,7 @@ from signorini_fx.mechanics.mesh.refinement import refine
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, generate_mesh
 from signorini_fx.mechanics.statement.settings import Accuracy
 from signorini_fx.records import History, Status
-from signorini_fx.scenes.mesh_sequence import meshed_scene
+from signorini_fx.scenes.mesh_sequence import MeshedScene
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve
 
@@ -49,7 +49,7 @@ def hertz(cells, n):
 def test_pressure_of_hertz(cells):
     """With the margin not below 0.7 of the error against Hertz' pressure for the force, at the nodes."""
     for n in (6, 10):
-        solved = meshed_scene(hertz(cells, n), MPI.COMM_SELF, History()).solved(0, None, None)
+        solved = MeshedScene(comm=MPI.COMM_SELF, history=History(), scene=hertz(cells, n)).solved(0, None, None)
         force, c = 4 * solved.solution.contact.forces[0][2], table_of(solved.solution).columns
         a = (3 * force * (1 - 0.3**2) / (4 * 1000.0)) ** (1 / 3)
         square = np.maximum(1 - (c["x"] ** 2 + c["y"] ** 2) / a**2, 0.0)

@@ -136,7 +136,6 @@ def test_what_is_refused():
     for wrong, reason in (
         (lambda: solve_nested(block_on_a_floor(), 3), "mesh: must be a mesh"),
         (lambda: solve_nested(block_on_a_floor(), mesh, 0), "levels: must be a whole number from 1, got 0"),
-        (lambda: solve_nested(block_on_a_floor(), mesh, restart=True), "restart: needs the folder"),
         (lambda: solve_nested(lambda mesh: None, mesh), "make: must return a ContactProblem, not"),
         (lambda: solve_nested(block_on_a_floor(), mesh, path=[0.0, 1.0]), r"make: must return \(problem, at\)"),
         (

@@ -17,8 +17,9 @@ from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
 from signorini_fx.records import History, Status, Timings
 from signorini_fx.scenes.checks import check_scene
 from signorini_fx.scenes.mesh import load_mesh
-from signorini_fx.scenes.mesh_sequence import solve_scenes
+from signorini_fx.scenes.mesh_sequence import MeshedScene
 from signorini_fx.scenes.solver import solve
+from signorini_fx.solving.nested import solve_nested
 
 WORLD = MPI.COMM_WORLD
 LAWS = {"none": {}, "tresca": {"bound": 1.5}, "coulomb": {"coefficient": 0.3, "coulomb": "newton"}}
@@ -134,7 +135,9 @@ def test_about_one_linear_solve(cells, laws, steps):
             for nx in (12, 24):
                 steps.clear()
                 scenes = [block(n, cells, gamma=gamma, linear_algebra="krylov", **LAWS[law]) for n in (nx // 2, nx)]
-                assert solve_scenes(scenes, MPI.COMM_SELF, History()).converged
+                comm, history = MPI.COMM_SELF, History()
+                meshes = [MeshedScene(comm=comm, history=history, scene=scene) for scene in scenes]
+                assert solve_nested(meshes, 2, comm, history).converged
                 finest = max(size for size, *_ in steps)
                 spent.append(sum(count for size, *_, count in steps if size == finest))
                 once = linear_solve(scenes[-1], steps)

@@ -6,7 +6,7 @@ from mpi4py import MPI
 from scipy.optimize import brentq
 from support.nonlinear_scenes import LAWS, energy_of_stretches, material
 
-from signorini_fx import SceneError, Status, solve
+from signorini_fx import Status, solve
 from signorini_fx.scenes.reading import parse_scene
 
 IN_SPACE = [name for name in LAWS if name != "ogden"]
@@ -141,9 +141,3 @@ def test_metal_of_calculix():
     expected = [(-1.860600e-3, 3.728933e-3, 3.728933e-3), (-4.114901e-3, 8.300234e-3, 8.300234e-3)]
     for step, moved in zip(solution.steps, expected, strict=True):
         assert at_middle(solution, step) == pytest.approx(np.array(moved), abs=2e-9)
-
-
-def test_what_would_shrink_to_nothing_is_refused():
-    """By the temperature of any load step."""
-    with pytest.raises(SceneError, match="temperature: must be less"):
-        solve(cube(material("neo-hooke"), "-60 * t", load_steps={"times": [1.0, 2.0]}), MPI.COMM_SELF)

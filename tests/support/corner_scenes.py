@@ -13,7 +13,7 @@ from signorini_fx.mechanics.mesh.tagged import TaggedMesh, tag_boundaries
 from signorini_fx.mechanics.statement.settings import SolverSettings
 from signorini_fx.records import History
 from signorini_fx.results.solution import ConvergenceError
-from signorini_fx.scenes.mesh_sequence import meshed_scene
+from signorini_fx.scenes.mesh_sequence import MeshedScene
 
 # gamma of a reference, in units of Young's modulus: on a block on a table the energy of 1e5 and of 1e9 differ by less
 # than 1e-11.
@@ -99,7 +99,7 @@ def reference(scene, block, halvings, unknowns):
     found, history = [], History()
     while not found or found[-1].model.dofs < unknowns:
         changed = scene.model_copy(update={"mesh": tagged})
-        solved = meshed_scene(changed, MPI.COMM_SELF, history).solved(len(found), None, None)
+        solved = MeshedScene(comm=MPI.COMM_SELF, history=history, scene=changed).solved(len(found), None, None)
         if solved.errors is None:
             raise ConvergenceError(solved.solution)
         found.append(solved.solution)

@@ -46,12 +46,12 @@ class NonlinearSteps:
     solution: Solution
 
     @classmethod
-    def solved(cls, statement: Statement, problem_of: Callable[[Timings], ProblemOfScene]) -> NonlinearSteps:
+    def solved(cls, statement: Statement, problem_of: Callable[[], ProblemOfScene]) -> NonlinearSteps:
         """Solve a scene; collective."""
         refuse(statement, REFUSES)
-        timings, reached = Timings(), list[ReachedStep]()
-        problem = problem_of(timings)
-        solution = problem.solved(timings, on_step=lambda step: reached.append(problem.reached()))
+        reached = list[ReachedStep]()
+        problem = problem_of()
+        solution = problem.solved(on_step=lambda step: reached.append(problem.reached()))
         if not solution.converged:
             raise ConvergenceError(solution)
         return cls(problem, reached, solution)
