@@ -360,18 +360,20 @@ class SemismoothNewton:
     def shifts(self, data: RegularisedData) -> tuple[Nodal, Nodal]:
         """(lambda, mu) made feasible, as the next lambda_hat and mu_hat.
 
-        Where a point slips but supports let it not move in some tangential direction, the shear along that would reach
-        its limit, that of the direction of slip, the more slowly the smaller the slip, so it is set to it; likewise
-        where supports prescribe a slip and the shear is below its bound.
+        Where a point slips but cannot move in some tangential direction, because of supports or of another
+        contact of its node, the shear along that would reach its limit, that of the direction of slip, the more slowly
+        the smaller the slip, so it is set to it; likewise where supports prescribe a slip and the shear is below its
+        bound.
         """
         problem, points = self.problem, self.problem.points
         pressure, shear = project(*self.multipliers(), data)
         u_n, u_t = problem.system.contact.traces(self.x)
-        bound, slip = data.friction_bound(pressure), slip_of(u_t, data)
+        still, entered = points.closed(problem.sets.contact, u_n - data.gap)
+        bound, slip = data.friction_bound(pressure), slip_of(u_t - entered, data)
         slips = problem.sets.slip | (problem.sets.contact & points.dragged(slip, np.column_stack((u_n, u_t))))
         slips &= np.isfinite(bound) & (length(slip) > 0)
         limit = np.where(slips, bound, 0.0)[:, None] * unit(slip)
-        missing = np.einsum("nij,nj->ni", points.still, np.where(slips[:, None], limit - shear, 0.0))
+        missing = np.einsum("nij,nj->ni", still, np.where(slips[:, None], limit - shear, 0.0))
         shear = onto_disc(shear + missing, bound)
         return pressure, shear
 

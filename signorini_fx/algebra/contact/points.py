@@ -34,6 +34,17 @@ def pushed(depth: Nodal, size: float) -> npt.NDArray[np.bool_]:
 
 
 @dataclass(frozen=True)
+class SharedNodes:
+    """Pairs of contact points at one node, each pair both ways round, shape (m,), and the normal of the second one in
+    the frame of the first one, shape (m, d).
+    """
+
+    here: npt.NDArray[np.int64]
+    beside: npt.NDArray[np.int64]
+    normal: Nodal
+
+
+@dataclass(frozen=True)
 class ContactPoints:
     """The contact points of this rank, n of them.
 
@@ -43,12 +54,14 @@ class ContactPoints:
         movable: orthogonal projector onto the directions in which something at the point can move, in its frame,
             shape (n, d, d); the identity where nothing is prescribed.
         x: position, length, shape (n, m): says which of several equal points comes first, alike on any number of ranks.
+        shared: points that share a node; None: there are none.
     """
 
     comm: MPI.Comm
     weight: Nodal
     movable: Nodal
     x: Nodal
+    shared: SharedNodes | None = None
 
     @classmethod
     def none(cls, comm: MPI.Comm, dimension: int) -> ContactPoints:
@@ -96,6 +109,34 @@ class ContactPoints:
         friction opposes, shape (n, d - 1), ``motion``: (tau_N y, tau_T y), shape (n, d), lengths.
         """
         return np.asarray(length(np.einsum("nij,nj->ni", self.still, slip)) > ZERO_IN_SOLUTION * length(motion))
+
+    def closed(self, contact: npt.NDArray[np.bool_], entered: Nodal) -> tuple[Nodal, Nodal]:
+        """``still`` and the direction that another contact of the same node closes, where one is left to slip in.
+
+        A shear along it and the pressures of both have only a common effect.  The displacement there is what the two
+        have been entered by, which vanishes in the limit.
+
+        Args:
+            contact: which points are in contact, shape (n,).
+            entered: tau_N y - d there, length, shape (n,).
+
+        Returns:
+            Projections onto the tangential directions in which a point does not move, ``still`` and these, shape
+            (n, d - 1, d - 1), and what of the displacement along these is due to ``entered``, length, shape (n, d - 1).
+        """
+        projections, moved = self.still.copy(), np.zeros((self.size, self.dimension - 1))
+        if self.shared is None:
+            return projections, moved
+        across = self.shared.normal[:, 1:]
+        size = np.linalg.norm(across, axis=1)
+        use = contact[self.shared.here] & contact[self.shared.beside] & (size > ROOT_OF_EPS)
+        point, beside, size = self.shared.here[use], self.shared.beside[use], size[use]
+        aligned, across = self.shared.normal[use, 0], across[use] / size[:, None]
+        np.add.at(projections, point, across[:, :, None] * across[:, None, :])
+        projections = onto_range(projections)
+        moved[point] = across * ((entered[beside] - aligned * entered[point]) / size)[:, None]
+        slips = np.trace(projections, axis1=1, axis2=2) < self.dimension - 1.5
+        return np.where(slips[:, None, None], projections, self.still), np.where(slips[:, None], moved, 0.0)
 
     def norm(self, values: Nodal) -> float:
         """The norm of L2(Gamma_c) by the nodal rule, of scalars (n,) or vectors (n, k); collective."""

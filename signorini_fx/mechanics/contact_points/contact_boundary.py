@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
+from itertools import pairwise, permutations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -22,7 +22,7 @@ from dolfinx import default_scalar_type, fem
 from mpi4py import MPI
 
 from signorini_fx.algebra.contact.nodal_vectors import Nodal
-from signorini_fx.algebra.contact.points import ContactPoints, onto_range
+from signorini_fx.algebra.contact.points import ContactPoints, SharedNodes, onto_range
 from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.assembly.averages import Averages, AveragingForms, averaged_points
 from signorini_fx.mechanics.assembly.mesh_entities import assemble, compile_form, facet_nodes, measure, node_positions
@@ -199,7 +199,20 @@ class ContactBoundary:
             movable[on_moving] = onto_range(
                 movable[on_moving] + np.einsum("nik,njk->nij", moves[on_moving], moves[on_moving])
             )
-        return ContactPoints(self.comm, self.weight, movable, self.x)
+        return ContactPoints(self.comm, self.weight, movable, self.x, self._shared)
+
+    @property
+    def _shared(self) -> SharedNodes:
+        """The points that share a node with another one; none of those that average."""
+        reaches = np.ones(self.size) if self.averages is None else np.diff(self.averages.shares.indptr)
+        alone = np.flatnonzero(reaches == 1)
+        _, node, times = np.unique(self.nodes[alone], return_inverse=True, return_counts=True)
+        alone = alone[times[node] > 1]
+        order = alone[np.argsort(self.nodes[alone], kind="stable")]
+        nodes = np.split(order, np.flatnonzero(np.diff(self.nodes[order])) + 1)
+        pairs = [pair for group in nodes for pair in permutations(map(int, group), 2)]
+        points, beside = np.array(pairs, dtype=np.int64).reshape(-1, 2).T
+        return SharedNodes(points, beside, np.einsum("nji,nj->ni", self.coframes[points], self.normal[beside]))
 
     def traces(self, y: Nodal) -> tuple[Nodal, Nodal]:
         """(tau_N y, tau_T y), shapes (n,) and (n, d - 1), from nodal displacements of shape (n, d)."""
