@@ -97,7 +97,8 @@ class Meshes:
         """Solve on the current mesh; with regularisation on all finer ones if augmentation fails on it."""
         solved = self._solved(state, number)
         if self._stated is not None and solved.outcome is not None and solved.outcome.regularised:
-            self._stated, self.problem = None, self.problem.with_settings(self._stated)
+            self.problem = self.problem.with_settings(self._stated)
+            self._stated = None
         return solved
 
     def jump(self, excess: float, rate: float, *, compared: bool, dimension: int, touching: int) -> float:

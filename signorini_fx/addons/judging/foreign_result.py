@@ -155,7 +155,9 @@ def _rows_at(file: Path, table: Printed, problem: JudgedProblem) -> tuple[Ints, 
     if table.points is None:
         raise MeshError(f"{file}: has neither numbers nor positions of nodes: give columns node, or x and y")
     x = np.pad(problem.points, ((0, 0), (0, table.points.shape[1] - problem.arrays.dim)))
-    nodes, rows, points = np.arange(len(x)), np.arange(len(table.points)), table.points
+    nodes: Ints = np.arange(len(x))
+    rows: Ints = np.arange(len(table.points))
+    points = table.points
     if table.cells and _are_together(points, near) and _are_together(x, near):
         nodes, x = _in_cells(x, (problem.cells,))
         rows, points = _in_cells(points, table.cells)

@@ -63,6 +63,11 @@ from signorini_fx.tuned import (
 Newton = Any  # ``ssn.SemismoothNewton``, which asks for this module
 
 
+def _sets_of(newton: Newton, data: RegularisedData) -> ActiveSets:
+    u_n, u_t = newton.problem.system.contact.traces(newton.x)
+    return natural_sets(u_n, u_t, data)
+
+
 def interior_point(newton: Newton, data: RegularisedData, measure: Callable[[], float | None]) -> Status:
     """Solve one problem with a given friction bound, whatever iterate ``newton`` holds, whose tangent is symmetric;
     collective.
@@ -74,7 +79,7 @@ def interior_point(newton: Newton, data: RegularisedData, measure: Callable[[], 
     except (PETSc.Error, MemoryError) as error:
         status = newton.outcome_of(error)
     if status is Status.CONVERGED:
-        ended, sets = newton.x.copy(), natural_sets(*problem.system.contact.traces(newton.x), data)
+        ended, sets = newton.x.copy(), _sets_of(newton, data)
         status = newton.attempt(data, sets)
         if status is not Status.CONVERGED:  # sets that do not hold the body, or cycle for points at their border
             newton.begin_at(ended)
@@ -160,7 +165,7 @@ class _Programme:
                 return Status.NO_MEMORY if factor_lacks_memory(newton.snes.getKSP()) else Status.SINGULAR
             product = self._product(at)
             near = product <= SAME_NUMBER * first
-            sets = natural_sets(*problem.system.contact.traces(newton.x), self._data)
+            sets = _sets_of(newton, self._data)
             if near and (product <= NOTHING_LEFT**2 * first or problem.accept(newton.x, sets, NO_FORCE)):
                 return Status.CONVERGED
             if newton.history.exhausted:
@@ -175,7 +180,7 @@ class _Programme:
         at = self._on_a_soft_foundation(softest, exact=False)
         first = 0.0 if at is None else self._product(at)
         if at is not None and first == 0.0:  # no point presses: there is nothing to reduce
-            return natural_sets(*self._problem.system.contact.traces(newton.x), self._data)
+            return _sets_of(newton, self._data)
         settled = max(1.0, SETTLED_POINTS * self._number(self._points.everywhere))
         undecided_points = UNDECIDED_POINTS * self._number(self._points.everywhere)
         closed, slip = (np.zeros_like(self._one_sided) for _ in range(2))
@@ -191,7 +196,7 @@ class _Programme:
                 small and changed <= settled and self._number(undecided) <= undecided_points
             ):
                 break
-        sets = natural_sets(*self._problem.system.contact.traces(newton.x), self._data)
+        sets = _sets_of(newton, self._data)
         return replace(sets, contact=np.where(self._one_sided, closed, sets.contact))
 
     def _indicated(

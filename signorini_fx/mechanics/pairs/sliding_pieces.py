@@ -109,9 +109,9 @@ class SlidingPieces:
         curvatures = master.functions.curvatures if dim == 2 else np.zeros(corners.shape[1])
         curved = np.einsum("pqd,k,pkd->pq", facing, curvatures, corners, optimize=True)
         kinks = (seen_vertices if dim == 2 else seen_edges)(slave, master, tested, directions)
-        functions = slave.points[overlap.slave], tested.weighted
-        geometry = facing, facing - way, dual, distance, curved, master.directions[over], kinks
-        return cls(mean, *functions, blocks, spread, share, projection.turns, slope, *geometry)
+        points, turns, bend = slave.points[overlap.slave], projection.turns, master.directions[over]
+        directed = (facing, facing - way, dual, distance)
+        return cls(mean, points, tested.weighted, blocks, spread, share, turns, slope, *directed, curved, bend, kinks)
 
     @property
     def gap(self) -> Array:
