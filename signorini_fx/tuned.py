@@ -469,6 +469,8 @@ UNITS_OF_PLACES = 10.0
 CLOSED_BOUNDARY = 0.01
 # A place so many facets away from a vertex is beside it.  Choice.
 BESIDE_VERTEX = 1.01
+# Angles within a body that differ by less than these degrees are equal.  Choice.
+SAME_ANGLE = 1.0
 
 # --- uniqueness ------------------------------------------------------------------------------------------------------
 

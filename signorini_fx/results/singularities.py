@@ -28,7 +28,7 @@ from signorini_fx.mechanics.assembly.mesh_entities import facet_entities
 from signorini_fx.mechanics.loads.supports import on_axis
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.effect import Force, InitialStrain
-from signorini_fx.tuned import BESIDE_VERTEX, CORNER_ANGLE, ROOT_OF_EPS
+from signorini_fx.tuned import BESIDE_VERTEX, CORNER_ANGLE, ROOT_OF_EPS, SAME_ANGLE
 
 Array = npt.NDArray[np.float64]
 
@@ -100,7 +100,7 @@ def _reason(facet_a: BoundaryFacet, facet_b: BoundaryFacet) -> str | None:
     if facet_a.paired or facet_b.paired:
         filled = facet_a.paired == facet_b.paired == "bonded"
         return None if filled or angle <= 180 + _CURVED else "it is at a reentrant corner of the body"
-    if (alike and turn <= _CURVED) or angle <= _BOUNDED[kinds] + _CURVED:
+    if (alike and turn <= _CURVED) or angle <= _BOUNDED[kinds] + (_CURVED if alike else SAME_ANGLE):
         return None
     if alike and facet_a.kind != "guided":
         return "it is at a reentrant corner of the body"
