@@ -247,8 +247,10 @@ class OuterRecord:
 
 @dataclass
 class Timings:
-    """Wall seconds by phase, on this rank, with those of the run that this one goes on from;
-    ``parallel.largest_timings`` reduces them.
+    """Wall seconds by phase, on this rank; ``parallel.largest_timings`` reduces them.
+
+    Attributes:
+        seconds: of this run and of the one that it goes on from.
     """
 
     seconds: dict[str, float] = field(default_factory=dict)
