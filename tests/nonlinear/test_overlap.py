@@ -92,7 +92,9 @@ def test_a_post_is_not_passed_through(first):
 def test_a_ramp_into_the_body_says_so(before):
     """The reason of its last step comes first, with the load, and the load that has a solution."""
     found = problem((4.0, 1.0), (16, 4), {"centre": (1.52, 1.051), "radius": 0.05})
-    first, load, last = (0.01, r"0\.11", r"a solution at load 0\.09") if before else (1.0, "1", "no solution before it")
+    first, load, last = (
+        (0.01, r"0\.11", r"a solution at load 0\.09\d*") if before else (1.0, "1", "no solution before it")
+    )
     reason = rf"^rigid shape inside the body \(contact\[0\]: .*\): at load {load}\d*; there is {last}\. A part of"
     with pytest.raises(ConvergenceError, match=reason):  # into it from 0.1 on, and no step is halved
         found.ramp(lambda t: found.place(0, shift=(0.0, -0.03 * t if t < 0.1 else -0.3)), first=first, smallest=first)
