@@ -22,7 +22,7 @@ bottom, top = (mesh.locate_entities_boundary(domain, 1, lambda x, y=y: np.isclos
 fixed = fem.dirichletbc(np.zeros(2), fem.locate_dofs_topological(V, 1, bottom), V)
 circle = Foundation(top, shape={"shape": "circle", "centre": (1.0, 1.5), "radius": 0.5}, friction=Coulomb(0.3))
 problem = NonlinearContactProblem(residual, u, J=tangent, bcs=[fixed], contact=circle)
-problem.ramp(lambda t: problem.place(0, shift=(0.0, -0.2 * t)), first=0.5)
+problem.run([0.5, 1.0], lambda t: problem.place(0, shift=(0.0, -0.2 * t)))
 force, _ = problem.state.forces  # of all ranks
 if MPI.COMM_WORLD.rank == 0:
     print(f"force {force[1]:.2f}, {problem.certificate}")

@@ -42,5 +42,6 @@ problem = NonlinearContactProblem(F, u, bcs=bcs, contact=pair)
 # Down by a fifth of the height, then across in steps of about a facet.
 
 # %%
-problem.ramp(lambda t: np.copyto(way.value, (0.0, -0.2 * t)), first=0.5)
-print(problem.ramp(lambda x: np.copyto(way.value, (x, -0.2)), to=1.5, largest=0.075)[-1], sum(problem.state.forces))
+problem.run([0.5, 1.0], lambda t: np.copyto(way.value, (0.0, -0.2 * t)))
+problem.run(np.linspace(0.075, 1.5, 20), lambda x: np.copyto(way.value, (x, -0.2)))
+print(problem.solution.last_step, sum(problem.state.forces))

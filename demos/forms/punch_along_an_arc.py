@@ -43,4 +43,5 @@ problem = NonlinearContactProblem(F, u, bcs=[held(np.zeros(3), -1), held(way, 0.
 
 # %%
 arc = lambda t: np.copyto(way.value, (np.sin(max(t - 1, 0)), 1 - np.cos(max(t - 1, 0)), -0.15 * min(t, 1)))  # noqa: E731
-print(problem.ramp(arc, to=1 + np.pi / 3, first=0.5, largest=0.8 / N)[-1], sum(problem.state.forces))
+problem.run(np.linspace(0, 1 + np.pi / 3, 5 * N // 2 + 1)[1:], arc)
+print(problem.solution.last_step, sum(problem.state.forces))

@@ -35,5 +35,5 @@ pair = Pair(inside, outside, friction=Coulomb(0.3), measure=around)
 problem = NonlinearContactProblem(F, u, bcs=bcs, contact=pair)
 
 # %%
-forces, end = [], lambda step: forces.append([step.load, *sum(problem.state.forces)])
-problem.ramp(lambda t: np.copyto(way.value, -t), to=1.8, largest=0.075, on_step=end)
+forces, end = [], lambda step: forces.append([step.time, *sum(problem.state.forces)])
+problem.run(np.linspace(0.075, 1.8, 24), lambda t: np.copyto(way.value, -t), on_step=end)

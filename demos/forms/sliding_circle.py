@@ -2,8 +2,8 @@
 # # A circle ploughs over rubber
 #
 # A rigid circle is pressed into a neo-Hookean block by 30 % of its height, and slides twice its radius over it with
-# friction. The body is a residual in UFL. `place` moves the circle, `ramp` chooses the steps and halves those that have
-# no solution; distances and normals are those at the displaced points.
+# friction. The body is a residual in UFL. `place` moves the circle, `run` goes through the steps and halves those that
+# have no solution; distances and normals are those at the displaced points.
 
 # %%
 import os
@@ -28,10 +28,10 @@ top, bottom = (locate_entities_boundary(mesh, 1, lambda x, at=at: np.isclose(x[1
 fixed = dirichletbc(np.zeros(2), locate_dofs_topological(u.function_space, 1, bottom), u.function_space)
 circle = {"shape": "circle", "centre": (1.5, 1.5), "radius": 0.5}
 problem = NonlinearContactProblem(F, u, bcs=[fixed], contact=Foundation(top, shape=circle, friction=Coulomb(FRICTION)))
-problem.ramp(lambda t: problem.place(0, shift=(0.0, -0.3 * t)), first=0.25)
+problem.run([0.25, 0.625, 1.0], lambda t: problem.place(0, shift=(0.0, -0.3 * t)))
 forces = []
-keep = lambda step: forces.append((step.load, *sum(problem.state.forces)))  # noqa: E731
-problem.ramp(lambda t: problem.place(0, shift=(t, -0.3)), first=0.1, largest=0.1, on_step=keep)
+keep = lambda step: forces.append((step.time, *sum(problem.state.forces)))  # noqa: E731
+problem.run(np.linspace(0.1, 1.0, 10), lambda t: problem.place(0, shift=(t, -0.3)), on_step=keep)
 
 # %% [markdown]
 # The way of the circle, and the force on the body.

@@ -160,7 +160,7 @@ class ProblemOfScene(NonlinearContactProblem):
         failures = list[Finding]()
         try:
             with self._as_convergence_error():
-                self._continuation.follow(Way.along(self.statement.path, self.go_to), on_step, stored)
+                self._continuation.follow(Way(self.statement.path, self.go_to), on_step, stored)
         except ConvergenceError as error:
             if self._solver.solved is None:  # not even the body before the first one can be shown
                 raise

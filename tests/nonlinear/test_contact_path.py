@@ -23,7 +23,7 @@ def test_pressed_and_released(algorithm, friction):
         residual(u), u, bcs=[held(space, side(1, 0.0))], contact=contact, algorithm=algorithm
     )
     for depth in (0.1, -0.1, 0.0, -0.2, 0.15, -0.1):  # 0: it touches
-        problem.ramp(lambda load, depth=depth: problem.place(0, shift=(0.0, -depth * load)))
+        problem.run([1.0], lambda load, depth=depth: problem.place(0, shift=(0.0, -depth * load)))
         assert problem.certificate.holds
         if depth < 0:
             assert np.abs(u.x.array).max() < 1e-12

@@ -36,9 +36,9 @@ def test_an_arch_snaps_through():
     takes it to where the prescribed one needs the same force.
     """
     driven = arch(force=(0.0, 0.0), prescribed=HELD)
-    steps = driven.ramp(lambda load: driven.place(0, force=(0.0, -FORCE * load), prescribed=HELD), first=0.1)
+    times = np.linspace(0.1, 1.0, 10)
+    driven.run(times, lambda load: driven.place(0, force=(0.0, -FORCE * load), prescribed=HELD))
     assert driven.status is Status.CONVERGED
-    assert steps[-1].load == 1.0
     end = float(driven.tools[0].translation[1])
     placed, forces = arch(), []
     for place in np.linspace(0.0, end, 13)[1:]:

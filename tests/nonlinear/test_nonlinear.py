@@ -106,7 +106,7 @@ def test_energy_minimised_by_a_library():
         contact = Foundation(side(1, 1.0), shape=shape)
         bcs = [held(space, side(1, 0.0))]
         problem = NonlinearContactProblem(residual(u, polynomial), u, bcs=bcs, contact=contact, algorithm="alm")
-        problem.ramp(lambda t, problem=problem, depth=depth: problem.place(0, shift=(0.0, -depth * t)))
+        problem.run([1.0], lambda t, problem=problem, depth=depth: problem.place(0, shift=(0.0, -depth * t)))
         expected, distances = least_energy(space, apart)
         assert problem.certificate.holds
         assert u.x.array.reshape(-1, 2) == pytest.approx(expected, abs=5e-6), seed

@@ -28,7 +28,7 @@ def turned_as_a_whole(scene, way, angle, steps=4):
         for value, press in zip(values, (0.0, load), strict=True):
             value.x.array[:] = ((x + press * np.array(way)) @ turn.T - x).ravel()
 
-    problem.ramp(apply, first=1 / steps, largest=1 / steps)
+    problem.run(np.linspace(0.0, 1.0, steps + 1)[1:], apply)
     assert problem.certificate.holds
     return turn_of(angle, dim).T @ sum(problem.state.forces), problem
 

@@ -33,12 +33,13 @@ def moved(problem):
 
 
 @pytest.mark.mpi(slow=True)
-def test_a_ramp_has_load_steps():
-    """The times are the loads, each with the displacement that ``u`` had; the foundation is where the last left it."""
+def test_load_steps():
+    """Each has its time, and the displacement that ``u`` had; the foundation is where the last left it."""
     problem, seen = pressed(MPI.COMM_WORLD), []
-    problem.ramp(moved(problem), first=0.25, largest=0.25, on_step=lambda step: seen.append(problem.u.x.array.copy()))
+    times = [0.25, 0.5, 0.75, 1.0]
+    problem.run(times, moved(problem), on_step=lambda step: seen.append(problem.u.x.array.copy()))
     solution = problem.solution
-    assert [step.time for step in solution.steps] == [0.25, 0.5, 0.75, 1.0]
+    assert [step.time for step in solution.steps] == times
     assert [step.step for step in solution.steps] == [1, 2, 3, 4]
     for step in solution.steps:
         bottom, top = (solution.at(step).resultants.of(name).force for name in ("bottom", "top"))
@@ -57,7 +58,7 @@ def test_a_ramp_has_load_steps():
 def test_fields_on_the_boundary():
     """Of linear elements the integral of the pressure is the sum over the nodes with their weights."""
     problem = pressed(MPI.COMM_WORLD)
-    problem.ramp(moved(problem), to=0.5)
+    problem.run([0.5], moved(problem))
     fields, state, comm = problem.boundary_fields(0), problem.state, MPI.COMM_WORLD
     assert fields.mesh.topology.dim == 1
     integral = comm.allreduce(fem.assemble_scalar(fem.form(fields.pressure * ufl.dx)))
@@ -78,7 +79,7 @@ def test_what_a_nonlinear_body_does_not_have():
     problem = pressed()
     with pytest.raises(RuntimeError, match="no solution so far"):
         problem.solution  # noqa: B018
-    problem.ramp(moved(problem), to=0.5)
+    problem.run([0.5], moved(problem))
     solution = problem.solution
     assert solution.error_bound == "a nonlinear body has no guaranteed bound"
     assert solution.force_bounds("bottom", (0.0, 1.0)) == "a nonlinear body has no guaranteed bound"

@@ -32,7 +32,7 @@ def pressed(cells, degree):
     fixed = fem.dirichletbc(np.zeros(2), fem.locate_dofs_topological(u.function_space, 1, bottom), u.function_space)
     foundation = Foundation(top, shape={"shape": "circle", "centre": (1.03, 1.5), "radius": 0.5})
     problem = NonlinearContactProblem(neo_hooke(u), u, bcs=[fixed], contact=foundation)
-    problem.ramp(lambda t: problem.place(0, shift=(0.0, -0.2 * t)), first=0.5)
+    problem.run([0.5, 1.0], lambda t: problem.place(0, shift=(0.0, -0.2 * t)))
     return problem
 
 

@@ -59,7 +59,7 @@ def test_no_verdict_without_a_derivative():
         problem(initial_stiffness(space)).solve()
     unknown, loads = problem(initial_stiffness(space)), list[float]()
     with pytest.raises(ConvergenceError, match="stability not known"):
-        unknown.ramp(lambda load: loads.append(load) or unknown.place(0, shift=(0.0, -0.05 * load)))
+        unknown.run([1.0], lambda load: loads.append(load) or unknown.place(0, shift=(0.0, -0.05 * load)))
     assert loads == [1.0, 0.0]  # a smaller step would know no more
     unjudged = problem(initial_stiffness(space), stability=False)
     unjudged.solve()

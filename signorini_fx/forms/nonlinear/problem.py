@@ -19,7 +19,7 @@ from signorini_fx.extensions import add_on
 from signorini_fx.forms.arguments import foundations_of
 from signorini_fx.forms.nonlinear.arguments import checked
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
-from signorini_fx.forms.nonlinear.load_continuation import Continuation, RampStep, Way, way_to_load
+from signorini_fx.forms.nonlinear.load_continuation import Continuation, Way
 from signorini_fx.forms.nonlinear.moving_shapes import place
 from signorini_fx.forms.nonlinear.newton import EquilibriumSolver, NoEquilibrium
 from signorini_fx.forms.nonlinear.residual import Residual, Tangents, refuse_miscompiled
@@ -37,7 +37,6 @@ from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.results.mechanics import StepResult
 from signorini_fx.results.solution import ConvergenceError, Solution
 from signorini_fx.solving.loose_bodies import loose_in
-from signorini_fx.tuned import SMALLEST_STEP
 
 if TYPE_CHECKING:
     from signorini_fx.results.accuracy.error_estimates import Errors
@@ -50,7 +49,7 @@ class NonlinearContactProblem(ProblemOfForms):
     """Find u with F(u; v) = 0 for all v, and contact with rigid foundations or of two bodies on parts of the boundary.
 
         problem = NonlinearContactProblem(F, u, bcs=[fixed], contact=Foundation(facets, shape=circle))
-        problem.ramp(lambda t: problem.place(0, shift=(0.0, -0.3 * t)))
+        problem.run([0.5, 1.0], lambda t: problem.place(0, shift=(0.0, -0.3 * t)))
 
     A foundation with a ``shape``, a ``Shape`` or a table of one, is met at the displaced points, however far they slide
     on it, and its friction is relative to it; gaps and directions without a shape are those of the undeformed boundary.
@@ -88,10 +87,9 @@ class NonlinearContactProblem(ProblemOfForms):
         u: the solution.
         contact: the foundations and pairs.
         pressure, shear, gap, slip: see ``ContactFields``.
-        solution: the last solution with all that results are made of; after a ramp with all of its steps, whose times
-            are the sizes of their loads.  Where the first step of a ramp has no solution it is the body as it was
-            before, under the load of this step, and converged it is not.  Of what needs a strain energy it says that a
-            nonlinear body has none.
+        solution: the last solution with all that results are made of; after ``run`` with all of its steps.  Where the
+            first one has no solution it is the body as it was before, under the load of this step, and converged it is
+            not.  Of what needs a strain energy it says that a nonlinear body has none.
 
     After a failure ``u``, ``pressure``, ``state``, ``certificate`` and all others are those of the last solution again,
     and ``update`` has been called there.
@@ -222,7 +220,7 @@ class NonlinearContactProblem(ProblemOfForms):
         """Derivatives of a result of the last solution by Constants of the problem, see ``ContactProblem.gradient``;
         collective.
 
-        Contact forces turn with the displacement, and so do derivatives of theirs.  After a ramp the result must not
+        Contact forces turn with the displacement, and so do derivatives of theirs.  After ``run`` the result must not
         depend on the step before the last one, as it does with friction.
 
         Raises:
@@ -281,49 +279,6 @@ class NonlinearContactProblem(ProblemOfForms):
         """
         self._solver.advance()
 
-    def ramp(
-        self,
-        apply: Callable[[float], object],
-        to: float = 1.0,
-        *,
-        first: float | None = None,
-        largest: float | None = None,
-        smallest: float = SMALLEST_STEP,
-        on_step: Callable[[RampStep], object] = lambda step: None,
-    ) -> list[RampStep]:
-        """Raise the load from 0 in steps, with ``advance`` after each; collective.
-
-        A step without a solution is halved, and begins again at the end of the last one; one that was easy makes the
-        next larger.  Whatever ends the ramp, the problem is left at the last step that has a solution.
-
-        Args:
-            apply: changes the problem to what it is at a load; it may be called with a smaller one again.
-            to: the load to reach, which may be negative.
-            first: size of the first step; None: all of it.
-            largest: size that any step may have; None: there is none.
-            smallest: share of ``to`` below which no step is halved.
-            on_step: called after each step.
-
-        Returns:
-            The steps.
-
-        Raises:
-            ConvergenceError: a step cannot be shortened any more.  ``status`` is ``LIMIT`` where the tangent or the
-                displacement says that there is no equilibrium, otherwise how the smallest step ends.  Or an
-                equilibrium is unstable, or its stability is not known.
-            FormError: an argument is wrong, or the smallest step ends with one, such as one of ``update``.
-        """
-        steps = list[RampStep]()
-        way = way_to_load(to, first, largest, smallest, apply)
-
-        def ended(step: StepResult) -> None:
-            steps.append(RampStep(way.sign * step.time, self.iterations, step.linear_solves))
-            on_step(steps[-1])
-
-        with self._as_convergence_error():
-            self._continuation.follow(way, ended)
-        return steps
-
     def run(
         self,
         path: LoadPath | Sequence[float],
@@ -347,12 +302,16 @@ class NonlinearContactProblem(ProblemOfForms):
             on_step: called with the result of each load step.
 
         Raises:
-            ConvergenceError: see ``ramp``; the ``solution`` of this problem has the load steps before.
-            FormError: see ``ramp``; or the folder is that of another problem or run.
+            ConvergenceError: a step cannot be shortened any more.  ``status`` is ``LIMIT`` where the tangent or the
+                displacement says that there is no equilibrium, otherwise how the smallest step ends.  Or an
+                equilibrium is unstable, or its stability is not known.  The ``solution`` of this problem has the load
+                steps before.
+            FormError: an argument is wrong, or the folder is that of another problem or run; or the smallest step ends
+                with one, such as one of ``update``.
         """
         path, clock, stored = begun_path(self.linear, path, at, folder, restart=restart)
         with self._as_convergence_error():
-            way = Way.along(path, lambda place: clock.turn(path.time_at(place)))
+            way = Way(path, lambda place: clock.turn(path.time_at(place)))
             self._continuation.follow(way, on_step, stored)
         return self.solution
 

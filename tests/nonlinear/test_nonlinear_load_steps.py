@@ -1,4 +1,4 @@
-"""Load steps of nonlinear bodies: their sizes, what they go back to, and how a ramp ends."""
+"""Load steps of nonlinear bodies: what they go back to, and how they end."""
 
 import re
 
@@ -36,26 +36,6 @@ def everything(problem):
     return np.concatenate([*(field.x.array for field in fields), figures, forces, place, [problem.iterations]])
 
 
-@pytest.mark.parametrize(
-    ("arguments", "wrong"),
-    [
-        ({"first": 0.0}, "first: must be a positive number"),
-        ({"first": -0.5}, "first: must be a positive number"),
-        ({"largest": 0.0}, "largest: must be a positive number"),
-        ({"largest": 1e-9}, "largest: is below the smallest step"),
-        ({"smallest": 0.0}, "smallest: must be a share"),
-        ({"smallest": 2.0}, "smallest: must be a share"),
-        ({"to": float("nan")}, "to: must be a number other than 0, not nan"),
-        ({"to": 0.0}, "to: must be a number other than 0"),
-        ({"to": "1"}, "to: must be a number other than 0, not"),
-    ],
-)
-def test_wrong_sizes(arguments, wrong):
-    """Each is named before anything is solved."""
-    with pytest.raises(FormError, match=wrong):
-        pressed().ramp(lambda load: pytest.fail("it began"), **arguments)
-
-
 class Unlike(Exception):
     """What a user's function may raise."""
 
@@ -80,14 +60,14 @@ def test_a_failure_goes_back_to_the_last_step(fault, monkeypatch):
     values = problem.u.x.array
     monkeypatch.setattr(inertia, lambda *_: (int(fault == "unstable" and fails()), values))
     with pytest.raises(FormError if fault == "update" else ConvergenceError) as raised:
-        problem.ramp(down(problem), first=0.25, smallest=1 / 16, on_step=lambda step: kept.append(everything(problem)))
+        problem.run([0.25, 0.5, 0.75], down(problem), on_step=lambda step: kept.append(everything(problem)))
     assert everything(problem) == pytest.approx(kept[-1], rel=0, abs=0)
     assert (called[-1] == problem.u.x.array).all()
     said = {"update": "update: raised Unlike: no return to the yield surface", "unstable": "unstable equilibrium"}[
         fault
     ]
     assert problem.status is (Status.UNSTABLE if fault == "unstable" else None)
-    assert re.search(rf"{said}.*at load 0\.\d+; there is a solution at load 0\.\d+", str(raised.value))
+    assert re.search(rf"{said}.*at time 0\.\d+; there is a solution at time 0\.\d+", str(raised.value))
     problem.place(0, shift=(0.0, 1.05 * problem.shapes[0].shape.shift[1]))
     fault = ""
     problem.solve()
@@ -108,8 +88,7 @@ def test_cells_turned_inside_out():
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize("by", ["ramp", "run"])
-def test_no_first_step(by):
+def test_no_first_step():
     """A block that is lifted off its ground: the problem shows the body before, and the next solution takes over."""
     space, side = rectangle([2.0, 1.0], [8, 4], MPI.COMM_WORLD)
     u, load = fem.Function(space), fem.Constant(space.mesh, 0.0)
@@ -121,7 +100,7 @@ def test_no_first_step(by):
         load.value = time
 
     with pytest.raises(ConvergenceError, match="there is no solution before it") as error:
-        problem.ramp(lift) if by == "ramp" else problem.run([1.0], lift)
+        problem.run([1.0], lift)
     assert error.value.solution.status is problem.solution.status is Status.LIMIT
     assert 0.0 < problem.solution.last_step.time < 0.01
     assert not problem.solution.certificate.holds
