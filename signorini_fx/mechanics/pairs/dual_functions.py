@@ -18,7 +18,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import splu
 
 from signorini_fx.mechanics.pairs.pair_side import Overlap, PairSurface
-from signorini_fx.mechanics.pairs.sparse_maps import scaled_columns, scaled_rows
+from signorini_fx.mechanics.pairs.sparse_maps import placed_rows, scaled_columns, scaled_rows
 from signorini_fx.tuned import KEPT_WEIGHT, MOSTLY_HELD, NEGLIGIBLE, NOTHING_LEFT, SAME_NUMBER, WHOLE_WEIGHT
 
 Array = npt.NDArray[np.float64]
@@ -98,13 +98,13 @@ def carried(
         The nodes, shape (n,), and the share of the function of each node in each point, columns with the sum one,
         sparse, shape (n, N).
     """
-    together = _Beside.of(side, covered)
-    tested_nodes, beside = together.tested_nodes, together.matrix
+    together = _together(side, covered)
+    tested_nodes = together.diagonal() > 0
     unable = unable | side.without_area
     for threshold in (KEPT_WEIGHT + SAME_NUMBER, 0.0):  # shares of simple meshes are this one but for round-off
         able = tested_nodes & ~unable & (weight > threshold * side.area)
         while able.any():
-            nodes, shares = _taken_over(beside, tested_nodes, able)
+            nodes, shares = _taken_over(together, able)
             # What a point takes over may have a negative weight.
             weak = shares @ weight <= threshold * side.area[nodes]
             if not weak.any():
@@ -122,8 +122,8 @@ def carried_evenly(
     it adds to their conditions vanishes before it is no point any more.  So does that of a node that supports hold, by
     how much of the other side is held there, too.
     """
-    beside = _Beside.of(side, covered)
-    tested_nodes = beside.tested_nodes
+    together = _together(side, covered)
+    tested_nodes = together.diagonal() > 0
     able = tested_nodes & ~unable & ~side.without_area & (side.area > 0)
     share = np.divide(weight, side.area, out=np.zeros_like(weight), where=able)
     part = np.clip((share - KEPT_WEIGHT) / (WHOLE_WEIGHT - KEPT_WEIGHT), 0.0, 1.0)
@@ -132,7 +132,7 @@ def carried_evenly(
     portion[portion <= SAME_NUMBER] = 0.0  # what keeps nothing but round-off passes all on
     while portion.any():
         nodes = np.flatnonzero(portion)
-        taken = _absorbed(beside, tested_nodes, portion, nodes)
+        taken = _absorbed(together, portion, nodes)
         mixed = _mixed(taken, nodes, (weight, movable[nodes] * weight[nodes]), portion[nodes])
         # What a point takes over may have a negative weight.
         weak = mixed @ weight <= 0.0
@@ -142,19 +142,20 @@ def carried_evenly(
     return carried(side, covered, weight, unable | constrained(movable))
 
 
-def _absorbed(beside: _Beside, tested_nodes: Flags, portion: Array, nodes: Indices) -> sp.csr_array:
+def _absorbed(together: sp.csr_array, portion: Array, nodes: Indices) -> sp.csr_array:
     """How nodes take over functions: each keeps its own share, and passes on the rest to those beside it, which do
     likewise; columns with the sum one, sparse, shape (n, N).
     """
-    count = tested_nodes.size
+    tested_nodes = together.diagonal() > 0
     takes = np.where(tested_nodes, portion + NEGLIGIBLE, 0.0)
-    row, column, piece = beside.row, beside.column, beside.piece
-    sums = np.bincount(column, takes[row], minlength=count)
+    others = sp.csr_array(together - sp.diags_array(together.diagonal()))
+    sums = np.asarray(others.T @ takes)
+    piece = connected_components(together, directed=False)[1]
     reached = np.bincount(piece, portion) > 0
     passing = np.where(tested_nodes & reached[piece] & (sums > 0), 1.0 - portion, 0.0)
-    step = takes[row] * np.divide(passing, sums, out=np.zeros(count), where=sums > 0)[column]
+    handing = np.divide(passing, sums, out=np.zeros(sums.size), where=sums > 0)
+    steps = scaled_columns(scaled_rows(takes, others), handing)
     own = np.where(passing > 0, 0.0, portion)
-    steps = sp.csr_array((step, (row, column)), shape=(count, count))
     shares = sp.csr_array(sp.diags_array(own))
     chain = np.flatnonzero(passing)
     if chain.size:  # what is kept of what these hand on, in any number of steps
@@ -164,9 +165,9 @@ def _absorbed(beside: _Beside, tested_nodes: Flags, portion: Array, nodes: Indic
         values = splu(within).solve(handed[keeping].toarray().T).T
         of_keeping, of_chain = np.nonzero(values > SAME_NUMBER**2)
         places = keeping[of_keeping], chain[of_chain]
-        shares = shares + sp.csr_array((values[of_keeping, of_chain], places), shape=(count, count))
+        shares = shares + sp.csr_array((values[of_keeping, of_chain], places), shape=together.shape)
     columns = np.asarray(shares.sum(axis=0)).ravel()
-    inverse = np.divide(1.0, columns, out=np.zeros(count), where=columns > 0)
+    inverse = np.divide(1.0, columns, out=np.zeros(columns.size), where=columns > 0)
     return scaled_columns(shares, inverse)[nodes]
 
 
@@ -175,12 +176,7 @@ def _mixed(shares: sp.csr_array, nodes: Indices, weights: tuple[Array, Array], p
     weak = np.flatnonzero(portion < 1.0)
     if not weak.size:
         return shares
-    number = np.full(shares.shape[1], -1)
-    number[nodes[weak]] = np.arange(weak.size)
-    of_weak = np.flatnonzero(number[shares.indices] >= 0)
-    point = np.repeat(np.arange(nodes.size), np.diff(shares.indptr))[of_weak]
-    to = np.zeros((weak.size, nodes.size))  # which points the function of each of them is in
-    to[number[shares.indices[of_weak]], point] = shares.data[of_weak]
+    to = shares[:, nodes[weak]].T.toarray()  # which points the function of each of them is in
     at = np.arange(weak.size), weak
     remainder = np.maximum(1.0 - to[at], 0.0)
     to[at] = 0.0
@@ -190,10 +186,8 @@ def _mixed(shares: sp.csr_array, nodes: Indices, weights: tuple[Array, Array], p
     added *= np.divide(1.0, sizes, out=np.zeros_like(sizes), where=sizes > 0)
     added /= np.maximum(1.0, 2.0 * added.sum(axis=0))
     kept = 1.0 - added.sum(axis=0)
-    (row, column), own = np.nonzero(added), np.flatnonzero(kept)
-    entries = np.concatenate((kept[own], added[row, column]))
-    places = np.concatenate((own, weak[row])), np.concatenate((own, column))
-    return sp.csr_array(sp.csr_array((entries, places), shape=(nodes.size, nodes.size)) @ shares)
+    mixing = sp.diags_array(kept) + placed_rows(sp.csr_array(added), weak, nodes.size)
+    return sp.csr_array(mixing @ shares)
 
 
 def extended(side: PairSurface, nodes: Indices, values: Array) -> Array:
@@ -205,66 +199,32 @@ def extended(side: PairSurface, nodes: Indices, values: Array) -> Array:
         nodes: some of them.
         values: of these.
     """
-    beside = _Beside.of(side, np.arange(len(side.nodes))).matrix
-    done, extension = np.zeros(len(side.x)), np.zeros((len(side.x), values.shape[1]))
-    done[nodes], extension[nodes] = 1.0, values
-    while True:
-        count = beside @ done
-        ring = np.flatnonzero((count > 0) & (done == 0))
-        if not ring.size:
-            return extension
-        extension[ring] = (beside @ extension)[ring] / count[ring, None]
-        done[ring] = 1.0
+    known = np.zeros(len(side.x), dtype=bool)
+    known[nodes] = True
+    _, shares = _taken_over(_together(side, np.arange(len(side.nodes))), known)
+    return np.asarray(shares.T @ values)
 
 
-@dataclass(frozen=True)
-class _Beside:
-    """Which nodes of a side are together on some facets.
-
-    Attributes:
-        tested_nodes: which nodes have test functions on them, shape (N,).
-        matrix: one where two nodes, or the same, are on one of them, sparse, shape (N, N).
-        row, column: two different nodes of its entries, row by row, shape (e,).
-        piece: number of the connected piece that each node is in, shape (N,).
-    """
-
-    tested_nodes: Flags
-    matrix: sp.csr_array
-    row: Indices
-    column: Indices
-    piece: Indices
-
-    @classmethod
-    def of(cls, side: PairSurface, facets: Indices) -> _Beside:
-        """Those of some facets."""
-        tests, count = side.points[facets], len(side.area)
-        tested_nodes = np.zeros(count, dtype=bool)
-        tested_nodes[tests] = True
-        rows = np.repeat(tests, tests.shape[1], axis=1).ravel()
-        columns = np.tile(tests, (1, tests.shape[1])).ravel()
-        beside = sp.csr_array((np.ones(rows.size), (rows, columns)), shape=(count, count))
-        beside.data[:] = 1.0
-        row = np.repeat(np.arange(count), np.diff(beside.indptr))
-        apart = np.flatnonzero(row != beside.indices)
-        _, piece = connected_components(beside, directed=False)
-        return cls(tested_nodes, beside, row[apart], beside.indices[apart].astype(np.int64), piece)
+def _together(side: PairSurface, facets: Indices) -> sp.csr_array:
+    """One where two nodes of a side, or the same, have test functions on one of some facets, sparse, shape (N, N)."""
+    tests, count = side.points[facets], len(side.area)
+    rows = np.repeat(tests, tests.shape[1], axis=1).ravel()
+    columns = np.tile(tests, (1, tests.shape[1])).ravel()
+    together = sp.csr_array((np.ones(rows.size), (rows, columns)), shape=(count, count))
+    together.data[:] = 1.0
+    return together
 
 
-def _taken_over(
-    beside: sp.csr_array, tested_nodes: npt.NDArray[np.bool_], able: npt.NDArray[np.bool_]
-) -> tuple[Indices, sp.csr_array]:
+def _taken_over(together: sp.csr_array, able: Flags) -> tuple[Indices, sp.csr_array]:
     """Nodes that carry a point, and how they take over the functions of others, ring by ring."""
-    nodes, count = np.flatnonzero(able), tested_nodes.size
+    nodes, count = np.flatnonzero(able), able.size
     shares = sp.csr_array((np.ones(nodes.size), (np.arange(nodes.size), nodes)), shape=(nodes.size, count))
-    done, remaining = able.copy(), tested_nodes & ~able
-    while remaining.any():
-        done_diagonal = sp.diags_array(done.astype(np.float64))
-        known_beside = sp.csr_array(done_diagonal @ beside @ sp.diags_array(remaining.astype(np.float64)))
-        number = np.asarray(known_beside.sum(axis=0)).ravel()
-        reached = remaining & (number > 0)
-        if not reached.any():
-            break
-        mean = sp.diags_array(np.divide(1.0, number, out=np.zeros(count), where=reached))
-        shares = sp.csr_array(shares + shares @ known_beside @ mean)
-        done, remaining = done | reached, remaining & ~reached
+    done, ring = able, able
+    while ring.any():
+        beside_done = scaled_rows(done.astype(np.float64), together)
+        number = np.asarray(beside_done.sum(axis=0)).ravel()
+        ring = (number > 0) & ~done
+        mean = np.divide(1.0, number, out=np.zeros(count), where=ring)
+        shares = sp.csr_array(shares + shares @ scaled_columns(beside_done, mean))
+        done = done | ring
     return nodes, shares
