@@ -47,7 +47,7 @@ def test_identities(dimension, element, other, overhang, curved):
     for motion in joint_motions(dimension):
         np.testing.assert_allclose(relative(found, motion(slave.x), motion(master.x)), 0, atol=1e-11)
     assert (found.weight > 0).all()
-    assert found.weight.sum() == pytest.approx(found.overlap.weight.sum(), rel=1e-12)
+    assert found.weight.sum() == pytest.approx(found.covered, rel=1e-12)
     width = 1.0 - max(0.0, overhang - 0.05)
     if not curved:
         assert found.weight.sum() == pytest.approx(width, rel=1e-12)

@@ -22,7 +22,7 @@ rotation that of the master, omega_i(u_m) x d_i: with D = 1 a ring of facets tur
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -62,8 +62,8 @@ class Coupling:
         turning: (omega_i(u_s) + omega_i(u_m)) x d_i / 2, of sides that are nominally in contact omega_i(u_m) x d_i,
             from the nodes of both sides, those of the slave first, sparse, shape (n d, d m).
         centre: where forces act: at the same place on both sides, length, shape (n, d).
-        overlap: where both sides meet and one can move, as far as this rank has found it.
-        covered: area (in 2D: length) of the slave there, times the measure, of all ranks.
+        covered: area (in 2D: length) of the slave where both sides meet and one can move, times the measure, of all
+            ranks.
         met: the same with where nothing can move, see ``HeldSides``.
     """
 
@@ -75,7 +75,6 @@ class Coupling:
     master: sp.csr_array
     turning: sp.csr_array
     centre: Array
-    overlap: Overlap
     covered: float
     met: float
 
@@ -222,15 +221,9 @@ def couple(
         reach = default_reach(*used)
     whole, _ = projected(slave, master, reach, comm, bonded=bonded, nominal=nominal)
     tested = whole.moving(slave, master, held, comm)
-    weight = tested.areas(slave, comm)
-    distance = tested.moments(slave, tested.overlap.distance(slave, master), comm)
-    sums, arms = (
-        [_over_ranks(comm, matrix) for matrix in matrices]
-        for matrices in (tested.products(slave, master), tested.arms(slave, master))
-    )
-
+    sums = [_over_ranks(comm, matrix) for matrix in tested.products(slave, master)]
     fixed = constrained(held.movable(sums[1]))
-    nodes, shares = carried(slave, tested.covered, weight, unable | fixed)
+    nodes, shares = carried(slave, tested.covered, tested.areas(slave, comm), unable | fixed)
     if not nodes.size:
         raise PairingError("supports of both sides, or other contacts, own all nodes of its covered part")
     # Facets apart from all points, of which all nodes are constrained: nobody takes over their functions.
@@ -239,36 +232,42 @@ def couple(
     _refuse_bare(slave, tested, shares)
     if mine is not None:
         nodes, shares = nodes[mine[nodes]], sp.csr_array(shares[mine[nodes]])
-    weight = shares @ weight
-    scale = sp.diags_array(1.0 / weight)
-    distance = (shares @ distance) / weight[:, None]
-    slave_shares, master_shares = (without_round_off(sp.csr_array(scale @ shares @ matrix)) for matrix in sums)
-    half = 0.0 if nominal else 0.5
-    turnings = [
-        turning_of(sp.csr_array(shares @ matrix), side.x, part * distance)
-        for matrix, side, part in zip(arms, (slave, master), (half, 1.0 - half), strict=True)
-    ]
-    normal = normals_of_points((slave, master), nodes, (slave_shares, master_shares), nominal=nominal)
-    coupling = Coupling(
-        nodes=nodes,
-        weight=weight,
-        normal=normal,
-        distance=distance,
-        slave=slave_shares,
-        master=master_shares,
-        turning=beside(*turnings),
-        centre=slave_shares @ slave.x + half * distance,
-        overlap=tested.overlap,
-        covered=float(tested.area.sum()),
-        met=float(whole.area.sum()),
-    )
+    coupling = coupled((slave, master), tested, sums, nodes, shares, comm, nominal=nominal)
     size = min(float(np.linalg.norm(np.ptp(x, axis=0))) for x in used)
     if (deepest := parallel.largest(comm, -coupling.gap, -np.inf)) > DEEPEST_OVERLAP * size:
         raise PairingError(
             f"its facets lie up to {deepest:.3g} behind those of the other side, of a size of {size:.3g}: check the "
             "facets, and that the bodies do not lie inside each other"
         )
-    return coupling
+    return replace(coupling, met=float(whole.area.sum()))
+
+
+def coupled(
+    sides: tuple[PairSurface, PairSurface],
+    tested: Tested,
+    sums: list[sp.csr_array],
+    nodes: Indices,
+    shares: sp.csr_array,
+    comm: MPI.Comm = MPI.COMM_SELF,
+    *,
+    nominal: bool = False,
+) -> Coupling:
+    """The map of both sides, slave first, at nodes that take over such shares of functions; ``sums``: the products of
+    all ranks; collective.
+    """
+    slave, master = sides
+    weight = shares @ tested.areas(slave, comm)
+    distance = shares @ tested.moments(slave, tested.overlap.distance(slave, master), comm) / weight[:, None]
+    mean = sp.diags_array(1.0 / weight) @ shares
+    to_slave, to_master = (without_round_off(sp.csr_array(mean @ matrix)) for matrix in sums)
+    half = 0.0 if nominal else 0.5
+    turnings = [
+        turning_of(sp.csr_array(shares @ _over_ranks(comm, matrix)), side.x, part * distance)
+        for matrix, side, part in zip(tested.arms(slave, master), sides, (half, 1.0 - half), strict=True)
+    ]
+    normal = normals_of_points(sides, nodes, (to_slave, to_master), nominal=nominal)
+    centre, covered = to_slave @ slave.x + half * distance, float(tested.area.sum())
+    return Coupling(nodes, weight, normal, distance, to_slave, to_master, beside(*turnings), centre, covered, covered)
 
 
 def _over_ranks(comm: MPI.Comm, matrix: sp.csr_array) -> sp.csr_array:

@@ -34,7 +34,7 @@ import scipy.sparse as sp
 from mpi4py import MPI
 
 from signorini_fx.mechanics.pairs.dual_functions import HeldSides, carried_evenly
-from signorini_fx.mechanics.pairs.mortar_coupling import normals_of_points, projected
+from signorini_fx.mechanics.pairs.mortar_coupling import coupled, projected
 from signorini_fx.mechanics.pairs.pair_side import Overlap, PairSurface
 from signorini_fx.mechanics.pairs.sliding_pieces import SlidingPieces
 from signorini_fx.mechanics.pairs.sliding_places import rotations_at_nodes
@@ -45,7 +45,6 @@ from signorini_fx.mechanics.pairs.sparse_maps import (
     placed_rows,
     scaled_rows,
     turned_normals,
-    turning_of,
 )
 
 Array = npt.NDArray[np.float64]
@@ -197,9 +196,9 @@ def slide(
     whole, directions = projected(slave, master, reach, apart=True)
     assert directions is not None
     tested = whole.moving(slave, master, held, MPI.COMM_SELF)
-    weight, arms = tested.areas(slave, MPI.COMM_SELF), tested.arms(slave, master)
-    sharing, opposite = tested.products(slave, master)
-    nodes, shares = carried_evenly(slave, tested.covered, weight, unable, held.movable(opposite))
+    weight, sums = tested.areas(slave, MPI.COMM_SELF), tested.products(slave, master)
+    nodes, shares = carried_evenly(slave, tested.covered, weight, unable, held.movable(sums[1]))
+    found = coupled((slave, master), tested, sums, nodes, shares)
     at = np.searchsorted(points, nodes)  # rows of points that have a partner
     partnered = np.zeros(points.size, dtype=bool)
     partnered[at] = True
@@ -208,35 +207,29 @@ def slide(
     at_nodes = np.ones(unpaired.size), (unpaired, points[unpaired])
     itself = sp.csr_array(at_nodes, shape=(count, len(slave.x)))
 
-    size = shares @ weight
     weights, covered = slave.area[points], np.zeros(count)
-    covered[at] = size / weights[at]
-    weights[at] = size
-    mean = placed_rows(scaled_rows(1.0 / size, shares), at, count)  # of moments of the functions
-    sharing, opposite = sp.csr_array(mean @ sharing + itself), sp.csr_array(mean @ opposite)
-    normals = normals_of_points((slave, master), points, (sharing, opposite), nominal=False)
-    distance = opposite @ master.x - sharing @ slave.x
-    distance[unpaired] = 0.0
+    covered[at] = found.weight / weights[at]
+    weights[at] = found.weight
+    sharing, opposite = sp.csr_array(placed_rows(found.slave, at, count) + itself), placed_rows(found.master, at, count)
+    normals, centre = slave.in_planes(slave.directions[points], points), slave.x[points]
+    normals[at], centre[at] = found.normal, found.centre
     tangents = tangents_of_points(slave, points, normals)
     # Along T_i, with half of the rotations of both sides, see ``mortar_coupling``.
-    turned = [
-        turning_of(sp.csr_array(shares @ arm), side.x, 0.5 * distance[at])
-        for arm, side in zip(arms, (slave, master), strict=True)
-    ]
     components = (dim * at[:, None] + np.arange(dim)).ravel()
-    relative = of_components(beside(sharing, -opposite), dim) + placed_rows(beside(*turned), components, dim * count)
+    relative = of_components(beside(sharing, -opposite), dim) + placed_rows(found.turning, components, dim * count)
     tangent_rows = sp.csr_array(along_vectors(tangents) @ relative)
     components = (dim * points[unpaired])[:, None] + np.arange(dim)
     outward = normals[unpaired].ravel(), (np.repeat(unpaired, dim), components.ravel())
     normal_rows = sp.csr_array(outward, shape=(count, tangent_rows.shape[1]))
     gap = np.full(count, np.inf)
-    pieces = SlidingPieces.of(slave, master, tested, directions, mean) if at.size else None
-    if pieces is not None:
+    pieces = None
+    if at.size:
+        mean = placed_rows(scaled_rows(1.0 / found.weight, shares), at, count)  # of moments of the functions
+        pieces = SlidingPieces.of(slave, master, tested, directions, mean)
         gap[at] = pieces.gap[at]
         normal_rows = normal_rows - pieces.rows
     way = _way(tangents, sharing @ slave.x - opposite @ master.x)
     frames = Frames(sharing, opposite, tangents, way, partnered)
-    centre = sharing @ slave.x + distance / 2
     rows = sp.csr_array(normal_rows), tangent_rows
     place = centre, tested.overlap
     return SlidingCoupling(slave, master, points, weights, normals, gap, frames, covered, *rows, *place, pieces)
