@@ -30,7 +30,7 @@ from signorini_fx.algebra.linalg.blocks import by_entries, is_by_blocks, rough
 from signorini_fx.algebra.linalg.callbacks import called_back
 from signorini_fx.algebra.linalg.elasticity import Level
 from signorini_fx.algebra.linalg.factorisation import use_direct
-from signorini_fx.algebra.linalg.nodal_blocks import JoinedBodies, NodalBlocks
+from signorini_fx.algebra.linalg.nodal_blocks import NodalBlocks
 from signorini_fx.algebra.linalg.petsc_c import call
 from signorini_fx.algebra.linalg.rigid_unknowns import relative_to_rigid_bodies, with_rigid_bodies
 from signorini_fx.algebra.linalg.truncation import TruncatedLevels
@@ -181,8 +181,8 @@ class ContactLevels:
     """All that the preconditioners of one system share: it follows from A, but for the truncation of the levels.
     ``unknowns``: the contact unknowns of this rank, in the local part of x, ascending, the last ``rigid`` of them those
     of rigid bodies, and ``places`` their numbers; ``diagonal``: of A, infinite where a rigid body moves; ``joined``:
-    the blocks of two bodies, None with a rigid foundation; ``inverse``: D^-1, zero where contact holds; ``times``: how
-    often the levels were truncated.
+    the blocks of two bodies at the points, and ``lift``, S of ``truncation``, None with a rigid foundation;
+    ``inverse``: D^-1, zero where contact holds; ``times``: how often the levels were truncated.
     """
 
     def __init__(
@@ -204,15 +204,21 @@ class ContactLevels:
         self.diagonal = matrix.getDiagonal()
         self.diagonal.getArray()[unknowns[unknowns.size - rigid :]] = np.inf  # which no smoother moves
         self.nodes = NodalBlocks(elastic, unknowns[: unknowns.size - rigid], contact.points.dimension)
-        self.joined = None if contact.lift is None else JoinedBodies(contact, self.places, elastic)
         functions = hierarchy.interpolations[0].createSubMatrix(self.places, None)
-        if self.joined is not None:
-            functions = self.joined.operator.matMult(functions)
+        self.lift: PETSc.Mat | None = None
+        self.joined: NodalBlocks | None = None
+        if contact.lift is not None:
+            self.lift = contact.lift.createSubMatrix(self.places, None)
+            at_points, dimension = elastic.ptap(self.lift), contact.points.dimension
+            self.joined = NodalBlocks(at_points, np.arange(dimension * contact.points.size), dimension)
+            first, last = contact.operator.getOwnershipRange()
+            rows_of_points = PETSc.IS().createStride(last - first, first, 1, comm=self._comm)
+            functions = contact.operator.createSubMatrix(rows_of_points, self.places).matMult(functions)
         elif parallel.any_rank(self._comm, rigid > 0):
             functions = relative_to_rigid_bodies(contact, self.places, rigid).matMult(functions)
         self.truncated = TruncatedLevels(
             self.joined or self.nodes,
-            None if self.joined is None else self.joined.lift,
+            self.lift,
             functions,
             elastic,
             rows.matMult(hierarchy.interpolations[0]),
@@ -232,7 +238,10 @@ class ContactLevels:
             return
         self._truncated_at = held, soft
         self.times += 1
-        self.truncated.truncate(*((held, soft) if self.joined is None else self.joined.split(reduced)))
+        if self.joined is None or reduced is None:
+            self.truncated.truncate(held, soft)
+        else:
+            self.truncated.truncate(*self.joined.split(reduced))
         nodes, first = self.nodes, self.diagonal.getOwnershipRange()[0]
         names = (first + self.unknowns).astype(PETSc.IntType)
         if nodes.columns.size:
@@ -330,8 +339,8 @@ class ContactPreconditioner:
         self._solver.setUp()
         self._right, self._product = self._contact.createVecs()
         self._residual = tangent.createVecLeft()
-        if (joined := self._levels.joined) is not None:
-            self._reduced = self._contact.ptap(joined.lift, result=self._reduced)
+        if (lift := self._levels.lift) is not None:
+            self._reduced = self._contact.ptap(lift, result=self._reduced)
         self._held = self._levels.nodes.split(self._contact, self._contact_rows)
         self._truncate()
         self._finest.setOperators(rough(tangent), self._levels.inverse)

@@ -6,8 +6,6 @@ import numpy as np
 import numpy.typing as npt
 from petsc4py import PETSc
 
-from signorini_fx.algebra.contact.contact_map import ContactMap
-
 Array = npt.NDArray[np.float64]
 
 
@@ -43,9 +41,8 @@ class NodalBlocks:
         self._rows = np.repeat(np.arange(unknowns.size), counts)
         self.columns = np.repeat(begins - self.starts[:-1], counts) + np.arange(self._rows.size)
         self._elastic = self._blocks(elastic)
-        present = self._components()
         trace = np.trace(self._elastic, axis1=1, axis2=2)
-        self.scale = np.divide(trace, present.sum(axis=1), out=np.ones_like(trace), where=present.any(axis=1))
+        self.scale = np.divide(trace, self._components().sum(axis=1), out=np.ones_like(trace), where=trace > 0)
 
     def _components(self) -> npt.NDArray[np.bool_]:
         present = np.zeros(self.shape[:2], dtype=bool)
@@ -84,12 +81,14 @@ class NodalBlocks:
         blocks[self._node[row], self._component[row], self._component[column]] = values[on_block]
         return blocks
 
-    def split(self, contact: PETSc.Mat, rows: PETSc.Mat) -> tuple[Array, Array]:
+    def split(self, contact: PETSc.Mat, rows: PETSc.Mat | None = None) -> tuple[Array, Array]:
         """What contact adds to A at each node: projections E onto the directions that it holds, and the rest of it;
         ``contact``: (A + C)_cc, where the row and column of a constraint are empty but for the diagonal; ``rows``: of A
-        + C at the contact unknowns.
+        + C at the contact unknowns, None: there are no constraints.
         """
         added = (self._blocks(contact) - self._elastic) / self.scale[:, None, None]
+        if rows is None:
+            return stiff_and_soft(added, self.scale)
         starts, _, values = rows.getValuesCSR()
         starts, values = starts[: self._node.size + 1], values[: starts[self._node.size]]
         constrained = np.zeros(self.shape[:2], dtype=bool)
@@ -110,51 +109,3 @@ class NodalBlocks:
         block = free @ (diagonal[:, :, None] * free)
         scale = self.scale[:, None, None]
         return np.asarray(np.linalg.inv(block + scale * held) - held / scale)
-
-
-class JoinedBodies:
-    """What contact holds of two bodies, at each point and in the frame of its relative displacement.
-
-    With B from unknowns to relative displacements at the points, S back to the unknowns of the side with the points
-    (B S = 1), and E the projections onto the directions that contact holds at each point, the finest interpolation P
-    becomes P - X, X = S E B P, on which contact as far as it is stiff does no work: E B (P - X) = 0.  Truncation of
-    both sides would clamp the interface in 3D.
-
-    Args:
-        contact: the map, with S.
-        places: the contact unknowns c.
-        elastic: A_cc.
-
-    Attributes:
-        shape: of blocks, (n, d, d).
-        operator: B at the contact unknowns.
-        lift: S there.
-    """
-
-    def __init__(self, contact: ContactMap, places: PETSc.IS, elastic: PETSc.Mat) -> None:
-        assert contact.lift is not None
-        first, last = contact.operator.getOwnershipRange()
-        rows = PETSc.IS().createStride(last - first, first, 1, comm=contact.operator.comm)
-        self.operator = contact.operator.createSubMatrix(rows, places)
-        self.lift = contact.lift.createSubMatrix(places, None)
-        self.shape: tuple[int, ...] = contact.points.movable.shape
-        self.matrix = contact.law
-        self._elastic = self._blocks(elastic.ptap(self.lift))
-        self._scale = np.trace(self._elastic, axis1=1, axis2=2) / self.shape[1]
-        self._scale[self._scale <= 0] = 1.0  # where supports prescribe all of a point
-
-    def _blocks(self, matrix: PETSc.Mat) -> Array:
-        """The blocks on the diagonal of a matrix with rows for the points, shape (n, d, d)."""
-        size = self.shape[1]
-        starts, columns, values = matrix.getValuesCSR()
-        row = np.repeat(np.arange(len(starts) - 1), np.diff(starts))
-        column = columns - matrix.getOwnershipRange()[0]
-        on_block = row // size == column // size
-        blocks = np.zeros(self.shape)
-        blocks[row[on_block] // size, row[on_block] % size, column[on_block] % size] = values[on_block]
-        return blocks
-
-    def split(self, reduced: PETSc.Mat | None) -> tuple[Array, Array]:
-        """E, and D of what E does not hold; ``reduced``: S^T (A + C)_cc S."""
-        assert reduced is not None
-        return stiff_and_soft((self._blocks(reduced) - self._elastic) / self._scale[:, None, None], self._scale)

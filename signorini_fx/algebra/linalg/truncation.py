@@ -1,8 +1,10 @@
 """The levels of a hierarchy truncated where contact holds the body: what ``multigrid`` says of A_1', A_2', ...
 
 With E the projections onto the directions that contact holds, a block for each point, and C' the soft rest of its
-stiffness, X = S E G.  On a rigid foundation points are nodes, S = 1 and G = P_c; of two bodies G = B P_c, see
-``JoinedBodies``.  As C' is zero where E is not,
+stiffness, X = S E G.  On a rigid foundation points are nodes, S = 1 and G = P_c.  Of two bodies S goes from relative
+displacements at the points back to the unknowns of the side with the points, B S = 1, and G = B P_c: then contact does
+no work on P - X as far as it is stiff, while truncation of both sides would clamp the interface in 3D.  As C' is zero
+where E is not,
 
     A_1' = A_1 + G^T (E K E + C') G - G^T E V - V^T E G,   K = S^T A_cc S,   V = S^T (A P)_c.
 
@@ -23,7 +25,7 @@ from signorini_fx.algebra.linalg.blocks import apart, change_added, is_by_blocks
 from signorini_fx.tuned import NOTHING_LEFT
 
 if TYPE_CHECKING:
-    from signorini_fx.algebra.linalg.nodal_blocks import JoinedBodies, NodalBlocks
+    from signorini_fx.algebra.linalg.nodal_blocks import NodalBlocks
 
 Array = npt.NDArray[np.float64]
 _SAME_PATTERN, _SUBSET_PATTERN, _DIFFERENT_PATTERN = (
@@ -41,7 +43,7 @@ class TruncatedLevels:
 
     def __init__(
         self,
-        blocks: NodalBlocks | JoinedBodies,
+        blocks: NodalBlocks,
         lift: PETSc.Mat | None,
         functions: PETSc.Mat,
         elastic: PETSc.Mat,
