@@ -78,21 +78,6 @@ def test_one_that_does_nothing(register, kind):
     assert "'krylov'" in solution.advice
 
 
-@pytest.mark.parametrize(
-    ("kind", "message"),
-    [
-        (type("Without", (), {}), "the linear solver 'wrong' has no method set_up and no solve"),
-        (type("Needs", (Diagonal,), {"__init__": lambda self, a: None}), "'wrong' must be made without arguments"),
-    ],
-    ids=["without", "needs"],
-)
-def test_what_is_no_solver(register, kind, message):
-    """Is named."""
-    register("wrong", kind)
-    with pytest.raises(InstallationError, match=message):
-        solve(example1(coefficient=0.3, nx=12, ny=4, linear_algebra="wrong"))
-
-
 @pytest.mark.mpi
 def test_exceptions_arrive(register):
     """What a solver raises ends the solve as itself."""

@@ -20,7 +20,6 @@ from signorini_fx.algebra.linalg import petsc_options
 from signorini_fx.algebra.linalg.callbacks import called_back, weakly
 from signorini_fx.algebra.linalg.elasticity import Elasticity
 from signorini_fx.algebra.linalg.full import AssembledSystem
-from signorini_fx.errors import InstallationError
 from signorini_fx.extensions import LINEAR_SOLVERS, load
 from signorini_fx.tuned import KRYLOV_STEPS, LEFT_BY_SOLVES, NO_FORCE, ZERO_COMPONENT
 
@@ -87,37 +86,21 @@ class UserSystem(AssembledSystem):
 
     @classmethod
     def named(cls, name: str, elasticity: Elasticity) -> UserSystem:
-        """The system as it was assembled, with the solver of this name.
-
-        Raises:
-            InstallationError: it cannot be imported, or is no ``LinearSolver``.
-        """
+        """The system as it was assembled, with the solver of this name."""
         system = cls.of(elasticity)
         system.solver, system.name = load(LINEAR_SOLVERS, name), name
-        absent = [method for method in ("set_up", "solve") if not callable(getattr(system.solver, method, None))]
-        if absent:
-            raise InstallationError(f"the linear solver {name!r} has no method {' and no '.join(absent)}")
         return system
 
     def configure(self, ksp: PETSc.KSP, *, symmetric: bool) -> None:
         """FGMRES with the solver as its preconditioner, to a residual against the forces."""
         ksp.setType(PETSc.KSP.Type.FGMRES)
         ksp.setTolerances(rtol=LEFT_BY_SOLVES, max_it=KRYLOV_STEPS)
-        preconditioner = self._preconditioners[ksp.handle] = _Preconditioner(self._made(), self.name)
+        assert self.solver is not None
+        preconditioner = self._preconditioners[ksp.handle] = _Preconditioner(self.solver(), self.name)
         pc = ksp.getPC()
         pc.setType(PETSc.PC.Type.PYTHON)
         pc.setPythonContext(SimpleNamespace(setUp=weakly(preconditioner.setUp), apply=weakly(preconditioner.apply)))
         ksp.setPostSolve(_judge)
-
-    def _made(self) -> LinearSolver:
-        """A solver; raises InstallationError where it is not made without arguments."""
-        assert self.solver is not None
-        try:
-            return self.solver()
-        except TypeError as error:
-            raise InstallationError(
-                f"the linear solver {self.name!r} must be made without arguments: {error}"
-            ) from None
 
     def keep_factor(self, ksp: PETSc.KSP, unchanged: bool, forces: float, *, exact: bool = False) -> bool:
         """For the same matrix; the residual is measured against the forces."""
