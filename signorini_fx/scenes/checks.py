@@ -73,7 +73,7 @@ def check_scene(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD, *, uniqueness: bo
         MeshError: the mesh cannot be read or generated.
         OptionsError: PETSc does not accept an option that the user has set.
     """
-    petsc_options.refuse_beforehand(comm)
+    petsc_options.refuse_beforehand()
     if scene.statement.nonlinear:
         return _nonlinear(scene, comm)
     coarser = coarser_scenes(scene, scene.solver.levels)

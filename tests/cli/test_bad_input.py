@@ -142,16 +142,6 @@ def test_mistyped_option(petsc, said):
         solve(tomllib.loads(SCENE))
 
 
-@pytest.mark.mpi
-def test_file_of_a_monitor(petsc):
-    """PETSc would stop on the first rank only."""
-    petsc[petsc_options.PREFIX + "ksp_view"] = ":/nowhere/at/all"
-    with pytest.raises(
-        OptionsError, match=r"^PETSc option -sfx_ksp_view :/nowhere/at/all: '/nowhere/at/all' cannot be"
-    ):
-        petsc_options.refuse_beforehand(COMM)
-
-
 def test_mistyped_option_of_a_matrix(petsc):
     """PETSc reads it when it factorises."""
     petsc[petsc_options.PREFIX + "pc_factor_mat_solver_type"] = "mumps"
@@ -175,7 +165,7 @@ def test_options_that_exchange_the_method(petsc, said):
     message = f"^PETSc option -sfx_{said}: it would take the place of the semi-smooth Newton method"
     petsc[petsc_options.PREFIX + name] = value or None
     with pytest.raises(OptionsError, match=message):
-        petsc_options.refuse_beforehand(COMM)
+        petsc_options.refuse_beforehand()
     with pytest.raises(OptionsError, match=message), applied("other_", {}):
         pass
     petsc.delValue(petsc_options.PREFIX + name)
@@ -183,7 +173,7 @@ def test_options_that_exchange_the_method(petsc, said):
         pass
     for other, kept in (("snes_type", "newtonls"), ("snes_lag_jacobian", "1"), ("snes_mf", "false")):
         petsc[petsc_options.PREFIX + other] = kept
-    petsc_options.refuse_beforehand(COMM)
+    petsc_options.refuse_beforehand()
 
 
 @pytest.mark.parametrize("place", ["command line", "environment"])

@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-import os
 import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from pathlib import Path
 
-from mpi4py import MPI
 from petsc4py import PETSc
 
 from signorini_fx.errors import OptionsError
-from signorini_fx.machine import parallel
 
 PREFIX = "sfx_"
 # Options that put another method in the place of ours, or another matrix or test into it, and the values that do not.
@@ -59,14 +55,8 @@ def defaults(values: Mapping[str, str]) -> Iterator[None]:
             options.delValue(name)
 
 
-def refuse_beforehand(comm: MPI.Comm) -> None:
-    """Refuse options of the user that PETSc itself would not refuse on all ranks; collective.
-
-    Raises:
-        OptionsError: one of them replaces the method, or names a file that cannot be written.
-    """
-    values = PETSc.Options().getAll()
-    parallel.on_root(comm, lambda: _check_files({name: value or "" for name, value in values.items() if watches(name)}))
+def refuse_beforehand() -> None:
+    """Refuse options of the user that replace the method, see ``refuse_exchanged``."""
     refuse_exchanged({name: value or "" for name, value in PETSc.Options(PREFIX).getAll().items()})
 
 
@@ -96,20 +86,3 @@ def refused(error: PETSc.Error) -> OptionsError | None:
 
 def _spelt(options: Mapping[str, str]) -> str:
     return " ".join(f"-{name} {value}".strip() for name, value in options.items())
-
-
-def _check_files(watching: Mapping[str, str]) -> None:
-    """Refuse files that cannot be written: PETSc writes on the first rank, whose error the others would not notice;
-    ``watching``: options of the form ``TYPE:FILE:FORMAT:MODE``, all but the type perhaps absent.
-    """
-    for name, value in watching.items():
-        file = value.split(":")[1] if ":" in value else ""
-        if not file:
-            continue
-        folder = Path(file).parent
-        try:
-            fits = folder.is_dir() and os.access(Path(file) if Path(file).exists() else folder, os.W_OK)
-        except (OSError, ValueError):
-            fits = False
-        if not fits or Path(file).is_dir():
-            raise OptionsError(f"PETSc option -{name} {value}: {file!r} cannot be written")
