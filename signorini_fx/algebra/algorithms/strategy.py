@@ -14,8 +14,7 @@ from dataclasses import replace
 import numpy as np
 from petsc4py import PETSc
 
-from signorini_fx.algebra.algorithms.alm import augmented_lagrangian
-from signorini_fx.algebra.algorithms.augmentation import with_enough_digits
+from signorini_fx.algebra.algorithms.augmentation import augmented_lagrangian, with_enough_digits
 from signorini_fx.algebra.algorithms.coulomb import (
     augmentation_on,
     automatic_gamma,

@@ -19,13 +19,6 @@ from signorini_fx.machine import parallel
 from signorini_fx.tuned import NO_FORCE, ROOT_OF_EPS, SAME_LENGTH, ZERO_IN_SOLUTION
 
 
-def inside(overlap: Nodal, bilateral: npt.NDArray[np.bool_] | bool) -> Nodal:
-    """How far what is held lies inside the foundation by the overlap tau_N y - d, or, where contact cannot open, off it
-    too, length, shape (n,).
-    """
-    return np.where(bilateral, np.abs(overlap), overlap)
-
-
 def pushed(depth: Nodal, size: float) -> npt.NDArray[np.bool_]:
     """Where supports push the body of this size into its foundation, and not round-off, shape (n,); ``depth``: see
     ``ContactPoints.held_inside``, length.
@@ -93,8 +86,11 @@ class ContactPoints:
         return np.asarray(np.linalg.norm(self.movable[:, 0], axis=1) <= ROOT_OF_EPS)
 
     def held_inside(self, overlap: Nodal, bilateral: npt.NDArray[np.bool_]) -> Nodal:
-        """``inside`` of immovable points, never negative; zero at all others, length, shape (n,)."""
-        return np.where(self.immovable, np.maximum(inside(overlap, bilateral), 0.0), 0.0)
+        """How far immovable points lie inside the foundation by the overlap tau_N y - d, or, where contact cannot open,
+        off it too; zero at all others, length, shape (n,).
+        """
+        depth = np.where(bilateral, np.abs(overlap), np.maximum(overlap, 0.0))
+        return np.where(self.immovable, depth, 0.0)
 
     @cached_property
     def still(self) -> Nodal:

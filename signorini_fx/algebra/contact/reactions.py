@@ -147,15 +147,13 @@ def reactions(
 class NearestTractions:
     """The admissible tractions of one assembly whose resultant is nearest to a load: what they leave of it, the motion
     that it drives, in units of force, shape (k,), and the nodes that they press with a force that no bound limits.
-    ``balanced``: nothing but round-off is left; ``unbalanced``: it is proved that none balance the load; ``forces``:
-    the sum of the coefficients of columns of length 1, in units of the load.
+    ``balanced``: nothing but round-off is left; ``unbalanced``: it is proved that none balance the load.
     """
 
     motion: Nodal
     pressed: npt.NDArray[np.int64]
     balanced: bool
     unbalanced: bool
-    forces: float
 
 
 def nearest(contact: Reactions, load: Nodal, *, unlimited: bool = False) -> NearestTractions:
@@ -171,7 +169,7 @@ def nearest(contact: Reactions, load: Nodal, *, unlimited: bool = False) -> Near
     proof: tuple[Nodal, list[int]] | None = None
 
     def proves(motion: Nodal) -> bool:
-        gained = motion @ target[:-1] - most_work(contact, motion, size, size, unlimited=unlimited)
+        gained = motion @ target[:-1] - most_work(contact, motion, size, unlimited=unlimited)
         return bool(gained > NO_FORCE * np.linalg.norm(motion))
 
     for _ in range(_ROUNDS):
@@ -202,22 +200,16 @@ def nearest(contact: Reactions, load: Nodal, *, unlimited: bool = False) -> Near
     if unbalanced and not proves(motion) and proof is not None:
         motion, passive = proof
     pressed = np.unique(pressing[passive])
-    return NearestTractions(
-        motion=motion,
-        pressed=pressed[pressed >= 0],
-        balanced=balanced,
-        unbalanced=unbalanced,
-        forces=float(values.sum()),
-    )
+    return NearestTractions(motion, pressed[pressed >= 0], balanced, unbalanced)
 
 
-def most_work(contact: Reactions, motion: Nodal, size: float, forces: float, *, unlimited: bool = False) -> float:
+def most_work(contact: Reactions, motion: Nodal, size: float, *, unlimited: bool = False) -> float:
     """The most work that admissible tractions do on a motion, in units of ``size``: those with a bound, and others as
-    far as round-off of the motion lets them, whose sum is at most ``LARGEST_BALANCING_FORCE`` times ``forces``.
+    far as round-off of the motion lets them, whose sum is at most ``LARGEST_BALANCING_FORCE`` times it.
     """
     edges, lengths, _, bounded = contact.against(motion, size)
     beyond = float(np.max(edges @ motion / lengths, initial=0.0))
-    return (0.0 if unlimited else float(bounded @ motion)) + LARGEST_BALANCING_FORCE * forces / size * beyond
+    return (0.0 if unlimited else float(bounded @ motion)) + LARGEST_BALANCING_FORCE * beyond
 
 
 def combination(columns: Nodal, target: Nodal, passive: list[int]) -> tuple[list[int], Nodal, Nodal]:
