@@ -93,7 +93,7 @@ def inexact_alm(scene: Scene, most_solves: int, growth: float) -> Iterator[tuple
     """
     discretisation = discretise(scene.statement, load_mesh(scene, COMM), Timings())
     task = contact_task(discretisation, History())
-    newton, data, sets = task.iterate.newton, task.start.data, task.start.sets
+    newton, data, sets = task.newton, task.start.data, task.start.sets
     while True:
         status = newton.solve(data, sets, max_iterations=most_solves)
         pressure, shear = project(*newton.multipliers(), data)

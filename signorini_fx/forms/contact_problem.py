@@ -205,7 +205,7 @@ class ContactProblem(ProblemOfForms):
         with options.applied(*solver.options):
             if not solver.set_up:
                 solver.update()
-            return solver.task.iterate.newton.snes
+            return solver.task.newton.snes
 
     def fields_of(self, number: int) -> ContactFields:
         """The fields of one foundation alone, new Functions: at its end a node may belong to another one, too."""

@@ -205,7 +205,7 @@ class FormSolver:
             if self.boundary is not self._last.boundary and not solved:
                 self._last.taken_up(self.task, self.elastic, self.rigid)
         begun = replace(begun, factors=np.ones(1))
-        self._checkpoint = self.task.iterate.newton.checkpoint()
+        self._checkpoint = self.task.newton.checkpoint()
         return begun if self._solution is None else self._solution.begins(begun, self.boundary)
 
     def beginning(self) -> StepBeginning:
@@ -251,7 +251,7 @@ class FormSolver:
         self.u.x.array[:] = displacement.x.array
         self.fields.take(self.space, self.state)
         if self.status is not Status.CONVERGED:  # the next solve begins where this one has begun
-            self.task.iterate.newton.restore(self._checkpoint)
+            self.task.newton.restore(self._checkpoint)
         else:
             self._solution = LastSolution.of(outcome, self.begun.step, self.boundary)
 

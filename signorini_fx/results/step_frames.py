@@ -63,7 +63,7 @@ class StepEnd:
         law = Law(*task.promised(outcome))
         previous = PreviousStep.of(displacement, Tractions.of(contact), law, before, rigid)
         # Not from the iterate: a point that slips is at its bound, and round-off would decide whether it still does.
-        following = replace(outcome.next_step(start), sets=task.iterate.newton.problem.sets)
+        following = replace(outcome.next_step(start), sets=task.newton.problem.sets)
         return cls(following, task.rest, normal, contact.boundary, previous)
 
     def taken_up(self, task: Task, body: ElasticBody, rigid: RigidBodies) -> None:
@@ -76,7 +76,7 @@ class StepEnd:
         unknowns = body.unknowns(counted)
         if rigid.bodies:
             body.begin_driven(unknowns, rigid.unknowns(self.before.rigid), task.rest)
-        task.iterate.newton.begin_at(task.system.unknowns(unknowns))
+        task.newton.begin_at(task.system.unknowns(unknowns))
 
     def begins_on(
         self,

@@ -123,7 +123,7 @@ class MeshCheckpoint:
             self.forget(start.step)
             return None
         displacement, nodal = stored
-        task.iterate.begin_step(start)
+        task.begin_step(start)
         if task.rest is not None:
             displacement.x.array[:] -= body.motions.displacement(task.rest.motion).ravel()
         all_unknowns = body.unknowns(displacement)
@@ -148,7 +148,7 @@ class MeshCheckpoint:
             follows=None if bound is None or slope is None else PointFriction(bound, slope),
         )
         sets = release(sets, solved)  # in 3D points without a bound slip in no direction
-        newton = task.iterate.newton
+        newton = task.newton
         newton.pose(solved, sets)
         newton.restore((x, sets, solved))
         return Outcome(

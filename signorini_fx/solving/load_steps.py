@@ -247,7 +247,7 @@ class StepProgress:
         return self.body.begun(path_step, self.task, self.first, self.end)
 
     def _solved(self) -> LoadStep | None:
-        history, path, newton = self.task.history, self.path, self.task.iterate.newton
+        history, path, newton = self.task.history, self.path, self.task.newton
         beginning = newton.checkpoint()
         step = self._attempt()
         status = step.result.status
@@ -295,7 +295,7 @@ class StepProgress:
     def _recalled(self, checkpoint: MeshCheckpoint) -> LoadStep | None:
         """The next load step as an earlier run has left it; None if it is not there, or is no solution."""
         number = self.first.step if self.end is None else self.end.start.step
-        figures, history, newton = checkpoint.figures(number), self.task.history, self.task.iterate.newton
+        figures, history, newton = checkpoint.figures(number), self.task.history, self.task.newton
         if figures is None:
             return None
         beginning, place = newton.checkpoint(), float(figures["place"])

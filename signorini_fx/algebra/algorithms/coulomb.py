@@ -116,7 +116,7 @@ def by_augmentation(task: Task, start: Start, law: PointFriction, begun: Outcome
     load steps; it begins with the multipliers of the load step before, or with the start of Coulomb friction;
     ``begun``: the outcome with the problem of the method that has failed.
     """
-    s, newton, multipliers, data = task.settings, task.iterate.newton, start.multipliers, softened(start, begun.data)
+    s, newton, multipliers, data = task.settings, task.newton, start.multipliers, softened(start, begun.data)
     failed = replace(begun, newton=newton, monolithic=False)
     if multipliers is None:
         status = newton.solve(coulomb_start(task, data), ActiveSets.all_in_contact(*data.mu_hat.shape))
@@ -124,7 +124,7 @@ def by_augmentation(task: Task, start: Start, law: PointFriction, begun: Outcome
             return replace(failed, status=proved(task, newton.problem, law, status))
         multipliers = newton.multipliers()
     coupled = replace(data, bound=law.given, follows=law, lambda_hat=multipliers[0], mu_hat=multipliers[1])
-    augmentation = augmentation_on(task, task.iterate.unsymmetric_newton)
+    augmentation = augmentation_on(task, task.unsymmetric_newton)
     status = augmented_lagrangian(augmentation, coupled, newton.problem.sets, max_outer=s.max_outer_iterations)
     if status is not Status.CONVERGED:
         return replace(failed, status=proved(task, newton.problem, law, status))

@@ -25,7 +25,6 @@ Math. Program. 95 (2003) 249-277.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
@@ -46,7 +45,7 @@ from signorini_fx.algebra.contact.nodal_vectors import Nodal, inner, length
 from signorini_fx.algebra.linalg import finite, petsc_options
 from signorini_fx.algebra.linalg.failures import factor_lacks_memory, unprinted
 from signorini_fx.machine import parallel
-from signorini_fx.records import IterationRecord, Status
+from signorini_fx.records import Status
 from signorini_fx.tuned import (
     DECIDED,
     DECIDING_PRODUCT,
@@ -332,7 +331,7 @@ class _Programme:
     def _moves(self, pressure: Nodal, shear: Nodal, blocks: Nodal, closed: int, *, exact: bool) -> bool:
         """Move the iterate by z, (A + B^T D B) z = b - A x - B^T W (lambda, mu), if there is one; collective."""
         newton, problem, change = self._newton, self._problem, self._change
-        jacobian, ksp, history = newton.snes.getJacobian()[0], newton.snes.getKSP(), newton.history
+        jacobian, ksp = newton.snes.getJacobian()[0], newton.snes.getKSP()
         problem.imbalance(newton.x, pressure, shear, self._force)
         problem.insert(jacobian, blocks)
         renewed = not problem.unchanged
@@ -345,12 +344,6 @@ class _Programme:
         change.scale(-1.0)
         newton.x.axpy(1.0, change)
         self._steps += 1
-        residual, active = (
-            self._force.norm() / (problem.force_scale or 1.0),
-            int(parallel.global_sum(self._comm, closed)),
-        )
-        places = history.step, history.linear_solves + 1, len(history.outer), self._steps
-        history.add(
-            IterationRecord(*places, active, 0, 0, 0, residual, renewed, time.perf_counter() - newton.start_time)
-        )
+        residual, active = self._force.norm() / (problem.force_scale or 1.0), parallel.global_sum(self._comm, closed)
+        newton.record(self._steps, (int(active), 0, 0, 0), residual, factorised=renewed)
         return ksp.getConvergedReason() > 0 and finite(change)

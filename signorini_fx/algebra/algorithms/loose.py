@@ -51,7 +51,7 @@ def near_the_last_place(task: Task, start: Start, solve: Callable[[Task, Start],
     """The solution nearest to the iterate of the task, without tractions where bodies lie loose; None: none is found;
     ``solve``: solves a load step of bodies that are held; collective.
     """
-    motions, newton, comm = task.motions, task.iterate.newton, task.motions.points.comm
+    motions, newton, comm = task.motions, task.newton, task.motions.points.comm
     numbers, law = idle(task), start.law
     without_load = np.isin(motions.of_point, numbers)
     if law is not None:
@@ -63,8 +63,8 @@ def near_the_last_place(task: Task, start: Start, solve: Callable[[Task, Start],
         has_coulomb=law is not None and parallel.any_rank(comm, law.follows_pressure),
         settings=replace(task.settings, algorithm="ssn"),
     )
-    start, problem = replace(start, factors=None), held.iterate.newton.problem
-    held.iterate.newton.begin_at(newton.x)
+    start, problem = replace(start, factors=None), held.newton.problem
+    held.newton.begin_at(newton.x)
     position = np.column_stack(problem.system.contact.traces(newton.x))
     farthest, moved = parallel.largest(comm, np.abs(position), 0.0), np.inf
     while True:

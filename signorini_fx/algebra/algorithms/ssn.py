@@ -18,7 +18,7 @@ from signorini_fx.algebra.linalg import callbacks, finite, petsc_options
 from signorini_fx.algebra.linalg.callbacks import called_back, weakly
 from signorini_fx.algebra.linalg.failures import factor_lacks_memory, memory_ended, unlock, unprinted
 from signorini_fx.algebra.linalg.petsc_c import call
-from signorini_fx.algebra.method import INTERIOR_POINT
+from signorini_fx.algebra.method import INTERIOR_POINT, Settings
 from signorini_fx.algebra.problem.regularised import RegularisedProblem
 from signorini_fx.machine import parallel
 from signorini_fx.records import History, IterationRecord, OuterRecord, Status
@@ -62,11 +62,9 @@ class SemismoothNewton:
     Args:
         problem: residual and Jacobian.
         x: the iterate, which two methods may share.
-        max_iterations: linear solves allowed for one problem.
+        settings: the limit on linear solves for one problem, and whether the interior-point method may follow.
         history: where the records go.
         symmetric: whether the Jacobian is; it is not if the friction bound depends on the pressure.
-        fallbacks: whether the interior-point method is tried if full steps do not solve a problem.
-        limited: whether the user has set the limit on linear solves, so that reaching it is not a failure.
 
     Attributes:
         max_iterations: linear solves allowed for one problem.
@@ -80,22 +78,19 @@ class SemismoothNewton:
         self,
         problem: RegularisedProblem,
         x: PETSc.Vec,
-        max_iterations: int,
+        settings: Settings,
         history: History,
         *,
         symmetric: bool = True,
-        fallbacks: bool = False,
-        limited: bool = False,
     ) -> None:
         self.problem = problem
         self.history = history
         self.x = x
         self._residual = x.duplicate()
         self.start_time = time.perf_counter()
-        self.max_iterations = max_iterations
-        self._fallbacks = fallbacks
+        self.max_iterations = settings.max_iterations
+        self._settings = settings
         self.lost = False
-        self._limited = limited
         self._symmetric = symmetric
         self._point_count = int(parallel.global_sum(problem.points.comm, problem.points.size))
         self._keys = _keys(problem.points.comm.rank, problem.points.size)
@@ -166,9 +161,9 @@ class SemismoothNewton:
             return Status.ROUND_OFF
         # With a friction bound that depends on the pressure there is no energy, and no convex programme; a limit that
         # the user has set is no failure.
-        ran_on = status is Status.CYCLING or not self._limited
+        ran_on = status is Status.CYCLING or not self._settings.limited("max_iterations")
         beyond_help = self.lost or self.history.exhausted
-        if not self._fallbacks or data.follows is not None or not ran_on or beyond_help:
+        if not self._settings.fallbacks or data.follows is not None or not ran_on or beyond_help:
             return status
         return self._inside_the_bounds(data, status, measure)
 
@@ -358,7 +353,8 @@ class SemismoothNewton:
         last_forces, self._last_forces = self._last_forces, problem.force_scale
         law = 0.0 if problem.affine or k == 0 else problem.law_residual(self.x)
         if k > 0:
-            self._record(k, active, plus, minus, changed, residual)
+            counts = (active, plus, minus, changed)
+            self.record(k - 1 + self._first_iteration, counts, residual, factorised=self._factorised)
         if k > 0 and changed == 0:
             if problem.next.repaired:  # the trial sets would not hold the body, but the forces may be in balance
                 balanced = problem.accept(self.x, problem.next.trial, snes.getTolerances()[0])
@@ -442,22 +438,11 @@ class SemismoothNewton:
         self._status = status
         return int(_SNES.DIVERGED_LOCAL_MIN)
 
-    def _record(self, k: int, active: int, plus: int, minus: int, changed: int, residual: float) -> None:
-        self.history.add(
-            IterationRecord(
-                step=self.history.step,
-                solve=self.history.linear_solves + 1,
-                outer=len(self.history.outer),
-                iteration=k - 1 + self._first_iteration,
-                active_contact=active,
-                slip_plus=plus,
-                slip_minus=minus,
-                changed=changed,
-                residual=residual,
-                factorised=self._factorised,
-                seconds=time.perf_counter() - self.start_time,
-            )
-        )
+    def record(self, iteration: int, counts: tuple[int, int, int, int], residual: float, *, factorised: bool) -> None:
+        """Record a linear solve; ``counts``: nodes in contact, slipping either way, and that change."""
+        history, seconds = self.history, time.perf_counter() - self.start_time
+        numbers = history.step, history.linear_solves + 1, len(history.outer), iteration
+        history.add(IterationRecord(*numbers, *counts, residual, factorised, seconds))
 
     def _counts(self, bound: Nodal, next_bound: Nodal) -> list[int]:
         """Nodes of the current sets in contact and slipping either way, nodes that change, and a fingerprint of the

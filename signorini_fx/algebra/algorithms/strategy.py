@@ -39,16 +39,12 @@ from signorini_fx.tuned import CONTINUATION_SHARE, GAMMA_GROWTH, LARGEST_GAMMA, 
 
 
 def solve_task(task: Task, start: Start, solve_budget: int | None = None) -> Outcome:
-    """Solve a load step; the iterates stay in ``task.iterate``; ``solve_budget``: linear solves allowed, None: those of
+    """Solve a load step; the iterate stays in ``task.newton``; ``solve_budget``: linear solves allowed, None: those of
     ``step_limit``.
     """
-    task.iterate.begin_step(start)
-    if task.iterate.newton.linear:
-        status = (
-            Status.NOT_HELD
-            if task.motions.count
-            else task.iterate.newton.solve(start.data, start.sets, first_iteration=0)
-        )
+    task.begin_step(start)
+    if task.newton.linear:
+        status = Status.NOT_HELD if task.motions.count else task.newton.solve(start.data, start.sets, first_iteration=0)
         return _without_contact(task, start.data, status)
     if task.settings.algorithm == "alm":
         data = start.data
@@ -61,7 +57,7 @@ def solve_task(task: Task, start: Start, solve_budget: int | None = None) -> Out
     if _nothing_acts(task, start):
         return _stay(task, start)
     start = _first_loaded(task, start)
-    begin, waits = task.iterate.newton.checkpoint(), start.several or start.step > 0
+    begin, waits = task.newton.checkpoint(), start.several or start.step > 0
     lost = no_balance(start.law, start.data.bilateral, task.motions, task.system.resultant)
     if lost is not None and not (waits and lost.assembly in idle(task)):
         return _without_contact(task, start.data, lost.status)
@@ -80,7 +76,7 @@ def _left_loose(task: Task, start: Start, begin: Checkpoint, failed: Outcome, *,
     """The solution nearest to the last one where bodies lie loose, in several load steps (``waits``) without a load,
     too; the outcome that has failed, if there is none.  ``begin``: the iterate at the start.
     """
-    newton = task.iterate.newton
+    newton = task.newton
     ended = newton.checkpoint()
     newton.restore(begin)
     with task.history.at_most(step_limit(task.settings.max_iterations)):
@@ -110,7 +106,7 @@ def _nothing_acts(task: Task, start: Start) -> bool:
     data, loose = start.data, task.motions.count > 0
     if loose and not start.several:
         return False
-    if start.step > 0 and not (loose and task.iterate.x.norm() == 0):
+    if start.step > 0 and not (loose and task.newton.x.norm() == 0):
         return False
     if task.system.load.norm() > 0 or task.system.start.norm() > 0:
         return False
@@ -136,7 +132,7 @@ def _first_loaded(task: Task, start: Start) -> Start:
 
 def _stay(task: Task, start: Start) -> Outcome:
     """Zero is the solution; no linear system is solved."""
-    task.iterate.x.set(0.0)
+    task.newton.x.set(0.0)
     task.history.add("nothing loads the body: it stays where it is")
     history = task.history
     history.add(OuterRecord(history.step, len(history.outer), 0, start.data.gamma_n, None, Status.CONVERGED.value))
@@ -145,7 +141,7 @@ def _stay(task: Task, start: Start) -> Outcome:
 
 def _without_contact(task: Task, data: RegularisedData, status: Status) -> Outcome:
     """The outcome of a problem without contact, hence without tractions, at the iterate."""
-    newton = task.iterate.newton
+    newton = task.newton
     newton.pose(data, ActiveSets.of(~task.motions.points.everywhere, np.zeros_like(data.mu_hat)))
     return Outcome(status, newton, data)
 
@@ -183,7 +179,7 @@ def _released(task: Task, failed: Outcome, law: PointFriction, moved: float) -> 
 
 def _given_friction(task: Task, start: Start, data: RegularisedData) -> Outcome:
     """Frictionless or Tresca contact, or the one that starts Coulomb friction, by the algorithm of the scene."""
-    s, newton = task.settings, task.iterate.newton
+    s, newton = task.settings, task.newton
     error = start.regularisation_error
     match s.algorithm:
         case "continuation":
@@ -227,7 +223,7 @@ def _given_friction(task: Task, start: Start, data: RegularisedData) -> Outcome:
 
 def _coulomb(task: Task, start: Start, law: PointFriction) -> Outcome:
     """Coulomb friction, started from a coarser mesh or an earlier load step, else from the pure contact problem."""
-    s, newton = task.settings, task.iterate.newton
+    s, newton = task.settings, task.newton
     first_sets, multipliers = start.sets, start.multipliers
     # These algorithms find their gamma, or use several, on the pure contact problem of every mesh.
     finds_gamma = (s.algorithm == "continuation" and start.step == 0) or (
@@ -263,9 +259,9 @@ def _coulomb(task: Task, start: Start, law: PointFriction) -> Outcome:
 
     def monolithic() -> Status:
         if s.algorithm != "alm":
-            return coulomb_newton(task.iterate.unsymmetric_newton, data, law, first_sets)
+            return coulomb_newton(task.unsymmetric_newton, data, law, first_sets)
         coupled = replace(data, bound=law.given, follows=law)
-        augmentation = augmentation_on(task, task.iterate.unsymmetric_newton)
+        augmentation = augmentation_on(task, task.unsymmetric_newton)
         return augmented_lagrangian(augmentation, coupled, first_sets, max_outer=s.max_outer_iterations)
 
     near = start.multipliers is not None  # of a coarser mesh, of an earlier load step, or of another load

@@ -173,9 +173,23 @@ class Task:
         return cls(settings, system, motions, start, natural_gamma=natural_gamma, rest=resting, **options)
 
     @cached_property
-    def iterate(self) -> Iterate:
-        """The iterates, which the algorithms share."""
-        return Iterate(self.settings, self.system, self.motions, self.history)
+    def newton(self) -> SemismoothNewton:
+        """The inner method on the regularised problem, whose iterate the algorithms share."""
+        problem = RegularisedProblem(self.system, self.motions)
+        return SemismoothNewton(problem, self.system.start.copy(), self.settings, self.history)
+
+    @cached_property
+    def unsymmetric_newton(self) -> SemismoothNewton:
+        """The same with an unsymmetric tangent, on the same iterate."""
+        return SemismoothNewton(self.newton.problem, self.newton.x, self.settings, self.history, symmetric=False)
+
+    def begin_step(self, start: Start) -> None:
+        """Apply the loads and prescribed displacements of a load step to the current iterate."""
+        self.newton.lost = False
+        if start.factors is not None:
+            self.system.set_load(start.factors)
+        fixed = self.system.contact.fixed
+        self.newton.x.getArray()[fixed] = self.system.start.getArray(readonly=True)[fixed]
 
     def contact(self, outcome: Outcome, start: Start) -> PointState:
         """The contact points of this rank in a result, with displacements from the initial position; slip is counted
@@ -222,51 +236,3 @@ class Task:
         if status is Status.OUTER_MAX_ITERATIONS:
             return not self.settings.limited("max_outer_iterations")
         return status in (Status.CYCLING, Status.SLIDES_AT_PRESSURES)
-
-
-class Iterate:
-    """The iterates of a contact problem and the inner methods on them, each set up when it is first needed; ``x``: that
-    of the regularised problem.
-    """
-
-    def __init__(
-        self,
-        settings: Settings,
-        system: ElasticSystem,
-        motions: FreeMotions,
-        history: History,
-    ) -> None:
-        # Not the task, which holds this: PETSc objects in a cycle of references are freed late, or never.
-        self._settings, self._history = settings, history
-        self._system, self._motions = system, motions
-        self.x: PETSc.Vec = system.start.copy()
-
-    def _newton(self, problem: RegularisedProblem, x: PETSc.Vec, *, symmetric: bool = True) -> SemismoothNewton:
-        settings = self._settings
-        return SemismoothNewton(
-            problem,
-            x,
-            settings.max_iterations,
-            self._history,
-            symmetric=symmetric,
-            fallbacks=settings.fallbacks,
-            limited=settings.limited("max_iterations"),
-        )
-
-    @cached_property
-    def newton(self) -> SemismoothNewton:
-        """The inner method on the regularised problem."""
-        return self._newton(RegularisedProblem(self._system, self._motions), self.x)
-
-    @cached_property
-    def unsymmetric_newton(self) -> SemismoothNewton:
-        """The same with an unsymmetric tangent, on the same iterate."""
-        return self._newton(self.newton.problem, self.x, symmetric=False)
-
-    def begin_step(self, start: Start) -> None:
-        """Apply the loads and prescribed displacements of a load step to the current iterate."""
-        self.newton.lost = False
-        if start.factors is not None:
-            self._system.set_load(start.factors)
-        fixed = self._system.contact.fixed
-        self.x.getArray()[fixed] = self._system.start.getArray(readonly=True)[fixed]

@@ -365,7 +365,7 @@ class LinearisedProblem(FormSolver):
         if self.task.motions.count:
             begun = replace(begun, several=self.several)
             if self._last is None:
-                self.task.iterate.newton.begin_at(self.task.system.start)
+                self.task.newton.begin_at(self.task.system.start)
             else:
                 self._last.taken_up(self.task, self.elastic, self.rigid)
         places, way = self.places[boundary.nodes] - tools.at_points(boundary), self._way()
@@ -565,8 +565,8 @@ class LinearisedProblem(FormSolver):
             begun = self.begun = self.begin_step()
         nowhere = np.zeros(self.boundary.size)
         sets = ActiveSets.of(nowhere > 0, np.zeros_like(begun.data.mu_hat), nowhere)
-        newton = self.task.iterate.newton
-        self.task.iterate.begin_step(begun)
+        newton = self.task.newton
+        self.task.begin_step(begun)
         newton.pose(begun.data, sets)
         counted = self._at.copy()
         if (resting := self.task.rest) is not None:

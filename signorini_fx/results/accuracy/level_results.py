@@ -129,8 +129,7 @@ def level_result(
     regularisation = pressure_regularisation = 0.0
     if task is not None and outcome is not None and compliance_of(outcome, body.comm) > 0 and size > 0:
         data = outcome.problem.data
-        iterate = task.iterate
-        newton = iterate.unsymmetric_newton if data.follows is not None else iterate.newton
+        newton = task.unsymmetric_newton if data.follows is not None else task.newton
         make_ready(newton)
         model = path_model(newton, data)
         pressure = contacts[-1].points.norm(contacts[-1].pressure)

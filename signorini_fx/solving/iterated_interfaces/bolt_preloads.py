@@ -55,7 +55,7 @@ class BoltPreloads(Interface):
 
     def solve(self, step: LoadStepStart) -> LoadStepEnd:
         model, task, start = step.model, step.task, step.start
-        place, newton = start.place, task.iterate.newton
+        place, newton = start.place, task.newton
         loads = _tightened(model, place)
         of_all = [k for k, load in enumerate(model.applied) if isinstance(load.entry, Preload)]
         numbers = [of_all.index(k) for k in loads]
