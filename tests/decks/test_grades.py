@@ -5,8 +5,8 @@ import re
 import pytest
 from deck_lines import stacked
 
+from signorini_fx.addons.decks import keywords
 from signorini_fx.addons.decks.draft import draft
-from signorini_fx.addons.decks.keywords import RULES, Grade
 from signorini_fx.errors import MeshError
 from signorini_fx.scenes import cli
 
@@ -18,6 +18,103 @@ RUBBER = ["*MATERIAL, NAME=RUBBER", "*HYPERELASTIC, NEO HOOKE", "1., 0.01"]
 PAIR = "*CONTACT PAIR, INTERACTION=I"
 OTHER = "*SURFACE INTERACTION, NAME=J"
 STEPS = ["*END STEP", "*STEP", "*STATIC"]
+# Keywords that are read in part, or are errors: what is said, in which case, and of which keywords.
+REFUSED = (
+    ("nodes and elements are not generated here", "", "NGEN", "NFILL", "NCOPY", "NMAP", "ELGEN", "ELCOPY"),
+    ("coordinates are expected along x, y and z", "of other axes", "SYSTEM"),
+    ("coordinates are expected along x, y and z", "SYSTEM other than R", "NODE"),
+    (
+        "only isotropic elasticity is read: state others in a scene, with material.orthotropic",
+        "TYPE other than ISOTROPIC",
+        "ELASTIC",
+    ),
+    (
+        "only NEO HOOKE, MOONEY-RIVLIN and OGDEN with D1 above 0 are read",
+        "another energy, or incompressible",
+        "HYPERELASTIC",
+    ),
+    ("a nonlinear material is not possible yet", "with soft contact, preload, temperature and more", "HYPERELASTIC"),
+    (
+        "the step does not say of what kind it is: write *STATIC into it; CalculiX solves nothing in such a step",
+        "the first one without *STATIC",
+        "STEP",
+    ),
+    ("has no *END STEP before this one", "within another one", "STEP"),
+    ("is expected within a step", "outside of steps", "STATIC", "CLOAD", "DLOAD", "DSLOAD", "TEMPERATURE"),
+    ("is expected within a step", "between steps", "BOUNDARY"),
+    ("is expected before the first step", "within a step", "INITIAL CONDITIONS"),
+    (
+        "some of its elements are in another section, too: give each of them one",
+        "of elements of another one",
+        "SOLID SECTION",
+    ),
+)
+LOST = (
+    ("constants that depend on temperature: the first line is taken", "several temperatures", "ELASTIC", "EXPANSION"),
+    (
+        "a change within a step is not read: the first value holds",
+        "within a step",
+        "ELASTIC",
+        "EXPANSION",
+        "DENSITY",
+        "HYPERELASTIC",
+        "PLASTIC",
+        "FRICTION",
+        "SURFACE BEHAVIOR",
+    ),
+    ("hardening that is not isotropic is not read: elastic here", "HARDENING other than ISOTROPIC", "PLASTIC"),
+    ("a nonlinear material is not possible yet", "with soft contact, preload and more: it does not yield", "PLASTIC"),
+    ("a material with *HYPERELASTIC does not yield here", "of rubber", "PLASTIC"),
+    ("no part of the body", "of no part of the mesh", "SHELL SECTION", "MEMBRANE SECTION"),
+    ("no part of the body", "springs, gaps, connectors", "ELEMENT"),
+    ("beside elements of another kind", "CPE, CPS and CAX in one file", "ELEMENT"),
+    (
+        "NLGEOM: displacements and rotations are taken as small",
+        "NLGEOM, if finite strains are not possible yet",
+        "STEP",
+    ),
+    ("NLGEOM: points in contact keep their partners", "NLGEOM, if solids of degree 2 touch, or with ADJUST", "STEP"),
+    ("PERTURBATION: contact may open and close here, and does not in such a step", "PERTURBATION", "STEP"),
+    ("only tabular amplitudes are read: the whole load is taken", "DEFINITION other than TABULAR", "AMPLITUDE"),
+    (
+        "TIME=TOTAL TIME is read in decks of one step: the whole load is taken",
+        "TIME=TOTAL TIME, if there are more steps",
+        "AMPLITUDE",
+    ),
+    ("which a constraint may tie to it", "of tied other nodes", "BOUNDARY"),
+    ("a part of the body", "body force or weight on a part", "DLOAD"),
+    ("moments at nodes are not read", "components 4 to 6", "CLOAD"),
+    ("is no boundary of the body", "on another surface", "DSLOAD"),
+    (
+        "temperatures that differ within a body are not read",
+        "of some nodes of a body",
+        "TEMPERATURE",
+        "INITIAL CONDITIONS",
+    ),
+    ("not read", "neither TEMPERATURE nor VELOCITY", "INITIAL CONDITIONS"),
+    ("behaviour of a subroutine is not read", "USER", "SURFACE INTERACTION"),
+    (
+        "soft contact is read as LINEAR or TIED only: this contact is hard",
+        "EXPONENTIAL, TABULAR and others",
+        "SURFACE BEHAVIOR",
+    ),
+    ("NO SEPARATION is not read: this contact may open", "NO SEPARATION", "SURFACE BEHAVIOR"),
+    ("ROUGH is not read: this contact has no friction", "ROUGH", "FRICTION"),
+    (
+        "ADJUST: a set with only some nodes of the dependent surface is not read",
+        "ADJUST with a smaller set",
+        "CONTACT PAIR",
+    ),
+    ("is no boundary of the body", "of another surface", "CONTACT PAIR", "TIE"),
+    ("a constraint between nodes is not read", "CYCLIC SYMMETRY", "TIE"),
+)
+NOTED = (
+    ("beside rubber: law = 'saint-venant-kirchhoff', linear in the strain of Green", "beside rubber", "SOLID SECTION"),
+    ("as a plane body under plane stress, without bending", "of a plane mesh", "SHELL SECTION", "MEMBRANE SECTION"),
+    ("as the step before it: this one does not say of what kind it is", "a later one without *STATIC", "STEP"),
+    ("no part of the body", "of other nodes", "BOUNDARY"),
+    ("without effect in static steps", "VELOCITY", "INITIAL CONDITIONS"),
+)
 # By keyword and case: lines before the first step, lines of the step, and lines that replace others.
 SAID = {
     ("SYSTEM", "of other axes"): (["*SYSTEM", "0., 0., 0., 0., 1., 0."], []),
@@ -92,9 +189,9 @@ SAID = {
     ),
     ("STEP", "PERTURBATION"): ([], [], {"*STEP": "*STEP, PERTURBATION"}),
     **{
-        (rule.key, ""): ([], ["*END STEP", "*STEP", f"*{rule.keyword}"])
-        for rule in RULES
-        if rule.effect == "only static steps are read"
+        (keyword, ""): ([], ["*END STEP", "*STEP", f"*{keyword}"])
+        for keyword, effect in keywords.LOST.items()
+        if effect == keywords.OTHER_PROCEDURE
     },
     ("AMPLITUDE", "DEFINITION other than TABULAR"): (
         ["*AMPLITUDE, NAME=A, DEFINITION=PERIODIC", "1, 2., 0., 1."],
@@ -159,26 +256,50 @@ def graded(deck):
     return drafted.lost, drafted.noted
 
 
+def rows(*tables, partly=()):
+    """Keyword, case and what is said, of keywords that are not read, and of those that are read in part."""
+    whole = [(keyword, "", effect) for table in tables for keyword, effect in table.items()]
+    return whole + [(keyword.replace(" ", ""), case, effect) for effect, case, *names in partly for keyword in names]
+
+
+def deck_of(folder, keyword, case):
+    """The deck with a row, and the pattern of a remark of an effect."""
+    default = ([], [f"*{keyword}"]) if keyword != "CONNECTORFRICTION" else (["*CONNECTOR FRICTION"], [])
+    return written(folder, *SAID.get((keyword, case), default))
+
+
+def place(effect):
+    """The pattern of a remark."""
+    return f"line [0-9]+( and [0-9]+ more)?, [*]?.*{re.escape(effect)}"
+
+
 @pytest.mark.one_quick
-@pytest.mark.parametrize("grade", Grade)
+@pytest.mark.parametrize("grade", ["lost", "noted"])
 def test_grades(tmp_path, grade):
-    """A deck with each row of the table is graded so, and the remark names the line and the keyword."""
+    """A deck with each row of the tables is graded so, and the remark names the line and the keyword."""
+    said = {
+        "lost": rows(keywords.LOST, {"GAP": "not read", "CONNECTORFRICTION": "not read"}, partly=LOST),
+        "noted": rows(keywords.NOTED, keywords.PRINTED, partly=NOTED),
+    }
     wrong = []
-    for rule in (rule for rule in RULES if rule.grade is grade):
-        default = ([], [f"*{rule.keyword}"]) if rule.key != "CONNECTORFRICTION" else (["*CONNECTOR FRICTION"], [])
-        deck, lines = written(tmp_path, *SAID.get((rule.key, rule.case), default))
-        place = f"line [0-9]+( and [0-9]+ more)?, [*]?.*{re.escape(rule.effect)}"
-        if grade is Grade.REFUSED:
-            with pytest.raises(MeshError, match=place):
-                draft(deck, deck.with_suffix(".toml"))
-            continue
+    for keyword, case, effect in said[grade]:
+        deck, lines = deck_of(tmp_path, keyword, case)
         lost, noted = graded(deck)
-        remarks = [text for text in (lost if grade is Grade.LOST else noted) if re.search(place, text)]
+        remarks = [text for text in (lost if grade == "lost" else noted) if re.search(place(effect), text)]
         numbers = [int(re.match(r"line (\d+)", text)[1]) for text in remarks]
         named = any(lines[number - 1].startswith("*") for number in numbers)
-        if not named or (grade is Grade.NOTED and lost):
-            wrong.append(((rule.keyword, rule.case), lost, noted))
+        if not named or (grade == "noted" and lost):
+            wrong.append(((keyword, case), lost, noted))
     assert not wrong
+
+
+@pytest.mark.one_quick
+@pytest.mark.parametrize(("keyword", "case", "effect"), rows(partly=REFUSED))
+def test_errors(tmp_path, keyword, case, effect):
+    """A deck with each row ends in an error that names the line."""
+    deck, _ = deck_of(tmp_path, keyword, case)
+    with pytest.raises(MeshError, match=place(effect)):
+        draft(deck, deck.with_suffix(".toml"))
 
 
 LEFT = {

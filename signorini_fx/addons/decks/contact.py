@@ -9,15 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from signorini_fx.addons.decks.content import Deck, Interaction, SurfacePair
-from signorini_fx.addons.decks.keywords import (
-    ADJUSTED_SET,
-    CONSTRAINT,
-    NO_BOUNDARY,
-    NO_SEPARATION,
-    OTHER_BEHAVIOUR,
-    PARTNERS,
-    ROUGH,
-)
+from signorini_fx.addons.decks.keywords import CONSTRAINT
 from signorini_fx.addons.decks.text import DeckBlock, parameter, quoted, real, real_or_none
 from signorini_fx.mechanics.mesh.files.shape import Ints
 from signorini_fx.tuned import HARD_CONTACT
@@ -76,7 +68,7 @@ def read_behaviour(deck: Deck, block: DeckBlock) -> None:
     elif kind == "HARD" and any(rows):
         deck.lose(block, "its numbers are not read: contact is hard")
     elif kind not in ("HARD", "LINEAR", "TIED"):
-        deck.lose(block, f"{kind}: {OTHER_BEHAVIOUR}")
+        deck.lose(block, f"{kind}: soft contact is read as LINEAR or TIED only: this contact is hard")
 
 
 def _stiffness_of(word: str) -> float:
@@ -119,7 +111,8 @@ def contact_tables(deck: Deck) -> tuple[list[list[str]], list[str]]:
         label = f"{'tie' if interaction is None else 'contact'} of {pair.slave!r} with {pair.master!r}"
         first, opposite = deck.boundary(pair.slave), deck.boundary(pair.master)
         if first is None or opposite is None:
-            deck.lose(pair.block, f"{label}: {pair.slave if first is None else pair.master!r} {NO_BOUNDARY}")
+            absent = pair.slave if first is None else pair.master
+            deck.lose(pair.block, f"{label}: {absent!r} is no boundary of the body")
             continue
         if first == opposite:
             deck.lose(pair.block, f"{label}: contact of a surface with itself")
@@ -162,9 +155,9 @@ def _kind(deck: Deck, interaction: Interaction | None) -> str:
     if interaction is None or interaction.tied:
         return "bonded"
     if interaction.behaviour is not None and "NOSEPARATION" in interaction.behaviour.parameters:
-        deck.lose(interaction.behaviour, NO_SEPARATION)
+        deck.lose(interaction.behaviour, "NO SEPARATION is not read: this contact may open")
     if interaction.rough is not None:
-        deck.lose(interaction.rough, ROUGH)
+        deck.lose(interaction.rough, "ROUGH is not read: this contact has no friction")
     return "unilateral"
 
 
@@ -176,7 +169,7 @@ def _adjust(deck: Deck, pair: SurfacePair, label: str) -> list[str]:
         return [f"adjust = {length!r}"]
     if np.isin(deck.held(str(deck.boundary(pair.slave))), deck.nodes(pair.adjust)).all():
         return [f"adjust = {deck.size!r}"]
-    deck.lose(pair.block, f"{label}: {ADJUSTED_SET}")
+    deck.lose(pair.block, f"{label}: ADJUST: a set with only some nodes of the dependent surface is not read")
     return []
 
 
@@ -236,5 +229,5 @@ def say_partners(deck: Deck, contacts: list[list[str]]) -> list[list[str]]:
         )
         result.append([*lines, 'sliding = "small"'] if keeps else lines)
         if keeps and not bonded and deck.nonlinear is not None:
-            deck.lose(deck.nonlinear, PARTNERS)
+            deck.lose(deck.nonlinear, "NLGEOM: points in contact keep their partners")
     return result

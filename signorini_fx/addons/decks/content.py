@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from signorini_fx.addons.decks.keywords import CONSTRAINT, NOT_READ
+from signorini_fx.addons.decks.keywords import CONSTRAINT, LOST
 from signorini_fx.addons.decks.mesh import DeckModel
 from signorini_fx.addons.decks.text import DeckBlock, number_of
 from signorini_fx.mechanics.kinematics import of_materials
@@ -187,7 +187,7 @@ class Deck:
         element ties them to it.
         """
         keywords = {keyword.keyword for keyword in self.model.blocks}
-        constraints = {"RIGIDBODY", *(key for key, rule in NOT_READ.items() if rule.effect == CONSTRAINT)}
+        constraints = {"RIGIDBODY", *(key for key, effect in LOST.items() if effect == CONSTRAINT)}
         if self.model.tied or keywords & constraints:
             self.lose(block, f"{what}: no part of the body, which a constraint may tie to it")
         else:

@@ -1,6 +1,6 @@
 """An Abaqus input file, keyword by keyword: materials, static steps with their supports and loads, and contact.
 
-Each keyword has a function that takes the deck and the keyword; all others are in the table of ``keywords``.
+Each keyword has a function that takes the deck and the keyword; all others are in the tables of ``keywords``.
 """
 
 from __future__ import annotations
@@ -20,7 +20,6 @@ from signorini_fx.addons.decks.contact import (
     read_ties,
 )
 from signorini_fx.addons.decks.content import Deck
-from signorini_fx.addons.decks.keywords import NOT_READ, OUTPUT, Grade
 from signorini_fx.addons.decks.mesh import NO_BODY, POINTS, read_model
 from signorini_fx.addons.decks.temperatures import read_temperatures
 from signorini_fx.addons.decks.text import DeckBlock, placed, real, real_or_none
@@ -32,7 +31,7 @@ _STRESS = r"CPS|STRI|M3D|S\d"  # plane stress, if they are a plane body
 _ASSUMED = {"axisymmetric": "CAX", "plane stress": _STRESS, "plane strain": "CPE"}
 # Keywords of steps, which have no meaning outside of them.
 _OF_STEPS = {"STATIC", "BOUNDARY", "CLOAD", "DLOAD", "DSLOAD", "TEMPERATURE", "MODELCHANGE"}
-_PROCEDURES = {"STATIC", *(rule.key for rule in keywords.RULES if rule.effect == keywords.OTHER_PROCEDURE)}
+_PROCEDURES = {"STATIC", *(keyword for keyword, effect in keywords.LOST.items() if effect == keywords.OTHER_PROCEDURE)}
 
 
 def read_deck(file: Path) -> Deck:
@@ -63,10 +62,9 @@ def read_deck(file: Path) -> Deck:
 def _reader(keyword: str) -> Reader:
     if keyword in _READERS:
         return _READERS[keyword]
-    rule = NOT_READ.get(keyword)
-    if rule is None or rule.grade is Grade.LOST:
-        return lambda deck, block: deck.lose(block, keywords.UNKNOWN if rule is None else rule.effect)
-    return lambda deck, block: deck.note(block, rule.effect)
+    if keyword in keywords.NOTED:
+        return lambda deck, block: deck.note(block, keywords.NOTED[keyword])
+    return lambda deck, block: deck.lose(block, keywords.LOST.get(keyword, keywords.UNKNOWN))
 
 
 def _say_undefined(deck: Deck, block: DeckBlock) -> None:
@@ -90,19 +88,20 @@ def _used_keywords(file: Path, deck: Deck) -> Iterator[DeckBlock]:
             step, seen = [], True
         if step is None:
             if block.keyword in _OF_STEPS and (seen or block.keyword != "BOUNDARY"):
-                raise MeshError(f"{file}: {block.origin}: {keywords.OUTSIDE_STEPS}")
+                raise MeshError(f"{file}: {block.origin}: is expected within a step")
             yield block
             continue
         if block.keyword == "INITIALCONDITIONS":
-            raise MeshError(f"{file}: {block.origin}: {keywords.WITHIN_STEP}")
+            raise MeshError(f"{file}: {block.origin}: is expected before the first step")
         step.append(block)
         if block.keyword != "ENDSTEP" and block is not deck.model.blocks[-1]:
             continue
         procedure = next((entry.name for entry in step if entry.keyword in _PROCEDURES), "")
         if not procedure and not kind:
-            raise MeshError(f"{file}: {step[0].origin}: {keywords.NO_PROCEDURE}")
+            why = "does not say of what kind it is: write *STATIC into it; CalculiX solves nothing in such a step"
+            raise MeshError(f"{file}: {step[0].origin}: the step {why}")
         if not procedure:
-            deck.note(step[0], f"*{kind}, {keywords.AS_BEFORE}")
+            deck.note(step[0], f"*{kind}, as the step before it: this one does not say of what kind it is")
         kind = procedure or kind
         if kind != "STATIC":
             deck.lose(step[0], f"the step, *{kind}: {keywords.OTHER_PROCEDURE}")
@@ -172,7 +171,7 @@ def _read_step(deck: Deck, block: DeckBlock) -> None:
     if block.parameters.get("NLGEOM", "NO").upper() in ("", "YES"):
         deck.nonlinear = block
     if "PERTURBATION" in block.parameters:
-        deck.lose(block, keywords.PERTURBATION)
+        deck.lose(block, "PERTURBATION: contact may open and close here, and does not in such a step")
 
 
 def _read_static(deck: Deck, block: DeckBlock) -> None:
@@ -185,7 +184,6 @@ def _read_amplitude(deck: Deck, block: DeckBlock) -> None:
     deck.amplitudes[block.parameters["NAME"].upper()] = block
 
 
-_OUTPUT = [rule.key for rule in keywords.RULES if rule.effect == keywords.NOT_WRITTEN]
 _SETS = ("NODE", "ELEMENT", "NSET", "ELSET", "SURFACE")
 # Keywords that may be anywhere in the file.
 _DEFINITIONS: dict[str, Reader] = {
@@ -194,8 +192,8 @@ _DEFINITIONS: dict[str, Reader] = {
 }
 _READERS: dict[str, Reader] = {
     **dict.fromkeys((*_SETS, *_DEFINITIONS, "ENDSTEP", "SYSTEM"), _read_nothing),
-    **{keyword.replace(" ", ""): _read_nothing for keyword in OUTPUT},
-    **dict.fromkeys(_OUTPUT, _read_output),
+    **dict.fromkeys(keywords.OUTPUT, _read_nothing),
+    **dict.fromkeys(keywords.PRINTED, _read_output),
     "HEADING": _read_heading,
     "ELEMENT": _read_element,
     **dict.fromkeys(("SOLIDSECTION", "SHELLSECTION", "MEMBRANESECTION"), material.read_section),

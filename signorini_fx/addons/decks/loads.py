@@ -10,7 +10,6 @@ import numpy as np
 from signorini_fx.addons.decks import bolts
 from signorini_fx.addons.decks.content import Deck, DeckLoad, plain_name
 from signorini_fx.addons.decks.groups import Group
-from signorini_fx.addons.decks.keywords import OTHER_AMPLITUDE, TOTAL_TIME
 from signorini_fx.addons.decks.text import ROTATIONS, DeckBlock, DeckError, components, parameter, real
 from signorini_fx.mechanics.mesh.files.arrays import plain
 from signorini_fx.mechanics.mesh.files.cells import completed
@@ -231,10 +230,12 @@ def share_now(deck: Deck, block: DeckBlock) -> float:
         or not amplitude.rows
         or amplitude.parameters.get("DEFINITION", "TABULAR").upper() != "TABULAR"
     ):
-        deck.lose(block, f"the amplitude {name!r}: {OTHER_AMPLITUDE}")
+        deck.lose(block, f"the amplitude {name!r}: only tabular amplitudes are read: the whole load is taken")
         return 1.0
     if "TIME" in amplitude.parameters and sum(other.keyword == "STEP" for other in deck.model.blocks) > 1:
-        deck.lose(block, f"the amplitude {name!r}: {TOTAL_TIME}")
+        deck.lose(
+            block, f"the amplitude {name!r}: TIME=TOTAL TIME is read in decks of one step: the whole load is taken"
+        )
         return 1.0
     given_times, values = _course_of(amplitude)
     times = given_times + (parameter(block, "TIMEDELAY") if "TIMEDELAY" in block.parameters else 0.0)

@@ -9,20 +9,12 @@ from typing import Any
 import numpy as np
 
 from signorini_fx.addons.decks.content import Deck, DeckSection
-from signorini_fx.addons.decks.keywords import (
-    BESIDE_RUBBER,
-    FIRST_LINE,
-    IN_ANOTHER_SECTION,
-    NO_BODY_PART,
-    NOT_YET_NONLINEAR,
-    OTHER_ELASTICITY,
-    OTHER_HARDENING,
-    OTHER_RUBBER,
-    SMALL,
-    YIELDING_RUBBER,
-)
+from signorini_fx.addons.decks.keywords import NO_BODY_PART
 from signorini_fx.addons.decks.text import DeckBlock, DeckError, parameter, quoted, real
 
+_NOT_YET_NONLINEAR = "a nonlinear material is not possible yet"
+_FIRST_LINE = "constants that depend on temperature: the first line is taken"
+_OTHER_RUBBER = "only NEO HOOKE, MOONEY-RIVLIN and OGDEN with D1 above 0 are read"
 # By the parameters of *HYPERELASTIC that name an energy: its law; a polynomial is the default.
 _ENERGIES = {
     "NEOHOOKE": "neo-hooke",
@@ -78,7 +70,7 @@ def read_expansion(deck: Deck, block: DeckBlock) -> None:
         return
     properties["expansion"] = real(block.rows[0][0])
     if len(block.rows) > 1:
-        deck.lose(block, FIRST_LINE)
+        deck.lose(block, _FIRST_LINE)
 
 
 def read_elastic(deck: Deck, block: DeckBlock) -> None:
@@ -89,10 +81,10 @@ def read_elastic(deck: Deck, block: DeckBlock) -> None:
     """
     properties = _properties(deck)
     if block.parameters.get("TYPE", "ISOTROPIC").upper() not in ("ISOTROPIC", "ISO"):
-        raise DeckError(block, OTHER_ELASTICITY)
+        raise DeckError(block, "only isotropic elasticity is read: state others in a scene, with material.orthotropic")
     properties["young"], properties["poisson"] = (real(word) for word in (*block.rows[0], "0")[:2])
     if len(block.rows) > 1:
-        deck.lose(block, FIRST_LINE)
+        deck.lose(block, _FIRST_LINE)
 
 
 def read_rubber(deck: Deck, block: DeckBlock) -> None:
@@ -106,16 +98,16 @@ def read_rubber(deck: Deck, block: DeckBlock) -> None:
     terms = round(parameter(block, "N")) if "N" in parameters else 1
     law = _ENERGIES[named[0]]
     if parameters.keys() & _OTHER_ENERGIES or (named[0] in _FIRST_TERM and terms != 1):
-        raise DeckError(block, OTHER_RUBBER)
+        raise DeckError(block, _OTHER_RUBBER)
     count = {"neo-hooke": 2, "mooney-rivlin": 3, "ogden": 3 * terms}[law]
     words = [real(word) for row in block.rows for word in row]
     if len(words) < count:
         raise ValueError(f"{count} constants are expected")
     volumes = words[count - (terms if law == "ogden" else 1) : count]
     if not volumes[0] > 0 or any(volumes[1:]):
-        raise DeckError(block, OTHER_RUBBER)
+        raise DeckError(block, _OTHER_RUBBER)
     if len(block.rows) > -(-count // 8):
-        deck.lose(block, FIRST_LINE)
+        deck.lose(block, _FIRST_LINE)
     lines: dict[str, Any] = {"law": "ogden" if law == "ogden" else "mooney-rivlin"}
     if law == "ogden":
         mu, alpha = words[: 2 * terms : 2], words[1 : 2 * terms : 2]
@@ -133,11 +125,11 @@ def read_hardening(deck: Deck, block: DeckBlock) -> None:
     """*PLASTIC: rows of yield stresses and plastic strains, which begin at 0, of one temperature."""
     properties = _properties(deck)
     if block.parameters.get("HARDENING", "ISOTROPIC").upper() != "ISOTROPIC":
-        deck.lose(block, OTHER_HARDENING)
+        deck.lose(block, "hardening that is not isotropic is not read: elastic here")
         return
     rows = [[*map(real, row), 0.0, 0.0][:3] for row in block.rows]
     if any(row[2] != rows[0][2] for row in rows):
-        deck.lose(block, FIRST_LINE)
+        deck.lose(block, _FIRST_LINE)
     curve = [(strain, stress) for stress, strain, temperature in rows if temperature == rows[0][2]]
     if curve[0][0] != 0.0:
         raise ValueError("the first plastic strain must be 0")
@@ -167,7 +159,7 @@ def material_tables(deck: Deck, obstacle: str, *, heated: bool) -> list[tuple[st
     for section in deck.sections:
         cells = deck.mesh.regions[section.region]
         if covered[cells].any():
-            raise DeckError(section.block, IN_ANOTHER_SECTION)
+            raise DeckError(section.block, "some of its elements are in another section, too: give each of them one")
         covered[cells] = True
     if not covered.all():
         middle = deck.mesh.points[deck.mesh.corners[int(np.argmin(covered))]].mean(axis=0)
@@ -230,25 +222,26 @@ def _nonlinear_law(deck: Deck, section: DeckSection, obstacle: str) -> list[str]
     curve, yielding = properties.get("plastic", (None, None))
     if "rubber" in properties:
         if yielding is not None:
-            deck.lose(yielding, YIELDING_RUBBER)
+            deck.lose(yielding, "a material with *HYPERELASTIC does not yield here")
         lines, block = properties["rubber"]
         if lines["law"] == "ogden" and deck.mesh.dim == 3:
             obstacle = "in 3D with OGDEN: take MOONEY-RIVLIN"
         if obstacle:
-            raise DeckError(block, f"{NOT_YET_NONLINEAR} {obstacle}")
+            raise DeckError(block, f"{_NOT_YET_NONLINEAR} {obstacle}")
         return _written(lines)
     beside_rubber = has_rubber(deck)
     why = obstacle or ("beside rubber" if beside_rubber else "")
     if yielding is not None and why:
-        deck.lose(yielding, f"{NOT_YET_NONLINEAR} {why}: elastic here")
+        deck.lose(yielding, f"{_NOT_YET_NONLINEAR} {why}: elastic here")
     if "young" not in properties:
         return None
     constants = {"young": properties["young"], "poisson": properties["poisson"]}
     if beside_rubber:
-        deck.note(section.block, BESIDE_RUBBER)
+        deck.note(section.block, "beside rubber: law = 'saint-venant-kirchhoff', linear in the strain of Green")
     elif obstacle or (yielding is None and deck.nonlinear is None):
         if deck.nonlinear is not None:
-            deck.lose(deck.nonlinear, f"{SMALL}: finite strains are not possible yet {obstacle}")
+            why = f"finite strains are not possible yet {obstacle}"
+            deck.lose(deck.nonlinear, f"NLGEOM: displacements and rotations are taken as small: {why}")
         return None
     if yielding is None or beside_rubber:
         return _written({"law": "saint-venant-kirchhoff"} | constants)

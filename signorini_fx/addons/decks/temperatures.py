@@ -9,11 +9,13 @@ from __future__ import annotations
 import numpy as np
 
 from signorini_fx.addons.decks.content import Deck
-from signorini_fx.addons.decks.keywords import NODES_DIFFER, UNKNOWN, WITHOUT_EFFECT
+from signorini_fx.addons.decks.keywords import UNKNOWN, WITHOUT_EFFECT
 from signorini_fx.addons.decks.loads import share_now
 from signorini_fx.addons.decks.text import DeckBlock, number_of, quoted, real
 from signorini_fx.mechanics.mesh.files.shape import Floats
 from signorini_fx.tuned import ZERO_IN_SOLUTION
+
+_NODES_DIFFER = "temperatures that differ within a body are not read"
 
 
 def read_temperatures(deck: Deck, block: DeckBlock) -> None:
@@ -26,7 +28,7 @@ def read_temperatures(deck: Deck, block: DeckBlock) -> None:
             deck.lose(block, UNKNOWN)
         return
     if parameters.keys() & {"FILE", "BSTEP", "USER", "LINTEMP"}:
-        deck.lose(block, NODES_DIFFER)
+        deck.lose(block, _NODES_DIFFER)
         return
     anew = parameters.get("OP", "MOD").upper() == "NEW" and deck.step not in deck.temperatures
     temperatures = _at(deck, -1 if anew else deck.step).copy()
@@ -55,7 +57,7 @@ def temperature_tables(deck: Deck, steps: int) -> list[tuple[str, list[str]]]:
     for name, nodes in deck.bodies.items():
         changes = [(_at(deck, step) - _at(deck, -1))[nodes] for step in range(steps)]
         if any(np.ptp(change) > ZERO_IN_SOLUTION * np.abs(change).max(initial=0.0) for change in changes):
-            deck.lose(deck.heating[-1], NODES_DIFFER)
+            deck.lose(deck.heating[-1], _NODES_DIFFER)
         elif any(change[0] for change in changes):
             courses[name] = tuple(float(change[0]) for change in changes)
     if len(courses) == len(deck.bodies) and len({*courses.values()}) == 1:
