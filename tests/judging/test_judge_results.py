@@ -125,10 +125,10 @@ def test_what_a_result_lacks(tmp_path):
 @pytest.mark.parametrize(
     ("spoil", "says"),
     [
-        (lambda row: row.replace("17", "1x", 1), "the number of a node is expected, not '1x'"),
-        (lambda row: "garbage", "the number of a node is expected, not 'garbage'"),
-        (lambda row: row[:26], "three components are expected, not 2"),
-        (lambda row: row[:14] + "x" + row[15:], "a number is expected"),
+        (lambda row: row.replace("17", "1x", 1), "a node and three components are expected"),
+        (lambda row: "garbage", "a node and three components are expected"),
+        (lambda row: row[:26], "a node and three components are expected"),
+        (lambda row: row[:14] + "x" + row[15:], "numbers are expected"),
     ],
 )
 def test_rows_that_are_none(tmp_path, spoil, says):

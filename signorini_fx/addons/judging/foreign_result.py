@@ -7,6 +7,7 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -21,7 +22,7 @@ from signorini_fx.tuned import DIGITS_OF_FILES, JUDGED_SAME_PLACE
 # Fortran writes D for E, and leaves out the letter before an exponent of three digits.
 _WITHOUT_LETTER = re.compile(r"(?<=[\d.])(?:[dD]([-+]?)|([-+]))(?=\d+\s*$)")
 _HEADING = re.compile(r"^ (\S.*?) for set \S+ and time\s+(\S+)\s*$")
-_LARGEST = 2.0**53  # from there on not all whole numbers are floating point ones
+_DIGITS_OF_SINGLE = 7
 
 
 @dataclass(frozen=True)
@@ -32,7 +33,7 @@ class ForeignResult:
         name: of its file, or what it is.
         program: that made it; "": not known.
         displacement: length, NaN where there is none, shape (n, d).
-        half_units: half a unit of the last digit of each component, length, shape (n, d).
+        half_unit: half a unit of the last digit of the largest component, length.
         time: of the increment; None: not known.
         digits: with which it was printed; None: with all.
     """
@@ -40,7 +41,7 @@ class ForeignResult:
     name: str
     program: str
     displacement: Floats
-    half_units: Floats
+    half_unit: float = 0.0
     time: float | None = None
     digits: int | None = None
 
@@ -58,18 +59,13 @@ def read_result(result: object, problem: JudgedProblem) -> ForeignResult:
     """
     if isinstance(result, str | Path):
         return _read(Path(result), problem)
-    expected = problem.points.shape
-    try:
-        numbers = np.asarray(result)
-        if np.iscomplexobj(numbers):
-            raise ValueError
-        values = np.where(np.ma.getmaskarray(result), np.nan, numbers.astype(np.float64))  # type: ignore[no-untyped-call]
-    except (TypeError, ValueError):
-        raise MeshError(f"the result: an array of real numbers of shape {expected} is expected") from None
-    if values.ndim != 2 or len(values) != expected[0] or values.shape[1] not in (expected[1], 3):
-        raise MeshError(f"the result: an array of shape {expected} is expected, not {values.shape}")
-    values = _finite(values[:, : expected[1]])
-    return ForeignResult("the result", "", values, np.zeros_like(values))
+    nodes, dim = problem.points.shape
+    values: Any = np.ma.asarray(result)
+    if values.dtype.kind not in "iuf" or values.shape not in ((nodes, dim), (nodes, 3)):
+        raise MeshError(f"the result: real numbers of shape {(nodes, dim)} are expected, not of {values.shape}")
+    missing = np.ma.getmaskarray(values)[:, :dim]
+    known = _finite(np.ma.getdata(values)[:, :dim].astype(np.float64))
+    return ForeignResult("the result", "", np.where(missing, np.nan, known))
 
 
 def _read(file: Path, problem: JudgedProblem) -> ForeignResult:
@@ -79,23 +75,18 @@ def _read(file: Path, problem: JudgedProblem) -> ForeignResult:
         raise MeshError(f"{file}: results are read from {', '.join(_READERS)}")
     printed = _READERS[kind](file)
     rows, held = _rows_at(file, printed, problem) if printed.numbers is None else _rows_of(file, printed, problem)
-    displacement, half = np.full(problem.points.shape, np.nan), np.zeros(problem.points.shape)
+    displacement = np.full(problem.points.shape, np.nan)
     displacement[held] = _finite(printed.displacement[rows[held], : problem.arrays.dim])
-    half[held] = printed.half_units[rows[held], : problem.arrays.dim]
-    digits = _significant_digits(np.nan_to_num(displacement), half)
-    return ForeignResult(file.name, printed.program, displacement, half, printed.time, digits)
+    largest = float(np.abs(np.nan_to_num(displacement)).max())
+    half = 0.0
+    if printed.digits is not None and largest > 0:
+        half = 0.5 * 10.0 ** (np.floor(np.log10(largest)) - printed.digits + 1)
+    return ForeignResult(file.name, printed.program, displacement, half, printed.time, printed.digits)
 
 
 def _finite(values: Floats) -> Floats:
     """Values of which those that are no numbers are infinite: NaN is where there are none."""
     return np.where(np.isnan(values), np.inf, values)
-
-
-def _significant_digits(values: Floats, half_units: Floats) -> int | None:
-    """How many digits the largest of some numbers was printed with; None: with all."""
-    largest = int(np.argmax(np.abs(values)))
-    value, half = float(np.abs(values).ravel()[largest]), float(half_units.ravel()[largest])
-    return round(np.floor(np.log10(value)) - np.log10(2 * half)) + 1 if half > 0 else None
 
 
 # --- nodes ------------------------------------------------------------------------------------------------------------
@@ -107,7 +98,7 @@ class Printed:
 
     Attributes:
         displacement: length, shape (n, 2 or 3).
-        half_units: half a unit of the last digit of each, shape (n, 2 or 3).
+        digits: with which they were printed; None: with all.
         numbers: of the nodes, shape (n,); None: not known.
         points: positions, length, shape (n, 2 or 3); None: not known.
         cells: points of the cells of each kind, shape (m, k); none where only points are known.
@@ -116,7 +107,7 @@ class Printed:
     """
 
     displacement: Floats
-    half_units: Floats
+    digits: int | None = None
     numbers: Ints | None = None
     points: Floats | None = None
     cells: tuple[Ints, ...] = ()
@@ -128,21 +119,17 @@ def _rows_of(file: Path, table: Printed, problem: JudgedProblem) -> tuple[Ints, 
     """The row of the table with the number of each node, and which nodes have one."""
     assert table.numbers is not None
     order = np.argsort(table.numbers, kind="stable")
-    again = order[1:][np.diff(table.numbers[order]) == 0]
-    first = order[np.searchsorted(table.numbers[order], table.numbers[again])]
-    other = (table.displacement[again] != table.displacement[first]).any(axis=1)
-    if other.any():
-        node = table.numbers[again[np.argmax(other)]]
-        raise MeshError(f"{file}: node {node} is there several times, with different displacements")
+    again = np.flatnonzero(np.diff(table.numbers[order]) == 0)
+    if (table.displacement[order[again]] != table.displacement[order[again + 1]]).any():
+        raise MeshError(f"{file}: a node is there several times, with different displacements")
     rows = order[np.minimum(np.searchsorted(table.numbers[order], problem.names), len(order) - 1)]
     held = table.numbers[rows] == problem.names
     if table.points is not None:
         dim = min(problem.arrays.dim, table.points.shape[1])
         away = np.linalg.norm(table.points[rows, :dim] - problem.points[:, :dim], axis=1)
-        for row in np.flatnonzero(held & (away > JUDGED_SAME_PLACE * problem.size))[:1]:
-            places = f"at {tuple(plain(table.points[rows[row], :dim]))}, in the problem at"
-            where = f"node {problem.names[row]} is {places} {tuple(plain(problem.points[row]))}"
-            raise MeshError(f"{file}: {where}: it is the result of another mesh")
+        if (wrong := held & (away > JUDGED_SAME_PLACE * problem.size)).any():
+            node = problem.names[np.argmax(wrong)]
+            raise MeshError(f"{file}: node {node} is at another place in the problem: it is the result of another mesh")
     return rows, held
 
 
@@ -188,45 +175,31 @@ def _in_cells(x: Floats, tables: Sequence[Ints]) -> tuple[Ints, Floats]:
     return numbers, np.hstack((x[numbers], np.concatenate([middle.reshape(-1, x.shape[1]) for middle in middles])))
 
 
-# --- numbers as they are printed --------------------------------------------------------------------------------------
+# --- text -------------------------------------------------------------------------------------------------------------
+
+# By the number of a node its components, and with how many digits they are printed.
+_Rows = dict[int, tuple[list[float], int]]
 
 
-def _number(file: Path, line: int, word: str) -> float:
+def _numbers(file: Path, line: int, words: Sequence[str]) -> tuple[list[float], int]:
+    """The numbers of a line, and how many digits the longest has."""
     try:
-        return float(_WITHOUT_LETTER.sub(r"E\1\2", word))
+        values = [float(_WITHOUT_LETTER.sub(r"E\1\2", word)) for word in words]
     except ValueError:
-        raise MeshError(f"{file}: line {line}: a number is expected, not {word.strip()!r}") from None
+        raise MeshError(f"{file}: line {line}: numbers are expected, not {' '.join(words)!r}") from None
+    mantissas = (re.split(r"[-+eEdD]", word.strip().lstrip("-+"))[0] for word in words)
+    return values, max(len(mantissa.replace(".", "").lstrip("0")) for mantissa in mantissas)
 
 
-def _half_units(words: Sequence[str], values: Floats) -> Floats:
-    """Half a unit of the last digit of each number of a column, of which some may end in zeros that are not printed.
-
-    Without exponents all have as many decimals as the longest one; with exponents as many digits.  Zero is exact.
-    """
-    parts = [re.split(r"[-+eEdD]", word.strip().lstrip("-+"))[0].partition(".") for word in words]
-    known = np.isfinite(values) & (values != 0)
-    if not any(letter in word for word in words for letter in "eEdD"):
-        return np.where(known, 0.5 * 10.0 ** -max(len(decimals) for *_, decimals in parts), 0.0)
-    digits = max(len((whole + decimals).lstrip("0")) for whole, _, decimals in parts)
-    powers = np.floor(np.log10(np.where(known, np.abs(values), 1.0)))
-    return np.where(known, 0.5 * 10.0 ** (powers - digits + 1), 0.0)
-
-
-def _columns(file: Path, rows: Sequence[tuple[int, Sequence[str]]]) -> tuple[Floats, Floats]:
-    """The values of rows of words, each with its line, and half a unit of the last digit of each."""
-    values = np.array([[_number(file, line, word) for word in words] for line, words in rows])
-    columns = zip(zip(*(words for _, words in rows), strict=True), values.T, strict=True)
-    return values, np.stack([_half_units(words, column) for words, column in columns], axis=1)
-
-
-# --- CalculiX, the last increment -------------------------------------------------------------------------------------
-
-# By the number of a node the line and the words of its row.
-_Rows = dict[int, tuple[int, list[str]]]
+def _add_node(file: Path, line: int, rows: _Rows, node: str, words: Sequence[str]) -> None:
+    """Add the line of a node."""
+    if not node.strip().isdecimal() or len(words) < 3:
+        raise MeshError(f"{file}: line {line}: a node and three components are expected")
+    rows[int(node)] = _numbers(file, line, words[:3])
 
 
 def read_dat(file: Path) -> Printed:
-    """The displacements of the last increment of a .dat file.
+    """The displacements of the last increment of a .dat file of CalculiX.
 
     Raises:
         MeshError: it cannot be read, a row is none, or no table has displacements.
@@ -238,21 +211,20 @@ def read_dat(file: Path) -> Printed:
         words = line.split()
         if match := _HEADING.match(line):
             within, apart = match[1].lower().startswith("displacements"), True
-            if within and (time := _number(file, number, match[2])) != last:
+            if within and (time := _numbers(file, number, [match[2]])[0][0]) != last:
                 last, rows = time, {}
         elif not words:
             apart = True
         elif apart and not words[0].isdecimal():
             within = False
         elif within:
-            node = _node(file, number, words[0])
-            rows[node] = _row(file, number, words[1:4])
+            _add_node(file, number, rows, words[0], words[1:])
             apart = False
     return _of_nodes(file, rows, {}, last, "CalculiX")
 
 
 def read_frd(file: Path) -> Printed:
-    """The displacements of the last increment of a .frd file.
+    """The displacements of the last increment of a .frd file of CalculiX.
 
     Raises:
         MeshError: it cannot be read, a row is none, or no field has displacements.
@@ -267,15 +239,15 @@ def read_frd(file: Path) -> Printed:
             program = line[9:].strip() or program
         elif line.startswith("    2"):
             rows = positions
-        elif line.startswith("  100C") and (time := _number(file, number, line[12:24])) != last:
+        elif line.startswith("  100C") and (time := _numbers(file, number, [line[12:24]])[0][0]) != last:
             last, displacements = time, {}
         elif line.startswith(" -4"):
             rows = displacements if line[5:13].strip() == "DISP" else None
         elif line.startswith(" -3"):
             rows = None
         elif line.startswith(" -1") and rows is not None:
-            node = _node(file, number, line[3:13])
-            rows[node] = _row(file, number, [line[k : k + 12] for k in range(13, len(line.rstrip("\n")), 12)][:3])
+            words = [line[k : k + 12] for k in range(13, len(line.rstrip("\n")), 12)]
+            _add_node(file, number, rows, line[3:13], words)
     return _of_nodes(file, displacements, positions, last, program)
 
 
@@ -291,31 +263,14 @@ def _lines(file: Path) -> Iterator[tuple[int, str]]:
         raise MeshError(f"{file}: cannot be read: {error.strerror}") from None
 
 
-def _node(file: Path, line: int, word: str) -> int:
-    if not word.strip().isdecimal():
-        raise MeshError(f"{file}: line {line}: the number of a node is expected, not {word.strip()!r}")
-    return int(word)
-
-
-def _row(file: Path, line: int, words: list[str]) -> tuple[int, list[str]]:
-    if len(words) < 3:
-        raise MeshError(f"{file}: line {line}: three components are expected, not {len(words)}")
-    return line, words
-
-
 def _of_nodes(file: Path, rows: _Rows, positions: _Rows, time: float | None, program: str) -> Printed:
     if not rows:
         cure = "print them: *NODE PRINT, NSET=ALL with U, or *NODE FILE with U"
         raise MeshError(f"{file}: has no displacements: {cure}")
-    values, half = _columns(file, list(rows.values()))
-    points = None
-    if positions:
-        absent = 0, ["nan"] * 3
-        points = _columns(file, [positions.get(node, absent) for node in rows])[0]
-    return Printed(values, half, np.array(list(rows)), points, time=time, program=program)
-
-
-# --- points -----------------------------------------------------------------------------------------------------------
+    values, digits = zip(*rows.values(), strict=True)
+    absent: tuple[list[float], int] = [np.nan] * 3, 0
+    points = np.array([positions.get(node, absent)[0] for node in rows]) if positions else None
+    return Printed(np.array(values), max(digits), np.array(list(rows)), points, time=time, program=program)
 
 
 def read_csv(file: Path) -> Printed:
@@ -324,39 +279,32 @@ def read_csv(file: Path) -> Printed:
     Raises:
         MeshError: it cannot be read, has no columns of displacements, or a word is no number.
     """
-    try:
-        with file.open(encoding="utf-8-sig", newline="") as stream:
-            numbered = enumerate(stream, start=1)
-            kept = [(number, line) for number, line in numbered if line.strip() and not line.startswith("#")]
-            lines = list(zip((number for number, _ in kept), csv.reader(line for _, line in kept), strict=True))
-    except OSError as error:
-        raise MeshError(f"{file}: cannot be read: {error.strerror}") from None
-    except (UnicodeDecodeError, csv.Error, ValueError):
-        raise MeshError(f"{file}: is no table of text") from None
-    heading = [word.strip().lower() for word in lines[0][1]] if lines else []
+    numbered = [(number, line) for number, line in _lines(file) if line.strip() and not line.startswith("#")]
+    rows = list(csv.reader(line for _, line in numbered))
+    heading = [word.strip().lower().lstrip("\ufeff") for word in rows[0]] if rows else []
     at = {word: column for column, word in enumerate(heading)}
-    if double := [word for word in at if word and heading.count(word) > 1]:
-        raise MeshError(f"{file}: has several columns {double[0]!r}")
-    if not {"ux", "uy"} <= at.keys() or len(lines) < 2:
+    if len(rows) != len(numbered) or len(rows) < 2 or len(at) < len(heading) or not {"ux", "uy"} <= at.keys():
         raise MeshError(
-            f"{file}: columns ux, uy (and uz) are expected, with x, y (and z) or node; there are: {heading}"
+            f"{file}: columns ux, uy (and uz) are expected, with x, y (and z) or node, each once; there are: {heading}"
         )
 
-    def columns(*names: str) -> tuple[Floats, Floats]:
+    def columns(*names: str) -> tuple[Floats, int]:
         present = [at[name] for name in names if name in at]
-        return _columns(file, [(line, [(*row, *[""] * len(at))[k] for k in present]) for line, row in lines[1:]])
+        table = [
+            _numbers(file, line, [(*row, *[""] * len(at))[k] for k in present])
+            for (line, _), row in zip(numbered[1:], rows[1:], strict=True)
+        ]
+        return np.array([values for values, _ in table]), max(digits for _, digits in table)
 
-    values, half = columns("ux", "uy", "uz")
+    values, digits = columns("ux", "uy", "uz")
     points = columns("x", "y", "z")[0] if at.keys() & {"x", "y", "z"} else None
     numbers: Ints | None = None
     if "node" in at:
         given = columns("node")[0][:, 0]
-        wrong = ~(np.abs(given) < _LARGEST) | (given != np.rint(given))
-        if wrong.any():
-            row = int(np.argmax(wrong))
-            raise MeshError(f"{file}: line {lines[1 + row][0]}: {given[row]:g} is not the number of a node")
         numbers = given.astype(np.int64)
-    return Printed(values, half, numbers, points)
+        if (numbers != given).any():
+            raise MeshError(f"{file}: the column node has numbers that are not those of nodes")
+    return Printed(values, digits, numbers, points)
 
 
 def read_vtu(file: Path) -> Printed:
@@ -378,12 +326,10 @@ def read_vtu(file: Path) -> Printed:
     if chosen is None:
         raise MeshError(f"{file}: a field of vectors called displacement is expected; there are: {sorted(vectors)}")
     values = np.asarray(vectors[chosen], dtype=np.float64)
-    half = np.zeros_like(values)
-    if vectors[chosen].dtype == np.float32:
-        half = np.abs(values) * np.finfo(np.float32).eps / 2
+    digits = _DIGITS_OF_SINGLE if vectors[chosen].dtype == np.float32 else None
     points = np.asarray(mesh.points, dtype=np.float64)
     cells = tuple(block.data.astype(np.int64) for block in mesh.cells if block.dim > 0)
-    return Printed(values, half, None, points, cells)
+    return Printed(values, digits, None, points, cells)
 
 
 _READERS = {".dat": read_dat, ".frd": read_frd, ".csv": read_csv, ".vtu": read_vtu}

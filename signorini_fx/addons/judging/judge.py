@@ -153,7 +153,7 @@ class _Judging:
         size, error, distance = self.error
         if not size > 0:
             raise NotJudgedError("in our own solution nothing is strained")
-        printed = ours.round_off(self.theirs.half_units)
+        printed = ours.round_off(self.theirs.half_unit)
         allowed = error + printed
         self._figure("distance", distance / size, allowed / size)
         self._head(size, error, distance, printed)

@@ -123,10 +123,9 @@ class SolutionOnMesh:
         """The energy norm of a displacement."""
         return float(np.sqrt(max(self.product(u, u), 0.0)))
 
-    def round_off(self, half_units: Floats) -> float:
+    def round_off(self, half_unit: float) -> float:
         """The energy norm that the last printed digits of a displacement have, each of them at random."""
-        square = half_units.ravel() ** 2 / 3
-        return float(np.sqrt(self.stiffness.diagonal()[: square.size] @ square))
+        return half_unit * float(np.sqrt(self.stiffness.diagonal()[: self.problem.points.size].sum() / 3))
 
     def completed(self, v: Floats) -> Floats:
         """A displacement of some nodes, the others NaN, with the least distance to ours that others permit."""
