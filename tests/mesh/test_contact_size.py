@@ -171,10 +171,10 @@ def test_a_size_that_is_no_length_is_refused(size, table):
 
 def test_what_cannot_be_had_is_refused_with_its_place(drawings, tmp_path):
     plain = f'[mesh]\ngenerator = "rectangle"\n{CONTACT}contact_size = 0.01\n{REST}'
-    assert "contact[0].contact_size: the cells of the generator 'rectangle' are not made by gmsh" in refused(plain)
+    assert "contact[0].contact_size: the cells of the generator 'rectangle' are in rows" in refused(plain)
     rows = f'[mesh]\ngenerator = "block"\ncontact_size = 0.01\n{CONTACT}{REST}'
     message = refused(rows)
-    assert "mesh.contact_size: gmsh has made facets of 0.025 of 'bottom'" in message
+    assert "mesh.contact_size: the cells of the generator 'block' are in rows" in message
     assert ".geo" in message
     file = drawings / "plane.step"
     text = f'[mesh]\nfile = "{file}"\nsize = 2.0\ncontact_size = 3.0\n{CONTACT}{REST}'

@@ -235,21 +235,21 @@ def generate_mesh(name: str, parameters: Mapping[str, Any], comm: MPI.Comm, size
     from signorini_fx.mechanics.mesh.files.size_field import SizeField
 
     generate = _generator(name, parameters)
-    local_sizes = _LocalSizes(sizes)
-    reset = _LOCAL_SIZES.set(local_sizes)
+    in_rows = not getattr(generate, "sized", False)
+    reset = _LOCAL_SIZES.set(() if in_rows else sizes)
     try:
         tagged = generate(comm, **parameters)
     finally:
         _LOCAL_SIZES.reset(reset)
-    asked = [] if isinstance(sizes, SizeField) else [size.path for size in sizes]
-    if not local_sizes.taken and (asked or isinstance(sizes, SizeField)):
-        message = (
-            f"the cells of the generator {name!r} are not made by gmsh: make all of them smaller by its parameters, "
-            "or draw the body in a .geo"
-        )
-        raise SceneError([(asked[0] if asked else "accuracy.refinement", message)])
     if not isinstance(tagged, TaggedMesh):
         raise SceneError([("mesh.generator", f"{name!r} has made {kind_of(tagged)}, a TaggedMesh is expected")])
+    if isinstance(sizes, SizeField):
+        asked = ["accuracy.refinement"]
+    else:
+        asked = [size.path for size in sizes if size.boundary in tagged.boundaries]
+    if in_rows and asked:
+        cure = "make all of them smaller by its parameters, or draw the body in a .geo"
+        raise SceneError([(asked[0], f"the cells of the generator {name!r} are in rows: {cure}")])
     return replace(tagged, origin={"generator": name, "parameters": dict(parameters)})
 
 
@@ -482,21 +482,8 @@ def _adapter(generate: Callable[..., Any], key: str) -> TypeAdapter[Any]:
     return TypeAdapter(_types(generate).get(key, Any))
 
 
-@dataclass
-class _LocalSizes:
-    """Lengths of cells that the generator that runs does not know of.
-
-    Attributes:
-        sizes: see ``generate_mesh``.
-        taken: whether it lets gmsh make its mesh, which has them.
-    """
-
-    sizes: Sizes
-    taken: bool = False
-
-
-# A generator takes the parameters of a scene, and its mesh is made in ``gmsh_mesh``.
-_LOCAL_SIZES: ContextVar[_LocalSizes | None] = ContextVar("_LOCAL_SIZES", default=None)
+# Lengths of cells that the generator that runs does not know of: its mesh is made in ``gmsh_mesh``.
+_LOCAL_SIZES: ContextVar[Sizes] = ContextVar("_LOCAL_SIZES", default=())
 
 
 def gmsh_mesh(comm: MPI.Comm, draw: Callable[[Any], None], name: str, unit: float = 1.0) -> TaggedMesh:
@@ -515,9 +502,7 @@ def gmsh_mesh(comm: MPI.Comm, draw: Callable[[Any], None], name: str, unit: floa
     """
     from signorini_fx.mechanics.mesh.files.gmsh_reader import gmsh_session
 
-    wanted = _LOCAL_SIZES.get()
-    if wanted is not None:
-        wanted.taken = True
+    sizes = _LOCAL_SIZES.get()
 
     def make() -> MeshArrays:
         with gmsh_session() as gmsh:
@@ -526,7 +511,7 @@ def gmsh_mesh(comm: MPI.Comm, draw: Callable[[Any], None], name: str, unit: floa
                 top = max((dim for dim, _ in gmsh.model.getPhysicalGroups()), default=0)
                 if top < 2:
                     raise MeshError(f"{name}: the mesh has no physical group of dimension 2 or 3 (the body)")
-                arrays = _drawn(gmsh, top, () if wanted is None else wanted.sizes, name, unit)
+                arrays = _drawn(gmsh, top, sizes, name, unit)
             except SignoriniError:
                 raise
             except Exception as error:  # gmsh has no exceptions of its own
