@@ -292,7 +292,7 @@ BALL = [[1, 0, 0], [0, 1, 0], [-1, 0, 0], [0, -1, 0], [0, 0, 1]]
         ),
         (CUBE, [("hexahedron", [[0, 1, 3, 2, 4, 5, 7, 6]])], r"1 cells are folded, the first at \(0.5, 0.5, 0.5\)"),
         ([*TETRA[:3], [1, 1, 0]], [("tetra", [[0, 1, 2, 3]])], "without an angle"),
-        (TETRA, [("tetra", [[0, 1, 2, 3], [1, 0, 2, 3]])], "1 cells occur twice"),
+        (TETRA, [("tetra", [[0, 1, 2, 3], [1, 0, 2, 3]])], "every facet belongs to two cells"),
         (
             BALL,
             [("triangle", [[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]])],

@@ -321,7 +321,7 @@ SQUARE = [[0, 0], [1, 0], [1, 1], [0, 1], [2, 0], [2, 1]]
         ([[0, 0, 0], [1, 0, 0], [0, 0, 1]], [("triangle", [[0, 1, 2]])], "not in a plane"),
         (SQUARE, [("quad", [[0, 1, 3, 2]])], "1 cells are folded, the first at \\(0.5, 0.5\\)"),
         (SQUARE, [("triangle", [[0, 1, 4]])], "without an angle"),
-        (SQUARE, [("quad", [[0, 1, 2, 3]] * 3)], "2 cells occur twice"),
+        (SQUARE, [("quad", [[0, 1, 2, 3]] * 3)], "a facet belongs to 3 cells"),
         ([*SQUARE, [0.4, 0.7]], [("triangle", [[0, 1, k] for k in (2, 3, 6)])], "a facet belongs to 3 cells"),
         ([[0, 0], [1, 0], [1, float("nan")]], [("triangle", [[0, 1, 2]])], "not finite"),
     ],

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import itertools
 import re
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from pathlib import Path
@@ -29,7 +29,7 @@ from signorini_fx.addons.decks.text import (
     read_keywords,
 )
 from signorini_fx.mechanics.mesh.files.arrays import plain
-from signorini_fx.mechanics.mesh.files.raw import RawMesh
+from signorini_fx.mechanics.mesh.files.raw import Numbering, RawMesh
 from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
 
 __all__ = ["files_of", "read_mesh"]  # what readers of meshes need
@@ -88,44 +88,6 @@ def _kind(element: str) -> tuple[str, int]:
 def faces_of(kind: str) -> tuple[tuple[int, ...], ...]:
     """Corners of the faces S1, S2 ... of a kind of cell; of a plane one its sides; of a line none."""
     return _FACES.get(kind.rstrip("0123456789"), ())
-
-
-class Numbering:
-    """Distinct numbers and the row of each.
-
-    Attributes:
-        numbers: in the order of the rows.
-    """
-
-    def __init__(self, numbers: Ints) -> None:
-        self.numbers = numbers
-        self._order = np.argsort(numbers, kind="stable")
-        self._sorted = numbers[self._order]
-
-    def rows(self, wanted: Ints) -> Ints:
-        """The row of each number, -1: it is none of these."""
-        if not self.numbers.size:
-            return np.full(len(wanted), -1)
-        places = np.minimum(np.searchsorted(self._sorted, wanted), len(self.numbers) - 1)
-        return np.where(self._sorted[places] == wanted, self._order[places], -1)
-
-    def check_once(self, word: str, defining: Callable[[int], DeckBlock]) -> None:
-        """Refuse a number that is defined twice.
-
-        Args:
-            word: what has the number.
-            defining: the keyword that defines the one of a row.
-
-        Raises:
-            DeckError: with the keyword that defines it again.
-        """
-        repeated = self._order[1:][self._sorted[1:] == self._sorted[:-1]]
-        if repeated.size:
-            row = int(repeated.min())
-            raise DeckError(defining(row), f"{word} {self.numbers[row]} is defined twice")
-
-    def __len__(self) -> int:
-        return len(self.numbers)
 
 
 @dataclass(frozen=True)
@@ -288,8 +250,11 @@ class _Reader:
         """
         rows = Numbering(np.concatenate([_NO_NUMBERS, *(numbers for _, numbers, _ in self.node_parts)]))
         ends = np.cumsum([len(numbers) for _, numbers, _ in self.node_parts])
-        rows.check_once("node", lambda row: self.node_parts[int(np.searchsorted(ends, row, side="right"))][0])
-        points = np.zeros((len(rows), max((2, *(x.shape[1] for _, _, x in self.node_parts)))))
+        if rows.again.size:
+            row = int(rows.again.min())
+            block = self.node_parts[int(np.searchsorted(ends, row, side="right"))][0]
+            raise DeckError(block, f"node {rows.numbers[row]} is defined twice")
+        points = np.zeros((len(rows.numbers), max((2, *(x.shape[1] for _, _, x in self.node_parts)))))
         for end, (_, _, x) in zip(ends, self.node_parts, strict=True):
             points[end - len(x) : end, : x.shape[1]] = x
         return rows, points
@@ -307,7 +272,7 @@ class _Reader:
         """Everything with the numbering of arrays."""
         elements, (node_rows, points) = self.elements, self.nodes
         groups = self._named_groups()
-        tables = {kind: self._table(kind) for kind in elements.kinds}
+        tables = [(kind, self._table(number)) for number, (kind, _) in enumerate(elements.parts)]
         sets = {name: self._rows(name, members) for name, members in self.element_sets.items()}
         facets: dict[int, list[Ints]] = {corners: [] for corners in _FACET_KINDS}
         ranges: dict[str, dict[int, Ints]] = {}
@@ -325,7 +290,7 @@ class _Reader:
             ]
         count = len(tables) + len(present)
         sets = {name: [*members, *([_NO_NUMBERS] * (count - len(members)))] for name, members in sets.items()}
-        all_blocks = [*tables.items(), *((_FACET_KINDS[c], np.concatenate(facets[c])) for c in present)]
+        all_blocks = [*tables, *((_FACET_KINDS[c], np.concatenate(facets[c])) for c in present)]
         named = bodies(all_blocks, sets, self._free("body_{}")) if any(b.keyword in _AT_NODES for b in blocks) else {}
         node_sets = {}
         for name, nodes in self.node_sets.items():
@@ -350,7 +315,7 @@ class _Reader:
         for block, words, nodal_values in self.nodal_values:
             parts: Iterable[list[Any]] = [list(nodal_values)]
             if block.keyword == "CLOAD" and len(nodal_values) > 1:
-                parts = pieces(np.array(list(nodal_values)), self.elements.nodes.values())
+                parts = pieces(np.array(list(nodal_values)), [nodes for _, nodes in self.elements.parts])
             for part in parts:
                 key = frozenset(part)
                 if (name := set_names.get(key)) is None:
@@ -364,16 +329,16 @@ class _Reader:
                 groups.setdefault(block.number, []).append(Group(name, words, nodes, values))
         return groups
 
-    def _table(self, kind: str) -> Ints:
-        """The rows of the nodes of each element of a kind."""
-        nodes = self.elements.nodes[kind]
+    def _table(self, number: int) -> Ints:
+        """The rows of the nodes of each element of a part."""
+        elements, nodes = self.elements, self.elements.parts[number][1]
         table = self.nodes[0].rows(nodes.ravel()).reshape(nodes.shape)
         missing = np.argwhere(table < 0)
         if missing.size:
             row, corner = missing[0]
-            element = self.elements.number(kind, int(row))
+            element = elements.rows.numbers[elements.first[number] + row]
             why = f"element {element} has the node {nodes[row, corner]}, which the file does not define"
-            raise DeckError(self.elements.defining(element), why)
+            raise DeckError(elements.blocks[number], why)
         return table
 
     def _rows(self, name: str, members: Ints) -> list[Ints]:
@@ -383,9 +348,9 @@ class _Reader:
         if self.passed_over:
             unknown &= ~np.isin(members, list(self.passed_over))
         self._count_undefined(name, int(np.count_nonzero(unknown)))
-        return self.elements.by_kind(rows[rows >= 0])
+        return self.elements.by_part(rows[rows >= 0])
 
-    def _sides(self, tables: dict[str, Ints], name: str, faces: Sequence[tuple[int, int]]) -> Iterator[Ints]:
+    def _sides(self, tables: list[tuple[str, Ints]], name: str, faces: Sequence[tuple[int, int]]) -> Iterator[Ints]:
         """The corners of the faces of a surface that are sides of the body, by their number, shape (n, corners)."""
         elements, listed = self.elements, np.array(faces, dtype=np.int64).reshape(-1, 2)
         rows = elements.rows.rows(listed[:, 0])
@@ -393,14 +358,14 @@ class _Reader:
         self._count_undefined(name, int(np.count_nonzero(~on_body)))
         rows, listed = rows[on_body], listed[on_body]
         corners: Ints = np.full((len(rows), 4), -1)
-        for k, face in plain(np.unique(np.column_stack((elements.kind[rows], listed[:, 1])), axis=0)):
-            chosen = (elements.kind[rows] == k) & (listed[:, 1] == face)
-            kind = elements.kinds[k]
+        for k, face in plain(np.unique(np.column_stack((elements.part[rows], listed[:, 1])), axis=0)):
+            chosen = (elements.part[rows] == k) & (listed[:, 1] == face)
+            kind, table = tables[k]
             if not 1 <= face <= len(faces_of(kind)):
                 element = listed[int(np.argmax(chosen)), 0]
                 raise ValueError(f"surface {name!r}: element {element} is a {kind} and has no face S{face}")
             side = list(faces_of(kind)[face - 1])
-            corners[chosen, : len(side)] = tables[kind][elements.row[rows[chosen]]][:, side]
+            corners[chosen, : len(side)] = table[rows[chosen] - elements.first[k]][:, side]
         counts = (corners >= 0).sum(axis=1)
         for count in plain(np.unique(counts)):
             yield corners[counts == count, :count]
@@ -410,44 +375,29 @@ class _Elements:
     """The elements of a file.
 
     Attributes:
-        rows: of each number among all elements, in the order of the file.
-        kinds: in meshio's words, in the order in which they occur.
-        kind: of each element its place in ``kinds``, shape (n,).
-        row: its row among the elements of its kind, shape (n,).
-        nodes: kind -> numbers of the nodes of each element, shape (m, k).
+        blocks: the keywords that define some.
+        parts: of each its kind in meshio's words, and the numbers of the nodes of its elements, shape (m, k).
+        first: the first element of each, in the order of the file.
+        rows: the numbers of all elements.
+        part: of each element the number of its keyword among ``blocks``, shape (n,).
         solid: which ones are no lines, shape (n,).
     """
 
     def __init__(self, parts: Sequence[tuple[DeckBlock, str, Ints]]) -> None:
-        self.kinds = list(dict.fromkeys(kind for _, kind, _ in parts))
-        self._blocks = [block for block, _, _ in parts]
+        self.blocks = [block for block, _, _ in parts]
+        self.parts = [(kind, table[:, 1:]) for _, kind, table in parts]
         sizes = [len(table) for _, _, table in parts]
-        self._defined = np.repeat(np.arange(len(parts)), sizes)
+        self.first = np.cumsum([0, *sizes])
+        self.part = np.repeat(np.arange(len(parts)), sizes)
         self.rows = Numbering(np.concatenate([_NO_NUMBERS, *(table[:, 0] for _, _, table in parts)]))
-        self.rows.check_once("element", lambda row: self._blocks[int(self._defined[row])])
-        self.kind = np.repeat(np.array([self.kinds.index(kind) for _, kind, _ in parts], dtype=np.int64), sizes)
-        self.row = np.empty(len(self.kind), dtype=np.int64)
-        for k in range(len(self.kinds)):
-            self.row[self.kind == k] = np.arange(np.count_nonzero(self.kind == k))
-        self.nodes = {
-            name: np.concatenate([table[:, 1:] for _, kind, table in parts if kind == name]) for name in self.kinds
-        }
-        self.solid = np.array([not kind.startswith("line") for kind in self.kinds], dtype=bool)[self.kind]
+        if self.rows.again.size:
+            row = int(self.rows.again.min())
+            raise DeckError(self.blocks[self.part[row]], f"element {self.rows.numbers[row]} is defined twice")
+        self.solid = np.array([not kind.startswith("line") for kind, _ in self.parts], dtype=bool)[self.part]
 
-    def __len__(self) -> int:
-        return len(self.rows)
-
-    def defining(self, number: int) -> DeckBlock:
-        """The keyword that defines an element."""
-        return self._blocks[int(self._defined[self.rows.rows(np.array([number]))[0]])]
-
-    def number(self, kind: str, row: int) -> int:
-        """The number of an element by its row among those of its kind."""
-        return int(self.rows.numbers[self.kind == self.kinds.index(kind)][row])
-
-    def by_kind(self, rows: Ints) -> list[Ints]:
-        """Rows of all elements as rows of those of each kind."""
-        return [self.row[rows[self.kind[rows] == k]] for k in range(len(self.kinds))]
+    def by_part(self, rows: Ints) -> list[Ints]:
+        """Rows of all elements as rows of those of each keyword."""
+        return [rows[self.part[rows] == k] - self.first[k] for k in range(len(self.parts))]
 
 
 def _distinct(parts: Sequence[Ints]) -> Ints:
@@ -472,9 +422,9 @@ def read_model(file: Path) -> DeckModel:
             reader.read(block)
     with placed(file):
         model = reader.result(blocks)
-        if (reader.passed_over or len(reader.elements)) and not reader.elements.solid.any():
+        if (reader.passed_over or reader.elements.parts) and not reader.elements.solid.any():
             raise ValueError("there is no body of solid or plane elements, but beams, springs or the like")
-        if not len(reader.elements):
+        if not reader.elements.parts:
             last = blocks[-1] if blocks else DeckBlock("", {}, 1, name="NODE")
             raise DeckError(last, "up to here, the last keyword, there is no element")
     return model

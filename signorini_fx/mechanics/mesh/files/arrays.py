@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from signorini_fx.errors import MeshError, SceneError
-from signorini_fx.mechanics.mesh.files.cells import CELLS, Cell, completed
+from signorini_fx.mechanics.mesh.files.cells import CELLS, Cell, completed, dimension
 from signorini_fx.mechanics.mesh.files.raw import RawMesh, row_keys, rows_of
 from signorini_fx.mechanics.mesh.files.shape import Floats, Ints, check_shape
 from signorini_fx.mechanics.statement.expressions import Expression
@@ -19,9 +19,8 @@ from signorini_fx.tuned import LARGEST_NUMBER
 # A boundary or region is selected by numbers in the cell data of the file, or by a rule, a function of the position.
 Selection = int | tuple[int, ...] | Callable[[Floats], Floats]
 
-# Elements of one and two dimensions; all others are treated as cells of a body in 3D.
-_LINES = ("line", "line3", "line4")
-_SURFACES = ("triangle", "triangle6", "triangle7", "quad", "quad8", "quad9")
+# How many corners elements of one and two dimensions have.
+_CORNERS = {"line": 2, "triangle": 3, "quad": 4}
 
 
 def plain(values: npt.NDArray[Any]) -> Any:
@@ -120,7 +119,6 @@ def from_raw(
     points, cells, renumber = _points_of(raw, body, cell.dim, name)
     corners = cells[:, : len(cell.corners)]
     check_shape(points, cells, cell, name)
-    _check_twice(corners, name)
     _check_middles(cells, cell, name)
     width = len(CELLS[cell.facet].corners)
     facets = _exterior(cells, cell, name)
@@ -178,9 +176,7 @@ def from_raw(
 
 def _corners_of(kind: str) -> int:
     """How many corners an element of one or two dimensions has; 0: another one, or unknown."""
-    if kind in _LINES:
-        return 2
-    return (3 if kind.startswith("triangle") else 4) if kind in _SURFACES else 0
+    return _CORNERS.get(kind.rstrip("0123456789"), 0)
 
 
 @dataclass(frozen=True)
@@ -259,9 +255,9 @@ def _body(raw: RawMesh, name: str) -> tuple[str, list[int]]:
     """The kind of the cells and the blocks that hold them."""
     sizes: dict[str, int] = {}
     for kind, nodes in raw.blocks:
-        if len(nodes) and kind not in (*_LINES, "vertex"):
+        if len(nodes) and dimension(kind) > 1:
             sizes[kind] = sizes.get(kind, 0) + len(nodes)
-    solid = {kind: n for kind, n in sizes.items() if kind not in _SURFACES and not kind.startswith("polygon")}
+    solid = {kind: n for kind, n in sizes.items() if dimension(kind) == 3}
     sizes = solid or sizes  # the surfaces of a body in 3D are facets
     if not sizes:
         raise MeshError(
@@ -311,18 +307,6 @@ def _check_plane(points: Floats, name: str) -> None:
     )
 
 
-def _check_twice(corners: Ints, name: str) -> None:
-    # Cells with the same corners have the same sum of random numbers of these: only where sums agree the corners may.
-    random = np.random.default_rng(0).integers(2**62, size=int(corners.max()) + 1, dtype=np.uint64)
-    sums = sum(random[column] for column in corners.T)
-    if np.unique(sums).size == len(sums):
-        return
-    twice = len(corners) - len(np.unique(np.sort(corners, axis=1), axis=0))
-    if twice:
-        hint = "gmsh's format 2.2 has them so where physical groups overlap: write 4.1"
-        raise MeshError(f"{name}: {twice} cells occur twice ({hint})")
-
-
 def _check_middles(cells: Ints, cell: Cell, name: str) -> None:
     """Refuse cells that have different nodes in the middle of the same edge or face, or one in the middle of two."""
     count = int(cells.max()) + 1
@@ -369,7 +353,8 @@ def _exterior(cells: Ints, cell: Cell, name: str) -> Ints:
     counts = np.bincount(keys)
     alone = np.flatnonzero(counts[keys] == 1)
     if counts.max() > 2:
-        raise MeshError(f"{name}: a facet belongs to {counts.max()} cells")
+        hint = "gmsh's format 2.2 has cells twice where physical groups overlap: write 4.1"
+        raise MeshError(f"{name}: a facet belongs to {counts.max()} cells ({hint})")
     if not alone.size:
         raise MeshError(f"{name}: the body has no boundary: every facet belongs to two cells")
     rows, sides = np.divmod(alone, len(facet_nodes))

@@ -153,6 +153,9 @@ def straight(cell: Cell) -> Cell:
 _COMPLETE = {"quad8": "quad9", "hexahedron20": "hexahedron27"}
 
 
+_DIMENSIONS = {"vertex": 0, "line": 1, "triangle": 2, "quad": 2, "polygon": 2}
+
+
 def completed(kind: str) -> tuple[Cell, npt.NDArray[np.float64]] | None:
     """How to complete an element without nodes in the middle of its faces, with exactly the same shape.
 
@@ -172,7 +175,5 @@ def completed(kind: str) -> tuple[Cell, npt.NDArray[np.float64]] | None:
 
 
 def dimension(kind: str) -> int:
-    """Of an element of a file, also one that is no kind of cell here; of what is not known that of a line."""
-    if kind.startswith(("wedge", "pyramid")):
-        return 3
-    return (CELLS[kind] if kind in CELLS else full_cell[0] if (full_cell := completed(kind)) else CELLS["line"]).dim
+    """Of an element of a file, also one that is no kind of cell here; what is not known is a solid."""
+    return _DIMENSIONS.get(kind.rstrip("0123456789"), 3)

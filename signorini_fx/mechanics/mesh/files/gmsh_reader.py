@@ -15,7 +15,7 @@ import numpy as np
 from signorini_fx.errors import InstallationError, MeshError, SignoriniError
 from signorini_fx.mechanics.mesh.files.arrays import MeshArrays
 from signorini_fx.mechanics.mesh.files.cells import CELLS, completed
-from signorini_fx.mechanics.mesh.files.raw import RawMesh
+from signorini_fx.mechanics.mesh.files.raw import Numbering, RawMesh
 from signorini_fx.mechanics.mesh.files.shape import Ints
 from signorini_fx.mechanics.mesh.files.size_field import Sizes, with_sizes
 
@@ -133,9 +133,8 @@ def content(gmsh: Any) -> RawMesh:
         ValueError: two nodes have the same number.
     """
     tags, x, _ = gmsh.model.mesh.getNodes()
-    tags = np.asarray(tags, dtype=np.int64)
-    order = np.argsort(tags)
-    if (np.diff(tags[order]) == 0).any():
+    numbering = Numbering(np.asarray(tags, dtype=np.int64))
+    if numbering.again.size:
         raise ValueError("two nodes have the same number")
     grouped = {dim for dim, _ in gmsh.model.getPhysicalGroups()}
     # Boundaries have one dimension less than the body.
@@ -154,7 +153,7 @@ def content(gmsh: Any) -> RawMesh:
                 label = gmsh.model.getPhysicalName(dim, tag) or f"{'boundary' if dim < top else 'region'}_{tag}"
                 members.setdefault(label, []).append(len(raw.blocks))
             kind = _TYPES.get(int(number), name)
-            rows = _places(tags, order, np.asarray(flat, dtype=np.int64)).reshape(-1, count)
+            rows = numbering.rows(np.asarray(flat, dtype=np.int64)).reshape(-1, count)
             raw.blocks.append((kind, rows[:, _order(kind, count)]))
             physical.append(np.tile(np.array(numbers or [-1], dtype=np.int64), (len(rows), 1)))
     for name, blocks in members.items():
@@ -170,14 +169,6 @@ def _order(kind: str, count: int) -> Any:
     if cell is None and (full_cell := completed(kind)) is not None:
         cell = full_cell[0]
     return np.arange(count) if cell is None else np.argsort(cell.gmsh_order[:count])
-
-
-def _places(tags: Ints, order: Ints, wanted: Ints) -> Ints:
-    """Where the nodes with these numbers are; -1 for one that is not there."""
-    if not len(tags):
-        return np.full(len(wanted), -1)
-    places = order[np.searchsorted(tags, wanted, sorter=order).clip(max=len(tags) - 1)]
-    return np.where(tags[places] == wanted, places, -1)
 
 
 def _check_ends(file: Path, form: str) -> None:

@@ -30,6 +30,28 @@ class RawMesh:
     data: dict[str, list[_Ints]] = field(default_factory=dict)
 
 
+class Numbering:
+    """Numbers of nodes or elements, and the row of each.
+
+    Attributes:
+        numbers: in the order of the rows.
+        again: the rows of numbers that an earlier row has.
+    """
+
+    def __init__(self, numbers: _Ints) -> None:
+        self.numbers = numbers
+        self._order = np.argsort(numbers, kind="stable")
+        self._sorted = numbers[self._order]
+        self.again = self._order[1:][self._sorted[1:] == self._sorted[:-1]]
+
+    def rows(self, wanted: _Ints) -> _Ints:
+        """The row of each number, -1: it is none of these."""
+        if not self.numbers.size:
+            return np.full(len(wanted), -1)
+        places = np.minimum(np.searchsorted(self._sorted, wanted), len(self.numbers) - 1)
+        return np.where(self._sorted[places] == wanted, self._order[places], -1)
+
+
 def row_keys(rows: _Ints) -> _Ints:
     """One number for each row: two rows have the same if they hold the same numbers, -1 or more, in any order."""
     ordered = 1 + (
