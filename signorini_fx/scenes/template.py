@@ -9,7 +9,6 @@ from typing import Any, get_origin
 
 from pydantic import BaseModel
 
-from signorini_fx.mechanics.statement.effect import example_of, keys
 from signorini_fx.mechanics.statement.generators import known_generators
 from signorini_fx.mechanics.statement.settings import known_linear_algebra
 from signorini_fx.mechanics.statement.validation import tables
@@ -19,8 +18,7 @@ from signorini_fx.scenes.scene import Scene
 
 def starting_scene() -> str:
     """A scene file that can be solved as it is and explains every key."""
-    template = resources.files("signorini_fx.scenes").joinpath("template.toml").read_text(encoding="utf-8")
-    return template + "".join(map(example_of, keys()))
+    return resources.files("signorini_fx.scenes").joinpath("template.toml").read_text(encoding="utf-8")
 
 
 def scene_schema() -> dict[str, Any]:

@@ -121,16 +121,6 @@ def _summed(vector: la.Vector) -> npt.NDArray[np.float64]:
     return np.array(vector.array[: vector.index_map.size_local * vector.block_size])
 
 
-def over_ranks(values: npt.NDArray[np.float64], space: fem.FunctionSpace) -> npt.NDArray[np.float64]:
-    """The sums over all ranks at the owned unknowns of a space, of values at all unknowns of each rank; collective."""
-    if space.mesh.comm.size == 1:
-        return np.array(values, dtype=np.float64)
-    function = fem.Function(space)
-    function.x.array[:] = values
-    function.x.scatter_reverse(la.InsertMode.add)
-    return np.array(function.x.array[: space.dofmap.index_map.size_local * space.dofmap.index_map_bs])
-
-
 def adjugates(matrices: npt.NDArray[np.float64]) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
     """Adjugate (inverse times determinant) and determinant of many matrices, shape (d, d, ...), d = 2 or 3."""
     if len(matrices) == 2:

@@ -53,14 +53,3 @@ class Fluid(Force):
 
 
 Entry = Fluid
-
-# How ``signorini-fx new`` explains it.
-EXAMPLE = """
-# Pressure of a fluid at rest up to a level.  As many [[fluid]] as you like; they add up.
-[[fluid]]
-boundary = "left"
-level = "10*t"                             # VALUE, height of its surface, length; here it rises
-weight = 0.0                               # of the fluid, force per volume
-#up = "y"                                  # the axis that points upwards; without: y in 2D, z in 3D
-#factors = [0.5, 1.0]                      # load steps, as above
-"""

@@ -35,15 +35,3 @@ class TotalForce(VectorForce):
 
 
 Entry = TotalForce
-
-# How ``signorini-fx new`` explains it.
-EXAMPLE = """
-# Forces of which the total is given.  As many [[force]] as you like; they add up.
-[[force]]
-boundary = "top"
-x = 0.0                                    # VALUE, force (in 2D per thickness)
-y = 0.0                                    # VALUE, force
-#z = 0.0                                   # VALUE, force; only if the mesh is in 3D
-spread = 1.0                               # VALUE that the force per area is proportional to; 1: evenly
-#factors = [0.5, 1.0]                      # load steps, as above
-"""

@@ -25,13 +25,3 @@ class Gravity(VectorForce):
 
 
 Entry = Gravity
-
-# How ``signorini-fx new`` explains it.
-EXAMPLE = """
-# Weight, from the density of the materials.
-[[gravity]]
-x = 0.0                                    # VALUE, acceleration along x[0], length / time^2
-y = 0.0                                    # VALUE, acceleration along x[1], length / time^2, such as -9810.0
-#z = 0.0                                   # VALUE, acceleration along x[2], length / time^2; only in 3D
-#factors = [0.5, 1.0]                      # load steps, as above
-"""

@@ -54,15 +54,3 @@ class PointForce(VectorForce):
 
 
 Entry = PointForce
-
-# How ``signorini-fx new`` explains it.
-EXAMPLE = """
-# Forces at single nodes, where the stress is infinite.  As many [[point_force]] as you like; they add up.
-[[point_force]]
-at = [0.0, 1.0]                            # a node of the mesh
-#region = "block"                          # its part of the mesh, where several have a node there
-x = 0.0                                    # VALUE, force (in 2D per thickness)
-y = 0.0                                    # VALUE, force
-#z = 0.0                                   # VALUE, force; only if the mesh is in 3D
-#factors = [0.5, 1.0]                      # load steps, as above
-"""

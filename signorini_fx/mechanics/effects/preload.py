@@ -120,17 +120,3 @@ class Preload(Load):
 
 
 Entry = Preload
-
-# How ``signorini-fx new`` explains it.
-EXAMPLE = """
-# Preload of bolts: a section across each is tightened.  As many [[preload]] as you like.
-[[preload]]
-point = [0.5, 0.5]                         # of a plane across the bolt, length
-axis = [1.0, 0.0]                          # normal of that plane
-#region = "bolt"                           # the part of the mesh that the plane cuts; without: all of the body
-#section = "cut"                           # instead of these three: the name of facets inside the mesh
-shortening = 0.0                           # how far the sides are moved towards each other, length; may depend on t
-#force = 1000.0                            # instead of shortening: tension, force; may depend on t
-#locked_after = 1                          # number of the load step after which the length is kept
-#factors = [0.5, 1.0]                      # load steps, as above
-"""

@@ -50,13 +50,3 @@ class Rotation(Force):
 
 
 Entry = Rotation
-
-# How ``signorini-fx new`` explains it.
-EXAMPLE = """
-# Centrifugal force of a body that rotates about a fixed axis.
-[[rotation]]
-speed = 0.0                                # VALUE, radians / time; needs the density of the materials
-#about = [0.0, 0.0]                        # a point on the axis, length; without: the origin
-#axis = [0.0, 1.0]                         # its direction; without: across the plane, in 3D x[2]
-#factors = [0.5, 1.0]                      # load steps, as above; they multiply the force
-"""

@@ -53,16 +53,3 @@ class Springs(Resistance):
 
 
 Entry = Springs
-
-# How ``signorini-fx new`` explains it.
-EXAMPLE = """
-# Springs between a boundary and the ground, which also support the body.  As many [[springs]] as you like; they add up.
-[[springs]]
-boundary = "top"
-normal = 0.0                               # VALUE, stiffness per area along the normal, stress / length
-#tangential = 0.0                          # VALUE, stiffness per area along the boundary, stress / length
-# or, instead of these two:
-#x = 0.0                                   # VALUE, stiffness per area along x[0], stress / length
-#y = 0.0                                   # VALUE, stiffness per area along x[1], stress / length
-#z = 0.0                                   # VALUE, stiffness per area along x[2], stress / length; only in 3D
-"""

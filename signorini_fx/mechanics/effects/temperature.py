@@ -56,13 +56,3 @@ class TemperatureChange(InitialStrain):
 
 
 Entry = TemperatureChange
-
-# How ``signorini-fx new`` explains it.
-EXAMPLE = """
-# Thermal strain, from the expansion of the materials.  As many [[temperature]] as you like; they add up.
-[[temperature]]
-change = 0.0                               # VALUE, since the stress-free state; may depend on t
-#file = "temperature.csv"                  # instead of it: columns x, y, (z,) change
-#region = "rubber"                         # the part of the body that is heated; without: all of it
-#factors = [0.5, 1.0]                      # load steps, as above
-"""

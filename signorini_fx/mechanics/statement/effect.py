@@ -14,7 +14,6 @@ particular effect.
 from __future__ import annotations
 
 import re
-import sys
 from collections.abc import Iterator, Mapping
 from functools import cache, cached_property
 from importlib import import_module
@@ -271,12 +270,6 @@ def entry_type(key: str) -> Any:
         InstallationError: that of another package cannot be imported, or is no ``Effect``.
     """
     return import_module(f"{PACKAGE}.{key}").Entry if key in modules_of(PACKAGE) else load_class(EFFECTS, key, Effect)
-
-
-def example_of(key: str) -> str:
-    """How a new scene explains a key: ``EXAMPLE`` of its file; "": it does not."""
-    module = f"{PACKAGE}.{key}" if key in modules_of(PACKAGE) else entry_type(key).__module__
-    return str(getattr(sys.modules.get(module) or import_module(module), "EXAMPLE", ""))
 
 
 def _described_type(key: str) -> Any:
