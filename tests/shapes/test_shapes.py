@@ -375,7 +375,7 @@ def test_a_scene():
         ({"shape": "polyline", "points": ((0, 0), (1, 0), (2, 0), (1, 0), (0, 0))}, "must enclose an area"),
         (
             {"shape": "polyline", "points": ((9, 0), (6, 0), (4, -2), (6, -2), (4, 0), (-9, 0))},
-            "points: of its pieces that between points 2 and 3 crosses that between points 4 and 5",
+            "points: of its pieces that between points 2 and 3 meets that between points 4 and 5",
         ),
         ({"shape": "spline", "points": ((9, 0), (6, 0))}, "foundation.shape: 'spline' was removed: use a 'polyline'"),
         ({"shape": "cone", "tip": (0, 0), "axis": (0, 1), "angle": 90}, "foundation.angle: must be less than 90"),

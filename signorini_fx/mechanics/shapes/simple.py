@@ -17,7 +17,7 @@ _AT_A_TIME = 1_000_000
 
 Rows = npt.NDArray[np.int64]
 
-Points = Annotated[tuple[tuple[Finite, Finite], ...], Field(min_length=2, max_length=100_000)]
+Points = Annotated[tuple[tuple[Finite, Finite], ...], Field(min_length=2, max_length=10_000)]
 
 
 class Plane(Shape):
@@ -167,7 +167,7 @@ class Polyline(Shape):
             raise ValueError("points: a closed line must enclose an area")
         if (crossed := crossing_pieces(x)) is not None:
             first, second = (f"points {number + 1} and {number + 2}" for number in crossed)
-            reason = f"that between {first} crosses that between {second}: the body has no side of such a line"
+            reason = f"that between {first} meets that between {second}: the body has no side of such a line"
             raise ValueError(f"points: of its pieces {reason}; leave the loop out")
         return self
 
@@ -256,9 +256,9 @@ class StraightPieces:
 
 
 def crossing_pieces(points: Array) -> tuple[int, int] | None:
-    """The first two pieces that cross, by their numbers from 0, the lower first; None: there are none.
+    """The first two pieces that cross or touch each other, by their numbers from 0; None: there are none.
 
-    Pieces that touch without going over to the other side do not cross; nor do those that have an end in common.
+    Pieces that follow each other have a point in common; pieces of one straight line do not cross.
     """
     from scipy.spatial import cKDTree
 
@@ -269,34 +269,16 @@ def crossing_pieces(points: Array) -> tuple[int, int] | None:
     owner = np.repeat(np.arange(len(way)), parts)
     number = np.arange(parts.sum()) - np.repeat(np.cumsum(parts) - parts, parts)
     middle = points[owner] + ((number + 0.5) / parts[owner])[:, None] * way[owner]
-    tree = cKDTree(middle)
-    counts = tree.query_ball_point(middle, longest, return_length=True)
-    crossings = list[tuple[int, int]]()
-    for batch in np.split(np.arange(len(middle)), np.flatnonzero(np.diff(np.cumsum(counts) // _AT_A_TIME)) + 1):
-        near = tree.query_ball_point(middle[batch], longest)
-        first = np.repeat(owner[batch], [len(neighbours) for neighbours in near])
-        second = owner[np.concatenate(near).astype(np.int64)]
-        pairs = np.unique(np.column_stack((first, second))[first < second - 1], axis=0)
-        crossings += map(tuple, pairs[_cross(points, pairs)].tolist())
-    return min(crossings) if crossings else None
+    near = owner[cKDTree(middle).query_pairs(longest, output_type="ndarray")]
+    first, second = np.unique(np.sort(near, axis=1), axis=0).T
+    around = (first == 0) & (second == len(way) - 1) & (points[0] == points[-1]).all()
+    first, second = (pieces[(second > first + 1) & ~around] for pieces in (first, second))
 
+    def sides(piece: Rows, other: Rows) -> Array:
+        """On which side of pieces both ends of others are, 1, -1 or 0, shape (2, p)."""
+        away = np.stack((points[other], points[other + 1])) - points[piece]
+        return np.asarray(np.sign(way[piece, 0] * away[..., 1] - way[piece, 1] * away[..., 0]))
 
-def _cross(points: Array, pairs: Rows) -> npt.NDArray[np.bool_]:
-    """Which pairs of pieces cross, shape (p,)."""
-    count, closed = len(points) - 1, bool((points[0] == points[-1]).all())
-    # A corner that lies on the other piece counts as the one that comes after it.
-    sides = [_sides(points, piece, second, count, closed=closed) for piece, second in (pairs.T, pairs.T[::-1])]
-    return np.all([ahead * beyond < 0 for ahead, beyond in sides], axis=0)
-
-
-def _sides(points: Array, piece: Rows, second: Rows, count: int, *, closed: bool) -> tuple[Array, Array]:
-    """On which side of pieces both ends of others are, 1, -1 or 0, shapes (p,)."""
-    begin, along = points[piece], points[piece + 1] - points[piece]
-
-    def side(of: Array) -> Array:
-        away = of - begin
-        return np.asarray(np.sign(along[:, 0] * away[:, 1] - along[:, 1] * away[:, 0]))
-
-    first, last = side(points[second]), side(points[second + 1])
-    beyond = np.where(closed, (second + 1) % count + 1, np.minimum(second + 2, count))
-    return first, np.where(last == 0, side(points[beyond]), last)
+    ahead, behind = sides(first, second), sides(second, first)
+    crossed = np.flatnonzero((ahead.prod(axis=0) <= 0) & (behind.prod(axis=0) <= 0) & ahead.any(axis=0))
+    return (int(first[crossed[0]]), int(second[crossed[0]])) if crossed.size else None
