@@ -372,10 +372,9 @@ QUANTITY_CHANGE = 1e-4
 # What a law of a user's own says of itself is tried at about so many of its points, from this power of ten of the
 # modulus up to the modulus, at so many pressures in each decade.  It may be wrong by this share of
 # the slopes of its chords between neighbouring pressures, and by so much less a distance of a shape may grow along its
-# normals, which are smoothed where facets meet.  Where it bends beyond the modulus, up to this power of ten
-# of it, its round-off is that of its bound there.  Choice.
+# normals, which are smoothed where facets meet.  Choice.
 TRIED_POINTS, SMALLEST_PRESSURE, PRESSURES_PER_DECADE = 50, -9, 32
-WRONG_SLOPE, LARGEST_BEND = 1e-2, 12
+WRONG_SLOPE = 1e-2
 # Ratios of the axes of an ellipse of friction beyond this, or below its inverse, leave no digits.  Choice.
 LARGEST_RATIO = 1e3
 

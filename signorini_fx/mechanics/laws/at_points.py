@@ -12,7 +12,6 @@ import numpy.typing as npt
 from signorini_fx.algebra.contact.friction import LawAtPoints, PointFriction
 from signorini_fx.mechanics.laws.protocol import Array, FrictionLaw
 from signorini_fx.tuned import (
-    LARGEST_BEND,
     NEGLIGIBLE,
     PRESSURES_PER_DECADE,
     SMALLEST_PRESSURE,
@@ -60,7 +59,7 @@ def fault_of(law: FrictionLaw, count: int, modulus: float) -> str:
         given, coefficient, cap = law.at(points).envelope(np.zeros(points.size))
         envelope = given + coefficient * pressure
         envelope = np.broadcast_to(envelope if cap is None else np.minimum(envelope, cap), shape)
-        round_off = _round_off(law, points, modulus, limit[-1])
+        round_off = 4 * np.finfo(np.float64).eps * limit[-1]  # the bound may be a difference of numbers as large
         for reason, wrong in _faults(law, pressure, limit, derivative, envelope, round_off):
             if wrong.any():
                 return reason.format(law=name, pressure=np.broadcast_to(pressure, shape)[wrong][0])
@@ -94,13 +93,3 @@ def _faults(
         yield reason, np.pad(behind > before + within, ends)
     outside = (slope < np.minimum(before, behind) - within) | (slope > np.maximum(before, behind) + within)
     yield "derivative of {law} is not that of its limit at the pressure {pressure:g}", np.pad(outside, ends)
-
-
-def _round_off(law: FrictionLaw, points: npt.NDArray[np.int64], modulus: float, bound: Array) -> Array:
-    """That of the bound, shape (m,), which may be a difference of numbers as large as it is where it bends."""
-    largest, straight = bound, np.ones(points.size, dtype=bool)
-    for factor in 10.0 ** np.arange(1, LARGEST_BEND + 1):
-        beyond = law.at(points).limit(np.full(points.size, factor * modulus))
-        bends = straight & (beyond < factor * bound / 2)
-        largest, straight = np.where(bends, np.maximum(beyond, bound), largest), straight & ~bends
-    return np.asarray(4 * np.finfo(np.float64).eps * largest)
