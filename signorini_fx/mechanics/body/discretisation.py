@@ -267,8 +267,7 @@ def with_gap_and_friction(model: M, statement: Statement) -> M:
     assert model.boundary is not None
     foundations = _foundations_on(model, statement)
     values = foundations.data(foundations.shapes())
-    scales = Scales(model.tagged.dimension, statement.young, model.tagged.size)
-    data, law = foundations.problem(model.boundary, values, Settings.of(statement.solver), scales)
+    data, law = foundations.problem(model.boundary, values, Settings.of(statement.solver), model.scales)
     return replace(model, statement=statement, data=data, law=law)
 
 
@@ -328,12 +327,9 @@ def boundary_facets(statement: Statement, tagged: TaggedMesh) -> dict[str, npt.N
             if outside == 0:
                 problems.append((f"{path}.{key}", f"boundary {name!r} has no exterior facets"))
             elif inside := tagged.inside(name):
-                message = (
-                    f"{inside} of the {inside + outside} facets of boundary {name!r} are inside of the body, where it "
-                    "has no surface: give a boundary of exterior facets alone; of two bodies that touch there each "
-                    "needs its own nodes, and its own boundary"
-                )
-                problems.append((f"{path}.{key}", message))
+                which = f"{inside} of the {inside + outside} facets of boundary {name!r} are inside of the body"
+                cure = "give exterior facets alone; two bodies that touch there need their own nodes"
+                problems.append((f"{path}.{key}", f"{which}: {cure}"))
     sides = [
         (f"contact[{index}].{key}", name)
         for key in ("boundary", "against")
@@ -349,14 +345,9 @@ def boundary_facets(statement: Statement, tagged: TaggedMesh) -> dict[str, npt.N
                 shared = np.intersect1d(facets[name], facets[earlier_name]).size
                 total = parallel.global_sum(tagged.mesh.comm, np.array(shared))
                 if total:
-                    message = f"boundary {name!r} shares {total} facets with the contact boundary {earlier_name!r}: "
-                    message += "a facet can touch one foundation only"
-                    if path.rpartition(".")[0] == earlier_path.rpartition(".")[0]:
-                        message += "; where two bodies touch, an expression finds the facets of both: take names of the"
-                        message += " mesh file, or a [[body]] for each"
-                    elif statement.sides[1] is not None:
-                        message += "; of a body that several others touch there, all contacts name it in 'against'"
-                    problems.append((path, message))
+                    shared_with = f"shares {total} facets with the contact boundary {earlier_name!r}"
+                    cure = "a facet can touch one other only; bodies that touch need names of the mesh file or [[body]]"
+                    problems.append((path, f"boundary {name!r} {shared_with}: {cure}"))
     for path, effect in statement.listed():
         region = getattr(effect, "region", None)
         if region is not None and region not in tagged.regions:

@@ -84,18 +84,6 @@ class PrescribedDisplacement(Load):
         return entry
 
     @property
-    def place(self) -> str:
-        """Where it is prescribed, in words: the name of the boundary, or the point."""
-        if self.at is None:
-            return str(self.boundary)
-        point = f"({', '.join(f'{x:g}' for x in self.at)})"
-        return point if self.region is None else f"{point} of {self.region}"
-
-    @property
-    def name(self) -> str:
-        return f"{self.label} {self.place}"
-
-    @property
     def components(self) -> tuple[Any, Any, Any]:
         """Along x[0], x[1] and x[2]; None where the displacement is free."""
         if self.rotation is None:

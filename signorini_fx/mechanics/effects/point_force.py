@@ -35,16 +35,6 @@ class PointForce(VectorForce):
     region: str | None = None
 
     @property
-    def place(self) -> str:
-        """Where it acts, in words."""
-        point = f"({', '.join(f'{x:g}' for x in self.at)})"
-        return point if self.region is None else f"{point} of {self.region}"
-
-    @property
-    def name(self) -> str:
-        return f"{self.label} {self.place}"
-
-    @property
     def features(self) -> Features:
         return super().features if self.acts else ()
 

@@ -59,14 +59,9 @@ class Preload(Load):
 
     @property
     def place(self) -> str:
-        """Which section it is, in words."""
         if self.section is not None:
             return self.section
         return f"at ({', '.join(f'{x:g}' for x in self.point or ())})" if self.region is None else self.region
-
-    @property
-    def name(self) -> str:
-        return f"{self.label} {self.place}"
 
     @property
     def given(self) -> dict[str, Any]:

@@ -38,10 +38,6 @@ class TemperatureChange(InitialStrain):
         return self.change if self.file is None else PointValues(self.file, "change")
 
     @property
-    def name(self) -> str:
-        return self.label if self.region is None else f"{self.label} {self.region}"
-
-    @property
     def given(self) -> dict[str, Any]:
         return {"change": self._value}
 

@@ -19,7 +19,7 @@ from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
 from signorini_fx.mechanics.kinematics import KINDS
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.statement.expressions import in_space, sample
-from signorini_fx.tuned import ROOT_OF_EPS
+from signorini_fx.tuned import ROOT_OF_EPS, ZERO_COMPONENT
 
 if TYPE_CHECKING:
     from signorini_fx.mechanics.contact_points.turned_supports import SkewSupport, TurnedNodes
@@ -89,7 +89,7 @@ def dirichlet_conditions(
         for component, value in components(effect, index, tagged):
             subspace = space.sub(component)
             if effect.at is not None:
-                node = node_at(space, effect, f"displacement[{index}]", tagged, statement.bodies)
+                node = node_at(space, effect, f"displacement[{index}]", tagged)
                 dofs = (space.mesh.geometry.dim * node + component).astype(np.int32)
                 at = in_space(np.array([effect.at]))
                 support = fem.dirichletbc(default_scalar_type(sample(value, at)[0]), dofs, subspace)
@@ -143,13 +143,8 @@ def flat_normal(effect: PrescribedDisplacement, index: int, tagged: TaggedMesh) 
     mesh = tagged.mesh
     facets = tagged.facets(str(effect.boundary))
     dim = mesh.topology.dim
-    points = facet_vertices(mesh, facets)[:, :, :dim].reshape(-1, dim)
-    low, high = parallel.global_bounds(mesh.comm, points)
     inside = dmesh.compute_midpoints(mesh, dim, facet_entities(mesh, facets)[:, 0])
     outward = parallel.global_sum(mesh.comm, (dmesh.compute_midpoints(mesh, dim - 1, facets) - inside).sum(axis=0))
-    flat = np.flatnonzero(high - low <= 1e-9 * tagged.size)
-    if flat.size == 1:
-        return np.asarray(np.eye(mesh.geometry.dim)[flat[0]] * np.sign(outward[flat[0]]))
     # From the facets themselves: as sharp as round-off allows, which their points all together are not.
     corners = facet_vertices(mesh, facets)[:, :, :dim]
     along = corners[:, 1:dim] - corners[:, :1]
@@ -157,8 +152,9 @@ def flat_normal(effect: PrescribedDisplacement, index: int, tagged: TaggedMesh) 
     across = across * np.sign(across @ outward[:dim])[:, None]
     normal = parallel.global_sum(mesh.comm, across.sum(axis=0))
     normal = normal / max(float(np.linalg.norm(normal)), 1e-300)
-    heights = points @ normal
-    low, high = parallel.global_bounds(mesh.comm, heights[:, None])
+    if np.abs(normal).max() > 1 - ZERO_COMPONENT:
+        normal = np.rint(normal)
+    low, high = parallel.global_bounds(mesh.comm, (corners @ normal).reshape(-1, 1))
     if float(high[0] - low[0]) > 1e-9 * tagged.size:
         message = f"boundary {effect.boundary!r} is not flat: use bilateral contact without friction"
         raise SceneError([(f"displacement[{index}].normal", message)])
@@ -267,11 +263,9 @@ def check_overlap(
 # --- what acts at single nodes ---------------------------------------------------------------------------------------
 
 
-def node_at(
-    space: fem.FunctionSpace, effect: Any, path: str, tagged: TaggedMesh, bodies: Sequence[str] = ()
-) -> npt.NDArray[np.int64]:
+def node_at(space: fem.FunctionSpace, effect: Any, path: str, tagged: TaggedMesh) -> npt.NDArray[np.int64]:
     """The node of this rank at the point ``at`` of an effect, of its region if it names one, ghosts included, shape
-    (1,) or (0,); ``path`` and ``bodies``, regions with meshes of their own, are for errors; collective.
+    (1,) or (0,); ``path``: for errors; collective.
 
     Raises:
         SceneError: there is none on any rank, or there are several.
@@ -290,12 +284,9 @@ def node_at(
     owned = candidates[candidates < space.dofmap.index_map.size_local]
     count = int(parallel.global_sum(tagged.mesh.comm, np.array(owned.size)))
     if count > 1:
-        nodes = {body: bool(np.isin(owned, space.dofmap.list[tagged.cells(body)]).any()) for body in bodies}
-        touching = [repr(body) for body, has_node in nodes.items() if parallel.any_rank(tagged.mesh.comm, has_node)]
-        of = f" of the bodies {' and '.join(touching)}" if touching else " of parts that do not share their nodes"
         message = (
-            f"{count} nodes of the mesh are at {effect.place},{of}: which one is meant is not known; name its region, "
-            "or choose a point at which there is one node, or a boundary of one of them"
+            f"{count} nodes of the mesh are at {effect.place}, of parts that do not share them: name the region of one "
+            "of them, or choose a point at which there is one node"
         )
         raise SceneError([(f"{path}.at", message)])
     return candidates

@@ -112,9 +112,18 @@ class Effect(Table):
         return getattr(self, "boundary", None)
 
     @property
+    def place(self) -> str:
+        """Where it acts, in words: the name of a boundary or region, or a point; "": in all of the body."""
+        at, region = getattr(self, "at", None), getattr(self, "region", None)
+        if at is None:
+            return self.where or region or ""
+        point = f"({', '.join(f'{x:g}' for x in at)})"
+        return point if region is None else f"{point} of {region}"
+
+    @property
     def name(self) -> str:
         """What it is and where."""
-        return self.label if self.where is None else f"{self.label} {self.where}"
+        return f"{self.label} {self.place}".rstrip()
 
     @property
     def given(self) -> dict[str, Any]:
