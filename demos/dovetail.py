@@ -56,12 +56,14 @@ speed = np.concatenate((np.linspace(0.2, 1.0, 5), np.linspace(0.8, 0.2, 4)))  # 
 pull = 150.0  # MPa in the stem, at full speed
 scene = Scene(
     title="Dovetail foot of a blade",
-    mesh=MeshFile(file=Path(__file__).parent / "blade_foot.geo", contact_size=FLANK / CELLS),
+    mesh=MeshFile(file=Path(__file__).parent / "blade_foot.geo"),
     material=LinearElastic(young=114000.0, poisson=0.33),
     displacement=PrescribedDisplacement(boundary="top", x=0.0),
     traction=SurfaceTraction(boundary="top", pressure=-pull, factors=tuple(speed)),
     contact=[
-        UnilateralContact(boundary=flank, gap=crowning, friction=Coulomb(coefficient=FRICTION))
+        UnilateralContact(
+            boundary=flank, gap=crowning, friction=Coulomb(coefficient=FRICTION), contact_size=FLANK / CELLS
+        )
         for flank in ("left", "right")
     ],
 )

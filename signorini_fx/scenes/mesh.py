@@ -87,7 +87,7 @@ def _load_one(scene: Scene, number: int | None, comm: MPI.Comm) -> TaggedMesh:
             # A drawing gets curved cells if the degree of the elements permits.
             drawn = source.file.suffix.lower() in DRAWN
             curved = scene.element.degree == 2 and drawn
-            if number is not None and not drawn and source.contact_size is None:
+            if number is not None and not drawn:
                 sizes = ()  # they are for the other body
             tagged = load_file(source, comm, 0, 2 if curved else None, sections, sizes)
         case MeshGenerator(generator=name, parameters=parameters):
@@ -125,8 +125,7 @@ def scene_on(scene: Scene, factor: float) -> Scene:
 def _mesh_on(mesh: Any, factor: float) -> MeshGenerator:
     assert isinstance(mesh, MeshGenerator)
     parameters = coarser_parameters(mesh.generator, mesh.parameters, factor)
-    size = None if mesh.contact_size is None else factor * mesh.contact_size
-    return MeshGenerator(generator=mesh.generator, parameters=parameters, contact_size=size)
+    return MeshGenerator(generator=mesh.generator, parameters=parameters)
 
 
 def with_halved_bodies(scene: Scene, halvings: int, comm: MPI.Comm) -> Scene:

@@ -60,10 +60,9 @@ Physical Surface("lug") = {1};
 """
 
 
-def scene(file, *, own=None, contact=None, degree=1, bodies=(), more=""):
+def scene(file, *, contact=None, degree=1, bodies=(), more=""):
     """A scene whose boundary ``hole`` is in contact, of one mesh or of several bodies."""
-    size = "" if own is None else f"contact_size = {own}\n"
-    table = f'file = "{file}"\n{size}' + ("" if file.suffix == ".geo" else "size = 3.0\n")
+    table = f'file = "{file}"\n' + ("" if file.suffix == ".geo" else "size = 3.0\n")
     named = "" if file.suffix == ".geo" else "".join(f'{key} = "{rule}"\n' for key, rule in BOUNDARIES.items())
     mesh = f"[mesh]\n{table}[mesh.boundaries]\n{named}"
     for name in bodies:
@@ -94,7 +93,9 @@ def far_sizes(tagged: TaggedMesh) -> np.ndarray:
 )
 @pytest.mark.parametrize("degree", [1, 2])
 def test_facets_in_contact_have_the_length(drawings, name, size, degree):
-    before, after = (load_mesh(scene(drawings / name, own=own, degree=degree), MPI.COMM_SELF) for own in (None, size))
+    before, after = (
+        load_mesh(scene(drawings / name, contact=own, degree=degree), MPI.COMM_SELF) for own in (None, size)
+    )
     lengths = edges(after, "hole")
     assert np.median(lengths) == pytest.approx(size, rel=0.15)
     assert lengths.max() < 1.5 * size
@@ -115,7 +116,7 @@ def test_facets_in_contact_have_the_length(drawings, name, size, degree):
 
 def test_sizes_grow_by_a_quarter_per_length(drawings):
     arrays = formats.read_file(drawings / "plane.geo")
-    tagged = load_mesh(scene(drawings / "plane.geo", own=0.1), MPI.COMM_SELF)
+    tagged = load_mesh(scene(drawings / "plane.geo", contact=0.1), MPI.COMM_SELF)
     x = tagged.mesh.geometry.x[compat.geometry_cells(tagged.mesh)]
     middle, lengths = x.mean(axis=1), np.linalg.norm(x - np.roll(x, 1, axis=1), axis=2).mean(axis=1)
     away = np.hypot(middle[:, 0], middle[:, 1]) - RADIUS
@@ -142,8 +143,8 @@ def test_sizes_grow_by_a_quarter_per_length(drawings):
     ],
 )
 def test_generators_that_gmsh_meshes(generator, boundary, size, parameters):
-    text = f'[mesh]\ngenerator = "{generator}"\nparameters = {{ {parameters} }}\n'
-    rest = f'[[contact]]\nboundary = "{boundary}"\n[[material]]\nyoung = 1e3\npoisson = 0.3\n[element]\ndegree = 2\n'
+    text = f'[mesh]\ngenerator = "{generator}"\nparameters = {{ {parameters} }}\n[[contact]]\nboundary = "{boundary}"\n'
+    rest = "[[material]]\nyoung = 1e3\npoisson = 0.3\n[element]\ndegree = 2\n"
     before, after = (load_mesh(_read(text + own + rest), MPI.COMM_SELF) for own in ("", f"contact_size = {size}\n"))
     lengths = edges(after, boundary)
     assert lengths.max() < 1.5 * size
@@ -162,40 +163,29 @@ CONTACT = '[[contact]]\nboundary = "bottom"\n'
 
 
 @pytest.mark.parametrize("size", ["0.0", "-1.0", "inf", '"fine"'])
-@pytest.mark.parametrize("table", ["mesh", "contact"])
-def test_a_size_that_is_no_length_is_refused(size, table):
-    own = f"contact_size = {size}\n"
-    text = f'[mesh]\ngenerator = "rectangle"\n{own * (table == "mesh")}{CONTACT}{own * (table == "contact")}{REST}'
+def test_a_size_that_is_no_length_is_refused(size):
+    text = f'[mesh]\ngenerator = "rectangle"\n{CONTACT}contact_size = {size}\n{REST}'
     assert "contact_size" in refused(text)
 
 
 def test_what_cannot_be_had_is_refused_with_its_place(drawings, tmp_path):
     plain = f'[mesh]\ngenerator = "rectangle"\n{CONTACT}contact_size = 0.01\n{REST}'
     assert "contact[0].contact_size: the cells of the generator 'rectangle' are in rows" in refused(plain)
-    rows = f'[mesh]\ngenerator = "block"\ncontact_size = 0.01\n{CONTACT}{REST}'
+    rows = f'[mesh]\ngenerator = "block"\n{CONTACT}contact_size = 0.01\n{REST}'
     message = refused(rows)
-    assert "mesh.contact_size: the cells of the generator 'block' are in rows" in message
+    assert "contact[0].contact_size: the cells of the generator 'block' are in rows" in message
     assert ".geo" in message
-    file = drawings / "plane.step"
-    text = f'[mesh]\nfile = "{file}"\nsize = 2.0\ncontact_size = 3.0\n{CONTACT}{REST}'
-    assert "mesh.contact_size: 3 is larger than size = 2" in refused(text)
-    text = f'[mesh]\nfile = "{drawings / "plane.geo"}"\ncontact_size = 9.0\n{CONTACT}{REST}'.replace("bottom", "hole")
-    message = refused(text)
-    assert "mesh.contact_size: the facets of 'hole' are no longer than" in message
-    text = f'[mesh]\nfile = "{drawings / "plane.geo"}"\ncontact_size = 0.5\n{REST}'
-    assert "mesh.contact_size: is for boundaries in contact" in refused(text)
+    hole = f"{CONTACT}contact_size = 9.0\n{REST}".replace("bottom", "hole")
+    message = refused(f'[mesh]\nfile = "{drawings / "plane.geo"}"\n{hole}')
+    assert "contact[0].contact_size: the facets of 'hole' are no longer than" in message
     write_msh(drawings / "plane.geo", tmp_path / "cells.msh")
-    for own, other, path in (("contact_size = 0.5\n", "", "mesh"), ("", "contact_size = 0.5\n", "contact[0]")):
-        text = f'[mesh]\nfile = "{tmp_path / "cells.msh"}"\n{own}{CONTACT}{other}{REST}'.replace("bottom", "hole")
-        message = refused(text)
-        assert f"{path}.contact_size: a .msh file has its cells already" in message
-        assert ".geo" in message
+    message = refused(f'[mesh]\nfile = "{tmp_path / "cells.msh"}"\n{hole}')
+    assert "contact[0].contact_size: a .msh file has its cells already" in message
+    assert ".geo" in message
     body = f'[[body]]\nname = "lug"\n[body.mesh]\nfile = "{tmp_path / "cells.msh"}"\n'
     text = f"{body}{CONTACT}contact_size = 0.5\n{REST}".replace("bottom", "lug.hole")
     assert "contact[0].contact_size: all bodies have their cells already" in refused(text)
-    text = f"{body}contact_size = 0.5\n{CONTACT}{REST}".replace("bottom", "lug.hole")
-    assert "body[0].mesh.contact_size: a .msh file has its cells already" in refused(text)
     script = tmp_path / "rows.geo"
     script.write_text(SCRIPT + "Transfinite Curve {6} = 5;\n")
-    text = f'[mesh]\nfile = "{script}"\ncontact_size = 0.5\n{CONTACT}{REST}'.replace("bottom", "hole")
+    text = f'[mesh]\nfile = "{script}"\n{CONTACT}contact_size = 0.5\n{REST}'.replace("bottom", "hole")
     assert "Transfinite" in refused(text)

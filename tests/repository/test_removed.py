@@ -27,7 +27,8 @@ KINDS = {
 
 
 # Tables whose keys are known only with what tells their kinds apart.
-SCENE = {"contact": {"boundary": "bottom", "friction": {"law": "coulomb", "coefficient": 0.3}}}
+CONTACT = {"boundary": "bottom", "friction": {"law": "coulomb", "coefficient": 0.3}}
+SCENE = {"mesh": {"generator": "rectangle"}, "contact": CONTACT}
 
 
 def words_of(name):

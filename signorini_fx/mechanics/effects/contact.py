@@ -60,7 +60,25 @@ class Overclosure(Table):
 
 
 class Contact(Effect):
-    """Contact of a boundary with a rigid foundation, or with a boundary of another body."""
+    """Contact of a boundary with a rigid foundation, or with a boundary of another body.
+
+    Attributes:
+        boundary: name of the boundary where contact may occur.
+        against: name of the boundary of another body that it may touch; None: the foundation is rigid.
+        points: which of both carries the contact points; ``auto``: that of the softer body, or of the finer mesh, see
+            ``obstacles.carrying_side``.
+        distance: between two bodies, to which ``gap`` is added: ``geometry``, as the meshes lie; ``nominal``: zero.
+        adjust: between two bodies, the distance of the meshes, length, that counts as zero, as do all that are smaller,
+            overlaps included; None: none does.
+        sliding: between nonlinear bodies: ``finite``: points follow the other side wherever it is; ``small``: they keep
+            their partners, which is right as long as sides slide by less than a facet.
+        gap: distance d to the foundation along ``direction``, a length; negative: initial penetration; it is added to
+            the distance of a ``foundation``.
+        direction: from the body to the foundation, any length; None: the outward normal of the body.
+        foundation: a shape, whose closest points determine gap and direction, ``statement.rigid_shape``; None: none.
+        friction: the friction law.
+        contact_size: length of its facets, on both sides, where gmsh makes the mesh; None: as it makes them.
+    """
 
     boundary: str
     against: str | None = None
@@ -179,21 +197,8 @@ class UnilateralContact(Contact):
     """Signorini contact (1.1d): the boundary may leave the foundation, but not enter it.
 
     Attributes:
-        boundary: name of the boundary where contact may occur.
-        against: name of the boundary of another body that it may touch; None: the foundation is rigid.
-        points: which of both carries the contact points; ``auto``: that of the softer body, or of the finer mesh, see
-            ``obstacles.carrying_side``.
-        distance: between two bodies, to which ``gap`` is added: ``geometry``, as the meshes lie; ``nominal``: zero.
-        adjust: between two bodies, the distance of the meshes, length, that counts as zero, as do all that are smaller,
-            overlaps included; None: none does.
-        sliding: between nonlinear bodies: ``finite``: points follow the other side wherever it is; ``small``: they keep
-            their partners, which is right as long as sides slide by less than a facet.
-        gap: distance d to the foundation along ``direction``, a length; negative: initial penetration; it is added to
-            the distance of a ``foundation``.
-        direction: from the body to the foundation, any length; None: the outward normal of the body.
-        foundation: a shape, whose closest points determine gap and direction, ``statement.rigid_shape``; None: none.
-        friction: the friction law.
-        contact_size: length of its facets, on both sides, where gmsh makes the mesh; None: that of ``mesh``.
+        boundary, against, points, distance, adjust, sliding, gap, direction, foundation, friction, contact_size: see
+            ``Contact``.
         overclosure: how far it gives way under its pressure, ``Overclosure``; None: not at all, but for
             ``gamma_n``.
         kind: its name.
@@ -222,20 +227,11 @@ class UnilateralContact(Contact):
 
 class BondedContact(Contact):
     """A bond of two bodies, whose meshes need not match, or of a body and a rigid one that forces move: rigid coupling.
-    Both sides stay together as they lie.
+    Both sides stay together as they lie, wherever the surface of a ``foundation`` is.
 
     Attributes:
-        boundary: name of the boundary that is tied.
-        against: name of the boundary of the other body; None: it is rigid.
-        points: which of both carries the contact points, as in ``UnilateralContact``.
-        distance: without effect.
-        adjust: without effect.
-        sliding: as in ``UnilateralContact``; of nonlinear bodies that are tied ``small``.
-        gap: without effect.
-        direction: without effect.
-        foundation: what drives the rigid body, see ``statement.rigid_motion``; where its surface is does not matter.
-        friction: without effect.
-        contact_size: length of its facets, on both sides, where gmsh makes the mesh; None: that of ``mesh``.
+        boundary, against, points, distance, adjust, sliding, gap, direction, foundation, friction, contact_size: see
+            ``Contact``.
         kind: its name.
     """
 
@@ -262,8 +258,8 @@ class BilateralContact(Contact):
     """Contact that cannot open: tau_N y = d; only the friction is unknown.
 
     Attributes:
-        boundary, against, points, distance, adjust, sliding, gap, direction, foundation, friction, contact_size: as in
-            ``UnilateralContact``.
+        boundary, against, points, distance, adjust, sliding, gap, direction, foundation, friction, contact_size: see
+            ``Contact``.
         kind: its name.
     """
 

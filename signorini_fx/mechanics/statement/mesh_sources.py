@@ -7,12 +7,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Self
+from typing import Annotated, Any
 
-from pydantic import Field, InstanceOf, field_validator, model_validator
+from pydantic import Field, InstanceOf, field_validator
 
-from signorini_fx.errors import SceneError
-from signorini_fx.mechanics.statement.base import Table, refused
+from signorini_fx.mechanics.statement.base import Table
 from signorini_fx.mechanics.statement.values import Finite, Positive, Selection, kind_of
 
 # Files that gmsh meshes: its scripts, and CAD drawings.
@@ -31,7 +30,6 @@ class MeshFile(Table):
         regions: names for parts of the body: a number, a list of numbers, or a condition at all vertices of cells.
         data: the cell data that the numbers refer to; None: there is only one.
         size: length of the cells of a .step, .stp or .brep; None: a fraction of the size of the body.
-        contact_size: length of the facets of boundaries in contact, of a file that gmsh meshes; None: as elsewhere.
     """
 
     file: Path
@@ -39,14 +37,6 @@ class MeshFile(Table):
     regions: dict[str, Selection] = Field(default={})
     data: str | None = None
     size: Positive | None = None
-    contact_size: Positive | None = None
-
-    @model_validator(mode="after")
-    def _shorter(self) -> Self:
-        if self.size is not None and self.contact_size is not None and self.contact_size > self.size:
-            message = f"{self.contact_size:g} is larger than size = {self.size:g}: facets in contact may be shorter"
-            raise refused("MeshFile", [(("contact_size",), message)])
-        return self
 
 
 class MeshGenerator(Table):
@@ -55,12 +45,10 @@ class MeshGenerator(Table):
     Attributes:
         generator: its name.
         parameters: its keyword arguments; default: none.
-        contact_size: length of the facets of boundaries in contact, if gmsh makes the mesh; None: as it makes them.
     """
 
     generator: str
     parameters: dict[str, float | int | str | bool] = Field(default={})
-    contact_size: Positive | None = None
 
 
 class TaggedMeshBase:
@@ -137,22 +125,14 @@ def contact_sizes(scene: Any, number: int | None = None) -> tuple[ContactSize, .
     Args:
         scene: the ``Scene``.
         number: of the body; None: there is one mesh.
-
-    Raises:
-        SceneError: a mesh has the key, and no boundary of it can be in contact.
     """
     body = None if number is None else scene.body[number]
-    of_mesh = getattr(scene.mesh if body is None else body.mesh, "contact_size", None)
     wanted = []
     for index, contact in enumerate(scene.contact):
-        size, path = contact.contact_size, f"contact[{index}].contact_size"
-        if size is None:
-            size, path = of_mesh, "mesh.contact_size"
-        if size is not None:
+        if contact.contact_size is not None:
             names = [_in_body(name, body) for name in (contact.boundary, contact.against) if name is not None]
-            wanted += [ContactSize(name, size, path) for name in names if name]
-    if of_mesh is not None and not wanted and not any(contact.contact_size for contact in scene.contact):
-        raise SceneError([("mesh.contact_size", "is for boundaries in contact, and here is none: leave it out")])
+            path = f"contact[{index}].contact_size"
+            wanted += [ContactSize(name, contact.contact_size, path) for name in names if name]
     return tuple(wanted)
 
 
