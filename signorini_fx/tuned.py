@@ -287,9 +287,6 @@ DIGITS_OF_FILES = 1e-6
 # Numbers of a scene are between these, in any units, or energies and forces overflow.  Choice.
 LARGEST_NUMBER = 1e60
 SMALLEST_NUMBER = 1 / LARGEST_NUMBER
-# A row of a table of yield stresses that rises more steeply, in Young's moduli per plastic strain, is a mistake in
-# writing: beyond it the plastic strain of a step is lost in round-off.  Choice.
-STEEPEST_HARDENING = 1e6
 
 # Steps at most of iterations that end long before: Newton's, and by projections, for places on curves and in cells, for
 # balances and for chi, and meshes until an accuracy is reached.  Choice.
@@ -375,8 +372,6 @@ QUANTITY_CHANGE = 1e-4
 # normals, which are smoothed where facets meet.  Choice.
 TRIED_POINTS, SMALLEST_PRESSURE, PRESSURES_PER_DECADE = 50, -9, 32
 WRONG_SLOPE = 1e-2
-# Ratios of the axes of an ellipse of friction beyond this, or below its inverse, leave no digits.  Choice.
-LARGEST_RATIO = 1e3
 
 # --- sections with a preload -----------------------------------------------------------------------------------------
 

@@ -162,7 +162,7 @@ def test_cone_programme(seed, tmp_path):
 @pytest.mark.parametrize(
     ("friction", "more", "place", "message"),
     [
-        ({"ratio": 0.0}, {}, "contact.*friction.ratio", "between 0.001 and 1000"),
+        ({"ratio": 0.0}, {}, "contact.*friction.ratio", "must be above 0"),
         ({"ratio": "x[0] - 1"}, {}, "contact.*friction.ratio", "not negative"),
         ({"ratio": 0.5, "along": [1.0, 0.0]}, {}, "contact.friction.along", "at least 3"),
         ({"along": [1.0, 0.0, 0.0]}, {}, "contact.friction.along", "needs a ratio"),

@@ -134,7 +134,7 @@ def factors_of(load: Force, dimension: int) -> list[tuple[Any, ...]] | None:
             return [(load.level,)]
         text = getattr(load.level, "text", repr(load.level))
         depth = f"max(0, ({text}) - x[{load.axis_in(dimension)}])"
-        return [(Expression(depth, getattr(load.level, "time", None), allows_time=True, longest=len(depth)),)]
+        return [(Expression(depth, getattr(load.level, "time", None), allows_time=True),)]
     if type(load) is Rotation:
         return [(load.speed, load.speed, Expression("x[0]"))]
     if type(load) in (BodyForce, Gravity, SurfaceTraction, TotalForce):

@@ -35,7 +35,7 @@ class TemperatureChange(InitialStrain):
 
     @property
     def _value(self) -> Any:
-        return self.change if self.file is None else PointValues(self.file, "change")
+        return self.change if self.file is None else PointValues(self.file)
 
     @property
     def given(self) -> dict[str, Any]:

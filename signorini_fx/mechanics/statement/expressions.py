@@ -36,7 +36,6 @@ _ALLOWED = (
     f"A if C else B, where(C, A, B), min(A, ...), max(A, ...), and {', '.join(_ONE_ARGUMENT)} of one number; in loads "
     "and prescribed displacements also the time t"
 )
-_MAX_LENGTH = 2000
 _MAX_EXPONENT = 100
 
 
@@ -275,7 +274,6 @@ class Expression:
         text: for example ``"where(x[0] < 1, 0, -20)"``; a condition counts as 1 where it holds and 0 elsewhere.
         time: the value of t in it; None: none is known, and what depends on it is nan.
         allows_time: whether it may depend on t, as loads and prescribed displacements may.
-        longest: how many characters it may have; what is composed of several expressions has those of all.
 
     Raises:
         ValueError: the text is not a valid expression; the message says what is wrong and what is allowed.
@@ -284,11 +282,8 @@ class Expression:
     text: str
     time: float | None = None
     allows_time: bool = field(default=False, compare=False, repr=False)
-    longest: int = field(default=_MAX_LENGTH, compare=False, repr=False)
 
     def __post_init__(self) -> None:
-        if len(self.text) > self.longest:
-            raise ValueError(f"expression of {len(self.text)} characters: at most {self.longest} are allowed")
         try:
             with np.errstate(all="ignore"):
                 _Evaluator(_NUMPY, np.zeros((3, 1)), self._present_time).value(self._tree)

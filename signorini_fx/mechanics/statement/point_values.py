@@ -18,16 +18,14 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class PointValues:
-    """A function of the position from a .csv with the columns x, y, in 3D z, and a value; linear between the points,
+    """A function of the position from a .csv with the columns x, y, in 3D z, and change; linear between the points,
     whose triangulation is that of Delaunay.
 
     Attributes:
         file: the table.
-        column: of the value.
     """
 
     file: Path
-    column: str
 
     def __call__(self, x: Array) -> Array:
         """Values at points of shape (3, n), shape (n,).
@@ -36,7 +34,7 @@ class PointValues:
             SceneError: the file cannot be read, or a point is outside of the hull of those of the file.
         """
         changed = self.file.stat().st_mtime_ns if self.file.is_file() else 0
-        middle, function = _table(self.file, self.column, changed)
+        middle, function = _table(self.file, changed)
         at = x[: middle.size].T
         values = np.asarray(function(at), dtype=np.float64)
         for share in OUTSIDE_HULL:
@@ -49,12 +47,12 @@ class PointValues:
 
 
 @lru_cache(maxsize=8)
-def _table(file: Path, column: str, _changed: int) -> tuple[Array, Any]:
+def _table(file: Path, _changed: int) -> tuple[Array, Any]:
     """The middle of the points, shape (d,), and the interpolation."""
     from scipy.interpolate import LinearNDInterpolator
     from scipy.spatial import QhullError
 
-    points, values = _distinct(file, *_rows(file, column))
+    points, values = _distinct(file, *_rows(file))
     try:
         function = LinearNDInterpolator(points, values)
     except (QhullError, ValueError):
@@ -62,25 +60,22 @@ def _table(file: Path, column: str, _changed: int) -> tuple[Array, Any]:
     return points.mean(axis=0), function
 
 
-def _rows(file: Path, column: str) -> tuple[Array, Array]:
+def _rows(file: Path) -> tuple[Array, Array]:
     """The points of a table and the values at them, shapes (n, d) and (n,)."""
     if file.suffix.lower() != ".csv":
         raise _wrong(file, "is no .csv: write the nodes and their values to one")
     try:
-        head, *rows = [line.split(",") for line in file.read_text(encoding="utf-8-sig").splitlines() if line.strip()]
-    except (OSError, UnicodeDecodeError, ValueError) as error:
-        raise _wrong(file, f"cannot be read: {getattr(error, 'strerror', None) or 'it is no table'}") from None
-    names = [name.strip() for name in head]
+        table = np.atleast_1d(np.genfromtxt(file, delimiter=",", names=True, encoding="utf-8-sig"))
+    except (OSError, ValueError, IndexError, StopIteration) as error:
+        raise _wrong(file, f"cannot be read: {error}") from None
+    names = table.dtype.names or ()
     axes = [name for name in "xyz" if name in names]
-    if axes not in (["x", "y"], ["x", "y", "z"]) or column not in names:
-        raise _wrong(file, f"has the columns {', '.join(names)}; it needs x, y, in 3D z, and {column}")
-    try:
-        table = np.array(rows, dtype=np.float64)[:, [names.index(name) for name in (*axes, column)]]
-    except (ValueError, IndexError):
-        raise _wrong(file, "has a row that is not one number for each column") from None
-    if not np.isfinite(table).all():
-        raise _wrong(file, "has numbers that are not finite")
-    return table[:, :-1], table[:, -1]
+    if axes not in (["x", "y"], ["x", "y", "z"]) or "change" not in names:
+        raise _wrong(file, f"has the columns {', '.join(names)}; it needs x, y, in 3D z, and change")
+    points, values = np.column_stack([table[name] for name in axes]), np.asarray(table["change"], dtype=np.float64)
+    if not (np.isfinite(points).all() and np.isfinite(values).all()):
+        raise _wrong(file, "has an entry that is not one number, or not a finite one")
+    return points, values
 
 
 def _distinct(file: Path, points: Array, values: Array) -> tuple[Array, Array]:

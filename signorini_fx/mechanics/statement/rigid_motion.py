@@ -30,23 +30,20 @@ def _of_time(entry: Any) -> Any:
     return entry
 
 
-def _two_or_three(numbers: tuple[Any, ...]) -> tuple[Any, ...]:
-    if len(numbers) not in (2, 3):
-        raise ValueError("two numbers are expected, in 3D three")
-    return numbers
+def _of_length(*lengths: int) -> AfterValidator:
+    def check(numbers: tuple[Any, ...]) -> tuple[Any, ...]:
+        if len(numbers) not in lengths:
+            raise ValueError(f"{' or '.join(map(str, lengths))} numbers are expected")
+        return numbers
 
-
-def _three(numbers: tuple[Any, ...]) -> tuple[Any, ...]:
-    if len(numbers) != 3:
-        raise ValueError("a number is expected, in 3D three")
-    return numbers
+    return AfterValidator(check)
 
 
 # A number, or an expression of the time t.
 Timed = Annotated[TimedSampledValue, AfterValidator(_of_time)]
-TimedVector = Annotated[tuple[Timed, ...], AfterValidator(_two_or_three)]
+TimedVector = Annotated[tuple[Timed, ...], _of_length(2, 3)]
 # A number in 2D, three in 3D.
-TimedAngle = Annotated[tuple[Timed, ...], AfterValidator(_three)] | Timed
+TimedAngle = Annotated[tuple[Timed, ...], _of_length(3)] | Timed
 
 
 class Prescribed(Table):
